@@ -1,0 +1,1 @@
+"""From kernel specifications to compiled kernels; nothing here knows mechanics."""

@@ -1,0 +1,235 @@
+"""Write, compile and load: generated text becomes a module, kept in a cache by the content it was made from.
+
+A cache entry is a folder ``<model>-<key>`` with the sources, the extension and ``build.json``, which holds the digest of every
+other file.  An entry is made in a folder of its own and renamed into place under a lock, so that processes building at once
+do not see half an entry; an entry whose digests do not match is made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.machinery
+import importlib.util
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import time
+import types
+import warnings
+from collections.abc import Callable, Mapping
+from importlib import import_module, resources
+from pathlib import Path
+from typing import Any
+
+import filelock
+import platformdirs
+
+from dmoc.codegen.kernels import COMPILED, NUMPY, Kernels
+from dmoc.errors import BuildError
+
+# The kernels decide the speed of a solve; the wrapper is called once per loop, so it is compiled quickly instead.  Contraction into
+# fused operations stays off so that results are the same on every machine.
+KERNEL_FLAGS = ("-std=c11", "-O2", "-fPIC", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror")
+WRAPPER_FLAGS = ("-O1", "-fPIC", "-w")
+BUILD_RECORD = "build.json"
+WRAPPER = "wrapper"
+
+
+def cache_directory() -> Path:
+    """Return the folder of built kernels: $DMOC_CACHE if set, else the user's cache folder."""
+    chosen = os.environ.get("DMOC_CACHE")
+    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("dmoc", appauthor=False))
+
+
+def compiler() -> list[str]:
+    """Return the C compiler's command: $CC if set, else the one Python was built with, else cc or gcc.
+
+    Raises
+    ------
+    BuildError
+        If none of them can be found.
+    """
+    candidates = [os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang"]
+    for candidate in candidates:
+        command = shlex.split(candidate) if candidate else []
+        if command and shutil.which(command[0]):
+            return command
+        if command and candidate == os.environ.get("CC"):
+            break
+    raise BuildError(
+        "no C compiler was found"
+        + (f" (CC={os.environ['CC']})" if os.environ.get("CC") else "")
+        + ": install gcc or clang (Debian: apt install gcc), or set CC to its command."
+    )
+
+
+def build_cached(
+    name: str, key: str, texts: Callable[[], Mapping[str, str]], fallback: Callable[[], str] | None = None, force: bool = False
+) -> Kernels:
+    """Return compiled kernels from the cache, building them first if they are missing, stale or damaged.
+
+    Parameters
+    ----------
+    name : str
+        Model name.
+    key : str
+        Digest of what the model was made from.
+    texts : callable
+        Makes the sources; called only when they are needed.
+    fallback : callable, optional
+        Makes the text of a NumPy module, used with a warning on a machine without a C compiler.
+    force : bool, optional
+        Build even if the cache holds the kernels.
+
+    Raises
+    ------
+    BuildError
+        If there is no compiler and no fallback, the compiler fails, or the cache cannot be written.
+    """
+    entry = cache_directory() / f"{name}-{_entry_key(key)}"
+    if not force:
+        kernels = _load_entry(entry)
+        if kernels is not None:
+            return kernels
+    start = time.perf_counter()
+    try:
+        command = compiler()
+    except BuildError as error:
+        if fallback is None:
+            raise
+        warnings.warn(f"{error} The NumPy kernels are used instead; they are much slower.", RuntimeWarning, stacklevel=3)
+        files = texts()
+        return numpy_kernels(json.loads(files["manifest.json"]), fallback())
+    try:
+        entry.parent.mkdir(parents=True, exist_ok=True)
+        lock = filelock.FileLock(entry.parent / f"{entry.name}.lock")
+        with lock:
+            kernels = None if force else _load_entry(entry)
+            if kernels is None:
+                _make_entry(entry, texts(), command)
+                kernels = _load_entry(entry)
+    except OSError as error:
+        raise BuildError(
+            f"the kernel cache {entry.parent} cannot be written ({error.strerror}): set DMOC_CACHE to a writable folder."
+        ) from None
+    if kernels is None:
+        raise BuildError(f"the kernels in {entry} were built and cannot be loaded: remove that folder and try again.")
+    return Kernels(kernels.manifest, kernels.module, COMPILED, time.perf_counter() - start)
+
+
+def load_installed(package: str) -> Kernels | None:
+    """Return the kernels of an installed package of generated code, or None if its extension was not compiled."""
+    try:
+        module = import_module(f"{package}.{WRAPPER}")
+    except ModuleNotFoundError:
+        return None
+    text = resources.files(package).joinpath("manifest.json").read_text(encoding="utf-8")
+    return Kernels(json.loads(text), module, COMPILED)
+
+
+def numpy_kernels(manifest: Mapping[str, Any], text: str) -> Kernels:
+    """Return kernels that run on NumPy from the text of a NumPy module."""
+    module = types.ModuleType(f"dmoc_numpy_{manifest['name']}")
+    exec(compile(text, module.__name__, "exec"), module.__dict__)
+    return Kernels(manifest, module, NUMPY)
+
+
+def write_files(directory: Path, files: Mapping[str, str]) -> list[Path]:
+    """Write generated files into ``directory`` and return their paths."""
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name, text in sorted(files.items()):
+        path = directory / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+        paths.append(path)
+    return paths
+
+
+def _entry_key(key: str) -> str:
+    """Digest of the model, the generator, the compiler's command and the Python that loads the result."""
+    digest = hashlib.sha256(key.encode())
+    for package in ("dmoc.symbolic", "dmoc.codegen"):
+        for path in sorted(_sources(package)):
+            digest.update(path.read_bytes())
+    digest.update(repr((KERNEL_FLAGS, WRAPPER_FLAGS, os.environ.get("CC"))).encode())
+    digest.update(f"{sysconfig.get_config_var('EXT_SUFFIX')} {sys.version}".encode())
+    return digest.hexdigest()[:24]
+
+
+def _sources(package: str) -> list[Path]:
+    spec = importlib.util.find_spec(package)
+    if spec is None or not spec.submodule_search_locations:
+        raise BuildError(f"the package {package} cannot be found: install dmoc again.")
+    root = Path(next(iter(spec.submodule_search_locations)))
+    return [p for p in root.rglob("*") if p.suffix in (".py", ".jinja")]
+
+
+def _make_entry(entry: Path, files: Mapping[str, str], command: list[str]) -> None:
+    with tempfile.TemporaryDirectory(prefix=f".{entry.name}-", dir=entry.parent) as work:
+        folder = Path(work) / entry.name
+        write_files(folder, files)
+        compile_extension(folder, command)
+        digests = {p.name: _digest(p) for p in sorted(folder.iterdir())}
+        (folder / BUILD_RECORD).write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
+        if entry.exists():
+            shutil.rmtree(entry)
+        folder.rename(entry)
+
+
+def compile_extension(folder: Path, command: list[str]) -> Path:
+    """Compile the sources in ``folder`` into an extension module beside them and return its path."""
+    from Cython.Compiler.Main import CompilationOptions, compile_single
+    from Cython.Compiler.Options import default_options
+
+    options = CompilationOptions(default_options, output_file=str(folder / "wrapper_cython.c"), language_level=3)
+    result = compile_single(str(folder / f"{WRAPPER}.pyx"), options, full_module_name=WRAPPER)
+    if result.num_errors:
+        raise BuildError(f"Cython cannot translate {folder / WRAPPER}.pyx: see its messages above.")
+    include = ["-I", str(folder), "-I", sysconfig.get_path("include")]
+    _run([*command, *KERNEL_FLAGS, *include, "-c", "kernels.c", "-o", "kernels.o"], folder)
+    _run([*command, *WRAPPER_FLAGS, *include, "-c", "wrapper_cython.c", "-o", "wrapper.o"], folder)
+    target = folder / f"{WRAPPER}{sysconfig.get_config_var('EXT_SUFFIX')}"
+    linker = shlex.split(sysconfig.get_config_var("LDSHARED") or "cc -shared")[1:]
+    _run([command[0], *linker, "kernels.o", "wrapper.o", "-lm", "-o", target.name], folder)
+    for leftover in ("kernels.o", "wrapper.o", "wrapper_cython.c"):
+        (folder / leftover).unlink()
+    return target
+
+
+def _run(command: list[str], folder: Path) -> None:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise BuildError(f"the compiler failed.\n  command: {shlex.join(command)}\n  output: {done.stderr.strip()}")
+
+
+def _load_entry(entry: Path) -> Kernels | None:
+    """Load an entry if it is complete and undamaged."""
+    try:
+        digests = json.loads((entry / BUILD_RECORD).read_text(encoding="utf-8"))
+        if any(_digest(entry / name) != digest for name, digest in digests.items()):
+            return None
+        extension = entry / f"{WRAPPER}{sysconfig.get_config_var('EXT_SUFFIX')}"
+        manifest = json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
+        return Kernels(manifest, _load_extension(extension, f"dmoc_built.{entry.name}.{WRAPPER}"), COMPILED)
+    except (OSError, ValueError, AttributeError, ImportError):
+        return None
+
+
+def _load_extension(path: Path, name: str) -> types.ModuleType:
+    loader = importlib.machinery.ExtensionFileLoader(name, str(path))
+    spec = importlib.util.spec_from_file_location(name, path, loader=loader)
+    if spec is None:
+        raise ImportError(path)
+    module = importlib.util.module_from_spec(spec)
+    loader.exec_module(module)
+    return module
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

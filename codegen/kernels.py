@@ -1,0 +1,94 @@
+"""Loaded kernels: one object for the compiled and for the NumPy backend.  Needs neither SymPy nor a compiler."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.errors import BuildError
+
+Array = NDArray[np.float64]
+COMPILED = "compiled"
+NUMPY = "numpy"
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """The kernels of one model.
+
+    Attributes
+    ----------
+    manifest : mapping
+        Names, sizes, parameters and sparsity patterns of the model.
+    module : module
+        The functions; each takes its inputs and then its outputs, C-contiguous float64 arrays of shape (n, size).
+    backend : str
+        "compiled" or "numpy".
+    seconds : float
+        Time spent on derivation, generation and compilation when the kernels were made; 0 if they were found ready.
+    """
+
+    manifest: Mapping[str, Any]
+    module: types.ModuleType
+    backend: str
+    seconds: float = 0.0
+
+    @property
+    def name(self) -> str:
+        return str(self.manifest["name"])
+
+    @property
+    def coordinates(self) -> list[str]:
+        return list(self.manifest["coordinates"])
+
+    @property
+    def inputs(self) -> list[str]:
+        return list(self.manifest["inputs"])
+
+    @property
+    def surfaces(self) -> list[str]:
+        return list(self.manifest["surfaces"])
+
+    @property
+    def parameters(self) -> dict[str, float | None]:
+        return dict(self.manifest["parameters"])
+
+    def has(self, kernel: str) -> bool:
+        return kernel in self.manifest["kernels"]
+
+    def call(self, kernel: str, *inputs: Array) -> tuple[Array, ...]:
+        """Evaluate a kernel on rows of inputs.
+
+        Parameters
+        ----------
+        kernel : str
+            Name of the kernel.
+        inputs : arrays of shape (n, size) or (1, size)
+            In the order of the manifest; a single row serves all n.
+
+        Returns
+        -------
+        tuple of arrays of shape (n, size)
+            The outputs in the order of the manifest; a matrix as its stored entries.
+        """
+        outputs = self.manifest["kernels"][kernel]["outputs"]
+        n = max(len(a) for a in inputs)
+        results = tuple(np.empty((n, _size(o))) for o in outputs)
+        getattr(self.module, kernel)(*inputs, *results)
+        return results
+
+    def pattern(self, kernel: str, output: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return rows and columns of the stored entries of a matrix output."""
+        for o in self.manifest["kernels"][kernel]["outputs"]:
+            if o["name"] == output:
+                return np.array(o["rows"], dtype=np.intp), np.array(o["columns"], dtype=np.intp)
+        raise BuildError(f"kernel {kernel!r} of model {self.name!r} has no output {output!r}.")
+
+
+def _size(output: Mapping[str, Any]) -> int:
+    return len(output["rows"]) if "rows" in output else int(output["shape"][0])

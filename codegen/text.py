@@ -1,0 +1,125 @@
+"""From kernel specifications to the text of every generated file; pure: same model, same bytes."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from typing import Any
+
+import jinja2
+
+from dmoc.codegen.printer import CPrinter, NumPyPrinter, listing
+from dmoc.symbolic.spec import KernelSpec, ModelSpec, Output
+
+POWERS = ("power2", "power3", "power4")
+
+
+def c_files(model: ModelSpec) -> dict[str, str]:
+    """Return the C and Cython sources of a model and its manifest, as ``{file name: text}``."""
+    kernels = [_c_kernel(k) for k in model.kernels]
+    used = "\n".join(value for k in kernels for _, value in k["locals"] + k["assignments"])
+    powers = [f for f in POWERS if f"{f}(" in used or (f == "power2" and "power4(" in used)]
+    facts: dict[str, Any] = {
+        "name": model.name,
+        "kernels": kernels,
+        "legend": _legend(model),
+        "powers": powers,
+        "most": max(len(k["names"]) for k in kernels),
+    }
+    files = {name: _render(name, facts) for name in ("kernels.h", "kernels.c", "wrapper.pyx", "wrapper.pyi")}
+    files["__init__.py"] = f'"""Generated kernels of the model {model.name}."""\n'
+    files["manifest.json"] = json.dumps(manifest(model), indent=1) + "\n"
+    return files
+
+
+def numpy_text(model: ModelSpec) -> str:
+    """Return a NumPy module with the same functions as the compiled one."""
+    return _render("numpy.py", {"name": model.name, "kernels": [_numpy_kernel(k) for k in model.kernels]})
+
+
+def manifest(model: ModelSpec) -> dict[str, Any]:
+    """Return what the numerical layers need to know of a model, in JSON types."""
+    return {
+        "name": model.name,
+        "fingerprint": model.fingerprint,
+        **model.facts,
+        "kernels": {
+            k.name: {
+                "inputs": [[a.name, a.size] for a in k.inputs],
+                "outputs": [
+                    {"name": o.name, "shape": list(o.shape)}
+                    if len(o.shape) == 1
+                    else {
+                        "name": o.name,
+                        "shape": list(o.shape),
+                        "rows": [i for i, _ in o.entries],
+                        "columns": [j for _, j in o.entries],
+                    }
+                    for o in k.outputs
+                ],
+            }
+            for k in model.kernels
+        },
+    }
+
+
+def _render(name: str, values: dict[str, Any]) -> str:
+    environment = jinja2.Environment(
+        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, undefined=jinja2.StrictUndefined, autoescape=False
+    )
+    source = resources.files(__package__).joinpath("templates", f"{name}.jinja").read_text(encoding="utf-8")
+    return environment.from_string(source).render(values)
+
+
+def _common(spec: KernelSpec) -> dict[str, Any]:
+    names = [a.name for a in spec.inputs] + [o.name for o in spec.outputs]
+    return {
+        "name": spec.name,
+        "summary": spec.summary,
+        "names": names,
+        "quoted": ", ".join(f'"{n}"' for n in names),
+        "sizes": [a.size for a in spec.inputs] + [o.size for o in spec.outputs],
+        "inputs": [{"name": a.name, "size": a.size} for a in spec.inputs],
+        "outputs": [{"name": o.name, "size": o.size, "layout": _layout(o)} for o in spec.outputs],
+    }
+
+
+def _c_kernel(spec: KernelSpec) -> dict[str, Any]:
+    code = listing(spec, CPrinter, "{name}[{i}]")
+    body = "\n".join(value for _, value in code.locals) + "\n".join(v for _, values in code.outputs for v in values)
+    unused = [a.name for a in spec.inputs if f"{a.name}[" not in body]
+    unused += [name for name, values in code.outputs if not values]
+    pointers = [f"const double *restrict {a.name}" for a in spec.inputs]
+    pointers += [f"double *restrict {o.name}" for o in spec.outputs]
+    arguments = [f"in[{i}] + i*stride[{i}]" for i in range(len(spec.inputs))]
+    arguments += [f"out[{i}] + i*{o.size}" for i, o in enumerate(spec.outputs)]
+    return _common(spec) | {
+        "signature": ", ".join(pointers),
+        "arguments": ", ".join(arguments),
+        "unused": unused,
+        "locals": list(code.locals),
+        "assignments": [(f"{name}[{i}]", v) for name, values in code.outputs for i, v in enumerate(values)],
+    }
+
+
+def _numpy_kernel(spec: KernelSpec) -> dict[str, Any]:
+    code = listing(spec, NumPyPrinter, "{name}[..., {i}]")
+    return _common(spec) | {
+        "locals": list(code.locals),
+        "assignments": [(f"{name}[..., {i}]", v) for name, values in code.outputs for i, v in enumerate(values)],
+    }
+
+
+def _layout(output: Output) -> str:
+    if len(output.shape) == 1 or not output.entries:
+        return ""
+    entries = " ".join(f"({i},{j})" for i, j in output.entries)
+    return f", entries of a {output.shape[0]} x {output.shape[1]} matrix: {entries}"
+
+
+def _legend(model: ModelSpec) -> list[str]:
+    """Say which component of an argument is which quantity."""
+    groups = {"q": "coordinates", "u": "inputs", "g": "surfaces", "r_d": "path_constraints", "par": "parameters"}
+    return [
+        f"{letter} = ({', '.join(model.facts[key])})" for letter, key in groups.items() if model.facts[key]
+    ]  # fmt: skip

@@ -1,0 +1,1 @@
+"""The optimal control problem as a sparse nonlinear program over phases between collisions."""

@@ -1,0 +1,370 @@
+"""An initial guess from boundary values, collision positions and the equations of motion (Kern & Gross 2018, issues #1 and #2).
+
+As many coordinates as there are inputs are *prescribed* by cubic splines that match the boundary values and the collision positions.  The
+accelerations of the others follow from the rows of the equations of motion that no input enters, the inputs from the other rows.
+The matrix that gives those accelerations can become singular (cart-pendulum: at alpha = k pi, where cart accelerations exert no torque on
+the pendulum).  Inside a window around such a point nothing is prescribed: the motion is free, the other coordinates are unaccelerated.
+The final time is varied until the inputs keep their bounds.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Layout
+from dmoc.nlp.problem import Boundary, Problem
+
+# Smallest singular value, relative to the rows and with inertia scaled to one, below which controllability counts as lost.
+WINDOW = 0.15
+# Ratio of successive final times, and how many steps a phase gets while they are compared.
+TIME_RATIO = 1.2
+COARSE_STEPS = 40
+# Share of the final time that a phase gets at least, so that repeated collisions with one surface have time for a flight.
+SHORTEST_SHARE = 0.04
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Unknowns of the nonlinear program, and how they were found.
+
+    Attributes
+    ----------
+    x : array of shape (n,)
+        In the order of :class:`~dmoc.nlp.layout.Layout`.
+    final_time : float
+        The final time that was chosen, in seconds.
+    prescribed : tuple of str
+        Coordinates that follow splines.
+    free_steps : int
+        Steps inside a window of lost controllability.
+    input_excess : float
+        Largest violation of an input bound, relative to the bound's range; 0 where they are kept.
+    """
+
+    x: Array
+    final_time: float
+    prescribed: tuple[str, ...]
+    free_steps: int
+    input_excess: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Via points of all coordinates: positions (phases + 1, nq), velocities before each via point, and durations."""
+
+    positions: Array
+    velocities: Array
+    durations: Array
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A sampled motion: q (total + 1, nq), v before the nodes, inputs (total, nu), impulses, steps in windows, p at both ends."""
+
+    q: Array
+    u: Array
+    lam: Array
+    free_steps: int
+    v_B: Array
+    v_E: Array
+    cost: float
+
+
+def initial_guess(problem: Problem) -> Guess:
+    """Return a guess for all unknowns of ``problem``.
+
+    The final times that are tried keep the problem's bounds; among those that keep the bounds of the inputs the one of least cost is taken, and if
+    there is none, the one that violates them least.
+    """
+    prescribed = _prescribed(problem)
+    coarse = problem.but(steps=[min(n, COARSE_STEPS) for n in problem.phase_steps])
+    best: tuple[float, float, float] | None = None
+    for final_time in _final_times(problem):
+        motion = _march(coarse, _plan(coarse, prescribed, final_time), prescribed)
+        if motion is None:
+            continue
+        excess = _excess(coarse, motion.u)
+        rank = (max(excess, 1e-3), motion.cost, final_time)
+        if best is None or rank < best:
+            best = rank
+    final_time = best[2] if best else next(iter(_final_times(problem)))
+    plan = _plan(problem, prescribed, final_time)
+    motion = _march(problem, plan, prescribed)
+    if motion is None:
+        prescribed = tuple(range(problem.nq))
+        motion = _march(problem, plan, prescribed)
+    if motion is None:
+        motion = _resting(problem, plan)
+    names = tuple(problem.kernels.coordinates[i] for i in prescribed)
+    return Guess(_unknowns(problem, plan, motion), final_time, names, motion.free_steps, _excess(problem, motion.u))
+
+
+# Choices -------------------------------------------------------------------------------------------------------------
+
+
+def _final_times(problem: Problem) -> list[float]:
+    """Final times to try, within the bounds of the final time and of the durations."""
+    low, high = problem.final_time_bounds
+    durations = problem.duration_bounds.sum(axis=0)
+    low, high = max(low, durations[0]), min(high, durations[1])
+    if low == high:
+        return [low]
+    top = high if np.isfinite(high) else max(10.0, 10.0 * low)
+    bottom = max(low, top / 50)
+    count = int(np.ceil(np.log(top / bottom) / np.log(TIME_RATIO))) + 1
+    return list(np.geomspace(bottom, top, max(count, 2)))
+
+
+def _prescribed(problem: Problem) -> tuple[int, ...]:
+    """Choose nu coordinates: those that surfaces and goal say most about, as long as the others can follow from them."""
+    nq, nu = problem.nq, problem.nu
+    if nu == 0 or nu >= nq:
+        return tuple(range(nq))
+    surfaces = problem.kernels.manifest["surface_coordinates"]
+    goal = problem.goal_bounds.position
+    said = [sum(i in surfaces[s] for s in problem.sequence) + bool(goal[i, 0] == goal[i, 1]) for i in range(nq)]
+    order = sorted(range(nq), key=lambda i: (-said[i], i))
+    points = _via_positions(problem)
+    for choice in itertools.combinations(order, nu):
+        if any(_Dynamics(problem, q, np.zeros(nq)).reach(choice) > WINDOW for q in points):
+            return tuple(sorted(choice))
+    return tuple(range(nq))
+
+
+def _via_positions(problem: Problem) -> Array:
+    """Positions at the start, at the collisions and at the goal, shape (phases + 1, nq)."""
+    start = _inside(problem.start_bounds.position, np.zeros(problem.nq))
+    goal = _inside(problem.goal_bounds.position, start)
+    share = np.linspace(0.0, 1.0, problem.phases + 1)[:, None]
+    points = (1 - share) * start + share * goal
+    for i, surface in enumerate(problem.sequence):
+        points[i + 1] = _onto_surface(problem, points[i + 1], surface)
+    return points
+
+
+def _inside(bounds: Array, default: Array) -> Array:
+    """A value for each coordinate: the middle of two finite bounds, else the default moved within the bounds."""
+    finite = np.isfinite(bounds).all(axis=1)
+    with np.errstate(invalid="ignore"):
+        middle = bounds.mean(axis=1)
+    return np.where(finite, middle, np.clip(default, bounds[:, 0], bounds[:, 1]))
+
+
+def _onto_surface(problem: Problem, q: Array, surface: str) -> Array:
+    """Move a point onto g = 0 by Newton steps along the gradient."""
+    q = q.copy()
+    for _ in range(30):
+        gap, slope = _gap(problem, q, surface)
+        square = slope @ slope
+        if abs(gap) < 1e-12 or square == 0:
+            break
+        q -= gap / square * slope
+    return q
+
+
+def _gap(problem: Problem, q: Array, surface: str) -> tuple[float, Array]:
+    kernels, par = problem.kernels, problem.parameter_values
+    j = kernels.surfaces.index(surface)
+    rows, columns = kernels.pattern("surface_jac", "g_D_q")
+    slope = np.zeros(problem.nq)
+    values = kernels.call("surface_jac", q[None], par)[0][0]
+    slope[columns[rows == j]] = values[rows == j]
+    return float(kernels.call("surface", q[None], par)[0][0, j]), slope
+
+
+def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> Plan:
+    """Durations in proportion to the distances, and velocities that continue smoothly in the mirror image behind each surface."""
+    points = _via_positions(problem)
+    legs = np.diff(points, axis=0)
+    lengths = np.linalg.norm(legs[:, list(prescribed)], axis=1)
+    shares = lengths / lengths.sum() if lengths.sum() > 0 else np.full(len(lengths), 1 / len(lengths))
+    shares = np.maximum(shares, SHORTEST_SHARE)
+    durations = np.clip(final_time * shares / shares.sum(), *problem.duration_bounds.T)
+    velocities = np.zeros_like(points)
+    velocities[0] = _end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
+    slowest = lengths.sum() / final_time / 2
+    for i, surface in enumerate(problem.sequence):
+        _, slope = _gap(problem, points[i + 1], surface)
+        before, after = legs[i] / durations[i], legs[i + 1] / durations[i + 1]
+        square = slope @ slope
+        mirrored = after - 2 * (slope @ after) / square * slope if square > 0 else after
+        velocity = (durations[i + 1] * before + durations[i] * mirrored) / (durations[i] + durations[i + 1])
+        if square > 0:  # arrive with some speed, or there is no collision
+            normal = slope @ velocity / np.sqrt(square)
+            velocity += (max(normal, slowest) - normal) * slope / np.sqrt(square)
+        velocities[i + 1] = velocity
+    natural = 1.5 * legs[-1] / durations[-1] - 0.5 * velocities[-2] if problem.phases == 1 else legs[-1] / durations[-1]
+    velocities[-1] = _end_velocity(problem, problem.goal_bounds, points[-1], natural)
+    return Plan(points, velocities, durations)
+
+
+def _end_velocity(problem: Problem, boundary: Boundary, q: Array, default: Array) -> Array:
+    """Velocity at an end: what the bounds fix, as velocity or as momentum, else the default."""
+    if np.isfinite(boundary.momentum).all():
+        zero = np.zeros((1, problem.nq))
+        p = _inside(boundary.momentum, np.zeros(problem.nq))
+        offset = problem.kernels.call("legendre", q[None], zero, problem.parameter_values)[0][0]
+        return np.asarray(np.linalg.solve(_Dynamics(problem, q, zero[0]).mass, p - offset))
+    return _inside(boundary.velocity, np.where(np.isfinite(boundary.momentum).any(axis=1), 0.0, default))
+
+
+# Motion --------------------------------------------------------------------------------------------------------------
+
+
+class _Dynamics:
+    """Equations of motion M q'' = F + B u at one state, with the rows that no input enters."""
+
+    def __init__(self, problem: Problem, q: Array, v: Array) -> None:
+        nq, nu = problem.nq, problem.nu
+        at = (q[None].copy(), v[None].copy(), np.zeros((1, nu)), problem.parameter_values)
+        mass, force = problem.kernels.call("dynamics", *at)
+        self.mass, self.force = mass.reshape(nq, nq), force[0]
+        self.inputs = problem.kernels.call("input_matrix", *at)[0].reshape(nq, nu)
+        self.rest = np.linalg.svd(self.inputs, full_matrices=True)[0][:, nu:].T if nu else np.eye(nq)
+
+    def reach(self, prescribed: tuple[int, ...]) -> float:
+        """Smallest singular value of the matrix that gives the other accelerations, relative to its rows; 1 if there are no others."""
+        others = [i for i in range(len(self.force)) if i not in prescribed]
+        if not others:
+            return 1.0
+        scale = 1 / np.sqrt(np.diag(self.mass))
+        rows = (self.rest / scale) @ (self.mass * scale[:, None] * scale)
+        rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+        return float(np.linalg.svd(rows[:, others], compute_uv=False)[-1])
+
+    def accelerations(self, prescribed: tuple[int, ...], wanted: Array, free: bool) -> Array:
+        """Return q'': the prescribed ones as wanted and the others from the rows without inputs, or the reverse in free motion."""
+        nq = len(self.force)
+        given = [i for i in range(nq) if (i in prescribed) != free]
+        found = [i for i in range(nq) if i not in given]
+        a = np.zeros(nq)
+        if not free:
+            a[given] = wanted[given]
+        if found:
+            right = self.rest @ (self.force - self.mass[:, given] @ a[given])
+            a[found] = np.linalg.lstsq(self.rest @ self.mass[:, found], right, rcond=None)[0]
+        return a
+
+    def drive(self, a: Array) -> Array:
+        """Return the inputs that come closest to the accelerations a."""
+        return np.asarray(np.linalg.lstsq(self.inputs, self.mass @ a - self.force, rcond=None)[0])
+
+
+def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion | None:
+    """Follow a plan by the explicit midpoint rule; None where the motion grows without bound."""
+    q, v = plan.positions[0].copy(), plan.velocities[0].copy()
+    nodes, inputs, lam, free_steps = [q.copy()], [], [], 0
+    v_B, cost = v.copy(), 0.0
+    for i, steps in enumerate(problem.phase_steps):
+        h = plan.durations[i] / steps
+        target = (plan.positions[i + 1], plan.velocities[i + 1])
+        was_free, since, spline = False, 0, _Spline(q, v, *target, plan.durations[i])
+        for k in range(steps):
+            free = _Dynamics(problem, q, v).reach(prescribed) < WINDOW
+            if was_free and not free:
+                since, spline = k, _Spline(q, v, *target, plan.durations[i] - k * h)
+            was_free = free
+            t = (k - since) * h
+            a = _Dynamics(problem, q, v).accelerations(prescribed, spline.acceleration(t), free)
+            middle = _Dynamics(problem, q + h / 2 * v, v + h / 2 * a)
+            a = middle.accelerations(prescribed, spline.acceleration(t + h / 2), free)
+            inputs.append(middle.drive(a))
+            q, v = q + h * v + h * h / 2 * a, v + h * a
+            if not free:  # stay on the spline: sums of steps drift
+                s = list(prescribed)
+                q[s], v[s] = spline.position(t + h)[s], spline.velocity(t + h)[s]
+            if not (np.isfinite(q).all() and np.abs(v).max() < 1e6):
+                return None
+            free_steps += free
+            nodes.append(q.copy())
+        u = np.clip(np.array(inputs[-steps:]).reshape(steps, problem.nu), *problem.input_bounds.T)
+        at = np.array(nodes[-steps:])
+        cost += h * float(problem.kernels.call("running_cost", at, np.zeros_like(at), u, problem.parameter_values)[0].sum())
+        if i < len(problem.sequence):
+            v, impulse = _reflect(problem, q, v, problem.sequence[i])
+            lam.append(impulse)
+    return Motion(np.array(nodes), np.array(inputs).reshape(-1, problem.nu), np.array(lam), free_steps, v_B, v, cost)
+
+
+class _Spline:
+    """Cubic from (q, v) to (q1, v1) in a time T."""
+
+    def __init__(self, q: Array, v: Array, q1: Array, v1: Array, duration: float) -> None:
+        self.q, self.v = q.copy(), v.copy()
+        T = max(duration, 1e-9)
+        self.c2 = (3 * (q1 - q) / T - 2 * v - v1) / T
+        self.c3 = (2 * (q - q1) / T + v + v1) / T**2
+
+    def position(self, t: float) -> Array:
+        return self.q + t * (self.v + t * (self.c2 + t * self.c3))
+
+    def velocity(self, t: float) -> Array:
+        return self.v + t * (2 * self.c2 + 3 * t * self.c3)
+
+    def acceleration(self, t: float) -> Array:
+        return 2 * self.c2 + 6 * t * self.c3
+
+
+def _reflect(problem: Problem, q: Array, v: Array, surface: str) -> tuple[Array, float]:
+    """Velocity after an elastic impact, and its impulse lam = 2 n.v / (n M^-1 n) with n = grad g."""
+    _, normal = _gap(problem, q, surface)
+    response = np.linalg.solve(_Dynamics(problem, q, v).mass, normal)
+    inertia = normal @ response
+    impulse = max(2 * (normal @ v) / inertia, 0.0) if inertia > 0 else 0.0
+    return v - impulse * response, float(impulse)
+
+
+def _resting(problem: Problem, plan: Plan) -> Motion:
+    """Straight lines between the via points: the last resort."""
+    pieces = [
+        a + np.linspace(0, 1, n + 1)[:-1, None] * (b - a)
+        for a, b, n in zip(plan.positions, plan.positions[1:], problem.phase_steps, strict=False)
+    ]
+    q = np.vstack([*pieces, plan.positions[-1:]])
+    u = np.tile(_inside(problem.input_bounds, np.zeros(problem.nu)), (len(q) - 1, 1))
+    return Motion(q, u, np.zeros(len(problem.sequence)), 0, plan.velocities[0], plan.velocities[-1], np.inf)
+
+
+def _excess(problem: Problem, u: Array) -> float:
+    """Largest violation of an input bound relative to the bound's range."""
+    low, high = problem.input_bounds.T
+    over = np.maximum(np.maximum(low - u, u - high), 0.0)
+    scale = np.where(np.isfinite(high - low), np.maximum(high - low, 1e-12), 1.0)
+    return float((over / scale).max(initial=0.0))
+
+
+# Unknowns ------------------------------------------------------------------------------------------------------------
+
+
+def _unknowns(problem: Problem, plan: Plan, motion: Motion) -> Array:
+    lay = Layout.of(problem)
+    x = np.zeros(lay.size)
+    x[lay.index_h] = plan.durations / np.array(problem.phase_steps)
+    x[lay.index_q] = motion.q
+    x[lay.index_u] = np.clip(motion.u if not lay.linear else _to_nodes(motion.u, problem.phase_steps), *problem.input_bounds.T)
+    x[lay.index_lam] = motion.lam
+    par = problem.parameter_values
+    x[lay.index_p_B] = problem.kernels.call("legendre", motion.q[:1], motion.v_B[None], par)[0][0]
+    x[lay.index_p_E] = problem.kernels.call("legendre", motion.q[-1:], motion.v_E[None], par)[0][0]
+    for index, v in ((lay.index_v_B, motion.v_B), (lay.index_v_E, motion.v_E)):
+        if len(index):
+            x[index] = v
+    return x
+
+
+def _to_nodes(u: Array, phase_steps: tuple[int, ...]) -> Array:
+    """Inputs at the nodes of each phase from inputs in the steps: the mean of both neighbours."""
+    return np.vstack(list(_phase_nodes(u, phase_steps)))
+
+
+def _phase_nodes(u: Array, phase_steps: tuple[int, ...]) -> Iterator[Array]:
+    start = 0
+    for n in phase_steps:
+        part = u[start : start + n]
+        yield np.vstack([part[:1], (part[:-1] + part[1:]) / 2, part[-1:]])
+        start += n

@@ -1,0 +1,300 @@
+"""The statement of an optimal control problem: boundary states, sequence of collisions, steps, bounds, parameters."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.errors import ProblemError
+from dmoc.symbolic.names import momentum_name, name_of, velocity_name
+
+CONTROLS = ("constant", "linear")
+# A start or goal on a surface is admissible; rounding of its coordinates must not make it inadmissible.
+SURFACE_TOLERANCE = 1e-12
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Bounds of the state at one end: shape (nq, 2) each; equal bounds fix a value, infinite ones leave it free."""
+
+    position: Array
+    velocity: Array
+    momentum: Array
+
+    @property
+    def needs_velocity(self) -> bool:
+        return bool(np.isfinite(self.velocity).any())
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An optimal control problem for a fixed sequence of collisions.
+
+    Parameters
+    ----------
+    kernels : Kernels
+        The model's kernels, from :func:`dmoc.build` or :func:`dmoc.load`.
+    start, goal : mapping
+        State at both ends by name: a coordinate ("alpha"), a velocity ("alpha_dot") or a momentum ("p_alpha"); SymPy symbols serve as
+        names.  A number fixes a value, a pair bounds it (None for no bound), None leaves it free.  Every position must be given at the
+        start; a velocity that is not given there is zero.  At the goal, what is not given is free.
+    sequence : sequence of str
+        Surfaces in the order of the collisions; empty for a motion without collisions.
+    steps : int or sequence of int
+        Number of steps N_i of each phase; one phase more than collisions.
+    final_time : number or pair, optional
+        Final time t_E in seconds, or its bounds (None for no bound).
+    durations : sequence of pairs, optional
+        Bounds of the duration T_i of each phase in seconds.
+    bounds : mapping, optional
+        Bounds (lower, upper) of inputs and coordinates by name, at all times.
+    parameters : mapping, optional
+        Parameter values that replace the model's.
+    controls : {"constant", "linear"}, optional
+        Inputs constant in each step, or linear between nodes.
+    minimal_times : bool, optional
+        Bound each phase before a collision from below by the estimated shortest time at full input.
+
+    Raises
+    ------
+    ProblemError
+        If a name is unknown, a value is missing, not finite or reversed, the start or goal lies outside the admissible set, or the mass
+        matrix at the start is not positive definite.
+    """
+
+    kernels: Kernels
+    start: Mapping[Any, Any]
+    goal: Mapping[Any, Any] = field(default_factory=dict)
+    sequence: Sequence[str] = ()
+    steps: int | Sequence[int] = 100
+    final_time: Any = (None, None)
+    durations: Sequence[Any] | None = None
+    bounds: Mapping[Any, Any] = field(default_factory=dict)
+    parameters: Mapping[Any, float] = field(default_factory=dict)
+    controls: str = "constant"
+    minimal_times: bool = True
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        for name in ("start", "goal", "bounds", "parameters"):
+            value = getattr(self, name)
+            if not isinstance(value, Mapping):
+                raise ProblemError(f"{name} = {value!r}: expected a mapping from names to values.")
+            put(self, name, {name_of(k): v for k, v in value.items()})
+        if isinstance(self.sequence, str):
+            raise ProblemError(f"sequence = {self.sequence!r}: expected a list of surfaces such as [{self.sequence!r}].")
+        put(self, "sequence", tuple(self.sequence))
+        for surface in self.sequence:
+            self._known(surface, self.kernels.surfaces, "surface", "in the sequence")
+        if self.controls not in CONTROLS:
+            raise ProblemError(f"controls = {self.controls!r}: expected one of {', '.join(CONTROLS)}.")
+        put(self, "steps", self._checked_steps())
+        # The properties below check what they read.
+        _ = self.parameter_values, self.input_bounds, self.coordinate_bounds, self.final_time_bounds, self.duration_bounds
+        _ = self.start_bounds, self.goal_bounds
+        self._check_mass_matrix()
+        self._check_admissible("start", self.start_bounds)
+        self._check_admissible("goal", self.goal_bounds)
+
+    def but(self, **changes: Any) -> Problem:
+        """Return the same problem with some fields replaced."""
+        return replace(self, **changes)
+
+    # Sizes -----------------------------------------------------------------------------------------------------------
+
+    @property
+    def nq(self) -> int:
+        return len(self.kernels.coordinates)
+
+    @property
+    def nu(self) -> int:
+        return len(self.kernels.inputs)
+
+    @property
+    def phases(self) -> int:
+        return len(self.sequence) + 1
+
+    @property
+    def phase_steps(self) -> tuple[int, ...]:
+        """Steps N_i of each phase."""
+        assert isinstance(self.steps, tuple)
+        return self.steps
+
+    # Values ----------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def parameter_values(self) -> Array:
+        """Parameter values in the model's order, shape (1, npar)."""
+        values = self.kernels.parameters
+        for name, value in self.parameters.items():
+            self._known(name, values, "parameter", "")
+            values[name] = _finite(value, f"parameter {name}")
+        for name, given in values.items():
+            if given is None:
+                raise ProblemError(f"parameter {name} of model {self.kernels.name!r} has no value: set it ({name}=...).")
+        return np.array([list(values.values())], dtype=float)
+
+    @cached_property
+    def start_bounds(self) -> Boundary:
+        return self._boundary("start", self.start)
+
+    @cached_property
+    def goal_bounds(self) -> Boundary:
+        return self._boundary("goal", self.goal)
+
+    @cached_property
+    def input_bounds(self) -> Array:
+        """Bounds of the inputs, shape (nu, 2)."""
+        return self._boxes(self.kernels.inputs)
+
+    @cached_property
+    def coordinate_bounds(self) -> Array:
+        """Bounds of the coordinates, shape (nq, 2)."""
+        return self._boxes(self.kernels.coordinates)
+
+    @cached_property
+    def final_time_bounds(self) -> Range:
+        low, high = _range(self.final_time, "final time")
+        if high <= 0:
+            raise ProblemError(f"final time <= {high:g} s: expected a positive time.")
+        return max(low, 0.0), high
+
+    @cached_property
+    def duration_bounds(self) -> Array:
+        """Bounds of the durations T_i, shape (I + 1, 2)."""
+        if self.durations is None:
+            return np.tile((0.0, np.inf), (self.phases, 1))
+        if len(self.durations) != self.phases:
+            raise ProblemError(f"durations has {len(self.durations)} entries: expected one for each of the {self.phases} phases.")
+        bounds = np.array([_range(d, f"duration of phase {i}") for i, d in enumerate(self.durations)])
+        if (bounds[:, 1] <= 0).any():
+            raise ProblemError(f"durations = {list(self.durations)!r}: expected positive upper bounds.")
+        return np.maximum(bounds, 0.0)
+
+    # Checks ----------------------------------------------------------------------------------------------------------
+
+    def _known(self, name: str, names: Iterable[str], what: str, where: str) -> None:
+        known = list(names)
+        if name not in known:
+            close = difflib.get_close_matches(str(name), known, 1)
+            hint = f" (did you mean {close[0]!r}?)" if close else ""
+            listed = f"expected one of {', '.join(known)}" if known else "the model has none"
+            raise ProblemError(f"unknown {what} {name!r}{' ' + where if where else ''}: {listed}{hint}.")
+
+    def _checked_steps(self) -> tuple[int, ...]:
+        given = self.steps
+        values = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given] * self.phases
+        if len(values) != self.phases:
+            raise ProblemError(f"steps = {given!r}: expected one number, or one for each of the {self.phases} phases.")
+        for value in values:
+            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 2:
+                raise ProblemError(f"steps = {value!r}: expected a whole number of at least 2 steps in each phase.")
+        return tuple(int(v) for v in values)  # type: ignore[arg-type]
+
+    def _boxes(self, names: Sequence[str]) -> Array:
+        for name in self.bounds:
+            self._known(name, [*self.kernels.inputs, *self.kernels.coordinates], "input or coordinate", "in the bounds")
+        boxes = [_range(self.bounds.get(name, (None, None)), f"bound of {name}") for name in names]
+        return np.array(boxes, dtype=float).reshape(len(names), 2)
+
+    def _boundary(self, end: str, given: Mapping[str, Any]) -> Boundary:
+        coordinates = self.kernels.coordinates
+        velocities = [velocity_name(q) for q in coordinates]
+        momenta = [momentum_name(q) for q in coordinates]
+        for name in given:
+            self._known(name, [*coordinates, *velocities, *momenta], "state", f"at the {end}")
+        free = (None, None)
+        position, velocity, momentum = [], [], []
+        for q, v, p in zip(coordinates, velocities, momenta, strict=True):
+            if end == "start" and q not in given:
+                raise ProblemError(f"the start of {q} is not given: give a number, a range, or None to leave it free.")
+            rest = 0.0 if end == "start" and v not in given and p not in given else free
+            position.append(_range(given.get(q, free), f"{end} of {q}"))
+            velocity.append(_range(given.get(v, rest), f"{end} of {v}"))
+            momentum.append(_range(given.get(p, free), f"{end} of {p}"))
+        boundary = Boundary(np.array(position), np.array(velocity), np.array(momentum))
+        for q, (low, high), (below, above) in zip(coordinates, boundary.position, self.coordinate_bounds, strict=True):
+            if high < below or low > above:
+                raise ProblemError(f"the {end} of {q} ({low:g} to {high:g}) lies outside its bounds {below:g} to {above:g}.")
+        return self._velocity_to_momentum(boundary)
+
+    def _velocity_to_momentum(self, boundary: Boundary) -> Boundary:
+        """Express fully fixed velocities at a fully fixed position as momenta, which needs no further unknowns.
+
+        The same is done for rest at any position where L has no terms linear in the velocities, so that p = M(q) v = 0.
+        """
+        velocity = boundary.velocity
+        if np.isfinite(boundary.momentum).any() or not (velocity[:, 0] == velocity[:, 1]).all():
+            return boundary
+        fixed = bool((boundary.position[:, 0] == boundary.position[:, 1]).all())
+        if not fixed and velocity.any():
+            return boundary
+        at = np.where(np.isfinite(boundary.position), boundary.position, 0.0).mean(axis=1)
+        momentum = self.kernels.call("legendre", at[None], velocity[None, :, 0].copy(), self.parameter_values)[0][0]
+        if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
+            return boundary
+        return Boundary(boundary.position, np.full_like(velocity, (-np.inf, np.inf)), np.repeat(momentum[:, None], 2, axis=1))
+
+    def _check_mass_matrix(self) -> None:
+        at = np.where(np.isfinite(self.start_bounds.position), self.start_bounds.position, 0.0).mean(axis=1)
+        zero, inputs = np.zeros((1, self.nq)), np.zeros((1, self.nu))
+        mass, force = self.kernels.call("dynamics", at[None], zero, inputs, self.parameter_values)
+        matrix = mass.reshape(self.nq, self.nq)
+        values = dict(zip(self.kernels.parameters, self.parameter_values[0], strict=True))
+        suspects = [f"{n}={values[n]:g}" for n in self.kernels.manifest["mass_parameters"] if values[n] <= 0]
+        cause = f" ({', '.join(suspects)})" if suspects else ""
+        if not (np.isfinite(matrix).all() and np.isfinite(force).all()):
+            raise ProblemError(f"the equations of motion are not finite at the start{cause}: check the parameters and the start.")
+        if np.linalg.eigvalsh(matrix)[0] <= 1e-14 * np.abs(matrix).max():
+            remedy = "expected positive masses and lengths" if suspects else "check the parameters and the start"
+            raise ProblemError(f"the mass matrix is not positive definite at the start{cause}: {remedy}.")
+
+    def _check_admissible(self, end: str, boundary: Boundary) -> None:
+        """Check the gaps at a fixed position; a gap that contains a coordinate left free is the solver's business."""
+        fixed = boundary.position[:, 0] == boundary.position[:, 1]
+        if not self.kernels.surfaces or not fixed.any():
+            return
+        at = np.where(fixed, boundary.position[:, 0], 0.0)
+        gaps = self.kernels.call("surface", at[None], self.parameter_values)[0][0]
+        for surface, gap in zip(self.kernels.surfaces, gaps, strict=True):
+            involved = self.kernels.manifest["surface_coordinates"][surface]
+            if fixed[involved].all() and not gap <= SURFACE_TOLERANCE:
+                state = ", ".join(f"{self.kernels.coordinates[i]}={at[i]:g}" for i in involved)
+                raise ProblemError(
+                    f"the {end} ({state}) lies behind surface {surface!r}, {gap:g} outside the admissible set g <= 0: move the {end} or the surface."
+                )
+
+
+def _finite(value: Any, what: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ProblemError(f"{what} = {value!r}: expected a number.") from None
+    if not math.isfinite(number):
+        raise ProblemError(f"{what} = {number}: expected a finite number.")
+    return number
+
+
+def _range(value: Any, what: str) -> Range:
+    """Read a number, a pair with None for no bound, or None for free."""
+    if value is None:
+        return -math.inf, math.inf
+    if isinstance(value, (tuple, list)):
+        if len(value) != 2:
+            raise ProblemError(f"{what} = {value!r}: expected a number or a pair (lower, upper).")
+        low = -math.inf if value[0] in (None, -math.inf) else _finite(value[0], what)
+        high = math.inf if value[1] in (None, math.inf) else _finite(value[1], what)
+        if low > high:
+            raise ProblemError(f"{what}: the lower bound {low:g} exceeds the upper bound {high:g}; exchange them.")
+        return low, high
+    number = _finite(value, what)
+    return number, number

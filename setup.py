@@ -1,0 +1,43 @@
+"""The map from packages to folders, and the extensions: the shipped models' kernels and the stepper."""
+
+from pathlib import Path
+
+from setuptools import Extension, setup
+
+LAYERS = ("symbolic", "codegen", "generated", "models", "nlp", "solvers", "simulation", "report")
+FLAGS = ["-std=c11", "-O2", "-ffp-contract=off"]
+
+models = sorted(p.parent.name for p in Path("generated").glob("*/manifest.json"))
+package_dir = {"dmoc": "src/dmoc"}
+package_dir |= {f"dmoc.{layer}": layer for layer in LAYERS}
+package_dir |= {f"dmoc.generated.{model}": f"generated/{model}" for model in models}
+
+extensions = [
+    Extension(
+        f"dmoc.generated.{model}.wrapper",
+        [f"generated/{model}/wrapper.pyx", f"generated/{model}/kernels.c"],
+        depends=[f"generated/{model}/kernels.h"],
+        extra_compile_args=FLAGS,
+    )
+    for model in models
+]
+extensions.append(Extension("dmoc.simulation.stepper", ["simulation/stepper.pyx"], extra_compile_args=FLAGS))
+
+
+def cythonized() -> list[Extension]:
+    from Cython.Build import cythonize
+
+    return cythonize(extensions, build_dir="build/cython", language_level=3, quiet=True)
+
+
+setup(
+    packages=sorted(package_dir),
+    package_dir=package_dir,
+    package_data={
+        "dmoc": ["py.typed"],
+        "dmoc.codegen": ["templates/*.jinja"],
+        "dmoc.simulation": ["*.pyx", "*.pyi"],
+        **{f"dmoc.generated.{model}": ["*.c", "*.h", "*.pyx", "*.pyi", "manifest.json"] for model in models},
+    },
+    ext_modules=cythonized(),
+)

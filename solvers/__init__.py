@@ -1,0 +1,1 @@
+"""Drivers for the nonlinear program: one interface, one set of statuses."""

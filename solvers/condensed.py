@@ -1,0 +1,192 @@
+"""The condensed form: coordinates inside segments are eliminated by solving the discrete equations of motion.
+
+The chain of steps is cut into segments.  Within a segment the momentum equation of node k determines q_{k+1}, so the eliminated
+coordinates X follow from the remaining unknowns Y by a Newton iteration on a banded matrix, and derivatives with respect to Y come
+from adjoint solves with the same factors.  What stays as an unknown is Y = (h, u, lam, boundary values, and the two nodes that start each segment);
+what stays as a constraint is everything that the elimination did not use.  One segment a phase is single shooting, more make the
+problem less nonlinear: an unstable motion does not amplify errors over more than one segment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+from scipy.linalg import lapack
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Index, Layout
+from dmoc.nlp.transcription import Matrix, Transcription
+
+# Residual of the eliminated equations relative to the momenta: a few roundings.
+NEWTON_TOLERANCE = 1e-13
+NEWTON_LIMIT = 25
+
+
+@dataclass(frozen=True)
+class Partition:
+    """Eliminated unknowns and equations, and those that are kept (positions in x and in c)."""
+
+    eliminated: Index
+    used_rows: Index
+    kept: Index
+    kept_rows: Index
+
+
+def partition(layout: Layout, n: int, n_eq: int, lower: Array, upper: Array, longest: int) -> Partition:
+    """Cut every phase into segments of at most ``longest`` steps; longest = 0 eliminates nothing."""
+    nq = layout.nq
+    eliminated, used = [], []
+    for first, last in zip(layout.ends, layout.ends[1:], strict=False):
+        pieces = int(np.ceil((last - first) / longest)) if longest else 0
+        cuts = np.linspace(first, last, pieces + 1).round().astype(int) if longest else []
+        for a, b in zip(cuts, cuts[1:], strict=False):
+            start = a if a == 0 else a + 1  # the first node's momentum equation starts the chain
+            eliminated.append(np.arange(start + 1, b))
+            used.append(np.arange(start, b - 1))
+    nodes = np.concatenate([*eliminated, np.zeros(0, dtype=int)]).astype(np.intp)
+    rows = np.concatenate([*used, np.zeros(0, dtype=int)]).astype(np.intp)
+    gone = layout.index_q[nodes].ravel()
+    used_rows = (rows[:, None] * nq + np.arange(nq)).ravel()  # momentum equations come first in c
+    free = np.ones(n, dtype=bool)
+    free[gone] = False
+    free[lower == upper] = False
+    rest = np.ones(n_eq, dtype=bool)
+    rest[used_rows] = False
+    return Partition(gone, used_rows, np.flatnonzero(free), np.flatnonzero(rest))
+
+
+class _Submatrix:
+    """Picks a fixed set of rows and columns out of matrices with one pattern."""
+
+    def __init__(self, pattern: Matrix, rows: Index, columns: Index) -> None:
+        numbered = pattern.copy()
+        numbered.data = np.arange(1.0, len(pattern.data) + 1)
+        part = numbered[rows][:, columns].tocsr()
+        self.shape = part.shape
+        self.indices, self.indptr = part.indices, part.indptr
+        self.source = part.data.astype(np.intp) - 1
+
+    def of(self, matrix: Matrix) -> Matrix:
+        out = scipy.sparse.csr_matrix(self.shape)
+        out.data, out.indices, out.indptr = matrix.data[self.source], self.indices, self.indptr
+        return out
+
+
+class Elimination:
+    """Solves the eliminated equations and carries derivatives over to the kept unknowns."""
+
+    def __init__(self, nlp: Transcription, parts: Partition, x: Array) -> None:
+        self.nlp = nlp
+        self.parts = parts
+        equality, inequality = nlp.equality_jacobian(x), nlp.inequality_jacobian(x)
+        rows = np.arange(nlp.n_in)
+        self._E_X = _Submatrix(equality, parts.used_rows, parts.eliminated)
+        self._E_Y = _Submatrix(equality, parts.used_rows, parts.kept)
+        self._K_X = _Submatrix(equality, parts.kept_rows, parts.eliminated)
+        self._K_Y = _Submatrix(equality, parts.kept_rows, parts.kept)
+        self._D_X = _Submatrix(inequality, rows, parts.eliminated)
+        self._D_Y = _Submatrix(inequality, rows, parts.kept)
+        nq = nlp.layout.nq
+        self._kl, self._ku = 3 * nq - 1, nq - 1
+        row = np.repeat(np.arange(len(parts.used_rows)), np.diff(self._E_X.indptr))
+        self._band = (self._kl + self._ku + row - self._E_X.indices, self._E_X.indices)
+
+    @property
+    def size(self) -> int:
+        return len(self.parts.eliminated)
+
+    def complete(self, x: Array, y: Array) -> Array | None:
+        """Return x with the kept unknowns y and the eliminated ones solved for, started from those in x; None if Newton fails."""
+        x = x.copy()
+        x[self.parts.kept] = y
+        if not self.size:
+            return x
+        previous = np.inf
+        for _ in range(NEWTON_LIMIT):
+            with np.errstate(all="ignore"):
+                residual = self.nlp.equality(x)[self.parts.used_rows]
+                error = float(np.abs(residual).max())
+                if not np.isfinite(error):
+                    return None
+                scale = 1.0 + float(np.abs(self.nlp.momenta(x)[1]).max())
+            if error <= NEWTON_TOLERANCE * scale or (error <= 1e4 * NEWTON_TOLERANCE * scale and error > 0.3 * previous):
+                return x
+            previous = error
+            factors = self.factor(x)
+            if factors is None:
+                return None
+            x[self.parts.eliminated] -= factors.solve(residual)
+        return None
+
+    def factor(self, x: Array) -> Factors | None:
+        """Factor the derivative of the eliminated equations with respect to the eliminated unknowns."""
+        return self.factor_matrix(self.nlp.equality_jacobian(x))
+
+    def factor_matrix(self, jacobian: Matrix) -> Factors | None:
+        band = np.zeros((2 * self._kl + self._ku + 1, self.size), order="F")
+        band[self._band] = jacobian.data[self._E_X.source]
+        if not np.isfinite(band).all():
+            return None
+        lu, pivots, info = lapack.dgbtrf(band, self._kl, self._ku)
+        return Factors(lu, pivots, self._kl, self._ku) if info == 0 else None
+
+    def reduce(self, x: Array, rows: Index, columns: Index) -> Reduced | None:
+        """Derivatives with respect to y of the cost, of the kept equations, of the inequalities ``rows`` and of x[columns]."""
+        cost = self.nlp.cost_gradient(x)
+        equality = self.nlp.equality_jacobian(x)
+        inequality = self.nlp.inequality_jacobian(x)
+        parts = self.parts
+        K_Y, D_Y = self._K_Y.of(equality).toarray(), self._D_Y.of(inequality)[rows].toarray()
+        f_Y = cost[parts.kept]
+        B_Y = np.zeros((len(columns), len(parts.kept)))
+        if not self.size:
+            return Reduced(f_Y, K_Y, D_Y, B_Y, None)
+        factors = self.factor_matrix(equality)
+        if factors is None:
+            return None
+        picked = np.zeros((len(columns), self.size))
+        picked[np.arange(len(columns)), np.searchsorted(parts.eliminated, columns)] = 1.0
+        right = np.vstack(
+            [cost[parts.eliminated][None], self._K_X.of(equality).toarray(), self._D_X.of(inequality)[rows].toarray(), picked]
+        )
+        adjoint = factors.solve(right.T, transposed=True).T
+        change = -(self._E_Y.of(equality).T @ adjoint.T).T
+        a, b, c = 1, 1 + len(K_Y), 1 + len(K_Y) + len(D_Y)
+        return Reduced(f_Y + change[0], K_Y + change[a:b], D_Y + change[b:c], B_Y + change[c:], factors)
+
+    def kept_columns(self, x: Array) -> Array:
+        """Derivative of the eliminated equations with respect to the kept unknowns, dense."""
+        return self._E_Y.of(self.nlp.equality_jacobian(x)).toarray()
+
+    def multipliers(self, stationarity: Array, factors: Factors) -> Array:
+        """Multipliers of the eliminated equations that make ``stationarity`` + J^T y vanish in the eliminated unknowns."""
+        return -factors.solve(stationarity[self.parts.eliminated], transposed=True)
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Banded LU factors."""
+
+    lu: Array
+    pivots: Index
+    kl: int
+    ku: int
+
+    def solve(self, right: Array, transposed: bool = False) -> Array:
+        solution, info = lapack.dgbtrs(self.lu, self.kl, self.ku, right, self.pivots, trans=int(transposed))
+        if info != 0:
+            raise ValueError(f"dgbtrs: argument {-info} is wrong")
+        return np.asarray(solution)
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """Gradient of the cost, Jacobians of the kept equations, of chosen inequalities and of chosen eliminated unknowns, dense, in y."""
+
+    cost: Array
+    equality: Array
+    inequality: Array
+    unknowns: Array
+    factors: Factors | None

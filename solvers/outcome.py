@@ -1,0 +1,69 @@
+"""What every driver takes and returns: options, statuses with messages, iterations, outcome."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dmoc.codegen.kernels import Array
+
+
+class Status(enum.Enum):
+    """How a solve ended; the values are texts that say what happened and what helps."""
+
+    SOLVED = "a local minimum was found"
+    INFEASIBLE = "no feasible point was found near the best iterate"
+    ITERATION_LIMIT = "the iteration limit was reached: raise it, or start from a better guess"
+    TIME_LIMIT = "the time limit was reached: raise it, or start from a better guess"
+    STALLED = "no further progress was possible before optimality: try another guess or other steps"
+    INTERRUPTED = "the solve was interrupted: the best iterate so far is kept"
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One line of progress."""
+
+    number: int
+    cost: float
+    violation: float
+
+
+@dataclass(frozen=True)
+class Options:
+    """Limits and tolerances of a solve.
+
+    Attributes
+    ----------
+    optimality : float
+        Largest scaled stationarity and complementarity residual of a solution.
+    violation : float
+        Largest violation of a constraint or bound of a solution, in the units of the constraint.
+    iterations : int
+        Iteration limit.
+    seconds : float or None
+        Time limit.
+    progress : callable, optional
+        Called with an :class:`Iteration` after every iteration.
+    """
+
+    optimality: float = 1e-6
+    violation: float = 1e-10
+    iterations: int = 1000
+    seconds: float | None = None
+    progress: Callable[[Iteration], None] | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of a driver.
+
+    ``y`` and ``w`` >= 0 are the multipliers in L = f + y . c - w . d.
+    """
+
+    status: Status
+    detail: str
+    x: Array
+    y: Array
+    w: Array
+    iterations: int

@@ -1,0 +1,401 @@
+"""SciPy's SLSQP on the condensed program, restarted in the metric of the exact Hessian.
+
+SLSQP builds its Hessian from first derivatives, one rank-two update an iteration, starting from the identity, and its work grows with the cube
+of the unknowns.  Three things make it practical here:
+
+* the coordinates inside segments are eliminated (:mod:`dmoc.solvers.condensed`);
+* SLSQP runs for a few iterations at a time in unknowns s with y = y_0 + M s, where M is chosen from the exact Hessian of the Lagrangian
+  so that the identity *is* the Hessian on the constraints' null space, and the constraints depend on one part of s alone: its first
+  step is then a Newton step;
+* of the many inequalities (gaps and bounds at every node) only those that are or may become active are passed to it; the others are checked
+  after every run and added when they are violated.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+import scipy.sparse
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Index
+from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.condensed import Elimination, Reduced, partition
+from dmoc.solvers.kkt import Residuals, residuals, violation, worst_constraints
+from dmoc.solvers.polish import polish
+from dmoc.solvers.outcome import Iteration, Options, Outcome, Status
+
+# Longest segment of the condensed form: long enough to shrink the problem, short enough for unstable motions.
+SEGMENT = 25
+# SLSQP iterations between two metrics: enough to settle the active set, few enough to profit from the exact Hessian.
+RUN = 10
+# Curvatures below this share of the cost's own count as flat; it bounds the first step along them.
+FLATTEST = 1e-3
+# Weight of the constraint directions in the metric against the null space.
+CONSTRAINT_SCALE = 0.1
+# An inequality within this share of its scale joins the working set.
+NEAR = 1e-3
+# Accuracy asked of SLSQP: it stands for optimality, step and violation at once, relative to the cost.
+SLSQP_ACCURACY = 1e-12
+# Runs in a row that may pass without progress.
+PATIENCE = 4
+# Violation below which a converged run is close enough for Newton's method.
+POLISH_FROM = 1e-6
+# What a trial step that cannot be completed reports, so that the line search shortens it.
+REFUSED = 1e10
+
+
+class _Stop(Exception):
+    """Ends a run of SLSQP from its callback."""
+
+    def __init__(self, status: Status) -> None:
+        super().__init__(status.value)
+        self.status = status
+
+
+@dataclass(frozen=True)
+class _Working:
+    """Working set: rows of d, and unknowns (positions in x) at their lower and upper bounds."""
+
+    rows: Index
+    lower: Index
+    upper: Index
+
+    @property
+    def size(self) -> int:
+        return len(self.rows) + len(self.lower) + len(self.upper)
+
+
+@dataclass
+class _Point:
+    """A trial point: completed unknowns, and the derivatives once they are asked for."""
+
+    s: Array
+    x: Array | None
+    reduced: Reduced | None = None
+
+
+class _Run:
+    """One run of SLSQP in y = y_0 + M s over a working set."""
+
+    def __init__(self, driver: Driver, x: Array, M: Array, working: _Working) -> None:
+        self.driver, self.M, self.working = driver, M, working
+        self.origin = x[driver.parts.kept].copy()
+        self.x = x
+        eliminated = driver.is_eliminated
+        bound = np.concatenate([working.lower, working.upper])
+        self.by_elimination = bound[eliminated[bound]]
+        self._point = _Point(np.full(M.shape[1], np.nan), None)
+
+    def _at(self, s: Array) -> _Point:
+        if not np.array_equal(self._point.s, s):
+            x = self.driver.elimination.complete(self.x, self.origin + self.M @ s)
+            self._point = _Point(s.copy(), x)
+        return self._point
+
+    def _derivatives(self, s: Array) -> Reduced:
+        point = self._at(s)
+        if point.reduced is None:
+            x = self.x if point.x is None else point.x
+            reduced = self.driver.elimination.reduce(x, self.working.rows, self.by_elimination)
+            if reduced is None:
+                raise _Stop(Status.STALLED)
+            point.reduced = reduced
+            self.x = x
+        return point.reduced
+
+    def cost(self, s: Array) -> float:
+        x = self._at(s).x
+        return REFUSED if x is None else self.driver.nlp.cost(x)
+
+    def cost_gradient(self, s: Array) -> Array:
+        return np.asarray(self._derivatives(s).cost @ self.M)
+
+    def equality(self, s: Array) -> Array:
+        x = self._at(s).x
+        rows = self.driver.parts.kept_rows
+        return np.full(len(rows), REFUSED) if x is None else self.driver.nlp.equality(x)[rows]
+
+    def equality_jacobian(self, s: Array) -> Array:
+        return np.asarray(self._derivatives(s).equality @ self.M)
+
+    def inequality(self, s: Array) -> Array:
+        x = self._at(s).x
+        w, nlp = self.working, self.driver.nlp
+        if x is None:
+            return np.full(w.size, -REFUSED)
+        return np.concatenate(
+            [nlp.inequality(x)[w.rows], (x - nlp.lower)[w.lower], (nlp.upper - x)[w.upper]]
+        )  # fmt: skip
+
+    def inequality_jacobian(self, s: Array) -> Array:
+        reduced = self._derivatives(s)
+        lower, upper = self._bound_rows(self.working.lower, reduced), self._bound_rows(self.working.upper, reduced)
+        return np.vstack([reduced.inequality @ self.M, lower, -upper])
+
+    def _bound_rows(self, unknowns: Index, reduced: Reduced) -> Array:
+        """dx_i/ds of the given unknowns."""
+        rows = np.empty((len(unknowns), self.M.shape[1]))
+        gone = self.driver.is_eliminated[unknowns]
+        rows[~gone] = self.M[np.searchsorted(self.driver.parts.kept, unknowns[~gone])]
+        if gone.any():
+            order = np.array([int(np.flatnonzero(self.by_elimination == i)[0]) for i in unknowns[gone]], dtype=np.intp)
+            rows[gone] = reduced.unknowns[order] @ self.M
+        return rows
+
+    def minimise(self, iterations: int, progress: _Progress) -> tuple[Array, Array, Array, int, bool]:
+        """Run SLSQP; return x, multipliers of the kept equations and of the working set, its iterations and whether it converged."""
+        constraints = []
+        if len(self.driver.parts.kept_rows):
+            constraints.append({"type": "eq", "fun": self.equality, "jac": self.equality_jacobian})
+        if self.working.size:
+            constraints.append({"type": "ineq", "fun": self.inequality, "jac": self.inequality_jacobian})
+        start = np.zeros(self.M.shape[1])
+        accuracy = SLSQP_ACCURACY * max(1.0, abs(self.cost(start)))
+
+        def report(s: Array) -> None:
+            point = self._at(s)
+            if point.x is not None:
+                progress.step(point.x)
+
+        with np.errstate(all="ignore"):
+            result = scipy.optimize.minimize(
+                self.cost, start, jac=self.cost_gradient, method="SLSQP", constraints=constraints, callback=report,
+                options={"maxiter": iterations, "ftol": accuracy},
+            )  # fmt: skip
+        x = self._at(result.x).x
+        if x is None:
+            x = self.x
+        n_eq = len(self.driver.parts.kept_rows)
+        multipliers = np.asarray(result.multipliers)
+        return x, -multipliers[:n_eq], np.maximum(multipliers[n_eq:], 0.0), int(result.nit), result.status in (0, 8)
+
+
+class _Progress:
+    """Counts iterations, keeps the limits and remembers the latest iterate."""
+
+    def __init__(self, nlp: Transcription, options: Options) -> None:
+        self.nlp, self.options = nlp, options
+        self.count = 0
+        self.x: Array | None = None
+        self._deadline = np.inf if options.seconds is None else time.perf_counter() + options.seconds
+
+    def step(self, x: Array) -> None:
+        self.count += 1
+        self.x = x
+        if self.options.progress is not None:
+            self.options.progress(Iteration(self.count, self.nlp.cost(x), violation(self.nlp, x)))
+        if self.count >= self.options.iterations:
+            raise _Stop(Status.ITERATION_LIMIT)
+        if time.perf_counter() >= self._deadline:
+            raise _Stop(Status.TIME_LIMIT)
+
+
+class Driver:
+    """SLSQP on one nonlinear program; ``segment`` = 0 is the full form."""
+
+    def __init__(self, nlp: Transcription, x: Array, segment: int) -> None:
+        self.nlp = nlp
+        self.parts = partition(nlp.layout, nlp.n, nlp.n_eq, nlp.lower, nlp.upper, segment)
+        self.elimination = Elimination(nlp, self.parts, x)
+        self.is_eliminated = np.isin(np.arange(nlp.n), self.parts.eliminated)
+        self.free = np.flatnonzero(nlp.lower != nlp.upper)
+        self.scale = self._scale(x)
+        self.y = np.zeros(nlp.n_eq)
+        self.w = np.zeros(nlp.n_in)
+        self.bound_force = np.zeros(nlp.n)  # multipliers of the bounds, positive at a lower one
+        self.watched_rows = np.zeros(nlp.n_in, dtype=bool)
+        self.watched_lower = np.zeros(nlp.n, dtype=bool)
+        self.watched_upper = np.zeros(nlp.n, dtype=bool)
+        self._always()
+
+    def _always(self) -> None:
+        """Inequalities that shape the problem from the start: beside collisions, on the times, and on steps and impulses."""
+        nlp, lay = self.nlp, self.nlp.layout
+        nodes, surfaces = nlp.gap_constraints
+        rows = nlp.inequality_rows("gap")
+        for c, s in zip(lay.collision_nodes, nlp.surfaces, strict=True):
+            self.watched_rows[rows[(np.abs(nodes - c) <= 2) & (surfaces == s)]] = True
+        for name in ("final time >=", "final time <=", "minimal time"):
+            self.watched_rows[nlp.inequality_rows(name)] = True
+        for index in (lay.index_h, lay.index_lam):
+            self.watched_lower[index] = np.isfinite(nlp.lower[index])
+            self.watched_upper[index] = np.isfinite(nlp.upper[index])
+        self.permanent = (self.watched_rows.copy(), self.watched_lower.copy(), self.watched_upper.copy())
+
+    def _scale(self, x: Array) -> Array:
+        """Typical size of a change of each unknown; for inputs the size that changes the cost by one half."""
+        nlp, lay = self.nlp, self.nlp.layout
+        scale = np.ones(nlp.n)
+        q = x[lay.index_q]
+        scale[lay.index_q] = np.maximum(np.ptp(q, axis=0), 1e-2) / 20
+        scale[lay.index_h] = x[lay.index_h] / 10
+        scale[lay.index_lam] = np.maximum(np.abs(x[lay.index_lam]), 1.0) / 3
+        if lay.nu:
+            q_k, _, u, _, h = lay.step_inputs(x)
+            curvature = nlp.problem.kernels.call("running_cost", q_k, np.zeros_like(q_k), u, nlp.par)[1]
+            box = nlp.problem.input_bounds
+            width = np.where(np.isfinite(box[:, 1] - box[:, 0]), box[:, 1] - box[:, 0], 1.0) / 4
+            with np.errstate(divide="ignore"):
+                size = np.where(curvature > 0, 1 / np.sqrt(h * np.maximum(curvature, 1e-300)), width)
+            scale[lay.index_u[lay.row_u_kp1]] = size
+            scale[lay.index_u[lay.row_u_k]] = size
+        return scale
+
+    # Working set -----------------------------------------------------------------------------------------------------
+
+    def working(self, x: Array) -> _Working:
+        """Return the watched inequalities; watch those that are violated or nearly so, forget those that have become idle."""
+        nlp = self.nlp
+        d = nlp.inequality(x)
+        near = NEAR * self.scale
+        with np.errstate(invalid="ignore"):
+            below, above = x - nlp.lower, nlp.upper - x
+        self.watched_rows = (self.watched_rows & ((d < 1e-1) | (self.w > 0))) | (d < NEAR) | self.permanent[0]
+        idle = 1e3 * near
+        self.watched_lower = (self.watched_lower & (below < idle)) | (below < near) | self.permanent[1]
+        self.watched_upper = (self.watched_upper & (above < idle)) | (above < near) | self.permanent[2]
+        free = np.isin(np.arange(nlp.n), self.free)
+        return _Working(
+            np.flatnonzero(self.watched_rows), np.flatnonzero(self.watched_lower & free), np.flatnonzero(self.watched_upper & free)
+        )
+
+    # Metric ----------------------------------------------------------------------------------------------------------
+
+    def metric(self, x: Array) -> Array | None:
+        """Return M, shape (n_y, n_y): columns that move the kept equations one by one, then conjugate directions of their null space."""
+        parts, nlp = self.parts, self.nlp
+        none = np.zeros(0, dtype=np.intp)
+        reduced = self.elimination.reduce(x, none, none)
+        if reduced is None:
+            return None
+        if not self.y.any():
+            self._estimate_multipliers(x, reduced)
+        self._complete_multipliers(x, reduced)
+        upper = nlp.lagrangian_hessian(x, self.y, -self.w)
+        hessian = upper + scipy.sparse.triu(upper, 1).T
+        D = self.scale[parts.kept]
+        Z = np.zeros((nlp.n, len(parts.kept)))
+        Z[parts.kept, np.arange(len(parts.kept))] = D
+        if reduced.factors is not None:
+            Z[parts.eliminated] = -reduced.factors.solve(self.elimination.kept_columns(x) * D)
+        H = Z.T @ (hessian @ Z)
+        if not np.isfinite(H).all():
+            return None
+        if not len(reduced.equality):
+            values, V = np.linalg.eigh((H + H.T) / 2)
+            return np.asarray(D[:, None] * V / np.sqrt(np.maximum(np.abs(values), FLATTEST)))
+        U, sizes, Vt = np.linalg.svd(reduced.equality * D, full_matrices=True)
+        rank = int((sizes > 1e-10 * sizes[0]).sum())
+        move, null = Vt[:rank].T / sizes[:rank], Vt[rank:].T
+        if rank == len(sizes):
+            move = move @ U.T
+        values, V = np.linalg.eigh(null.T @ ((H + H.T) / 2) @ null)
+        curvature = np.maximum(np.abs(values), FLATTEST)
+        move = move - null @ (V @ ((V.T @ (null.T @ (H @ move))) / curvature[:, None]))
+        return np.asarray(D[:, None] * np.hstack([CONSTRAINT_SCALE * move, null @ (V / np.sqrt(curvature))]))
+
+    def _estimate_multipliers(self, x: Array, reduced: Reduced) -> None:
+        """Least-squares multipliers of the kept equations."""
+        D = self.scale[self.parts.kept]
+        if len(reduced.equality):
+            self.y[self.parts.kept_rows] = -np.linalg.lstsq((reduced.equality * D).T, reduced.cost * D, rcond=None)[0]
+
+    def _complete_multipliers(self, x: Array, reduced: Reduced) -> None:
+        """Multipliers of the eliminated equations, which make the Lagrangian stationary in the eliminated unknowns."""
+        if reduced.factors is None:
+            return
+        nlp, parts = self.nlp, self.parts
+        self.y[parts.used_rows] = 0.0
+        slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ self.y - nlp.inequality_jacobian(x).T @ self.w - self.bound_force
+        self.y[parts.used_rows] = self.elimination.multipliers(slope, reduced.factors)
+
+    def take_multipliers(self, x: Array, y_kept: Array, w_working: Array, working: _Working) -> None:
+        self.y = np.zeros(self.nlp.n_eq)
+        self.y[self.parts.kept_rows] = y_kept
+        self.w = np.zeros(self.nlp.n_in)
+        a, b = len(working.rows), len(working.rows) + len(working.lower)
+        self.w[working.rows] = w_working[:a]
+        force = np.zeros(self.nlp.n)
+        force[working.lower] += w_working[a:b]
+        force[working.upper] -= w_working[b:]
+        self.bound_force = force
+        none = np.zeros(0, dtype=np.intp)
+        reduced = self.elimination.reduce(x, none, none)
+        if reduced is not None:
+            self._complete_multipliers(x, reduced)
+
+
+def solve(nlp: Transcription, x: Array, options: Options, segment: int = SEGMENT) -> Outcome:
+    """Minimise from x; ``segment`` is the longest segment of the condensed form, 0 for the full form."""
+    progress = _Progress(nlp, options)
+    x = np.clip(x, nlp.lower, nlp.upper)
+    best = x
+    driver = Driver(nlp, x, segment)
+    try:
+        x, driver = _completed(nlp, x, driver, segment)
+        best = x
+        found, restored, idle = residuals(nlp, x, driver.y, driver.w), False, 0
+        while True:
+            x, found, converged = _round(driver, x, progress)
+            best = x
+            if converged and found.violation <= POLISH_FROM:
+                x, found = _polished(driver, x)
+            if found.violation <= options.violation and found.optimality <= options.optimality:
+                return _outcome(driver, Status.SOLVED, "", x, progress)
+            idle = idle + 1 if converged else 0
+            if idle < PATIENCE and not (progress.count > options.iterations // 4 and not restored and found.violation > 1e-3):
+                continue
+            if found.violation <= options.violation:
+                return _outcome(driver, Status.STALLED, f"optimality {found.optimality:.1e}", x, progress)
+            x, least = _least_violation(driver, x, progress)
+            if least > 1e3 * options.violation or restored:
+                detail = "; ".join(worst_constraints(nlp, x))
+                return _outcome(driver, Status.INFEASIBLE, f"least violation: {detail}", x, progress)
+            restored, idle = True, 0
+    except _Stop as stop:
+        return _outcome(driver, stop.status, "", best if progress.x is None else progress.x, progress)
+    except KeyboardInterrupt:
+        return _outcome(driver, Status.INTERRUPTED, "", best if progress.x is None else progress.x, progress)
+
+
+def _completed(nlp: Transcription, x: Array, driver: Driver, segment: int) -> tuple[Array, Driver]:
+    """Solve for the eliminated unknowns; segments are shortened until that works from the guess."""
+    while True:
+        full = driver.elimination.complete(x, x[driver.parts.kept])
+        if full is not None or segment == 0:
+            return (x if full is None else full), driver
+        segment = segment // 2 if segment > 3 else 0
+        driver = Driver(nlp, x, segment)
+
+
+def _round(driver: Driver, x: Array, progress: _Progress) -> tuple[Array, Residuals, bool]:
+    """One metric and one run of SLSQP in it."""
+    M = driver.metric(x)
+    if M is None:
+        raise _Stop(Status.STALLED)
+    working = driver.working(x)
+    x, y, w, _, converged = _Run(driver, x, M, working).minimise(RUN, progress)
+    driver.take_multipliers(x, y, w, working)
+    return x, residuals(driver.nlp, x, driver.y, driver.w), converged
+
+
+def _polished(driver: Driver, x: Array) -> tuple[Array, Residuals]:
+    """Take Newton steps with the active set that SLSQP found."""
+    rows = np.flatnonzero(driver.w > 0)
+    bounds = np.flatnonzero(driver.bound_force)
+    x, driver.y, driver.w, found = polish(driver.nlp, x, driver.y, driver.w, rows, bounds)
+    return x, found
+
+
+def _least_violation(driver: Driver, x: Array, progress: _Progress) -> tuple[Array, float]:
+    """Minimise the sum of squared violations; return the point and its largest violation."""
+    raise NotImplementedError
+
+
+def _outcome(driver: Driver, status: Status, detail: str, x: Array, progress: _Progress) -> Outcome:
+    return Outcome(status, detail, x, driver.y, driver.w, progress.count)

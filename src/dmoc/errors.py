@@ -1,0 +1,37 @@
+"""The errors that dmoc raises: each message says what is wrong, where, what was expected and the remedy."""
+
+
+class DmocError(Exception):
+    """Base of every error that dmoc raises on purpose."""
+
+
+class ModelError(DmocError):
+    """A mechanical system is described wrongly or incompletely."""
+
+
+class GenerationError(DmocError):
+    """An expression cannot be turned into code."""
+
+
+class BuildError(DmocError):
+    """Generated code cannot be compiled or loaded."""
+
+
+class ProblemError(DmocError):
+    """A problem (boundary states, bounds, sequence, steps, parameters) is stated wrongly."""
+
+
+class SimulationError(DmocError):
+    """A simulation cannot go on: resting contact, too many impacts, or no solution of a step."""
+
+
+class SolutionFileError(DmocError):
+    """A file cannot be read as a solution, or belongs to another model."""
+
+
+class OutputError(DmocError):
+    """A result cannot be written."""
+
+
+class MissingExtraError(DmocError):
+    """An optional dependency is needed and not installed."""

@@ -1,0 +1,148 @@
+"""The functions of a system in bare symbols: the common start of the derivation shown to people and of the kernels.
+
+The functions below use nothing but arithmetic and ``.diff``; they work on SymPy expressions, which people read, and on SymEngine
+expressions, which become kernels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import symengine as se
+import sympy as sp
+
+from sympy.functions.elementary.piecewise import ExprCondPair
+from sympy.logic.boolalg import Boolean
+
+from dmoc.errors import GenerationError
+from dmoc.symbolic.names import name_of, velocity_name
+from dmoc.symbolic.spec import FUNCTIONS
+from dmoc.symbolic.system import MechanicalSystem
+
+
+@dataclass(frozen=True)
+class Continuous:
+    """A system in bare symbols: q, v = q', u, parameters; L, Q, C, g_j, r_j."""
+
+    q: tuple[Any, ...]
+    v: tuple[Any, ...]
+    u: tuple[Any, ...]
+    par: tuple[Any, ...]
+    L: Any
+    Q: tuple[Any, ...]
+    C: Any
+    g: tuple[Any, ...]
+    r: tuple[Any, ...]
+
+    @classmethod
+    def of(cls, system: MechanicalSystem, q: Sequence[Any], v: Sequence[Any], u: Sequence[Any], par: Sequence[Any]) -> Continuous:
+        """Rewrite the functions of ``system`` in the given SymPy symbols."""
+        table = dict(zip(system.velocities, v, strict=True))
+        table |= dict(zip(system.coordinates, q, strict=True))
+        table |= dict(zip(system.inputs, u, strict=True))
+        table |= dict(zip(system.parameters, par, strict=True))
+
+        def rewrite(expression: Any) -> Any:
+            # Derivatives first: they contain the coordinates.
+            return expression.xreplace({k: s for k, s in table.items() if isinstance(k, sp.Derivative)}).xreplace(table)
+
+        return cls(
+            tuple(q),
+            tuple(v),
+            tuple(u),
+            tuple(par),
+            rewrite(system.lagrangian),
+            tuple(rewrite(e) for e in system.force_vector),
+            rewrite(system.cost),
+            tuple(rewrite(e) for e in system.gaps.values()),
+            tuple(rewrite(e) for e in system.path_functions.values()),
+        )
+
+    def to_symengine(self) -> Continuous:
+        """Return the same functions as SymEngine expressions."""
+
+        def convert(expression: Any) -> Any:
+            return se.sympify(_elementary(expression))
+
+        def each(values: Sequence[Any]) -> tuple[Any, ...]:
+            return tuple(convert(value) for value in values)
+
+        return Continuous(
+            each(self.q), each(self.v), each(self.u), each(self.par), convert(self.L), each(self.Q), convert(self.C), each(self.g), each(self.r)
+        )  # fmt: skip
+
+
+def readable(system: MechanicalSystem) -> Continuous:
+    """Return the functions of ``system`` in symbols that carry the user's names."""
+    names = [name_of(q) for q in system.coordinates]
+    return Continuous.of(
+        system,
+        sp.symbols(names, real=True),
+        sp.symbols([velocity_name(n) for n in names], real=True),
+        sp.symbols([name_of(u) for u in system.inputs], real=True),
+        list(system.parameters),
+    )
+
+
+def _elementary(expression: Any) -> Any:
+    """Write functions with a kink as Piecewise, which can be differentiated, and refuse what no printer knows."""
+    kinks = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside)
+    if expression.has(*kinks):
+        expression = sp.piecewise_fold(expression.replace(lambda e: isinstance(e, kinks), lambda e: e.rewrite(sp.Piecewise)))
+    for node in sp.preorder_traversal(expression):
+        if not _is_printable(node):
+            raise GenerationError(
+                f"{sp.sstr(node)} cannot be turned into C: use +, -, *, /, powers, Abs, sign, Min, Max, Piecewise and "
+                f"{', '.join(sorted(FUNCTIONS))}, exp, sqrt."
+            )
+    return expression
+
+
+def _is_printable(node: Any) -> bool:
+    if isinstance(node, (sp.Add, sp.Mul, sp.Pow, sp.Symbol, sp.exp, sp.Piecewise, Boolean, sp.Rational, sp.Float)):
+        return not isinstance(node, (sp.Not, sp.Xor, sp.ITE))
+    if isinstance(node, ExprCondPair) or node in (sp.pi, sp.E):
+        return True
+    return isinstance(node, sp.Function) and type(node).__name__ in FUNCTIONS
+
+
+def gradient(expression: Any, symbols: Sequence[Any]) -> list[Any]:
+    return [expression.diff(s) for s in symbols]
+
+
+def jacobian(expressions: Sequence[Any], symbols: Sequence[Any]) -> list[list[Any]]:
+    return [gradient(e, symbols) for e in expressions]
+
+
+def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    return sum((x * y for x, y in zip(a, b, strict=True)), start=0 * (a[0] if a else 0))
+
+
+def momenta(f: Continuous) -> list[Any]:
+    """p = dL/dv."""
+    return gradient(f.L, f.v)
+
+
+def mass_matrix(f: Continuous) -> list[list[Any]]:
+    """M(q) = d2L/dv2."""
+    return jacobian(momenta(f), f.v)
+
+
+def energy(f: Continuous) -> Any:
+    """E = v . dL/dv - L."""
+    return dot(f.v, momenta(f)) - f.L
+
+
+def right_hand_side(f: Continuous) -> list[Any]:
+    """F in M q'' = F: dL/dq - (d2L/dv dq) v + Q(q, v, u)."""
+    return [
+        lq - dot(gradient(pi, f.q), f.v) + qi
+        for lq, pi, qi in zip(gradient(f.L, f.q), momenta(f), f.Q, strict=True)
+    ]  # fmt: skip
+
+
+def input_matrix(f: Continuous) -> list[list[Any]]:
+    """B = dQ/du, shape (nq, nu)."""
+    return jacobian(f.Q, f.u)

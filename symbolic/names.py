@@ -1,0 +1,48 @@
+"""Names: from symbols to text, and which texts may become part of generated code and file names."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from typing import Any
+
+from dmoc.errors import ModelError
+
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+_LONGEST = 64
+_C_KEYWORDS = frozenset(
+    """alignas alignof auto bool break case char const constexpr continue default do double else enum extern false
+    float for goto if inline int long nullptr register restrict return short signed sizeof static static_assert struct
+    switch thread_local true typedef typeof typeof_unqual union unsigned void volatile while""".split()
+)
+
+
+def name_of(symbol: Any) -> str:
+    """Return the plain name of a coordinate, velocity, input or parameter.
+
+    ``alpha(t)`` is "alpha", ``Derivative(alpha(t), t)`` is "alpha_dot", a text stays as it is.
+    """
+    text = str(symbol)
+    if text.startswith("Derivative("):
+        return name_of(text[len("Derivative(") :].split(",", 1)[0]) + "_dot"
+    return text[: text.index("(")] if text.endswith(")") and "(" in text else text
+
+
+def velocity_name(coordinate: str) -> str:
+    return f"{coordinate}_dot"
+
+
+def momentum_name(coordinate: str) -> str:
+    return f"p_{coordinate}"
+
+
+def check_name(name: str, role: str) -> str:
+    """Return ``name`` if it may be used for ``role``; raise :class:`ModelError` otherwise."""
+    if not _IDENTIFIER.fullmatch(name) or len(name) > _LONGEST:
+        raise ModelError(
+            f"{role} name {name!r} is not a C identifier: use a letter followed by at most {_LONGEST - 1} letters, "
+            "digits or underscores (ASCII)."
+        )
+    if name in _C_KEYWORDS or keyword.iskeyword(name):
+        raise ModelError(f"{role} name {name!r} is a keyword of C or Python: choose another name.")
+    return name

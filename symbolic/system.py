@@ -1,0 +1,281 @@
+"""The description of a mechanical system: coordinates, inputs, Lagrangian, forces, surfaces, parameters, cost."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import sympy as sp
+from sympy.core.function import AppliedUndef, UndefinedFunction
+from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
+from sympy.physics.mechanics import dynamicsymbols
+
+from dmoc.errors import ModelError
+from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_name
+
+
+@dataclass(frozen=True)
+class MechanicalSystem:
+    """A mechanical system with inputs and unilateral constraints.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model; a C identifier.
+    coordinates : sequence of dynamicsymbols
+        Generalised coordinates q, ``nq`` of them.
+    lagrangian : Expr
+        L(q, q'), quadratic in the velocities.
+    parameters : mapping of Symbol to float or None
+        Every other symbol of the model with its default value; None if a problem must give it.
+    inputs : sequence of dynamicsymbols or Symbols, optional
+        Inputs u, ``nu`` of them.
+    forces : mapping of coordinate to Expr, optional
+        Generalised forces Q(q, q', u): the coefficients of the virtual work, dW = Q . dq.
+    surfaces : mapping of str to relation, optional
+        Unilateral constraints by name, as relations between expressions in q: ``{"left": alpha >= a_min}``.  Each becomes a gap
+        g(q) <= 0 whose gradient points out of the admissible set.
+    cost : Expr, optional
+        Integrand C(q, q', u) of the cost.
+    path_constraints : mapping of str to relation, optional
+        Relations in q, q' and u that hold along the whole motion.
+    title : str, optional
+        One line for lists and figures.
+
+    Raises
+    ------
+    ModelError
+        If a name cannot be used, a symbol is unknown or unused, the mass matrix is singular, or a relation is not
+        of the expected form.
+
+    Notes
+    -----
+    Signs and letters follow Kern & Gross, "A Variational Approach to Optimal Control of Underactuated Mechanical Systems with
+    Collisions" (2018).
+    """
+
+    name: str
+    coordinates: Sequence[Any]
+    lagrangian: Any
+    parameters: Mapping[Any, float | None]
+    inputs: Sequence[Any] = ()
+    forces: Mapping[Any, Any] = field(default_factory=dict)
+    surfaces: Mapping[str, Any] = field(default_factory=dict)
+    cost: Any = 0
+    path_constraints: Mapping[str, Any] = field(default_factory=dict)
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        check_name(self.name, "model")
+        put(self, "coordinates", tuple(self.coordinates))
+        put(self, "inputs", tuple(self.inputs))
+        put(self, "parameters", dict(self.parameters))
+        put(self, "surfaces", dict(self.surfaces))
+        put(self, "path_constraints", dict(self.path_constraints))
+        self._check_names()
+        put(self, "lagrangian", _expression(self.lagrangian, "the Lagrangian"))
+        put(self, "cost", _expression(self.cost, "the cost"))
+        put(self, "forces", self._normalised_forces())
+        self._check_symbols()
+        self._check_mass_matrix()
+        self._check_relations()
+
+    # Symbols ---------------------------------------------------------------------------------------------------------
+
+    @property
+    def velocities(self) -> tuple[Any, ...]:
+        """Generalised velocities q', in the order of the coordinates."""
+        return tuple(q.diff(dynamicsymbols._t) for q in self.coordinates)
+
+    @property
+    def force_vector(self) -> tuple[Any, ...]:
+        """Generalised forces Q(q, q', u), in the order of the coordinates."""
+        return tuple(self.forces.get(q, sp.S.Zero) for q in self.coordinates)
+
+    @property
+    def gaps(self) -> dict[str, Any]:
+        """Gap functions g(q) <= 0 by surface name."""
+        return {name: -_slack(relation, f"surface {name!r}") for name, relation in self.surfaces.items()}
+
+    @property
+    def path_functions(self) -> dict[str, Any]:
+        """Path constraint functions r(q, q', u) >= 0 by name."""
+        return {
+            name: _slack(relation, f"path constraint {name!r}") for name, relation in self.path_constraints.items()
+        }
+
+    @property
+    def mass_matrix(self) -> sp.Matrix:
+        """M(q) = d2L/dq'2."""
+        return sp.hessian(self.lagrangian, self.velocities)
+
+    def fingerprint(self) -> str:
+        """Return a digest of everything that the generated code depends on."""
+        parts = [
+            self.name,
+            *map(sp.srepr, self.coordinates),
+            "|",
+            *map(sp.srepr, self.inputs),
+            "|",
+            *(f"{sp.srepr(s)}={v!r}" for s, v in self.parameters.items()),
+            sp.srepr(self.lagrangian),
+            *map(sp.srepr, self.force_vector),
+            sp.srepr(self.cost),
+            *(f"{n}:{sp.srepr(g)}" for n, g in self.gaps.items()),
+            "|",
+            *(f"{n}:{sp.srepr(r)}" for n, r in self.path_functions.items()),
+        ]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+    # Checks ----------------------------------------------------------------------------------------------------------
+
+    def _check_names(self) -> None:
+        if not self.coordinates:
+            raise ModelError(f"model {self.name!r} has no coordinates: give at least one dynamicsymbol.")
+        for q in self.coordinates:
+            if not isinstance(q, AppliedUndef):
+                raise ModelError(
+                    f"coordinate {q!r} is not a function of time: make it with sympy.physics.mechanics.dynamicsymbols."
+                )
+        for u in self.inputs:
+            if not isinstance(u, (AppliedUndef, sp.Symbol)):
+                raise ModelError(f"input {u!r} is not a dynamicsymbol or a Symbol.")
+        roles = [(q, "coordinate") for q in self.coordinates] + [(u, "input") for u in self.inputs]
+        roles += [(s, "parameter") for s in self.parameters] + [(s, "surface") for s in self.surfaces]
+        roles += [(s, "path constraint") for s in self.path_constraints]
+        for symbol, role in roles:
+            check_name(name_of(symbol), role)
+        for group in (("coordinate", "input", "parameter"), ("surface", "path constraint")):
+            _check_distinct([(name_of(s), role) for s, role in roles if role in group])
+        derived = [(name_of(q), "coordinate") for q in self.coordinates] + [(name_of(u), "input") for u in self.inputs]
+        for q in self.coordinates:
+            derived.append((velocity_name(name_of(q)), f"velocity of {name_of(q)}"))
+            derived.append((momentum_name(name_of(q)), f"momentum of {name_of(q)}"))
+        _check_distinct(derived)
+        for symbol, value in self.parameters.items():
+            if not isinstance(symbol, sp.Symbol):
+                raise ModelError(f"parameter {symbol!r} is not a SymPy Symbol.")
+            if value is not None and not math.isfinite(float(value)):
+                raise ModelError(f"parameter {symbol} = {value}: a finite number was expected.")
+
+    def _normalised_forces(self) -> dict[Any, Any]:
+        forces = {}
+        for q, expression in dict(self.forces).items():
+            if q not in self.coordinates:
+                raise ModelError(
+                    f"the force on {q} belongs to no coordinate: expected one of {_listed(self.coordinates)}."
+                )
+            forces[q] = _expression(expression, f"the force on {name_of(q)}")
+        return forces
+
+    def _check_symbols(self) -> None:
+        state = set(self.coordinates) | set(self.velocities)
+        known = state | set(self.parameters)
+        with_inputs = known | set(self.inputs)
+        parts: list[tuple[str, Any, set[Any]]] = [("the Lagrangian", self.lagrangian, known), ("the cost", self.cost, with_inputs)]
+        parts += [(f"the force on {name_of(q)}", e, with_inputs) for q, e in self.forces.items()]
+        parts += [(f"surface {n!r}", g, set(self.coordinates) | set(self.parameters)) for n, g in self.gaps.items()]
+        parts += [(f"path constraint {n!r}", r, with_inputs) for n, r in self.path_functions.items()]
+        used: set[Any] = set()
+        for where, expression, allowed in parts:
+            found = _atoms(expression)
+            used |= found
+            for symbol in sorted(found - allowed, key=str):
+                raise ModelError(_unknown_symbol(symbol, where, with_inputs))
+        for symbol in self.parameters:
+            if symbol not in used:
+                raise ModelError(f"parameter {symbol} is used nowhere in model {self.name!r}: remove it or use it.")
+        in_forces: set[Any] = set().union(*(_atoms(e) for e in self.forces.values()))
+        for u in self.inputs:
+            if u not in in_forces:
+                raise ModelError(f"input {name_of(u)} appears in no force of model {self.name!r}: remove it or use it.")
+
+    def _check_mass_matrix(self) -> None:
+        mass = self.mass_matrix
+        for i, q in enumerate(self.coordinates):
+            if all(entry == 0 for entry in mass.row(i)):
+                raise ModelError(
+                    f"the kinetic energy does not contain the velocity of coordinate {name_of(q)}: the mass matrix would be "
+                    "singular; give the coordinate inertia or remove it."
+                )
+        if any(_atoms(entry) & set(self.velocities) for entry in mass):
+            raise ModelError("the kinetic energy is not quadratic in the velocities: the mass matrix depends on them.")
+        if _is_singular(mass):
+            raise ModelError(
+                f"the mass matrix of model {self.name!r} is singular (its determinant is zero everywhere): the coordinates "
+                f"{_listed(self.coordinates)} are not independent, or one lacks inertia."
+            )
+
+    def _check_relations(self) -> None:
+        for name, gap in self.gaps.items():
+            if not _atoms(gap) & set(self.coordinates):
+                raise ModelError(f"surface {name!r} contains no coordinate: expected a relation in {_listed(self.coordinates)}.")
+
+
+def _expression(value: Any, what: str) -> Any:
+    try:
+        expression = sp.sympify(value).doit()
+    except (sp.SympifyError, AttributeError, TypeError):
+        raise ModelError(f"{what} is not a SymPy expression: got {value!r}.") from None
+    if not isinstance(expression, sp.Expr):
+        raise ModelError(f"{what} is not a scalar SymPy expression: got {value!r}.")
+    if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
+        raise ModelError(f"{what} contains an infinite or undefined constant: {expression}.")
+    return expression
+
+
+def _slack(relation: Any, what: str) -> Any:
+    """Return the expression that is >= 0 where ``relation`` holds."""
+    if isinstance(relation, (GreaterThan, StrictGreaterThan)):
+        return _expression(relation.lhs - relation.rhs, what)
+    if isinstance(relation, (LessThan, StrictLessThan)):
+        return _expression(relation.rhs - relation.lhs, what)
+    raise ModelError(f"{what} is not an inequality: expected a relation such as `alpha >= a_min`, got {relation!r}.")
+
+
+def _atoms(expression: Any) -> set[Any]:
+    """Symbols, functions of time and their derivatives in an expression; a derivative hides what it contains."""
+    derivatives = expression.atoms(sp.Derivative)
+    bare = expression.xreplace({d: sp.Dummy() for d in derivatives})
+    functions = bare.atoms(AppliedUndef)
+    bare = bare.xreplace({f: sp.Dummy() for f in functions})
+    return derivatives | functions | {s for s in bare.free_symbols if not isinstance(s, sp.Dummy)}
+
+
+def _unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:
+    if symbol == dynamicsymbols._t:
+        return f"{where} depends explicitly on the time t: only time-independent models are supported."
+    if isinstance(symbol, sp.Derivative):
+        return f"{where} contains {symbol}: only coordinates and their first derivatives may appear there."
+    if isinstance(symbol, AppliedUndef) and isinstance(symbol.func, UndefinedFunction) and symbol not in known:
+        return f"{where} contains {symbol}, which is neither a coordinate nor an input: declare it or remove it."
+    role = "may not appear there" if symbol in known else "is unknown: list it in `parameters` with its value"
+    return f"{where} contains the symbol {symbol}, which {role}."
+
+
+def _is_singular(mass: sp.Matrix) -> bool:
+    """Tell whether M is singular at several fixed generic points, hence everywhere."""
+    symbols = sorted(set().union(*(_atoms(entry) for entry in mass)), key=str)
+    for shift in (0.0, 1.7, 4.1):
+        point = {s: sp.Float(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0, 30) for i, s in enumerate(symbols)}
+        matrix = mass.xreplace(point).evalf(30)
+        scale = max(abs(entry) for entry in matrix) ** matrix.rows
+        if abs(matrix.det()) > scale * sp.Float("1e-20"):
+            return False
+    return True
+
+
+def _check_distinct(names: list[tuple[str, str]]) -> None:
+    seen: dict[str, str] = {}
+    for name, role in names:
+        if name in seen:
+            raise ModelError(f"the name {name!r} is used twice, as {seen[name]} and as {role}: rename one.")
+        seen[name] = role
+
+
+def _listed(symbols: Sequence[Any]) -> str:
+    return ", ".join(name_of(s) for s in symbols)
