@@ -25,7 +25,7 @@ from dmoc.nlp.feasibility import minimal_time
 from dmoc.nlp.layout import Index, Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sparse import SparsePattern
-from dmoc.symbolic.names import momentum_name
+from dmoc.symbolic.names import momentum_name, velocity_name
 
 Matrix = scipy.sparse.csr_matrix
 NDBool = NDArray[np.bool_]
@@ -89,6 +89,20 @@ class Transcription:
             ("minimal time", [f"minimal time of phase {i} -> {problem.sequence[i]}" for i in self._timed]),
         ]
         return _blocks(groups)
+
+    def unknown_names(self) -> list[str]:
+        """Name every unknown in the user's words, in the order of x."""
+        lay, kernels = self.layout, self.problem.kernels
+        q, u = kernels.coordinates, kernels.inputs
+        names = [f"step size of phase {i}" for i in range(lay.phases)]
+        names += [f"{c} at node {k}" for k in range(lay.total + 1) for c in q]
+        names += [f"{c} in {'node' if lay.linear else 'step'} {k}" for k in range(len(lay.index_u)) for c in u]
+        names += [f"impulse of collision {i + 1} ({s})" for i, s in enumerate(self.problem.sequence)]
+        for end in ("start", "goal"):
+            names += [f"{momentum_name(c)} at the {end}" for c in q]
+        for end, velocities in (("start", lay.velocity_at_start), ("goal", lay.velocity_at_end)):
+            names += [f"{velocity_name(c)} at the {end}" for c in q] if velocities else []
+        return names
 
     @property
     def n(self) -> int:

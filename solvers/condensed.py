@@ -3,8 +3,8 @@
 The chain of steps is cut into segments.  Within a segment the momentum equation of node k determines q_{k+1}, so the eliminated
 coordinates X follow from the remaining unknowns Y by a Newton iteration on a banded matrix, and derivatives with respect to Y come
 from adjoint solves with the same factors.  What stays as an unknown is Y = (h, u, lam, boundary values, and the two nodes that start each segment);
-what stays as a constraint is everything that the elimination did not use.  One segment a phase is single shooting, more make the
-problem less nonlinear: an unstable motion does not amplify errors over more than one segment.
+what stays as a constraint is everything that the elimination did not use.  One segment a phase is single shooting; more make the program less
+nonlinear, so that the driver needs fewer iterations, each of which costs more.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from dmoc.nlp.transcription import Matrix, Transcription
 # Residual of the eliminated equations relative to the momenta: a few roundings.
 NEWTON_TOLERANCE = 1e-13
 NEWTON_LIMIT = 25
+# A segment keeps two nodes as unknowns, so shorter ones eliminate next to nothing.
+SHORTEST_SEGMENT = 4
 
 
 @dataclass(frozen=True)
@@ -34,13 +36,13 @@ class Partition:
     kept_rows: Index
 
 
-def partition(layout: Layout, n: int, n_eq: int, lower: Array, upper: Array, longest: int) -> Partition:
-    """Cut every phase into segments of at most ``longest`` steps; longest = 0 eliminates nothing."""
+def partition(layout: Layout, n: int, n_eq: int, lower: Array, upper: Array, segments: int) -> Partition:
+    """Cut every phase into at most ``segments`` segments; segments = 0 eliminates nothing."""
     nq = layout.nq
     eliminated, used = [], []
     for first, last in zip(layout.ends, layout.ends[1:], strict=False):
-        pieces = int(np.ceil((last - first) / longest)) if longest else 0
-        cuts = np.linspace(first, last, pieces + 1).round().astype(int) if longest else []
+        pieces = min(segments, max(1, (last - first) // SHORTEST_SEGMENT))
+        cuts = np.linspace(first, last, pieces + 1).round().astype(int) if segments else []
         for a, b in zip(cuts, cuts[1:], strict=False):
             start = a if a == 0 else a + 1  # the first node's momentum equation starts the chain
             eliminated.append(np.arange(start + 1, b))
