@@ -439,7 +439,8 @@ def _least_violation(driver: Driver, x: Array, progress: _Progress) -> Array:
         progress.step(full)
         return np.vstack([reduced.equality, reduced.inequality * d[:, None], reduced.unknowns * outside[:, None]])
 
-    start = np.clip(x[kept], low + 1e-12 * np.maximum(1, abs(low)), high - 1e-12 * np.maximum(1, abs(high)))
+    margin = 1e-12 * np.maximum(1.0, np.abs(x[kept]))  # least_squares wants a start strictly inside its bounds
+    start = np.clip(x[kept], low + margin, high - margin)
     if completed(start) is None:
         return x
     with np.errstate(all="ignore"):

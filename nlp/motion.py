@@ -1,0 +1,93 @@
+"""From unknowns to a motion, and to words about what limits it."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.transcription import Transcription
+from dmoc.trajectory import Collision, Phase, Trajectory
+
+# A bound is active if the unknown is this close to it, relative to its size.
+CLOSE = 1e-8
+
+
+def trajectory(nlp: Transcription, x: Array) -> Trajectory:
+    """Return the motion of the unknowns x: times, coordinates, momenta, velocities, inputs, collisions."""
+    lay, problem = nlp.layout, nlp.problem
+    h, q = x[lay.index_h], x[lay.index_q]
+    p_start, p_end = nlp.momenta(x)
+    u = x[lay.index_u]
+    phases, collisions = [], []
+    begin = 0.0
+    for i, steps in enumerate(lay.steps):
+        first, last = int(lay.ends[i]), int(lay.ends[i + 1])
+        t = begin + h[i] * np.arange(steps + 1)
+        p = np.vstack([p_start[first : first + 1], p_end[first:last]])
+        at = np.ascontiguousarray(q[first : last + 1])
+        offset = i if lay.linear else 0
+        inputs = u[first + offset : last + offset + (1 if lay.linear else 0)]
+        phases.append(Phase(t, at, p, _velocities(nlp, at, p), np.ascontiguousarray(inputs)))
+        begin = float(t[-1])
+        if i < lay.phases - 1:
+            collisions.append(
+                Collision(problem.sequence[i], begin, q[last].copy(), float(x[lay.index_lam[i]]), p_end[last - 1].copy(), p_start[last].copy())
+            )
+    kernels = problem.kernels
+    return Trajectory(
+        kernels.name, str(kernels.manifest["fingerprint"]), tuple(kernels.coordinates), tuple(kernels.inputs),
+        dict(zip(kernels.parameters, map(float, problem.parameter_values[0]), strict=True)), tuple(phases), tuple(collisions),
+        problem.controls, problem.input_bounds, problem.coordinate_bounds,
+    )  # fmt: skip
+
+
+def _velocities(nlp: Transcription, q: Array, p: Array) -> Array:
+    """v = M(q)^-1 (p - dL/dv(q, 0))."""
+    kernels, rest = nlp.problem.kernels, np.zeros_like(q)
+    offset = kernels.call("legendre", q, rest, nlp.par)[0]
+    mass = kernels.call("dynamics", q, rest, np.zeros((1, nlp.problem.nu)), nlp.par)[0].reshape(len(q), q.shape[1], q.shape[1])
+    return np.ascontiguousarray(np.linalg.solve(mass, (p - offset)[:, :, None])[:, :, 0])
+
+
+def active_bounds(nlp: Transcription, x: Array, w: Array) -> tuple[str, ...]:
+    """Name the inequalities with a multiplier and the bounds that unknowns are at; many of a kind are counted."""
+    lay, problem = nlp.layout, nlp.problem
+    found = []
+    d = nlp.inequality(x)
+    for block in nlp.inequalities:
+        held = [i for i, row in enumerate(block.rows) if w[row] > 0 and d[row] <= CLOSE]
+        if block.name == "gap":
+            surfaces = Counter(problem.kernels.surfaces[nlp.gap_constraints[1][i]] for i in held)
+            found += [f"gap to {s} at {n} node{'s' * (n > 1)}" for s, n in surfaces.items()]
+        elif block.name == "path":
+            names = problem.kernels.manifest["path_constraints"]
+            paths = Counter(names[i % len(names)] for i in held)
+            found += [f"path constraint {s} in {n} step{'s' * (n > 1)}" for s, n in paths.items()]
+        else:
+            found += [block.labels[i] for i in held]
+    low, high = nlp.lower, nlp.upper
+    open_ = low < high
+    for i, k in enumerate(lay.index_h):
+        for at, sign in ((low, ">="), (high, "<=")):
+            if open_[k] and abs(x[k] - at[k]) <= CLOSE * abs(x[k]):
+                found.append(f"duration of phase {i} {sign} {at[k] * lay.steps[i]:g} s")
+    for index, names, what in ((lay.index_u, problem.kernels.inputs, "step"), (lay.index_q, problem.kernels.coordinates, "node")):
+        for j, name in enumerate(names):
+            column = index[:, j]
+            for at, sign in ((low, ">="), (high, "<=")):
+                near = open_[column] & (np.abs(x[column] - at[column]) <= CLOSE * np.maximum(1.0, np.abs(at[column])))
+                for value, n in sorted(Counter(at[column][near].tolist()).items()):
+                    found.append(f"{name} {sign} {value:g} in {n} {what}{'s' * (n > 1)}")
+    for i, k in enumerate(lay.index_lam):
+        if x[k] <= CLOSE:
+            found.append(f"impulse of collision {i + 1} ({problem.sequence[i]}) >= 0")
+    return tuple(found)
+
+
+def named_multipliers(nlp: Transcription, y: Array, w: Array) -> dict[str, Array]:
+    """Multipliers by kind of constraint; those of the momentum equations in the shape (nodes, nq)."""
+    named = {block.name: y[block.rows] for block in nlp.equalities if len(block.rows)}
+    named["momentum"] = named["momentum"].reshape(-1, nlp.layout.nq)
+    return named | {block.name: w[block.rows] for block in nlp.inequalities if len(block.rows)}

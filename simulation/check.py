@@ -1,0 +1,302 @@
+"""The independent check of a motion: continuous equations of motion, event detection and impact law.
+
+Nothing here is shared with the discrete equations of the optimiser: SciPy's DOP853 integrates M q'' = F(q, q', u) with the motion's inputs,
+surfaces are found by root finding on its dense output, and an impact changes the velocities by the law of the continuous theory,
+v+ = v- - 2 (n . v-) / (n . M^-1 n) M^-1 n with n = grad g.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import DOP853, solve_ivp
+from scipy.optimize import brentq
+
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.trajectory import Phase, Trajectory
+
+RELATIVE, ABSOLUTE = 1e-10, 1e-12  # far below the discretisation errors that are to be seen
+# What a motion may miss, relative to the ranges of its coordinates and momenta, and still count as confirmed.
+PASSING = 0.05
+# A contact belongs to a planned collision if it happens within this share of the final time from it.
+SAME_CONTACT = 0.05
+SEGMENTS = 10  # of a phase, for the errors segment by segment
+INSIDE = (0.25, 0.5, 0.75)  # where between nodes penetration is looked for
+TOUCH = 1e-9  # gap that counts as touching, not crossing
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A contact met by the open-loop simulation."""
+
+    surface: str
+    time: float
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What the check found.  Errors are relative to the range of the coordinate and to the largest momentum of the motion.
+
+    Attributes
+    ----------
+    passed : bool
+    message : str
+        The reason if it did not pass.
+    terminal_error : float
+        Error of the state at the end of an open-loop simulation with the motion's inputs.
+    max_defect : float
+        Largest error over a single step, started at its first node.
+    segment_defects : array
+        Error over each of ten segments a phase, started at its first node.
+    energy_error : float
+        Largest |E(end) - E(start) - work| of a phase, or jump of the energy at a collision, relative to the range of kinetic energies.
+    missed_contacts, extra_contacts : tuples of str
+        Planned collisions that the simulation does not meet, and contacts that were not planned.
+    penetration : float
+        Largest gap g > 0 between nodes, in the units of g.
+    contacts : tuple of Contact
+    """
+
+    passed: bool
+    message: str
+    terminal_error: float
+    max_defect: float
+    segment_defects: Array
+    energy_error: float
+    missed_contacts: tuple[str, ...]
+    extra_contacts: tuple[str, ...]
+    penetration: float
+    contacts: tuple[Contact, ...]
+
+
+def verify(trajectory: Trajectory, kernels: Kernels) -> Verification:
+    """Simulate a motion independently and compare.
+
+    A motion passes if the open-loop simulation meets the planned collisions and no others, and if its terminal state, every segment, and
+    the energy balance agree within 5 % of the motion's ranges.
+    """
+    check = _Check(trajectory, kernels)
+    ends, work, penetration = check.steps()
+    defects = check.defects(ends)
+    segments = check.segments()
+    energy = check.energy_error(work)
+    terminal, contacts = check.open_loop()
+    missed, extra = _compare(trajectory, contacts)
+    worst_segment = float(segments.max(initial=0.0))
+    failures = []
+    if missed:
+        failures.append(f"the simulation misses {', '.join(missed)}")
+    if extra:
+        failures.append(f"the simulation meets {', '.join(extra)}")
+    for name, value in (("terminal error", terminal), ("segment error", worst_segment), ("energy error", energy)):
+        if not value <= PASSING:
+            failures.append(f"{name} {value:.3g} exceeds {PASSING:g}")
+    message = "; ".join(failures) + (": take more steps" if failures else "")
+    return Verification(
+        not failures, message, terminal, float(defects.max(initial=0.0)), segments, energy, missed, extra, penetration, tuple(contacts)
+    )
+
+
+class _Check:
+    def __init__(self, trajectory: Trajectory, kernels: Kernels) -> None:
+        self.trajectory, self.kernels = trajectory, kernels
+        self.par = trajectory.parameter_row
+        self.nq = len(trajectory.coordinates)
+        q = np.vstack([p.q for p in trajectory.phases])
+        momentum = np.abs(np.vstack([p.p for p in trajectory.phases])).max(axis=0)
+        spread = np.ptp(q, axis=0)
+        self.q_scale = np.where(spread > 0, spread, 1.0)
+        self.p_scale = np.where(momentum > 0, momentum, 1.0)
+
+    # Equations of motion ---------------------------------------------------------------------------------------------
+
+    def acceleration(self, q: Array, v: Array, u: Array) -> Array:
+        mass, force = self.kernels.call("dynamics", q, v, u, self.par)
+        return np.asarray(np.linalg.solve(mass.reshape(-1, self.nq, self.nq), force[:, :, None])[:, :, 0])
+
+    def ends_of_inputs(self, phase: Phase) -> tuple[Array, Array]:
+        """Inputs at the start and at the end of every step."""
+        return (phase.u[:-1], phase.u[1:]) if self.trajectory.controls == "linear" else (phase.u, phase.u)
+
+    def batch(self, q: Array, v: Array, h: Array, u0: Array, u1: Array) -> tuple[Array, Array, Array, Array]:
+        """Integrate rows of states over one step each; return q, v, the work of the forces, and q inside, shape (len(INSIDE), n, nq)."""
+        n, nq = q.shape
+        span = h[:, None]
+
+        def slope(s: float, y: Array) -> Array:
+            state = y.reshape(n, 2 * nq + 1)
+            at, rate = state[:, :nq].copy(), state[:, nq : 2 * nq].copy()
+            u = (1 - s) * u0 + s * u1
+            power = (self.kernels.call("force", at, rate, u, self.par)[0] * rate).sum(axis=1, keepdims=True)
+            return np.asarray(np.hstack([rate, self.acceleration(at, rate, u), power]) * span).ravel()
+
+        start = np.hstack([q, v, np.zeros((n, 1))]).ravel()
+        done = solve_ivp(slope, (0.0, 1.0), start, "DOP853", t_eval=[*INSIDE, 1.0], rtol=RELATIVE, atol=ABSOLUTE)
+        if not done.success:
+            return np.full_like(q, np.nan), np.full_like(v, np.nan), np.full(n, np.nan), np.full((len(INSIDE), n, nq), np.nan)
+        states = done.y.T.reshape(len(INSIDE) + 1, n, 2 * nq + 1)
+        last = states[-1]
+        return last[:, :nq].copy(), last[:, nq : 2 * nq].copy(), last[:, -1], states[:-1, :, :nq].copy()
+
+    # Step by step and segment by segment -----------------------------------------------------------------------------
+
+    def steps(self) -> tuple[list[tuple[Array, Array]], list[Array], float]:
+        """Integrate every step from its first node; return end states and work of each phase, and the largest penetration."""
+        ends, work, penetration = [], [], 0.0
+        for phase in self.trajectory.phases:
+            u0, u1 = self.ends_of_inputs(phase)
+            q, v, w, inside = self.batch(phase.q[:-1], phase.v[:-1], np.diff(phase.t), u0, u1)
+            ends.append((q, v))
+            work.append(w)
+            if self.kernels.has("surface"):
+                gaps = self.kernels.call("surface", inside.reshape(-1, self.nq), self.par)[0]
+                penetration = max(penetration, float(gaps.max(initial=0.0)))
+        return ends, work, penetration
+
+    def error(self, q: Array, v: Array, q_wanted: Array, p_wanted: Array) -> Array:
+        """Largest relative error of each row's state."""
+        p = self.kernels.call("legendre", q, v, self.par)[0]
+        parts = np.hstack([np.abs(q - q_wanted) / self.q_scale, np.abs(p - p_wanted) / self.p_scale])
+        return np.asarray(np.nan_to_num(parts.max(axis=1), nan=np.inf))
+
+    def defects(self, ends: list[tuple[Array, Array]]) -> Array:
+        pairs = zip(self.trajectory.phases, ends, strict=True)
+        return np.concatenate([self.error(q, v, phase.q[1:], phase.p[1:]) for phase, (q, v) in pairs])
+
+    def segments(self) -> Array:
+        """Errors over segments, all segments of a phase integrated side by side."""
+        errors = []
+        for phase in self.trajectory.phases:
+            cuts = np.unique(np.linspace(0, phase.steps, SEGMENTS + 1).round().astype(int))
+            first, last = cuts[:-1], cuts[1:]
+            q, v = phase.q[first], phase.v[first]
+            u0, u1 = self.ends_of_inputs(phase)
+            h = np.diff(phase.t)
+            for j in range(int((last - first).max())):
+                on = first + j < last
+                k = first[on] + j
+                q[on], v[on], _, _ = self.batch(q[on], v[on], h[k], u0[k], u1[k])
+            errors.append(self.error(q, v, phase.q[last], phase.p[last]))
+        return np.concatenate(errors)
+
+    def energy_error(self, work: list[Array]) -> float:
+        """Largest imbalance of a phase or jump at a collision, relative to the range of the kinetic energies."""
+        energies = [self.kernels.call("legendre", p.q, p.v, self.par)[1][:, 0] for p in self.trajectory.phases]
+        rest = [self.kernels.call("legendre", p.q, np.zeros_like(p.v), self.par)[1][:, 0] for p in self.trajectory.phases]
+        scale = max(float(np.abs(e - r).max()) for e, r in zip(energies, rest, strict=True)) or 1.0
+        balance = [abs(e[-1] - e[0] - w.sum()) for e, w in zip(energies, work, strict=True)]
+        jumps = [abs(b[0] - a[-1]) for a, b in zip(energies, energies[1:], strict=False)]
+        return float(max([*balance, *jumps])) / scale
+
+    # Open loop -------------------------------------------------------------------------------------------------------
+
+    def open_loop(self) -> tuple[float, list[Contact]]:
+        """Simulate from the start with the motion's inputs; return the terminal error and the contacts."""
+        phases = self.trajectory.phases
+        y = np.concatenate([phases[0].q[0], phases[0].v[0]])
+        contacts: list[Contact] = []
+        for phase in phases:
+            u0, u1 = self.ends_of_inputs(phase)
+            for k in range(phase.steps):
+                try:
+                    y = self.step_with_contacts(y, phase.t[k], phase.t[k + 1], u0[k], u1[k], contacts)
+                except FloatingPointError:
+                    return np.inf, contacts
+        last = phases[-1]
+        return float(self.error(y[None, : self.nq].copy(), y[None, self.nq :].copy(), last.q[-1:], last.p[-1:])[0]), contacts
+
+    def step_with_contacts(self, y: Array, t0: float, t1: float, u0: Array, u1: Array, contacts: list[Contact]) -> Array:
+        nq = self.nq
+
+        def slope(t: float, state: Array) -> Array:
+            share = (t - t0) / (t1 - t0)
+            u = ((1 - share) * u0 + share * u1)[None]
+            at, rate = state[None, :nq].copy(), state[None, nq:].copy()
+            return np.concatenate([rate[0], self.acceleration(at, rate, u)[0]])
+
+        t = t0
+        for _ in range(100):  # impacts within one step
+            solver = DOP853(slope, t, y, t1, rtol=RELATIVE, atol=ABSOLUTE, first_step=t1 - t)
+            hit = None
+            while solver.status == "running" and hit is None:
+                solver.step()
+                if not np.isfinite(solver.y).all() or solver.status == "failed":
+                    raise FloatingPointError
+                hit = self.first_hit(solver)
+            if hit is None:
+                return np.asarray(solver.y)
+            t, y, surface = hit
+            contacts.append(Contact(self.kernels.surfaces[surface], t))
+            y = self.impact(y, surface)
+            if t1 - t <= 1e-12 * max(1.0, t1):
+                return y
+        raise FloatingPointError
+
+    def gaps(self, q: Array) -> Array:
+        return self.kernels.call("surface", np.atleast_2d(q).copy(), self.par)[0]
+
+    def first_hit(self, solver: Any) -> tuple[float, Array, int] | None:
+        """Look for the first crossing within the step that the integrator has just taken."""
+        if not self.kernels.has("surface"):
+            return None
+        nq = self.nq
+        rows, columns = self.kernels.pattern("surface_jac", "g_D_q")
+        slopes = self.kernels.call("surface_jac", solver.y[None, :nq].copy(), self.par)[0][0]
+        reach = np.bincount(rows, weights=np.abs(slopes * solver.y[nq:][columns]), minlength=len(self.kernels.surfaces))
+        if (self.gaps(solver.y[:nq])[0] < -3 * reach * (solver.t - solver.t_old) - 1e-3).all():
+            return None
+        dense = solver.dense_output()
+        times = np.linspace(solver.t_old, solver.t, 9)
+        gaps = self.gaps(np.array([dense(t)[:nq] for t in times]))
+        first: tuple[float, Array, int] | None = None
+        for j in range(gaps.shape[1]):
+            over = np.flatnonzero(gaps[:, j] > TOUCH)
+            if not len(over):
+                continue
+            k = int(over[0])
+            if k == 0:
+                continue
+            low = times[k - 1]
+            if gaps[k - 1, j] >= 0:  # starts on the surface: look for the moment inside
+                inside = [s for s in np.linspace(low, times[k], 33) if self.gaps(dense(s)[:nq])[0, j] < 0]
+                if not inside:
+                    continue
+                low = inside[-1]
+
+            def gap(s: float, j: int = j) -> float:
+                return float(self.gaps(dense(s)[:nq])[0, j])
+
+            at = float(brentq(gap, low, times[k], xtol=1e-14, rtol=1e-14))
+            if first is None or at < first[0]:
+                first = at, np.asarray(dense(at)), j
+        return first
+
+    def impact(self, y: Array, surface: int) -> Array:
+        nq = self.nq
+        q, v = y[None, :nq].copy(), y[nq:]
+        rows, columns = self.kernels.pattern("surface_jac", "g_D_q")
+        normal = np.zeros(nq)
+        values = self.kernels.call("surface_jac", q, self.par)[0][0]
+        normal[columns[rows == surface]] = values[rows == surface]
+        zero = np.zeros((1, len(self.kernels.inputs)))
+        mass = self.kernels.call("dynamics", q, v[None].copy(), zero, self.par)[0].reshape(nq, nq)
+        response = np.linalg.solve(mass, normal)
+        return np.concatenate([y[:nq], v - 2 * (normal @ v) / (normal @ response) * response])
+
+
+def _compare(trajectory: Trajectory, contacts: list[Contact]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Match contacts with planned collisions by surface and time."""
+    left = list(contacts)
+    missed = []
+    for planned in trajectory.collisions:
+        window = SAME_CONTACT * trajectory.final_time
+        match = next((c for c in left if c.surface == planned.surface and abs(c.time - planned.time) <= window), None)
+        if match is None:
+            missed.append(f"the collision with {planned.surface!r} at {planned.time:.4g} s")
+        else:
+            left.remove(match)
+    return tuple(missed), tuple(f"a contact with {c.surface!r} at {c.time:.4g} s" for c in left)
+
+

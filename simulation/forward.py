@@ -1,0 +1,136 @@
+"""Forward simulation by the variational integrator with the collision time step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.errors import SimulationError
+from dmoc.simulation.stepper import Stepper
+from dmoc.trajectory import Collision
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A simulated motion.
+
+    Attributes
+    ----------
+    t : array of shape (n,)
+        Times of the recorded nodes in seconds.
+    q, p : arrays of shape (n, nq)
+        Coordinates and momenta.
+    energy : array of shape (n,)
+        E = v . p - L at the recorded nodes.
+    collisions : tuple of Collision
+        In the order in which they happened.
+    """
+
+    t: Array
+    q: Array
+    p: Array
+    energy: Array
+    collisions: tuple[Collision, ...]
+
+
+def simulate(
+    kernels: Kernels,
+    position: Mapping[str, float] | ArrayLike,
+    velocity: Mapping[str, float] | ArrayLike | None = None,
+    *,
+    step_size: float,
+    steps: int,
+    inputs: ArrayLike | None = None,
+    parameters: Mapping[str, float] | None = None,
+    every: int = 1,
+) -> Simulation:
+    """Simulate a system through its elastic collisions.
+
+    Each step solves r_minus(q_k, q_{k+1}) + p_k = 0.  A step that crosses a surface is split at the collision: first
+    (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam) from the conservation of energy and of
+    tangential momentum.  Several collisions in one step are handled one after the other.
+
+    Parameters
+    ----------
+    kernels : Kernels
+    position, velocity : arrays of shape (nq,) or mappings by coordinate name
+        Initial state; velocities default to rest.
+    step_size : float
+        h in seconds.
+    steps : int
+    inputs : array of shape (steps, nu) or (nu,), optional
+        Inputs of each step; zero by default.
+    parameters : mapping, optional
+        Values that replace the model's.
+    every : int, optional
+        Record every so many steps.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    SimulationError
+        If an argument does not fit, a step has no solution, the motion comes to rest on a surface, or collisions accumulate.
+    """
+    nq, nu = len(kernels.coordinates), len(kernels.inputs)
+    if not (np.isfinite(step_size) and step_size > 0):
+        raise SimulationError(f"step_size = {step_size!r}: expected a positive number of seconds.")
+    if steps < 1 or every < 1:
+        raise SimulationError(f"steps = {steps!r}, every = {every!r}: expected whole numbers of at least 1.")
+    par = _parameters(kernels, parameters or {})
+    q = _vector(position, kernels.coordinates, "position")
+    v = _vector(np.zeros(nq) if velocity is None else velocity, kernels.coordinates, "velocity")
+    u = np.zeros((steps, nu)) if inputs is None else np.array(np.broadcast_to(inputs, (steps, nu)), dtype=float)
+    if kernels.has("surface"):
+        gaps = kernels.call("surface", q[None], par)[0][0]
+        if (gaps > 1e-12).any():
+            worst = int(np.argmax(gaps))
+            raise SimulationError(f"position lies behind surface {kernels.surfaces[worst]!r} by {gaps[worst]:g}: move it inside g <= 0.")
+    p = kernels.call("legendre", q[None], v[None], par)[0][0]
+    stepper = Stepper(kernels, par)
+    t, positions, momenta = stepper.run(q, p, u, float(step_size), every)
+    collisions = tuple(
+        Collision(kernels.surfaces[j], time, at, float(lam), before, after) for _, time, j, lam, at, before, after in stepper.collisions
+    )
+    velocities = velocities_of(kernels, positions, momenta, par)
+    energy = kernels.call("legendre", positions, velocities, par)[1][:, 0]
+    return Simulation(t, positions, momenta, energy, collisions)
+
+
+def velocities_of(kernels: Kernels, q: Array, p: Array, par: Array) -> Array:
+    """Return v = M(q)^-1 (p - dL/dv(q, 0)) for rows of states, shape (n, nq)."""
+    nq = q.shape[1]
+    rest = np.zeros_like(q)
+    offset = kernels.call("legendre", q, rest, par)[0]
+    mass = kernels.call("dynamics", q, rest, np.zeros((1, len(kernels.inputs))), par)[0].reshape(-1, nq, nq)
+    return np.ascontiguousarray(np.linalg.solve(mass, (p - offset)[:, :, None])[:, :, 0])
+
+
+def _vector(given: Mapping[str, float] | ArrayLike, names: list[str], what: str) -> Array:
+    if isinstance(given, Mapping):
+        unknown = [n for n in given if n not in names]
+        if unknown:
+            raise SimulationError(f"{what} names {unknown[0]!r}: expected coordinates out of {', '.join(names)}.")
+        given = [given.get(n, 0.0) for n in names]
+    vector = np.array(given, dtype=float)
+    if vector.shape != (len(names),) or not np.isfinite(vector).all():
+        raise SimulationError(f"{what} = {given!r}: expected {len(names)} finite numbers ({', '.join(names)}).")
+    return vector
+
+
+def _parameters(kernels: Kernels, changes: Mapping[str, float]) -> Array:
+    values = kernels.parameters
+    for name, value in changes.items():
+        if name not in values:
+            raise SimulationError(f"unknown parameter {name!r}: expected one of {', '.join(values)}.")
+        values[name] = float(value)
+    missing = [n for n, value in values.items() if value is None]
+    if missing:
+        raise SimulationError(f"parameter {missing[0]} of model {kernels.name!r} has no value: set it in `parameters`.")
+    return np.array([[float(v) for v in values.values() if v is not None]])

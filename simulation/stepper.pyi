@@ -1,0 +1,13 @@
+"""The variational integrator with collisions, compiled."""
+
+from typing import Any
+
+from dmoc.codegen.kernels import Array, Kernels
+
+class Stepper:
+    nq: int
+    nu: int
+    nc: int
+    collisions: list[list[Any]]
+    def __init__(self, kernels: Kernels, par: Array) -> None: ...
+    def run(self, q0: Array, p0: Array, u: Array, h: float, every: int) -> tuple[Array, Array, Array]: ...

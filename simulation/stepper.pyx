@@ -1,0 +1,436 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False
+"""The variational integrator with collisions, one step at a time (Kern & Gross 2018, "Collision Time Step").
+
+A step of size h is a chain of *legs*.  The first leg starts at a node with momentum p_0, the others start at a collision::
+
+    first leg     r_minus(q_0, q_1, s) + p_0 = 0
+    later legs    p_minus + r_minus(q_c, q_1, s) - lam grad g(q_c) = 0,   e_plus(leg before) - e_minus(q_c, q_1, s) = 0
+
+with unknowns q_1, or q_1 and lam.  A leg that would cross a surface is shortened to the duration s = tau h at which g(q_1) = 0.
+"""
+from cpython.pycapsule cimport PyCapsule_GetPointer
+from libc.math cimport fabs, isfinite, sqrt
+
+import numpy as np
+
+from dmoc.errors import SimulationError
+
+ctypedef void dmoc_kernel(ptrdiff_t n, const double *const *args, const ptrdiff_t *stride, double *const *results) noexcept nogil
+
+cdef enum:
+    MOST = 12           # arrays of a kernel
+    NEWTON_LIMIT = 50
+    ROOT_LIMIT = 200
+    MOST_HITS = 100     # collisions within one step before the motion counts as Zeno
+
+cdef double TOLERANCE = 1e-14      # of a Newton step relative to the coordinates
+cdef double GAP_TOLERANCE = 1e-13  # a gap above it counts as crossed
+cdef double SHORTEST_LEG = 1e-9    # share of a step below which a leg is replaced by its limit: its equations divide by s
+
+
+cdef class _Call:
+    """A kernel bound to arrays that stay where they are."""
+    cdef dmoc_kernel *kernel
+    cdef const double *args[MOST]
+    cdef double *results[MOST]
+    cdef ptrdiff_t stride[MOST]
+    cdef object function
+    cdef tuple arrays
+
+    def __init__(self, kernels, str name, tuple inputs, tuple outputs):
+        cdef double[:, ::1] view
+        cdef int a
+        self.arrays = inputs + outputs
+        self.kernel = NULL
+        self.function = getattr(kernels.module, name)
+        if kernels.backend == "compiled":
+            self.kernel = <dmoc_kernel *>PyCapsule_GetPointer(kernels.module.capsule(name), "dmoc_kernel")
+        for a in range(len(inputs)):
+            view = inputs[a]
+            self.args[a] = &view[0, 0] if view.shape[1] else NULL
+            self.stride[a] = 0
+        for a in range(len(outputs)):
+            view = outputs[a]
+            self.results[a] = &view[0, 0] if view.shape[1] else NULL
+
+    cdef int run(self) except -1:
+        if self.kernel != NULL:
+            self.kernel(1, self.args, self.stride, self.results)
+        else:
+            self.function(*self.arrays)
+        return 0
+
+
+cdef bint _solve(double[:, ::1] A, double[::1] b, int n) noexcept:
+    """Solve A x = b in place by elimination with partial pivoting; False if A is singular."""
+    cdef int i, j, k, best
+    cdef double factor, swap
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if fabs(A[i, k]) > fabs(A[best, k]):
+                best = i
+        if not (fabs(A[best, k]) > 0 and isfinite(A[best, k])):
+            return False
+        if best != k:
+            for j in range(k, n):
+                swap = A[k, j]; A[k, j] = A[best, j]; A[best, j] = swap
+            swap = b[k]; b[k] = b[best]; b[best] = swap
+        for i in range(k + 1, n):
+            factor = A[i, k] / A[k, k]
+            if factor != 0:
+                for j in range(k + 1, n):
+                    A[i, j] -= factor * A[k, j]
+                b[i] -= factor * b[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            b[k] -= A[k, j] * b[j]
+        b[k] /= A[k, k]
+    return True
+
+
+cdef class Stepper:
+    """Steps one model with given parameters.
+
+    Parameters
+    ----------
+    kernels : Kernels
+    par : array of shape (1, npar)
+    """
+    cdef readonly int nq, nu, nc
+    cdef readonly list collisions
+    cdef object names
+    cdef _Call step, step_jac, impact, impact_jac, surface, slope, dynamics, legendre
+    cdef double[:, ::1] q_a, q_b, u, h, r_minus, r_plus, C_d, r_minus_z, r_plus_z, C_d_z, e_plus, e_minus, e_plus_z, e_minus_z
+    cdef double[:, ::1] q_g, g, g_q, zero, mass, force, p_zero, energy, A
+    cdef ptrdiff_t[::1] r_row, r_col, e_col, g_row, g_col
+    cdef double[::1] b, p, normal, velocity, q_hit, best
+    cdef double lam, e_before, s_full
+    cdef bint after_impact
+    cdef int contact
+
+    def __init__(self, kernels, par):
+        cdef int nq = len(kernels.coordinates), nu = len(kernels.inputs), nc = len(kernels.surfaces)
+        self.nq, self.nu, self.nc = nq, nu, nc
+        self.names = kernels.surfaces
+        self.collisions = []
+
+        def block(size):
+            return np.zeros((1, size))
+
+        def stored(kernel, output):
+            rows, columns = kernels.pattern(kernel, output)
+            return np.ascontiguousarray(rows), np.ascontiguousarray(columns)
+
+        self.q_a, self.q_b, self.u, self.h = block(nq), block(nq), block(nu), block(1)
+        inputs = tuple(map(np.asarray, (self.q_a, self.q_b, self.u, self.u, self.h))) + (par,)
+        self.r_minus, self.r_plus, self.C_d = block(nq), block(nq), block(1)
+        self.step = _Call(kernels, "step", inputs, tuple(map(np.asarray, (self.r_minus, self.r_plus, self.C_d))))
+        self.r_row, self.r_col = stored("step_jac", "r_minus_D_z")
+        self.r_minus_z = block(len(self.r_row))
+        self.r_plus_z = block(len(stored("step_jac", "r_plus_D_z")[0]))
+        self.C_d_z = block(len(stored("step_jac", "C_d_D_z")[0]))
+        self.step_jac = _Call(kernels, "step_jac", inputs, tuple(map(np.asarray, (self.r_minus_z, self.r_plus_z, self.C_d_z))))
+        self.e_plus, self.e_minus = block(1), block(1)
+        self.impact = _Call(kernels, "impact", inputs, tuple(map(np.asarray, (self.e_plus, self.e_minus))))
+        self.e_col = stored("impact_jac", "e_minus_D_z")[1]
+        self.e_plus_z = block(len(stored("impact_jac", "e_plus_D_z")[0]))
+        self.e_minus_z = block(len(self.e_col))
+        self.impact_jac = _Call(kernels, "impact_jac", inputs, tuple(map(np.asarray, (self.e_plus_z, self.e_minus_z))))
+        self.q_g, self.zero = block(nq), block(nq)
+        if nc:
+            self.g = block(nc)
+            self.g_row, self.g_col = stored("surface_jac", "g_D_q")
+            self.g_q = block(len(self.g_row))
+            self.surface = _Call(kernels, "surface", (np.asarray(self.q_g), par), (np.asarray(self.g),))
+            self.slope = _Call(kernels, "surface_jac", (np.asarray(self.q_g), par), (np.asarray(self.g_q),))
+        self.mass, self.force = block(nq * nq), block(nq)
+        at = (np.asarray(self.q_g), np.asarray(self.zero), np.asarray(self.u), par)
+        self.dynamics = _Call(kernels, "dynamics", at, (np.asarray(self.mass), np.asarray(self.force)))
+        self.p_zero, self.energy = block(nq), block(1)
+        self.legendre = _Call(kernels, "legendre", (np.asarray(self.q_g), np.asarray(self.zero), par),
+                              (np.asarray(self.p_zero), np.asarray(self.energy)))
+        self.A = np.zeros((nq + 1, nq + 1))
+        self.b, self.p = np.zeros(nq + 1), np.zeros(nq)
+        self.normal, self.velocity, self.q_hit, self.best = np.zeros(nq), np.zeros(nq), np.zeros(nq), np.zeros(nq)
+
+    # One leg ---------------------------------------------------------------------------------------------------------
+
+    cdef int find_velocity(self, double[::1] p) except -1:
+        """velocity = M(q_g)^-1 (p - dL/dv(q_g, 0))."""
+        cdef int i, j, n = self.nq
+        self.dynamics.run()
+        self.legendre.run()
+        for i in range(n):
+            self.b[i] = p[i] - self.p_zero[0, i]
+            for j in range(n):
+                self.A[i, j] = self.mass[0, i * n + j]
+        if not _solve(self.A, self.b, n):
+            raise SimulationError("the mass matrix is singular along the motion: check the parameters.")
+        for i in range(n):
+            self.velocity[i] = self.b[i]
+        return 0
+
+    cdef int leg(self, double s) except -1:
+        """Solve for q_b (and lam after an impact) at the end of a leg of duration s; 0 if Newton's method fails."""
+        cdef int i, k, it, n = self.nq, size = self.nq + (1 if self.after_impact else 0)
+        cdef double change, scale, previous = 1e300
+        self.h[0, 0] = s
+        for i in range(n):
+            self.q_b[0, i] = self.q_a[0, i] + s * self.velocity[i]
+        for it in range(NEWTON_LIMIT):
+            self.step.run()
+            self.step_jac.run()
+            for i in range(size):
+                for k in range(size):
+                    self.A[i, k] = 0.0
+            for i in range(n):
+                self.b[i] = self.p[i] + self.r_minus[0, i]
+            for k in range(self.r_row.shape[0]):
+                if n <= self.r_col[k] < 2 * n:
+                    self.A[self.r_row[k], self.r_col[k] - n] = self.r_minus_z[0, k]
+            if self.after_impact:
+                self.impact.run()
+                self.impact_jac.run()
+                for i in range(n):
+                    self.b[i] -= self.lam * self.normal[i]
+                    self.A[i, n] = -self.normal[i]
+                self.b[n] = self.e_before - self.e_minus[0, 0]
+                for k in range(self.e_col.shape[0]):
+                    if n <= self.e_col[k] < 2 * n:
+                        self.A[n, self.e_col[k] - n] = -self.e_minus_z[0, k]
+            if not _solve(self.A, self.b, size):
+                return 0
+            change, scale = 0.0, 0.0
+            for i in range(n):
+                self.q_b[0, i] -= self.b[i]
+                change = max(change, fabs(self.b[i]))
+                scale = max(scale, fabs(self.q_b[0, i]), fabs(self.q_b[0, i] - self.q_a[0, i]))
+            if self.after_impact:
+                self.lam -= self.b[n]
+            if not isfinite(change):
+                return 0
+            if change <= TOLERANCE * scale or (change >= 0.5 * previous and change <= 1e4 * TOLERANCE * max(scale, 1e-3)):
+                self.step.run()
+                self.impact.run()
+                return 1
+            previous = change
+        return 0
+
+    cdef double gap(self, double[:, ::1] q, int j) except? -1e300:
+        cdef int i
+        for i in range(self.nq):
+            self.q_g[0, i] = q[0, i]
+        self.surface.run()
+        return self.g[0, j]
+
+    cdef double rate(self, double[:, ::1] q, int j) except? -1e300:
+        """grad g_j(q) . (q_b - q_a)."""
+        cdef int i, k
+        cdef double value = 0.0
+        for i in range(self.nq):
+            self.q_g[0, i] = q[0, i]
+        self.slope.run()
+        for k in range(self.g_row.shape[0]):
+            if self.g_row[k] == j:
+                value += self.g_q[0, k] * (self.q_b[0, self.g_col[k]] - self.q_a[0, self.g_col[k]])
+        return value
+
+    cdef double chord_gap(self, double x, int j) except? -1e300:
+        """g_j at the share x of the chord from q_a to q_b."""
+        cdef int i
+        for i in range(self.nq):
+            self.q_g[0, i] = self.q_a[0, i] + x * (self.q_b[0, i] - self.q_a[0, i])
+        self.surface.run()
+        return self.g[0, j]
+
+    cdef double crossing(self, int j) except? -1.0:
+        """Share of the leg at which surface j is certainly crossed; 0 if it is not."""
+        cdef double low, high, middle, x
+        cdef int i
+        if self.gap(self.q_b, j) > GAP_TOLERANCE:
+            return 1.0
+        for x in (0.25, 0.5, 0.75):
+            if self.chord_gap(x, j) > GAP_TOLERANCE:
+                return x
+        if self.rate(self.q_a, j) > 0 and self.rate(self.q_b, j) < 0:  # in and out again: look at the summit
+            low, high = 0.0, 1.0
+            for i in range(50):
+                middle = 0.5 * (low + high)
+                for k in range(self.nq):
+                    self.q_hit[k] = self.q_a[0, k] + middle * (self.q_b[0, k] - self.q_a[0, k])
+                if self.rate(np.asarray(self.q_hit)[None], j) > 0:
+                    low = middle
+                else:
+                    high = middle
+            if self.chord_gap(low, j) > GAP_TOLERANCE:
+                return low
+        return 0.0
+
+    cdef double hit_time(self, int j, double s_high, double t) except? -1.0:
+        """Duration in (0, s_high] at which a leg ends on surface j."""
+        cdef double low = s_high, high, g_low, g_high, s, g, width
+        cdef int k, side = 0
+        high = s_high
+        if not self.leg(high):
+            raise SimulationError(f"the collision step at t = {t:.6g} s has no solution: reduce the step size.")
+        g_high = self.gap(self.q_b, j)
+        g_low = 1.0
+        for k in range(60):  # a start inside: shorter and shorter legs, because a leg may start on this surface
+            low *= 0.5
+            if not self.leg(low):
+                break
+            g_low = self.gap(self.q_b, j)
+            if g_low <= 0 or (g_high <= 0 and g_low < g_high):
+                break
+            if g_low < g_high and g_low > 0:
+                high, g_high = low, g_low
+        if not g_low <= 0:
+            raise SimulationError(
+                f"the motion rests on surface {self.names[j]!r} at t = {t:.6g} s: lasting contact is not a collision, stop before it."
+            )
+        if g_high <= 0:
+            return high
+        for k in range(ROOT_LIMIT):
+            width = high - low
+            s = (low * g_high - high * g_low) / (g_high - g_low)
+            if not low < s < high or k % 3 == 2:
+                s = 0.5 * (low + high)
+            if width <= 4e-16 * high:
+                break
+            if not self.leg(s):
+                raise SimulationError(f"the collision step at t = {t:.6g} s has no solution: reduce the step size.")
+            g = self.gap(self.q_b, j)
+            if g == 0.0:
+                return s
+            if g > 0:
+                high, g_high = s, g
+                if side == 1:
+                    g_low *= 0.5
+                side = 1
+            else:
+                low, g_low = s, g
+                if side == -1:
+                    g_high *= 0.5
+                side = -1
+        return low
+
+    # One step --------------------------------------------------------------------------------------------------------
+
+    cdef int advance(self, double h, double t, long number) except -1:
+        """Take a step from (q_a, p); leaves q_b, p at its end and records collisions."""
+        cdef int i, j, hits = 0, found
+        cdef double rest = h, x, s, first
+        self.after_impact = False
+        while True:
+            for i in range(self.nq):
+                self.q_g[0, i] = self.q_a[0, i]
+            if not self.after_impact:
+                self.find_velocity(self.p)
+            if self.after_impact and rest <= SHORTEST_LEG * h:
+                self.finish_at_impact(rest)
+                return 0
+            if not self.leg(rest):
+                raise SimulationError(f"the step at t = {t:.6g} s has no solution: reduce the step size.")
+            found, first = -1, rest
+            for j in range(self.nc):
+                x = self.crossing(j)
+                if x > 0:
+                    s = self.hit_time(j, x * rest, t)
+                    if found < 0 or s < first:
+                        found, first = j, s
+                    if not self.leg(rest):
+                        raise SimulationError(f"the step at t = {t:.6g} s has no solution: reduce the step size.")
+            if self.after_impact and self.lam < 0:
+                raise SimulationError(f"the impulse at t = {t:.6g} s is negative: reduce the step size.")
+            if found < 0:
+                for i in range(self.nq):
+                    self.p[i] = self.r_plus[0, i]
+                if self.after_impact:
+                    self.finish_collision()
+                return 0
+            hits += 1
+            if hits > MOST_HITS:
+                raise SimulationError(
+                    f"more than {MOST_HITS} collisions within the step at t = {t:.6g} s (Zeno): reduce the step size or stop before it."
+                )
+            self.leg(first)
+            if self.after_impact:
+                self.finish_collision()
+            t += first
+            rest -= first
+            self.start_collision(found, t, number)
+
+    cdef int start_collision(self, int j, double t, long number) except -1:
+        """Begin a leg at the collision reached by the leg that was just solved."""
+        cdef int i, k, n = self.nq
+        cdef double approach = 0.0, inertia = 0.0
+        self.e_before = self.e_plus[0, 0]
+        for i in range(n):
+            self.p[i] = self.r_plus[0, i]
+            self.q_a[0, i] = self.q_b[0, i]
+            self.q_g[0, i] = self.q_b[0, i]
+            self.normal[i] = 0.0
+        self.slope.run()
+        for k in range(self.g_row.shape[0]):
+            if self.g_row[k] == j:
+                self.normal[self.g_col[k]] = self.g_q[0, k]
+        # First guess: the impact law of the continuous theory.
+        self.find_velocity(self.p)
+        for i in range(n):
+            approach += self.normal[i] * self.velocity[i]
+            self.b[i] = self.normal[i]
+            for k in range(n):
+                self.A[i, k] = self.mass[0, i * n + k]
+        _solve(self.A, self.b, n)
+        for i in range(n):
+            inertia += self.normal[i] * self.b[i]
+        self.lam = 2 * max(approach, 0.0) / inertia
+        for i in range(n):
+            self.velocity[i] -= self.lam * self.b[i]
+        self.after_impact = True
+        self.contact = j
+        self.collisions.append(
+            [number, t, j, self.lam, np.array(self.q_a[0]), np.array(self.p), np.array(self.p) - self.lam * np.array(self.normal)]
+        )
+        return 0
+
+    cdef int finish_collision(self) except -1:
+        """Record the impulse of the collision that started the leg which was just solved."""
+        record = self.collisions[len(self.collisions) - 1]
+        record[3] = self.lam
+        record[6] = record[5] - self.lam * np.array(self.normal)
+        return 0
+
+    cdef int finish_at_impact(self, double rest) except -1:
+        """A leg too short for its equations: its limit is the impact law."""
+        cdef int i
+        for i in range(self.nq):
+            self.p[i] -= self.lam * self.normal[i]
+            self.q_b[0, i] = self.q_a[0, i] + rest * self.velocity[i]
+        return 0
+
+    def run(self, double[::1] q0, double[::1] p0, double[:, ::1] u, double h, long every):
+        """Take ``len(u)`` steps of size h; return t, q and p at every ``every``-th node.  Collisions are appended to ``collisions``."""
+        cdef long k, row, steps = u.shape[0]
+        cdef int i
+        rows = steps // every + 1
+        times, positions, momenta = np.arange(rows) * (h * every), np.empty((rows, self.nq)), np.empty((rows, self.nq))
+        cdef double[:, ::1] q_out = positions, p_out = momenta
+        for i in range(self.nq):
+            self.q_a[0, i] = q0[i]
+            self.p[i] = p0[i]
+            q_out[0, i] = q0[i]
+            p_out[0, i] = p0[i]
+        for k in range(steps):
+            for i in range(self.nu):
+                self.u[0, i] = u[k, i]
+            self.advance(h, k * h, k)
+            for i in range(self.nq):
+                self.q_a[0, i] = self.q_b[0, i]
+            if (k + 1) % every == 0:
+                row = (k + 1) // every
+                for i in range(self.nq):
+                    q_out[row, i] = self.q_b[0, i]
+                    p_out[row, i] = self.p[i]
+        return times, positions, momenta

@@ -1,0 +1,45 @@
+"""dmoc: discrete mechanics and optimal control for mechanical systems with collisions.
+
+The public names are loaded when they are first used, so that solving with built kernels imports no SymPy.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dmoc.api import build, load, solve
+    from dmoc.errors import DmocError
+    from dmoc.nlp.problem import Problem
+    from dmoc.simulation.check import verify
+    from dmoc.simulation.forward import simulate
+    from dmoc.solution import Solution
+    from dmoc.symbolic.derivation import derive
+    from dmoc.symbolic.system import MechanicalSystem
+
+__version__ = "0.1.0"
+__all__ = ["DmocError", "MechanicalSystem", "Problem", "Solution", "build", "derive", "load", "simulate", "solve", "verify"]
+
+_PLACES = {
+    "DmocError": "dmoc.errors",
+    "MechanicalSystem": "dmoc.symbolic.system",
+    "Problem": "dmoc.nlp.problem",
+    "Solution": "dmoc.solution",
+    "build": "dmoc.api",
+    "derive": "dmoc.symbolic.derivation",
+    "load": "dmoc.api",
+    "simulate": "dmoc.simulation.forward",
+    "solve": "dmoc.api",
+    "verify": "dmoc.simulation.check",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PLACES:
+        return getattr(import_module(_PLACES[name]), name)
+    raise AttributeError(f"module 'dmoc' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_PLACES])

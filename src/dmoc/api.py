@@ -1,0 +1,285 @@
+"""From a system to a solution: build, load, solve."""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dmoc.codegen.build import build_cached, load_installed, numpy_kernels
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.errors import BuildError, ModelError, ProblemError, SolutionFileError
+from dmoc.models import catalogue
+from dmoc.nlp.guess import initial_guess
+from dmoc.nlp.motion import active_bounds, named_multipliers, trajectory
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.transcription import Transcription
+from dmoc.solution import Solution
+from dmoc.solvers import slsqp
+from dmoc.solvers.kkt import residuals
+from dmoc.solvers.outcome import Iteration, Options, Outcome, Status
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
+
+METHODS = ("slsqp",)
+FORMS = ("condensed", "full")
+BACKENDS = ("auto", "compiled", "numpy")
+
+
+def build(system: MechanicalSystem, *, backend: str = "auto", force: bool = False) -> Kernels:
+    """Derive, generate, compile and load the kernels of a system; cached by content.
+
+    Parameters
+    ----------
+    system : MechanicalSystem
+    backend : {"auto", "compiled", "numpy"}
+        "auto" compiles, and falls back to NumPy with a warning on a machine without a C compiler.
+    force : bool
+        Build again even if the cache holds the kernels.
+
+    Raises
+    ------
+    GenerationError
+        If an expression cannot be turned into C.
+    BuildError
+        If the compiler is missing (with backend="compiled") or fails.
+    """
+    from dmoc.codegen.text import c_files, manifest, numpy_text
+    from dmoc.symbolic.kernels import model_key, model_spec
+
+    if backend not in BACKENDS:
+        raise BuildError(f"backend = {backend!r}: expected one of {', '.join(BACKENDS)}.")
+    if backend == "numpy":
+        model = model_spec(system)
+        return numpy_kernels(manifest(model), numpy_text(model))
+    fallback = (lambda: numpy_text(model_spec(system))) if backend == "auto" else None
+    return build_cached(system.name, model_key(system), lambda: c_files(model_spec(system)), fallback, force)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A model named by the user, with the fields of the problem it comes with."""
+
+    name: str
+    defaults: Mapping[str, Any]
+    system: Callable[[], MechanicalSystem]
+    kernels: Callable[[], Kernels]
+
+
+def find(reference: str) -> Reference:
+    """Resolve the name of a shipped model or problem, or ``file.py:name``.
+
+    The name in a file is a MechanicalSystem, a Problem, or a function without arguments that returns one of them.
+
+    Raises
+    ------
+    ModelError
+        If there is no such model, file or name, or it is of another kind.
+    """
+    path, _, name = reference.rpartition(":")
+    if not path:
+        return _shipped(reference)
+    made = _from_file(Path(path), name)
+    where = f"{Path(path).resolve()}:{name}"
+    if isinstance(made, Problem):
+        defaults = {f.name: getattr(made, f.name) for f in fields(Problem) if f.name != "kernels"}
+        kernels = made.kernels
+
+        def no_system() -> MechanicalSystem:
+            raise ModelError(f"{reference} is a Problem: name the MechanicalSystem to see its derivation.")
+
+        return Reference(where, defaults, no_system, lambda: kernels)
+    system = made
+    return Reference(where, {}, lambda: system, lambda: build(system))
+
+
+def load(reference: str) -> Kernels:
+    """Return the kernels of a shipped model, or of ``file.py:name``; needs no SymPy for an installed model."""
+    return find(reference).kernels()
+
+
+def _shipped(name: str) -> Reference:
+    entry = catalogue.ENTRIES.get(name)
+    if entry is None:
+        known = ", ".join(sorted(catalogue.ENTRIES))
+        raise ModelError(f"unknown model {name!r}: expected one of {known}, or a file as file.py:name.")
+    model = entry.model
+
+    def kernels() -> Kernels:
+        return load_installed(f"dmoc.generated.{model}") or build(catalogue.system(model))
+
+    return Reference(name, dict(entry.problem or {}), lambda: catalogue.system(model), kernels)
+
+
+def _from_file(path: Path, name: str) -> Any:
+    from dmoc.symbolic.system import MechanicalSystem
+
+    if not path.is_file():
+        raise ModelError(f"{path} does not exist: name a Python file and an object in it, as file.py:name.")
+    spec = importlib.util.spec_from_file_location(f"dmoc_user_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ModelError(f"{path} is not a Python file: expected a name ending in .py.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except SyntaxError as error:
+        raise ModelError(f"{path} cannot be read: {error.msg} in line {error.lineno}.") from None
+    made = getattr(module, name, None)
+    if made is None:
+        raise ModelError(f"{path} defines no {name!r}: expected a MechanicalSystem, a Problem, or a function that returns one.")
+    if callable(made):
+        made = made()
+    if not isinstance(made, (MechanicalSystem, Problem)):
+        raise ModelError(f"{name} in {path} is a {type(made).__name__}: expected a MechanicalSystem or a Problem.")
+    return made
+
+
+def solve(
+    problem: Problem,
+    method: str = "slsqp",
+    *,
+    form: str = "condensed",
+    guess: Solution | Array | None = None,
+    optimality: float = 1e-6,
+    violation: float = 1e-10,
+    iterations: int = 1000,
+    seconds: float | None = None,
+    progress: Callable[[Iteration], None] | None = None,
+    verify: bool = True,
+    reference: str = "",
+) -> Solution:
+    """Solve an optimal control problem for its sequence of collisions.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : {"slsqp"}
+        SciPy's sequential quadratic programming.
+    form : {"condensed", "full"}
+        "condensed" eliminates coordinates by solving the discrete equations of motion; "full" leaves all unknowns to the
+        solver, which is practical up to some tens of steps.
+    guess : Solution or array, optional
+        Where to start; by default an automatic guess.  A solution must have the same steps and the same number of collisions.
+    optimality, violation : float
+        Tolerances of the optimality residual and of the constraints.
+    iterations : int
+    seconds : float, optional
+        Limits.
+    progress : callable, optional
+        Called with an Iteration (number, cost, violation) after every iteration.
+    verify : bool
+        Check a converged solution by simulation; one that fails has the status "not_verified".
+    reference : str
+        How the model was named; kept in the solution so that it can be found again.
+
+    Returns
+    -------
+    Solution
+        Also when no solution was found: look at its status and message.
+
+    Raises
+    ------
+    ProblemError
+        If an argument does not fit.
+    """
+    _check_choice("method", method, METHODS)
+    _check_choice("form", form, FORMS)
+    for name, value in (("optimality", optimality), ("violation", violation)):
+        if not value > 0:
+            raise ProblemError(f"{name} = {value!r}: expected a positive number.")
+    if iterations < 1:
+        raise ProblemError(f"iterations = {iterations!r}: expected at least 1.")
+    options = Options(optimality, violation, iterations, seconds, progress)
+    start = time.perf_counter()
+    nlp = Transcription(problem)
+    x = _starting_point(problem, nlp, guess)
+    guessed = time.perf_counter()
+    nlp, outcome = _minimise(problem, nlp, x, options, slsqp.SEGMENTS if form == "condensed" else 0)
+    solved = time.perf_counter()
+    timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
+    solution = _solution(problem, nlp, outcome, method, timings, reference)
+    if not (verify and solution.solved):
+        return solution
+    check = solution.verify()
+    timings["verify"] = time.perf_counter() - solved
+    summary = {
+        "passed": check.passed,
+        "terminal_error": check.terminal_error,
+        "max_defect": check.max_defect,
+        "max_segment_defect": float(check.segment_defects.max(initial=0.0)),
+        "energy_error": check.energy_error,
+        "missed_contacts": list(check.missed_contacts),
+        "extra_contacts": list(check.extra_contacts),
+        "penetration": check.penetration,
+    }
+    if check.passed:
+        return replace(solution, verification=summary, seconds=timings)
+    message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
+    return replace(solution, status="not_verified", message=message, verification=summary, seconds=timings)
+
+
+def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ProblemError(f"{name} = {value!r}: expected one of {', '.join(choices)}.")
+
+
+def _starting_point(problem: Problem, nlp: Transcription, guess: Solution | Array | None) -> Array:
+    if guess is None:
+        return initial_guess(problem).x
+    x = np.array(guess.unknowns if isinstance(guess, Solution) else guess, dtype=float)
+    if x.shape != (nlp.n,) or not np.isfinite(x).all():
+        raise ProblemError(f"guess has shape {x.shape}: expected {nlp.n} finite unknowns, from a solution with the same steps and sequence.")
+    return x
+
+
+def _minimise(problem: Problem, nlp: Transcription, x: Array, options: Options, segments: int) -> tuple[Transcription, Outcome]:
+    """Solve; an estimated minimal time that limits the solution is dropped, because the dynamics decide and not the estimate."""
+    outcome = slsqp.solve(nlp, x, options, segments)
+    timed = nlp.inequality_rows("minimal time")
+    limited = outcome.status is Status.SOLVED and bool((outcome.w[timed] > 0).any())
+    if outcome.status is Status.INFEASIBLE and len(timed):
+        limited = bool((nlp.inequality(outcome.x)[timed] < options.violation).any())
+    if not limited:
+        return nlp, outcome
+    free = Transcription(problem, minimal_times=False)
+    again = slsqp.solve(free, outcome.x, options, segments)
+    return free, replace(again, iterations=outcome.iterations + again.iterations)
+
+
+def _solution(
+    problem: Problem, nlp: Transcription, outcome: Outcome, method: str, timings: dict[str, float], reference: str
+) -> Solution:
+    found = residuals(nlp, outcome.x, outcome.y, outcome.w)
+    message = outcome.status.value + (f" ({outcome.detail})" if outcome.detail else "")
+    return Solution(
+        status=outcome.status.name.lower(),
+        message=message,
+        method=method,
+        cost=nlp.cost(outcome.x),
+        trajectory=trajectory(nlp, outcome.x),
+        multipliers=named_multipliers(nlp, outcome.y, outcome.w),
+        active_bounds=active_bounds(nlp, outcome.x, outcome.w),
+        max_violation=found.violation,
+        optimality=found.optimality,
+        iterations=outcome.iterations,
+        seconds=timings,
+        unknowns=outcome.x,
+        reference=reference or problem.kernels.name,
+        kernels=problem.kernels,
+    )
+
+
+def check_same_model(solution: Solution, kernels: Kernels) -> None:
+    """Raise SolutionFileError unless the kernels are those of the solution's model."""
+    wanted, given = solution.trajectory.fingerprint, kernels.manifest["fingerprint"]
+    if wanted != given:
+        raise SolutionFileError(
+            f"the solution was made for another version of model {solution.trajectory.model!r} than {kernels.name!r} as it is now: "
+            "solve again, or give the model it was made for."
+        )

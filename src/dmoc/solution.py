@@ -1,0 +1,218 @@
+"""The solution of a problem: motion, status, cost, multipliers, timings; saved as one .npz file without pickle."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dmoc.errors import OutputError, SolutionFileError
+from dmoc.trajectory import Array, Collision, Phase, Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from dmoc.codegen.kernels import Kernels
+    from dmoc.simulation.check import Verification
+
+FILE_FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Result of :func:`dmoc.solve`.
+
+    Attributes
+    ----------
+    status : str
+        "solved", "not_verified", "infeasible", "iteration_limit", "time_limit", "stalled" or "interrupted".
+    message : str
+        What happened, and what helps.
+    method : str
+    cost : float
+        J, the sum of the discrete costs C_d.
+    trajectory : Trajectory
+        Phases (t, q, p, v, u) and collisions (surface, time, impulse, momenta before and after).
+    multipliers : mapping of str to array
+        By kind of constraint, in L = J + y . c - w . d.
+    active_bounds : tuple of str
+        Bounds and inequalities that hold with equality and carry a multiplier.
+    max_violation : float
+        Largest violation of any constraint or bound.
+    optimality : float
+        Scaled residual of the optimality conditions.
+    iterations : int
+    seconds : mapping of str to float
+        Times of build, guess, solve and verification.
+    unknowns : array
+        The vector of unknowns, from which another solve can start.
+    verification : mapping or None
+        Result of the independent check, as in the command line's JSON.
+    reference : str
+        How the model was named: a shipped model or ``file.py:name``.
+    """
+
+    status: str
+    message: str
+    method: str
+    cost: float
+    trajectory: Trajectory
+    multipliers: Mapping[str, Array]
+    active_bounds: tuple[str, ...]
+    max_violation: float
+    optimality: float
+    iterations: int
+    seconds: Mapping[str, float]
+    unknowns: Array
+    verification: Mapping[str, Any] | None = None
+    reference: str = ""
+    kernels: Kernels | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def solved(self) -> bool:
+        """Whether the solver converged and the check confirmed it."""
+        return self.status == "solved"
+
+    @property
+    def phases(self) -> tuple[Phase, ...]:
+        return self.trajectory.phases
+
+    @property
+    def collisions(self) -> tuple[Collision, ...]:
+        return self.trajectory.collisions
+
+    @property
+    def final_time(self) -> float:
+        return self.trajectory.final_time
+
+    def verify(self, kernels: Kernels | None = None) -> Verification:
+        """Check the motion by an independent simulation; see :func:`dmoc.simulation.check.verify`."""
+        from dmoc.simulation.check import verify
+
+        return verify(self.trajectory, kernels or self._kernels())
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Draw positions, momenta, inputs and snapshots; write the figure if a path is given."""
+        from dmoc.report.figure import plot
+
+        return plot(self.trajectory, path)
+
+    def _kernels(self) -> Kernels:
+        if self.kernels is not None:
+            return self.kernels
+        from dmoc.api import load
+
+        return load(self.reference or self.trajectory.model)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the summary that the command line prints as JSON."""
+        return {
+            "model": self.trajectory.model,
+            "method": self.method,
+            "status": self.status,
+            "message": self.message,
+            "cost": self.cost,
+            "final_time": self.final_time,
+            "active_bounds": list(self.active_bounds),
+            "phases": [{"steps": p.steps, "step_size": p.step_size, "duration": p.duration} for p in self.phases],
+            "collisions": [
+                {
+                    "surface": c.surface,
+                    "time": c.time,
+                    "impulse": c.impulse,
+                    "position": c.position.tolist(),
+                    "momentum_before": c.momentum_before.tolist(),
+                    "momentum_after": c.momentum_after.tolist(),
+                }
+                for c in self.collisions
+            ],
+            "max_violation": self.max_violation,
+            "optimality": self.optimality,
+            "iterations": self.iterations,
+            "seconds": dict(self.seconds),
+            "verification": None if self.verification is None else dict(self.verification),
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the solution to an .npz file.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written; an existing file is then left as it was.
+        """
+        target = Path(path)
+        t = self.trajectory
+        header = self.to_dict() | {
+            "format": FILE_FORMAT,
+            "reference": self.reference,
+            "fingerprint": t.fingerprint,
+            "coordinates": list(t.coordinates),
+            "inputs": list(t.inputs),
+            "parameters": dict(t.parameters),
+            "controls": t.controls,
+            "multipliers": list(self.multipliers),
+        }
+        arrays: dict[str, Array] = {"unknowns": self.unknowns, "input_bounds": t.input_bounds, "coordinate_bounds": t.coordinate_bounds}
+        for i, phase in enumerate(t.phases):
+            arrays |= {f"phase_{i}_{name}": getattr(phase, name) for name in "tqpvu"}
+        arrays |= {f"multiplier_{i}": value for i, value in enumerate(self.multipliers.values())}
+        partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
+        try:
+            with partial.open("wb") as stream:
+                np.savez_compressed(stream, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
+            partial.replace(target)
+        except OSError as error:
+            partial.unlink(missing_ok=True)
+            raise OutputError(f"{target} cannot be written ({error.strerror}): choose a writable place.") from None
+        return target
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Solution:
+        """Read a solution from an .npz file.
+
+        Raises
+        ------
+        SolutionFileError
+            If the file is missing, truncated, or no solution file.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                header = json.loads(str(data["header"]))
+                if header["format"] != FILE_FORMAT:
+                    raise SolutionFileError(f"{path} has format {header['format']}, expected {FILE_FORMAT}: solve the problem again.")
+                return cls._from_file(header, {name: data[name] for name in data.files if name != "header"})
+        except FileNotFoundError:
+            raise SolutionFileError(f"{path} does not exist: give a file that `dmoc solve --out` has written.") from None
+        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile):
+            raise SolutionFileError(f"{path} is damaged or no solution file: write it again with `dmoc solve --out`.") from None
+
+    @classmethod
+    def _from_file(cls, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> Solution:
+        phases = tuple(Phase(*(arrays[f"phase_{i}_{name}"] for name in "tqpvu")) for i in range(len(header["phases"])))
+        collisions = tuple(
+            Collision(
+                c["surface"], c["time"], np.array(c["position"]), c["impulse"], np.array(c["momentum_before"]), np.array(c["momentum_after"])
+            )
+            for c in header["collisions"]
+        )
+        trajectory = Trajectory(
+            header["model"], header["fingerprint"], tuple(header["coordinates"]), tuple(header["inputs"]), header["parameters"], phases,
+            collisions, header["controls"], arrays["input_bounds"], arrays["coordinate_bounds"],
+        )  # fmt: skip
+        multipliers = {name: arrays[f"multiplier_{i}"] for i, name in enumerate(header["multipliers"])}
+        return cls(
+            header["status"], header["message"], header["method"], header["cost"], trajectory, multipliers, tuple(header["active_bounds"]),
+            header["max_violation"], header["optimality"], header["iterations"], header["seconds"], arrays["unknowns"],
+            header["verification"], header["reference"],
+        )  # fmt: skip
+
+    def with_(self, **changes: Any) -> Solution:
+        """Return the same solution with some fields replaced."""
+        return replace(self, **changes)
