@@ -18,8 +18,9 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.trajectory import Phase, Trajectory
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-12  # far below the discretisation errors that are to be seen
-# What a motion may miss, relative to the ranges of its coordinates and momenta, and still count as confirmed.
-PASSING = 0.05
+# What a motion may miss, relative to the ranges of its coordinates and momenta, and still count as confirmed.  An open-loop simulation of an
+# unstable motion amplifies every discretisation error, so that its end is judged more leniently than segments and energy.
+PASSING = {"terminal error": 0.25, "segment error": 0.01, "energy error": 0.02}
 # A contact belongs to a planned collision if it happens within this share of the final time from it.
 SAME_CONTACT = 0.05
 SEGMENTS = 10  # of a phase, for the errors segment by segment
@@ -74,8 +75,8 @@ class Verification:
 def verify(trajectory: Trajectory, kernels: Kernels) -> Verification:
     """Simulate a motion independently and compare.
 
-    A motion passes if the open-loop simulation meets the planned collisions and no others, and if its terminal state, every segment, and
-    the energy balance agree within 5 % of the motion's ranges.
+    A motion passes if the open-loop simulation meets the planned collisions and no others, and if the errors of its terminal state, of
+    every segment and of the energy balance stay below 25 %, 1 % and 2 % of the motion's ranges.
     """
     check = _Check(trajectory, kernels)
     ends, work, penetration = check.steps()
@@ -91,8 +92,8 @@ def verify(trajectory: Trajectory, kernels: Kernels) -> Verification:
     if extra:
         failures.append(f"the simulation meets {', '.join(extra)}")
     for name, value in (("terminal error", terminal), ("segment error", worst_segment), ("energy error", energy)):
-        if not value <= PASSING:
-            failures.append(f"{name} {value:.3g} exceeds {PASSING:g}")
+        if not value <= PASSING[name]:
+            failures.append(f"{name} {value:.3g} exceeds {PASSING[name]:g}")
     message = "; ".join(failures) + (": take more steps" if failures else "")
     return Verification(
         not failures, message, terminal, float(defects.max(initial=0.0)), segments, energy, missed, extra, penetration, tuple(contacts)

@@ -1,12 +1,14 @@
 """SciPy's SLSQP on the condensed program, restarted in the metric of the exact Hessian.
 
 SLSQP builds its Hessian from first derivatives, one rank-two update an iteration, starting from the identity, and its work grows with the cube
-of the unknowns.  Three things make it practical here:
+of the unknowns.  Four things make it practical here:
 
 * the coordinates inside segments are eliminated (:mod:`dmoc.solvers.condensed`);
 * SLSQP runs for a few iterations at a time in unknowns s with y = y_0 + M s, where M is chosen from the exact Hessian of the Lagrangian
   so that the identity *is* the Hessian on the constraints' null space, and the constraints depend on one part of s alone: its first
   step is then a Newton step;
+* once the equations are nearly met, they are solved in every trial point, so that SLSQP sees the inequalities alone: equations bend, and
+  a line search that weighs their violation against the cost shortens every step across the bend;
 * of the many inequalities (gaps and bounds at every node) only those that are or may become active are passed to it; the others are checked
   after every run and added when they are violated.
 """
@@ -15,6 +17,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -29,8 +32,8 @@ from dmoc.solvers.kkt import Residuals, residuals, violation, worst_constraints
 from dmoc.solvers.polish import polish
 from dmoc.solvers.outcome import Iteration, Options, Outcome, Status
 
-# Segments of each phase in the condensed form.  At N = 100 + 100, segments of 4, 5, 10 and 25 steps took 16, 17, 35 and 42 iterations.
-SEGMENTS = 25
+# Segments of each phase in the condensed form: fewer make the program more nonlinear, more make each iteration more expensive.
+SEGMENTS = 16
 # SLSQP iterations between two metrics: enough to settle the active set, few enough to profit from the exact Hessian.
 RUN = 5
 # Curvatures below this share of the cost's own count as flat; it bounds the first step along them.
@@ -47,8 +50,16 @@ RESTORATIONS = 2
 RESTORATION_LIMIT = 60
 # Violation that a least-squares search must reach to count as feasible; the runs after it reach the demanded one.
 FEASIBLE = 1e-6
+INFEASIBLE = 1e-3  # a smaller remainder may be the search's own, so that it says nothing about the problem
 # Violation below which a converged run is close enough for Newton's method.
 POLISH_FROM = 1e-6
+# Violation of the equations below which they are met first, below which a run follows them, what it then keeps them to, and how many
+# corrections that may take.
+NEAR_EQUATIONS = 0.1
+ON_EQUATIONS = 1e-8
+EQUATION_TOLERANCE = 1e-12
+FOLLOWING_LIMIT = 20
+SHORTEST_SHARE = 1e-3
 # What a trial step that cannot be completed reports, so that the line search shortens it.
 REFUSED = 1e10
 
@@ -80,44 +91,56 @@ class _Point:
 
     s: Array
     x: Array | None
-    reduced: Reduced | None = None
+    reduced: tuple[Reduced, Array] | None = None
 
 
 class _Run:
-    """One run of SLSQP in y = y_0 + M s over a working set."""
+    """One run of SLSQP in y = y_0 + M s over a working set, with the kept equations as constraints."""
 
-    def __init__(self, driver: Driver, x: Array, M: Array, working: _Working) -> None:
-        self.driver, self.M, self.working = driver, M, working
+    def __init__(self, driver: Driver, x: Array, metric: tuple[Array, Array], working: _Working) -> None:
+        self.driver, self.working = driver, working
+        self.M = np.hstack([CONSTRAINT_SCALE * metric[0], metric[1]])
         self.origin = x[driver.parts.kept].copy()
         self.x = x
-        eliminated = driver.is_eliminated
         bound = np.concatenate([working.lower, working.upper])
-        self.by_elimination = bound[eliminated[bound]]
-        self._point = _Point(np.full(M.shape[1], np.nan), None)
+        self.by_elimination = bound[driver.is_eliminated[bound]]
+        self._point = _Point(np.full(self.M.shape[1], np.nan), None)
+
+    def _complete(self, s: Array) -> Array | None:
+        return self.driver.elimination.complete(self.x, self.origin + self.M @ s)
+
+    def _directions(self, reduced: Reduced) -> Array:
+        """dy/ds."""
+        return self.M
 
     def _at(self, s: Array) -> _Point:
         if not np.array_equal(self._point.s, s):
-            x = self.driver.elimination.complete(self.x, self.origin + self.M @ s)
-            self._point = _Point(s.copy(), x)
+            self._point = _Point(s.copy(), self._complete(s))
         return self._point
 
-    def _derivatives(self, s: Array) -> Reduced:
+    def _derivatives(self, s: Array) -> tuple[Reduced, Array]:
+        """Derivatives with respect to y, and dy/ds."""
         point = self._at(s)
         if point.reduced is None:
             x = self.x if point.x is None else point.x
             reduced = self.driver.elimination.reduce(x, self.working.rows, self.by_elimination)
             if reduced is None:
                 raise _Stop(Status.STALLED)
-            point.reduced = reduced
+            point.reduced = reduced, self._directions(reduced)
             self.x = x
+            self._moved(s)
         return point.reduced
+
+    def _moved(self, s: Array) -> None:
+        """Called when the derivatives at a new point are asked for: SLSQP has accepted it."""
 
     def cost(self, s: Array) -> float:
         x = self._at(s).x
         return REFUSED if x is None else self.driver.nlp.cost(x)
 
     def cost_gradient(self, s: Array) -> Array:
-        return np.asarray(self._derivatives(s).cost @ self.M)
+        reduced, directions = self._derivatives(s)
+        return np.asarray(reduced.cost @ directions)
 
     def equality(self, s: Array) -> Array:
         x = self._at(s).x
@@ -125,37 +148,45 @@ class _Run:
         return np.full(len(rows), REFUSED) if x is None else self.driver.nlp.equality(x)[rows]
 
     def equality_jacobian(self, s: Array) -> Array:
-        return np.asarray(self._derivatives(s).equality @ self.M)
+        reduced, directions = self._derivatives(s)
+        return np.asarray(reduced.equality @ directions)
 
     def inequality(self, s: Array) -> Array:
         x = self._at(s).x
         w, nlp = self.working, self.driver.nlp
         if x is None:
             return np.full(w.size, -REFUSED)
-        return np.concatenate(
-            [nlp.inequality(x)[w.rows], (x - nlp.lower)[w.lower], (nlp.upper - x)[w.upper]]
-        )  # fmt: skip
+        return np.concatenate([nlp.inequality(x)[w.rows], (x - nlp.lower)[w.lower], (nlp.upper - x)[w.upper]])
 
     def inequality_jacobian(self, s: Array) -> Array:
-        reduced = self._derivatives(s)
-        lower, upper = self._bound_rows(self.working.lower, reduced), self._bound_rows(self.working.upper, reduced)
-        return np.vstack([reduced.inequality @ self.M, lower, -upper])
+        reduced, directions = self._derivatives(s)
+        return np.asarray(self._working_slopes(reduced) @ directions)
 
-    def _bound_rows(self, unknowns: Index, reduced: Reduced) -> Array:
-        """dx_i/ds of the given unknowns."""
-        rows = np.empty((len(unknowns), self.M.shape[1]))
+    def _working_slopes(self, reduced: Reduced) -> Array:
+        """Derivatives of the working set with respect to y."""
+        lower, upper = (self._bound_slopes(index, reduced) for index in (self.working.lower, self.working.upper))
+        return np.vstack([reduced.inequality, lower, -upper])
+
+    def _bound_slopes(self, unknowns: Index, reduced: Reduced) -> Array:
+        """dx_i/dy of the given unknowns."""
+        rows = np.zeros((len(unknowns), len(self.origin)))
         gone = self.driver.is_eliminated[unknowns]
-        rows[~gone] = self.M[np.searchsorted(self.driver.parts.kept, unknowns[~gone])]
+        kept = np.flatnonzero(~gone)
+        rows[kept, np.searchsorted(self.driver.parts.kept, unknowns[kept])] = 1.0
         if gone.any():
             order = np.array([int(np.flatnonzero(self.by_elimination == i)[0]) for i in unknowns[gone]], dtype=np.intp)
-            rows[gone] = reduced.unknowns[order] @ self.M
+            rows[gone] = reduced.unknowns[order]
         return rows
 
-    def minimise(self, iterations: int, progress: _Progress) -> tuple[Array, Array, Array, int, bool]:
-        """Run SLSQP; return x, multipliers of the kept equations and of the working set, its iterations and whether it converged."""
-        constraints = []
+    def _constraints(self) -> list[dict[str, Any]]:
+        constraints: list[dict[str, Any]] = []
         if len(self.driver.parts.kept_rows):
             constraints.append({"type": "eq", "fun": self.equality, "jac": self.equality_jacobian})
+        return constraints
+
+    def minimise(self, iterations: int, progress: _Progress) -> tuple[Array, Array, Array, bool]:
+        """Run SLSQP; return x, multipliers of the kept equations and of the working set, and whether it converged."""
+        constraints = self._constraints()
         if self.working.size:
             constraints.append({"type": "ineq", "fun": self.inequality, "jac": self.inequality_jacobian})
         start = np.zeros(self.M.shape[1])
@@ -172,11 +203,72 @@ class _Run:
                 options={"maxiter": iterations, "ftol": accuracy},
             )  # fmt: skip
         x = self._at(result.x).x
-        if x is None:
-            x = self.x
+        y, w = self._multipliers(np.asarray(result.multipliers), result.x)
+        return self.x if x is None else x, y, w, result.status in (0, 8)
+
+    def _multipliers(self, found: Array, s: Array) -> tuple[Array, Array]:
         n_eq = len(self.driver.parts.kept_rows)
-        multipliers = np.asarray(result.multipliers)
-        return x, -multipliers[:n_eq], np.maximum(multipliers[n_eq:], 0.0), int(result.nit), result.status in (0, 8)
+        return -found[:n_eq], np.maximum(found[n_eq:], 0.0)
+
+
+class _FollowingRun(_Run):
+    """A run along the manifold of the kept equations: y = y_0 + null s + move r, where r(s) solves them.
+
+    The equations bend, and a line search that weighs their violation against the cost would shorten every step across the bend.
+    """
+
+    def __init__(self, driver: Driver, x: Array, metric: tuple[Array, Array], working: _Working) -> None:
+        super().__init__(driver, x, metric, working)
+        self.move, self.M = metric
+        self._point = _Point(np.full(self.M.shape[1], np.nan), None)
+        self.r = self._trial_r = np.zeros(self.move.shape[1])
+
+    def _complete(self, s: Array) -> Array | None:
+        r, x, previous = self.r.copy(), self.x, np.inf
+        base = self.origin + self.M @ s
+        for _ in range(FOLLOWING_LIMIT):
+            full = self.driver.elimination.complete(x, base + self.move @ r)
+            if full is None:
+                return None
+            x = full
+            error = self.driver.nlp.equality(x)[self.driver.parts.kept_rows]
+            size = float(np.abs(error).max())
+            if size <= EQUATION_TOLERANCE or (size <= 100 * EQUATION_TOLERANCE and size > 0.5 * previous):
+                self._trial_r = r
+                return x
+            if not size < 1e3 * min(previous, 1.0):
+                return None
+            change = error if size < 0.1 * previous else self._newton(x, error)
+            if change is None:
+                return None
+            r, previous = r - change, size
+        return None
+
+    def _newton(self, x: Array, error: Array) -> Array | None:
+        """Change of r that cancels the error to first order at x."""
+        none = np.zeros(0, dtype=np.intp)
+        reduced = self.driver.elimination.reduce(x, none, none)
+        if reduced is None:
+            return None
+        return _solve(reduced.equality @ self.move, error)
+
+    def _moved(self, s: Array) -> None:
+        self.r = self._trial_r
+
+    def _directions(self, reduced: Reduced) -> Array:
+        bend = _solve(reduced.equality @ self.move, reduced.equality @ self.M)
+        return np.asarray(self.M - self.move @ bend)
+
+    def _constraints(self) -> list[dict[str, Any]]:
+        return []
+
+    def _multipliers(self, found: Array, s: Array) -> tuple[Array, Array]:
+        """Those of the equations make the Lagrangian stationary along ``move``."""
+        w = np.maximum(found, 0.0)
+        reduced, _ = self._derivatives(s)
+        slope = reduced.cost - w @ self._working_slopes(reduced)
+        y = -_solve((reduced.equality @ self.move).T, slope @ self.move)
+        return y, w
 
 
 class _Progress:
@@ -215,6 +307,7 @@ class Driver:
         self.watched_rows = np.zeros(nlp.n_in, dtype=bool)
         self.watched_lower = np.zeros(nlp.n, dtype=bool)
         self.watched_upper = np.zeros(nlp.n, dtype=bool)
+        self.follows = segments > 0
         self._always()
 
     def _always(self) -> None:
@@ -270,8 +363,12 @@ class Driver:
 
     # Metric ----------------------------------------------------------------------------------------------------------
 
-    def metric(self, x: Array) -> Array | None:
-        """Return M, shape (n_y, n_y): columns that move the kept equations one by one, then conjugate directions of their null space."""
+    def metric(self, x: Array) -> tuple[Array, Array] | None:
+        """Return (move, null), shapes (n_y, rank) and (n_y, n_y - rank): M = (move | null).
+
+        The columns of ``move`` change the kept equations one by one, dK = I, and are conjugate to those of ``null``, which leave
+        the equations as they are and make the Hessian of the Lagrangian the identity, up to signs and the flattest curvatures.
+        """
         parts, nlp = self.parts, self.nlp
         none = np.zeros(0, dtype=np.intp)
         reduced = self.elimination.reduce(x, none, none)
@@ -292,7 +389,7 @@ class Driver:
             return None
         if not len(reduced.equality):
             values, V = np.linalg.eigh((H + H.T) / 2)
-            return np.asarray(D[:, None] * V / np.sqrt(np.maximum(np.abs(values), FLATTEST)))
+            return np.zeros((len(D), 0)), D[:, None] * V / np.sqrt(np.maximum(np.abs(values), FLATTEST))
         U, sizes, Vt = np.linalg.svd(reduced.equality * D, full_matrices=True)
         rank = int((sizes > 1e-10 * sizes[0]).sum())
         move, null = Vt[:rank].T / sizes[:rank], Vt[rank:].T
@@ -301,7 +398,7 @@ class Driver:
         values, V = np.linalg.eigh(null.T @ ((H + H.T) / 2) @ null)
         curvature = np.maximum(np.abs(values), FLATTEST)
         move = move - null @ (V @ ((V.T @ (null.T @ (H @ move))) / curvature[:, None]))
-        return np.asarray(D[:, None] * np.hstack([CONSTRAINT_SCALE * move, null @ (V / np.sqrt(curvature))]))
+        return D[:, None] * move, D[:, None] * (null @ (V / np.sqrt(curvature)))
 
     def _estimate_multipliers(self, x: Array, reduced: Reduced) -> None:
         """Least-squares multipliers of the kept equations."""
@@ -317,6 +414,43 @@ class Driver:
         self.y[parts.used_rows] = 0.0
         slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ self.y - nlp.inequality_jacobian(x).T @ self.w - self.bound_force
         self.y[parts.used_rows] = self.elimination.multipliers(slope, reduced.factors)
+
+    # Equations -------------------------------------------------------------------------------------------------------
+
+    def equation_error(self, x: Array) -> float:
+        """Largest violation of an equality constraint."""
+        return float(np.abs(self.nlp.equality(x)).max())
+
+    def onto_equations(self, x: Array) -> Array:
+        """Meet the kept equations by Gauss-Newton steps of least scaled length; returns the best point found."""
+        none = np.zeros(0, dtype=np.intp)
+        D = self.scale[self.parts.kept]
+        error = self.equation_error(x)
+        for _ in range(FOLLOWING_LIMIT):
+            if error <= EQUATION_TOLERANCE:
+                break
+            reduced = self.elimination.reduce(x, none, none)
+            if reduced is None or not np.isfinite(reduced.equality).all():
+                break
+            c = self.nlp.equality(x)[self.parts.kept_rows]
+            step = D * np.linalg.lstsq(reduced.equality * D, -c, rcond=None)[0]
+            share, better = 1.0, None
+            while share > SHORTEST_SHARE and better is None:
+                trial = self.elimination.complete(x, self._within_times(x, x[self.parts.kept] + share * step))
+                if trial is not None and self.equation_error(trial) < (1 - 0.1 * share) * error:
+                    better = trial
+                share /= 2
+            if better is None:
+                break
+            x, error = better, self.equation_error(better)
+        return x
+
+    def _within_times(self, x: Array, y: Array) -> Array:
+        """Change no step size by more than a tenth at once."""
+        times = np.isin(self.parts.kept, self.nlp.layout.index_h)
+        before = x[self.parts.kept][times]
+        y[times] = np.clip(y[times], 0.9 * before, 1.1 * before)
+        return y
 
     def forget_multipliers(self) -> None:
         self.y, self.w, self.bound_force = np.zeros(self.nlp.n_eq), np.zeros(self.nlp.n_in), np.zeros(self.nlp.n)
@@ -358,9 +492,10 @@ def solve(nlp: Transcription, x: Array, options: Options, segments: int = SEGMEN
             if found.violation <= options.violation:
                 return _outcome(driver, Status.STALLED, f"optimality {found.optimality:.1e}", x, progress)
             best = x = _least_violation(driver, x, progress)
-            if restorations == RESTORATIONS or violation(nlp, x) > FEASIBLE:
+            least = violation(nlp, x)
+            if restorations == RESTORATIONS or least > FEASIBLE:
                 detail = "least violation: " + "; ".join(worst_constraints(nlp, x))
-                return _outcome(driver, Status.INFEASIBLE, detail, x, progress)
+                return _outcome(driver, Status.INFEASIBLE if least > INFEASIBLE else Status.STALLED, detail, x, progress)
             restorations, watch = restorations + 1, _Watch()
             driver.forget_multipliers()
     except _Stop as stop:
@@ -390,13 +525,27 @@ def _completed(driver: Driver, x: Array) -> Array:
     return x if full is None else full
 
 
+def _solve(A: Array, b: Array) -> Array:
+    """Solve A x = b, in the sense of least squares where A is singular or not square."""
+    if A.shape[0] == A.shape[1]:
+        try:
+            return np.asarray(np.linalg.solve(A, b))
+        except np.linalg.LinAlgError:
+            pass
+    return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
+
+
 def _round(driver: Driver, x: Array, progress: _Progress) -> tuple[Array, Residuals, bool]:
-    """One metric and one run of SLSQP in it."""
-    M = driver.metric(x)
-    if M is None:
+    """One metric and one run of SLSQP in it: along the equations if they can be met, else towards them."""
+    if driver.follows and driver.equation_error(x) <= NEAR_EQUATIONS:
+        x = driver.onto_equations(x)
+    metric = driver.metric(x)
+    if metric is None:
         raise _Stop(Status.STALLED)
     working = driver.working(x)
-    x, y, w, _, converged = _Run(driver, x, M, working).minimise(RUN, progress)
+    on = driver.follows and driver.equation_error(x) <= ON_EQUATIONS
+    run = _FollowingRun(driver, x, metric, working) if on else _Run(driver, x, metric, working)
+    x, y, w, converged = run.minimise(RUN, progress)
     driver.take_multipliers(x, y, w, working)
     return x, residuals(driver.nlp, x, driver.y, driver.w), converged
 

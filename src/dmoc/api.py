@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from dmoc.codegen.build import build_cached, load_installed, numpy_kernels
 from dmoc.codegen.kernels import Array, Kernels
@@ -200,7 +201,8 @@ def solve(
     nlp = Transcription(problem)
     x = _starting_point(problem, nlp, guess)
     guessed = time.perf_counter()
-    nlp, outcome = _minimise(problem, nlp, x, options, slsqp.SEGMENTS if form == "condensed" else 0)
+    with threadpool_limits(1):  # the dense matrices are small: several threads wait for each other
+        nlp, outcome = _minimise(problem, nlp, x, options, slsqp.SEGMENTS if form == "condensed" else 0)
     solved = time.perf_counter()
     timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
     solution = _solution(problem, nlp, outcome, method, timings, reference)

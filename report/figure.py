@@ -1,0 +1,221 @@
+"""The figure of a motion: snapshots before and after the collisions, positions, momenta with their jumps, inputs with their bounds."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.errors import MissingExtraError, OutputError
+from dmoc.report.shapes import Shape, shape_of
+from dmoc.trajectory import Array, Phase, Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = ("#1f4e79", "#c1440e", "#2e7d32", "#6a1b9a", "#8d6e00", "#00796b")
+GREY = "#8a8a8a"
+SNAPSHOTS = 8  # of each phase, equally spaced in time
+
+
+def plot(trajectory: Trajectory, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw a motion.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    path : path, optional
+        Where to write the figure; the ending decides the format (png, pdf, svg).
+
+    Returns
+    -------
+    matplotlib Figure
+
+    Raises
+    ------
+    MissingExtraError
+        If Matplotlib is not installed.
+    OutputError
+        If the file cannot be written or its format is unknown.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ModuleNotFoundError:
+        raise MissingExtraError("Matplotlib is needed to plot: install it with `pip install dmoc[plot]`.") from None
+    shape = shape_of(trajectory.model)
+    panels = 2 + bool(trajectory.inputs)
+    rows = panels + (1 if shape else 0)
+    figure = Figure(figsize=(7.0, 2.0 * panels + (2.8 if shape else 0.4)), layout="constrained")
+    FigureCanvasAgg(figure)
+    ratios = ([1.5] if shape else []) + [1.0] * panels
+    grid = figure.add_gridspec(rows, len(trajectory.phases) if shape else 1, height_ratios=ratios)
+    if shape:
+        _snapshots(figure, grid, trajectory, shape)
+    curves = [figure.add_subplot(grid[i, :]) for i in range(rows - panels, rows)]
+    for axes in curves[1:]:
+        axes.sharex(curves[0])
+    for axes in curves[:-1]:
+        axes.tick_params(labelbottom=False)
+    _positions(curves[0], trajectory)
+    _momenta(curves[1], trajectory)
+    if trajectory.inputs:
+        _inputs(curves[2], trajectory)
+    curves[-1].set_xlabel("time $t$ [s]")
+    curves[-1].set_xlim(0.0, trajectory.final_time)
+    _collision_lines(curves, trajectory)
+    if path is not None:
+        _write(figure, Path(path))
+    return figure
+
+
+def _write(figure: Figure, path: Path) -> None:
+    try:
+        figure.savefig(path, dpi=200)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written ({error.strerror}): choose a writable place.") from None
+    except ValueError:
+        raise OutputError(f"{path} has no known format: end it in .png, .pdf or .svg.") from None
+
+
+def _symbol(name: str) -> str:
+    """A name as mathematics: greek names become letters, what follows an underscore a subscript."""
+    greek = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega".split()
+    head, _, tail = name.partition("_")
+
+    def letter(text: str) -> str:
+        return f"\\{text}" if text in greek else (text if len(text) == 1 else f"\\mathrm{{{text}}}")
+
+    return letter(head) + (f"_{{{','.join(letter(part) for part in tail.split('_'))}}}" if tail else "")
+
+
+def _finish(axes: Axes, label: str) -> None:
+    axes.set_ylabel(label)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(True, color="#e4e4e4", linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def _positions(axes: Axes, trajectory: Trajectory) -> None:
+    """Coordinates; the second and later ones on an axis of their own if their ranges differ much."""
+    q = np.vstack([p.q for p in trajectory.phases])
+    spans = np.ptp(q, axis=0)
+    apart = q.shape[1] == 2 and spans.max() > 3 * max(spans.min(), 1e-12)
+    lines = []
+    for i, name in enumerate(trajectory.coordinates):
+        target = axes.twinx() if apart and i == 1 else axes
+        for phase in trajectory.phases:
+            (line,) = target.plot(phase.t, phase.q[:, i], color=COLOURS[i % len(COLOURS)], label=f"${_symbol(name)}$")
+        lines.append(line)
+        if target is not axes:
+            target.set_ylabel(f"${_symbol(name)}$", color=COLOURS[i])
+            target.spines["top"].set_visible(False)
+            target.tick_params(axis="y", colors=COLOURS[i])
+            axes.tick_params(axis="y", colors=COLOURS[0])
+    label = f"${_symbol(trajectory.coordinates[0])}$" if apart or q.shape[1] == 1 else "coordinates"
+    _finish(axes, label)
+    if apart:
+        axes.yaxis.label.set_color(COLOURS[0])
+        axes.grid(axis="y", visible=False)
+    if q.shape[1] > 1 and not apart:
+        axes.legend(handles=lines, loc="best", frameon=False, ncols=len(lines))
+
+
+def _momenta(axes: Axes, trajectory: Trajectory) -> None:
+    for i, name in enumerate(trajectory.coordinates):
+        colour = COLOURS[i % len(COLOURS)]
+        for k, phase in enumerate(trajectory.phases):
+            axes.plot(phase.t, phase.p[:, i], color=colour, label=f"$p_{{{_symbol(name)}}}$" if k == 0 else None)
+        for before, after in zip(trajectory.phases, trajectory.phases[1:], strict=False):
+            ends = (before.p[-1, i], after.p[0, i])
+            axes.plot([before.t[-1]] * 2, ends, color=colour, linestyle=":", linewidth=1.2)
+    _finish(axes, "momenta")
+    axes.legend(loc="best", frameon=False, ncols=len(trajectory.coordinates))
+
+
+def _inputs(axes: Axes, trajectory: Trajectory) -> None:
+    values = np.vstack([p.u for p in trajectory.phases])
+    for i, name in enumerate(trajectory.inputs):
+        colour = COLOURS[i % len(COLOURS)]
+        for k, phase in enumerate(trajectory.phases):
+            label = f"${_symbol(name)}$" if k == 0 else None
+            if trajectory.controls == "linear":
+                axes.plot(phase.t, phase.u[:, i], color=colour, label=label)
+            else:
+                axes.stairs(phase.u[:, i], phase.t, baseline=None, color=colour, label=label, linewidth=1.5)
+        for bound in trajectory.input_bounds[i]:
+            if np.isfinite(bound):
+                _bound(axes, bound, values[:, i], colour)
+    _finish(axes, "inputs" if len(trajectory.inputs) > 1 else f"input ${_symbol(trajectory.inputs[0])}$")
+    if len(trajectory.inputs) > 1:
+        axes.legend(loc="best", frameon=False)
+
+
+def _bound(axes: Axes, bound: float, values: Array, colour: str) -> None:
+    """A line where the bound is near the values, else a note of its value: a far one would flatten the curve."""
+    low, high = float(values.min()), float(values.max())
+    span = max(high - low, 1e-12)
+    if low - span <= bound <= high + span:
+        axes.axhline(bound, color=colour, linestyle="--", linewidth=0.9)
+        return
+    above = bound > high
+    text = f"upper bound {bound:g} \u2191" if above else f"lower bound {bound:g} \u2193"
+    axes.annotate(text, (0.995, 0.97 if above else 0.03), xycoords="axes fraction", ha="right", va="top" if above else "bottom",
+                  fontsize=8, color=GREY)  # fmt: skip
+
+
+def _collision_lines(curves: list[Axes], trajectory: Trajectory) -> None:
+    for collision in trajectory.collisions:
+        for axes in curves:
+            axes.axvline(collision.time, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), zorder=0)
+        curves[0].annotate(
+            collision.surface, (collision.time, 1.0), xycoords=("data", "axes fraction"), ha="center", va="bottom", fontsize=8, color=GREY
+        )
+
+
+def _snapshots(figure: Figure, grid: object, trajectory: Trajectory, shape: Shape) -> None:
+    from matplotlib.colors import to_rgba
+
+    pictures = [[shape(q, trajectory.parameters) for q in _at_times(phase)] for phase in trajectory.phases]
+    points = np.vstack([line for picture in pictures for shot in picture for line in (*shot.lines, *shot.bodies)])
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.08 * max(high - low)
+    for i, picture in enumerate(pictures):
+        axes = figure.add_subplot(grid[0, i])  # type: ignore[index]
+        contact = picture[-1] if i < len(trajectory.collisions) else picture[0]
+        for line in contact.limits:
+            axes.plot(line[:, 0], line[:, 1], color="#b0b0b0", linewidth=2.5, solid_capstyle="butt", zorder=1)
+        for k, shot in enumerate(picture):
+            strength = 0.2 + 0.8 * k / max(len(picture) - 1, 1)
+            for line in shot.lines:
+                axes.plot(line[:, 0], line[:, 1], color=to_rgba(COLOURS[0], strength), linewidth=1.6)
+            for line in shot.bodies if k in (0, len(picture) - 1) else ():
+                axes.plot(line[:, 0], line[:, 1], color=to_rgba(COLOURS[0], strength), linewidth=1.2)
+            for x, y in shot.masses:
+                axes.plot(x, y, "o", color=to_rgba(COLOURS[1], strength), markersize=6, markeredgewidth=0)
+        axes.set_xlim(low[0] - margin, high[0] + margin)
+        axes.set_ylim(low[1] - margin, high[1] + margin)
+        axes.set_aspect("equal", adjustable="box")
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelsize=7)
+        axes.set_title(_phase_title(trajectory, i), fontsize=9)
+        if i == 0:
+            axes.set_ylabel("[m]", fontsize=8)
+        axes.set_xlabel("[m]", fontsize=8)
+
+
+def _phase_title(trajectory: Trajectory, i: int) -> str:
+    phase = trajectory.phases[i]
+    span = f"{phase.t[0]:.3g} to {phase.t[-1]:.3g} s"
+    if not trajectory.collisions:
+        return span
+    where = f"before {trajectory.collisions[i].surface!r}" if i < len(trajectory.collisions) else f"after {trajectory.collisions[-1].surface!r}"
+    return f"{where}: {span}"
+
+
+def _at_times(phase: Phase) -> list[Array]:
+    times = np.linspace(phase.t[0], phase.t[-1], SNAPSHOTS)
+    return [np.array([np.interp(t, phase.t, column) for column in phase.q.T]) for t in times]
