@@ -1,0 +1,5 @@
+"""``python -m dmoc``."""
+
+from dmoc.cli import main
+
+main()

@@ -1,0 +1,313 @@
+"""The derivation of a system, step by step, as text, as LaTeX, and in notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+
+from dmoc.symbolic.continuous import (
+    Continuous,
+    dot,
+    energy,
+    gradient,
+    input_matrix,
+    mass_matrix,
+    momenta,
+    readable,
+    right_hand_side,
+)
+from dmoc.symbolic.discrete import StepElement, step_element
+from dmoc.symbolic.kernels import approach, first_root
+from dmoc.symbolic.names import name_of, velocity_name
+from dmoc.symbolic.system import MechanicalSystem
+
+WIDTH = 110  # of a line of text; wider equations are printed on one logical line, without two-dimensional layout
+
+
+@dataclass(frozen=True)
+class Equation:
+    """``left`` = ``right``; the left side is a name, in text and in LaTeX."""
+
+    name: str
+    latex_name: str
+    right: Any
+
+
+@dataclass(frozen=True)
+class Section:
+    """A step of the derivation: what is done, and its equations."""
+
+    title: str
+    text: str
+    equations: tuple[Equation, ...]
+
+
+@dataclass(frozen=True)
+class Derivation:
+    """The steps from the Lagrangian to the derivatives of the discrete equations."""
+
+    title: str
+    sections: tuple[Section, ...]
+
+    def __str__(self) -> str:
+        parts = [self.title, "=" * len(self.title)]
+        for number, section in enumerate(self.sections, 1):
+            head = f"{number}. {section.title}"
+            parts += ["", head, "-" * len(head)]
+            if section.text:
+                parts.append(section.text)
+            parts += [_text(equation) for equation in section.equations]
+        return "\n".join(parts) + "\n"
+
+    def latex(self) -> str:
+        """Return a complete LaTeX document; equations wider than the page are scaled to it."""
+        body = []
+        for section in self.sections:
+            body.append(f"\\section{{{_escape(section.title)}}}")
+            if section.text:
+                body.append(_escape(section.text))
+            body += [f"\\equationline{{{e.latex_name}}}{{{sp.latex(e.right)}}}" for e in section.equations]
+        return _DOCUMENT.replace("TITLE", _escape(self.title)).replace("BODY", "\n\n".join(body))
+
+    def _repr_markdown_(self) -> str:
+        """Display in a notebook."""
+        parts = [f"# {self.title}"]
+        for section in self.sections:
+            parts += [f"## {section.title}", section.text]
+            parts += [f"$${e.latex_name} = {sp.latex(e.right)}$$" for e in section.equations]
+        return "\n\n".join(parts)
+
+
+_DOCUMENT = r"""\documentclass[11pt]{article}
+\usepackage[a4paper,margin=22mm]{geometry}
+\usepackage{amsmath,graphicx}
+\newsavebox{\equationbox}
+\newcommand{\equationline}[2]{\par\smallskip\noindent\sbox{\equationbox}{$\displaystyle #1 = #2$}%
+  \ifdim\wd\equationbox>\linewidth\resizebox{\linewidth}{!}{\usebox{\equationbox}}\else\usebox{\equationbox}\fi\par}
+\title{TITLE}
+\date{}
+\begin{document}
+\maketitle
+BODY
+\end{document}
+"""
+
+
+def _escape(text: str) -> str:
+    for character in "&%#_":
+        text = text.replace(character, f"\\{character}")
+    return text.replace("^", r"\^{}").replace("<=", r"$\le$").replace(">=", r"$\ge$")
+
+
+def _text(equation: Equation) -> str:
+    pretty = sp.pretty(equation.right, use_unicode=False, wrap_line=False, num_columns=10_000)
+    lines = pretty.split("\n")
+    head = f"  {equation.name} = "
+    if max(map(len, lines)) + len(head) > WIDTH:
+        return head + sp.sstr(equation.right)
+    middle = len(lines) // 2
+    return "\n".join((head if i == middle else " " * len(head)) + line for i, line in enumerate(lines)) + ("\n" if len(lines) > 1 else "")
+
+
+def derive(system: MechanicalSystem) -> Derivation:
+    """Derive a system from its Lagrangian to the derivatives of its discrete equations.
+
+    The result prints as text, gives a LaTeX document by ``latex()``, and displays itself in notebooks.
+    """
+    f = readable(system)
+    element = _readable_element(system)
+    sections = [
+        *_continuous_sections(system, f),
+        *_discrete_sections(system, element),
+        *_collision_sections(system, f),
+        *_cost_sections(system, element),
+        *_feasibility_section(system, f),
+        *_derivative_sections(element),
+    ]
+    return Derivation(f"Derivation of the model {system.name}", tuple(sections))
+
+
+def tangents(normal: Sequence[Any]) -> list[list[Any]]:
+    """Return nq - 1 vectors t with t . normal = 0 identically, for a gradient that is nowhere zero in one component."""
+    pivot = next((i for i, n in enumerate(normal) if n.is_nonzero), None)
+    if pivot is None:
+        pivot = next(i for i, n in enumerate(normal) if n != 0)
+    vectors = []
+    for i in range(len(normal)):
+        if i != pivot:
+            t = [sp.S.Zero] * len(normal)
+            t[i], t[pivot] = sp.S.One, -normal[i] / normal[pivot]
+            vectors.append(t)
+    return vectors
+
+
+def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Section]:
+    names = [str(q) for q in f.q]
+    tex = [sp.latex(q) for q in f.q]
+    accelerations = [sp.Symbol(f"{n}_ddot") for n in names]
+    yield Section("Lagrangian", "L(q, q') with the coordinates q = (" + ", ".join(names) + ").", (Equation("L", "L", f.L),))
+    yield Section("Momenta", "p = dL/dq'.", tuple(_each("p", names, tex, momenta(f))))
+    yield Section("Mass matrix", "M = d2L/dq'2.", (Equation("M", "M", sp.Matrix(mass_matrix(f))),))
+    yield Section("Energy", "E = p . q' - L.", (Equation("E", "E", sp.expand(energy(f))),))
+    work = dot(f.Q, [sp.Symbol(f"delta_{n}") for n in names])
+    forces = [Equation("delta W", r"\delta W", work), *_each("Q", names, tex, f.Q)]
+    if f.u:
+        forces.append(Equation("dQ/du", r"\partial Q / \partial u", sp.Matrix(input_matrix(f))))
+    yield Section("Virtual work and generalised forces", "delta W = Q . delta q.", tuple(forces))
+    left = sp.Matrix(mass_matrix(f)) * sp.Matrix(accelerations)
+    motion = [
+        Equation(sp.sstr(a), sp.latex(a), b) for a, b in zip(left, right_hand_side(f), strict=True)
+    ]
+    yield Section("Equations of motion", "M q'' = dL/dq - (d2L/dq'dq) q' + Q.", tuple(motion))
+    if f.g:
+        equations = []
+        for name, g in zip(system.surfaces, f.g, strict=True):
+            equations.append(Equation(f"g_{name}", f"g_{{\\mathrm{{{_escape(name)}}}}}", g))
+            equations.append(Equation(f"grad g_{name}", f"\\nabla g_{{\\mathrm{{{_escape(name)}}}}}", sp.Matrix([gradient(g, f.q)])))
+        yield Section("Unilateral constraints", "g(q) <= 0; the gradient points out of the admissible set.", tuple(equations))
+
+
+def _discrete_sections(system: MechanicalSystem, e: StepElement) -> Iterable[Section]:
+    n = len(e.q_k)
+    names = [name_of(q) for q in system.coordinates]
+    tex = [sp.latex(sp.Symbol(x)) for x in names]
+    yield Section(
+        "Midpoint of a step", "Coordinates and velocities of the midpoint rule, in the step from node k to node k+1 of size h.",
+        tuple(Equation(str(s), sp.latex(s), value) for s, value in e.definitions),
+    )  # fmt: skip
+    slots = [e.D(e.L_d, i) for i in range(2 * n)]
+    yield Section(
+        "Discrete Lagrangian", "L_d = h L at the midpoint, with its derivatives in the first, second and third slot.",
+        (Equation("L_d", "L_d", e.L_d), *_each("D1_Ld", names, tex, slots[:n], "D_1 L_d"), *_each("D2_Ld", names, tex, slots[n:], "D_2 L_d"),
+         Equation("D3_Ld", "D_3 L_d", e.D(e.L_d, len(e.z) - 1))),
+    )  # fmt: skip
+    yield Section(
+        "Discrete forces", "fd_minus = h/2 Q with the input u_k, fd_plus = h/2 Q with the input u_kp1.",
+        (*_each("fd_minus", names, tex, e.fd_minus, "f_d^-"), *_each("fd_plus", names, tex, e.fd_plus, "f_d^+")),
+    )  # fmt: skip
+    yield Section(
+        "Discrete Euler-Lagrange equations",
+        "r_minus = D1_Ld + fd_minus is -p at the step's start, r_plus = D2_Ld + fd_plus is p at its end. "
+        "Interior nodes: r_plus(k-1) + r_minus(k) = 0. Start: r_minus(0) + p_B = 0. End: r_plus(N-1) - p_E = 0.",
+        (*_each("r_minus", names, tex, e.r_minus, "r^-"), *_each("r_plus", names, tex, e.r_plus, "r^+")),
+    )  # fmt: skip
+
+
+def _collision_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Section]:
+    if not f.g:
+        return
+    e = _readable_element(system)
+    names = [str(q) for q in f.q]
+    before = [sp.Symbol(f"r_plus_{n}") for n in names]
+    after = [sp.Symbol(f"r_minus_{n}") for n in names]
+    lam = sp.Symbol("lam")
+    equations = []
+    for name, g in zip(system.surfaces, f.g, strict=True):
+        normal = gradient(g, f.q)
+        tag = f"\\mathrm{{{_escape(name)}}}"
+        momentum = sp.Matrix([a + b - lam * c for a, b, c in zip(before, after, normal, strict=True)])
+        equations.append(Equation(f"0 (position, {name})", f"0_{{{tag}}}", g))
+        equations.append(Equation(f"0 (momentum, {name})", f"0_{{{tag}}}", momentum))
+        for t in tangents(normal):
+            total = [a + b for a, b in zip(before, after, strict=True)]
+            equations.append(Equation(f"0 (tangential momentum, {name})", f"0_{{{tag}}}", dot(t, total)))
+    equations.append(Equation("e_plus", "e^+", e.e_plus))
+    equations.append(Equation("e_minus", "e^-", e.e_minus))
+    yield Section(
+        "Collision conditions",
+        "At a collision node q_c: g(q_c) = 0; only the normal part of the momentum jumps, r_plus(before) + r_minus(after) = lam grad g, "
+        "or, without the impulse lam >= 0, its projection on the tangents vanishes; energy is conserved, e_plus(before) - e_minus(after) = 0 with "
+        "e_plus = D3_Ld - fd_plus . v and e_minus = D3_Ld + fd_minus . v.",
+        tuple(equations),
+    )
+
+
+def _cost_sections(system: MechanicalSystem, e: StepElement) -> Iterable[Section]:
+    yield Section("Discrete cost", "C_d = h/2 (C with u_k + C with u_kp1) at the midpoint.", (Equation("C_d", "C_d", e.C_d),))
+    if e.f.r:
+        paths = [Equation(f"r_{n}", f"r_{{\\mathrm{{{_escape(n)}}}}}", r) for n, r in zip(system.path_constraints, e.f.r, strict=True)]
+        yield Section("Path constraints", "r_d >= 0 in every step.", tuple(paths))
+
+
+def _feasibility_section(system: MechanicalSystem, f: Continuous) -> Iterable[Section]:
+    if not f.g:
+        return
+    a = [sp.Symbol(f"{q}_ddot_bar") for q in f.q]
+    half_way = {q: sp.Symbol(f"{q}_bar") for q in f.q}
+    equations = []
+    for name, g in zip(system.surfaces, f.g, strict=True):
+        tag = f"\\mathrm{{{_escape(name)}}}"
+        equations.append(Equation(f"T_min_{name}", f"T_{{\\min,{tag}}}", first_root(*approach(g, f, a, half_way))))
+    yield Section(
+        "Minimal collision time",
+        "First root of g + g' t + g'' t^2/2. The accelerations (_ddot_bar) are constant: M q'' = F at averaged coefficients, half-way (_bar) between "
+        "the phase's start and its collision, with the inputs at the bounds that drive towards the surface.",
+        tuple(equations),
+    )
+
+
+def _derivative_sections(e: StepElement) -> Iterable[Section]:
+    n = len(e.q_k)
+    rows = {f"r_minus_{i}": r for i, r in enumerate(e.r_minus)} | {f"r_plus_{i}": r for i, r in enumerate(e.r_plus)}
+    rows |= {"e_plus": e.e_plus, "e_minus": e.e_minus, "C_d": e.C_d}
+    equations, pattern = [], []
+    for name, row in rows.items():
+        derivatives = e.gradient(row)
+        pattern.append(f"  {name:>10}  " + " ".join("x" if d != 0 else "." for d in derivatives))
+        equations += [
+            Equation(f"d{name}/d{z}", f"\\partial {_row_tex(name)} / \\partial {sp.latex(z)}", d)
+            for z, d in zip(e.z, derivatives, strict=True) if d != 0
+        ]  # fmt: skip
+    columns = "z = (" + ", ".join(map(str, e.z)) + ")"
+    yield Section("First derivatives", f"Columns {columns}; x marks what is not identically zero.\n" + "\n".join(pattern), tuple(equations))
+    mu = [sp.Symbol(f"mu_minus_{i}") for i in range(n)], [sp.Symbol(f"mu_plus_{i}") for i in range(n)]
+    sigma, w_plus, w_minus = sp.symbols("sigma w_plus w_minus")
+    weighted = [
+        ("step", sigma * e.C_d + dot(mu[0], e.r_minus) + dot(mu[1], e.r_plus)),
+        ("energy", w_plus * e.e_plus + w_minus * e.e_minus),
+    ]
+    for title, expression in weighted:
+        hessian = e.hessian(expression)
+        grid = ["  " + " ".join("x" if d != 0 else "." for d in row) for row in hessian]
+        second = [
+            Equation(f"d2/d{a}d{b}", f"\\partial^2/\\partial {sp.latex(a)}\\,\\partial {sp.latex(b)}", hessian[i][j])
+            for i, a in enumerate(e.z) for j, b in enumerate(e.z) if j >= i and hessian[i][j] != 0
+        ]  # fmt: skip
+        what = "sigma C_d + mu_minus . r_minus + mu_plus . r_plus" if title == "step" else "w_plus e_plus + w_minus e_minus"
+        yield Section(f"Second derivatives ({title})", f"Upper triangle for {what}.\n" + "\n".join(grid), tuple(second))
+
+
+def _row_tex(name: str) -> str:
+    return {"e_plus": "e^+", "e_minus": "e^-", "C_d": "C_d"}.get(name, name.replace("r_minus_", "r^-_").replace("r_plus_", "r^+_"))
+
+
+def _each(letter: str, names: Sequence[str], tex: Sequence[str], values: Sequence[Any], latex: str | None = None) -> list[Equation]:
+    """One equation for each coordinate."""
+    head = latex or letter
+    return [
+        Equation(f"{letter}_{n}", f"{head}{{}}_{{{t}}}" if latex else f"{letter}_{{{t}}}", v)
+        for n, t, v in zip(names, tex, values, strict=True)
+    ]
+
+
+def _readable_element(system: MechanicalSystem) -> StepElement:
+    """The step element in symbols with the user's names: alpha_k, alpha_kp1, alpha_m (midpoint), F_k, F_kp1, h."""
+    names = [name_of(q) for q in system.coordinates]
+    inputs = [name_of(u) for u in system.inputs]
+    table = {f"q_k_{i}": f"{n}_k" for i, n in enumerate(names)} | {f"q_kp1_{i}": f"{n}_kp1" for i, n in enumerate(names)}
+    table |= {f"u_k_{i}": f"{n}_k" for i, n in enumerate(inputs)} | {f"u_kp1_{i}": f"{n}_kp1" for i, n in enumerate(inputs)}
+    f = Continuous.of(
+        system,
+        [sp.Symbol(f"{n}_m") for n in names],
+        [sp.Symbol(f"{velocity_name(n)}_m") for n in names],
+        [sp.Symbol(f"{n}_free") for n in inputs],
+        list(system.parameters),
+    )
+    taken = {str(s) for s in system.parameters}
+    step = "h" if "h" not in taken else "h_step"
+    return step_element(f, lambda name: sp.Symbol(step if name == "h" else table[name]), sp.Rational(1, 2))
+
+
