@@ -18,12 +18,15 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Boundary, Problem
+from dmoc.nlp.transcription import Transcription
 
 # Smallest singular value, relative to the rows and with inertia scaled to one, below which controllability counts as lost.
 WINDOW = 0.15
 # Ratio of successive final times, and how many steps a phase gets while they are compared.
 TIME_RATIO = 1.2
 COARSE_STEPS = 40
+# Violation of the discrete equations above which a guess that obeys the equations of motion has drifted off its goal.
+DRIFTED = 100.0
 # Share of the final time that a phase gets at least, so that repeated collisions with one surface have time for a flight.
 SHORTEST_SHARE = 0.04
 
@@ -75,8 +78,8 @@ class Motion:
     cost: float
 
 
-def initial_guess(problem: Problem) -> Guess:
-    """Return a guess for all unknowns of ``problem``.
+def initial_guesses(problem: Problem) -> tuple[Guess, ...]:
+    """Return guesses for all unknowns of ``problem``, the better one first.
 
     The final times that are tried keep the problem's bounds; among those that keep the bounds of the inputs the one of least cost is taken, and if
     there is none, the one that violates them least.
@@ -92,16 +95,28 @@ def initial_guess(problem: Problem) -> Guess:
         rank = (max(excess, 1e-3), motion.cost, final_time)
         if best is None or rank < best:
             best = rank
-    final_time = best[2] if best else next(iter(_final_times(problem)))
-    plan = _plan(problem, prescribed, final_time)
-    motion = _march(problem, plan, prescribed)
-    if motion is None:
-        prescribed = tuple(range(problem.nq))
-        motion = _march(problem, plan, prescribed)
-    if motion is None:
+    final_time = best[2] if best else _final_times(problem)[-1]
+    # An underactuated motion may drift far from the goal; then splines for all coordinates, which ignore the rows without
+    # inputs, violate the discrete equations less.
+    guesses = []
+    for choice in dict.fromkeys((prescribed, tuple(range(problem.nq)))):
+        plan = _plan(problem, choice, final_time)
+        motion = _march(problem, plan, choice)
+        if motion is not None:
+            x = _unknowns(problem, plan, motion)
+            guesses.append(Guess(x, final_time, _names(problem, choice), motion.free_steps, _excess(problem, motion.u)))
+    if not guesses:
+        plan = _plan(problem, prescribed, final_time)
         motion = _resting(problem, plan)
-    names = tuple(problem.kernels.coordinates[i] for i in prescribed)
-    return Guess(_unknowns(problem, plan, motion), final_time, names, motion.free_steps, _excess(problem, motion.u))
+        guesses.append(Guess(_unknowns(problem, plan, motion), final_time, (), 0, 0.0))
+    nlp = Transcription(problem)
+    errors = [float(np.abs(nlp.equality(np.clip(g.x, nlp.lower, nlp.upper))).max()) for g in guesses]
+    drifted = errors[0] > DRIFTED and errors[-1] < errors[0]
+    return tuple(guesses[::-1] if drifted else guesses)
+
+
+def _names(problem: Problem, choice: tuple[int, ...]) -> tuple[str, ...]:
+    return tuple(problem.kernels.coordinates[i] for i in choice)
 
 
 # Choices -------------------------------------------------------------------------------------------------------------

@@ -53,6 +53,9 @@ FEASIBLE = 1e-6
 INFEASIBLE = 1e-3  # a smaller remainder may be the search's own, so that it says nothing about the problem
 # Violation below which a converged run is close enough for Newton's method.
 POLISH_FROM = 1e-6
+# Relative change of the cost in a run below which Newton's method is tried, and curvature below which its end is a saddle.
+SLOW = 1e-3
+SADDLE = 1e-4
 # Violation of the equations below which they are met first, below which a run follows them, what it then keeps them to, and how many
 # corrections that may take.
 NEAR_EQUATIONS = 0.1
@@ -369,7 +372,6 @@ class Driver:
         The columns of ``move`` change the kept equations one by one, dK = I, and are conjugate to those of ``null``, which leave
         the equations as they are and make the Hessian of the Lagrangian the identity, up to signs and the flattest curvatures.
         """
-        parts, nlp = self.parts, self.nlp
         none = np.zeros(0, dtype=np.intp)
         reduced = self.elimination.reduce(x, none, none)
         if reduced is None:
@@ -377,28 +379,41 @@ class Driver:
         if not self.y.any():
             self._estimate_multipliers(x, reduced)
         self._complete_multipliers(x, reduced)
+        D = self.scale[self.parts.kept]
+        H = self._hessian(x, reduced, D)
+        if not np.isfinite(H).all():
+            return None
+        move, null = _split(reduced.equality * D)
+        values, V = np.linalg.eigh(null.T @ H @ null)
+        null = null @ (V / np.sqrt(np.maximum(np.abs(values), FLATTEST)))
+        move = move - null @ (null.T @ (H @ move))
+        return D[:, None] * move, D[:, None] * null
+
+    def is_minimum(self, x: Array) -> bool:
+        """Whether the Hessian of the Lagrangian is positive where the equations and the active inequalities stay as they are."""
+        rows, bounds = np.flatnonzero(self.w > 0), np.flatnonzero(self.bound_force)
+        reduced = self.elimination.reduce(x, rows, bounds[self.is_eliminated[bounds]])
+        if reduced is None:
+            return False
+        D = self.scale[self.parts.kept]
+        fixed = np.flatnonzero(np.isin(self.parts.kept, bounds))
+        held = np.vstack([reduced.equality, reduced.inequality, reduced.unknowns, np.eye(len(D))[fixed]]) * D
+        null = _split(held)[1]
+        H = self._hessian(x, reduced, D)
+        if not np.isfinite(H).all():
+            return False
+        return not null.shape[1] or bool(np.linalg.eigvalsh(null.T @ H @ null)[0] > -SADDLE)
+
+    def _hessian(self, x: Array, reduced: Reduced, D: Array) -> Array:
+        """Hessian of the Lagrangian in the scaled kept unknowns, dense."""
+        nlp, parts = self.nlp, self.parts
         upper = nlp.lagrangian_hessian(x, self.y, -self.w)
-        hessian = upper + scipy.sparse.triu(upper, 1).T
-        D = self.scale[parts.kept]
         Z = np.zeros((nlp.n, len(parts.kept)))
         Z[parts.kept, np.arange(len(parts.kept))] = D
         if reduced.factors is not None:
             Z[parts.eliminated] = -reduced.factors.solve(self.elimination.kept_columns(x) * D)
-        H = Z.T @ (hessian @ Z)
-        if not np.isfinite(H).all():
-            return None
-        if not len(reduced.equality):
-            values, V = np.linalg.eigh((H + H.T) / 2)
-            return np.zeros((len(D), 0)), D[:, None] * V / np.sqrt(np.maximum(np.abs(values), FLATTEST))
-        U, sizes, Vt = np.linalg.svd(reduced.equality * D, full_matrices=True)
-        rank = int((sizes > 1e-10 * sizes[0]).sum())
-        move, null = Vt[:rank].T / sizes[:rank], Vt[rank:].T
-        if rank == len(sizes):
-            move = move @ U.T
-        values, V = np.linalg.eigh(null.T @ ((H + H.T) / 2) @ null)
-        curvature = np.maximum(np.abs(values), FLATTEST)
-        move = move - null @ (V @ ((V.T @ (null.T @ (H @ move))) / curvature[:, None]))
-        return D[:, None] * move, D[:, None] * (null @ (V / np.sqrt(curvature)))
+        H = Z.T @ ((upper + scipy.sparse.triu(upper, 1).T) @ Z)
+        return np.asarray((H + H.T) / 2)
 
     def _estimate_multipliers(self, x: Array, reduced: Reduced) -> None:
         """Least-squares multipliers of the kept equations."""
@@ -471,6 +486,16 @@ class Driver:
             self._complete_multipliers(x, reduced)
 
 
+def _split(A: Array) -> tuple[Array, Array]:
+    """Return a right inverse of A (if its rows are independent, else of its row space) and an orthonormal basis of its null space."""
+    if not A.shape[0]:
+        return np.zeros((A.shape[1], 0)), np.eye(A.shape[1])
+    U, sizes, Vt = np.linalg.svd(A, full_matrices=True)
+    rank = int((sizes > 1e-10 * max(sizes[0], 1e-300)).sum())
+    inverse = Vt[:rank].T / sizes[:rank]
+    return inverse @ U.T if rank == len(A) else inverse, Vt[rank:].T
+
+
 def solve(nlp: Transcription, x: Array, options: Options, segments: int = SEGMENTS) -> Outcome:
     """Minimise from x; ``segments`` is the number of segments of each phase in the condensed form, 0 for the full form."""
     progress = _Progress(nlp, options)
@@ -481,9 +506,11 @@ def solve(nlp: Transcription, x: Array, options: Options, segments: int = SEGMEN
         best = x = _completed(driver, x)
         watch = _Watch()
         while True:
+            before = nlp.cost(x)
             x, found, converged = _round(driver, x, progress)
-            if converged and found.violation <= POLISH_FROM:
-                x, found = _polished(driver, x)
+            slow = abs(nlp.cost(x) - before) <= SLOW * max(1.0, abs(before))
+            if found.violation <= POLISH_FROM and (converged or slow):
+                x, found = _polished(driver, x, options)
             best = x
             if found.violation <= options.violation and found.optimality <= options.optimality:
                 return _outcome(driver, Status.SOLVED, "", x, progress)
@@ -550,12 +577,17 @@ def _round(driver: Driver, x: Array, progress: _Progress) -> tuple[Array, Residu
     return x, residuals(driver.nlp, x, driver.y, driver.w), converged
 
 
-def _polished(driver: Driver, x: Array) -> tuple[Array, Residuals]:
-    """Take Newton steps with the active set that SLSQP found."""
-    rows = np.flatnonzero(driver.w > 0)
-    bounds = np.flatnonzero(driver.bound_force)
-    x, driver.y, driver.w, found = polish(driver.nlp, x, driver.y, driver.w, rows, bounds)
-    return x, found
+def _polished(driver: Driver, x: Array, options: Options) -> tuple[Array, Residuals]:
+    """Take Newton steps with the active set that SLSQP found; keep them if they end in a minimum of no higher cost."""
+    rows, bounds = np.flatnonzero(driver.w > 0), np.flatnonzero(driver.bound_force)
+    before = driver.y, driver.w, driver.nlp.cost(x)
+    better, driver.y, driver.w, found = polish(driver.nlp, x, driver.y, driver.w, rows, bounds)
+    solved = found.optimality <= options.optimality and found.violation <= options.violation
+    lower = driver.nlp.cost(better) <= before[2] + SLOW * max(1.0, abs(before[2]))
+    if solved and lower and driver.is_minimum(better):
+        return better, found
+    driver.y, driver.w = before[:2]
+    return x, Residuals(np.inf, violation(driver.nlp, x)) if solved else residuals(driver.nlp, x, driver.y, driver.w)
 
 
 def _least_violation(driver: Driver, x: Array, progress: _Progress) -> Array:

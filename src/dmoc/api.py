@@ -16,7 +16,7 @@ from dmoc.codegen.build import build_cached, load_installed, numpy_kernels
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import BuildError, ModelError, ProblemError, SolutionFileError
 from dmoc.models import catalogue
-from dmoc.nlp.guess import initial_guess
+from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.motion import active_bounds, named_multipliers, trajectory
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.transcription import Transcription
@@ -199,10 +199,10 @@ def solve(
     options = Options(optimality, violation, iterations, seconds, progress)
     start = time.perf_counter()
     nlp = Transcription(problem)
-    x = _starting_point(problem, nlp, guess)
-    guessed = time.perf_counter()
-    with threadpool_limits(1):  # the dense matrices are small: several threads wait for each other
-        nlp, outcome = _minimise(problem, nlp, x, options, slsqp.SEGMENTS if form == "condensed" else 0)
+    with threadpool_limits(1):  # the matrices are small: several threads would wait for each other
+        points = _starting_points(problem, nlp, guess)
+        guessed = time.perf_counter()
+        nlp, outcome = _first_success(problem, nlp, points, options, slsqp.SEGMENTS if form == "condensed" else 0)
     solved = time.perf_counter()
     timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
     solution = _solution(problem, nlp, outcome, method, timings, reference)
@@ -231,13 +231,31 @@ def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
         raise ProblemError(f"{name} = {value!r}: expected one of {', '.join(choices)}.")
 
 
-def _starting_point(problem: Problem, nlp: Transcription, guess: Solution | Array | None) -> Array:
+def _starting_points(problem: Problem, nlp: Transcription, guess: Solution | Array | None) -> list[Array]:
     if guess is None:
-        return initial_guess(problem).x
+        return [g.x for g in initial_guesses(problem)]
     x = np.array(guess.unknowns if isinstance(guess, Solution) else guess, dtype=float)
     if x.shape != (nlp.n,) or not np.isfinite(x).all():
         raise ProblemError(f"guess has shape {x.shape}: expected {nlp.n} finite unknowns, from a solution with the same steps and sequence.")
-    return x
+    return [x]
+
+
+def _first_success(
+    problem: Problem, nlp: Transcription, points: list[Array], options: Options, segments: int
+) -> tuple[Transcription, Outcome]:
+    """Solve from one starting point after the other until one succeeds or a limit is reached; else return the least violation."""
+    tried: list[tuple[float, Transcription, Outcome]] = []
+    count, begin = 0, time.perf_counter()
+    for x in points:
+        left = None if options.seconds is None else options.seconds - (time.perf_counter() - begin)
+        used, outcome = _minimise(problem, nlp, x, replace(options, seconds=left, iterations=options.iterations - count), segments)
+        count += outcome.iterations
+        outcome = replace(outcome, iterations=count)
+        if outcome.status not in (Status.INFEASIBLE, Status.STALLED) or count >= options.iterations:
+            return used, outcome
+        tried.append((residuals(used, outcome.x, outcome.y, outcome.w).violation, used, outcome))
+    _, used, outcome = min(tried, key=lambda t: t[0])
+    return used, replace(outcome, iterations=count)
 
 
 def _minimise(problem: Problem, nlp: Transcription, x: Array, options: Options, segments: int) -> tuple[Transcription, Outcome]:

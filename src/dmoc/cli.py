@@ -438,7 +438,9 @@ def _verification(check: Verification) -> None:
 def main() -> None:
     """Run the command line; errors become one sentence and exit status 2."""
     debug = "--debug" in sys.argv
-    if not debug:
+    if debug:
+        sys.argv.remove("--debug")  # so that it may stand anywhere
+    else:
         warnings.showwarning = lambda message, *_, **__: err.print(f"warning: {message}", highlight=False, soft_wrap=True)
     try:
         app()
