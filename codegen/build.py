@@ -184,11 +184,12 @@ def _make_entry(entry: Path, files: Mapping[str, str], command: list[str]) -> No
 
 def compile_extension(folder: Path, command: list[str]) -> Path:
     """Compile the sources in ``folder`` into an extension module beside them and return its path."""
-    from Cython.Compiler.Main import CompilationOptions, compile_single
-    from Cython.Compiler.Options import default_options
+    from Cython.Compiler import Main, Options
 
-    options = CompilationOptions(default_options, output_file=str(folder / "wrapper_cython.c"), language_level=3)
-    result = compile_single(str(folder / f"{WRAPPER}.pyx"), options, full_module_name=WRAPPER)
+    translate: Any = Main.compile_single  # Cython's compiler is untyped
+    make_options: Any = Main.CompilationOptions  # type: ignore[attr-defined]
+    options = make_options(Options.default_options, output_file=str(folder / "wrapper_cython.c"), language_level=3)
+    result = translate(str(folder / f"{WRAPPER}.pyx"), options, full_module_name=WRAPPER)
     if result.num_errors:
         raise BuildError(f"Cython cannot translate {folder / WRAPPER}.pyx: see its messages above.")
     include = ["-I", str(folder), "-I", sysconfig.get_path("include")]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import symengine as se
 
@@ -29,7 +29,7 @@ class Listing:
 class Printer:
     """Prints expressions in one language; subclasses say how it writes symbols, calls, powers and conditions."""
 
-    functions: Mapping[str, str] = {}
+    functions: ClassVar[Mapping[str, str]] = {}
 
     def __init__(self, names: Mapping[str, str]) -> None:
         self._names = dict(names)
@@ -153,9 +153,9 @@ class Printer:
 class CPrinter(Printer):
     """C11 with <math.h>; the template defines the small integer powers."""
 
-    functions = {
-        **{n: n for n in "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log exp sqrt pow".split()}
-    }  # fmt: skip
+    functions: ClassVar[Mapping[str, str]] = {
+        n: n for n in "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log exp sqrt pow".split()
+    }
 
     def integer_power(self, base: str, exponent: int) -> str:
         return f"power{exponent}({base})"
@@ -173,7 +173,7 @@ class CPrinter(Printer):
 class NumPyPrinter(Printer):
     """NumPy on whole columns: every symbol is an array over the rows of a call."""
 
-    functions = {
+    functions: ClassVar[Mapping[str, str]] = {
         **{n: f"np.{n}" for n in "sin cos tan sinh cosh tanh log exp sqrt".split()},
         **{n: f"np.arc{n[1:]}" for n in "asin acos atan atan2 asinh acosh atanh".split()},
         "pow": "np.power",

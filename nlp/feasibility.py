@@ -12,7 +12,9 @@ import numpy as np
 from dmoc.codegen.kernels import Array, Kernels
 
 
-def averaged_accelerations(kernels: Kernels, q: Array, v: Array, q_c: Array, surface: int, bounds: Array, par: Array) -> tuple[Array, Array]:
+def averaged_accelerations(
+    kernels: Kernels, q: Array, v: Array, q_c: Array, surface: int, bounds: Array, par: Array
+) -> tuple[Array, Array]:
     """Return a = M^-1 F half-way between q and q_c at full input towards a surface, and da/dq half-way.
 
     Parameters

@@ -27,7 +27,7 @@ TIME_RATIO = 1.2
 COARSE_STEPS = 40
 # Violation of the discrete equations above which a guess that obeys the equations of motion has drifted off its goal.
 DRIFTED = 100.0
-# Share of the final time that a phase gets at least, so that repeated collisions with one surface have time for a flight.
+# Share of the final time that a phase gets at least.
 SHORTEST_SHARE = 0.04
 
 
@@ -197,8 +197,10 @@ def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> P
     points = _via_positions(problem)
     legs = np.diff(points, axis=0)
     lengths = np.linalg.norm(legs[:, list(prescribed)], axis=1)
-    shares = lengths / lengths.sum() if lengths.sum() > 0 else np.full(len(lengths), 1 / len(lengths))
-    shares = np.maximum(shares, SHORTEST_SHARE)
+    # Between two collisions with one surface the motion leaves and returns: such a phase gets an average share.
+    flights = lengths <= 1e-6 * lengths.sum()
+    lengths = np.where(flights, lengths.sum() / max((~flights).sum(), 1) or 1.0, lengths)
+    shares = np.maximum(lengths / lengths.sum(), SHORTEST_SHARE)
     durations = np.clip(final_time * shares / shares.sum(), *problem.duration_bounds.T)
     velocities = np.zeros_like(points)
     velocities[0] = _end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
@@ -329,9 +331,9 @@ def _reflect(problem: Problem, q: Array, v: Array, surface: str) -> tuple[Array,
     """Velocity after an elastic impact, and its impulse lam = 2 n.v / (n M^-1 n) with n = grad g."""
     _, normal = _gap(problem, q, surface)
     response = np.linalg.solve(_Dynamics(problem, q, v).mass, normal)
-    inertia = normal @ response
-    impulse = max(2 * (normal @ v) / inertia, 0.0) if inertia > 0 else 0.0
-    return v - impulse * response, float(impulse)
+    inertia, approach = float(normal @ response), float(normal @ v)
+    impulse = max(2 * approach / inertia, 0.0) if inertia > 0 else 0.0
+    return v - impulse * response, impulse
 
 
 def _resting(problem: Problem, plan: Plan) -> Motion:

@@ -33,7 +33,14 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         begin = float(t[-1])
         if i < lay.phases - 1:
             collisions.append(
-                Collision(problem.sequence[i], begin, q[last].copy(), float(x[lay.index_lam[i]]), p_end[last - 1].copy(), p_start[last].copy())
+                Collision(
+                    problem.sequence[i],
+                    begin,
+                    q[last].copy(),
+                    float(x[lay.index_lam[i]]),
+                    p_end[last - 1].copy(),
+                    p_start[last].copy(),
+                )
             )
     kernels = problem.kernels
     return Trajectory(
@@ -77,7 +84,11 @@ def active_bounds(nlp: Transcription, x: Array, w: Array) -> tuple[str, ...]:
         for j, name in enumerate(names):
             column = index[:, j]
             for at, sign in ((low, ">="), (high, "<=")):
-                near = open_[column] & np.isfinite(at[column]) & (np.abs(x[column] - at[column]) <= CLOSE * np.maximum(1.0, np.abs(at[column])))
+                near = (
+                    open_[column]
+                    & np.isfinite(at[column])
+                    & (np.abs(x[column] - at[column]) <= CLOSE * np.maximum(1.0, np.abs(at[column])))
+                )
                 for value, n in sorted(Counter(at[column][near].tolist()).items()):
                     found.append(f"{name} {sign} {value:g} in {n} {what}{'s' * (n > 1)}")
     for i, k in enumerate(lay.index_lam):

@@ -178,7 +178,7 @@ class Problem:
         bounds = np.array([_range(d, f"duration of phase {i}") for i, d in enumerate(self.durations)])
         if (bounds[:, 1] <= 0).any():
             raise ProblemError(f"durations = {list(self.durations)!r}: expected positive upper bounds.")
-        return np.maximum(bounds, 0.0)
+        return np.asarray(np.maximum(bounds, 0.0))
 
     # Checks ----------------------------------------------------------------------------------------------------------
 
@@ -198,7 +198,7 @@ class Problem:
         for value in values:
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 2:
                 raise ProblemError(f"steps = {value!r}: expected a whole number of at least 2 steps in each phase.")
-        return tuple(int(v) for v in values)  # type: ignore[arg-type]
+        return tuple(int(v) for v in values)
 
     def _boxes(self, names: Sequence[str]) -> Array:
         for name in self.bounds:

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
-import scipy.sparse
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
@@ -27,7 +27,7 @@ from dmoc.nlp.problem import Problem
 from dmoc.nlp.sparse import SparsePattern
 from dmoc.symbolic.names import momentum_name, velocity_name
 
-Matrix = scipy.sparse.csr_matrix
+Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
 NDBool = NDArray[np.bool_]
 # The smallest step that is distinguishable from none: shorter steps divide rounding errors by h^2.
 SMALLEST_STEP = 1e-7
@@ -165,7 +165,7 @@ class Transcription:
     def cost_gradient(self, x: Array) -> Array:
         values = self.problem.kernels.call("step_jac", *self._arguments(x))[2]
         columns = self.layout.index_z[:, self._columns("step_jac", "C_d_D_z")]
-        return np.bincount(columns.ravel(), weights=values.ravel(), minlength=self.n)
+        return np.bincount(columns.ravel(), weights=values.ravel(), minlength=self.n).astype(float)
 
     def step_costs(self, x: Array) -> Array:
         return self._step(x)[2][:, 0]
@@ -417,13 +417,13 @@ class Transcription:
     def _normal_entries(self) -> NDBool:
         """Entries of n_D_ql that belong to q_c or to the impulse of the surface that is hit, shape (I, entries)."""
         _, c = self.problem.kernels.pattern("normal_jac", "n_D_ql")
-        return (c < self.layout.nq) | (c - self.layout.nq == self.surfaces[:, None])
+        return np.asarray((c < self.layout.nq) | (c - self.layout.nq == self.surfaces[:, None]))
 
     @cached_property
     def _active_gradients(self) -> NDBool:
         """Entries of g_D_q that belong to the surface that is hit, shape (I, entries)."""
         r, _ = self.problem.kernels.pattern("surface_jac", "g_D_q")
-        return r == self.surfaces[:, None]
+        return np.asarray(r == self.surfaces[:, None])
 
     @cached_property
     def _gap_entries(self) -> NDBool:

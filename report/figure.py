@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -129,7 +130,7 @@ def _momenta(axes: Axes, trajectory: Trajectory) -> None:
         colour = COLOURS[i % len(COLOURS)]
         for k, phase in enumerate(trajectory.phases):
             axes.plot(phase.t, phase.p[:, i], color=colour, label=f"$p_{{{_symbol(name)}}}$" if k == 0 else None)
-        for before, after in zip(trajectory.phases, trajectory.phases[1:], strict=False):
+        for before, after in pairwise(trajectory.phases):
             ends = (before.p[-1, i], after.p[0, i])
             axes.plot([before.t[-1]] * 2, ends, color=colour, linestyle=":", linewidth=1.2)
     _finish(axes, "momenta")
@@ -172,7 +173,13 @@ def _collision_lines(curves: list[Axes], trajectory: Trajectory) -> None:
         for axes in curves:
             axes.axvline(collision.time, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), zorder=0)
         curves[0].annotate(
-            collision.surface, (collision.time, 1.0), xycoords=("data", "axes fraction"), ha="center", va="bottom", fontsize=8, color=GREY
+            collision.surface,
+            (collision.time, 1.0),
+            xycoords=("data", "axes fraction"),
+            ha="center",
+            va="bottom",
+            fontsize=8,
+            color=GREY,
         )
 
 
@@ -212,7 +219,11 @@ def _phase_title(trajectory: Trajectory, i: int) -> str:
     span = f"{phase.t[0]:.3g} to {phase.t[-1]:.3g} s"
     if not trajectory.collisions:
         return span
-    where = f"before {trajectory.collisions[i].surface!r}" if i < len(trajectory.collisions) else f"after {trajectory.collisions[-1].surface!r}"
+    where = (
+        f"before {trajectory.collisions[i].surface!r}"
+        if i < len(trajectory.collisions)
+        else f"after {trajectory.collisions[-1].surface!r}"
+    )
     return f"{where}: {span}"
 
 

@@ -37,7 +37,8 @@ def _cart_pendulum(q: Array, parameters: Mapping[str, float]) -> Picture:
     cart = np.array([(x + a, b) for a, b in corners])
     rod = np.array([(x, 0.0), tip])
     limits = tuple(
-        np.array([(x + r * l * cos(a), r * l * sin(a)) for r in (0.75, 1.1)]) for a in (parameters["alpha_min"], parameters["alpha_max"])
+        np.array([(x + r * l * cos(a), r * l * sin(a)) for r in (0.75, 1.1)])
+        for a in (parameters["alpha_min"], parameters["alpha_max"])
     )
     return Picture((rod,), (tip,), limits, (cart,))
 

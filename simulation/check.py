@@ -8,6 +8,7 @@ v+ = v- - 2 (n . v-) / (n . M^-1 n) M^-1 n with n = grad g.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,16 @@ def verify(trajectory: Trajectory, kernels: Kernels) -> Verification:
             failures.append(f"{name} {value:.3g} exceeds {PASSING[name]:g}")
     message = "; ".join(failures) + (": take more steps" if failures else "")
     return Verification(
-        not failures, message, terminal, float(defects.max(initial=0.0)), segments, energy, missed, extra, penetration, tuple(contacts)
+        not failures,
+        message,
+        terminal,
+        float(defects.max(initial=0.0)),
+        segments,
+        energy,
+        missed,
+        extra,
+        penetration,
+        tuple(contacts),
     )
 
 
@@ -109,8 +119,8 @@ class _Check:
         q = np.vstack([p.q for p in trajectory.phases])
         momentum = np.abs(np.vstack([p.p for p in trajectory.phases])).max(axis=0)
         spread = np.ptp(q, axis=0)
-        self.q_scale = np.where(spread > 0, spread, 1.0)
-        self.p_scale = np.where(momentum > 0, momentum, 1.0)
+        self.q_scale = _scale(spread)
+        self.p_scale = _scale(momentum)
 
     # Equations of motion ---------------------------------------------------------------------------------------------
 
@@ -189,7 +199,7 @@ class _Check:
         rest = [self.kernels.call("legendre", p.q, np.zeros_like(p.v), self.par)[1][:, 0] for p in self.trajectory.phases]
         scale = max(float(np.abs(e - r).max()) for e, r in zip(energies, rest, strict=True)) or 1.0
         balance = [abs(e[-1] - e[0] - w.sum()) for e, w in zip(energies, work, strict=True)]
-        jumps = [abs(b[0] - a[-1]) for a, b in zip(energies, energies[1:], strict=False)]
+        jumps = [abs(b[0] - a[-1]) for a, b in pairwise(energies)]
         return float(max([*balance, *jumps])) / scale
 
     # Open loop -------------------------------------------------------------------------------------------------------
@@ -288,6 +298,11 @@ class _Check:
         return np.concatenate([y[:nq], v - 2 * (normal @ v) / (normal @ response) * response])
 
 
+def _scale(ranges: Array) -> Array:
+    """Ranges to compare errors with; what does not move is compared with a millionth of what does, so that roundings stay small."""
+    return np.maximum(ranges, 1e-6 * ranges.max()) if ranges.max() > 0 else np.ones_like(ranges)
+
+
 def _compare(trajectory: Trajectory, contacts: list[Contact]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Match contacts with planned collisions by surface and time."""
     left = list(contacts)
@@ -300,5 +315,3 @@ def _compare(trajectory: Trajectory, contacts: list[Contact]) -> tuple[tuple[str
         else:
             left.remove(match)
     return tuple(missed), tuple(f"a contact with {c.surface!r} at {c.time:.4g} s" for c in left)
-
-

@@ -91,12 +91,15 @@ def simulate(
         gaps = kernels.call("surface", q[None], par)[0][0]
         if (gaps > 1e-12).any():
             worst = int(np.argmax(gaps))
-            raise SimulationError(f"position lies behind surface {kernels.surfaces[worst]!r} by {gaps[worst]:g}: move it inside g <= 0.")
+            raise SimulationError(
+                f"position lies behind surface {kernels.surfaces[worst]!r} by {gaps[worst]:g}: move it inside g <= 0."
+            )
     p = kernels.call("legendre", q[None], v[None], par)[0][0]
     stepper = Stepper(kernels, par)
     t, positions, momenta = stepper.run(q, p, u, float(step_size), every)
     collisions = tuple(
-        Collision(kernels.surfaces[j], time, at, float(lam), before, after) for _, time, j, lam, at, before, after in stepper.collisions
+        Collision(kernels.surfaces[j], time, at, float(lam), before, after)
+        for _, time, j, lam, at, before, after in stepper.collisions
     )
     velocities = velocities_of(kernels, positions, momenta, par)
     energy = kernels.call("legendre", positions, velocities, par)[1][:, 0]

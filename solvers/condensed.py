@@ -10,6 +10,8 @@ nonlinear, so that the driver needs fewer iterations, each of which costs more.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -40,10 +42,10 @@ def partition(layout: Layout, n: int, n_eq: int, lower: Array, upper: Array, seg
     """Cut every phase into at most ``segments`` segments; segments = 0 eliminates nothing."""
     nq = layout.nq
     eliminated, used = [], []
-    for first, last in zip(layout.ends, layout.ends[1:], strict=False):
+    for first, last in pairwise(layout.ends):
         pieces = min(segments, max(1, (last - first) // SHORTEST_SEGMENT))
-        cuts = np.linspace(first, last, pieces + 1).round().astype(int) if segments else []
-        for a, b in zip(cuts, cuts[1:], strict=False):
+        cuts: Any = np.linspace(first, last, pieces + 1).round().astype(int) if segments else []
+        for a, b in pairwise(cuts):
             start = a if a == 0 else a + 1  # the first node's momentum equation starts the chain
             eliminated.append(np.arange(start + 1, b))
             used.append(np.arange(start, b - 1))
@@ -160,7 +162,7 @@ class Elimination:
 
     def kept_columns(self, x: Array) -> Array:
         """Derivative of the eliminated equations with respect to the kept unknowns, dense."""
-        return self._E_Y.of(self.nlp.equality_jacobian(x)).toarray()
+        return np.asarray(self._E_Y.of(self.nlp.equality_jacobian(x)).toarray())
 
     def multipliers(self, stationarity: Array, factors: Factors) -> Array:
         """Multipliers of the eliminated equations that make ``stationarity`` + J^T y vanish in the eliminated unknowns."""

@@ -15,22 +15,27 @@ of the unknowns.  Four things make it practical here:
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 import scipy.linalg
 import scipy.optimize
 import scipy.sparse
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.layout import Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Reduced, partition
 from dmoc.solvers.kkt import Residuals, residuals, violation, worst_constraints
+from dmoc.solvers.outcome import Options, Outcome, Status
 from dmoc.solvers.polish import polish
-from dmoc.solvers.outcome import Iteration, Options, Outcome, Status
+from dmoc.solvers.runs import (
+    EQUATION_TOLERANCE,
+    FOLLOWING_LIMIT,
+    REFUSED,
+    FollowingRun,
+    Progress,
+    Run,
+    Stop,
+    Working,
+)
 
 # Segments of each phase in the condensed form: fewer make the program more nonlinear, more make each iteration more expensive.
 SEGMENTS = 16
@@ -38,12 +43,8 @@ SEGMENTS = 16
 RUN = 5
 # Curvatures below this share of the cost's own count as flat; it bounds the first step along them.
 FLATTEST = 1e-3
-# Weight of the constraint directions in the metric against the null space.
-CONSTRAINT_SCALE = 0.1
 # An inequality within this share of its scale joins the working set.
 NEAR = 1e-3
-# Accuracy asked of SLSQP: it stands for optimality, step and violation at once, relative to the cost.
-SLSQP_ACCURACY = 1e-12
 # Runs in a row that may pass without progress, and searches for a feasible point before giving up.
 PATIENCE = 8
 RESTORATIONS = 2
@@ -56,242 +57,10 @@ POLISH_FROM = 1e-6
 # Relative change of the cost in a run below which Newton's method is tried, and curvature below which its end is a saddle.
 SLOW = 1e-3
 SADDLE = 1e-4
-# Violation of the equations below which they are met first, below which a run follows them, what it then keeps them to, and how many
-# corrections that may take.
+# Violation of the equations below which they are met before a run, and below which a run follows them.
 NEAR_EQUATIONS = 0.1
 ON_EQUATIONS = 1e-8
-EQUATION_TOLERANCE = 1e-12
-FOLLOWING_LIMIT = 20
 SHORTEST_SHARE = 1e-3
-# What a trial step that cannot be completed reports, so that the line search shortens it.
-REFUSED = 1e10
-
-
-class _Stop(Exception):
-    """Ends a run of SLSQP from its callback."""
-
-    def __init__(self, status: Status) -> None:
-        super().__init__(status.value)
-        self.status = status
-
-
-@dataclass(frozen=True)
-class _Working:
-    """Working set: rows of d, and unknowns (positions in x) at their lower and upper bounds."""
-
-    rows: Index
-    lower: Index
-    upper: Index
-
-    @property
-    def size(self) -> int:
-        return len(self.rows) + len(self.lower) + len(self.upper)
-
-
-@dataclass
-class _Point:
-    """A trial point: completed unknowns, and the derivatives once they are asked for."""
-
-    s: Array
-    x: Array | None
-    reduced: tuple[Reduced, Array] | None = None
-
-
-class _Run:
-    """One run of SLSQP in y = y_0 + M s over a working set, with the kept equations as constraints."""
-
-    def __init__(self, driver: Driver, x: Array, metric: tuple[Array, Array], working: _Working) -> None:
-        self.driver, self.working = driver, working
-        self.M = np.hstack([CONSTRAINT_SCALE * metric[0], metric[1]])
-        self.origin = x[driver.parts.kept].copy()
-        self.x = x
-        bound = np.concatenate([working.lower, working.upper])
-        self.by_elimination = bound[driver.is_eliminated[bound]]
-        self._point = _Point(np.full(self.M.shape[1], np.nan), None)
-
-    def _complete(self, s: Array) -> Array | None:
-        return self.driver.elimination.complete(self.x, self.origin + self.M @ s)
-
-    def _directions(self, reduced: Reduced) -> Array:
-        """dy/ds."""
-        return self.M
-
-    def _at(self, s: Array) -> _Point:
-        if not np.array_equal(self._point.s, s):
-            self._point = _Point(s.copy(), self._complete(s))
-        return self._point
-
-    def _derivatives(self, s: Array) -> tuple[Reduced, Array]:
-        """Derivatives with respect to y, and dy/ds."""
-        point = self._at(s)
-        if point.reduced is None:
-            x = self.x if point.x is None else point.x
-            reduced = self.driver.elimination.reduce(x, self.working.rows, self.by_elimination)
-            if reduced is None:
-                raise _Stop(Status.STALLED)
-            point.reduced = reduced, self._directions(reduced)
-            self.x = x
-            self._moved(s)
-        return point.reduced
-
-    def _moved(self, s: Array) -> None:
-        """Called when the derivatives at a new point are asked for: SLSQP has accepted it."""
-
-    def cost(self, s: Array) -> float:
-        x = self._at(s).x
-        return REFUSED if x is None else self.driver.nlp.cost(x)
-
-    def cost_gradient(self, s: Array) -> Array:
-        reduced, directions = self._derivatives(s)
-        return np.asarray(reduced.cost @ directions)
-
-    def equality(self, s: Array) -> Array:
-        x = self._at(s).x
-        rows = self.driver.parts.kept_rows
-        return np.full(len(rows), REFUSED) if x is None else self.driver.nlp.equality(x)[rows]
-
-    def equality_jacobian(self, s: Array) -> Array:
-        reduced, directions = self._derivatives(s)
-        return np.asarray(reduced.equality @ directions)
-
-    def inequality(self, s: Array) -> Array:
-        x = self._at(s).x
-        w, nlp = self.working, self.driver.nlp
-        if x is None:
-            return np.full(w.size, -REFUSED)
-        return np.concatenate([nlp.inequality(x)[w.rows], (x - nlp.lower)[w.lower], (nlp.upper - x)[w.upper]])
-
-    def inequality_jacobian(self, s: Array) -> Array:
-        reduced, directions = self._derivatives(s)
-        return np.asarray(self._working_slopes(reduced) @ directions)
-
-    def _working_slopes(self, reduced: Reduced) -> Array:
-        """Derivatives of the working set with respect to y."""
-        lower, upper = (self._bound_slopes(index, reduced) for index in (self.working.lower, self.working.upper))
-        return np.vstack([reduced.inequality, lower, -upper])
-
-    def _bound_slopes(self, unknowns: Index, reduced: Reduced) -> Array:
-        """dx_i/dy of the given unknowns."""
-        rows = np.zeros((len(unknowns), len(self.origin)))
-        gone = self.driver.is_eliminated[unknowns]
-        kept = np.flatnonzero(~gone)
-        rows[kept, np.searchsorted(self.driver.parts.kept, unknowns[kept])] = 1.0
-        if gone.any():
-            order = np.array([int(np.flatnonzero(self.by_elimination == i)[0]) for i in unknowns[gone]], dtype=np.intp)
-            rows[gone] = reduced.unknowns[order]
-        return rows
-
-    def _constraints(self) -> list[dict[str, Any]]:
-        constraints: list[dict[str, Any]] = []
-        if len(self.driver.parts.kept_rows):
-            constraints.append({"type": "eq", "fun": self.equality, "jac": self.equality_jacobian})
-        return constraints
-
-    def minimise(self, iterations: int, progress: _Progress) -> tuple[Array, Array, Array, bool]:
-        """Run SLSQP; return x, multipliers of the kept equations and of the working set, and whether it converged."""
-        constraints = self._constraints()
-        if self.working.size:
-            constraints.append({"type": "ineq", "fun": self.inequality, "jac": self.inequality_jacobian})
-        start = np.zeros(self.M.shape[1])
-        accuracy = SLSQP_ACCURACY * max(1.0, abs(self.cost(start)))
-
-        def report(s: Array) -> None:
-            point = self._at(s)
-            if point.x is not None:
-                progress.step(point.x)
-
-        with np.errstate(all="ignore"):
-            result = scipy.optimize.minimize(
-                self.cost, start, jac=self.cost_gradient, method="SLSQP", constraints=constraints, callback=report,
-                options={"maxiter": iterations, "ftol": accuracy},
-            )  # fmt: skip
-        x = self._at(result.x).x
-        y, w = self._multipliers(np.asarray(result.multipliers), result.x)
-        return self.x if x is None else x, y, w, result.status in (0, 8)
-
-    def _multipliers(self, found: Array, s: Array) -> tuple[Array, Array]:
-        n_eq = len(self.driver.parts.kept_rows)
-        return -found[:n_eq], np.maximum(found[n_eq:], 0.0)
-
-
-class _FollowingRun(_Run):
-    """A run along the manifold of the kept equations: y = y_0 + null s + move r, where r(s) solves them.
-
-    The equations bend, and a line search that weighs their violation against the cost would shorten every step across the bend.
-    """
-
-    def __init__(self, driver: Driver, x: Array, metric: tuple[Array, Array], working: _Working) -> None:
-        super().__init__(driver, x, metric, working)
-        self.move, self.M = metric
-        self._point = _Point(np.full(self.M.shape[1], np.nan), None)
-        self.r = self._trial_r = np.zeros(self.move.shape[1])
-
-    def _complete(self, s: Array) -> Array | None:
-        r, x, previous = self.r.copy(), self.x, np.inf
-        base = self.origin + self.M @ s
-        for _ in range(FOLLOWING_LIMIT):
-            full = self.driver.elimination.complete(x, base + self.move @ r)
-            if full is None:
-                return None
-            x = full
-            error = self.driver.nlp.equality(x)[self.driver.parts.kept_rows]
-            size = float(np.abs(error).max())
-            if size <= EQUATION_TOLERANCE or (size <= 100 * EQUATION_TOLERANCE and size > 0.5 * previous):
-                self._trial_r = r
-                return x
-            if not size < 1e3 * min(previous, 1.0):
-                return None
-            change = error if size < 0.1 * previous else self._newton(x, error)
-            if change is None:
-                return None
-            r, previous = r - change, size
-        return None
-
-    def _newton(self, x: Array, error: Array) -> Array | None:
-        """Change of r that cancels the error to first order at x."""
-        none = np.zeros(0, dtype=np.intp)
-        reduced = self.driver.elimination.reduce(x, none, none)
-        if reduced is None:
-            return None
-        return _solve(reduced.equality @ self.move, error)
-
-    def _moved(self, s: Array) -> None:
-        self.r = self._trial_r
-
-    def _directions(self, reduced: Reduced) -> Array:
-        bend = _solve(reduced.equality @ self.move, reduced.equality @ self.M)
-        return np.asarray(self.M - self.move @ bend)
-
-    def _constraints(self) -> list[dict[str, Any]]:
-        return []
-
-    def _multipliers(self, found: Array, s: Array) -> tuple[Array, Array]:
-        """Those of the equations make the Lagrangian stationary along ``move``."""
-        w = np.maximum(found, 0.0)
-        reduced, _ = self._derivatives(s)
-        slope = reduced.cost - w @ self._working_slopes(reduced)
-        y = -_solve((reduced.equality @ self.move).T, slope @ self.move)
-        return y, w
-
-
-class _Progress:
-    """Counts iterations, keeps the limits and remembers the latest iterate."""
-
-    def __init__(self, nlp: Transcription, options: Options) -> None:
-        self.nlp, self.options = nlp, options
-        self.count = 0
-        self.x: Array | None = None
-        self._deadline = np.inf if options.seconds is None else time.perf_counter() + options.seconds
-
-    def step(self, x: Array) -> None:
-        self.count += 1
-        self.x = x
-        if self.options.progress is not None:
-            self.options.progress(Iteration(self.count, self.nlp.cost(x), violation(self.nlp, x)))
-        if self.count >= self.options.iterations:
-            raise _Stop(Status.ITERATION_LIMIT)
-        if time.perf_counter() >= self._deadline:
-            raise _Stop(Status.TIME_LIMIT)
 
 
 class Driver:
@@ -348,7 +117,7 @@ class Driver:
 
     # Working set -----------------------------------------------------------------------------------------------------
 
-    def working(self, x: Array) -> _Working:
+    def working(self, x: Array) -> Working:
         """Return the watched inequalities; watch those that are violated or nearly so, forget those that have become idle."""
         nlp = self.nlp
         d = nlp.inequality(x)
@@ -360,8 +129,10 @@ class Driver:
         self.watched_lower = (self.watched_lower & (below < idle)) | (below < near) | self.permanent[1]
         self.watched_upper = (self.watched_upper & (above < idle)) | (above < near) | self.permanent[2]
         free = np.isin(np.arange(nlp.n), self.free)
-        return _Working(
-            np.flatnonzero(self.watched_rows), np.flatnonzero(self.watched_lower & free), np.flatnonzero(self.watched_upper & free)
+        return Working(
+            np.flatnonzero(self.watched_rows),
+            np.flatnonzero(self.watched_lower & free),
+            np.flatnonzero(self.watched_upper & free),
         )
 
     # Metric ----------------------------------------------------------------------------------------------------------
@@ -427,7 +198,9 @@ class Driver:
             return
         nlp, parts = self.nlp, self.parts
         self.y[parts.used_rows] = 0.0
-        slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ self.y - nlp.inequality_jacobian(x).T @ self.w - self.bound_force
+        slope = (
+            nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ self.y - nlp.inequality_jacobian(x).T @ self.w - self.bound_force
+        )
         self.y[parts.used_rows] = self.elimination.multipliers(slope, reduced.factors)
 
     # Equations -------------------------------------------------------------------------------------------------------
@@ -470,7 +243,7 @@ class Driver:
     def forget_multipliers(self) -> None:
         self.y, self.w, self.bound_force = np.zeros(self.nlp.n_eq), np.zeros(self.nlp.n_in), np.zeros(self.nlp.n)
 
-    def take_multipliers(self, x: Array, y_kept: Array, w_working: Array, working: _Working) -> None:
+    def take_multipliers(self, x: Array, y_kept: Array, w_working: Array, working: Working) -> None:
         self.y = np.zeros(self.nlp.n_eq)
         self.y[self.parts.kept_rows] = y_kept
         self.w = np.zeros(self.nlp.n_in)
@@ -498,7 +271,7 @@ def _split(A: Array) -> tuple[Array, Array]:
 
 def solve(nlp: Transcription, x: Array, options: Options, segments: int = SEGMENTS) -> Outcome:
     """Minimise from x; ``segments`` is the number of segments of each phase in the condensed form, 0 for the full form."""
-    progress = _Progress(nlp, options)
+    progress = Progress(nlp, options)
     best = x = np.clip(x, nlp.lower, nlp.upper)
     driver = Driver(nlp, x, segments)
     restorations = 0
@@ -525,7 +298,7 @@ def solve(nlp: Transcription, x: Array, options: Options, segments: int = SEGMEN
                 return _outcome(driver, Status.INFEASIBLE if least > INFEASIBLE else Status.STALLED, detail, x, progress)
             restorations, watch = restorations + 1, _Watch()
             driver.forget_multipliers()
-    except _Stop as stop:
+    except Stop as stop:
         return _outcome(driver, stop.status, "", best if progress.x is None else progress.x, progress)
     except KeyboardInterrupt:
         return _outcome(driver, Status.INTERRUPTED, "", best if progress.x is None else progress.x, progress)
@@ -552,26 +325,16 @@ def _completed(driver: Driver, x: Array) -> Array:
     return x if full is None else full
 
 
-def _solve(A: Array, b: Array) -> Array:
-    """Solve A x = b, in the sense of least squares where A is singular or not square."""
-    if A.shape[0] == A.shape[1]:
-        try:
-            return np.asarray(np.linalg.solve(A, b))
-        except np.linalg.LinAlgError:
-            pass
-    return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
-
-
-def _round(driver: Driver, x: Array, progress: _Progress) -> tuple[Array, Residuals, bool]:
+def _round(driver: Driver, x: Array, progress: Progress) -> tuple[Array, Residuals, bool]:
     """One metric and one run of SLSQP in it: along the equations if they can be met, else towards them."""
     if driver.follows and driver.equation_error(x) <= NEAR_EQUATIONS:
         x = driver.onto_equations(x)
     metric = driver.metric(x)
     if metric is None:
-        raise _Stop(Status.STALLED)
+        raise Stop(Status.STALLED)
     working = driver.working(x)
     on = driver.follows and driver.equation_error(x) <= ON_EQUATIONS
-    run = _FollowingRun(driver, x, metric, working) if on else _Run(driver, x, metric, working)
+    run = FollowingRun(driver, x, metric, working) if on else Run(driver, x, metric, working)
     x, y, w, converged = run.minimise(RUN, progress)
     driver.take_multipliers(x, y, w, working)
     return x, residuals(driver.nlp, x, driver.y, driver.w), converged
@@ -590,7 +353,7 @@ def _polished(driver: Driver, x: Array, options: Options) -> tuple[Array, Residu
     return x, Residuals(np.inf, violation(driver.nlp, x)) if solved else residuals(driver.nlp, x, driver.y, driver.w)
 
 
-def _least_violation(driver: Driver, x: Array, progress: _Progress) -> Array:
+def _least_violation(driver: Driver, x: Array, progress: Progress) -> Array:
     """Minimise the sum of squared violations of constraints and bounds."""
     nlp, parts = driver.nlp, driver.parts
     kept = parts.kept
@@ -614,7 +377,7 @@ def _least_violation(driver: Driver, x: Array, progress: _Progress) -> Array:
         full = completed(y)
         reduced = None if full is None else driver.elimination.reduce(full, rows, gone)
         if full is None or reduced is None:
-            raise _Stop(Status.STALLED)
+            raise Stop(Status.STALLED)
         d = nlp.inequality(full) < 0
         outside = ((full < nlp.lower) | (full > nlp.upper))[gone]
         progress.step(full)
@@ -633,5 +396,5 @@ def _least_violation(driver: Driver, x: Array, progress: _Progress) -> Array:
     return x if full is None else full
 
 
-def _outcome(driver: Driver, status: Status, detail: str, x: Array, progress: _Progress) -> Outcome:
+def _outcome(driver: Driver, status: Status, detail: str, x: Array, progress: Progress) -> Outcome:
     return Outcome(status, detail, x, driver.y, driver.w, progress.count)

@@ -12,7 +12,6 @@ from typing import Any
 
 import symengine as se
 import sympy as sp
-
 from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import Boolean
 

@@ -107,9 +107,11 @@ def _text(equation: Equation) -> str:
     lines = pretty.split("\n")
     head = f"  {equation.name} = "
     if max(map(len, lines)) + len(head) > WIDTH:
-        return head + sp.sstr(equation.right)
+        return f"{head}{sp.sstr(equation.right)}"
     middle = len(lines) // 2
-    return "\n".join((head if i == middle else " " * len(head)) + line for i, line in enumerate(lines)) + ("\n" if len(lines) > 1 else "")
+    return "\n".join((head if i == middle else " " * len(head)) + line for i, line in enumerate(lines)) + (
+        "\n" if len(lines) > 1 else ""
+    )
 
 
 def derive(system: MechanicalSystem) -> Derivation:
@@ -158,15 +160,15 @@ def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Se
         forces.append(Equation("dQ/du", r"\partial Q / \partial u", sp.Matrix(input_matrix(f))))
     yield Section("Virtual work and generalised forces", "delta W = Q . delta q.", tuple(forces))
     left = sp.Matrix(mass_matrix(f)) * sp.Matrix(accelerations)
-    motion = [
-        Equation(sp.sstr(a), sp.latex(a), b) for a, b in zip(left, right_hand_side(f), strict=True)
-    ]
+    motion = [Equation(sp.sstr(a), sp.latex(a), b) for a, b in zip(left, right_hand_side(f), strict=True)]
     yield Section("Equations of motion", "M q'' = dL/dq - (d2L/dq'dq) q' + Q.", tuple(motion))
     if f.g:
         equations = []
         for name, g in zip(system.surfaces, f.g, strict=True):
             equations.append(Equation(f"g_{name}", f"g_{{\\mathrm{{{_escape(name)}}}}}", g))
-            equations.append(Equation(f"grad g_{name}", f"\\nabla g_{{\\mathrm{{{_escape(name)}}}}}", sp.Matrix([gradient(g, f.q)])))
+            equations.append(
+                Equation(f"grad g_{name}", f"\\nabla g_{{\\mathrm{{{_escape(name)}}}}}", sp.Matrix([gradient(g, f.q)]))
+            )
         yield Section("Unilateral constraints", "g(q) <= 0; the gradient points out of the admissible set.", tuple(equations))
 
 
@@ -228,7 +230,9 @@ def _collision_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Sec
 def _cost_sections(system: MechanicalSystem, e: StepElement) -> Iterable[Section]:
     yield Section("Discrete cost", "C_d = h/2 (C with u_k + C with u_kp1) at the midpoint.", (Equation("C_d", "C_d", e.C_d),))
     if e.f.r:
-        paths = [Equation(f"r_{n}", f"r_{{\\mathrm{{{_escape(n)}}}}}", r) for n, r in zip(system.path_constraints, e.f.r, strict=True)]
+        paths = [
+            Equation(f"r_{n}", f"r_{{\\mathrm{{{_escape(n)}}}}}", r) for n, r in zip(system.path_constraints, e.f.r, strict=True)
+        ]
         yield Section("Path constraints", "r_d >= 0 in every step.", tuple(paths))
 
 
@@ -262,7 +266,9 @@ def _derivative_sections(e: StepElement) -> Iterable[Section]:
             for z, d in zip(e.z, derivatives, strict=True) if d != 0
         ]  # fmt: skip
     columns = "z = (" + ", ".join(map(str, e.z)) + ")"
-    yield Section("First derivatives", f"Columns {columns}; x marks what is not identically zero.\n" + "\n".join(pattern), tuple(equations))
+    yield Section(
+        "First derivatives", f"Columns {columns}; x marks what is not identically zero.\n" + "\n".join(pattern), tuple(equations)
+    )
     mu = [sp.Symbol(f"mu_minus_{i}") for i in range(n)], [sp.Symbol(f"mu_plus_{i}") for i in range(n)]
     sigma, w_plus, w_minus = sp.symbols("sigma w_plus w_minus")
     weighted = [
@@ -281,10 +287,14 @@ def _derivative_sections(e: StepElement) -> Iterable[Section]:
 
 
 def _row_tex(name: str) -> str:
-    return {"e_plus": "e^+", "e_minus": "e^-", "C_d": "C_d"}.get(name, name.replace("r_minus_", "r^-_").replace("r_plus_", "r^+_"))
+    return {"e_plus": "e^+", "e_minus": "e^-", "C_d": "C_d"}.get(
+        name, name.replace("r_minus_", "r^-_").replace("r_plus_", "r^+_")
+    )
 
 
-def _each(letter: str, names: Sequence[str], tex: Sequence[str], values: Sequence[Any], latex: str | None = None) -> list[Equation]:
+def _each(
+    letter: str, names: Sequence[str], tex: Sequence[str], values: Sequence[Any], latex: str | None = None
+) -> list[Equation]:
     """One equation for each coordinate."""
     head = latex or letter
     return [
@@ -309,5 +319,3 @@ def _readable_element(system: MechanicalSystem) -> StepElement:
     taken = {str(s) for s in system.parameters}
     step = "h" if "h" not in taken else "h_step"
     return step_element(f, lambda name: sp.Symbol(step if name == "h" else table[name]), sp.Rational(1, 2))
-
-

@@ -11,9 +11,10 @@ from dmoc.errors import ModelError
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _LONGEST = 64
 _C_KEYWORDS = frozenset(
-    """alignas alignof auto bool break case char const constexpr continue default do double else enum extern false
-    float for goto if inline int long nullptr register restrict return short signed sizeof static static_assert struct
-    switch thread_local true typedef typeof typeof_unqual union unsigned void volatile while""".split()
+    """alignas alignof auto bool break case char const constexpr continue default do double else enum
+    extern false float for goto if inline int long nullptr register restrict return short signed sizeof
+    static static_assert struct switch thread_local true typedef typeof typeof_unqual union unsigned
+    void volatile while""".split()
 )
 
 

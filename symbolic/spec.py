@@ -15,9 +15,7 @@ import symengine as se
 Expression = Any  # a SymEngine expression; SymEngine ships no type information
 
 # The functions that expressions may contain beside +, *, powers, numbers, pi, e and Piecewise: each printer knows them all.
-FUNCTIONS = frozenset(
-    "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log".split()
-)
+FUNCTIONS = frozenset("sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log".split())
 
 
 @dataclass(frozen=True)

@@ -104,9 +104,7 @@ class MechanicalSystem:
     @property
     def path_functions(self) -> dict[str, Any]:
         """Path constraint functions r(q, q', u) >= 0 by name."""
-        return {
-            name: _slack(relation, f"path constraint {name!r}") for name, relation in self.path_constraints.items()
-        }
+        return {name: _slack(relation, f"path constraint {name!r}") for name, relation in self.path_constraints.items()}
 
     @property
     def mass_matrix(self) -> sp.Matrix:
@@ -166,9 +164,7 @@ class MechanicalSystem:
         forces = {}
         for q, expression in dict(self.forces).items():
             if q not in self.coordinates:
-                raise ModelError(
-                    f"the force on {q} belongs to no coordinate: expected one of {_listed(self.coordinates)}."
-                )
+                raise ModelError(f"the force on {q} belongs to no coordinate: expected one of {_listed(self.coordinates)}.")
             forces[q] = _expression(expression, f"the force on {name_of(q)}")
         return forces
 
@@ -176,7 +172,10 @@ class MechanicalSystem:
         state = set(self.coordinates) | set(self.velocities)
         known = state | set(self.parameters)
         with_inputs = known | set(self.inputs)
-        parts: list[tuple[str, Any, set[Any]]] = [("the Lagrangian", self.lagrangian, known), ("the cost", self.cost, with_inputs)]
+        parts: list[tuple[str, Any, set[Any]]] = [
+            ("the Lagrangian", self.lagrangian, known),
+            ("the cost", self.cost, with_inputs),
+        ]
         parts += [(f"the force on {name_of(q)}", e, with_inputs) for q, e in self.forces.items()]
         parts += [(f"surface {n!r}", g, set(self.coordinates) | set(self.parameters)) for n, g in self.gaps.items()]
         parts += [(f"path constraint {n!r}", r, with_inputs) for n, r in self.path_functions.items()]
@@ -243,7 +242,7 @@ def _atoms(expression: Any) -> set[Any]:
     bare = expression.xreplace({d: sp.Dummy() for d in derivatives})
     functions = bare.atoms(AppliedUndef)
     bare = bare.xreplace({f: sp.Dummy() for f in functions})
-    return derivatives | functions | {s for s in bare.free_symbols if not isinstance(s, sp.Dummy)}
+    return set(derivatives | functions | {s for s in bare.free_symbols if not isinstance(s, sp.Dummy)})
 
 
 def _unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:

@@ -9,9 +9,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dmoc.api import build, load, solve
+    from dmoc.api import solve
     from dmoc.errors import DmocError
     from dmoc.nlp.problem import Problem
+    from dmoc.registry import build, load
     from dmoc.simulation.check import verify
     from dmoc.simulation.forward import simulate
     from dmoc.solution import Solution
@@ -26,9 +27,9 @@ _PLACES = {
     "MechanicalSystem": "dmoc.symbolic.system",
     "Problem": "dmoc.nlp.problem",
     "Solution": "dmoc.solution",
-    "build": "dmoc.api",
+    "build": "dmoc.registry",
     "derive": "dmoc.symbolic.derivation",
-    "load": "dmoc.api",
+    "load": "dmoc.registry",
     "simulate": "dmoc.simulation.forward",
     "solve": "dmoc.api",
     "verify": "dmoc.simulation.check",

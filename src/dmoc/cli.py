@@ -40,7 +40,8 @@ NOT_SOLVED, BAD_INPUT = 1, 2
 
 ModelArgument = Annotated[str, typer.Argument(help="Name of a shipped model or problem, or file.py:name.", show_default=False)]
 JsonOption = Annotated[
-    str | None, typer.Option("--json", metavar="FILE|-", help="Write the result as JSON; with - standard output is the JSON alone.")
+    str | None,
+    typer.Option("--json", metavar="FILE|-", help="Write the result as JSON; with - standard output is the JSON alone."),
 ]
 
 
@@ -82,7 +83,7 @@ def derive(
     target: Annotated[Path | None, typer.Option("--out", help="Write to a file instead of standard output.")] = None,
 ) -> None:
     """Print every step of the derivation of a model."""
-    from dmoc.api import find
+    from dmoc.registry import find
     from dmoc.symbolic.derivation import derive as derive_system
 
     derivation = derive_system(find(model).system())
@@ -96,12 +97,14 @@ def derive(
 @app.command()
 def generate(
     model: ModelArgument,
-    target: Annotated[Path | None, typer.Option("--out", help="Folder for the sources; by default a folder of the model's name.")] = None,
+    target: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the sources; by default a folder of the model's name.")
+    ] = None,
 ) -> None:
     """Write the C and Cython sources of a model."""
-    from dmoc.api import find
     from dmoc.codegen.build import write_files
     from dmoc.codegen.text import c_files
+    from dmoc.registry import find
     from dmoc.symbolic.kernels import model_spec
 
     files = c_files(model_spec(find(model).system()))
@@ -120,9 +123,9 @@ def build(
     force: Annotated[bool, typer.Option("--force", help="Build again even if the cache holds the kernels.")] = False,
 ) -> None:
     """Compile the kernels of a model into the cache."""
-    from dmoc import api
+    from dmoc import registry
 
-    kernels = api.build(api.find(model).system(), backend="compiled", force=force)
+    kernels = registry.build(registry.find(model).system(), backend="compiled", force=force)
     state = f"built in {kernels.seconds:.2f} s" if kernels.seconds else "found in the cache"
     out.print(f"{kernels.name}: {state}, {kernels.module.__file__}", highlight=False, soft_wrap=True)
 
@@ -130,14 +133,20 @@ def build(
 @app.command()
 def solve(
     model: ModelArgument,
-    sequence: Annotated[str | None, typer.Option(help="Surfaces in the order of the collisions, as left,right; '' for none.")] = None,
+    sequence: Annotated[
+        str | None, typer.Option(help="Surfaces in the order of the collisions, as left,right; '' for none.")
+    ] = None,
     steps: Annotated[str | None, typer.Option(help="Steps of each phase, one number or one for each phase, as 100,50.")] = None,
-    final_time: Annotated[str | None, typer.Option("--final-time", help="Largest final time in seconds, or its range, as 0.5:1.")] = None,
+    final_time: Annotated[
+        str | None, typer.Option("--final-time", help="Largest final time in seconds, or its range, as 0.5:1.")
+    ] = None,
     method: Annotated[str, typer.Option(help="Solver: slsqp.")] = "slsqp",
     form: Annotated[Form, typer.Option(help="Condensed, or the full program (small numbers of steps).")] = Form.condensed,
     controls: Annotated[Controls | None, typer.Option(help="Inputs constant in a step, or linear between nodes.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter value; repeatable.")] = None,
-    bound: Annotated[list[str] | None, typer.Option(metavar="NAME=LOW:HIGH", help="Bounds of an input or coordinate; repeatable.")] = None,
+    bound: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=LOW:HIGH", help="Bounds of an input or coordinate; repeatable.")
+    ] = None,
     start: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="Start state: x, x_dot or p_x; a value, a range LOW:HIGH, or free; repeatable."),
@@ -145,13 +154,15 @@ def solve(
     goal: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Goal state, like --start; repeatable.")] = None,
     iterations: Annotated[int, typer.Option(help="Iteration limit.")] = 1000,
     seconds: Annotated[float | None, typer.Option(help="Time limit of the solver in seconds.")] = None,
-    target: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write solution.npz (and the figure) into this folder.")] = None,
+    target: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Write solution.npz (and the figure) into this folder.")
+    ] = None,
     json_: JsonOption = None,
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
-    from dmoc import api
+    from dmoc import api, registry
 
-    reference = api.find(model)
+    reference = registry.find(model)
     fields = dict(reference.defaults)
     if sequence is not None:
         fields["sequence"] = tuple(s for s in sequence.split(",") if s)
@@ -161,7 +172,9 @@ def solve(
         numbers = [_whole(part, "--steps") for part in steps.split(",")]
         fields["steps"] = numbers[0] if len(numbers) == 1 else numbers
     if final_time is not None:
-        fields["final_time"] = _value(final_time, "--final-time") if ":" in final_time else (None, _number(final_time, "--final-time"))
+        fields["final_time"] = (
+            _value(final_time, "--final-time") if ":" in final_time else (None, _number(final_time, "--final-time"))
+        )
     if controls is not None:
         fields["controls"] = controls.value
     for name, given in (("parameters", set_), ("bounds", bound), ("start", start), ("goal", goal)):
@@ -191,12 +204,12 @@ def verify(
     json_: JsonOption = None,
 ) -> None:
     """Check a solution by an independent simulation."""
-    from dmoc import api
+    from dmoc import api, registry
     from dmoc.solution import Solution
 
     _prepare_file(json_)
     loaded = Solution.load(solution)
-    kernels = api.load(model or loaded.reference)
+    kernels = registry.load(model or loaded.reference)
     api.check_same_model(loaded, kernels)
     check = loaded.verify(kernels)
     summary = {key: (value.tolist() if hasattr(value, "tolist") else value) for key, value in asdict(check).items()}
@@ -209,7 +222,9 @@ def verify(
 @app.command()
 def plot(
     solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
-    target: Annotated[Path | None, typer.Option("--out", help="Figure file (.png, .pdf, .svg); by default beside the solution, as .png.")] = None,
+    target: Annotated[
+        Path | None, typer.Option("--out", help="Figure file (.png, .pdf, .svg); by default beside the solution, as .png.")
+    ] = None,
 ) -> None:
     """Draw a solution: snapshots, positions, momenta, inputs."""
     from dmoc.solution import Solution
@@ -243,10 +258,15 @@ def doctor() -> None:
     parent = next(p for p in (cache, *cache.parents) if p.exists())
     writable = os.access(parent, os.W_OK)
     entries = len([p for p in cache.iterdir() if p.is_dir()]) if cache.is_dir() else 0
-    table.add_row("kernel cache", f"{cache}, {entries} models" if writable else f"{cache} [red]cannot be written[/]: set DMOC_CACHE to a writable folder")
+    table.add_row(
+        "kernel cache",
+        f"{cache}, {entries} models" if writable else f"{cache} [red]cannot be written[/]: set DMOC_CACHE to a writable folder",
+    )
     healthy = healthy and writable
     for name in catalogue.models():
-        table.add_row(f"model {name}", "compiled" if load_installed(f"dmoc.generated.{name}") else "not compiled: built on first use")
+        table.add_row(
+            f"model {name}", "compiled" if load_installed(f"dmoc.generated.{name}") else "not compiled: built on first use"
+        )
     for name, extra in (("matplotlib", "plot"),):
         try:
             table.add_row(name, metadata.version(name))

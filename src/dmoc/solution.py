@@ -106,7 +106,7 @@ class Solution:
     def _kernels(self) -> Kernels:
         if self.kernels is not None:
             return self.kernels
-        from dmoc.api import load
+        from dmoc.registry import load
 
         return load(self.reference or self.trajectory.model)
 
@@ -159,7 +159,11 @@ class Solution:
             "controls": t.controls,
             "multipliers": list(self.multipliers),
         }
-        arrays: dict[str, Array] = {"unknowns": self.unknowns, "input_bounds": t.input_bounds, "coordinate_bounds": t.coordinate_bounds}
+        arrays: dict[str, Array] = {
+            "unknowns": self.unknowns,
+            "input_bounds": t.input_bounds,
+            "coordinate_bounds": t.coordinate_bounds,
+        }
         for i, phase in enumerate(t.phases):
             arrays |= {f"phase_{i}_{name}": getattr(phase, name) for name in "tqpvu"}
         arrays |= {f"multiplier_{i}": value for i, value in enumerate(self.multipliers.values())}
@@ -186,7 +190,9 @@ class Solution:
             with np.load(path, allow_pickle=False) as data:
                 header = json.loads(str(data["header"]))
                 if header["format"] != FILE_FORMAT:
-                    raise SolutionFileError(f"{path} has format {header['format']}, expected {FILE_FORMAT}: solve the problem again.")
+                    raise SolutionFileError(
+                        f"{path} has format {header['format']}, expected {FILE_FORMAT}: solve the problem again."
+                    )
                 return cls._from_file(header, {name: data[name] for name in data.files if name != "header"})
         except FileNotFoundError:
             raise SolutionFileError(f"{path} does not exist: give a file that `dmoc solve --out` has written.") from None
@@ -198,7 +204,12 @@ class Solution:
         phases = tuple(Phase(*(arrays[f"phase_{i}_{name}"] for name in "tqpvu")) for i in range(len(header["phases"])))
         collisions = tuple(
             Collision(
-                c["surface"], c["time"], np.array(c["position"]), c["impulse"], np.array(c["momentum_before"]), np.array(c["momentum_after"])
+                c["surface"],
+                c["time"],
+                np.array(c["position"]),
+                c["impulse"],
+                np.array(c["momentum_before"]),
+                np.array(c["momentum_after"]),
             )
             for c in header["collisions"]
         )

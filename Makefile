@@ -1,0 +1,43 @@
+# Everything runs in a virtual environment of its own, .venv; `make demo` is the place to start.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test check clean
+
+demo: $(VENV)/.installed-demo
+	@$(BIN)/python examples/swing_up.py demo
+
+test: $(VENV)/.installed-test
+	$(BIN)/python -m pytest
+
+check: $(VENV)/.installed-check
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest tests/test_generated.py -k committed
+
+# The folders of sources are part of what is installed: a changed extension is compiled again.
+SOURCES := setup.py pyproject.toml $(wildcard simulation/*.pyx) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+
+$(VENV)/.installed-demo: $(SOURCES) | $(VENV)/bin/python
+	@echo "Installing dmoc and compiling its kernels (about a minute) ..."
+	@$(BIN)/python -m pip install --quiet --editable '.[plot]'
+	@touch $@
+
+$(VENV)/.installed-test: $(SOURCES) | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	@touch $@
+
+$(VENV)/.installed-check: $(SOURCES) | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --editable '.[test,check]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build dist demo *.egg-info
+	find . -name '*.so' -not -path './$(VENV)/*' -delete

@@ -1,0 +1,273 @@
+"""Runs of SLSQP: a few iterations in the unknowns s of a metric, towards the equations or along them."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.optimize
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Index
+from dmoc.nlp.transcription import NDBool, Transcription
+from dmoc.solvers.condensed import Elimination, Partition, Reduced
+from dmoc.solvers.kkt import violation
+from dmoc.solvers.outcome import Iteration, Options, Status
+
+# Weight of the constraint directions in the metric against the null space.
+CONSTRAINT_SCALE = 0.1
+# Accuracy asked of SLSQP: it stands for optimality, step and violation at once, relative to the cost.
+SLSQP_ACCURACY = 1e-12
+# What a trial step that cannot be completed reports, so that the line search shortens it.
+REFUSED = 1e10
+# What a run along the equations keeps them to, and how many corrections that may take.
+EQUATION_TOLERANCE = 1e-12
+FOLLOWING_LIMIT = 20
+
+
+class Setting(Protocol):
+    """What a run needs of its driver."""
+
+    nlp: Transcription
+    parts: Partition
+    elimination: Elimination
+    is_eliminated: NDBool
+
+
+class Stop(Exception):  # noqa: N818 - it is no error
+    """Ends a run of SLSQP from its callback."""
+
+    def __init__(self, status: Status) -> None:
+        super().__init__(status.value)
+        self.status = status
+
+
+@dataclass(frozen=True)
+class Working:
+    """Working set: rows of d, and unknowns (positions in x) at their lower and upper bounds."""
+
+    rows: Index
+    lower: Index
+    upper: Index
+
+    @property
+    def size(self) -> int:
+        return len(self.rows) + len(self.lower) + len(self.upper)
+
+
+@dataclass
+class _Point:
+    """A trial point: completed unknowns, and the derivatives once they are asked for."""
+
+    s: Array
+    x: Array | None
+    reduced: tuple[Reduced, Array] | None = None
+
+
+class Run:
+    """One run of SLSQP in y = y_0 + M s over a working set, with the kept equations as constraints."""
+
+    def __init__(self, driver: Setting, x: Array, metric: tuple[Array, Array], working: Working) -> None:
+        self.driver, self.working = driver, working
+        self.M = np.hstack([CONSTRAINT_SCALE * metric[0], metric[1]])
+        self.origin = x[driver.parts.kept].copy()
+        self.x = x
+        bound = np.concatenate([working.lower, working.upper])
+        self.by_elimination = bound[driver.is_eliminated[bound]]
+        self._point = _Point(np.full(self.M.shape[1], np.nan), None)
+
+    def _complete(self, s: Array) -> Array | None:
+        return self.driver.elimination.complete(self.x, self.origin + self.M @ s)
+
+    def _directions(self, reduced: Reduced) -> Array:
+        """dy/ds."""
+        return self.M
+
+    def _at(self, s: Array) -> _Point:
+        if not np.array_equal(self._point.s, s):
+            self._point = _Point(s.copy(), self._complete(s))
+        return self._point
+
+    def _derivatives(self, s: Array) -> tuple[Reduced, Array]:
+        """Derivatives with respect to y, and dy/ds."""
+        point = self._at(s)
+        if point.reduced is None:
+            x = self.x if point.x is None else point.x
+            reduced = self.driver.elimination.reduce(x, self.working.rows, self.by_elimination)
+            if reduced is None:
+                raise Stop(Status.STALLED)
+            point.reduced = reduced, self._directions(reduced)
+            self.x = x
+            self._moved(s)
+        return point.reduced
+
+    def _moved(self, s: Array) -> None:
+        """Called when the derivatives at a new point are asked for: SLSQP has accepted it."""
+
+    def cost(self, s: Array) -> float:
+        x = self._at(s).x
+        return REFUSED if x is None else self.driver.nlp.cost(x)
+
+    def cost_gradient(self, s: Array) -> Array:
+        reduced, directions = self._derivatives(s)
+        return np.asarray(reduced.cost @ directions)
+
+    def equality(self, s: Array) -> Array:
+        x = self._at(s).x
+        rows = self.driver.parts.kept_rows
+        return np.full(len(rows), REFUSED) if x is None else self.driver.nlp.equality(x)[rows]
+
+    def equality_jacobian(self, s: Array) -> Array:
+        reduced, directions = self._derivatives(s)
+        return np.asarray(reduced.equality @ directions)
+
+    def inequality(self, s: Array) -> Array:
+        x = self._at(s).x
+        w, nlp = self.working, self.driver.nlp
+        if x is None:
+            return np.full(w.size, -REFUSED)
+        return np.concatenate([nlp.inequality(x)[w.rows], (x - nlp.lower)[w.lower], (nlp.upper - x)[w.upper]])
+
+    def inequality_jacobian(self, s: Array) -> Array:
+        reduced, directions = self._derivatives(s)
+        return np.asarray(self._working_slopes(reduced) @ directions)
+
+    def _working_slopes(self, reduced: Reduced) -> Array:
+        """Derivatives of the working set with respect to y."""
+        lower, upper = (self._bound_slopes(index, reduced) for index in (self.working.lower, self.working.upper))
+        return np.vstack([reduced.inequality, lower, -upper])
+
+    def _bound_slopes(self, unknowns: Index, reduced: Reduced) -> Array:
+        """dx_i/dy of the given unknowns."""
+        rows = np.zeros((len(unknowns), len(self.origin)))
+        gone = self.driver.is_eliminated[unknowns]
+        kept = np.flatnonzero(~gone)
+        rows[kept, np.searchsorted(self.driver.parts.kept, unknowns[kept])] = 1.0
+        if gone.any():
+            order = np.array([int(np.flatnonzero(self.by_elimination == i)[0]) for i in unknowns[gone]], dtype=np.intp)
+            rows[gone] = reduced.unknowns[order]
+        return rows
+
+    def _constraints(self) -> list[dict[str, Any]]:
+        constraints: list[dict[str, Any]] = []
+        if len(self.driver.parts.kept_rows):
+            constraints.append({"type": "eq", "fun": self.equality, "jac": self.equality_jacobian})
+        return constraints
+
+    def minimise(self, iterations: int, progress: Progress) -> tuple[Array, Array, Array, bool]:
+        """Run SLSQP; return x, multipliers of the kept equations and of the working set, and whether it converged."""
+        constraints = self._constraints()
+        if self.working.size:
+            constraints.append({"type": "ineq", "fun": self.inequality, "jac": self.inequality_jacobian})
+        start = np.zeros(self.M.shape[1])
+        accuracy = SLSQP_ACCURACY * max(1.0, abs(self.cost(start)))
+
+        def report(s: Array) -> None:
+            point = self._at(s)
+            if point.x is not None:
+                progress.step(point.x)
+
+        with np.errstate(all="ignore"):
+            result = scipy.optimize.minimize(
+                self.cost, start, jac=self.cost_gradient, method="SLSQP", constraints=constraints, callback=report,
+                options={"maxiter": iterations, "ftol": accuracy},
+            )  # fmt: skip
+        x = self._at(result.x).x
+        y, w = self._multipliers(np.asarray(result.multipliers), result.x)
+        return self.x if x is None else x, y, w, result.status in (0, 8)
+
+    def _multipliers(self, found: Array, s: Array) -> tuple[Array, Array]:
+        n_eq = len(self.driver.parts.kept_rows)
+        return -found[:n_eq], np.maximum(found[n_eq:], 0.0)
+
+
+class FollowingRun(Run):
+    """A run along the manifold of the kept equations: y = y_0 + null s + move r, where r(s) solves them.
+
+    The equations bend, and a line search that weighs their violation against the cost would shorten every step across the bend.
+    """
+
+    def __init__(self, driver: Setting, x: Array, metric: tuple[Array, Array], working: Working) -> None:
+        super().__init__(driver, x, metric, working)
+        self.move, self.M = metric
+        self._point = _Point(np.full(self.M.shape[1], np.nan), None)
+        self.r = self._trial_r = np.zeros(self.move.shape[1])
+
+    def _complete(self, s: Array) -> Array | None:
+        r, x, previous = self.r.copy(), self.x, np.inf
+        base = self.origin + self.M @ s
+        for _ in range(FOLLOWING_LIMIT):
+            full = self.driver.elimination.complete(x, base + self.move @ r)
+            if full is None:
+                return None
+            x = full
+            error = self.driver.nlp.equality(x)[self.driver.parts.kept_rows]
+            size = float(np.abs(error).max())
+            if size <= EQUATION_TOLERANCE or (size <= 100 * EQUATION_TOLERANCE and size > 0.5 * previous):
+                self._trial_r = r
+                return x
+            if not size < 1e3 * min(previous, 1.0):
+                return None
+            change = error if size < 0.1 * previous else self._newton(x, error)
+            if change is None:
+                return None
+            r, previous = r - change, size
+        return None
+
+    def _newton(self, x: Array, error: Array) -> Array | None:
+        """Change of r that cancels the error to first order at x."""
+        none = np.zeros(0, dtype=np.intp)
+        reduced = self.driver.elimination.reduce(x, none, none)
+        if reduced is None:
+            return None
+        return solve_linear(reduced.equality @ self.move, error)
+
+    def _moved(self, s: Array) -> None:
+        self.r = self._trial_r
+
+    def _directions(self, reduced: Reduced) -> Array:
+        bend = solve_linear(reduced.equality @ self.move, reduced.equality @ self.M)
+        return np.asarray(self.M - self.move @ bend)
+
+    def _constraints(self) -> list[dict[str, Any]]:
+        return []
+
+    def _multipliers(self, found: Array, s: Array) -> tuple[Array, Array]:
+        """Those of the equations make the Lagrangian stationary along ``move``."""
+        w = np.maximum(found, 0.0)
+        reduced, _ = self._derivatives(s)
+        slope = reduced.cost - w @ self._working_slopes(reduced)
+        y = -solve_linear((reduced.equality @ self.move).T, slope @ self.move)
+        return y, w
+
+
+class Progress:
+    """Counts iterations, keeps the limits and remembers the latest iterate."""
+
+    def __init__(self, nlp: Transcription, options: Options) -> None:
+        self.nlp, self.options = nlp, options
+        self.count = 0
+        self.x: Array | None = None
+        self._deadline = np.inf if options.seconds is None else time.perf_counter() + options.seconds
+
+    def step(self, x: Array) -> None:
+        self.count += 1
+        self.x = x
+        if self.options.progress is not None:
+            self.options.progress(Iteration(self.count, self.nlp.cost(x), violation(self.nlp, x)))
+        if self.count >= self.options.iterations:
+            raise Stop(Status.ITERATION_LIMIT)
+        if time.perf_counter() >= self._deadline:
+            raise Stop(Status.TIME_LIMIT)
+
+
+def solve_linear(A: Array, b: Array) -> Array:
+    """Solve A x = b, in the sense of least squares where A is singular or not square."""
+    if A.shape[0] == A.shape[1]:
+        try:
+            return np.asarray(np.linalg.solve(A, b))
+        except np.linalg.LinAlgError:
+            pass
+    return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])

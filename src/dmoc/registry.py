@@ -1,0 +1,128 @@
+"""Models by name and from files: describe, build, load."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dmoc.codegen.build import build_cached, load_installed, numpy_kernels
+from dmoc.codegen.kernels import Kernels
+from dmoc.errors import BuildError, ModelError
+from dmoc.models import catalogue
+from dmoc.nlp.problem import Problem
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
+
+BACKENDS = ("auto", "compiled", "numpy")
+
+
+def build(system: MechanicalSystem, *, backend: str = "auto", force: bool = False) -> Kernels:
+    """Derive, generate, compile and load the kernels of a system; cached by content.
+
+    Parameters
+    ----------
+    system : MechanicalSystem
+    backend : {"auto", "compiled", "numpy"}
+        "auto" compiles, and falls back to NumPy with a warning on a machine without a C compiler.
+    force : bool
+        Build again even if the cache holds the kernels.
+
+    Raises
+    ------
+    GenerationError
+        If an expression cannot be turned into C.
+    BuildError
+        If the compiler is missing (with backend="compiled") or fails.
+    """
+    from dmoc.codegen.text import c_files, manifest, numpy_text
+    from dmoc.symbolic.kernels import model_key, model_spec
+
+    if backend not in BACKENDS:
+        raise BuildError(f"backend = {backend!r}: expected one of {', '.join(BACKENDS)}.")
+    if backend == "numpy":
+        model = model_spec(system)
+        return numpy_kernels(manifest(model), numpy_text(model))
+    fallback = (lambda: numpy_text(model_spec(system))) if backend == "auto" else None
+    return build_cached(system.name, model_key(system), lambda: c_files(model_spec(system)), fallback, force)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A model named by the user, with the fields of the problem it comes with."""
+
+    name: str
+    defaults: Mapping[str, Any]
+    system: Callable[[], MechanicalSystem]
+    kernels: Callable[[], Kernels]
+
+
+def find(reference: str) -> Reference:
+    """Resolve the name of a shipped model or problem, or ``file.py:name``.
+
+    The name in a file is a MechanicalSystem, a Problem, or a function without arguments that returns one of them.
+
+    Raises
+    ------
+    ModelError
+        If there is no such model, file or name, or it is of another kind.
+    """
+    path, _, name = reference.rpartition(":")
+    if not path:
+        return _shipped(reference)
+    made = _from_file(Path(path), name)
+    where = f"{Path(path).resolve()}:{name}"
+    if isinstance(made, Problem):
+        defaults = {f.name: getattr(made, f.name) for f in fields(Problem) if f.name != "kernels"}
+        kernels = made.kernels
+
+        def no_system() -> MechanicalSystem:
+            raise ModelError(f"{reference} is a Problem: name the MechanicalSystem to see its derivation.")
+
+        return Reference(where, defaults, no_system, lambda: kernels)
+    system = made
+    return Reference(where, {}, lambda: system, lambda: build(system))
+
+
+def load(reference: str) -> Kernels:
+    """Return the kernels of a shipped model, or of ``file.py:name``; needs no SymPy for an installed model."""
+    return find(reference).kernels()
+
+
+def _shipped(name: str) -> Reference:
+    entry = catalogue.ENTRIES.get(name)
+    if entry is None:
+        known = ", ".join(sorted(catalogue.ENTRIES))
+        raise ModelError(f"unknown model {name!r}: expected one of {known}, or a file as file.py:name.")
+    model = entry.model
+
+    def kernels() -> Kernels:
+        return load_installed(f"dmoc.generated.{model}") or build(catalogue.system(model))
+
+    return Reference(name, dict(entry.problem or {}), lambda: catalogue.system(model), kernels)
+
+
+def _from_file(path: Path, name: str) -> Any:
+    from dmoc.symbolic.system import MechanicalSystem
+
+    if not path.is_file():
+        raise ModelError(f"{path} does not exist: name a Python file and an object in it, as file.py:name.")
+    spec = importlib.util.spec_from_file_location(f"dmoc_user_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ModelError(f"{path} is not a Python file: expected a name ending in .py.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except SyntaxError as error:
+        raise ModelError(f"{path} cannot be read: {error.msg} in line {error.lineno}.") from None
+    made = getattr(module, name, None)
+    if made is None:
+        raise ModelError(f"{path} defines no {name!r}: expected a MechanicalSystem, a Problem, or a function that returns one.")
+    if callable(made):
+        made = made()
+    if not isinstance(made, (MechanicalSystem, Problem)):
+        raise ModelError(f"{name} in {path} is a {type(made).__name__}: expected a MechanicalSystem or a Problem.")
+    return made
