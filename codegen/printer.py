@@ -16,6 +16,7 @@ from dmoc.errors import GenerationError
 from dmoc.symbolic.spec import KernelSpec
 
 _SUM, _PRODUCT, _ATOM = 1, 2, 3  # how tightly a text binds
+CONDITIONS = ("StrictLessThan", "LessThan", "Equality", "Unequality", "And", "Or")
 
 
 @dataclass(frozen=True)
@@ -103,8 +104,7 @@ class Printer:
         for a in e.args:
             if a.is_Number:
                 if float(a) < 0:
-                    text, _ = self._mul(-e) if (-e).is_Mul else self._print(-e)
-                    return f"-{text}", _SUM
+                    return f"-{self._wrap(-e, _PRODUCT)}", _SUM
                 number = self._number(a)[0]
             elif a.is_Pow and a.args[1].is_Number and float(a.args[1]) < 0:
                 divisors.append(self._wrap(1 / a, _ATOM))
@@ -129,20 +129,26 @@ class Printer:
         return self.call("pow", self.text(base), self.text(exponent)), _ATOM
 
     def _piecewise(self, e: Any) -> tuple[str, int]:
-        pairs = list(zip(e.args[::2], e.args[1::2], strict=True))
-        if type(pairs[-1][1]).__name__ != "BooleanTrue":
-            raise GenerationError(f"the Piecewise {e} has no value elsewhere: end it with (value, True).")
-        branches = [(self.text(value), self._condition(condition)) for value, condition in pairs[:-1]]
-        return self.conditional(branches, self.text(pairs[-1][0])), _ATOM
+        branches = []
+        for value, condition in zip(e.args[::2], e.args[1::2], strict=True):
+            kind = type(condition).__name__
+            if kind == "BooleanTrue":
+                return self.conditional(branches, self.text(value)), _ATOM
+            if kind != "BooleanFalse":
+                branches.append((self.text(value), self.condition(condition)))
+        raise GenerationError(f"the Piecewise {e} has no value elsewhere: end it with (value, True).")
 
-    def _condition(self, c: Any) -> str:
+    def condition(self, c: Any) -> str:
         kind = type(c).__name__
         signs = {"StrictLessThan": "<", "LessThan": "<=", "Equality": "==", "Unequality": "!="}
         if kind in signs:
             a, b = c.args
+            for flag, other in ((a, b), (b, a)):  # a shared condition x comes back as x == True
+                if type(flag).__name__ == "BooleanTrue":
+                    return self.text(other)
             return f"({self.text(a)} {signs[kind]} {self.text(b)})"
         if kind in ("And", "Or"):
-            return self.both(sorted(self._condition(a) for a in c.args), kind)
+            return self.both(sorted(self.condition(a) for a in c.args), kind)
         raise GenerationError(f"the condition {c} ({kind}) cannot be printed.")
 
     def _wrap(self, e: Any, at_least: int) -> str:
@@ -204,14 +210,20 @@ def listing(spec: KernelSpec, printer: type[Printer], component: str) -> Listing
     shared, reduced = se.cse(wanted) if wanted else ([], [])
     used = set().union(set(), *(e.free_symbols for e in [*reduced, *(e for _, e in shared)]))
     write = printer(names)
-    assignments = []
+    assignments: list[tuple[str, str]] = []
     for symbol, expression in spec.definitions:
         if symbol in used:
             assignments.append((str(symbol), write.text(expression)))
         names[str(symbol)] = str(symbol)
-    names |= {str(s): f"w{i}" for i, (s, _) in enumerate(shared)}
+    first = len(assignments)
+    for symbol, expression in shared:
+        write = printer(names)
+        if type(expression).__name__ in CONDITIONS:  # a condition has no local of its own
+            names[str(symbol)] = write.condition(expression)
+            continue
+        names[str(symbol)] = f"w{len(assignments) - first}"
+        assignments.append((names[str(symbol)], write.text(expression)))
     write = printer(names)
-    assignments += [(f"w{i}", write.text(e)) for i, (_, e) in enumerate(shared)]
     values = iter(reduced)
     outputs = tuple((o.name, tuple(write.text(next(values)) for _ in o.expressions)) for o in spec.outputs)
     return Listing(tuple(assignments), outputs)

@@ -1,0 +1,52 @@
+"""Shared fixtures: a kernel cache of the test run's own, kernels, and problems."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from systems import block_system, puck_system
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.registry import find
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--update", action="store_true", help="write the generated sources instead of comparing them")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Keep built kernels away from the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("cache")
+        patch.setenv("DMOC_CACHE", str(folder))
+        yield folder
+
+
+@pytest.fixture(scope="session")
+def pendulum() -> Kernels:
+    return dmoc.load("cart_pendulum")
+
+
+@pytest.fixture(scope="session")
+def seed(pendulum: Kernels) -> dmoc.Problem:
+    """The problem of the source, N = 100 + 100."""
+    return dmoc.Problem(pendulum, **find("cart_pendulum").defaults)
+
+
+@pytest.fixture(scope="session")
+def solution(seed: dmoc.Problem) -> dmoc.Solution:
+    return dmoc.solve(seed)
+
+
+@pytest.fixture(scope="session")
+def block() -> Kernels:
+    return dmoc.build(block_system())
+
+
+@pytest.fixture(scope="session")
+def puck() -> Kernels:
+    return dmoc.build(puck_system())

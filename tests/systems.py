@@ -1,0 +1,43 @@
+"""Systems that several tests use."""
+
+from __future__ import annotations
+
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+
+
+def block_system(name: str = "block") -> dmoc.MechanicalSystem:
+    """A mass on a line with a wall: the unfolded wall gives closed forms."""
+    x, u = dynamicsymbols("x u")
+    m, wall = sp.symbols("m wall")
+    rate = x.diff(dynamicsymbols._t)
+    return dmoc.MechanicalSystem(
+        name,
+        coordinates=[x],
+        inputs=[u],
+        lagrangian=m * rate**2 / 2,
+        forces={x: u},
+        surfaces={"wall": x <= wall},
+        parameters={m: 1.0, wall: 1.0},
+        cost=u**2 / 2,
+    )
+
+
+def puck_system() -> dmoc.MechanicalSystem:
+    """A puck on a table with a round rim and a round post: gaps that bend and normals that turn."""
+    x, y, f_x, f_y = dynamicsymbols("x y f_x f_y")
+    m, rim, post = sp.symbols("m rim post")
+    t = dynamicsymbols._t
+    return dmoc.MechanicalSystem(
+        "puck",
+        coordinates=[x, y],
+        inputs=[f_x, f_y],
+        lagrangian=m * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2,
+        forces={x: f_x, y: f_y},
+        surfaces={"rim": x**2 + y**2 <= rim**2, "post": (x - 1) ** 2 + y**2 >= post**2},
+        parameters={m: 1.0, rim: 3.0, post: 0.2},
+        cost=(f_x**2 + f_y**2) / 2,
+        path_constraints={"speed": x.diff(t) ** 2 + y.diff(t) ** 2 <= 100},
+    )

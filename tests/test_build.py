@@ -1,0 +1,101 @@
+"""The kernel cache: found again, rebuilt when damaged, safe for several processes, and machines without a compiler."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from systems import block_system
+
+import dmoc
+from dmoc.errors import BuildError
+
+
+def entry(cache: Path) -> Path:
+    (folder,) = (p for p in cache.iterdir() if p.is_dir() and p.name.startswith("cached-"))
+    return folder
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("DMOC_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def works(kernels: dmoc.codegen.kernels.Kernels) -> bool:
+    one = np.ones((1, 1))
+    return bool(kernels.call("dynamics", one, one, one, np.array([[3.0, 1.0]]))[0][0, 0] == 3.0)
+
+
+def test_a_second_build_finds_the_first(own_cache: Path) -> None:
+    first = dmoc.build(block_system("cached"))
+    second = dmoc.build(block_system("cached"))
+    assert first.seconds > 0 and second.seconds == 0
+    assert works(first) and works(second)
+
+
+@pytest.mark.parametrize("damage", ["truncate", "remove", "text"])
+def test_a_damaged_entry_is_built_again(own_cache: Path, damage: str) -> None:
+    dmoc.build(block_system("cached"))
+    extension = next(entry(own_cache).glob("wrapper*.so"))
+    if damage == "truncate":
+        content = extension.read_bytes()
+        extension.unlink()  # this process has it mapped
+        extension.write_bytes(content[:1000])
+    elif damage == "remove":
+        extension.unlink()
+    else:
+        (entry(own_cache) / "manifest.json").write_text("{")
+    again = dmoc.build(block_system("cached"))
+    assert again.seconds > 0 and works(again)
+
+
+def test_another_model_of_the_same_name_gets_an_entry_of_its_own(own_cache: Path) -> None:
+    system = block_system("cached")
+    dmoc.build(system)
+    other = dmoc.MechanicalSystem(
+        "cached", system.coordinates, 2 * system.lagrangian, system.parameters, system.inputs, system.forces, system.surfaces, system.cost
+    )
+    one = np.ones((1, 1))
+    assert dmoc.build(other).call("dynamics", one, one, one, np.array([[3.0, 1.0]]))[0][0, 0] == 6.0
+
+
+def test_two_processes_building_at_once_both_succeed(own_cache: Path) -> None:
+    program = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import systems, dmoc;"
+        "k = dmoc.build(systems.block_system('cached')); assert k.backend == 'compiled'"
+    )
+    running = [subprocess.Popen([sys.executable, "-c", program], env={**os.environ, "DMOC_CACHE": str(own_cache)}) for _ in range(3)]
+    assert [p.wait() for p in running] == [0, 0, 0]
+    entry(own_cache)
+
+
+def test_without_a_compiler_numpy_takes_over_with_a_warning(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.warns(RuntimeWarning, match=r"no C compiler was found \(CC=no-such-compiler\)"):
+        kernels = dmoc.build(block_system("cached"))
+    assert kernels.backend == "numpy" and works(kernels)
+    with pytest.raises(BuildError, match="install gcc or clang"):
+        dmoc.build(block_system("cached"), backend="compiled")
+
+
+def test_a_failing_compiler_shows_its_output(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(BuildError, match="the compiler failed"):
+        dmoc.build(block_system("cached"))
+    assert not [p for p in own_cache.iterdir() if p.is_dir()]
+
+
+def test_an_unwritable_cache_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DMOC_CACHE", "/proc/no-such-place")
+    with pytest.raises(BuildError, match="set DMOC_CACHE to a writable folder"):
+        dmoc.build(block_system("cached"))
+
+
+def test_an_unknown_backend_is_refused() -> None:
+    with pytest.raises(BuildError, match="expected one of auto, compiled, numpy"):
+        dmoc.build(block_system(), backend="gpu")

@@ -1,0 +1,181 @@
+"""Generated code: awkward expressions, determinism, agreement of the backends, warnings and sanitizers."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+from systems import block_system, puck_system
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.codegen.build import compiler, write_files
+from dmoc.codegen.kernels import Kernels
+from dmoc.codegen.printer import CPrinter, NumPyPrinter
+from dmoc.codegen.text import c_files
+from dmoc.errors import GenerationError
+from dmoc.symbolic.continuous import readable
+from dmoc.symbolic.kernels import model_spec
+from dmoc.symbolic.spec import FUNCTIONS
+
+T = dynamicsymbols._t
+AWKWARD = [
+    "q**2", "q**3", "q**4", "q**7", "1/q", "1/q**2", "q**-3", "sqrt(q)", "1/sqrt(q)", "q**(3/2)", "q**(-5/2)", "q**p", "p**q", "2**q",
+    "exp(q)", "exp(-q**2)", "log(q)", "-q", "-(q - p)", "q - (p - q)", "q/(p/q)", "(q/p)/q", "-q**2", "(-q)**2", "q*(p + 1)*(p - 1)",
+    "1/(q*p)", "q/(p + q)**2", "Rational(1, 3)*q", "-Rational(1, 3)*q + 1e-30", "-2*(-q**2 - p)", "-(-q - p)/3", "1 - (-(q - p))", "1e22*q", "pi*q", "E*q", "sin(q)/q", "sin(cos(tan(q)))",
+    "asin(q/9) + acos(q/9) + atan(q)", "atan2(q, p)", "sinh(q) + cosh(q) + tanh(q)", "asinh(q) + acosh(q + 1) + atanh(q/9)",
+    "Abs(q - p)", "sign(q - p)*q", "Max(q, p)", "Min(q, p, 1)", "Piecewise((q, q < p), (p**2, q < 2*p), (1, True))",
+    "Piecewise((q, (q < p) & (q > 0)), (1, True))", "Piecewise((q, (q > p) | (q < 0)), (1, True))", "Heaviside(q - p)*q**2",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def awkward() -> tuple[Kernels, Kernels, list[sp.Expr]]:
+    """One model whose path constraints are the awkward expressions, on both backends."""
+    q, u = dynamicsymbols("q u")
+    p = sp.Symbol("p")
+    expressions = [sp.sympify(text, locals={"q": q, "p": p}) for text in AWKWARD]
+    system = dmoc.MechanicalSystem(
+        "awkward",
+        coordinates=[q],
+        inputs=[u],
+        lagrangian=q.diff(T) ** 2 / 2,
+        forces={q: u},
+        parameters={p: 1.3},
+        path_constraints={f"e{i}": sp.Ge(e + u - u, 0, evaluate=False) for i, e in enumerate(expressions)},
+    )
+    return dmoc.build(system), dmoc.build(system, backend="numpy"), expressions
+
+
+def test_awkward_expressions_equal_mpmath(awkward: tuple[Kernels, Kernels, list[sp.Expr]]) -> None:
+    compiled, numpy, expressions = awkward
+    q, p = dynamicsymbols("q"), sp.Symbol("p")
+    for value in (0.7, 1.9):
+        at = np.array([[value]])
+        row = (at, at, np.zeros((1, 1)), np.zeros((1, 1)), np.ones((1, 1)), np.array([[1.3]]))
+        for kernels in (compiled, numpy):
+            found = kernels.call("path", *row)[0][0]
+            for text, expression, result in zip(AWKWARD, expressions, found, strict=True):
+                exact = mpmath.mpf(sp.N(expression.subs({q: sp.Float(value, 40), p: sp.Float(1.3, 40)}), 40))
+                assert abs(result - exact) <= 2e-14 * max(1, abs(exact)), text
+
+
+def test_derivatives_of_awkward_expressions_equal_differences(awkward: tuple[Kernels, Kernels, list[sp.Expr]]) -> None:
+    compiled, _, _ = awkward
+    at, step = 0.7, 1e-6
+
+    def value(x: float) -> np.ndarray:
+        row = np.array([[x]])
+        return compiled.call("path", row, row, np.zeros((1, 1)), np.zeros((1, 1)), np.ones((1, 1)), np.array([[1.3]]))[0][0]
+
+    rows, columns = compiled.pattern("path_jac", "r_d_D_z")
+    x = np.array([[at]])
+    stored = compiled.call("path_jac", x, x, np.zeros((1, 1)), np.zeros((1, 1)), np.ones((1, 1)), np.array([[1.3]]))[0][0]
+    slope = np.zeros(len(AWKWARD))
+    for r, c, v in zip(rows, columns, stored, strict=True):
+        slope[r] += v * (c < 2)  # q_k and q_kp1 move together
+    difference = (value(at + step) - value(at - step)) / (2 * step)
+    assert (np.abs(slope - difference) <= 1e-7 * np.maximum(1, np.abs(difference))).all()
+
+
+def test_printers_know_every_function() -> None:
+    for printer in (CPrinter, NumPyPrinter):
+        assert FUNCTIONS | {"exp", "sqrt", "pow"} <= set(printer.functions)
+
+
+@pytest.mark.parametrize("text", ["gamma(q)", "floor(q)", "besselj(0, q)", "f(q)", "I*q", "Piecewise((q, q > 0))", "erf(q)"])
+def test_an_expression_that_cannot_be_printed_is_refused(text: str) -> None:
+    q, u = dynamicsymbols("q u")
+    force = sp.sympify(text, locals={"q": q, "f": sp.Function("f")})
+    with pytest.raises(dmoc.DmocError) as error:
+        dmoc.build(
+            dmoc.MechanicalSystem("odd", coordinates=[q], inputs=[u], lagrangian=q.diff(T) ** 2 / 2, forces={q: u + force}, parameters={})
+        )
+    assert "\n" not in str(error.value)
+    assert isinstance(error.value, GenerationError) or "unknown" in str(error.value) or "neither" in str(error.value)
+
+
+def test_c_hostile_parameter_names_work() -> None:
+    q, u = dynamicsymbols("i j")
+    names = sp.symbols("I h q_k par w0 sin M_PI n")
+    system = dmoc.MechanicalSystem(
+        "hostile", coordinates=[q], inputs=[u], lagrangian=sum(names) * q.diff(T) ** 2 / 2, forces={q: u}, parameters={s: 1.0 for s in names}
+    )
+    one = np.ones((1, 1))
+    mass = dmoc.build(system).call("dynamics", one, one, one, np.ones((1, 8)))[0]
+    assert mass[0, 0] == 8.0
+
+
+def test_text_does_not_depend_on_the_hash_seed() -> None:
+    program = (
+        "import hashlib; from dmoc.models import catalogue; from dmoc.symbolic.kernels import model_spec;"
+        "from dmoc.codegen.text import c_files, numpy_text; m = model_spec(catalogue.system('cart_pendulum'));"
+        "print(hashlib.sha256((repr(sorted(c_files(m).items())) + numpy_text(m)).encode()).hexdigest())"
+    )
+    digests = {
+        subprocess.run([sys.executable, "-c", program], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True, check=True).stdout
+        for seed in ("0", "1", "4711")
+    }
+    assert len(digests) == 1
+
+
+@pytest.mark.parametrize("make", [block_system, puck_system])
+def test_backends_agree_on_every_kernel(make: object) -> None:
+    system = make()  # type: ignore[operator]
+    compiled, numpy = dmoc.build(system), dmoc.build(system, backend="numpy")
+    rng = np.random.default_rng(1)
+    for name, kernel in compiled.manifest["kernels"].items():
+        inputs = [rng.uniform(0.5, 1.5, (7, size)) for _, size in kernel["inputs"]]
+        with np.errstate(all="ignore"):
+            pairs = zip(compiled.call(name, *inputs), numpy.call(name, *inputs), strict=True)
+            for a, b in pairs:
+                np.testing.assert_allclose(a, b, rtol=1e-13, atol=1e-13, err_msg=name)
+
+
+def test_one_row_of_an_argument_serves_all(block: Kernels) -> None:
+    q = np.linspace(0, 1, 5)[:, None].copy()
+    one, par = np.ones((1, 1)), np.array([[2.0, 1.0]])
+    rows = [np.repeat(a, 4, axis=0) for a in (one, one, one, par)]
+    a = block.call("step", q[:-1], q[1:], one, one, one, par)
+    b = block.call("step", q[:-1], q[1:], *rows)
+    assert all((x == y).all() for x, y in zip(a, b, strict=True))
+
+
+def test_wrong_arrays_are_refused_by_name(block: Kernels) -> None:
+    one = np.ones((3, 1))
+    out = [np.empty((3, 1)) for _ in range(3)]
+    with pytest.raises(ValueError, match="par: expected rows of 2"):
+        block.module.step(one, one, one, one, one, np.ones((1, 3)), *out)
+    with pytest.raises(ValueError, match="q_k: expected 3 rows or 1, got 2"):
+        block.module.step(one[:2], one, one, one, one, np.ones((1, 2)), *out)
+    with pytest.raises(ValueError, match="q_k: expected float64"):
+        block.module.step(one.astype(np.float32), one, one, one, one, np.ones((1, 2)), *out)
+
+
+def test_every_kernel_runs_under_sanitizers(tmp_path: Path) -> None:
+    """Each kernel is called on arrays of exactly its sizes; reading or writing beside them aborts the program."""
+    model = model_spec(puck_system())
+    write_files(tmp_path, c_files(model))
+    lines = ['#include "kernels.h"', "#include <stdlib.h>", "static double *make(size_t n) {",
+             "    double *a = malloc((n ? n : 1) * sizeof *a); for (size_t i = 0; i < n; ++i) a[i] = 0.5 + 0.1 * (double)i; return a; }",
+             "int main(void) {"]  # fmt: skip
+    for k in model.kernels:
+        ins = ", ".join(f"make({3 * a.size})" for a in k.inputs)
+        outs = ", ".join(f"make({3 * o.size})" for o in k.outputs)
+        strides = ", ".join(str(a.size) for a in k.inputs)
+        lines.append(f"    {{ const double *in[] = {{{ins}}}; double *out[] = {{{outs}}}; ptrdiff_t s[] = {{{strides}}};")
+        lines.append(f"      puck_{k.name}(3, in, s, out); }}")
+    (tmp_path / "main.c").write_text("\n".join([*lines, "    return 0; }"]))
+    flags = ["-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    subprocess.run([*compiler(), *flags, "kernels.c", "main.c", "-lm", "-o", "run"], cwd=tmp_path, check=True)
+    subprocess.run(["./run"], cwd=tmp_path, check=True, env={**os.environ, "ASAN_OPTIONS": "detect_leaks=0"})
+
+
+def test_readable_symbols_carry_the_users_names() -> None:
+    assert [str(s) for s in readable(block_system()).q] == ["x"]
