@@ -97,9 +97,8 @@ class Problem:
             self._known(surface, self.kernels.surfaces, "surface", "in the sequence")
         if self.controls not in CONTROLS:
             raise ProblemError(f"controls = {self.controls!r}: expected one of {', '.join(CONTROLS)}.")
-        put(self, "steps", self._checked_steps())
         # The properties below check what they read.
-        _ = self.parameter_values, self.input_bounds, self.coordinate_bounds, self.final_time_bounds, self.duration_bounds
+        _ = self.phase_steps, self.parameter_values, self.input_bounds, self.coordinate_bounds, self.final_time_bounds, self.duration_bounds
         _ = self.start_bounds, self.goal_bounds
         self._check_mass_matrix()
         self._check_admissible("start", self.start_bounds)
@@ -122,12 +121,6 @@ class Problem:
     @property
     def phases(self) -> int:
         return len(self.sequence) + 1
-
-    @property
-    def phase_steps(self) -> tuple[int, ...]:
-        """Steps N_i of each phase."""
-        assert isinstance(self.steps, tuple)
-        return self.steps
 
     # Values ----------------------------------------------------------------------------------------------------------
 
@@ -190,7 +183,9 @@ class Problem:
             listed = f"expected one of {', '.join(known)}" if known else "the model has none"
             raise ProblemError(f"unknown {what} {name!r}{' ' + where if where else ''}: {listed}{hint}.")
 
-    def _checked_steps(self) -> tuple[int, ...]:
+    @cached_property
+    def phase_steps(self) -> tuple[int, ...]:
+        """Steps N_i of each phase."""
         given = self.steps
         values = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given] * self.phases
         if len(values) != self.phases:

@@ -301,7 +301,8 @@ class Transcription:
             weight[0, :, 0], weight[1, :, 1] = energy, -energy
             parts.append(kernels.call("impact_hess", *before, weight[0])[0])
             parts.append(kernels.call("impact_hess", *after, weight[1])[0])
-            parts.append(-kernels.call("normal_hess", at, self._impulses(x), self.par, mu[lay.collision_nodes])[0])
+            second = kernels.call("normal_hess", at, self._impulses(x), self.par, mu[lay.collision_nodes])[0]
+            parts.append(-second[self._normal_hess_entries])
         if kernels.has("surface"):
             weights = np.zeros((lay.total + 1, len(kernels.surfaces)))
             weights[self.gap_constraints] = -w[self.inequality_rows("gap")]
@@ -332,7 +333,9 @@ class Transcription:
         if len(self.surfaces):
             blocks.append(pairs("impact_hess", lay.index_z[nodes - 1]))
             blocks.append(pairs("impact_hess", lay.index_z[nodes]))
-            blocks.append(pairs("normal_hess", self._normal_unknowns))
+            r, c = kernels.pattern("normal_hess", "hess")
+            unknowns, keep = self._normal_unknowns, self._normal_hess_entries
+            blocks.append((unknowns[:, r][keep], unknowns[:, c][keep]))
         if kernels.has("surface"):
             blocks.append(pairs("surface_hess", lay.index_q))
         if kernels.has("path"):
@@ -347,21 +350,28 @@ class Transcription:
 
     @cached_property
     def _hessian_factors(self) -> list[Array]:
-        local = self._hessian_local_diagonal
-        return [np.where((r == c) & ~diagonal, 2.0, 1.0) for (r, c), diagonal in zip(self._hessian_blocks, local, strict=True)]
+        """2 where an off-diagonal entry of an element falls on the diagonal.
+
+        Only inputs that are constant in a step do that: their two local unknowns u_k and u_kp1 are one.
+        """
+        factors = [np.ones(len(r)) for r, _ in self._hessian_blocks]
+        kernels = self.problem.kernels
+        for block, name in enumerate(self._hessian_kernels):
+            if name in ("step_hess", "impact_hess", "path_hess"):
+                r, c = kernels.pattern(name, "hess")
+                rows, columns = self._hessian_blocks[block]
+                local = np.tile(r != c, len(rows) // max(len(r), 1))
+                factors[block][(rows == columns) & local] = 2.0
+        return factors
 
     @property
-    def _hessian_local_diagonal(self) -> list[NDBool]:
-        """Whether each entry lies on the diagonal of its element, in the order of the blocks."""
+    def _hessian_kernels(self) -> list[str]:
+        """The kernel of each block, in order."""
         kernels = self.problem.kernels
         names = ["step_hess"]
         names += ["impact_hess", "impact_hess", "normal_hess"] if len(self.surfaces) else []
         names += [n for n in ("surface_hess", "path_hess") if kernels.has(n)]
-        names += ["legendre_hess"] * len(self._velocity_ends)
-        local = [kernels.pattern(n, "hess") for n in names] + [np.triu_indices(3 * self.layout.nq + 1)] * len(self._timed)
-        return [
-            np.tile(r == c, len(block[0]) // max(len(r), 1)) for (r, c), block in zip(local, self._hessian_blocks, strict=True)
-        ]
+        return names + ["legendre_hess"] * len(self._velocity_ends) + ["min_time"] * len(self._timed)
 
     @cached_property
     def _hessian_pattern(self) -> SparsePattern:
@@ -418,6 +428,13 @@ class Transcription:
         """Entries of n_D_ql that belong to q_c or to the impulse of the surface that is hit, shape (I, entries)."""
         _, c = self.problem.kernels.pattern("normal_jac", "n_D_ql")
         return np.asarray((c < self.layout.nq) | (c - self.layout.nq == self.surfaces[:, None]))
+
+    @cached_property
+    def _normal_hess_entries(self) -> NDBool:
+        """Entries of the second derivative of mu . n that belong to q_c or to the impulse of the surface that is hit."""
+        r, c = self.problem.kernels.pattern("normal_hess", "hess")
+        nq = self.layout.nq
+        return np.asarray(((r < nq) | (r - nq == self.surfaces[:, None])) & ((c < nq) | (c - nq == self.surfaces[:, None])))
 
     @cached_property
     def _active_gradients(self) -> NDBool:

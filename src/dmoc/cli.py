@@ -166,8 +166,6 @@ def solve(
     fields = dict(reference.defaults)
     if sequence is not None:
         fields["sequence"] = tuple(s for s in sequence.split(",") if s)
-    if sequence is not None and not isinstance(fields.get("steps", 100), int) and steps is None:
-        fields["steps"] = tuple(fields["steps"])[:1] * (len(fields["sequence"]) + 1)
     if steps is not None:
         numbers = [_whole(part, "--steps") for part in steps.split(",")]
         fields["steps"] = numbers[0] if len(numbers) == 1 else numbers

@@ -1,0 +1,145 @@
+"""The slides' three implementation issues, each against an independent calculation."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.nlp.feasibility import minimal_time
+from dmoc.nlp.guess import WINDOW, _Dynamics, initial_guesses
+from dmoc.nlp.transcription import Transcription
+from dmoc.registry import find
+
+L, G, M_P, M_C = 0.5, 10.0, 1.0, 1.0
+
+
+def unpack(problem: dmoc.Problem) -> tuple[Transcription, np.ndarray]:
+    return Transcription(problem), initial_guesses(problem)[0].x
+
+
+def test_guess_matches_boundary_and_collision(seed: dmoc.Problem) -> None:
+    nlp, x = unpack(seed)
+    q = x[nlp.layout.index_q]
+    assert q[0] == pytest.approx([0.15 * pi, 0.0])
+    assert q[100, 0] == pytest.approx(0.1 * pi, abs=1e-12)
+    assert q[-1, 0] == pytest.approx(pi / 2, abs=1e-12)
+    assert initial_guesses(seed)[0].prescribed == ("alpha",)
+
+
+def test_guess_obeys_the_sources_equations_of_motion(seed: dmoc.Problem) -> None:
+    """x'' sin(alpha) = l alpha'' + g cos(alpha), and F from the cart's row, with accelerations from second differences."""
+    nlp, x = unpack(seed)
+    h, q, u = x[nlp.layout.index_h], x[nlp.layout.index_q], x[nlp.layout.index_u][:, 0]
+    for phase, first in ((0, 0), (1, 100)):
+        nodes = q[first : first + 101]
+        a = np.diff(nodes, 2, axis=0) / h[phase] ** 2
+        v = (nodes[2:] - nodes[:-2]) / (2 * h[phase])
+        alpha = nodes[1:-1, 0]
+        residual = a[:, 1] * np.sin(alpha) - L * a[:, 0] - G * np.cos(alpha)
+        assert np.abs(residual).max() < 2e-2 * np.abs(a).max()
+        force = (M_P + M_C) * a[:, 1] - M_P * L * (a[:, 0] * np.sin(alpha) + v[:, 0] ** 2 * np.cos(alpha))
+        between = (u[first : first + 99] + u[first + 1 : first + 100]) / 2
+        assert np.abs(force - between).max() < 3e-2 * np.abs(u).max()
+
+
+def test_guess_keeps_the_bounds_of_the_inputs_where_a_final_time_does(seed: dmoc.Problem) -> None:
+    for bound in (200.0, 150.0):
+        guess = initial_guesses(seed.but(bounds={"F": (-bound, bound)}))[0]
+        assert guess.input_excess == 0.0
+    assert initial_guesses(seed.but(final_time=(0.2, 0.2)))[0].input_excess > 0
+
+
+def test_controllability_measure_vanishes_with_the_sine(pendulum: Kernels, seed: dmoc.Problem) -> None:
+    """For the cart-pendulum the matrix is m_p l sin(alpha): with inertia scaled to one, s/sqrt(1 + s^2), s = sin(alpha)/sqrt(2)."""
+    for alpha in (0.0, 0.05, 0.3, 1.0, pi / 2):
+        s = sin(alpha) / sqrt(2)
+        found = _Dynamics(seed, np.array([alpha, 0.0]), np.zeros(2)).reach((0,))
+        assert found == pytest.approx(abs(s) / sqrt(1 + s * s), abs=1e-12)
+
+
+def test_guess_moves_freely_where_controllability_is_lost() -> None:
+    """Inside the window: x'' = 0 and alpha'' = -g cos(alpha)/l; the window is crossed on the way up."""
+    reference = find("cart_pendulum_hanging")
+    problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 400})
+    guess = initial_guesses(problem)[0]
+    nlp = Transcription(problem)
+    h, q = guess.x[nlp.layout.index_h], guess.x[nlp.layout.index_q][400:]
+    alpha = q[:, 0]
+    s = np.abs(np.sin(alpha)) / sqrt(2)
+    inside = np.flatnonzero((s / np.sqrt(1 + s * s))[:-2] < 0.98 * WINDOW) + 1
+    inside = inside[inside < len(q) - 1]
+    crossing = inside[np.abs(alpha[inside]) < 0.5]
+    assert guess.free_steps > 0 and len(crossing) >= 4
+    assert alpha[crossing[0]] < 0 < alpha[crossing[-1]]
+    core = crossing[2:-2]
+    a = (q[core + 1] - 2 * q[core] + q[core - 1]) / h[1] ** 2
+    assert np.abs(a[:, 1]).max() < 1e-6
+    np.testing.assert_allclose(a[:, 0], -G * np.cos(alpha[core]) / L, rtol=2e-2)
+
+
+def test_minimal_time_of_a_mass_is_exact(block: Kernels) -> None:
+    """Constant acceleration u/m from rest over a distance d: sqrt(2 d m / u)."""
+    h, u, m, d = 0.01, 3.0, 2.0, 0.8
+    par, bounds = np.array([[m, d]]), np.array([[-1.0, u]])
+    first = np.array([0.5 * u / m * h**2])
+    time, slope = minimal_time(block, np.zeros(1), first, h, np.array([d]), 0, bounds, par)
+    # From the middle of the first step the state is (q/2, q/h), h/2 after the start, up to h^2.
+    assert time == pytest.approx(sqrt(2 * d * m / u), abs=2e-5)
+    assert slope.shape == (4,)
+
+
+@pytest.mark.parametrize("bound", [50.0, 100.0, 200.0])
+def test_minimal_time_of_the_pendulum_equals_a_simulation_at_full_force(pendulum: Kernels, bound: float) -> None:
+    start, limit = 0.15 * pi, 0.1 * pi
+
+    def motion(t: float, y: np.ndarray) -> list[float]:
+        alpha, _, rate, speed = y
+        M = np.array([[M_P * L**2, -M_P * L * sin(alpha)], [-M_P * L * sin(alpha), M_P + M_C]])
+        a = np.linalg.solve(M, [-M_P * G * L * cos(alpha), -bound + M_P * L * rate**2 * cos(alpha)])
+        return [rate, speed, a[0], a[1]]
+
+    def touch(t: float, y: np.ndarray) -> float:
+        return float(y[0] - limit)
+
+    touch.terminal = True  # type: ignore[attr-defined]
+    exact = solve_ivp(motion, (0, 1), [start, 0, 0, 0], events=touch, rtol=1e-10, atol=1e-12)
+    h = 1e-4
+    a = motion(0, np.array([start, 0, 0, 0]))[2:]
+    q0 = np.array([start, 0.0])
+    q1 = q0 + 0.5 * h**2 * np.array(a)
+    estimate, _ = minimal_time(
+        pendulum, q0, q1, h, np.array([limit, 0.0]), 0, np.array([[-bound, bound]]), np.array([[1, 1, 0.5, 10, limit, 2.8]])
+    )
+    assert estimate == pytest.approx(exact.t_events[0][0], rel=0.1)  # an estimate
+
+
+def test_minimal_time_has_the_gradient_of_its_differences(pendulum: Kernels, puck: Kernels) -> None:
+    cases = [
+        (pendulum, np.array([0.47, 0.0, 0.46, -0.01, 0.02, 0.3141, -0.1]), 0, np.array([[-60.0, 60.0]]), np.array([[1, 1, 0.5, 10, 0.3141, 2.8]])),
+        (puck, np.array([0.5, 0.4, 0.55, 0.42, 0.02, 2.9, 0.6]), 0, np.array([[-5.0, 5.0], [-4.0, 4.0]]), np.array([[1.0, 3.0, 0.2]])),
+    ]  # fmt: skip
+    for kernels, y, surface, bounds, par in cases:
+
+        def value(y: np.ndarray, k: Kernels = kernels, s: int = surface, b: np.ndarray = bounds, p: np.ndarray = par) -> tuple[float, np.ndarray]:
+            return minimal_time(k, y[:2], y[2:4], float(y[4]), y[5:], s, b, p)
+
+        time, slope = value(y)
+        assert 0 < time < 10
+        step = 1e-6
+        reference = [(value(y + step * d)[0] - value(y - step * d)[0]) / (2 * step) for d in np.eye(7)]
+        np.testing.assert_allclose(slope, reference, rtol=1e-6, atol=1e-7)
+
+
+def test_minimal_times_bound_the_phases_by_default(seed: dmoc.Problem) -> None:
+    nlp = Transcription(seed)
+    (row,) = nlp.inequality_rows("minimal time")
+    x = initial_guesses(seed)[0].x
+    assert nlp.inequality(x)[row] == pytest.approx(x[0] * 100 - nlp.phase_minimal_time(x, 0))
+    assert 0.04 < nlp.phase_minimal_time(x, 0) < 0.07
+    assert not len(Transcription(seed.but(minimal_times=False)).inequality_rows("minimal time"))
+    assert not len(Transcription(seed.but(bounds={})).inequality_rows("minimal time"))

@@ -1,0 +1,117 @@
+"""The nonlinear program: order of unknowns, derivatives, and agreement with the forward integrator."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.nlp.layout import Layout
+from dmoc.nlp.motion import trajectory
+from dmoc.nlp.transcription import Transcription
+
+
+def small(kernels: Kernels, controls: str = "constant") -> dmoc.Problem:
+    """Few steps, every kind of constraint."""
+    return dmoc.Problem(
+        kernels,
+        start={"alpha": (0.4, 0.5), "alpha_dot": (-1, 1), "x": 0.0},
+        goal={"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0, "x_dot": (-1, 1)},
+        sequence=["left", "right"],
+        steps=[3, 4, 3],
+        final_time=(0.1, 1.0),
+        bounds={"F": (-200, 200), "x": (-10, 10)},
+        controls=controls,
+    )
+
+
+def puck_problem(kernels: Kernels) -> dmoc.Problem:
+    return dmoc.Problem(
+        kernels, start={"x": 0.0, "y": 0.5}, goal={"x": 0.0, "y": -1.0}, sequence=["post", "rim"], steps=[2, 3, 2], final_time=(None, 2.0),
+        bounds={"f_x": (-20, 20), "f_y": (-20, 20)},
+    )  # fmt: skip
+
+
+def point(nlp: Transcription, rng: np.random.Generator) -> np.ndarray:
+    x = rng.normal(size=nlp.n) * 0.3
+    lay = nlp.layout
+    x[lay.index_h] = rng.uniform(0.05, 0.08, lay.phases)
+    x[lay.index_lam] = rng.uniform(1, 2, lay.phases - 1)
+    x[lay.index_q[:, 0]] = np.linspace(0.45, 1.2, lay.total + 1)
+    return x
+
+
+def differences(f: object, x: np.ndarray, step: float = 1e-6) -> np.ndarray:
+    return np.array([(f(x + step * d) - f(x - step * d)) / (2 * step) for d in np.eye(len(x))]).T  # type: ignore[operator]
+
+
+@pytest.fixture(params=["constant", "linear", "puck"])
+def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
+    return Transcription(puck_problem(puck) if request.param == "puck" else small(pendulum, request.param))
+
+
+def test_every_unknown_has_one_place(nlp: Transcription) -> None:
+    lay = nlp.layout
+    blocks = [getattr(lay, f"index_{n}").ravel() for n in ("h", "q", "u", "lam", "p_B", "p_E", "v_B", "v_E")]
+    assert np.array_equal(np.sort(np.concatenate(blocks)), np.arange(lay.size))
+    assert len(nlp.unknown_names()) == lay.size == nlp.n
+    assert lay.index_z.shape == (lay.total, 2 * lay.nq + 2 * lay.nu + 1)
+    assert Layout.of(nlp.problem) == lay
+
+
+def test_first_derivatives_equal_differences(nlp: Transcription) -> None:
+    """Entries outside the pattern are zero in the dense matrix, so that every numeric nonzero must be covered."""
+    x = point(nlp, np.random.default_rng(0))
+    for value, slope in (
+        (nlp.equality, nlp.equality_jacobian(x).toarray()),
+        (nlp.inequality, nlp.inequality_jacobian(x).toarray()),
+        (nlp.cost, nlp.cost_gradient(x)),
+    ):
+        reference = differences(value, x)
+        np.testing.assert_allclose(slope, reference, rtol=0, atol=1e-7 * max(1.0, np.abs(reference).max()))
+
+
+def test_hessian_of_the_lagrangian_equals_differences(nlp: Transcription) -> None:
+    rng = np.random.default_rng(1)
+    x = point(nlp, rng)
+    y, w = rng.normal(size=nlp.n_eq), rng.normal(size=nlp.n_in)
+    upper = nlp.lagrangian_hessian(x, y, w, sigma=0.7).toarray()
+    assert not np.tril(upper, -1).any()
+    hessian = upper + np.triu(upper, 1).T
+
+    def slope(x: np.ndarray) -> np.ndarray:
+        return 0.7 * nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y + nlp.inequality_jacobian(x).T @ w
+
+    reference = differences(slope, x)
+    np.testing.assert_allclose(hessian, reference, rtol=0, atol=1e-7 * np.abs(reference).max())
+
+
+def test_constraints_are_named(nlp: Transcription) -> None:
+    assert sum(len(b.labels) for b in nlp.equalities) == nlp.n_eq == len(nlp.equality(point(nlp, np.random.default_rng(0))))
+    assert sum(len(b.labels) for b in nlp.inequalities) == nlp.n_in
+
+
+def test_a_forward_simulation_satisfies_the_momentum_equations(pendulum: Kernels) -> None:
+    """The integrator's nodes, put into the unknowns of a problem without collisions, leave no residual."""
+    h, steps = 0.01, 40
+    rng = np.random.default_rng(2)
+    u = rng.normal(size=(steps, 1))
+    run = dmoc.simulate(pendulum, [1.2, 0.0], [0.5, 0.3], step_size=h, steps=steps, inputs=u)
+    assert not run.collisions
+    nlp = Transcription(dmoc.Problem(pendulum, start={"alpha": 1.2, "x": 0.0, "p_alpha": None, "p_x": None}, steps=steps))
+    lay = nlp.layout
+    x = np.zeros(nlp.n)
+    x[lay.index_h], x[lay.index_q], x[lay.index_u] = h, run.q, u
+    x[lay.index_p_B], x[lay.index_p_E] = run.p[0], run.p[-1]
+    assert np.abs(nlp.equality(x)).max() < 1e-11
+    np.testing.assert_allclose(trajectory(nlp, x).phases[0].p, run.p, atol=1e-11)
+
+
+def test_parameters_bounds_and_steps_need_no_new_kernels(pendulum: Kernels, seed: dmoc.Problem) -> None:
+    other = seed.but(parameters={"m_c": 2.0}, steps=[7, 9], bounds={"F": (-50, 60)}, sequence=["right"])
+    assert other.kernels is pendulum
+    assert Transcription(other).layout.total == 16
+    assert other.parameter_values[0, 1] == 2.0

@@ -1,0 +1,148 @@
+"""The variational integrator: known answers, conservation over many impacts, order, and hard cases."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.errors import SimulationError
+
+T = dynamicsymbols._t
+
+
+def ball_system(name: str = "ball") -> dmoc.MechanicalSystem:
+    q = dynamicsymbols("q")
+    m, g = sp.symbols("m g")
+    return dmoc.MechanicalSystem(name, [q], m * q.diff(T) ** 2 / 2 - m * g * q, {m: 1.0, g: 9.81}, surfaces={"floor": q >= 0})
+
+
+@pytest.fixture(scope="module")
+def ball() -> Kernels:
+    return dmoc.build(ball_system())
+
+
+@pytest.fixture(scope="module")
+def bouncing() -> Kernels:
+    return dmoc.load("bouncing_pendulum")
+
+
+def test_elastic_ball_ends_where_it_should(ball: Kernels) -> None:
+    """The steps of free flight are exact; the energies of the two parts of a collision step are those of their midpoints, O(h^2)."""
+    fall = np.sqrt(2 * 0.8 / 9.81)
+    for h, tolerance in ((0.01, 1e-3), (0.001, 2e-5), (0.0001, 2e-7)):
+        run = dmoc.simulate(ball, [0.8], step_size=h, steps=round(3 / h))
+        assert len(run.collisions) == 4
+        assert run.q[-1, 0] == pytest.approx(0.538626351, abs=tolerance)
+        assert run.p[-1, 0] == pytest.approx(2.264542117, abs=tolerance)
+        assert run.collisions[0].time == pytest.approx(fall, abs=1e-12)
+        assert [c.time for c in run.collisions] == pytest.approx([fall * (2 * k + 1) for k in range(4)], abs=tolerance)
+
+
+def test_ten_thousand_bounces_without_energy_drift(bouncing: Kernels) -> None:
+    h = 0.01
+    run = dmoc.simulate(bouncing, [0.5], step_size=h, steps=1_030_000, every=103)
+    assert len(run.collisions) >= 10_000
+    error = run.energy - run.energy[0]
+    tenth = len(error) // 10
+    drift = error[-tenth:].mean() - error[:tenth].mean()
+    assert abs(drift) < 2e-2 * np.abs(error).max()
+    speeds = np.array([abs(c.momentum_before[0]) for c in run.collisions])
+    assert np.ptp([speeds[:1000].mean(), speeds[-1000:].mean()]) < 5e-4 * speeds.mean()
+
+
+def test_tangential_momentum_is_kept_through_collisions(pendulum: Kernels) -> None:
+    """Without input the cart-pendulum's p_x is conserved, and the limiters push in alpha alone."""
+    run = dmoc.simulate(pendulum, [1.2, 0.0], [0.0, 0.0], step_size=0.002, steps=20_000, every=10)
+    assert len(run.collisions) > 20
+    assert np.ptp(run.p[:, 1]) < 1e-10
+    for c in run.collisions:
+        assert c.momentum_after[1] == pytest.approx(c.momentum_before[1], abs=1e-12)
+        assert c.impulse > 0
+
+
+def test_energy_error_falls_as_the_square_of_the_step(bouncing: Kernels) -> None:
+    sizes = [0.02, 0.01, 0.005, 0.0025]
+    spread = [np.median(np.abs(r.energy - r.energy[0])) for r in (dmoc.simulate(bouncing, [0.5], step_size=h, steps=round(40 / h)) for h in sizes)]
+    order = np.polyfit(np.log(sizes), np.log(spread), 1)[0]
+    assert order > 1.7
+
+
+def test_positions_converge_to_second_order_between_impacts(bouncing: Kernels) -> None:
+    from scipy.integrate import solve_ivp
+
+    exact = solve_ivp(lambda t, y: [y[1], -9.81 * np.sin(y[0])], (0, 0.4), [0.5, 0.0], rtol=1e-12, atol=1e-14).y[0, -1]
+    errors = [abs(dmoc.simulate(bouncing, [0.5], step_size=0.4 / n, steps=n).q[-1, 0] - exact) for n in (20, 40, 80)]
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([2, 2], abs=0.05)
+
+
+def test_several_collisions_in_one_step(block: Kernels) -> None:
+    """A mass between walls, so fast that it meets them more than once within a step; free flight between elastic walls is exact."""
+    x = dynamicsymbols("x")
+    m = sp.Symbol("m")
+    system = dmoc.MechanicalSystem("slot", [x], m * x.diff(T) ** 2 / 2, {m: 1.0}, surfaces={"low": x >= 0, "high": x <= 1})
+    run = dmoc.simulate(dmoc.build(system), [0.3], [7.3], step_size=1.0, steps=3)
+    travelled = 0.3 + 7.3 * np.arange(4)
+    folded = np.abs((travelled + 1) % 2 - 1)
+    np.testing.assert_allclose(run.q[:, 0], folded, atol=1e-10)
+    assert len(run.collisions) == int(travelled[-1])
+    assert run.energy == pytest.approx(7.3**2 / 2)
+
+
+def test_a_thin_obstacle_is_not_tunnelled(puck: Kernels) -> None:
+    """Both ends of the step are free, the post is between them."""
+    run = dmoc.simulate(puck, [0.0, 0.0], [10.0, 0.0], step_size=0.2, steps=1, parameters={"post": 0.05})
+    assert [c.surface for c in run.collisions] == ["post"]
+    assert run.collisions[0].position == pytest.approx([0.95, 0.0], abs=1e-9)
+    assert run.q[-1, 0] == pytest.approx(0.95 - (10 * 0.2 - 0.95), abs=1e-8)
+
+
+def test_a_grazing_motion_passes(puck: Kernels) -> None:
+    """A path that just misses the post has no collision, one that just touches it keeps its speed."""
+    free = dmoc.simulate(puck, [0.0, 0.2 + 1e-6], [1.0, 0.0], step_size=0.05, steps=40)
+    assert not free.collisions
+    touching = dmoc.simulate(puck, [0.0, 0.2 - 1e-6], [1.0, 0.0], step_size=0.05, steps=40)
+    assert touching.energy == pytest.approx(0.5, abs=1e-9)
+
+
+def test_lasting_contact_is_an_error(ball: Kernels) -> None:
+    with pytest.raises(SimulationError, match="rests on surface 'floor' at t = 0 s"):
+        dmoc.simulate(ball, [0.0], [0.0], step_size=0.01, steps=10)
+
+
+def test_accumulating_collisions_are_an_error() -> None:
+    """Into a wedge whose walls close: more and more collisions within one step."""
+    x, y = dynamicsymbols("x y")
+    m, a = sp.symbols("m a")
+    system = dmoc.MechanicalSystem(
+        "wedge", [x, y], m * (x.diff(T) ** 2 + y.diff(T) ** 2) / 2, {m: 1.0, a: 1e-3}, surfaces={"up": y <= a * x, "down": y >= -a * x}
+    )
+    with pytest.raises(SimulationError, match="Zeno"):
+        dmoc.simulate(dmoc.build(system), [1.0, 0.0], [-1.0, 0.01], step_size=2.0, steps=1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"position": [-0.1]}, "lies behind surface 'floor'"),
+        ({"position": [1.0, 2.0]}, "expected 1 finite numbers"),
+        ({"position": {"z": 1.0}}, "names 'z'"),
+        ({"step_size": 0.0}, "positive number of seconds"),
+        ({"steps": 0}, "at least 1"),
+        ({"parameters": {"mass": 1.0}}, "unknown parameter 'mass'"),
+    ],
+)
+def test_wrong_arguments_are_refused(ball: Kernels, changes: dict[str, object], message: str) -> None:
+    arguments = {"position": [1.0], "step_size": 0.1, "steps": 5} | changes
+    with pytest.raises(SimulationError, match=message):
+        dmoc.simulate(ball, arguments.pop("position"), **arguments)  # type: ignore[arg-type]
+
+
+def test_numpy_kernels_step_the_same(ball: Kernels) -> None:
+    numpy = dmoc.build(ball_system("ball"), backend="numpy")
+    a, b = (dmoc.simulate(k, [0.8], step_size=0.02, steps=50) for k in (ball, numpy))
+    np.testing.assert_allclose(a.q, b.q, rtol=1e-12)
+    assert len(a.collisions) == len(b.collisions) > 0

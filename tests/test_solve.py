@@ -1,0 +1,186 @@
+"""Solutions against published and closed-form answers, limits, and honest failures."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+import pytest
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.errors import ProblemError
+from dmoc.nlp.transcription import Transcription
+from dmoc.registry import find
+from dmoc.solvers.kkt import residuals
+from dmoc.solvers.outcome import Iteration
+
+
+def test_seed_reaches_the_reference(solution: dmoc.Solution) -> None:
+    assert solution.status == "solved"
+    assert solution.cost == pytest.approx(129.6024, rel=1e-5)
+    assert [p.duration for p in solution.phases] == pytest.approx([0.09640, 0.90360], abs=1e-5)
+    assert solution.max_violation <= 1e-10
+    assert solution.optimality <= 1e-6
+    assert solution.active_bounds == ("final time <= 1 s",)
+    (collision,) = solution.collisions
+    jump = collision.momentum_after - collision.momentum_before
+    assert jump == pytest.approx([collision.impulse, 0.0], abs=1e-10)  # grad g = (-1, 0): only alpha's momentum jumps
+    assert solution.verification is not None and solution.verification["passed"]
+
+
+def test_seed_at_200_steps_reaches_the_reference(seed: dmoc.Problem) -> None:
+    assert dmoc.solve(seed.but(steps=200)).cost == pytest.approx(129.8979, rel=1e-5)
+
+
+def test_solution_satisfies_the_optimality_conditions_of_an_independent_evaluation(seed: dmoc.Problem, solution: dmoc.Solution) -> None:
+    """The gradient of the Lagrangian by differences of the constraint functions vanishes in the free unknowns."""
+    nlp = Transcription(seed)
+    y = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.equalities if len(b.rows)])
+    w = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.inequalities if len(b.rows)])
+    x = solution.unknowns
+    assert residuals(nlp, x, y, w).optimality < 1e-6
+
+    def lagrangian(x: np.ndarray) -> float:
+        return nlp.cost(x) + float(y @ nlp.equality(x)) - float(w @ nlp.inequality(x))
+
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        d = rng.normal(size=nlp.n) * np.where(nlp.lower == nlp.upper, 0.0, 1.0)
+        d[nlp.layout.index_h] *= 1e-3
+        slope = (lagrangian(x + 1e-5 * d) - lagrangian(x - 1e-5 * d)) / 2e-5
+        assert abs(slope) < 1e-5 * np.abs(nlp.equality_jacobian(x).T @ y).max()
+
+
+def test_condensed_and_full_forms_agree(seed: dmoc.Problem) -> None:
+    few = seed.but(steps=12)
+    a, b = (dmoc.solve(few, form=form, verify=False) for form in ("condensed", "full"))
+    assert a.status == b.status == "solved"
+    assert a.cost == pytest.approx(b.cost, rel=1e-9)
+
+
+def test_linear_controls_approach_the_same_optimum(seed: dmoc.Problem) -> None:
+    linear = dmoc.solve(seed.but(controls="linear"))
+    assert linear.solved
+    assert linear.cost == pytest.approx(129.986, rel=5e-3)
+    assert linear.phases[0].u.shape == (101, 1)
+
+
+def test_hanging_pendulum_swings_up_past_lost_controllability() -> None:
+    reference = find("cart_pendulum_hanging")
+    solution = dmoc.solve(dmoc.Problem(reference.kernels(), **reference.defaults))
+    assert solution.solved
+    alpha = np.concatenate([p.q[:, 0] for p in solution.phases])
+    assert alpha[0] == pytest.approx(-np.pi / 2) and alpha[-1] == pytest.approx(np.pi / 2)
+
+
+@pytest.mark.parametrize(("changes", "bound"), [({"parameters": {"m_c": 2.0, "l": 0.7}}, None), ({"bounds": {"F": (-25, 25)}}, 25.0)])
+def test_other_parameters_and_bounds_solve(seed: dmoc.Problem, changes: dict[str, object], bound: float | None) -> None:
+    solution = dmoc.solve(seed.but(**changes))
+    assert solution.solved
+    if bound:
+        assert max(np.abs(p.u).max() for p in solution.phases) <= bound + 1e-9
+        assert any(name.startswith("F >= -25") for name in solution.active_bounds)
+
+
+def test_several_collisions_solve(seed: dmoc.Problem) -> None:
+    solution = dmoc.solve(seed.but(sequence=["left", "right"]))
+    assert solution.solved
+    assert [c.surface for c in solution.collisions] == ["left", "right"]
+    assert all(c.impulse > 0 for c in solution.collisions)
+
+
+def test_block_and_wall_approaches_its_closed_form_to_second_order(block: Kernels) -> None:
+    """By unfolding the wall: J = 24, the hit at 0.5 s with speed 3; the error falls as h^2."""
+    errors = []
+    for steps in (10, 20, 40):
+        problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=steps, final_time=1.0)
+        solution = dmoc.solve(problem)
+        assert solution.solved
+        errors.append(abs(solution.cost - 24.0))
+        assert solution.collisions[0].time == pytest.approx(0.5, abs=1e-8)
+        assert solution.collisions[0].impulse == pytest.approx(6.0, rel=2e-2)
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert rates == pytest.approx([2, 2], abs=0.1)
+
+
+def test_double_integrator_without_collision_has_its_closed_form(block: Kernels) -> None:
+    """Rest to rest over 0.5 in 1 s: int u^2/2 = 6 * 0.5^2 = 1.5."""
+    solution = dmoc.solve(dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, final_time=1.0, steps=100))
+    assert solution.cost == pytest.approx(1.5, rel=1e-3) and solution.solved
+
+
+def test_bouncing_mass_needs_no_force_where_gravity_suffices() -> None:
+    import sympy as sp
+    from sympy.physics.mechanics import dynamicsymbols
+
+    y, u = dynamicsymbols("y u")
+    m, g = sp.symbols("m g")
+    system = dmoc.MechanicalSystem(
+        "mass", [y], m * y.diff(dynamicsymbols._t) ** 2 / 2 - m * g * y, {m: 1.0, g: 9.81}, [u], {y: u}, {"floor": y >= 0}, u**2 / 2
+    )
+    problem = dmoc.Problem(dmoc.build(system), start={"y": 0.5}, goal={"y": 0.5, "y_dot": 0.0}, sequence=["floor"], final_time=(None, 2.0))
+    solution = dmoc.solve(problem)
+    assert solution.solved and solution.cost < 1e-12
+    assert [p.duration for p in solution.phases] == pytest.approx([sqrt(2 * 0.5 / 9.81)] * 2, rel=1e-6)
+
+
+def test_puck_bounces_off_bent_surfaces(puck: Kernels) -> None:
+    """By symmetry the straight line through the centre hits the rim at (3, 0) after bouncing back; energy and normal are checked by simulation."""
+    problem = dmoc.Problem(puck, start={"x": 1.5, "y": 0.0}, goal={"x": 1.5, "y": 1.0}, sequence=["rim"], final_time=1.0, steps=60)
+    solution = dmoc.solve(problem)
+    assert solution.solved
+    (collision,) = solution.collisions
+    normal = 2 * collision.position
+    np.testing.assert_allclose(collision.momentum_after - collision.momentum_before, -collision.impulse * normal, atol=1e-9)
+    assert collision.position @ collision.position == pytest.approx(9.0)
+
+
+def test_an_infeasible_problem_says_so(seed: dmoc.Problem) -> None:
+    solution = dmoc.solve(seed.but(bounds={"F": (-1, 1)}))
+    assert solution.status == "infeasible" and not solution.solved
+    assert "least violation" in solution.message
+    assert solution.max_violation > 1e-3
+
+
+def test_coarse_steps_are_not_called_solved(seed: dmoc.Problem) -> None:
+    solution = dmoc.solve(seed.but(steps=10))
+    assert solution.status == "not_verified"
+    assert "simulation" in solution.message and "take more steps" in solution.message
+
+
+def test_limits_are_kept_and_the_best_iterate_is_returned(seed: dmoc.Problem) -> None:
+    seen: list[Iteration] = []
+    few = dmoc.solve(seed, iterations=3, progress=seen.append)
+    assert few.status == "iteration_limit" and few.iterations == 3 == len(seen)
+    assert np.isfinite(few.cost)
+    late = dmoc.solve(seed, seconds=1e-3)
+    assert late.status == "time_limit"
+
+
+def test_interruption_keeps_the_best_iterate(seed: dmoc.Problem) -> None:
+    def interrupt(i: Iteration) -> None:
+        if i.number == 4:
+            raise KeyboardInterrupt
+
+    solution = dmoc.solve(seed, progress=interrupt)
+    assert solution.status == "interrupted" and solution.iterations == 4
+    assert len(solution.phases) == 2
+
+
+def test_a_neighbouring_solution_is_a_good_start(seed: dmoc.Problem, solution: dmoc.Solution) -> None:
+    near = seed.but(parameters={"m_c": 1.05})
+    warm = dmoc.solve(near, guess=solution)
+    assert warm.solved
+    assert warm.iterations <= dmoc.solve(near).iterations
+    with pytest.raises(ProblemError, match="expected .* finite unknowns"):
+        dmoc.solve(seed.but(steps=50), guess=solution)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [({"method": "ipm"}, "expected one of slsqp"), ({"form": "x"}, "condensed, full"), ({"iterations": 0}, "at least 1"), ({"violation": 0.0}, "positive")],
+)
+def test_wrong_arguments_are_refused(seed: dmoc.Problem, arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(ProblemError, match=message):
+        dmoc.solve(seed, **arguments)  # type: ignore[arg-type]
