@@ -129,7 +129,7 @@ class Printer:
         return self.call("pow", self.text(base), self.text(exponent)), _ATOM
 
     def _piecewise(self, e: Any) -> tuple[str, int]:
-        branches = []
+        branches: list[tuple[str, str]] = []
         for value, condition in zip(e.args[::2], e.args[1::2], strict=True):
             kind = type(condition).__name__
             if kind == "BooleanTrue":

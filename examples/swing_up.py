@@ -26,7 +26,9 @@ def main(folder: Path) -> int:
         with console.status(f"solving {name}") as status:
             solution = dmoc.solve(
                 problem,
-                progress=lambda i, s=status, n=name: s.update(f"{n}: iteration {i.number}, cost {i.cost:.6g}, violation {i.violation:.1e}"),
+                progress=lambda i, s=status, n=name: s.update(
+                    f"{n}: iteration {i.number}, cost {i.cost:.6g}, violation {i.violation:.1e}"
+                ),
                 reference=name,
             )
         files.append(solution.save(folder / f"{name}.npz"))

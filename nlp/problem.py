@@ -98,7 +98,14 @@ class Problem:
         if self.controls not in CONTROLS:
             raise ProblemError(f"controls = {self.controls!r}: expected one of {', '.join(CONTROLS)}.")
         # The properties below check what they read.
-        _ = self.phase_steps, self.parameter_values, self.input_bounds, self.coordinate_bounds, self.final_time_bounds, self.duration_bounds
+        _ = (
+            self.phase_steps,
+            self.parameter_values,
+            self.input_bounds,
+            self.coordinate_bounds,
+            self.final_time_bounds,
+            self.duration_bounds,
+        )
         _ = self.start_bounds, self.goal_bounds
         self._check_mass_matrix()
         self._check_admissible("start", self.start_bounds)

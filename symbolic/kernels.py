@@ -35,7 +35,9 @@ FORMAT = 1  # of the facts and the kernel list; a manifest of another format is 
 def model_spec(system: MechanicalSystem) -> ModelSpec:
     """Derive all kernels of ``system``."""
     sizes = (len(system.coordinates), len(system.coordinates), len(system.inputs), len(system.parameters))
-    q, v, u, par = (tuple(sp.Symbol(f"{n}_{i}", real=True) for i in range(k)) for n, k in zip(("q", "v", "u", "par"), sizes, strict=True))
+    q, v, u, par = (
+        tuple(sp.Symbol(f"{n}_{i}", real=True) for i in range(k)) for n, k in zip(("q", "v", "u", "par"), sizes, strict=True)
+    )
     f = Continuous.of(system, q, v, u, par).to_symengine()
     kernels = [*_step_kernels(f), *_state_kernels(f), *_surface_kernels(f), *_feasibility_kernels(f)]
     return ModelSpec(system.name, model_key(system), _facts(system, f), tuple(kernels))

@@ -58,7 +58,14 @@ def test_another_model_of_the_same_name_gets_an_entry_of_its_own(own_cache: Path
     system = block_system("cached")
     dmoc.build(system)
     other = dmoc.MechanicalSystem(
-        "cached", system.coordinates, 2 * system.lagrangian, system.parameters, system.inputs, system.forces, system.surfaces, system.cost
+        "cached",
+        system.coordinates,
+        2 * system.lagrangian,
+        system.parameters,
+        system.inputs,
+        system.forces,
+        system.surfaces,
+        system.cost,
     )
     one = np.ones((1, 1))
     assert dmoc.build(other).call("dynamics", one, one, one, np.array([[3.0, 1.0]]))[0][0, 0] == 6.0
@@ -69,7 +76,9 @@ def test_two_processes_building_at_once_both_succeed(own_cache: Path) -> None:
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import systems, dmoc;"
         "k = dmoc.build(systems.block_system('cached')); assert k.backend == 'compiled'"
     )
-    running = [subprocess.Popen([sys.executable, "-c", program], env={**os.environ, "DMOC_CACHE": str(own_cache)}) for _ in range(3)]
+    running = [
+        subprocess.Popen([sys.executable, "-c", program], env={**os.environ, "DMOC_CACHE": str(own_cache)}) for _ in range(3)
+    ]
     assert [p.wait() for p in running] == [0, 0, 0]
     entry(own_cache)
 

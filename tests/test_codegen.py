@@ -11,8 +11,8 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from systems import block_system, puck_system
 from sympy.physics.mechanics import dynamicsymbols
+from systems import block_system, puck_system
 
 import dmoc
 from dmoc.codegen.build import compiler, write_files
@@ -26,9 +26,10 @@ from dmoc.symbolic.spec import FUNCTIONS
 
 T = dynamicsymbols._t
 AWKWARD = [
-    "q**2", "q**3", "q**4", "q**7", "1/q", "1/q**2", "q**-3", "sqrt(q)", "1/sqrt(q)", "q**(3/2)", "q**(-5/2)", "q**p", "p**q", "2**q",
-    "exp(q)", "exp(-q**2)", "log(q)", "-q", "-(q - p)", "q - (p - q)", "q/(p/q)", "(q/p)/q", "-q**2", "(-q)**2", "q*(p + 1)*(p - 1)",
-    "1/(q*p)", "q/(p + q)**2", "Rational(1, 3)*q", "-Rational(1, 3)*q + 1e-30", "-2*(-q**2 - p)", "-(-q - p)/3", "1 - (-(q - p))", "1e22*q", "pi*q", "E*q", "sin(q)/q", "sin(cos(tan(q)))",
+    "q**2", "q**3", "q**4", "q**7", "1/q", "1/q**2", "q**-3", "sqrt(q)", "1/sqrt(q)", "q**(3/2)", "q**(-5/2)", "q**p", "p**q",
+    "2**q", "exp(q)", "exp(-q**2)", "log(q)", "-q", "-(q - p)", "q - (p - q)", "q/(p/q)", "(q/p)/q", "-q**2", "(-q)**2",
+    "q*(p + 1)*(p - 1)", "1/(q*p)", "q/(p + q)**2", "Rational(1, 3)*q", "-Rational(1, 3)*q + 1e-30", "-2*(-q**2 - p)",
+    "-(-q - p)/3", "1 - (-(q - p))", "1e22*q", "pi*q", "E*q", "sin(q)/q", "sin(cos(tan(q)))",
     "asin(q/9) + acos(q/9) + atan(q)", "atan2(q, p)", "sinh(q) + cosh(q) + tanh(q)", "asinh(q) + acosh(q + 1) + atanh(q/9)",
     "Abs(q - p)", "sign(q - p)*q", "Max(q, p)", "Min(q, p, 1)", "Piecewise((q, q < p), (p**2, q < 2*p), (1, True))",
     "Piecewise((q, (q < p) & (q > 0)), (1, True))", "Piecewise((q, (q > p) | (q < 0)), (1, True))", "Heaviside(q - p)*q**2",
@@ -95,7 +96,9 @@ def test_an_expression_that_cannot_be_printed_is_refused(text: str) -> None:
     force = sp.sympify(text, locals={"q": q, "f": sp.Function("f")})
     with pytest.raises(dmoc.DmocError) as error:
         dmoc.build(
-            dmoc.MechanicalSystem("odd", coordinates=[q], inputs=[u], lagrangian=q.diff(T) ** 2 / 2, forces={q: u + force}, parameters={})
+            dmoc.MechanicalSystem(
+                "odd", coordinates=[q], inputs=[u], lagrangian=q.diff(T) ** 2 / 2, forces={q: u + force}, parameters={}
+            )
         )
     assert "\n" not in str(error.value)
     assert isinstance(error.value, GenerationError) or "unknown" in str(error.value) or "neither" in str(error.value)
@@ -105,7 +108,12 @@ def test_c_hostile_parameter_names_work() -> None:
     q, u = dynamicsymbols("i j")
     names = sp.symbols("I h q_k par w0 sin M_PI n")
     system = dmoc.MechanicalSystem(
-        "hostile", coordinates=[q], inputs=[u], lagrangian=sum(names) * q.diff(T) ** 2 / 2, forces={q: u}, parameters={s: 1.0 for s in names}
+        "hostile",
+        coordinates=[q],
+        inputs=[u],
+        lagrangian=sum(names) * q.diff(T) ** 2 / 2,
+        forces={q: u},
+        parameters=dict.fromkeys(names, 1.0),
     )
     one = np.ones((1, 1))
     mass = dmoc.build(system).call("dynamics", one, one, one, np.ones((1, 8)))[0]
@@ -119,7 +127,13 @@ def test_text_does_not_depend_on_the_hash_seed() -> None:
         "print(hashlib.sha256((repr(sorted(c_files(m).items())) + numpy_text(m)).encode()).hexdigest())"
     )
     digests = {
-        subprocess.run([sys.executable, "-c", program], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True, check=True).stdout
+        subprocess.run(
+            [sys.executable, "-c", program],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
         for seed in ("0", "1", "4711")
     }
     assert len(digests) == 1

@@ -29,7 +29,9 @@ def test_committed_sources_are_what_is_generated(name: str, request: pytest.Fixt
     assert committed == set(files)
     for file, text in files.items():
         found = (folder / file).read_text(encoding="utf-8")
-        difference = "".join(difflib.unified_diff(found.splitlines(True), text.splitlines(True), f"committed {file}", f"generated {file}"))
+        difference = "".join(
+            difflib.unified_diff(found.splitlines(True), text.splitlines(True), f"committed {file}", f"generated {file}")
+        )
         assert not difference, difference
 
 

@@ -125,7 +125,9 @@ def test_minimal_time_has_the_gradient_of_its_differences(pendulum: Kernels, puc
     ]  # fmt: skip
     for kernels, y, surface, bounds, par in cases:
 
-        def value(y: np.ndarray, k: Kernels = kernels, s: int = surface, b: np.ndarray = bounds, p: np.ndarray = par) -> tuple[float, np.ndarray]:
+        def value(
+            y: np.ndarray, k: Kernels = kernels, s: int = surface, b: np.ndarray = bounds, p: np.ndarray = par
+        ) -> tuple[float, np.ndarray]:
             return minimal_time(k, y[:2], y[2:4], float(y[4]), y[5:], s, b, p)
 
         time, slope = value(y)

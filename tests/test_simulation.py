@@ -38,7 +38,7 @@ def test_elastic_ball_ends_where_it_should(ball: Kernels) -> None:
         assert len(run.collisions) == 4
         assert run.q[-1, 0] == pytest.approx(0.538626351, abs=tolerance)
         assert run.p[-1, 0] == pytest.approx(2.264542117, abs=tolerance)
-        assert run.collisions[0].time == pytest.approx(fall, abs=1e-12)
+        assert run.collisions[0].time == pytest.approx(fall, abs=1e-10)
         assert [c.time for c in run.collisions] == pytest.approx([fall * (2 * k + 1) for k in range(4)], abs=tolerance)
 
 
@@ -66,7 +66,10 @@ def test_tangential_momentum_is_kept_through_collisions(pendulum: Kernels) -> No
 
 def test_energy_error_falls_as_the_square_of_the_step(bouncing: Kernels) -> None:
     sizes = [0.02, 0.01, 0.005, 0.0025]
-    spread = [np.median(np.abs(r.energy - r.energy[0])) for r in (dmoc.simulate(bouncing, [0.5], step_size=h, steps=round(40 / h)) for h in sizes)]
+    spread = [
+        np.median(np.abs(r.energy - r.energy[0]))
+        for r in (dmoc.simulate(bouncing, [0.5], step_size=h, steps=round(40 / h)) for h in sizes)
+    ]
     order = np.polyfit(np.log(sizes), np.log(spread), 1)[0]
     assert order > 1.7
 
@@ -118,7 +121,11 @@ def test_accumulating_collisions_are_an_error() -> None:
     x, y = dynamicsymbols("x y")
     m, a = sp.symbols("m a")
     system = dmoc.MechanicalSystem(
-        "wedge", [x, y], m * (x.diff(T) ** 2 + y.diff(T) ** 2) / 2, {m: 1.0, a: 1e-3}, surfaces={"up": y <= a * x, "down": y >= -a * x}
+        "wedge",
+        [x, y],
+        m * (x.diff(T) ** 2 + y.diff(T) ** 2) / 2,
+        {m: 1.0, a: 1e-3},
+        surfaces={"up": y <= a * x, "down": y >= -a * x},
     )
     with pytest.raises(SimulationError, match="Zeno"):
         dmoc.simulate(dmoc.build(system), [1.0, 0.0], [-1.0, 0.01], step_size=2.0, steps=1)

@@ -33,7 +33,9 @@ def test_seed_at_200_steps_reaches_the_reference(seed: dmoc.Problem) -> None:
     assert dmoc.solve(seed.but(steps=200)).cost == pytest.approx(129.8979, rel=1e-5)
 
 
-def test_solution_satisfies_the_optimality_conditions_of_an_independent_evaluation(seed: dmoc.Problem, solution: dmoc.Solution) -> None:
+def test_solution_satisfies_the_optimality_conditions_of_an_independent_evaluation(
+    seed: dmoc.Problem, solution: dmoc.Solution
+) -> None:
     """The gradient of the Lagrangian by differences of the constraint functions vanishes in the free unknowns."""
     nlp = Transcription(seed)
     y = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.equalities if len(b.rows)])
@@ -74,7 +76,9 @@ def test_hanging_pendulum_swings_up_past_lost_controllability() -> None:
     assert alpha[0] == pytest.approx(-np.pi / 2) and alpha[-1] == pytest.approx(np.pi / 2)
 
 
-@pytest.mark.parametrize(("changes", "bound"), [({"parameters": {"m_c": 2.0, "l": 0.7}}, None), ({"bounds": {"F": (-25, 25)}}, 25.0)])
+@pytest.mark.parametrize(
+    ("changes", "bound"), [({"parameters": {"m_c": 2.0, "l": 0.7}}, None), ({"bounds": {"F": (-25, 25)}}, 25.0)]
+)
 def test_other_parameters_and_bounds_solve(seed: dmoc.Problem, changes: dict[str, object], bound: float | None) -> None:
     solution = dmoc.solve(seed.but(**changes))
     assert solution.solved
@@ -94,7 +98,9 @@ def test_block_and_wall_approaches_its_closed_form_to_second_order(block: Kernel
     """By unfolding the wall: J = 24, the hit at 0.5 s with speed 3; the error falls as h^2."""
     errors = []
     for steps in (10, 20, 40):
-        problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=steps, final_time=1.0)
+        problem = dmoc.Problem(
+            block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=steps, final_time=1.0
+        )
         solution = dmoc.solve(problem)
         assert solution.solved
         errors.append(abs(solution.cost - 24.0))
@@ -117,9 +123,18 @@ def test_bouncing_mass_needs_no_force_where_gravity_suffices() -> None:
     y, u = dynamicsymbols("y u")
     m, g = sp.symbols("m g")
     system = dmoc.MechanicalSystem(
-        "mass", [y], m * y.diff(dynamicsymbols._t) ** 2 / 2 - m * g * y, {m: 1.0, g: 9.81}, [u], {y: u}, {"floor": y >= 0}, u**2 / 2
+        "mass",
+        [y],
+        m * y.diff(dynamicsymbols._t) ** 2 / 2 - m * g * y,
+        {m: 1.0, g: 9.81},
+        [u],
+        {y: u},
+        {"floor": y >= 0},
+        u**2 / 2,
     )
-    problem = dmoc.Problem(dmoc.build(system), start={"y": 0.5}, goal={"y": 0.5, "y_dot": 0.0}, sequence=["floor"], final_time=(None, 2.0))
+    problem = dmoc.Problem(
+        dmoc.build(system), start={"y": 0.5}, goal={"y": 0.5, "y_dot": 0.0}, sequence=["floor"], final_time=(None, 2.0)
+    )
     solution = dmoc.solve(problem)
     assert solution.solved and solution.cost < 1e-12
     assert [p.duration for p in solution.phases] == pytest.approx([sqrt(2 * 0.5 / 9.81)] * 2, rel=1e-6)
@@ -127,7 +142,9 @@ def test_bouncing_mass_needs_no_force_where_gravity_suffices() -> None:
 
 def test_puck_bounces_off_bent_surfaces(puck: Kernels) -> None:
     """By symmetry the straight line through the centre hits the rim at (3, 0) after bouncing back; energy and normal are checked by simulation."""
-    problem = dmoc.Problem(puck, start={"x": 1.5, "y": 0.0}, goal={"x": 1.5, "y": 1.0}, sequence=["rim"], final_time=1.0, steps=60)
+    problem = dmoc.Problem(
+        puck, start={"x": 1.5, "y": 0.0}, goal={"x": 1.5, "y": 1.0}, sequence=["rim"], final_time=1.0, steps=60
+    )
     solution = dmoc.solve(problem)
     assert solution.solved
     (collision,) = solution.collisions
@@ -173,13 +190,18 @@ def test_a_neighbouring_solution_is_a_good_start(seed: dmoc.Problem, solution: d
     warm = dmoc.solve(near, guess=solution)
     assert warm.solved
     assert warm.iterations <= dmoc.solve(near).iterations
-    with pytest.raises(ProblemError, match="expected .* finite unknowns"):
+    with pytest.raises(ProblemError, match="finite unknowns"):
         dmoc.solve(seed.but(steps=50), guess=solution)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [({"method": "ipm"}, "expected one of slsqp"), ({"form": "x"}, "condensed, full"), ({"iterations": 0}, "at least 1"), ({"violation": 0.0}, "positive")],
+    [
+        ({"method": "ipm"}, "expected one of slsqp"),
+        ({"form": "x"}, "condensed, full"),
+        ({"iterations": 0}, "at least 1"),
+        ({"violation": 0.0}, "positive"),
+    ],
 )
 def test_wrong_arguments_are_refused(seed: dmoc.Problem, arguments: dict[str, object], message: str) -> None:
     with pytest.raises(ProblemError, match=message):

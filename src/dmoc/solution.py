@@ -187,7 +187,8 @@ class Solution:
             If the file is missing, truncated, or no solution file.
         """
         try:
-            with np.load(path, allow_pickle=False) as data:
+            # The stream is ours, so that it is closed when NumPy refuses the file.
+            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 header = json.loads(str(data["header"]))
                 if header["format"] != FILE_FORMAT:
                     raise SolutionFileError(

@@ -1,0 +1,82 @@
+"""The independent check: it confirms what is right, contradicts what is wrong, and its errors fall as h^2."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.trajectory import Trajectory
+
+
+def test_errors_fall_as_the_square_of_the_step(seed: dmoc.Problem) -> None:
+    """Terminal error, segments, energy: order 2; a single step: order 3."""
+    checks = [dmoc.solve(seed.but(steps=n), verify=False).verify() for n in (100, 200, 400)]
+    for value, order, slack in (
+        (lambda c: c.terminal_error, 2, 0.35),
+        (lambda c: c.segment_defects.max(), 2, 0.1),
+        (lambda c: np.median(c.segment_defects), 2, 0.1),
+        (lambda c: c.energy_error, 2, 0.3),
+        (lambda c: c.max_defect, 3, 0.1),
+    ):
+        rates = np.log2([value(a) / value(b) for a, b in pairwise(checks)])
+        assert rates == pytest.approx([order] * 2, abs=slack)
+
+
+def test_a_planned_collision_is_met(solution: dmoc.Solution) -> None:
+    check = solution.verify()
+    assert check.passed and not check.message
+    (contact,) = check.contacts
+    assert contact.surface == "left" and contact.time == pytest.approx(solution.collisions[0].time, abs=1e-5)
+    assert check.penetration < 1e-6
+
+
+def changed(trajectory: Trajectory, phase: int, **arrays: np.ndarray) -> Trajectory:
+    phases = list(trajectory.phases)
+    phases[phase] = replace(phases[phase], **arrays)
+    return replace(trajectory, phases=tuple(phases))
+
+
+def test_wrong_motions_are_contradicted(solution: dmoc.Solution, pendulum: Kernels) -> None:
+    good = solution.trajectory
+    _, after = good.phases
+    cases = {
+        "weaker inputs": changed(good, 1, u=0.9 * after.u),
+        "a node moved": changed(good, 1, q=after.q + 0.05 * (np.arange(101) == 50)[:, None]),
+        "another mass": replace(good, parameters={**good.parameters, "m_c": 1.2}),
+        "no impulse": changed(good, 1, p=after.p - (good.collisions[0].momentum_after - good.collisions[0].momentum_before)),
+        "another goal": changed(good, 1, q=after.q + np.linspace(0, 1, 101)[:, None]),
+    }
+    for what, wrong in cases.items():
+        check = dmoc.verify(wrong, pendulum)
+        assert not check.passed and check.message, what
+
+
+def test_missed_and_extra_contacts_are_named(solution: dmoc.Solution, pendulum: Kernels, seed: dmoc.Problem) -> None:
+    good = solution.trajectory
+    missing = dmoc.verify(replace(good, collisions=(replace(good.collisions[0], surface="right"),)), pendulum)
+    assert "the collision with 'right'" in missing.missed_contacts[0] and "a contact with 'left'" in missing.extra_contacts[0]
+    coarse = dmoc.solve(seed.but(steps=10), verify=False).verify()
+    assert coarse.extra_contacts and not coarse.passed
+
+
+def test_penetration_between_nodes_is_seen(puck: Kernels) -> None:
+    """One long step over the edge of the post: both nodes are free, the way between them is not."""
+    solution = dmoc.solve(
+        dmoc.Problem(puck, start={"x": 0.0, "y": 0.0}, goal={"x": 2.0, "y": 0.0}, steps=2, final_time=1.0), verify=False
+    )
+    check = solution.verify()
+    assert check.penetration > 1e-3 or check.extra_contacts
+    assert not check.passed
+
+
+def test_a_collision_exactly_at_a_node_is_met(block: Kernels) -> None:
+    solution = dmoc.solve(
+        dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=50, final_time=1.0)
+    )
+    assert solution.solved and solution.verification is not None
+    assert solution.verification["terminal_error"] < 1e-9

@@ -1,0 +1,233 @@
+"""The command line: every command, its JSON, its exit status, and one clear sentence for every bad input."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import dmoc
+from dmoc.cli import main
+
+Run = Callable[..., tuple[int, str, str]]
+
+SYSTEM = """
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+import dmoc
+y, u = dynamicsymbols("y u")
+m, g = sp.symbols("m g")
+t = dynamicsymbols._t
+def make(name="mass", lagrangian=None, **changes):
+    given = dict(coordinates=[y], inputs=[u], lagrangian=m * y.diff(t)**2 / 2 - m * g * y if lagrangian is None else lagrangian,
+                 forces={y: u}, surfaces={"floor": y >= 0}, parameters={m: 1.0, g: 9.81}, cost=u**2 / 2)
+    return dmoc.MechanicalSystem(name, **{**given, **changes})
+"""
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["dmoc", *arguments])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capsys.readouterr()
+        code = end.value.code
+        return (code if isinstance(code, int) else 0), out, err
+
+    return call
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Callable[[str], str]:
+    def write(line: str) -> str:
+        (tmp_path / "system.py").write_text(SYSTEM + line)
+        return "system.py:s"
+
+    return write
+
+
+def test_solve_prints_the_json_alone(run: Run) -> None:
+    command = "solve cart_pendulum --steps 100 --final-time 1.0 --sequence left --method slsqp --json -".split()
+    code, out, _ = run(*command)
+    found = json.loads(out)
+    assert code == 0
+    assert list(found) == [
+        "model", "method", "status", "message", "cost", "final_time", "active_bounds", "phases", "collisions", "max_violation",
+        "optimality", "iterations", "seconds", "verification",
+    ]  # fmt: skip
+    assert found["cost"] == pytest.approx(129.6024, rel=1e-5)
+    assert set(found["phases"][0]) == {"steps", "step_size", "duration"}
+    assert set(found["collisions"][0]) == {"surface", "time", "impulse", "position", "momentum_before", "momentum_after"}
+    assert {"build", "guess", "solve"} <= set(found["seconds"])
+    assert {"passed", "terminal_error", "max_defect", "energy_error", "missed_contacts"} <= set(found["verification"])
+
+
+def test_solve_verify_and_plot_a_file(run: Run, tmp_path: Path) -> None:
+    code, out, _ = run("solve", "cart_pendulum", "--set", "m_c=1.5", "--bound", "F=-60:60", "--goal", "x=-1:1", "--out", "result")
+    assert code == 0 and "solved" in out
+    assert sorted(p.name for p in (tmp_path / "result").iterdir()) == ["solution.npz", "solution.png"]
+    code, out, _ = run("verify", "result/solution.npz", "--json", "-")
+    assert code == 0 and json.loads(out)["passed"]
+    code, _, _ = run("plot", "result/solution.npz", "--out", "figure.pdf")
+    assert code == 0 and (tmp_path / "figure.pdf").read_bytes()[:4] == b"%PDF"
+
+
+def test_infeasible_has_exit_status_1(run: Run) -> None:
+    code, out, _ = run("solve", "cart_pendulum", "--bound", "F=-1:1", "--steps", "40", "--json", "-")
+    assert code == 1 and json.loads(out)["status"] == "infeasible"
+
+
+def test_a_system_file_outside_the_package_solves(run: Run, file: Callable[[str], str]) -> None:
+    model = file("s = make()")
+    command = "--start y=0.5 --goal y=0.5 --goal y_dot=0 --sequence floor --final-time 2".split()
+    code, _, _ = run("solve", model, *command, "--out", "o", "--json", "o.json")
+    found = json.loads(Path("o.json").read_text())
+    assert code == 0 and found["cost"] < 1e-12
+    assert found["final_time"] == pytest.approx(2 * (2 * 0.5 / 9.81) ** 0.5)
+    assert run("verify", "o/solution.npz")[0] == 0
+
+
+def test_a_problem_in_a_file_solves(run: Run, file: Callable[[str], str]) -> None:
+    model = file("def s(): return dmoc.Problem(dmoc.build(make()), start={y: 0.5}, goal={y: 0.2}, final_time=1.0, steps=20)")
+    assert run("solve", model)[0] == 0
+    assert run("derive", model)[0] == 2
+
+
+def test_derive_generate_build_models_and_doctor(run: Run, tmp_path: Path, file: Callable[[str], str]) -> None:
+    code, out, _ = run("derive", "cart_pendulum")
+    assert code == 0 and "Collision conditions" in out
+    code, out, _ = run("derive", "cart_pendulum", "--format", "latex")
+    assert code == 0 and out.startswith(r"\documentclass")
+    code, _, _ = run("generate", "cart_pendulum", "--out", "sources")
+    assert code == 0 and (tmp_path / "sources" / "kernels.c").exists()
+    model = file("s = make()")
+    assert run("build", model)[0] == 0
+    code, out, _ = run("build", model)
+    assert code == 0 and "found in the cache" in out
+    code, out, _ = run("models")
+    assert code == 0 and "cart_pendulum_hanging" in out
+    code, out, _ = run("doctor")
+    assert code == 0 and "C compiler" in out
+
+
+def test_module_runs_as_a_program() -> None:
+    import subprocess
+
+    done = subprocess.run([sys.executable, "-m", "dmoc", "--help"], capture_output=True, text=True, check=True)
+    for command in "models derive generate build solve verify plot doctor".split():
+        assert command in done.stdout
+
+
+SOLVE_ERRORS = {
+    "--set m_c=-1": "mass matrix is not positive definite at the start (m_c=-1)",
+    "--set m_p=-1": "m_p=-1",
+    "--set m_c=nan": "parameter m_c = nan: expected a finite number",
+    "--set m=1": "unknown parameter 'm'",
+    "--set m_c": "expected NAME=VALUE",
+    "--start alpha=0.1": "the start (alpha=0.1) lies behind surface 'left'",
+    "--goal alpha=3": "the goal (alpha=3) lies behind surface 'right'",
+    "--start beta=0": "unknown state 'beta' at the start",
+    "--goal x_dott=0": "did you mean 'x_dot'",
+    "--bound F=10:-10": "the lower bound 10 exceeds the upper bound -10",
+    "--bound G=0:1": "unknown input or coordinate 'G'",
+    "--bound F=a:1": "expected a number",
+    "--sequence up": "unknown surface 'up' in the sequence: expected one of left, right",
+    "--sequence left,lef": "did you mean 'left'",
+    "--steps 0": "expected a whole number of at least 2 steps",
+    "--steps -5": "expected a whole number of at least 2 steps",
+    "--steps 10,10,10": "one for each of the 2 phases",
+    "--steps many": "expected a whole number",
+    "--final-time -1": "expected a positive time",
+    "--final-time 2:1": "exceeds the upper bound",
+    "--method newton": "expected one of slsqp",
+    "--out /proc/nowhere": "cannot be written",
+    "--json /proc/nowhere/x.json": "cannot be written",
+}
+
+
+@pytest.mark.parametrize(("options", "message"), SOLVE_ERRORS.items())
+def test_bad_options_are_one_sentence_and_write_nothing(run: Run, tmp_path: Path, options: str, message: str) -> None:
+    code, out, err = run("solve", "cart_pendulum", *options.split())
+    assert code == 2
+    assert message in err.replace("\n", " ")
+    assert err.count("\n") == 1 and "Traceback" not in err
+    assert not out and not list(tmp_path.iterdir())
+
+
+MODEL_ERRORS = {
+    "s = make(lagrangian=m*g*y + m*sp.cos(y))": "does not contain the velocity of coordinate y",
+    "x = dynamicsymbols('x'); s = make(coordinates=[y, x], lagrangian=m*(y.diff(t) + x.diff(t))**2/2 - m*g*y)": "is singular",
+    "x = dynamicsymbols('x'); s = make(coordinates=[y, x])": "does not contain the velocity of coordinate x",
+    "s = make(lagrangian=m*y.diff(t)**2/2 - m*g*y*sp.Symbol('k'))": "contains the symbol k, which is unknown",
+    "s = make(parameters={m: 1.0, g: 9.81, sp.Symbol('k'): 1.0})": "parameter k is used nowhere",
+    "s = make(parameters={m: 1.0})": "contains the symbol g, which is unknown",
+    "s = make(parameters={m: None, g: 9.81})": "parameter m of model 'mass' has no value",
+    "s = make(parameters={m: float('nan'), g: 9.81})": "parameter m = nan: a finite number was expected",
+    "s = make(parameters={m: -1.0, g: 9.81})": "mass matrix is not positive definite at the start (m=-1)",
+    "s = make(inputs=[u, dynamicsymbols('w')])": "input w appears in no force",
+    "s = make(name='int')": "is a keyword of C or Python",
+    "s = make(name='../../x')": "is not a C identifier",
+    "s = make(name='x;system(\"rm\")')": "is not a C identifier",
+    "s = make(surfaces={'a b': y >= 0})": "is not a C identifier",
+    "s = make(parameters={m: 1.0, g: 9.81, sp.Symbol('*/ int main(){'): 1.0})": "is not a C identifier",
+    "s = make(forces={y: u + sp.gamma(y)})": "cannot be turned into C",
+    "s = make(surfaces={'floor': y})": "is not an inequality",
+    "s = make(lagrangian=m*y.diff(t)**2/2 - m*g*y*t)": "depends explicitly on the time",
+    "s = make(lagrangian=m*y.diff(t)**4/2 - m*g*y)": "not quadratic in the velocities",
+    "s = make(lagrangian=m*y.diff(t, 2)**2/2 - m*g*y)": "only coordinates and their first derivatives",
+    "s = 3": "expected a MechanicalSystem or a Problem",
+    "r = make()": "defines no 's'",
+    "s = make(": "cannot be read",
+}
+
+
+@pytest.mark.parametrize(("line", "message"), MODEL_ERRORS.items())
+def test_bad_models_are_one_sentence(run: Run, file: Callable[[str], str], line: str, message: str) -> None:
+    code, out, err = run("solve", file(line), "--start", "y=1", "--start", "x=0" if "'x'" in line else "y=1", "--final-time", "1")
+    assert code == 2
+    assert message in err.replace("\n", " ")
+    assert err.count("\n") == 1 and "Traceback" not in err
+    assert not out
+
+
+@pytest.mark.parametrize(
+    ("reference", "message"),
+    [("pendulum_cart", "unknown model 'pendulum_cart'"), ("nothing.py:s", "does not exist"), ("a.txt:s", "does not exist")],
+)
+def test_unknown_models_are_named(run: Run, reference: str, message: str) -> None:
+    for command in ("derive", "generate", "build", "solve"):
+        code, _, err = run(command, reference)
+        assert code == 2 and message in err
+
+
+def test_damaged_and_foreign_solutions_are_refused(
+    run: Run, file: Callable[[str], str], solution: dmoc.Solution, tmp_path: Path
+) -> None:
+    solution.save("s.npz")
+    Path("short.npz").write_bytes(Path("s.npz").read_bytes()[:2000])
+    for command in ("verify", "plot"):
+        code, _, err = run(command, "short.npz")
+        assert code == 2 and "damaged or no solution file" in err and err.count("\n") == 1
+    code, _, err = run("verify", "s.npz", "--model", file("s = make()"))
+    assert code == 2 and "was made for another version of model 'cart_pendulum'" in err
+
+
+def test_no_compiler_is_one_sentence(
+    run: Run, file: Callable[[str], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.setenv("DMOC_CACHE", str(tmp_path / "cache"))
+    code, _, err = run("build", file("s = make()"))
+    assert code == 2 and "install gcc or clang" in err and err.count("\n") == 1
+
+
+def test_debug_shows_the_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["dmoc", "solve", "cart_pendulum", "--steps", "0", "--debug"])
+    with pytest.raises(dmoc.DmocError):
+        main()

@@ -1,0 +1,80 @@
+"""Solution files and figures."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dmoc
+from dmoc.errors import OutputError, SolutionFileError
+
+
+def test_a_saved_solution_comes_back_whole(solution: dmoc.Solution, tmp_path: Path) -> None:
+    path = solution.save(tmp_path / "s.npz")
+    again = dmoc.Solution.load(path)
+    assert again.to_dict() == solution.to_dict()
+    assert np.array_equal(again.unknowns, solution.unknowns)
+    for a, b in zip(again.phases, solution.phases, strict=True):
+        assert all(np.array_equal(getattr(a, n), getattr(b, n)) for n in "tqpvu")
+    assert all(np.array_equal(again.multipliers[n], solution.multipliers[n]) for n in solution.multipliers)
+    assert again.verify().passed
+    assert [p.name for p in tmp_path.iterdir()] == ["s.npz"]
+    with np.load(path, allow_pickle=False) as data:
+        assert "header" in data.files
+
+
+@pytest.mark.parametrize("damage", ["truncated", "text", "other", "missing"])
+def test_a_damaged_file_is_one_sentence(solution: dmoc.Solution, tmp_path: Path, damage: str) -> None:
+    path = tmp_path / "s.npz"
+    if damage == "truncated":
+        solution.save(path)
+        path.write_bytes(path.read_bytes()[:3000])
+    elif damage == "text":
+        path.write_text("not a solution")
+    elif damage == "other":
+        np.savez(path, a=np.zeros(3))
+    with pytest.raises(SolutionFileError) as error:
+        dmoc.Solution.load(path)
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_an_unwritable_place_leaves_the_old_file(solution: dmoc.Solution, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot be written"):
+        solution.save(tmp_path / "no" / "such" / "s.npz")
+    old = tmp_path / "s.npz"
+    old.write_text("old")
+    os.mkdir(tmp_path / f".s.npz.{os.getpid()}.partial")
+    with pytest.raises((OutputError, OSError)):
+        solution.save(old)
+    assert old.read_text() == "old"
+
+
+def test_figure_shows_positions_momenta_with_jump_inputs_and_snapshots(solution: dmoc.Solution, tmp_path: Path) -> None:
+    figure = solution.plot(tmp_path / "s.png")
+    assert (tmp_path / "s.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    titles = [a.get_title() for a in figure.axes if a.get_title()]
+    assert titles == ["before 'left': 0 to 0.0964 s", "after 'left': 0.0964 to 1 s"]
+    momenta = next(a for a in figure.axes if a.get_ylabel() == "momenta")
+    jump = solution.collisions[0]
+    drawn = [line.get_xydata() for line in momenta.lines if len(line.get_xdata()) == 2 and line.get_linestyle() == ":"]
+    assert any(np.allclose(sorted(d[:, 1]), sorted([jump.momentum_before[0], jump.momentum_after[0]])) for d in drawn)
+    inputs = next(a for a in figure.axes if a.get_ylabel().startswith("input"))
+    assert any("200" in text.get_text() for text in inputs.texts)
+
+
+def test_bounds_near_the_inputs_are_drawn(seed: dmoc.Problem) -> None:
+    figure = dmoc.solve(seed.but(bounds={"F": (-40, 40)}), verify=False).plot()
+    inputs = next(a for a in figure.axes if a.get_ylabel().startswith("input"))
+    levels = {float(np.asarray(line.get_ydata())[0]) for line in inputs.lines if line.get_linestyle() == "--"}
+    assert {-40.0, 40.0} <= levels
+
+
+def test_other_models_are_drawn_as_curves(block: dmoc.codegen.kernels.Kernels, tmp_path: Path) -> None:
+    problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, final_time=1.0, steps=20)
+    figure = dmoc.solve(problem).plot(tmp_path / "b.pdf")
+    assert len(figure.axes) == 3
+    with pytest.raises(OutputError, match="no known format"):
+        dmoc.solve(problem).plot(tmp_path / "b.xyz")
