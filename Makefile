@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# setuptools warns of the folders beside setup.py in every editable installation.
+INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
 .PHONY: demo test check clean
 
@@ -27,15 +29,15 @@ $(VENV)/bin/python:
 
 $(VENV)/.installed-demo: $(SOURCES) | $(VENV)/bin/python
 	@echo "Installing dmoc and compiling its kernels (about a minute) ..."
-	@$(BIN)/python -m pip install --quiet --editable '.[plot]'
+	@$(INSTALL) '.[plot]'
 	@touch $@
 
 $(VENV)/.installed-test: $(SOURCES) | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	$(INSTALL) '.[test]'
 	@touch $@
 
 $(VENV)/.installed-check: $(SOURCES) | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --editable '.[test,check]'
+	$(INSTALL) '.[test,check]'
 	@touch $@
 
 clean:

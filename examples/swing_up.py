@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 import dmoc
 from dmoc.registry import find
@@ -49,7 +50,7 @@ def main(folder: Path) -> int:
         "  energy error": [f"{s.verification['energy_error']:.1e}" if s.verification else "" for s in columns],
     }
     for label, cells in rows.items():
-        table.add_row(label, *cells)
+        table.add_row(Text(label), *cells)
     console.print(table, highlight=False)
     console.print("Errors are relative to the range of the motion.", style="dim")
     for path in files:

@@ -24,6 +24,7 @@ from dmoc.symbolic.kernels import approach, first_root
 from dmoc.symbolic.names import name_of, velocity_name
 from dmoc.symbolic.system import MechanicalSystem
 
+LATEX_WIDTH = 220  # characters of source in a line of an equation, about the width of a page
 WIDTH = 110  # of a line of text; wider equations are printed on one logical line, without two-dimensional layout
 
 
@@ -43,6 +44,7 @@ class Section:
     title: str
     text: str
     equations: tuple[Equation, ...]
+    pattern: tuple[str, ...] = ()  # lines that mark where a matrix is not identically zero
 
 
 @dataclass(frozen=True)
@@ -57,8 +59,7 @@ class Derivation:
         for number, section in enumerate(self.sections, 1):
             head = f"{number}. {section.title}"
             parts += ["", head, "-" * len(head)]
-            if section.text:
-                parts.append(section.text)
+            parts += [section.text, *section.pattern]
             parts += [_text(equation) for equation in section.equations]
         return "\n".join(parts) + "\n"
 
@@ -67,9 +68,10 @@ class Derivation:
         body = []
         for section in self.sections:
             body.append(f"\\section{{{_escape(section.title)}}}")
-            if section.text:
-                body.append(_escape(section.text))
-            body += [f"\\equationline{{{e.latex_name}}}{{{sp.latex(e.right)}}}" for e in section.equations]
+            body.append(_escape(section.text))
+            if section.pattern:
+                body.append("\\begin{verbatim}\n" + "\n".join(section.pattern) + "\n\\end{verbatim}")
+            body += [f"\\equationline{{{_latex_equation(e)}}}" for e in section.equations]
         return _DOCUMENT.replace("TITLE", _escape(self.title)).replace("BODY", "\n\n".join(body))
 
     def _repr_markdown_(self) -> str:
@@ -77,7 +79,9 @@ class Derivation:
         parts = [f"# {self.title}"]
         for section in self.sections:
             parts += [f"## {section.title}", section.text]
-            parts += [f"$${e.latex_name} = {sp.latex(e.right)}$$" for e in section.equations]
+            if section.pattern:
+                parts.append("\n".join(["```", *section.pattern, "```"]))
+            parts += [f"$${_latex_equation(e)}$$" for e in section.equations]
         return "\n\n".join(parts)
 
 
@@ -85,7 +89,7 @@ _DOCUMENT = r"""\documentclass[11pt]{article}
 \usepackage[a4paper,margin=22mm]{geometry}
 \usepackage{amsmath,graphicx}
 \newsavebox{\equationbox}
-\newcommand{\equationline}[2]{\par\smallskip\noindent\sbox{\equationbox}{$\displaystyle #1 = #2$}%
+\newcommand{\equationline}[1]{\par\smallskip\noindent\sbox{\equationbox}{$\displaystyle #1$}%
   \ifdim\wd\equationbox>\linewidth\resizebox{\linewidth}{!}{\usebox{\equationbox}}\else\usebox{\equationbox}\fi\par}
 \title{TITLE}
 \date{}
@@ -100,6 +104,45 @@ def _escape(text: str) -> str:
     for character in "&%#_":
         text = text.replace(character, f"\\{character}")
     return text.replace("^", r"\^{}").replace("<=", r"$\le$").replace(">=", r"$\ge$")
+
+
+def _latex_equation(equation: Equation) -> str:
+    """One line, or a sum broken into lines where it is long."""
+    right = equation.right
+    text = _latex(right)
+    if len(text) <= LATEX_WIDTH or isinstance(right, sp.MatrixBase):
+        return f"{equation.latex_name} = {text}"
+    lines = [""]
+    for term in sp.Add.make_args(sp.expand(right)):
+        piece = _latex(term)
+        piece = piece if piece.startswith("-") else f"+ {piece}"
+        if lines[-1] and len(lines[-1]) + len(piece) > LATEX_WIDTH:
+            lines.append("")
+        lines[-1] += piece
+    lines[0] = lines[0].removeprefix("+ ")
+    return f"\\begin{{aligned}} {equation.latex_name} ={{}}& " + r" \\ & ".join(lines) + r" \end{aligned}"
+
+
+def _latex(expression: Any) -> str:
+    names = {s: latex_symbol(s.name) for s in expression.free_symbols}
+    return str(sp.latex(expression, symbol_names=names))
+
+
+def latex_symbol(name: str) -> str:
+    """Write a name of the derivation as mathematics: alpha_dot_kp1 is \\dot{\\alpha}_{k+1}, r_plus_x is r^+_{x}."""
+    head, *rest = name.split("_")
+    letter = sp.latex(sp.Symbol("lambda" if head == "lam" else head))
+    if len(head) > 1 and letter == head:
+        letter = f"\\mathrm{{{head}}}"
+    above, below = "", []
+    for part in rest:
+        if part in ("dot", "ddot", "bar"):
+            letter = f"\\{part}{{{letter}}}"
+        elif part in ("plus", "minus"):
+            above = "^+" if part == "plus" else "^-"
+        else:
+            below.append({"kp1": "k+1"}.get(part) or sp.latex(sp.Symbol(part)))
+    return f"{letter}{above}" + (f"_{{{','.join(below)}}}" if below else "")
 
 
 def _text(equation: Equation) -> str:
@@ -148,7 +191,7 @@ def tangents(normal: Sequence[Any]) -> list[list[Any]]:
 
 def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Section]:
     names = [str(q) for q in f.q]
-    tex = [sp.latex(q) for q in f.q]
+    tex = [latex_symbol(str(q)) for q in f.q]
     accelerations = [sp.Symbol(f"{n}_ddot") for n in names]
     yield Section("Lagrangian", "L(q, q') with the coordinates q = (" + ", ".join(names) + ").", (Equation("L", "L", f.L),))
     yield Section("Momenta", "p = dL/dq'.", tuple(_each("p", names, tex, momenta(f))))
@@ -160,7 +203,7 @@ def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Se
         forces.append(Equation("dQ/du", r"\partial Q / \partial u", sp.Matrix(input_matrix(f))))
     yield Section("Virtual work and generalised forces", "delta W = Q . delta q.", tuple(forces))
     left = sp.Matrix(mass_matrix(f)) * sp.Matrix(accelerations)
-    motion = [Equation(sp.sstr(a), sp.latex(a), b) for a, b in zip(left, right_hand_side(f), strict=True)]
+    motion = [Equation(sp.sstr(a), _latex(a), b) for a, b in zip(left, right_hand_side(f), strict=True)]
     yield Section("Equations of motion", "M q'' = dL/dq - (d2L/dq'dq) q' + Q.", tuple(motion))
     if f.g:
         equations = []
@@ -175,10 +218,10 @@ def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Se
 def _discrete_sections(system: MechanicalSystem, e: StepElement) -> Iterable[Section]:
     n = len(e.q_k)
     names = [name_of(q) for q in system.coordinates]
-    tex = [sp.latex(sp.Symbol(x)) for x in names]
+    tex = [latex_symbol(x) for x in names]
     yield Section(
         "Midpoint of a step", "Coordinates and velocities of the midpoint rule, in the step from node k to node k+1 of size h.",
-        tuple(Equation(str(s), sp.latex(s), value) for s, value in e.definitions),
+        tuple(Equation(str(s), latex_symbol(str(s)), value) for s, value in e.definitions),
     )  # fmt: skip
     slots = [e.D(e.L_d, i) for i in range(2 * n)]
     yield Section(
@@ -262,12 +305,12 @@ def _derivative_sections(e: StepElement) -> Iterable[Section]:
         derivatives = e.gradient(row)
         pattern.append(f"  {name:>10}  " + " ".join("x" if d != 0 else "." for d in derivatives))
         equations += [
-            Equation(f"d{name}/d{z}", f"\\partial {_row_tex(name)} / \\partial {sp.latex(z)}", d)
+            Equation(f"d{name}/d{z}", f"\\partial {_row_tex(name)} / \\partial {latex_symbol(str(z))}", d)
             for z, d in zip(e.z, derivatives, strict=True) if d != 0
         ]  # fmt: skip
     columns = "z = (" + ", ".join(map(str, e.z)) + ")"
     yield Section(
-        "First derivatives", f"Columns {columns}; x marks what is not identically zero.\n" + "\n".join(pattern), tuple(equations)
+        "First derivatives", f"Columns {columns}; x marks what is not identically zero.", tuple(equations), tuple(pattern)
     )
     mu = [sp.Symbol(f"mu_minus_{i}") for i in range(n)], [sp.Symbol(f"mu_plus_{i}") for i in range(n)]
     sigma, w_plus, w_minus = sp.symbols("sigma w_plus w_minus")
@@ -279,11 +322,11 @@ def _derivative_sections(e: StepElement) -> Iterable[Section]:
         hessian = e.hessian(expression)
         grid = ["  " + " ".join("x" if d != 0 else "." for d in row) for row in hessian]
         second = [
-            Equation(f"d2/d{a}d{b}", f"\\partial^2/\\partial {sp.latex(a)}\\,\\partial {sp.latex(b)}", hessian[i][j])
+            Equation(f"d2/d{a}d{b}", f"\\partial^2/\\partial {latex_symbol(str(a))}\\,\\partial {latex_symbol(str(b))}", hessian[i][j])
             for i, a in enumerate(e.z) for j, b in enumerate(e.z) if j >= i and hessian[i][j] != 0
         ]  # fmt: skip
         what = "sigma C_d + mu_minus . r_minus + mu_plus . r_plus" if title == "step" else "w_plus e_plus + w_minus e_minus"
-        yield Section(f"Second derivatives ({title})", f"Upper triangle for {what}.\n" + "\n".join(grid), tuple(second))
+        yield Section(f"Second derivatives ({title})", f"Upper triangle for {what}.", tuple(second), tuple(grid))
 
 
 def _row_tex(name: str) -> str:
