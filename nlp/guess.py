@@ -269,6 +269,8 @@ class _Dynamics:
 
     def drive(self, a: Array) -> Array:
         """Return the inputs that come closest to the accelerations a."""
+        if not self.inputs.size:
+            return np.zeros(0)
         return np.asarray(np.linalg.lstsq(self.inputs, self.mass @ a - self.force, rcond=None)[0])
 
 
@@ -305,7 +307,7 @@ def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion 
         if i < len(problem.sequence):
             v, impulse = _reflect(problem, q, v, problem.sequence[i])
             lam.append(impulse)
-    return Motion(np.array(nodes), np.array(inputs).reshape(-1, problem.nu), np.array(lam), free_steps, v_B, v, cost)
+    return Motion(np.array(nodes), np.array(inputs).reshape(len(inputs), problem.nu), np.array(lam), free_steps, v_B, v, cost)
 
 
 class _Spline:

@@ -186,6 +186,15 @@ class Driver:
         H = Z.T @ ((upper + scipy.sparse.triu(upper, 1).T) @ Z)
         return np.asarray((H + H.T) / 2)
 
+    def estimate_multipliers(self, x: Array) -> None:
+        """Multipliers of the equations by least squares, without active inequalities."""
+        self.forget_multipliers()
+        none = np.zeros(0, dtype=np.intp)
+        reduced = self.elimination.reduce(x, none, none)
+        if reduced is not None:
+            self._estimate_multipliers(x, reduced)
+            self._complete_multipliers(x, reduced)
+
     def _estimate_multipliers(self, x: Array, reduced: Reduced) -> None:
         """Least-squares multipliers of the kept equations."""
         D = self.scale[self.parts.kept]
@@ -332,6 +341,11 @@ def _round(driver: Driver, x: Array, progress: Progress) -> tuple[Array, Residua
     metric = driver.metric(x)
     if metric is None:
         raise Stop(Status.STALLED)
+    if not metric[1].shape[1]:  # the equations leave no freedom: meeting them is all there is to do
+        x = driver.onto_equations(x)
+        progress.step(x)
+        driver.estimate_multipliers(x)
+        return x, residuals(driver.nlp, x, driver.y, driver.w), True
     working = driver.working(x)
     on = driver.follows and driver.equation_error(x) <= ON_EQUATIONS
     run = FollowingRun(driver, x, metric, working) if on else Run(driver, x, metric, working)

@@ -206,3 +206,28 @@ def test_a_neighbouring_solution_is_a_good_start(seed: dmoc.Problem, solution: d
 def test_wrong_arguments_are_refused(seed: dmoc.Problem, arguments: dict[str, object], message: str) -> None:
     with pytest.raises(ProblemError, match=message):
         dmoc.solve(seed, **arguments)  # type: ignore[arg-type]
+
+
+def test_a_motion_without_inputs_is_found_by_its_start(capfd: pytest.CaptureFixture[str]) -> None:
+    """A ball shot up from the floor so that its peak after two elastic bounces is 0.5: v0 = sqrt(2 g 0.5)."""
+    import sympy as sp
+    from sympy.physics.mechanics import dynamicsymbols
+
+    y = dynamicsymbols("y")
+    m, g = sp.symbols("m g")
+    rate = y.diff(dynamicsymbols._t)
+    kernels = dmoc.build(
+        dmoc.MechanicalSystem("shot", [y], m * rate**2 / 2 - m * g * y, {m: 1.0, g: 9.81}, surfaces={"floor": y >= 0})
+    )
+    problem = dmoc.Problem(
+        kernels,
+        start={"y": 0.0, "y_dot": None},
+        goal={"y": 0.5, "y_dot": 0.0},
+        sequence=["floor", "floor"],
+        steps=100,
+        final_time=(None, 5),
+    )
+    solution = dmoc.solve(problem)
+    assert solution.solved
+    assert solution.phases[0].v[0, 0] == pytest.approx(sqrt(2 * 9.81 * 0.5), rel=1e-4)
+    assert capfd.readouterr().out == ""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -20,9 +19,6 @@ from dmoc.solution import Solution
 from dmoc.solvers import slsqp
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Iteration, Options, Outcome, Status
-
-if TYPE_CHECKING:
-    pass
 
 METHODS = ("slsqp",)
 FORMS = ("condensed", "full")
