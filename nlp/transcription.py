@@ -13,7 +13,6 @@ T_i - T_min of each phase before a collision.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -22,24 +21,15 @@ from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.feasibility import minimal_time
+from dmoc.nlp.labels import Block, equality_blocks, inequality_blocks
 from dmoc.nlp.layout import Index, Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sparse import SparsePattern
-from dmoc.symbolic.names import momentum_name, velocity_name
 
 Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
 NDBool = NDArray[np.bool_]
 # The smallest step that is distinguishable from none: shorter steps divide rounding errors by h^2.
 SMALLEST_STEP = 1e-7
-
-
-@dataclass(frozen=True)
-class Block:
-    """Rows of one kind of constraint; ``labels`` name each row in the user's words."""
-
-    name: str
-    rows: Index
-    labels: tuple[str, ...]
 
 
 class Transcription:
@@ -65,44 +55,11 @@ class Transcription:
 
     @cached_property
     def equalities(self) -> list[Block]:
-        lay, names = self.layout, self.problem.kernels.coordinates
-        collisions = [f"collision {i + 1} ({s})" for i, s in enumerate(self.problem.sequence)]
-        groups = [
-            ("momentum", [f"momentum of {q} at node {k}" for k in range(lay.total + 1) for q in names]),
-            ("energy", [f"energy at {c}" for c in collisions]),
-            ("contact", [f"contact at {c}" for c in collisions]),
-            ("start velocity", [f"{momentum_name(q)} at the start" for q in names] if lay.velocity_at_start else []),
-            ("goal velocity", [f"{momentum_name(q)} at the goal" for q in names] if lay.velocity_at_end else []),
-        ]
-        return _blocks(groups)
+        return equality_blocks(self.problem, self.layout)
 
     @cached_property
     def inequalities(self) -> list[Block]:
-        lay, problem = self.layout, self.problem
-        low, high = problem.final_time_bounds
-        names = problem.kernels.manifest["path_constraints"]
-        groups = [
-            ("gap", [f"gap to {problem.kernels.surfaces[j]} at node {k}" for k, j in zip(*self.gap_constraints, strict=True)]),
-            ("path", [f"path constraint {n} in step {k}" for k in range(lay.total) for n in names]),
-            ("final time >=", [f"final time >= {low:g} s"] if low > 0 else []),
-            ("final time <=", [f"final time <= {high:g} s"] if np.isfinite(high) else []),
-            ("minimal time", [f"minimal time of phase {i} -> {problem.sequence[i]}" for i in self._timed]),
-        ]
-        return _blocks(groups)
-
-    def unknown_names(self) -> list[str]:
-        """Name every unknown in the user's words, in the order of x."""
-        lay, kernels = self.layout, self.problem.kernels
-        q, u = kernels.coordinates, kernels.inputs
-        names = [f"step size of phase {i}" for i in range(lay.phases)]
-        names += [f"{c} at node {k}" for k in range(lay.total + 1) for c in q]
-        names += [f"{c} in {'node' if lay.linear else 'step'} {k}" for k in range(len(lay.index_u)) for c in u]
-        names += [f"impulse of collision {i + 1} ({s})" for i, s in enumerate(self.problem.sequence)]
-        for end in ("start", "goal"):
-            names += [f"{momentum_name(c)} at the {end}" for c in q]
-        for end, velocities in (("start", lay.velocity_at_start), ("goal", lay.velocity_at_end)):
-            names += [f"{velocity_name(c)} at the {end}" for c in q] if velocities else []
-        return names
+        return inequality_blocks(self.problem, self.layout, self.gap_constraints, self._timed)
 
     @property
     def n(self) -> int:
@@ -498,12 +455,3 @@ class Transcription:
             below, above = (self.minimal_time(e, i)[1] for e in ends)
             hessian[j] = -(above - below) / (2 * step)
         return (hessian + hessian.T) / 2
-
-
-def _blocks(groups: list[tuple[str, list[str]]]) -> list[Block]:
-    blocks = []
-    start = 0
-    for name, labels in groups:
-        blocks.append(Block(name, np.arange(start, start + len(labels)), tuple(labels)))
-        start += len(labels)
-    return blocks

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.labels import unknown_names
 from dmoc.nlp.transcription import Transcription
 
 # Multipliers of this size and smaller leave the residuals unscaled (Waechter & Biegler 2006, section 2.1).
@@ -59,7 +60,7 @@ def worst_constraints(nlp: Transcription, x: Array, most: int = 3) -> list[str]:
                 i = int(np.argmax(values[block.rows]))
                 found.append((float(values[block.rows[i]]), block.labels[i]))
     excess = np.maximum(nlp.lower - x, x - nlp.upper)
-    names = nlp.unknown_names()
+    names = unknown_names(nlp.problem, nlp.layout)
     i = int(np.argmax(excess))
     if excess[i] > 0:
         found.append((float(excess[i]), f"bound of {names[i]}"))

@@ -9,6 +9,7 @@ import pytest
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.nlp.labels import unknown_names
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.motion import trajectory
 from dmoc.nlp.transcription import Transcription
@@ -57,7 +58,7 @@ def test_every_unknown_has_one_place(nlp: Transcription) -> None:
     lay = nlp.layout
     blocks = [getattr(lay, f"index_{n}").ravel() for n in ("h", "q", "u", "lam", "p_B", "p_E", "v_B", "v_E")]
     assert np.array_equal(np.sort(np.concatenate(blocks)), np.arange(lay.size))
-    assert len(nlp.unknown_names()) == lay.size == nlp.n
+    assert len(unknown_names(nlp.problem, lay)) == lay.size == nlp.n
     assert lay.index_z.shape == (lay.total, 2 * lay.nq + 2 * lay.nu + 1)
     assert Layout.of(nlp.problem) == lay
 

@@ -1,0 +1,73 @@
+"""Names of constraints and unknowns in the user's words, for messages and results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.nlp.layout import Index, Layout
+from dmoc.nlp.problem import Problem
+from dmoc.symbolic.names import momentum_name, velocity_name
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows of one kind of constraint; ``labels`` name each row in the user's words."""
+
+    name: str
+    rows: Index
+    labels: tuple[str, ...]
+
+
+def equality_blocks(problem: Problem, layout: Layout) -> list[Block]:
+    """Blocks of c, in the order of its rows."""
+    names = problem.kernels.coordinates
+    collisions = [f"collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
+    groups = [
+        ("momentum", [f"momentum of {q} at node {k}" for k in range(layout.total + 1) for q in names]),
+        ("energy", [f"energy at {c}" for c in collisions]),
+        ("contact", [f"contact at {c}" for c in collisions]),
+        ("start velocity", [f"{momentum_name(q)} at the start" for q in names] if layout.velocity_at_start else []),
+        ("goal velocity", [f"{momentum_name(q)} at the goal" for q in names] if layout.velocity_at_end else []),
+    ]
+    return _blocks(groups)
+
+
+def inequality_blocks(problem: Problem, layout: Layout, gaps: tuple[Index, Index], timed: Sequence[int]) -> list[Block]:
+    """Blocks of d, in the order of its rows; ``gaps`` are node and surface of each gap, ``timed`` the phases with a minimal time."""
+    low, high = problem.final_time_bounds
+    names = problem.kernels.manifest["path_constraints"]
+    groups = [
+        ("gap", [f"gap to {problem.kernels.surfaces[j]} at node {k}" for k, j in zip(*gaps, strict=True)]),
+        ("path", [f"path constraint {n} in step {k}" for k in range(layout.total) for n in names]),
+        ("final time >=", [f"final time >= {low:g} s"] if low > 0 else []),
+        ("final time <=", [f"final time <= {high:g} s"] if np.isfinite(high) else []),
+        ("minimal time", [f"minimal time of phase {i} -> {problem.sequence[i]}" for i in timed]),
+    ]
+    return _blocks(groups)
+
+
+def unknown_names(problem: Problem, layout: Layout) -> list[str]:
+    """Name every unknown in the user's words, in the order of x."""
+    kernels = problem.kernels
+    q, u = kernels.coordinates, kernels.inputs
+    names = [f"step size of phase {i}" for i in range(layout.phases)]
+    names += [f"{c} at node {k}" for k in range(layout.total + 1) for c in q]
+    names += [f"{c} in {'node' if layout.linear else 'step'} {k}" for k in range(len(layout.index_u)) for c in u]
+    names += [f"impulse of collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
+    for end in ("start", "goal"):
+        names += [f"{momentum_name(c)} at the {end}" for c in q]
+    for end, velocities in (("start", layout.velocity_at_start), ("goal", layout.velocity_at_end)):
+        names += [f"{velocity_name(c)} at the {end}" for c in q] if velocities else []
+    return names
+
+
+def _blocks(groups: list[tuple[str, list[str]]]) -> list[Block]:
+    blocks = []
+    start = 0
+    for name, labels in groups:
+        blocks.append(Block(name, np.arange(start, start + len(labels)), tuple(labels)))
+        start += len(labels)
+    return blocks
