@@ -19,6 +19,8 @@ CONTROLS = ("constant", "linear")
 # A start or goal on a surface is admissible; rounding of its coordinates must not make it inadmissible.
 SURFACE_TOLERANCE = 1e-12
 
+MOST_STEPS = 100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
+
 Range = tuple[float, float]
 
 
@@ -200,6 +202,10 @@ class Problem:
         for value in values:
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 2:
                 raise ProblemError(f"steps = {value!r}: expected a whole number of at least 2 steps in each phase.")
+            if value > MOST_STEPS:
+                raise ProblemError(
+                    f"steps = {value}: expected at most {MOST_STEPS} steps in each phase; accuracy does not gain from more."
+                )
         return tuple(int(v) for v in values)
 
     def _boxes(self, names: Sequence[str]) -> Array:

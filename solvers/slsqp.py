@@ -39,6 +39,8 @@ from dmoc.solvers.runs import (
 
 # Segments of each phase in the condensed form: fewer make the program more nonlinear, more make each iteration more expensive.
 SEGMENTS = 16
+# Inputs of all steps together: the matrices are dense, their memory grows with the square and the time with the cube.
+MOST_INPUTS = 4000
 # SLSQP iterations between two metrics: enough to settle the active set, few enough to profit from the exact Hessian.
 RUN = 5
 # Curvatures below this share of the cost's own count as flat; it bounds the first step along them.

@@ -79,6 +79,12 @@ def solve(
             raise ProblemError(f"{name} = {value!r}: expected a positive number.")
     if iterations < 1:
         raise ProblemError(f"iterations = {iterations!r}: expected at least 1.")
+    inputs = problem.nu * sum(problem.phase_steps)
+    if inputs > slsqp.MOST_INPUTS:
+        raise ProblemError(
+            f"steps = {problem.steps}: method slsqp works with dense matrices and takes at most {slsqp.MOST_INPUTS} inputs in all steps, "
+            f"this problem has {inputs}; take fewer steps."
+        )
     options = Options(optimality, violation, iterations, seconds, progress)
     start = time.perf_counter()
     nlp = Transcription(problem)
