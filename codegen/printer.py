@@ -6,6 +6,7 @@ significant digits.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -27,7 +28,7 @@ class Listing:
     outputs: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-class Printer:
+class Printer(ABC):
     """Prints expressions in one language; subclasses say how it writes symbols, calls, powers and conditions."""
 
     functions: ClassVar[Mapping[str, str]] = {}
@@ -42,13 +43,16 @@ class Printer:
         return f"{self.functions[function]}({', '.join(arguments)})"
 
     def integer_power(self, base: str, exponent: int) -> str:
-        raise NotImplementedError
+        """Small powers are functions that the templates define."""
+        return f"power{exponent}({base})"
 
+    @abstractmethod
     def conditional(self, branches: Sequence[tuple[str, str]], otherwise: str) -> str:
-        raise NotImplementedError
+        """Choose the value of the first (value, condition) that holds."""
 
+    @abstractmethod
     def both(self, conditions: Sequence[str], word: str) -> str:
-        raise NotImplementedError
+        """Join conditions by "And" or "Or"."""
 
     # One method per kind of node -------------------------------------------------------------------------------------
 
@@ -163,9 +167,6 @@ class CPrinter(Printer):
         n: n for n in "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log exp sqrt pow".split()
     }
 
-    def integer_power(self, base: str, exponent: int) -> str:
-        return f"power{exponent}({base})"
-
     def conditional(self, branches: Sequence[tuple[str, str]], otherwise: str) -> str:
         text = otherwise
         for value, condition in reversed(branches):
@@ -184,9 +185,6 @@ class NumPyPrinter(Printer):
         **{n: f"np.arc{n[1:]}" for n in "asin acos atan atan2 asinh acosh atanh".split()},
         "pow": "np.power",
     }
-
-    def integer_power(self, base: str, exponent: int) -> str:
-        return f"power{exponent}({base})"
 
     def conditional(self, branches: Sequence[tuple[str, str]], otherwise: str) -> str:
         text = otherwise
