@@ -30,6 +30,9 @@ Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
 NDBool = NDArray[np.bool_]
 # The smallest step that is distinguishable from none: shorter steps divide rounding errors by h^2.
 SMALLEST_STEP = 1e-7
+# Where collisions would rather merge, a phase between them shrinks to nothing and its equations with it: share of the largest final time
+# that a phase between collisions keeps.
+SHORTEST_PHASE = 1e-3
 
 
 class Transcription:
@@ -97,7 +100,9 @@ class Transcription:
     def _bounds(self) -> tuple[Array, Array]:
         lay, problem = self.layout, self.problem
         box = np.tile((-np.inf, np.inf), (lay.size, 1))
-        durations = problem.duration_bounds / np.array(lay.steps)[:, None]
+        latest = problem.final_time_bounds[1]
+        shortest = SHORTEST_PHASE * latest if len(problem.sequence) and np.isfinite(latest) else 0.0
+        durations = np.maximum(problem.duration_bounds, [shortest, 0.0]) / np.array(lay.steps)[:, None]
         box[lay.index_h] = np.maximum(durations, SMALLEST_STEP)
         box[lay.index_q] = problem.coordinate_bounds
         box[lay.index_u] = problem.input_bounds

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
 from dmoc.simulation.stepper import Stepper
+from dmoc.symbolic.names import name_of
 from dmoc.trajectory import Collision
 
 
@@ -79,14 +80,15 @@ def simulate(
         If an argument does not fit, a step has no solution, the motion comes to rest on a surface, or collisions accumulate.
     """
     nq, nu = len(kernels.coordinates), len(kernels.inputs)
-    if not (np.isfinite(step_size) and step_size > 0):
+    if not (isinstance(step_size, (int, float, np.number)) and np.isfinite(step_size) and step_size > 0):
         raise SimulationError(f"step_size = {step_size!r}: expected a positive number of seconds.")
-    if steps < 1 or every < 1:
-        raise SimulationError(f"steps = {steps!r}, every = {every!r}: expected whole numbers of at least 1.")
+    for name, number in (("steps", steps), ("every", every)):
+        if not isinstance(number, (int, np.integer)) or number < 1:
+            raise SimulationError(f"{name} = {number!r}: expected a whole number of at least 1.")
     par = _parameters(kernels, parameters or {})
     q = _vector(position, kernels.coordinates, "position")
     v = _vector(np.zeros(nq) if velocity is None else velocity, kernels.coordinates, "velocity")
-    u = np.zeros((steps, nu)) if inputs is None else np.array(np.broadcast_to(inputs, (steps, nu)), dtype=float)
+    u = _inputs(inputs, steps, nu)
     if kernels.has("surface"):
         gaps = kernels.call("surface", q[None], par)[0][0]
         if (gaps > 1e-12).any():
@@ -115,13 +117,27 @@ def velocities_of(kernels: Kernels, q: Array, p: Array, par: Array) -> Array:
     return np.ascontiguousarray(np.linalg.solve(mass, (p - offset)[:, :, None])[:, :, 0])
 
 
+def _inputs(given: ArrayLike | None, steps: int, nu: int) -> Array:
+    try:
+        u = np.zeros((steps, nu)) if given is None else np.array(np.broadcast_to(np.asarray(given, dtype=float), (steps, nu)))
+    except (TypeError, ValueError):
+        raise SimulationError(f"inputs: expected numbers of shape ({steps}, {nu}) or ({nu},).") from None
+    if not np.isfinite(u).all():
+        raise SimulationError("inputs contain a value that is not finite: expected finite numbers.")
+    return u
+
+
 def _vector(given: Mapping[str, float] | ArrayLike, names: list[str], what: str) -> Array:
     if isinstance(given, Mapping):
+        given = {name_of(n): value for n, value in given.items()}
         unknown = [n for n in given if n not in names]
         if unknown:
             raise SimulationError(f"{what} names {unknown[0]!r}: expected coordinates out of {', '.join(names)}.")
         given = [given.get(n, 0.0) for n in names]
-    vector = np.array(given, dtype=float)
+    try:
+        vector = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        raise SimulationError(f"{what} = {given!r}: expected {len(names)} numbers ({', '.join(names)}).") from None
     if vector.shape != (len(names),) or not np.isfinite(vector).all():
         raise SimulationError(f"{what} = {given!r}: expected {len(names)} finite numbers ({', '.join(names)}).")
     return vector
@@ -129,9 +145,12 @@ def _vector(given: Mapping[str, float] | ArrayLike, names: list[str], what: str)
 
 def _parameters(kernels: Kernels, changes: Mapping[str, float]) -> Array:
     values = kernels.parameters
-    for name, value in changes.items():
+    for symbol, value in changes.items():
+        name = name_of(symbol)
         if name not in values:
             raise SimulationError(f"unknown parameter {name!r}: expected one of {', '.join(values)}.")
+        if not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
+            raise SimulationError(f"parameter {name} = {value!r}: expected a finite number.")
         values[name] = float(value)
     missing = [n for n, value in values.items() if value is None]
     if missing:

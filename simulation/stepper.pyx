@@ -322,6 +322,10 @@ cdef class Stepper:
         cdef int i, j, hits = 0, found
         cdef double rest = h, x, s, first
         self.after_impact = False
+        found = self.contact_at_start(h)
+        if found >= 0:  # the step before ended on the surface
+            hits = 1
+            self.start_collision(found, t, number)
         while True:
             for i in range(self.nq):
                 self.q_g[0, i] = self.q_a[0, i]
@@ -360,6 +364,24 @@ cdef class Stepper:
             t += first
             rest -= first
             self.start_collision(found, t, number)
+
+    cdef int contact_at_start(self, double h) except -2:
+        """Index of a surface that the motion from (q_a, p) meets in less than the shortest leg; -1 if there is none."""
+        cdef int i, j, k
+        cdef double gap, rate
+        for i in range(self.nq):
+            self.q_g[0, i] = self.q_a[0, i]
+        self.find_velocity(self.p)
+        for j in range(self.nc):
+            gap = self.gap(self.q_a, j)
+            self.slope.run()
+            rate = 0.0
+            for k in range(self.g_row.shape[0]):
+                if self.g_row[k] == j:
+                    rate += self.g_q[0, k] * self.velocity[self.g_col[k]]
+            if rate > 0 and gap > -SHORTEST_LEG * h * rate:
+                return j
+        return -1
 
     cdef int start_collision(self, int j, double t, long number) except -1:
         """Begin a leg at the collision reached by the leg that was just solved."""
@@ -422,6 +444,17 @@ cdef class Stepper:
             self.p[i] = p0[i]
             q_out[0, i] = q0[i]
             p_out[0, i] = p0[i]
+            # As if a leg had ended at the start, for a motion that starts on a surface.
+            self.q_b[0, i] = q0[i]
+            self.q_g[0, i] = q0[i]
+            self.r_plus[0, i] = p0[i]
+        self.find_velocity(self.p)
+        for i in range(self.nq):
+            self.zero[0, i] = self.velocity[i]
+        self.legendre.run()
+        self.e_plus[0, 0] = -self.energy[0, 0]
+        for i in range(self.nq):
+            self.zero[0, i] = 0.0
         for k in range(steps):
             for i in range(self.nu):
                 self.u[0, i] = u[k, i]

@@ -25,6 +25,10 @@ REFUSED = 1e10
 # What a run along the equations keeps them to, and how many corrections that may take.
 EQUATION_TOLERANCE = 1e-12
 FOLLOWING_LIMIT = 20
+# A trial step may shrink no step size below this share of what it was at the start of the run.
+LEAST_SHRINK = 0.02
+# Violations below it do not decide which iterate is the best.
+SMALL_VIOLATION = 1e-6
 
 
 class Setting(Protocol):
@@ -77,15 +81,24 @@ class Run:
         bound = np.concatenate([working.lower, working.upper])
         self.by_elimination = bound[driver.is_eliminated[bound]]
         self._point = _Point(np.full(self.M.shape[1], np.nan), None)
+        self.progress: Progress | None = None
 
     def _complete(self, s: Array) -> Array | None:
-        return self.driver.elimination.complete(self.x, self.origin + self.M @ s)
+        y = self.origin + self.M @ s
+        return self.driver.elimination.complete(self.x, y) if self._keeps_time(y) else None
+
+    def _keeps_time(self, y: Array) -> bool:
+        """Whether no step size has shrunk to a small share of what it was: negative ones would pass for short ones."""
+        times = np.isin(self.driver.parts.kept, self.driver.nlp.layout.index_h)
+        return bool((y[times] > LEAST_SHRINK * self.origin[times]).all())
 
     def _directions(self, reduced: Reduced) -> Array:
         """dy/ds."""
         return self.M
 
     def _at(self, s: Array) -> _Point:
+        if self.progress is not None:
+            self.progress.check_time()
         if not np.array_equal(self._point.s, s):
             self._point = _Point(s.copy(), self._complete(s))
         return self._point
@@ -158,6 +171,7 @@ class Run:
 
     def minimise(self, iterations: int, progress: Progress) -> tuple[Array, Array, Array, bool]:
         """Run SLSQP; return x, multipliers of the kept equations and of the working set, and whether it converged."""
+        self.progress = progress
         constraints = self._constraints()
         if self.working.size:
             constraints.append({"type": "ineq", "fun": self.inequality, "jac": self.inequality_jacobian})
@@ -198,8 +212,11 @@ class FollowingRun(Run):
     def _complete(self, s: Array) -> Array | None:
         r, x, previous = self.r.copy(), self.x, np.inf
         base = self.origin + self.M @ s
+        if not self._keeps_time(base):
+            return None
         for _ in range(FOLLOWING_LIMIT):
-            full = self.driver.elimination.complete(x, base + self.move @ r)
+            y = base + self.move @ r
+            full = self.driver.elimination.complete(x, y) if self._keeps_time(y) else None
             if full is None:
                 return None
             x = full
@@ -210,7 +227,8 @@ class FollowingRun(Run):
                 return x
             if not size < 1e3 * min(previous, 1.0):
                 return None
-            change = error if size < 0.1 * previous else self._newton(x, error)
+            chord = size < 0.1 * previous and len(r) == len(error)
+            change = error if chord else self._newton(x, error)
             if change is None:
                 return None
             r, previous = r - change, size
@@ -244,21 +262,32 @@ class FollowingRun(Run):
 
 
 class Progress:
-    """Counts iterations, keeps the limits and remembers the latest iterate."""
+    """Counts iterations, keeps the limits and remembers the best iterate."""
 
     def __init__(self, nlp: Transcription, options: Options) -> None:
         self.nlp, self.options = nlp, options
         self.count = 0
-        self.x: Array | None = None
+        self.best: Array | None = None
+        self._rank = (np.inf, np.inf)
         self._deadline = np.inf if options.seconds is None else time.perf_counter() + options.seconds
 
     def step(self, x: Array) -> None:
         self.count += 1
-        self.x = x
+        cost, worst = self.nlp.cost(x), violation(self.nlp, x)
+        self.consider(x, cost, worst)
         if self.options.progress is not None:
-            self.options.progress(Iteration(self.count, self.nlp.cost(x), violation(self.nlp, x)))
+            self.options.progress(Iteration(self.count, cost, worst))
         if self.count >= self.options.iterations:
             raise Stop(Status.ITERATION_LIMIT)
+        self.check_time()
+
+    def consider(self, x: Array, cost: float, worst: float) -> None:
+        """Keep x if it is the best so far: of the least violation, and of the least cost where the violations are small."""
+        rank = (max(worst, SMALL_VIOLATION), cost)
+        if rank <= self._rank or self.best is None:
+            self._rank, self.best = rank, x
+
+    def check_time(self) -> None:
         if time.perf_counter() >= self._deadline:
             raise Stop(Status.TIME_LIMIT)
 

@@ -40,7 +40,7 @@ from dmoc.solvers.runs import (
 # Segments of each phase in the condensed form: fewer make the program more nonlinear, more make each iteration more expensive.
 SEGMENTS = 16
 # Inputs of all steps together: the matrices are dense, their memory grows with the square and the time with the cube.
-MOST_INPUTS = 4000
+MOST_INPUTS = 2000
 # SLSQP iterations between two metrics: enough to settle the active set, few enough to profit from the exact Hessian.
 RUN = 5
 # Curvatures below this share of the cost's own count as flat; it bounds the first step along them.
@@ -283,11 +283,12 @@ def _split(A: Array) -> tuple[Array, Array]:
 def solve(nlp: Transcription, x: Array, options: Options, segments: int = SEGMENTS) -> Outcome:
     """Minimise from x; ``segments`` is the number of segments of each phase in the condensed form, 0 for the full form."""
     progress = Progress(nlp, options)
-    best = x = np.clip(x, nlp.lower, nlp.upper)
+    x = np.clip(x, nlp.lower, nlp.upper)
+    progress.consider(x, nlp.cost(x), violation(nlp, x))
     driver = Driver(nlp, x, segments)
     restorations = 0
     try:
-        best = x = _completed(driver, x)
+        x = _completed(driver, x)
         watch = _Watch()
         while True:
             before = nlp.cost(x)
@@ -295,14 +296,14 @@ def solve(nlp: Transcription, x: Array, options: Options, segments: int = SEGMEN
             slow = abs(nlp.cost(x) - before) <= SLOW * max(1.0, abs(before))
             if found.violation <= POLISH_FROM and (converged or slow):
                 x, found = _polished(driver, x, options)
-            best = x
+            progress.consider(x, nlp.cost(x), found.violation)
             if found.violation <= options.violation and found.optimality <= options.optimality:
                 return _outcome(driver, Status.SOLVED, "", x, progress)
             if watch.progressing(found.violation, nlp.cost(x)):
                 continue
             if found.violation <= options.violation:
                 return _outcome(driver, Status.STALLED, f"optimality {found.optimality:.1e}", x, progress)
-            best = x = _least_violation(driver, x, progress)
+            x = _least_violation(driver, x, progress)
             least = violation(nlp, x)
             if restorations == RESTORATIONS or least > FEASIBLE:
                 detail = "least violation: " + "; ".join(worst_constraints(nlp, x))
@@ -310,9 +311,9 @@ def solve(nlp: Transcription, x: Array, options: Options, segments: int = SEGMEN
             restorations, watch = restorations + 1, _Watch()
             driver.forget_multipliers()
     except Stop as stop:
-        return _outcome(driver, stop.status, "", best if progress.x is None else progress.x, progress)
+        return _outcome(driver, stop.status, "", x if progress.best is None else progress.best, progress)
     except KeyboardInterrupt:
-        return _outcome(driver, Status.INTERRUPTED, "", best if progress.x is None else progress.x, progress)
+        return _outcome(driver, Status.INTERRUPTED, "", x if progress.best is None else progress.best, progress)
 
 
 class _Watch:
@@ -379,6 +380,7 @@ def _least_violation(driver: Driver, x: Array, progress: Progress) -> Array:
     last = {"x": x}
 
     def completed(y: Array) -> Array | None:
+        progress.check_time()
         return driver.elimination.complete(last["x"], y)
 
     def residual(y: Array) -> Array:

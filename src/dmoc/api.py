@@ -77,6 +77,8 @@ def solve(
     for name, value in (("optimality", optimality), ("violation", violation)):
         if not value > 0:
             raise ProblemError(f"{name} = {value!r}: expected a positive number.")
+    if seconds is not None and not seconds > 0:
+        raise ProblemError(f"seconds = {seconds!r}: expected a positive time limit, or None.")
     if iterations < 1:
         raise ProblemError(f"iterations = {iterations!r}: expected at least 1.")
     inputs = problem.nu * sum(problem.phase_steps)
@@ -88,10 +90,15 @@ def solve(
     options = Options(optimality, violation, iterations, seconds, progress)
     start = time.perf_counter()
     nlp = Transcription(problem)
-    with threadpool_limits(1):  # the matrices are small: several threads would wait for each other
-        points = _starting_points(problem, nlp, guess)
-        guessed = time.perf_counter()
-        nlp, outcome = _first_success(problem, nlp, points, options, slsqp.SEGMENTS if form == "condensed" else 0)
+    try:
+        with threadpool_limits(1):  # the matrices are small: several threads would wait for each other
+            points = _starting_points(problem, nlp, guess)
+            guessed = time.perf_counter()
+            nlp, outcome = _first_success(problem, nlp, points, options, slsqp.SEGMENTS if form == "condensed" else 0)
+    except np.linalg.LinAlgError as error:
+        raise ProblemError(
+            f"the equations of motion become singular or overflow on the way ({error}): check the parameters and the bounds."
+        ) from None
     solved = time.perf_counter()
     timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
     solution = _solution(problem, nlp, outcome, method, timings, reference)

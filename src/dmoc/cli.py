@@ -253,8 +253,11 @@ def doctor() -> None:
         table.add_row("C compiler", f"[red]missing[/]: {error}")
         healthy = False
     cache = cache_directory()
-    parent = next(p for p in (cache, *cache.parents) if p.exists())
-    writable = os.access(parent, os.W_OK)
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+        writable = os.access(cache, os.W_OK)
+    except OSError:
+        writable = False
     entries = len([p for p in cache.iterdir() if p.is_dir()]) if cache.is_dir() else 0
     table.add_row(
         "kernel cache",
@@ -342,9 +345,15 @@ def _prepare_folder(folder: Path | None) -> None:
 def _prepare_file(name: str | None) -> None:
     if name in (None, "-"):
         return
-    parent = Path(str(name)).resolve().parent
-    if Path(str(name)).is_dir() or not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise OutputError(f"{name} cannot be written: choose a file in a writable folder.")
+    path = Path(str(name))
+    try:
+        existed = path.exists()
+        with path.open("a", encoding="utf-8"):
+            pass
+        if not existed:
+            path.unlink()
+    except OSError as error:
+        raise OutputError(f"{name} cannot be written ({error.strerror}): choose a file in a writable folder.") from None
 
 
 def _write_text(path: Path, text: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from dmoc.codegen.build import build_cached, load_installed, numpy_kernels
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import BuildError, ModelError
+from dmoc.errors import BuildError, DmocError, ModelError
 from dmoc.models import catalogue
 from dmoc.nlp.problem import Problem
 
@@ -94,6 +95,8 @@ def load(reference: str) -> Kernels:
 
 def _shipped(name: str) -> Reference:
     entry = catalogue.ENTRIES.get(name)
+    if entry is None and name.endswith(".py"):
+        raise ModelError(f"{name} names a file without an object in it: expected {name}:name.")
     if entry is None:
         known = ", ".join(sorted(catalogue.ENTRIES))
         raise ModelError(f"unknown model {name!r}: expected one of {known}, or a file as file.py:name.")
@@ -109,7 +112,9 @@ def _from_file(path: Path, name: str) -> Any:
     from dmoc.symbolic.system import MechanicalSystem
 
     if not path.is_file():
-        raise ModelError(f"{path} does not exist: name a Python file and an object in it, as file.py:name.")
+        raise ModelError(
+            f"{path} does not exist: name a Python file and an object in it, as file.py:name (for a solution whose model has moved: --model file.py:name)."
+        )
     spec = importlib.util.spec_from_file_location(f"dmoc_user_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise ModelError(f"{path} is not a Python file: expected a name ending in .py.")
@@ -118,6 +123,11 @@ def _from_file(path: Path, name: str) -> Any:
         spec.loader.exec_module(module)
     except SyntaxError as error:
         raise ModelError(f"{path} cannot be read: {error.msg} in line {error.lineno}.") from None
+    except DmocError:
+        raise
+    except Exception as error:
+        line = next((f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == str(path)), "?")
+        raise ModelError(f"{path} cannot be loaded: {type(error).__name__} in line {line}: {error}; correct the file.") from error
     made = getattr(module, name, None)
     if made is None:
         raise ModelError(f"{path} defines no {name!r}: expected a MechanicalSystem, a Problem, or a function that returns one.")
