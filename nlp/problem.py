@@ -230,8 +230,8 @@ class Problem:
             velocity.append(_range(given.get(v, rest), f"{end} of {v}"))
             momentum.append(_range(given.get(p, free), f"{end} of {p}"))
         for q, v, p in zip(coordinates, velocities, momenta, strict=True):
-            if given.get(v) is not None and given.get(p) is not None:
-                raise ProblemError(f"the {end} of {q} has a velocity ({v}) and a momentum ({p}): give one of them.")
+            if all(isinstance(given.get(n), (int, float, np.number)) for n in (v, p)):
+                raise ProblemError(f"the {end} of {q} has a fixed velocity ({v}) and a fixed momentum ({p}): give one of them.")
         boundary = Boundary(np.array(position), np.array(velocity), np.array(momentum))
         for q, (low, high), (below, above) in zip(coordinates, boundary.position, self.coordinate_bounds, strict=True):
             if high < below or low > above:

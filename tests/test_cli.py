@@ -137,6 +137,9 @@ SOLVE_ERRORS = {
     "--bound F=10:-10": "the lower bound 10 exceeds the upper bound -10",
     "--bound G=0:1": "unknown input or coordinate 'G'",
     "--bound F=a:1": "expected a number",
+    "--set m_c=0": "singular",
+    "--start alpha_dot=1 --start p_alpha=1": "has a fixed velocity (alpha_dot) and a fixed momentum (p_alpha)",
+    "--seconds nan": "expected a positive time limit",
     "--sequence up": "unknown surface 'up' in the sequence: expected one of left, right",
     "--sequence left,lef": "did you mean 'left'",
     "--steps 0": "expected a whole number of at least 2 steps",
@@ -186,6 +189,7 @@ MODEL_ERRORS = {
     "s = 3": "expected a MechanicalSystem or a Problem",
     "r = make()": "defines no 's'",
     "s = make(": "cannot be read",
+    "s = 1 / 0": "cannot be loaded: ZeroDivisionError in line",
 }
 
 

@@ -153,3 +153,17 @@ def test_numpy_kernels_step_the_same(ball: Kernels) -> None:
     a, b = (dmoc.simulate(k, [0.8], step_size=0.02, steps=50) for k in (ball, numpy))
     np.testing.assert_allclose(a.q, b.q, rtol=1e-12)
     assert len(a.collisions) == len(b.collisions) > 0
+
+
+@pytest.mark.parametrize("h", [0.25, 0.125, 0.1, 0.02, 0.01, 0.0099, 0.001])
+def test_a_collision_exactly_at_a_node_is_a_collision(block: Kernels, h: float) -> None:
+    """Unit speed towards a wall at 1: the hit at t = 1 falls on a node for round steps."""
+    run = dmoc.simulate(block, {"x": 0.0}, {"x": 1.0}, step_size=h, steps=round(1.5 / h))
+    (collision,) = run.collisions
+    assert collision.time == pytest.approx(1.0, abs=1e-9) and collision.impulse == pytest.approx(2.0)
+    assert run.q[-1, 0] == pytest.approx(2.0 - run.t[-1], abs=1e-9)
+
+
+def test_a_motion_that_starts_on_a_surface_outwards_bounces(block: Kernels) -> None:
+    run = dmoc.simulate(block, {"x": 1.0}, {"x": 1.0}, step_size=0.1, steps=5)
+    assert len(run.collisions) == 1 and run.q[-1, 0] == pytest.approx(0.5)

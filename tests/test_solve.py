@@ -231,3 +231,24 @@ def test_a_motion_without_inputs_is_found_by_its_start(capfd: pytest.CaptureFixt
     assert solution.solved
     assert solution.phases[0].v[0, 0] == pytest.approx(sqrt(2 * 9.81 * 0.5), rel=1e-4)
     assert capfd.readouterr().out == ""
+
+
+def test_merging_collisions_are_not_called_infeasible_nor_solved(block: Kernels) -> None:
+    """Two hits of one wall cost least when they merge: the phase between them shrinks to its bound."""
+    problem = dmoc.Problem(
+        block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall", "wall"], final_time=2.0, steps=40
+    )
+    free = dmoc.solve(problem)
+    assert free.status != "infeasible" and free.max_violation < 1e-6
+    kept = dmoc.solve(problem.but(durations=[(None, None), (0.4, None), (None, None)]))
+    assert kept.solved and kept.phases[1].duration == pytest.approx(0.4)
+    assert "duration of phase 1 >= 0.4 s" in kept.active_bounds
+
+
+def test_the_time_limit_holds_within_an_iteration(seed: dmoc.Problem) -> None:
+    import time
+
+    start = time.perf_counter()
+    solution = dmoc.solve(seed.but(steps=400), seconds=0.5)
+    assert solution.status == "time_limit" and time.perf_counter() - start < 8
+    assert solution.max_violation < 1e3
