@@ -8,8 +8,6 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import ArrayLike, NDArray
 
-from dmoc.codegen.kernels import Array
-
 
 class SparsePattern:
     """A CSR pattern made of blocks of contributions, in the order in which they were added."""
@@ -36,8 +34,3 @@ class SparsePattern:
         matrix.data, matrix.indices, matrix.indptr = data, self._indices, self._indptr
         matrix.has_canonical_format = True
         return matrix
-
-    def spread(self, value: float, block: tuple[ArrayLike, ArrayLike]) -> Array:
-        """Return the values of a block of equal entries."""
-        row, column = np.broadcast_arrays(np.asarray(block[0]), np.asarray(block[1]))
-        return np.full(np.broadcast(row, column).size, value)

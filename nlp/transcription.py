@@ -129,9 +129,6 @@ class Transcription:
         columns = self.layout.index_z[:, self._columns("step_jac", "C_d_D_z")]
         return np.bincount(columns.ravel(), weights=values.ravel(), minlength=self.n).astype(float)
 
-    def step_costs(self, x: Array) -> Array:
-        return self._step(x)[2][:, 0]
-
     # Equality constraints --------------------------------------------------------------------------------------------
 
     def equality(self, x: Array) -> Array:

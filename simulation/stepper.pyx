@@ -104,10 +104,9 @@ cdef class Stepper:
     cdef double[:, ::1] q_a, q_b, u, h, r_minus, r_plus, C_d, r_minus_z, r_plus_z, C_d_z, e_plus, e_minus, e_plus_z, e_minus_z
     cdef double[:, ::1] q_g, g, g_q, zero, mass, force, p_zero, energy, A
     cdef ptrdiff_t[::1] r_row, r_col, e_col, g_row, g_col
-    cdef double[::1] b, p, normal, velocity, q_hit, best
-    cdef double lam, e_before, s_full
+    cdef double[::1] b, p, normal, velocity, q_hit
+    cdef double lam, e_before
     cdef bint after_impact
-    cdef int contact
 
     def __init__(self, kernels, par):
         cdef int nq = len(kernels.coordinates), nu = len(kernels.inputs), nc = len(kernels.surfaces)
@@ -152,7 +151,7 @@ cdef class Stepper:
                               (np.asarray(self.p_zero), np.asarray(self.energy)))
         self.A = np.zeros((nq + 1, nq + 1))
         self.b, self.p = np.zeros(nq + 1), np.zeros(nq)
-        self.normal, self.velocity, self.q_hit, self.best = np.zeros(nq), np.zeros(nq), np.zeros(nq), np.zeros(nq)
+        self.normal, self.velocity, self.q_hit = np.zeros(nq), np.zeros(nq), np.zeros(nq)
 
     # One leg ---------------------------------------------------------------------------------------------------------
 
@@ -411,7 +410,6 @@ cdef class Stepper:
         for i in range(n):
             self.velocity[i] -= self.lam * self.b[i]
         self.after_impact = True
-        self.contact = j
         self.collisions.append(
             [number, t, j, self.lam, np.array(self.q_a[0]), np.array(self.p), np.array(self.p) - self.lam * np.array(self.normal)]
         )

@@ -16,7 +16,6 @@ of the unknowns.  Four things make it practical here:
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
 import scipy.optimize
 import scipy.sparse
 

@@ -6,7 +6,7 @@ import json
 import os
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -224,7 +224,3 @@ class Solution:
             header["max_violation"], header["optimality"], header["iterations"], header["seconds"], arrays["unknowns"],
             header["verification"], header["reference"],
         )  # fmt: skip
-
-    def with_(self, **changes: Any) -> Solution:
-        """Return the same solution with some fields replaced."""
-        return replace(self, **changes)
