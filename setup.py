@@ -21,7 +21,23 @@ extensions = [
     )
     for model in models
 ]
-extensions.append(Extension("dmoc.simulation.stepper", ["simulation/stepper.pyx"], extra_compile_args=FLAGS))
+extensions += [
+    Extension("dmoc.simulation.stepper", ["simulation/stepper.pyx"], extra_compile_args=FLAGS),
+    Extension(
+        "dmoc.nlp.assembly",
+        ["nlp/assembly.pyx", "nlp/passes.c"],
+        depends=["nlp/passes.h"],
+        include_dirs=["nlp"],
+        extra_compile_args=FLAGS,
+    ),
+    Extension(
+        "dmoc.solvers.compiled",
+        ["solvers/compiled.pyx", "solvers/interior_point.c", "solvers/ldl.c", "nlp/passes.c"],
+        depends=["solvers/interior_point.h", "solvers/ldl.h", "nlp/passes.h"],
+        include_dirs=["solvers", "nlp"],
+        extra_compile_args=FLAGS,
+    ),
+]
 
 
 def cythonized() -> list[Extension]:
@@ -36,7 +52,7 @@ setup(
     package_data={
         "dmoc": ["py.typed"],
         "dmoc.codegen": ["templates/*.jinja"],
-        "dmoc.simulation": ["*.pyx", "*.pyi"],
+        **{f"dmoc.{layer}": ["*.pyx", "*.pyi", "*.c", "*.h"] for layer in ("nlp", "solvers", "simulation")},
         **{f"dmoc.generated.{model}": ["*.c", "*.h", "*.pyx", "*.pyi", "manifest.json"] for model in models},
     },
     ext_modules=cythonized(),

@@ -24,6 +24,7 @@ class Block:
 def equality_blocks(problem: Problem, layout: Layout) -> list[Block]:
     """Blocks of c, in the order of its rows."""
     names = problem.kernels.coordinates
+    low, high = problem.final_time_bounds
     collisions = [f"collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
     groups = [
         ("momentum", [f"momentum of {q} at node {k}" for k in range(layout.total + 1) for q in names]),
@@ -31,6 +32,7 @@ def equality_blocks(problem: Problem, layout: Layout) -> list[Block]:
         ("contact", [f"contact at {c}" for c in collisions]),
         ("start velocity", [f"{momentum_name(q)} at the start" for q in names] if layout.velocity_at_start else []),
         ("goal velocity", [f"{momentum_name(q)} at the goal" for q in names] if layout.velocity_at_end else []),
+        ("final time", [f"final time = {low:g} s"] if low == high else []),
     ]
     return _blocks(groups)
 
@@ -42,8 +44,8 @@ def inequality_blocks(problem: Problem, layout: Layout, gaps: tuple[Index, Index
     groups = [
         ("gap", [f"gap to {problem.kernels.surfaces[j]} at node {k}" for k, j in zip(*gaps, strict=True)]),
         ("path", [f"path constraint {n} in step {k}" for k in range(layout.total) for n in names]),
-        ("final time >=", [f"final time >= {low:g} s"] if low > 0 else []),
-        ("final time <=", [f"final time <= {high:g} s"] if np.isfinite(high) else []),
+        ("final time >=", [f"final time >= {low:g} s"] if 0 < low < high else []),
+        ("final time <=", [f"final time <= {high:g} s"] if low < high < np.inf else []),
         ("minimal time", [f"minimal time of phase {i} -> {problem.sequence[i]}" for i in timed]),
     ]
     return _blocks(groups)

@@ -72,7 +72,7 @@ def active_bounds(nlp: Transcription, x: Array, w: Array) -> tuple[str, ...]:
             names = problem.kernels.manifest["path_constraints"]
             paths = Counter(names[i % len(names)] for i in held)
             found += [f"path constraint {s} in {n} step{'s' * (n > 1)}" for s, n in paths.items()]
-        elif not (block.name.startswith("final time") and problem.final_time_bounds[0] == problem.final_time_bounds[1]):
+        else:
             found += [block.labels[i] for i in held]
     low, high = nlp.lower, nlp.upper
     open_ = low < high

@@ -1,4 +1,4 @@
-"""Sparse matrices whose pattern is analysed once and whose values are added up from element contributions."""
+"""Sparse matrices whose pattern is analysed once: contributions to one entry share its slot."""
 
 from __future__ import annotations
 
@@ -6,31 +6,48 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Index
 
 
 class SparsePattern:
-    """A CSR pattern made of blocks of contributions, in the order in which they were added."""
+    """A CSR pattern made of contributions (row, column), given in groups; a negative row stands for none.
 
-    def __init__(self, shape: tuple[int, int], blocks: Sequence[tuple[ArrayLike, ArrayLike]]) -> None:
-        rows, columns = [], []
-        for r, c in blocks:
-            row, column = np.broadcast_arrays(np.asarray(r, dtype=np.int64), np.asarray(c, dtype=np.int64))
-            rows.append(row.ravel())
-            columns.append(column.ravel())
-        row = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
-        column = np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)
-        keys, self._slot = np.unique(row * shape[1] + column, return_inverse=True)
+    Attributes
+    ----------
+    slots : list of integer arrays
+        For each group, the entry that each contribution is added to, -1 for none; of the shape of the group.
+    indptr, indices : arrays
+        The pattern in CSR form.
+    """
+
+    def __init__(self, shape: tuple[int, int], groups: Sequence[tuple[Index, Index]]) -> None:
+        flat = [row.ravel() * shape[1] + column.ravel() for row, column in groups]
+        keys = np.concatenate([*flat, np.zeros(0, dtype=np.intp)])
+        wanted = np.concatenate([*(row.ravel() >= 0 for row, _ in groups), np.zeros(0, dtype=bool)])
+        entries, slot = np.unique(keys[wanted], return_inverse=True)
+        slots = np.full(len(keys), -1, dtype=np.intp)
+        slots[wanted] = slot
+        ends = np.cumsum([len(f) for f in flat])
+        self.slots = (
+            [s.reshape(row.shape) for s, (row, _) in zip(np.split(slots, ends[:-1]), groups, strict=True)] if groups else []
+        )
         self.shape = shape
-        self._indices: NDArray[np.int32] = (keys % shape[1]).astype(np.int32)
-        counts = np.bincount(keys // shape[1], minlength=shape[0])
-        self._indptr: NDArray[np.int32] = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+        self.indices: NDArray[np.int32] = (entries % shape[1]).astype(np.int32)
+        counts = np.bincount(entries // shape[1], minlength=shape[0])
+        self.indptr: NDArray[np.int32] = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
 
-    def matrix(self, values: Sequence[ArrayLike]) -> scipy.sparse.csr_matrix:
-        """Add up the contributions of all blocks, given in the same order."""
-        flat = [np.asarray(v, dtype=float).ravel() for v in values]
-        data = np.bincount(self._slot, weights=np.concatenate(flat) if flat else None, minlength=len(self._indices)).astype(float)
-        matrix = scipy.sparse.csr_matrix(self.shape)
-        matrix.data, matrix.indices, matrix.indptr = data, self._indices, self._indptr
+    @property
+    def size(self) -> int:
+        return len(self.indices)
+
+    def matrix(self, values: Array, first: int = 0, last: int | None = None) -> scipy.sparse.csr_matrix:
+        """Return rows first to last with the given values of all entries."""
+        last = self.shape[0] if last is None else last
+        a, b = self.indptr[first], self.indptr[last]
+        matrix = scipy.sparse.csr_matrix((last - first, self.shape[1]))
+        matrix.data, matrix.indices, matrix.indptr = values[a:b], self.indices[a:b], self.indptr[first : last + 1] - a
         matrix.has_canonical_format = True
         return matrix

@@ -8,10 +8,11 @@ from typing import Any, Protocol
 
 import numpy as np
 import scipy.optimize
+from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Index
-from dmoc.nlp.transcription import NDBool, Transcription
+from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Partition, Reduced
 from dmoc.solvers.kkt import violation
 from dmoc.solvers.outcome import Iteration, Options, Status
@@ -37,7 +38,7 @@ class Setting(Protocol):
     nlp: Transcription
     parts: Partition
     elimination: Elimination
-    is_eliminated: NDBool
+    is_eliminated: NDArray[np.bool_]
 
 
 class Stop(Exception):  # noqa: N818 - it is no error

@@ -1,0 +1,245 @@
+"""The nonlinear program as a list of elements: which kernel, on which unknowns, adds to which values.
+
+The values are r = (f | c | d): the cost and the constraints of :mod:`dmoc.nlp.transcription`, in the order of their rows.  Every
+value, first derivative and second derivative of r is a sum over rows of kernel results; nothing else is evaluated in a solve.
+Arguments are taken from one vector, the pool::
+
+    pool = (x | y | sigma | 0 | parameters)
+
+with the unknowns x, the multipliers y of (c | d) and the weight sigma of the cost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Index, Layout
+from dmoc.nlp.problem import Problem
+
+# Row or column of a result that is not wanted.
+NOWHERE = -1
+
+
+@dataclass(frozen=True)
+class Entries:
+    """Where the results of one kernel output are added: rows and columns, and factors, each of shape (n, size).
+
+    Values have rows alone; first derivatives are entries of dr/dx; second derivatives are entries of the Hessian of
+    sigma f + y . (c | d), either triangle.
+    """
+
+    rows: Index
+    columns: Index | None = None
+    factors: Array | float = 1.0
+
+
+@dataclass(frozen=True)
+class Element:
+    """n rows of a kernel; ``arguments`` are positions in the pool, each of shape (n, size) or (1, size)."""
+
+    kernel: str
+    arguments: tuple[Index, ...]
+    results: tuple[Entries, ...]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Positions of the kinds of constraints in r; row 0 is the cost.
+
+    ``gap`` and ``contact`` have the shape (nodes, nc): a node's gap to a surface is one or the other.
+    """
+
+    momentum: Index
+    energy: Index
+    contact: Index
+    velocity_B: Index
+    velocity_E: Index
+    gap: Index
+    path: Index
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The part of r that is linear in x, sum of factor * x[column] in each row, and the constants."""
+
+    rows: Index
+    columns: Index
+    factors: Array
+    constants: dict[int, float]
+
+
+class Elements:
+    """The elements of a problem's values, first and second derivatives."""
+
+    def __init__(self, problem: Problem, layout: Layout, rows: Rows, m: int) -> None:
+        self.problem, self.layout, self.rows = problem, layout, rows
+        self.kernels = problem.kernels
+        self.y = layout.size  # first multiplier in the pool
+        self.sigma = self.y + m
+        self.zero = self.sigma + 1
+        par = problem.parameter_values.shape[1]
+        self.par = np.arange(self.zero + 1, self.zero + 1 + par)[None]
+        self.pool_size = self.zero + 1 + par
+        self.surfaces = np.array([self.kernels.surfaces.index(s) for s in problem.sequence], dtype=np.intp)
+
+    def values(self) -> list[Element]:
+        lay, rows = self.layout, self.rows
+        cost = np.zeros((lay.total, 1), dtype=np.intp)
+        found = [Element("step", self._step, (Entries(rows.momentum[:-1]), Entries(rows.momentum[1:]), Entries(cost)))]
+        if len(self.surfaces):
+            nodes = lay.collision_nodes
+            found.append(Element("normal", self._normal, (Entries(rows.momentum[nodes], factors=-1.0),)))
+            energy, nowhere = rows.energy[:, None], np.full((len(nodes), 1), NOWHERE)
+            found.append(Element("impact", self._beside(nodes - 1), (Entries(energy), Entries(nowhere))))
+            found.append(Element("impact", self._beside(nodes), (Entries(nowhere), Entries(energy, factors=-1.0))))
+        if self.kernels.has("surface"):
+            found.append(Element("surface", self._surface, (Entries(self._gap_rows, factors=self._gap_signs),)))
+        if self.kernels.has("path"):
+            found.append(Element("path", self._step, (Entries(rows.path),)))
+        for row, state in self._velocity_ends:
+            energy_out = np.full((1, 1), NOWHERE)
+            found.append(Element("legendre", (*state, self.par), (Entries(row[None], factors=-1.0), Entries(energy_out))))
+        return found
+
+    def slopes(self) -> list[Element]:
+        lay, rows = self.layout, self.rows
+        cost = np.zeros((lay.total, 1), dtype=np.intp)
+        z = lay.index_z
+        outputs = (("r_minus_D_z", rows.momentum[:-1]), ("r_plus_D_z", rows.momentum[1:]), ("C_d_D_z", cost))
+        found = [Element("step_jac", self._step, tuple(self._block("step_jac", name, row, z) for name, row in outputs))]
+        if len(self.surfaces):
+            nodes = lay.collision_nodes
+            block = self._block("normal_jac", "n_D_ql", rows.momentum[nodes], self._normal_columns, -1.0)
+            found.append(Element("normal_jac", self._normal, (block,)))
+            energy = rows.energy[:, None]
+            for at, sign, wanted in ((nodes - 1, 1.0, "e_plus_D_z"), (nodes, -1.0, "e_minus_D_z")):
+                blocks = tuple(
+                    self._block("impact_jac", name, energy if name == wanted else np.full_like(energy, NOWHERE), z[at], sign)
+                    for name in ("e_plus_D_z", "e_minus_D_z")
+                )
+                found.append(Element("impact_jac", self._beside(at), blocks))
+        if self.kernels.has("surface"):
+            r, _ = self.kernels.pattern("surface_jac", "g_D_q")
+            block = self._block("surface_jac", "g_D_q", self._gap_rows, lay.index_q, self._gap_signs[:, r])
+            found.append(Element("surface_jac", self._surface, (block,)))
+        if self.kernels.has("path"):
+            found.append(Element("path_jac", self._step, (self._block("path_jac", "r_d_D_z", rows.path, z),)))
+        for row, (q, v) in self._velocity_ends:
+            block = self._block("legendre_jac", "p_D_s", row[None], np.hstack([q, v]), -1.0)
+            found.append(Element("legendre_jac", (q, v, self.par), (block,)))
+        return found
+
+    def curvatures(self) -> list[Element]:
+        lay, rows = self.layout, self.rows
+        z, mu = lay.index_z, self._multiplier(rows.momentum)
+        sigma = np.full((1, 1), self.sigma)
+        found = [self._curvature("step_hess", (*self._step, sigma, mu[:-1], mu[1:]), z)]
+        if len(self.surfaces):
+            nodes = lay.collision_nodes
+            energy, zero = self._multiplier(rows.energy)[:, None], np.full((len(nodes), 1), self.zero)
+            for at, sign, weights in ((nodes - 1, 1.0, (energy, zero)), (nodes, -1.0, (zero, energy))):
+                found.append(self._curvature("impact_hess", (*self._beside(at), np.hstack(weights)), z[at], sign))
+            found.append(self._curvature("normal_hess", (*self._normal, mu[nodes]), self._normal_columns, -1.0))
+        if self.kernels.has("surface"):
+            q, par = self._surface
+            found.append(self._curvature("surface_hess", (q, par, self._multiplier(rows.gap)), lay.index_q, -1.0))
+            if len(self.surfaces):
+                at = lay.index_q[lay.collision_nodes]
+                held = self._multiplier(rows.contact[lay.collision_nodes])
+                found.append(self._curvature("surface_hess", (at, par, held), at))
+        if self.kernels.has("path"):
+            found.append(self._curvature("path_hess", (*self._step, self._multiplier(rows.path)), z))
+        for row, (q, v) in self._velocity_ends:
+            arguments = (q, v, self.par, self._multiplier(row)[None])
+            found.append(self._curvature("legendre_hess", arguments, np.hstack([q, v]), -1.0))
+        return [e for e in found if e.results[0].rows.size]
+
+    def linear(self, times: Sequence[tuple[int, float, float]]) -> Linear:
+        """``times`` lists rows on the final time: row, sign and constant of sign * t_E + constant."""
+        lay, rows = self.layout, self.rows
+        parts: list[tuple[Index, Index, Array]] = []
+        for r, c, factor in (
+            (rows.momentum[0], lay.index_p_B, 1.0),
+            (rows.momentum[-1], lay.index_p_E, -1.0),
+            (rows.velocity_B, lay.index_p_B[: len(rows.velocity_B)], 1.0),
+            (rows.velocity_E, lay.index_p_E[: len(rows.velocity_E)], 1.0),
+        ):
+            parts.append((r, c, np.full(len(r), factor)))
+        for row, sign, _ in times:
+            parts.append((np.full(lay.phases, row), lay.index_h, sign * np.array(lay.steps, dtype=float)))
+        r, c, f = (np.concatenate(p) for p in zip(*parts, strict=True))
+        return Linear(r, c, f, {row: constant for row, _, constant in times})
+
+    # Arguments -------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _step(self) -> tuple[Index, ...]:
+        """Positions of (q_k, q_kp1, u_k, u_kp1, h, parameters) of every step."""
+        lay = self.layout
+        return (*np.split(lay.index_z, np.cumsum([lay.nq, lay.nq, lay.nu, lay.nu]), axis=1), self.par)
+
+    def _beside(self, steps: Index) -> tuple[Index, ...]:
+        return (*(a[steps] for a in self._step[:-1]), self.par)
+
+    @cached_property
+    def _normal(self) -> tuple[Index, ...]:
+        """Positions of (q_c, lam, parameters) of every collision; impulses of surfaces that are not hit are zero."""
+        lay = self.layout
+        lam = np.full((len(self.surfaces), len(self.kernels.surfaces)), self.zero)
+        lam[np.arange(len(lam)), self.surfaces] = lay.index_lam
+        return lay.index_q[lay.collision_nodes], lam, self.par
+
+    @cached_property
+    def _normal_columns(self) -> Index:
+        """Unknowns (q_c, lam) of each collision; impulses of surfaces that are not hit are nowhere."""
+        q, lam, _ = self._normal
+        return np.hstack([q, np.where(lam == self.zero, NOWHERE, lam)])
+
+    @property
+    def _surface(self) -> tuple[Index, Index]:
+        return self.layout.index_q, self.par
+
+    @cached_property
+    def _gap_rows(self) -> Index:
+        return np.maximum(self.rows.gap, self.rows.contact)
+
+    @cached_property
+    def _gap_signs(self) -> Array:
+        """d = -g for gaps, c = g for contacts."""
+        return np.where(self.rows.contact == NOWHERE, -1.0, 1.0)
+
+    @cached_property
+    def _velocity_ends(self) -> list[tuple[Index, tuple[Index, Index]]]:
+        """Rows of p - dL/dv(q, v) = 0 and positions of (q, v), at each end whose velocities are unknowns."""
+        lay = self.layout
+        ends = ((self.rows.velocity_B, 0, lay.index_v_B), (self.rows.velocity_E, -1, lay.index_v_E))
+        return [(row, (lay.index_q[node][None], v[None])) for row, node, v in ends if len(v)]
+
+    def _multiplier(self, rows: Index) -> Index:
+        """Position of the multiplier of a row of r, of a zero where there is no row."""
+        return np.where(rows == NOWHERE, self.zero, self.y + rows - 1)
+
+    # Results ---------------------------------------------------------------------------------------------------------
+
+    def _block(self, kernel: str, output: str, rows: Index, columns: Index, factors: Array | float = 1.0) -> Entries:
+        """Entries of a matrix whose local rows and columns stand for the given rows and unknowns."""
+        r, c = self.kernels.pattern(kernel, output)
+        at = columns[:, c]
+        return Entries(np.where(at == NOWHERE, NOWHERE, rows[:, r]), at, factors)
+
+    def _curvature(self, kernel: str, arguments: tuple[Index, ...], unknowns: Index, sign: float = 1.0) -> Element:
+        """Element of an upper triangle of second derivatives in local unknowns.
+
+        Two local unknowns may be one unknown (inputs that are constant in a step): their mixed derivative counts twice on the diagonal.
+        """
+        r, c = self.kernels.pattern(kernel, "hess")
+        rows, columns = unknowns[:, r], unknowns[:, c]
+        lost = (rows == NOWHERE) | (columns == NOWHERE)
+        factors = sign * np.where((rows == columns) & (r != c), 2.0, 1.0)
+        entries = Entries(np.where(lost, NOWHERE, np.minimum(rows, columns)), np.maximum(rows, columns), factors)
+        return Element(kernel, arguments, (entries,))

@@ -1,0 +1,66 @@
+#include "passes.h"
+
+#include <string.h>
+
+enum { CHUNK = 64 }; /* rows at a time: arguments and results of a chunk stay in the first-level cache */
+
+ptrdiff_t dmoc_scratch_size(const dmoc_pass *pass)
+{
+    ptrdiff_t most = 0;
+    for (ptrdiff_t e = 0; e < pass->elements; ++e) {
+        const dmoc_element *element = &pass->element[e];
+        ptrdiff_t size = 0;
+        for (int a = 0; a < element->arguments; ++a)
+            size += element->gather[a] ? element->size[a] : 0;
+        for (int b = 0; b < element->results; ++b)
+            size += element->count[b];
+        most = size > most ? size : most;
+    }
+    return most*CHUNK;
+}
+
+static void add_element(const dmoc_element *element, const double *pool, double *scratch, double *target)
+{
+    for (ptrdiff_t first = 0; first < element->n; first += CHUNK) {
+        const ptrdiff_t rows = element->n - first < CHUNK ? element->n - first : CHUNK;
+        const double *in[DMOC_MOST];
+        double *out[DMOC_MOST];
+        double *free = scratch;
+        for (int a = 0; a < element->arguments; ++a) {
+            if (!element->gather[a]) {
+                in[a] = pool + element->base[a] + first*element->stride[a];
+                continue;
+            }
+            const ptrdiff_t size = element->size[a];
+            const ptrdiff_t *from = element->gather[a] + first*size;
+            for (ptrdiff_t i = 0; i < rows*size; ++i)
+                free[i] = pool[from[i]];
+            in[a] = free;
+            free += rows*size;
+        }
+        for (int b = 0; b < element->results; ++b) {
+            out[b] = free;
+            free += rows*element->count[b];
+        }
+        element->kernel(rows, in, element->stride, out);
+        for (int b = 0; b < element->results; ++b) {
+            if (!element->slot[b])
+                continue;
+            const ptrdiff_t count = element->count[b];
+            const ptrdiff_t *slot = element->slot[b] + first*count;
+            const double *factor = element->factor[b] + first*count;
+            for (ptrdiff_t i = 0; i < rows*count; ++i)
+                if (slot[i] >= 0)
+                    target[slot[i]] += factor[i]*out[b][i];
+        }
+    }
+}
+
+void dmoc_assemble(const dmoc_pass *pass, const double *pool, double *target)
+{
+    memcpy(target, pass->constant, (size_t)pass->targets*sizeof *target);
+    for (ptrdiff_t k = 0; k < pass->terms; ++k)
+        target[pass->row[k]] += pass->coefficient[k]*pool[pass->column[k]];
+    for (ptrdiff_t e = 0; e < pass->elements; ++e)
+        add_element(&pass->element[e], pool, pass->scratch, target);
+}

@@ -1,0 +1,59 @@
+/* Sums of kernel results: the values and derivatives of a nonlinear program, element by element.
+ *
+ * An element is n rows of one kernel (see kernels.h of a model). Argument a of row i is read at pool + base[a] + i*stride[a] where
+ * gather[a] is NULL, and collected from pool[gather[a][i*size[a] + j]] otherwise. Result b of row i is added to
+ * target[slot[b][i*count[b] + j]], times factor[b][i*count[b] + j]; a slot of -1 drops it, a slot array of NULL drops the whole result.
+ */
+#ifndef DMOC_PASSES_H
+#define DMOC_PASSES_H
+
+#include <stddef.h>
+
+typedef void dmoc_kernel(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[]);
+
+enum { DMOC_MOST = 12 }; /* arguments or results of a kernel */
+
+typedef struct {
+    dmoc_kernel *kernel;
+    ptrdiff_t n;
+    int arguments, results;
+    ptrdiff_t base[DMOC_MOST], stride[DMOC_MOST], size[DMOC_MOST];
+    const ptrdiff_t *gather[DMOC_MOST];
+    ptrdiff_t count[DMOC_MOST];
+    const ptrdiff_t *slot[DMOC_MOST];
+    const double *factor[DMOC_MOST];
+} dmoc_element;
+
+/* One pass over elements: target = constant + linear part + elements.
+ *   constant[targets], and the linear part as triplets: target[row[k]] += coefficient[k]*pool[column[k]].
+ *   scratch[dmoc_scratch_size()]
+ */
+typedef struct {
+    ptrdiff_t targets;
+    const double *constant;
+    ptrdiff_t terms;
+    const ptrdiff_t *row, *column;
+    const double *coefficient;
+    ptrdiff_t elements;
+    dmoc_element *element;
+    double *scratch;
+} dmoc_pass;
+
+/* A nonlinear program: minimise f subject to c = 0, d >= 0, lower <= x <= upper, with r = (f | c | d) and m = number of (c | d).
+ *   pool = (x[n] | y[m] | sigma | 0 | parameters)
+ *   values: r[1 + m];  slopes: gradient[n], then the entries of d(c | d)/dx by rows: row_start[m + 1], column[entries];
+ *   curvatures: the entries of the upper triangle of the Hessian of sigma f + y . (c | d), by rows: hess_start[n + 1], hess_column[].
+ */
+typedef struct {
+    ptrdiff_t n, m, equalities;
+    const double *lower, *upper;
+    double *pool;
+    dmoc_pass values, slopes, curvatures;
+    const int *row_start, *column;
+    const int *hess_start, *hess_column;
+} dmoc_program;
+
+ptrdiff_t dmoc_scratch_size(const dmoc_pass *pass);
+void dmoc_assemble(const dmoc_pass *pass, const double *pool, double *target);
+
+#endif

@@ -1,0 +1,61 @@
+/* A primal-dual interior-point method with a filter line search, after
+ *
+ *   A. Waechter, L. T. Biegler: On the implementation of an interior-point filter line-search algorithm for large-scale nonlinear
+ *   programming. Mathematical Programming 106 (2006) 25-57. "WB" and an equation or section number refer to it.
+ *
+ * for minimise f(x) subject to c(x) = 0, d(x) >= 0, lower <= x <= upper. Every inequality gets a slack. What differs from the paper:
+ *
+ * - Unknowns have sizes: stationarity, perturbations of the Hessian and the distance of the start from its bounds are measured in
+ *   them. A step size h of a millisecond would otherwise be pushed to ten (WB 3.6), and weigh a thousand times too much.
+ * - The end is decided in the units of the problem, not in scaled ones: largest violation, stationarity and complementarity.
+ * - Slacks, and the elastic variables of the restoration, are eliminated from the linear system row by row; the system keeps its size and pattern.
+ * - The order of the pivots is fixed. A solution whose residual stays large counts as singular, so that the perturbations grow.
+ * - The restoration's first multipliers of the constraints are zero, and it may not call a restoration of its own (WB 3.3.1).
+ * - No watchdog; no acceptable level: the outcome is optimal, infeasible, or a stop that says so.
+ */
+#ifndef DMOC_INTERIOR_POINT_H
+#define DMOC_INTERIOR_POINT_H
+
+#include "ldl.h"
+#include "passes.h"
+
+enum { DMOC_SOLVED, DMOC_INFEASIBLE, DMOC_ITERATION_LIMIT, DMOC_TIME_LIMIT, DMOC_STALLED, DMOC_INTERRUPTED, DMOC_NO_MEMORY };
+
+/* Called after each iteration; a result other than 0 stops. */
+typedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu, int restoring);
+
+typedef struct {
+    double optimality;  /* stationarity and complementarity of a solution, scaled as in WB (5) */
+    double violation;   /* largest violation of a solution, in the units of the constraints */
+    double infeasible;  /* a larger least violation means infeasible, a smaller one stalled */
+    double mu;          /* first barrier parameter */
+    int warm;           /* y, z_lower, z_upper are given */
+    int iterations;
+    double seconds;
+    dmoc_report *report;
+    void *user;
+} dmoc_options;
+
+/* The linear system: K index i < n is unknown i, n + r is constraint r. All arrays are the caller's.
+ *   place[n + m]: position in the elimination order, -1 for fixed unknowns
+ *   start[size + 1], row[]: upper triangle by columns in elimination order; first[pivots + 1]: pivots
+ *   from_hess[], from_jac[]: entry of K that each entry of the Hessian and of the Jacobian is added to, -1 for none
+ *   diagonal[n + m]: entry of K on the diagonal, -1 for fixed unknowns
+ */
+typedef struct {
+    int size, pivots;
+    const int *place, *start, *row, *first, *from_hess, *from_jac, *diagonal;
+} dmoc_kkt;
+
+typedef struct {
+    int status, iterations, restorations;
+    long factorisations;
+    double seconds_kernels, seconds_linear, seconds; /* where the time went */
+} dmoc_result;
+
+/* x[n], y[m], z_lower[n], z_upper[n]: start and result; size[n]: typical changes of the unknowns.
+ * L = f + y . (c | d) - z_lower . (x - lower) - z_upper . (upper - x); y <= 0 on rows d. */
+dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt, const dmoc_options *options, const double *size, double *x,
+                                double *y, double *z_lower, double *z_upper);
+
+#endif

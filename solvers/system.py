@@ -1,0 +1,122 @@
+"""The linear system of a Newton step, K = [[H, A'], [A, 0]]: its pattern and the order of its pivots.
+
+The order follows time, and the mechanics say what belongs together.  The momentum equation of node k determines q_{k+1}: both are one
+pivot of two, [[H_qq, A'], [A, .]], which is regular whatever H is, because A = d(momentum k)/d(q_{k+1}) is close to -M/h.  In the same way
+the contact determines the step size of the phase that ends in it, and the energy equation the impulse.  Inequalities come before their
+unknowns, since eliminating a slack leaves their own pivot.  What the chain does not determine - free boundary values, the momentum equation
+of the last node, the last step size, constraints on the final time - is a small final group that is factorised densely.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.nlp.layout import Index
+from dmoc.nlp.transcription import Transcription
+
+# Ranks within the time of one node.
+INEQUALITY, INPUT, STATE, COLLISION = range(4)
+RANKS = 4
+
+
+@dataclass(frozen=True)
+class System:
+    """K in elimination order, upper triangle by columns.
+
+    ``place``: position of unknown i (index i) and of row r of (c | d) (index n + r), -1 for fixed unknowns.  ``first``: first position of
+    each pivot, then the beginning of the final group.  ``from_hess``, ``from_jac``: entry of K that each entry of the Hessian and of the
+    Jacobian is added to, -1 for none.  ``diagonal``: entry of K on the diagonal of each index.
+    """
+
+    place: NDArray[np.int32]
+    start: NDArray[np.int32]
+    row: NDArray[np.int32]
+    first: NDArray[np.int32]
+    from_hess: NDArray[np.int32]
+    from_jac: NDArray[np.int32]
+    diagonal: NDArray[np.int32]
+
+    @property
+    def size(self) -> int:
+        return len(self.start) - 1
+
+
+def pivots(nlp: Transcription) -> tuple[Index, Index]:
+    """Return the indices of K in elimination order and the first position of each pivot; the rest is the final group."""
+    lay, rows = nlp.layout, nlp.rows
+    n, last = nlp.n, lay.total
+    row = lambda r: n + np.asarray(r) - 1  # noqa: E731 - index in K of a row of r
+    singles: list[tuple[Index, Index]] = []  # (index, key)
+    pairs: list[tuple[Index, Index, Index]] = []
+
+    def key(node: Index, rank: int) -> Index:
+        return np.asarray(node) * RANKS + rank
+
+    free = nlp.lower < nlp.upper
+    # An inequality at a node comes before the node, which is eliminated with the momentum equation of the node before it.
+    node, surface = np.nonzero(rows.gap >= 0)
+    singles.append((row(rows.gap[node, surface]), key(node - 1, INEQUALITY)))
+    steps = np.arange(lay.total)
+    singles.append((row(rows.path).ravel(), np.repeat(key(steps - 1, INEQUALITY), rows.path.shape[1])))
+    first_step = np.zeros(len(lay.index_u), dtype=np.intp)
+    first_step[lay.row_u_kp1], first_step[lay.row_u_k] = steps, steps
+    singles.append((lay.index_u.ravel(), np.repeat(key(first_step, INPUT), lay.nu)))
+    pairs.append((lay.index_q[1:].ravel(), row(rows.momentum[:-1]).ravel(), np.repeat(key(steps, STATE), lay.nq)))
+    nodes = lay.collision_nodes
+    surfaces = nlp.surfaces
+    pairs.append((lay.index_h[:-1], row(rows.contact[nodes, surfaces]), key(nodes - 1, COLLISION)))
+    pairs.append((lay.index_lam, row(rows.energy), key(nodes, COLLISION)))
+    pairs.append((lay.index_p_E, row(rows.momentum[-1]), np.full(lay.nq, key(np.intp(last), STATE))))
+    # A pair with a fixed unknown: the row alone joins the chain's last node, or the final group.
+    first, second, keys = [], [], []
+    for index, at in singles:
+        kept = (index >= n) | free[np.minimum(index, n - 1)]
+        first.append(index[kept])
+        second.append(np.full(int(kept.sum()), -1))
+        keys.append(at[kept])
+    for unknown, equation, at in pairs:
+        kept = free[unknown]
+        first.append(unknown[kept])
+        second.append(equation[kept])
+        keys.append(at[kept])
+    a, b, k = np.concatenate(first), np.concatenate(second), np.concatenate(keys)
+    order = np.argsort(k, kind="stable")
+    members = np.stack([a[order], b[order]], axis=1)
+    chain = members[members >= 0]
+    widths = 1 + (members[:, 1] >= 0)
+    m = nlp.n_eq + nlp.n_in
+    taken = np.zeros(n + m, dtype=bool)
+    taken[chain] = True
+    taken[:n] |= ~free
+    return np.concatenate([chain, np.flatnonzero(~taken)]), np.concatenate([[0], np.cumsum(widths)])
+
+
+def system(nlp: Transcription) -> System:
+    """Analyse K for a program without minimal times."""
+    n = nlp.n
+    order, first = pivots(nlp)
+    program = nlp.program  # makes the patterns
+    del program
+    place = np.full(n + nlp.jacobian_pattern.shape[0], -1, dtype=np.int64)
+    place[order] = np.arange(len(order))
+    hess, jac = nlp.hessian_pattern, nlp.jacobian_pattern
+    groups = [
+        (np.repeat(np.arange(n), np.diff(hess.indptr)), hess.indices),
+        (n + np.repeat(np.arange(jac.shape[0]), np.diff(jac.indptr)), jac.indices),
+        (np.arange(len(place)), np.arange(len(place))),
+    ]
+    size = len(order)
+    keys = []
+    for i, j in groups:
+        a, b = place[i], place[j]
+        keys.append(np.where((a < 0) | (b < 0), -1, np.maximum(a, b) * size + np.minimum(a, b)))
+    entries = np.unique(np.concatenate(keys))
+    entries = entries[entries >= 0]
+    found = [np.where(k >= 0, np.searchsorted(entries, k), -1).astype(np.int32) for k in keys]
+    start = np.concatenate([[0], np.cumsum(np.bincount(entries // size, minlength=size))])
+    return System(
+        place.astype(np.int32), start.astype(np.int32), (entries % size).astype(np.int32), first.astype(np.int32), *found
+    )
