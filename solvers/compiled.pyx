@@ -38,7 +38,7 @@ cdef extern from "interior_point.h" nogil:
         long factorisations
         double seconds_kernels, seconds_linear, seconds
     dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt, const dmoc_options *options, const double *size,
-                                    double *x, double *y, double *z_lower, double *z_upper)
+                                    const double *stretch, double *x, double *y, double *z_lower, double *z_upper)
 
 
 cdef class _Listener:
@@ -62,7 +62,7 @@ cdef const int *_address(int[::1] array) noexcept:
     return &array[0] if array.shape[0] else NULL
 
 
-def interior_point(program, system, double[::1] size, double[::1] x, double[::1] y, double[::1] z_lower, double[::1] z_upper, *,
+def interior_point(program, system, double[::1] size, double[::1] stretch, double[::1] x, double[::1] y, double[::1] z_lower, double[::1] z_upper, *,
                    double optimality, double violation, double infeasible, double mu, bint warm, int iterations, double seconds, report):
     """Minimise from x, in place; returns the fields of ``dmoc_result`` as a dictionary."""
     cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
@@ -71,7 +71,7 @@ def interior_point(program, system, double[::1] size, double[::1] x, double[::1]
     cdef dmoc_result result
     cdef _Listener listener = _Listener()
     cdef double none = 0.0
-    if not (x.shape[0] == z_lower.shape[0] == z_upper.shape[0] == size.shape[0] == c.n and y.shape[0] == c.m):
+    if not (x.shape[0] == z_lower.shape[0] == z_upper.shape[0] == size.shape[0] == stretch.shape[0] == c.n and y.shape[0] == c.m):
         raise ValueError(f"expected {c.n} unknowns and {c.m} multipliers")
     listener.report = report
     options.optimality, options.violation, options.infeasible, options.mu = optimality, violation, infeasible, mu
@@ -83,7 +83,7 @@ def interior_point(program, system, double[::1] size, double[::1] x, double[::1]
     kkt.from_hess, kkt.from_jac, kkt.diagonal = _address(system.from_hess), _address(system.from_jac), _address(system.diagonal)
     cdef double *multipliers = &y[0] if y.shape[0] else &none
     with nogil:
-        result = dmoc_interior_point(c, &kkt, &options, &size[0], &x[0], multipliers, &z_lower[0], &z_upper[0])
+        result = dmoc_interior_point(c, &kkt, &options, &size[0], &stretch[0], &x[0], multipliers, &z_lower[0], &z_upper[0])
     if listener.raised is not None:
         raise listener.raised
     if result.status == DMOC_NO_MEMORY:

@@ -38,7 +38,7 @@ typedef struct {
     const dmoc_program *program;
     const dmoc_kkt *kkt;
     const dmoc_options *options;
-    const double *size;
+    const double *size, *stretch;
     dmoc_ldl *ldl;
     int n, m, eq, slacks, most; /* most: length of v with elastic variables */
     int elastic, nv;            /* restoration or not; length of v in use */
@@ -416,7 +416,7 @@ static int direction(solver *s)
 
 /* ---- Filter line search, WB 2.3 -------------------------------------------------------------------------------------------------------- */
 
-/* Longest share of a step that keeps v at a share 1 - tau of its distance from the bounds, WB (15a). */
+/* Longest share of a step that keeps v at a share 1 - tau of its distance from the bounds, WB (15a), and the stretch of unknowns. */
 static double longest_primal(const solver *s, const double *dv)
 {
     double alpha = 1;
@@ -425,6 +425,8 @@ static double longest_primal(const solver *s, const double *dv)
             alpha = fmin(alpha, -s->tau*(s->now.v[i] - s->lo[i])/dv[i]);
         if (dv[i] > 0 && s->up[i] < INFINITY)
             alpha = fmin(alpha, s->tau*(s->up[i] - s->now.v[i])/dv[i]);
+        if (i < s->n && s->stretch[i] < INFINITY) /* positive unknowns: the ratio of two iterates is limited */
+            alpha = fmin(alpha, (dv[i] < 0 ? 1 - 1/s->stretch[i] : s->stretch[i] - 1)*s->now.v[i]/fabs(dv[i]));
     }
     return alpha;
 }
@@ -888,15 +890,15 @@ static void start(solver *s, const double *x, const double *y, const double *z_l
     keep_multipliers(s);
 }
 
-dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt, const dmoc_options *options, const double *size, double *x,
-                                double *y, double *z_lower, double *z_upper)
+dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt, const dmoc_options *options, const double *size,
+                                const double *stretch, double *x, double *y, double *z_lower, double *z_upper)
 {
     solver *s = calloc(1, sizeof *s);
     dmoc_result result = {.status = DMOC_NO_MEMORY};
     if (!s)
         return result;
     s->begin = now_seconds();
-    s->program = program, s->kkt = kkt, s->options = options, s->size = size;
+    s->program = program, s->kkt = kkt, s->options = options, s->size = size, s->stretch = stretch;
     s->n = (int)program->n, s->m = (int)program->m, s->eq = (int)program->equalities;
     s->slacks = s->m - s->eq;
     s->most = s->n + s->slacks + 2*s->m;

@@ -7,6 +7,8 @@
  *
  * - Unknowns have sizes: stationarity, perturbations of the Hessian and the distance of the start from its bounds are measured in
  *   them. A step size h of a millisecond would otherwise be pushed to ten (WB 3.6), and weigh a thousand times too much.
+ * - Step sizes change by a limited factor in one iteration. They multiply everything that happens in a phase, and a linearisation in
+ *   them holds no further; without the limit a quarter of the iterates leaves the motion for one that winds through several turns.
  * - The end is decided in the units of the problem, not in scaled ones: largest violation, stationarity and complementarity.
  * - Slacks, and the elastic variables of the restoration, are eliminated from the linear system row by row; the system keeps its size and pattern.
  * - The order of the pivots is fixed. A solution whose residual stays large counts as singular, so that the perturbations grow.
@@ -53,9 +55,10 @@ typedef struct {
     double seconds_kernels, seconds_linear, seconds; /* where the time went */
 } dmoc_result;
 
-/* x[n], y[m], z_lower[n], z_upper[n]: start and result; size[n]: typical changes of the unknowns.
+/* x[n], y[m], z_lower[n], z_upper[n]: start and result; size[n]: typical changes of the unknowns; stretch[n] > 1: the largest ratio of
+ * an unknown in two iterates, for unknowns that are positive, INFINITY for the others.
  * L = f + y . (c | d) - z_lower . (x - lower) - z_upper . (upper - x); y <= 0 on rows d. */
-dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt, const dmoc_options *options, const double *size, double *x,
-                                double *y, double *z_lower, double *z_upper);
+dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt, const dmoc_options *options, const double *size,
+                                const double *stretch, double *x, double *y, double *z_lower, double *z_upper);
 
 #endif

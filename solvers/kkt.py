@@ -9,6 +9,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.labels import unknown_names
 from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.outcome import Duals
 
 # Multipliers of this size and smaller leave the residuals unscaled (Waechter & Biegler 2006, section 2.1).
 SCALE_FROM = 100.0
@@ -24,23 +25,33 @@ class Residuals:
     violation: float
 
 
-def residuals(nlp: Transcription, x: Array, y: Array, w: Array) -> Residuals:
-    """Return the residuals of L = f + y . c - w . d with bounds on x.
-
-    Stationarity of an unknown at its bound counts only if it points into the feasible set.
-    """
-    slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w
-    size = np.maximum(1.0, np.abs(x))
-    fixed = nlp.lower == nlp.upper
-    at_lower = x - nlp.lower <= ACTIVE * size
-    at_upper = nlp.upper - x <= ACTIVE * size
-    free = np.where(fixed | (at_lower & (slope > 0)) | (at_upper & (slope < 0)), 0.0, slope)
-    d = nlp.inequality(x)
+def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
+    """Return the residuals of L = f + y . c - w . d - z . x with bounds on x."""
+    free = nlp.lower < nlp.upper
+    z = np.where(free, duals.z, 0.0)
+    slope = np.where(free, _slope(nlp, x, duals.y, duals.w) - z, 0.0)
     # Steepness matters in proportion to how far an unknown can usefully move.
     reach = np.where(np.isin(np.arange(nlp.n), nlp.layout.index_h), np.abs(x), 1.0)
-    complementarity = float(np.abs(w * d).max(initial=0.0))
-    scale = max(SCALE_FROM, float(np.abs(np.concatenate([y, w])).mean()) if len(y) + len(w) else 0.0) / SCALE_FROM
-    return Residuals(max(float(np.abs(free * reach).max(initial=0.0)), complementarity) / scale, violation(nlp, x))
+    with np.errstate(invalid="ignore"):
+        distance = np.where(z > 0, x - nlp.lower, np.where(z < 0, nlp.upper - x, 0.0))
+    products = np.concatenate([duals.w * nlp.inequality(x), z * distance])
+    multipliers = np.concatenate([duals.y, duals.w, z])
+    scale = max(SCALE_FROM, float(np.abs(multipliers).mean())) / SCALE_FROM
+    worst = max(float(np.abs(slope * reach).max(initial=0.0)), float(np.abs(products).max(initial=0.0))) / scale
+    return Residuals(worst if np.isfinite(worst) else np.inf, violation(nlp, x))
+
+
+def with_bounds(nlp: Transcription, x: Array, y: Array, w: Array) -> Duals:
+    """Complete the multipliers of a method that has none for bounds: the slope at a bound, where it points out of the feasible set."""
+    slope = _slope(nlp, x, y, w)
+    size = np.maximum(1.0, np.abs(x))
+    with np.errstate(invalid="ignore"):
+        held = ((x - nlp.lower <= ACTIVE * size) & (slope > 0)) | ((nlp.upper - x <= ACTIVE * size) & (slope < 0))
+    return Duals(y, w, np.where(held, slope, 0.0))
+
+
+def _slope(nlp: Transcription, x: Array, y: Array, w: Array) -> Array:
+    return np.asarray(nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w)
 
 
 def violation(nlp: Transcription, x: Array) -> float:

@@ -55,15 +55,20 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Result of a driver.
+class Duals:
+    """Multipliers in L = f + y . c - w . d - z . x: w >= 0, and z >= 0 at a lower bound, <= 0 at an upper one."""
 
-    ``y`` and ``w`` >= 0 are the multipliers in L = f + y . c - w . d.
-    """
+    y: Array
+    w: Array
+    z: Array
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of a driver: status, a detail for the message, unknowns, multipliers and the number of iterations."""
 
     status: Status
     detail: str
     x: Array
-    y: Array
-    w: Array
+    duals: Duals
     iterations: int

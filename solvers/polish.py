@@ -15,7 +15,7 @@ import scipy.sparse.linalg
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Index
 from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.kkt import ACTIVE, Residuals, residuals
+from dmoc.solvers.kkt import ACTIVE, Residuals, residuals, with_bounds
 
 STEPS = 6
 
@@ -39,7 +39,7 @@ def polish(nlp: Transcription, x: Array, y: Array, w: Array, rows: Index, bounds
         [ A   0    0  ] [dy] = - [ c      ]
         [ G   0    0  ] [dw]     [ d      ]
     """
-    best = (x, y, w, residuals(nlp, x, y, w))
+    best = (x, y, w, residuals(nlp, x, with_bounds(nlp, x, y, w)))
     fixed = np.isin(np.arange(nlp.n), bounds) | (nlp.lower == nlp.upper)
     free = np.flatnonzero(~fixed)
     rows = _independent(nlp, x, rows)
@@ -58,7 +58,7 @@ def polish(nlp: Transcription, x: Array, y: Array, w: Array, rows: Index, bounds
         w[rows] += step[len(free) + nlp.n_eq :]
         if not np.isfinite(x).all() or (w[rows] < -ACTIVE * max(1.0, np.abs(w).max(initial=0.0))).any():
             break
-        now = residuals(nlp, x, y, np.maximum(w, 0.0))
+        now = residuals(nlp, x, with_bounds(nlp, x, y, np.maximum(w, 0.0)))
         if max(now.optimality, now.violation) >= max(best[3].optimality, best[3].violation):
             break
         best = (x, y, np.maximum(w, 0.0), now)

@@ -22,7 +22,7 @@ import scipy.sparse
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Reduced, partition
-from dmoc.solvers.kkt import Residuals, residuals, violation, worst_constraints
+from dmoc.solvers.kkt import Residuals, residuals, violation, with_bounds, worst_constraints
 from dmoc.solvers.outcome import Options, Outcome, Status
 from dmoc.solvers.polish import polish
 from dmoc.solvers.runs import (
@@ -347,13 +347,13 @@ def _round(driver: Driver, x: Array, progress: Progress) -> tuple[Array, Residua
         x = driver.onto_equations(x)
         progress.step(x)
         driver.estimate_multipliers(x)
-        return x, residuals(driver.nlp, x, driver.y, driver.w), True
+        return x, residuals(driver.nlp, x, with_bounds(driver.nlp, x, driver.y, driver.w)), True
     working = driver.working(x)
     on = driver.follows and driver.equation_error(x) <= ON_EQUATIONS
     run = FollowingRun(driver, x, metric, working) if on else Run(driver, x, metric, working)
     x, y, w, converged = run.minimise(RUN, progress)
     driver.take_multipliers(x, y, w, working)
-    return x, residuals(driver.nlp, x, driver.y, driver.w), converged
+    return x, residuals(driver.nlp, x, with_bounds(driver.nlp, x, driver.y, driver.w)), converged
 
 
 def _polished(driver: Driver, x: Array, options: Options) -> tuple[Array, Residuals]:
@@ -366,7 +366,7 @@ def _polished(driver: Driver, x: Array, options: Options) -> tuple[Array, Residu
     if solved and lower and driver.is_minimum(better):
         return better, found
     driver.y, driver.w = before[:2]
-    return x, Residuals(np.inf, violation(driver.nlp, x)) if solved else residuals(driver.nlp, x, driver.y, driver.w)
+    return x, Residuals(np.inf, violation(driver.nlp, x)) if solved else residuals(driver.nlp, x, with_bounds(driver.nlp, x, driver.y, driver.w))
 
 
 def _least_violation(driver: Driver, x: Array, progress: Progress) -> Array:
@@ -414,4 +414,4 @@ def _least_violation(driver: Driver, x: Array, progress: Progress) -> Array:
 
 
 def _outcome(driver: Driver, status: Status, detail: str, x: Array, progress: Progress) -> Outcome:
-    return Outcome(status, detail, x, driver.y, driver.w, progress.count)
+    return Outcome(status, detail, x, with_bounds(driver.nlp, x, driver.y, driver.w), progress.count)

@@ -1,0 +1,174 @@
+"""IPOPT and Uno on the same program, for comparison: through ipyopt and unopy, which are extras."""
+
+from __future__ import annotations
+
+import time
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.errors import MissingExtraError
+from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.kkt import residuals, violation
+from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
+
+# IPOPT measures optimality after scaling the cost by its steepest slope, which is that of a step size, 1e4 times the others.
+SHARPEST = 1e-10
+IPOPT_STATUSES = {
+    0: Status.SOLVED,
+    1: Status.SOLVED,
+    2: Status.INFEASIBLE,
+    -1: Status.ITERATION_LIMIT,
+    -4: Status.TIME_LIMIT,
+    -5: Status.TIME_LIMIT,
+    5: Status.INTERRUPTED,
+}
+
+
+def require(method: str) -> ModuleType:
+    """Import the package behind a method.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    package = {"ipopt": "ipyopt", "uno": "unopy"}[method]
+    try:
+        return __import__(package)
+    except ImportError:
+        raise MissingExtraError(f"method {method} needs {package}: install it with `pip install dmoc[{method}]`.") from None
+
+
+class _Callbacks:
+    """The program as functions of the solvers' kind; what the user raises in a callback is kept and raised afterwards."""
+
+    def __init__(self, nlp: Transcription, options: Options) -> None:
+        self.nlp, self.options = nlp, options
+        nlp.program  # noqa: B018 - makes the patterns
+        jac, hess = nlp.jacobian_pattern, nlp.hessian_pattern
+        self.jacobian = (np.repeat(np.arange(jac.shape[0]), np.diff(jac.indptr)), jac.indices)
+        self.hessian = (np.repeat(np.arange(nlp.n), np.diff(hess.indptr)), hess.indices)
+        self.raised: BaseException | None = None
+        self.deadline = np.inf if options.seconds is None else time.perf_counter() + options.seconds
+        self.count = 0
+
+    def f(self, x: Array) -> float:
+        return self.nlp.cost(x)
+
+    def gradient(self, x: Array, out: Array) -> None:
+        out[:] = self.nlp.cost_gradient(x)
+
+    def g(self, x: Array, out: Array) -> None:
+        out[:] = self.nlp.values(x)[1:]
+
+    def slopes(self, x: Array, out: Array) -> None:
+        out[:] = self.nlp.slopes(x)[self.nlp.n :]
+
+    def curvatures(self, x: Array, y: Array, sigma: float, out: Array) -> None:
+        out[:] = self.nlp.program.curvatures(np.ascontiguousarray(x), np.ascontiguousarray(y), sigma)
+
+    def report(self, x: Array | None, cost: float, infeasibility: float) -> bool:
+        """Tell of an iteration; whether to go on."""
+        self.count += 1
+        try:
+            if self.options.progress is not None:
+                self.options.progress(Iteration(self.count, cost, infeasibility if x is None else violation(self.nlp, x)))
+        except BaseException as error:  # the solver in between would lose it
+            self.raised = error
+        return self.raised is None and time.perf_counter() < self.deadline
+
+
+def solve_ipopt(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
+    """Minimise with IPOPT (Waechter & Biegler 2006) and the exact Hessian."""
+    ipyopt: Any = require("ipopt")
+    functions = _Callbacks(nlp, options)
+    m = nlp.n_eq + nlp.n_in
+    settings: dict[str, Any] = {
+        "print_level": 0, "sb": "yes", "tol": min(options.optimality, SHARPEST), "constr_viol_tol": options.violation,
+        "max_iter": options.iterations, "bound_relax_factor": 0.0, "acceptable_iter": 0,
+    }  # fmt: skip
+    if duals is not None:
+        settings |= {"warm_start_init_point": "yes", "mu_init": 1e-4, "warm_start_bound_push": 1e-6, "warm_start_mult_bound_push": 1e-6}
+
+    def hessian(x: Array, y: Array, sigma: float, out: Array) -> None:
+        functions.curvatures(x, y, sigma, out)
+
+    def report(mode: int, number: int, cost: float, violation: float, *rest: float) -> bool:
+        return functions.report(None, cost, violation)
+
+    problem = ipyopt.Problem(
+        nlp.n, nlp.lower, nlp.upper, m, np.zeros(m), np.concatenate([np.zeros(nlp.n_eq), np.full(nlp.n_in, np.inf)]),
+        functions.jacobian, functions.hessian, functions.f, functions.gradient, functions.g, functions.slopes, hessian, report,
+        ipopt_options=settings,
+    )  # fmt: skip
+    y, z_lower, z_upper = np.zeros(m), np.zeros(nlp.n), np.zeros(nlp.n)
+    if duals is not None:
+        y[:] = np.concatenate([duals.y, -duals.w])
+        z_lower[:], z_upper[:] = np.maximum(duals.z, 0.0), np.maximum(-duals.z, 0.0)
+    x, _, code = problem.solve(np.clip(x, nlp.lower, nlp.upper), mult_g=y, mult_x_L=z_lower, mult_x_U=z_upper)
+    found = Duals(y[: nlp.n_eq], np.maximum(-y[nlp.n_eq :], 0.0), z_lower - z_upper)
+    status = IPOPT_STATUSES.get(int(code), Status.STALLED)
+    return _judged(functions, x, found, status, f"IPOPT ended with code {int(code)}", functions.count - 1)
+
+
+def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
+    """Minimise with Uno's filter SQP and the exact Hessian."""
+    unopy: Any = require("uno")
+    functions = _Callbacks(nlp, options)
+    m = nlp.n_eq + nlp.n_in
+    model = unopy.Model(unopy.PROBLEM_NONLINEAR, nlp.n, nlp.lower, nlp.upper, unopy.ZERO_BASED_INDEXING)
+    model.set_objective(unopy.MINIMIZE, functions.f, functions.gradient)
+    upper = np.concatenate([np.zeros(nlp.n_eq), np.full(nlp.n_in, np.inf)])
+    rows, columns = functions.jacobian
+    model.set_constraints(m, functions.g, np.zeros(m), upper, len(rows), rows, columns, functions.slopes)
+    rows, columns = functions.hessian
+
+    def hessian(x: Array, sigma: float, y: Array, out: Array) -> None:
+        functions.curvatures(x, y, sigma, out)
+
+    model.set_lagrangian_hessian(len(rows), unopy.UPPER_TRIANGLE, rows, columns, hessian)
+    model.set_lagrangian_sign_convention(unopy.MULTIPLIER_POSITIVE)
+    model.set_initial_primal_iterate(np.clip(x, nlp.lower, nlp.upper))
+    if duals is not None:
+        model.set_initial_dual_iterate(np.concatenate([duals.y, -duals.w]))
+    solver = unopy.UnoSolver()
+    solver.set_preset("filtersqp")
+    for name, value in (
+        ("logger", "SILENT"), ("max_iterations", options.iterations), ("primal_tolerance", options.violation),
+        ("dual_tolerance", min(options.optimality, 1e-8)), ("time_limit", 1e20 if options.seconds is None else options.seconds),
+    ):  # fmt: skip
+        solver.set_option(name, value)
+
+    def stop(x: Array, *rest: Any) -> bool:
+        return not functions.report(np.array(x), functions.f(np.array(x)), 0.0)
+
+    solver.set_termination_callback(stop)
+    result = solver.optimize(model)
+    y = np.array(result.constraint_dual_solution)
+    z = np.array(result.lower_bound_dual_solution) + np.array(result.upper_bound_dual_solution)
+    found = Duals(y[: nlp.n_eq], np.maximum(-y[nlp.n_eq :], 0.0), -z)
+    ended = {
+        unopy.OptimizationStatus.ITERATION_LIMIT: Status.ITERATION_LIMIT,
+        unopy.OptimizationStatus.TIME_LIMIT: Status.TIME_LIMIT,
+        unopy.OptimizationStatus.USER_TERMINATION: Status.TIME_LIMIT,
+    }
+    status = ended.get(result.optimization_status, Status.STALLED)
+    if result.solution_status in (unopy.SolutionStatus.INFEASIBLE_STATIONARY_POINT, unopy.SolutionStatus.INFEASIBLE_SMALL_STEP):
+        status = Status.INFEASIBLE
+    detail = f"Uno ended with {result.optimization_status.name.lower()}, {result.solution_status.name.lower()}"
+    return _judged(functions, np.array(result.primal_solution), found, status, detail, int(result.number_iterations))
+
+
+def _judged(functions: _Callbacks, x: Array, duals: Duals, status: Status, detail: str, iterations: int) -> Outcome:
+    """What our own residuals say of the result; the solver's word counts only where they do not hold."""
+    if isinstance(functions.raised, KeyboardInterrupt):
+        status = Status.INTERRUPTED
+    elif functions.raised is not None:
+        raise functions.raised
+    left = residuals(functions.nlp, x, duals)
+    if left.optimality <= functions.options.optimality and left.violation <= functions.options.violation:
+        return Outcome(Status.SOLVED, "", x, duals, iterations)
+    return Outcome(Status.STALLED if status is Status.SOLVED else status, detail, x, duals, iterations)
