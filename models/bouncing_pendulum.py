@@ -13,7 +13,7 @@ from dmoc.symbolic.system import MechanicalSystem
 
 def system() -> MechanicalSystem:
     """Return the bouncing pendulum; it has no inputs."""
-    theta = dynamicsymbols("theta")  # rad
+    theta = dynamicsymbols("theta")
     m, l, g, wall = sp.symbols("m l g theta_wall")  # kg, m, m/s2, rad
     rate = theta.diff(dynamicsymbols._t)
     return MechanicalSystem(
@@ -23,4 +23,5 @@ def system() -> MechanicalSystem:
         lagrangian=m * l**2 * rate**2 / 2 + m * g * l * sp.cos(theta),
         surfaces={"wall": theta >= wall},
         parameters={m: 1.0, l: 1.0, g: 9.81, wall: 0.0},
+        units={theta: "rad"},
     )

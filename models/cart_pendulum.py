@@ -14,8 +14,8 @@ from dmoc.symbolic.system import MechanicalSystem
 
 def system() -> MechanicalSystem:
     """Return the cart-pendulum with the parameters of the source."""
-    alpha, x = dynamicsymbols("alpha x")  # rad, m
-    force = dynamicsymbols("F")  # N
+    alpha, x = dynamicsymbols("alpha x")
+    force = dynamicsymbols("F")
     m_p, m_c, l, g = sp.symbols("m_p m_c l g", positive=True)  # kg, kg, m, m/s2
     a_min, a_max = sp.symbols("alpha_min alpha_max")  # rad
     t = dynamicsymbols._t
@@ -42,4 +42,5 @@ def system() -> MechanicalSystem:
             a_max: float(9 * sp.pi / 10),
         },
         cost=force**2 / 2,
+        units={alpha: "rad", x: "m", force: "N"},
     )

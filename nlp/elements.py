@@ -159,8 +159,8 @@ class Elements:
             found.append(self._curvature("legendre_hess", arguments, np.hstack([q, v]), -1.0))
         return [e for e in found if e.results[0].rows.size]
 
-    def linear(self, times: Sequence[tuple[int, float, float]]) -> Linear:
-        """``times`` lists rows on the final time: row, sign and constant of sign * t_E + constant."""
+    def linear(self, more: Sequence[tuple[int, Index, Array, float]]) -> Linear:
+        """``more`` lists further linear rows: row of r, unknowns, factors and constant."""
         lay, rows = self.layout, self.rows
         parts: list[tuple[Index, Index, Array]] = []
         for r, c, factor in (
@@ -170,10 +170,10 @@ class Elements:
             (rows.velocity_E, lay.index_p_E[: len(rows.velocity_E)], 1.0),
         ):
             parts.append((r, c, np.full(len(r), factor)))
-        for row, sign, _ in times:
-            parts.append((np.full(lay.phases, row), lay.index_h, sign * np.array(lay.steps, dtype=float)))
+        for row, unknowns, factors, _ in more:
+            parts.append((np.full(len(unknowns), row), unknowns, factors))
         r, c, f = (np.concatenate(p) for p in zip(*parts, strict=True))
-        return Linear(r, c, f, {row: constant for row, _, constant in times})
+        return Linear(r, c, f, {row: constant for row, _, _, constant in more})
 
     # Arguments -------------------------------------------------------------------------------------------------------
 

@@ -21,8 +21,8 @@ class Block:
     labels: tuple[str, ...]
 
 
-def equality_blocks(problem: Problem, layout: Layout) -> list[Block]:
-    """Blocks of c, in the order of its rows."""
+def equality_blocks(problem: Problem, layout: Layout, goals: Sequence[str]) -> list[Block]:
+    """Blocks of c, in the order of its rows; ``goals`` names fixed values of the goal that are constraints."""
     names = problem.kernels.coordinates
     low, high = problem.final_time_bounds
     collisions = [f"collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
@@ -33,6 +33,7 @@ def equality_blocks(problem: Problem, layout: Layout) -> list[Block]:
         ("start velocity", [f"{momentum_name(q)} at the start" for q in names] if layout.velocity_at_start else []),
         ("goal velocity", [f"{momentum_name(q)} at the goal" for q in names] if layout.velocity_at_end else []),
         ("final time", [f"final time = {low:g} s"] if low == high else []),
+        ("goal", [f"goal of {name}" for name in goals]),
     ]
     return _blocks(groups)
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.labels import Block
 from dmoc.nlp.transcription import Transcription
 from dmoc.trajectory import Collision, Phase, Trajectory
 
-# A bound is active if the unknown is this close to it, relative to its size.
-CLOSE = 1e-8
+# A multiplier this small holds nothing back, and an impulse this small is none.
+NO_FORCE = 1e-7
+NO_IMPULSE = 1e-6
 
 
 def trajectory(nlp: Transcription, x: Array) -> Trajectory:
@@ -58,13 +61,13 @@ def _velocities(nlp: Transcription, q: Array, p: Array) -> Array:
     return np.ascontiguousarray(np.linalg.solve(mass, (p - offset)[:, :, None])[:, :, 0])
 
 
-def active_bounds(nlp: Transcription, x: Array, w: Array) -> tuple[str, ...]:
-    """Name the inequalities with a multiplier and the bounds that unknowns are at; many of a kind are counted."""
+def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[str, ...]:
+    """Name the inequalities and bounds that hold x back: those with a multiplier above the distance; many of a kind are counted."""
     lay, problem = nlp.layout, nlp.problem
     found = []
     d = nlp.inequality(x)
     for block in nlp.inequalities:
-        held = [i for i, row in enumerate(block.rows) if w[row] > 0 and d[row] <= CLOSE]
+        held = [i for i, row in enumerate(block.rows) if w[row] > max(d[row], NO_FORCE)]
         if block.name == "gap":
             surfaces = Counter(problem.kernels.surfaces[nlp.gap_constraints[1][i]] for i in held)
             found += [f"gap to {s} at {n} node{'s' * (n > 1)}" for s, n in surfaces.items()]
@@ -74,31 +77,39 @@ def active_bounds(nlp: Transcription, x: Array, w: Array) -> tuple[str, ...]:
             found += [f"path constraint {s} in {n} step{'s' * (n > 1)}" for s, n in paths.items()]
         else:
             found += [block.labels[i] for i in held]
-    low, high = nlp.lower, nlp.upper
-    open_ = low < high
+    ends = []
+    with np.errstate(invalid="ignore"):
+        free = nlp.lower < nlp.upper
+        ends.append((">=", nlp.lower, free & (z > np.maximum(x - nlp.lower, NO_FORCE))))
+        ends.append(("<=", nlp.upper, free & (-z > np.maximum(nlp.upper - x, NO_FORCE))))
     for i, k in enumerate(lay.index_h):
-        for at, sign in ((low, ">="), (high, "<=")):
-            if open_[k] and abs(x[k] - at[k]) <= CLOSE * abs(x[k]):
-                found.append(f"duration of phase {i} {sign} {at[k] * lay.steps[i]:g} s")
+        found += [f"duration of phase {i} {sign} {at[k] * lay.steps[i]:g} s" for sign, at, active in ends if active[k]]
     for index, names, what in ((lay.index_u, problem.kernels.inputs, "step"), (lay.index_q, problem.kernels.coordinates, "node")):
         for j, name in enumerate(names):
-            column = index[:, j]
-            for at, sign in ((low, ">="), (high, "<=")):
-                near = (
-                    open_[column]
-                    & np.isfinite(at[column])
-                    & (np.abs(x[column] - at[column]) <= CLOSE * np.maximum(1.0, np.abs(at[column])))
-                )
-                for value, n in sorted(Counter(at[column][near].tolist()).items()):
+            for sign, at, active in ends:
+                column = index[active[index[:, j]], j]
+                for value, n in sorted(Counter(at[column].tolist()).items()):
                     found.append(f"{name} {sign} {value:g} in {n} {what}{'s' * (n > 1)}")
-    for i, k in enumerate(lay.index_lam):
-        if x[k] <= CLOSE:
-            found.append(f"impulse of collision {i + 1} ({problem.sequence[i]}) >= 0")
+    found += [
+        f"impulse of collision {i + 1} ({problem.sequence[i]}) >= 0" for i, k in enumerate(lay.index_lam) if x[k] <= NO_IMPULSE
+    ]
     return tuple(found)
 
 
-def named_multipliers(nlp: Transcription, y: Array, w: Array) -> dict[str, Array]:
-    """Multipliers by kind of constraint; those of the momentum equations in the shape (nodes, nq)."""
+def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[str, Array]:
+    """Multipliers by kind of constraint; those of the momentum equations in the shape (nodes, nq), "bounds" those of the unknowns."""
     named = {block.name: y[block.rows] for block in nlp.equalities if len(block.rows)}
     named["momentum"] = named["momentum"].reshape(-1, nlp.layout.nq)
-    return named | {block.name: w[block.rows] for block in nlp.inequalities if len(block.rows)}
+    return named | {block.name: w[block.rows] for block in nlp.inequalities if len(block.rows)} | {"bounds": z}
+
+
+def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[Array, Array, Array]:
+    """Return y, w and z from multipliers by kind; kinds of another shape, or that are not given, are zero."""
+
+    def collected(blocks: list[Block]) -> Array:
+        parts = [np.ravel(named.get(b.name, ())) for b in blocks]
+        fitting = [p if len(p) == len(b.rows) else np.zeros(len(b.rows)) for p, b in zip(parts, blocks, strict=True)]
+        return np.concatenate([*fitting, np.zeros(0)])
+
+    z = np.asarray(named.get("bounds", ()))
+    return collected(nlp.equalities), collected(nlp.inequalities), z if len(z) == nlp.n else np.zeros(nlp.n)

@@ -28,6 +28,7 @@ from dmoc.nlp.labels import Block, equality_blocks, inequality_blocks
 from dmoc.nlp.layout import Index, Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sparse import SparsePattern
+from dmoc.symbolic.names import momentum_name, velocity_name
 
 Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
 # The smallest step that is distinguishable from none: shorter steps divide rounding errors by h^2.
@@ -46,10 +47,13 @@ class Transcription:
     lower, upper : arrays of shape (n,)
         Bounds of the unknowns.
     equalities, inequalities : lists of Block
+    goal_as_rows : bool
+        Fixed values of the goal are equality constraints instead of fixed unknowns, so that they can be missed by some amount.
     """
 
-    def __init__(self, problem: Problem, minimal_times: bool | None = None) -> None:
+    def __init__(self, problem: Problem, minimal_times: bool | None = None, goal_as_rows: bool = False) -> None:
         self.problem = problem
+        self.goal_as_rows = goal_as_rows
         self.layout = Layout.of(problem)
         self.par = problem.parameter_values
         self.minimal_times = problem.minimal_times if minimal_times is None else minimal_times
@@ -62,7 +66,7 @@ class Transcription:
 
     @cached_property
     def equalities(self) -> list[Block]:
-        return equality_blocks(self.problem, self.layout)
+        return equality_blocks(self.problem, self.layout, [name for _, _, name in self.goals])
 
     @cached_property
     def inequalities(self) -> list[Block]:
@@ -101,6 +105,24 @@ class Transcription:
 
     # Bounds ----------------------------------------------------------------------------------------------------------
 
+    @cached_property
+    def goals(self) -> list[tuple[int, float, str]]:
+        """Unknown, value and name of each fixed value of the goal that is a constraint."""
+        if not self.goal_as_rows:
+            return []
+        lay, goal = self.layout, self.problem.goal_bounds
+        names = self.problem.kernels.coordinates
+        found = []
+        for index, bounds, name in (
+            (lay.index_q[-1], goal.position, str),
+            (lay.index_p_E, goal.momentum, momentum_name),
+            (lay.index_v_E, goal.velocity, velocity_name),
+        ):
+            found += [
+                (int(i), float(low), name(q)) for i, (low, high), q in zip(index, bounds, names, strict=False) if low == high
+            ]
+        return found
+
     def _bounds(self) -> tuple[Array, Array]:
         lay, problem = self.layout, self.problem
         box = np.tile((-np.inf, np.inf), (lay.size, 1))
@@ -121,6 +143,8 @@ class Transcription:
             box[p] = boundary.momentum
             if len(v):
                 box[v] = boundary.velocity
+        for unknown, _, _ in self.goals:
+            box[unknown] = (-np.inf, np.inf)
         return box[:, 0].copy(), box[:, 1].copy()
 
     # The program -----------------------------------------------------------------------------------------------------
@@ -144,19 +168,22 @@ class Transcription:
         )
 
     @property
-    def _times(self) -> list[tuple[int, float, float]]:
-        """Rows on the final time: row of r, sign and constant."""
-        low, high = self.problem.final_time_bounds
-        times = [(1 + row, 1.0, -low) for row in self.equality_rows("final time")]
-        times += [(1 + self.n_eq + row, 1.0, -low) for row in self.inequality_rows("final time >=")]
-        return times + [(1 + self.n_eq + row, -1.0, high) for row in self.inequality_rows("final time <=")]
+    def _linear_rows(self) -> list[tuple[int, Index, Array, float]]:
+        """Rows that are linear in x: row of r, unknowns, factors and constant."""
+        lay, (low, high) = self.layout, self.problem.final_time_bounds
+        steps = np.array(lay.steps, dtype=float)
+        rows = [(1 + row, lay.index_h, steps, -low) for row in self.equality_rows("final time")]
+        rows += [(1 + self.n_eq + row, lay.index_h, steps, -low) for row in self.inequality_rows("final time >=")]
+        rows += [(1 + self.n_eq + row, lay.index_h, -steps, high) for row in self.inequality_rows("final time <=")]
+        goals = zip(self.equality_rows("goal"), self.goals, strict=True)
+        return rows + [(1 + row, np.array([unknown]), np.ones(1), -value) for row, (unknown, value, _) in goals]
 
     @cached_property
     def program(self) -> Program:
         """Values and derivatives of (f | c | d), without the minimal times."""
         m = self.n_eq + self.n_in - len(self._timed)
         elements = Elements(self.problem, self.layout, self.rows, m)
-        linear = elements.linear(self._times)
+        linear = elements.linear(self._linear_rows)
         values, slopes, curvatures = elements.values(), elements.slopes(), elements.curvatures()
         none = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
         constants = np.zeros(1 + m)
@@ -273,9 +300,10 @@ class Transcription:
         return float(reserve), slope
 
     def _time_slope(self, x: Array, i: int) -> Matrix:
-        row = np.zeros(self.n)
-        row[self._time_unknowns(i)] = self._time_reserve(x, i)[1]
-        return scipy.sparse.csr_matrix(row)
+        unknowns = self._time_unknowns(i)
+        values = self._time_reserve(x, i)[1]
+        # Zeros stay in the pattern, which is analysed once.
+        return scipy.sparse.csr_matrix((values, (np.zeros(len(unknowns), dtype=np.intp), unknowns)), shape=(1, self.n))
 
     @property
     def _time_groups(self) -> list[tuple[Index, Index]]:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
@@ -23,7 +27,7 @@ IPOPT_STATUSES = {
     -1: Status.ITERATION_LIMIT,
     -4: Status.TIME_LIMIT,
     -5: Status.TIME_LIMIT,
-    5: Status.INTERRUPTED,
+    5: Status.TIME_LIMIT,  # our callback asked it to stop
 }
 
 
@@ -36,6 +40,8 @@ def require(method: str) -> ModuleType:
         If it is not installed.
     """
     package = {"ipopt": "ipyopt", "uno": "unopy"}[method]
+    # Uno's Fortran would keep its lines and print them when the program ends, where nothing can keep them away (see _silence).
+    os.environ.setdefault("GFORTRAN_UNBUFFERED_PRECONNECTED", "1")
     try:
         return __import__(package)
     except ImportError:
@@ -46,7 +52,7 @@ class _Callbacks:
     """The program as functions of the solvers' kind; what the user raises in a callback is kept and raised afterwards."""
 
     def __init__(self, nlp: Transcription, options: Options) -> None:
-        self.nlp, self.options = nlp, options
+        self.nlp, self.options, self.m = nlp, options, nlp.n_eq + nlp.n_in
         nlp.program  # noqa: B018 - makes the patterns
         jac, hess = nlp.jacobian_pattern, nlp.hessian_pattern
         self.jacobian = (np.repeat(np.arange(jac.shape[0]), np.diff(jac.indptr)), jac.indices)
@@ -55,20 +61,23 @@ class _Callbacks:
         self.deadline = np.inf if options.seconds is None else time.perf_counter() + options.seconds
         self.count = 0
 
+    # Uno hands over longer vectors while it looks for a feasible point; the program's come first.
+
     def f(self, x: Array) -> float:
-        return self.nlp.cost(x)
+        return self.nlp.cost(x[: self.nlp.n])
 
     def gradient(self, x: Array, out: Array) -> None:
-        out[:] = self.nlp.cost_gradient(x)
+        out[: self.nlp.n] = self.nlp.cost_gradient(x[: self.nlp.n])
 
     def g(self, x: Array, out: Array) -> None:
-        out[:] = self.nlp.values(x)[1:]
+        out[: self.m] = self.nlp.values(x[: self.nlp.n])[1:]
 
     def slopes(self, x: Array, out: Array) -> None:
-        out[:] = self.nlp.slopes(x)[self.nlp.n :]
+        out[: self.nlp.jacobian_pattern.size] = self.nlp.slopes(x[: self.nlp.n])[self.nlp.n :]
 
     def curvatures(self, x: Array, y: Array, sigma: float, out: Array) -> None:
-        out[:] = self.nlp.program.curvatures(np.ascontiguousarray(x), np.ascontiguousarray(y), sigma)
+        x, y = np.ascontiguousarray(x[: self.nlp.n]), np.ascontiguousarray(y[: self.m])
+        out[: self.nlp.hessian_pattern.size] = self.nlp.program.curvatures(x, y, sigma)
 
     def report(self, x: Array | None, cost: float, infeasibility: float) -> bool:
         """Tell of an iteration; whether to go on."""
@@ -85,13 +94,18 @@ def solve_ipopt(nlp: Transcription, x: Array, options: Options, duals: Duals | N
     """Minimise with IPOPT (Waechter & Biegler 2006) and the exact Hessian."""
     ipyopt: Any = require("ipopt")
     functions = _Callbacks(nlp, options)
-    m = nlp.n_eq + nlp.n_in
+    m = functions.m
     settings: dict[str, Any] = {
         "print_level": 0, "sb": "yes", "tol": min(options.optimality, SHARPEST), "constr_viol_tol": options.violation,
         "max_iter": options.iterations, "bound_relax_factor": 0.0, "acceptable_iter": 0,
     }  # fmt: skip
     if duals is not None:
-        settings |= {"warm_start_init_point": "yes", "mu_init": 1e-4, "warm_start_bound_push": 1e-6, "warm_start_mult_bound_push": 1e-6}
+        settings |= {
+            "warm_start_init_point": "yes",
+            "mu_init": 1e-4,
+            "warm_start_bound_push": 1e-6,
+            "warm_start_mult_bound_push": 1e-6,
+        }
 
     def hessian(x: Array, y: Array, sigma: float, out: Array) -> None:
         functions.curvatures(x, y, sigma, out)
@@ -118,7 +132,7 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
     """Minimise with Uno's filter SQP and the exact Hessian."""
     unopy: Any = require("uno")
     functions = _Callbacks(nlp, options)
-    m = nlp.n_eq + nlp.n_in
+    m = functions.m
     model = unopy.Model(unopy.PROBLEM_NONLINEAR, nlp.n, nlp.lower, nlp.upper, unopy.ZERO_BASED_INDEXING)
     model.set_objective(unopy.MINIMIZE, functions.f, functions.gradient)
     upper = np.concatenate([np.zeros(nlp.n_eq), np.full(nlp.n_in, np.inf)])
@@ -143,10 +157,12 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
         solver.set_option(name, value)
 
     def stop(x: Array, *rest: Any) -> bool:
-        return not functions.report(np.array(x), functions.f(np.array(x)), 0.0)
+        point = np.array(x[: nlp.n])
+        return not functions.report(point, functions.f(point), 0.0)
 
     solver.set_termination_callback(stop)
-    result = solver.optimize(model)
+    with _silence():
+        result = solver.optimize(model)
     y = np.array(result.constraint_dual_solution)
     z = np.array(result.lower_bound_dual_solution) + np.array(result.upper_bound_dual_solution)
     found = Duals(y[: nlp.n_eq], np.maximum(-y[nlp.n_eq :], 0.0), -z)
@@ -159,7 +175,21 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
     if result.solution_status in (unopy.SolutionStatus.INFEASIBLE_STATIONARY_POINT, unopy.SolutionStatus.INFEASIBLE_SMALL_STEP):
         status = Status.INFEASIBLE
     detail = f"Uno ended with {result.optimization_status.name.lower()}, {result.solution_status.name.lower()}"
-    return _judged(functions, np.array(result.primal_solution), found, status, detail, int(result.number_iterations))
+    return _judged(functions, np.array(result.primal_solution)[: nlp.n], found, status, detail, int(result.number_iterations))
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep what Uno's subproblem solver prints, which no option stops, away from standard output."""
+    sys.stdout.flush()
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def _judged(functions: _Callbacks, x: Array, duals: Duals, status: Status, detail: str, iterations: int) -> Outcome:

@@ -43,7 +43,7 @@ typedef struct {
     int n, m, eq, slacks, most; /* most: length of v with elastic variables */
     int elastic, nv;            /* restoration or not; length of v in use */
     double *memory;
-    double *lo, *up;            /* [most] bounds of v */
+    double *lo, *up;            /* [most] bounds of v; none where v is fixed */
     double *values, *slopes, *hess, *K;
     double *fs_rows;            /* [m] scaling of rows */
     double fs;                  /* scaling of the objective */
@@ -55,12 +55,16 @@ typedef struct {
     filter front;
     double mu, tau;
     /* restoration */
-    double *reference, *weight, zeta;
+    double *reference, *weight, *rho, zeta; /* rho[m]: price of a violation of each row */
     double held_mu;
     filter held_front;
     dmoc_result result;
     double begin;
 } solver;
+
+/* Not fmax and fmin: those are calls, and hide what is not a number. */
+static inline double max(double a, double b) { return a > b ? a : b; }
+static inline double min(double a, double b) { return a < b ? a : b; }
 
 static double now_seconds(void)
 {
@@ -101,7 +105,7 @@ static int evaluate(solver *s, point *p)
             p->f += s->zeta/2*d*d;
         }
         for (int i = s->n + s->slacks; i < s->nv; ++i)
-            p->f += RHO*p->v[i];
+            p->f += s->rho[aux_row(s, i)]*p->v[i];
     }
     for (int r = 0; r < s->m; ++r)
         p->residual[r] = s->fs_rows[r]*s->values[1 + r];
@@ -113,8 +117,6 @@ static int evaluate(solver *s, point *p)
     p->phi = p->f;
     double logs = 0, damping = 0;
     for (int i = 0; i < s->nv; ++i) {
-        if (fixed(s, i))
-            continue;
         const int below = s->lo[i] > -INFINITY, above = s->up[i] < INFINITY;
         if (below)
             logs += log(p->v[i] - s->lo[i]);
@@ -134,7 +136,7 @@ static double violation(const solver *s)
 {
     double worst = 0;
     for (int r = 0; r < s->m; ++r)
-        worst = fmax(worst, r < s->eq ? fabs(s->values[1 + r]) : -s->values[1 + r]);
+        worst = max(worst, r < s->eq ? fabs(s->values[1 + r]) : -s->values[1 + r]);
     return worst;
 }
 
@@ -151,7 +153,7 @@ static void evaluate_slopes(solver *s)
     for (int i = 0; i < s->n; ++i)
         s->gradient[i] = s->elastic ? s->zeta*s->weight[i]*s->weight[i]*(s->now.v[i] - s->reference[i]) : s->fs*s->slopes[i];
     for (int i = s->n; i < s->nv; ++i)
-        s->gradient[i] = i < s->n + s->slacks ? 0 : RHO;
+        s->gradient[i] = i < s->n + s->slacks ? 0 : s->rho[aux_row(s, i)];
 }
 
 static void evaluate_curvatures(solver *s)
@@ -194,15 +196,15 @@ static errors optimality(const solver *s, double mu)
         double d = s->dual[i];
         if (s->lo[i] > -INFINITY) {
             d -= s->now.zl[i];
-            e.complementarity = fmax(e.complementarity, fabs(s->now.zl[i]*(s->now.v[i] - s->lo[i]) - mu));
+            e.complementarity = max(e.complementarity, fabs(s->now.zl[i]*(s->now.v[i] - s->lo[i]) - mu));
             e.mean_z += s->now.zl[i], ++bounds;
         }
         if (s->up[i] < INFINITY) {
             d += s->now.zu[i];
-            e.complementarity = fmax(e.complementarity, fabs(s->now.zu[i]*(s->up[i] - s->now.v[i]) - mu));
+            e.complementarity = max(e.complementarity, fabs(s->now.zu[i]*(s->up[i] - s->now.v[i]) - mu));
             e.mean_z += s->now.zu[i], ++bounds;
         }
-        e.dual = fmax(e.dual, fabs(d)*(i < s->n ? s->size[i] : 1));
+        e.dual = max(e.dual, fabs(d)*(i < s->n ? s->size[i] : 1));
     }
     for (int r = 0; r < s->m; ++r)
         e.mean_y += fabs(s->now.y[r]);
@@ -218,21 +220,21 @@ static double barrier_error(const solver *s, double mu)
     const errors e = optimality(s, mu);
     double worst = 0;
     for (int r = 0; r < s->m; ++r)
-        worst = fmax(worst, fabs(s->now.residual[r]));
-    return fmax(worst, fmax(e.dual/(fmax(S_MAX, e.mean_y)/S_MAX), e.complementarity/(fmax(S_MAX, e.mean_z)/S_MAX)));
+        worst = max(worst, fabs(s->now.residual[r]));
+    return max(worst, max(e.dual/(max(S_MAX, e.mean_y)/S_MAX), e.complementarity/(max(S_MAX, e.mean_z)/S_MAX)));
 }
 
 static int converged(const solver *s)
 {
     const errors e = optimality(s, 0);
     const double unit = s->elastic ? 1 : s->fs;
-    const double dual = e.dual/unit/(fmax(S_MAX, e.mean_y/unit)/S_MAX);
-    const double complementarity = e.complementarity/unit/(fmax(S_MAX, e.mean_z/unit)/S_MAX);
+    const double dual = e.dual/unit/(max(S_MAX, e.mean_y/unit)/S_MAX);
+    const double complementarity = e.complementarity/unit/(max(S_MAX, e.mean_z/unit)/S_MAX);
     if (dual > s->options->optimality || complementarity > s->options->optimality)
         return 0;
     double worst = s->elastic ? 0 : violation(s);
     for (int r = 0; r < s->m; ++r)
-        worst = fmax(worst, fabs(s->now.residual[r])/(s->elastic ? 1 : s->fs_rows[r]));
+        worst = max(worst, fabs(s->now.residual[r])/(s->elastic ? 1 : s->fs_rows[r]));
     return worst <= (s->elastic ? s->options->optimality : s->options->violation);
 }
 
@@ -312,7 +314,7 @@ static double solve_linear(solver *s)
         memcpy(s->rest, s->right, sizeof(double)*(size_t)size);
         subtract_product(s, s->solution, s->rest);
         const double wrong = largest(s->rest, size);
-        ratio = wrong/(fmin(largest(s->solution, size), 1e6*largest(s->right, size)) + largest(s->right, size) + DBL_MIN);
+        ratio = wrong/(min(largest(s->solution, size), 1e6*largest(s->right, size)) + largest(s->right, size) + DBL_MIN);
         if (!(ratio > GOOD_RESIDUAL) || !(ratio < 0.5*previous) || refinement == MOST_REFINEMENTS)
             break;
         previous = ratio;
@@ -370,8 +372,6 @@ static int direction(solver *s)
     const int unknowns = k->size - s->m;
     for (int i = 0; i < s->nv; ++i) {
         s->sigma[i] = 0;
-        if (fixed(s, i))
-            continue;
         if (s->lo[i] > -INFINITY)
             s->sigma[i] += s->now.zl[i]/(s->now.v[i] - s->lo[i]);
         if (s->up[i] < INFINITY)
@@ -394,7 +394,7 @@ static int direction(solver *s)
         if (singular && s->delta_c == 0)
             s->delta_c = DELTA_C*pow(s->mu, KAPPA_C);
         if (s->delta_w == 0)
-            s->delta_w = s->last_delta_w == 0 ? DELTA_W_FIRST : fmax(DELTA_W_LEAST, KAPPA_W_LESS*s->last_delta_w);
+            s->delta_w = s->last_delta_w == 0 ? DELTA_W_FIRST : max(DELTA_W_LEAST, KAPPA_W_LESS*s->last_delta_w);
         else
             s->delta_w *= s->last_delta_w == 0 ? KAPPA_W_FIRST : KAPPA_W_MORE;
         if (s->delta_w > DELTA_W_MOST)
@@ -404,8 +404,6 @@ static int direction(solver *s)
         s->last_delta_w = s->delta_w;
     for (int i = 0; i < s->nv; ++i) {
         s->dzl[i] = s->dzu[i] = 0;
-        if (fixed(s, i))
-            continue;
         if (s->lo[i] > -INFINITY)
             s->dzl[i] = (s->mu - s->now.zl[i]*s->dv[i])/(s->now.v[i] - s->lo[i]) - s->now.zl[i];
         if (s->up[i] < INFINITY)
@@ -422,11 +420,11 @@ static double longest_primal(const solver *s, const double *dv)
     double alpha = 1;
     for (int i = 0; i < s->nv; ++i) {
         if (dv[i] < 0 && s->lo[i] > -INFINITY)
-            alpha = fmin(alpha, -s->tau*(s->now.v[i] - s->lo[i])/dv[i]);
+            alpha = min(alpha, -s->tau*(s->now.v[i] - s->lo[i])/dv[i]);
         if (dv[i] > 0 && s->up[i] < INFINITY)
-            alpha = fmin(alpha, s->tau*(s->up[i] - s->now.v[i])/dv[i]);
+            alpha = min(alpha, s->tau*(s->up[i] - s->now.v[i])/dv[i]);
         if (i < s->n && s->stretch[i] < INFINITY) /* positive unknowns: the ratio of two iterates is limited */
-            alpha = fmin(alpha, (dv[i] < 0 ? 1 - 1/s->stretch[i] : s->stretch[i] - 1)*s->now.v[i]/fabs(dv[i]));
+            alpha = min(alpha, (dv[i] < 0 ? 1 - 1/s->stretch[i] : s->stretch[i] - 1)*s->now.v[i]/fabs(dv[i]));
     }
     return alpha;
 }
@@ -436,9 +434,9 @@ static double longest_dual(const solver *s)
     double alpha = 1;
     for (int i = 0; i < s->nv; ++i) {
         if (s->dzl[i] < 0)
-            alpha = fmin(alpha, -s->tau*s->now.zl[i]/s->dzl[i]);
+            alpha = min(alpha, -s->tau*s->now.zl[i]/s->dzl[i]);
         if (s->dzu[i] < 0)
-            alpha = fmin(alpha, -s->tau*s->now.zu[i]/s->dzu[i]);
+            alpha = min(alpha, -s->tau*s->now.zu[i]/s->dzu[i]);
     }
     return alpha;
 }
@@ -471,8 +469,8 @@ static void filter_add(filter *f, double theta, double phi)
 static void filter_reset(filter *f, double theta)
 {
     f->count = 0;
-    f->theta_max = 1e4*fmax(1, theta);
-    f->theta_min = 1e-4*fmax(1, theta);
+    f->theta_max = 1e4*max(1, theta);
+    f->theta_min = 1e-4*max(1, theta);
 }
 
 /* Put now + alpha dv into the trial point and evaluate it. */
@@ -543,15 +541,13 @@ static void exchange_points(solver *s)
 static void keep_multipliers(solver *s)
 {
     for (int i = 0; i < s->nv; ++i) {
-        if (fixed(s, i))
-            continue;
         if (s->lo[i] > -INFINITY) {
             const double z = s->mu/(s->now.v[i] - s->lo[i]);
-            s->now.zl[i] = fmax(fmin(s->now.zl[i], KAPPA_SIGMA*z), z/KAPPA_SIGMA);
+            s->now.zl[i] = max(min(s->now.zl[i], KAPPA_SIGMA*z), z/KAPPA_SIGMA);
         }
         if (s->up[i] < INFINITY) {
             const double z = s->mu/(s->up[i] - s->now.v[i]);
-            s->now.zu[i] = fmax(fmin(s->now.zu[i], KAPPA_SIGMA*z), z/KAPPA_SIGMA);
+            s->now.zu[i] = max(min(s->now.zu[i], KAPPA_SIGMA*z), z/KAPPA_SIGMA);
         }
     }
 }
@@ -561,17 +557,15 @@ static int line_search(solver *s)
 {
     double slope = 0, change = 0;
     for (int i = 0; i < s->nv; ++i) {
-        if (fixed(s, i))
-            continue;
         slope += (s->gradient[i] + barrier_slope(s, i))*s->dv[i];
-        change = fmax(change, fabs(s->dv[i])/((i < s->n ? s->size[i] : 1) + fabs(s->now.v[i])));
+        change = max(change, fabs(s->dv[i])/((i < s->n ? s->size[i] : 1) + fabs(s->now.v[i])));
     }
     const double theta = s->now.theta, alpha_max = longest_primal(s, s->dv), alpha_z = longest_dual(s);
     double alpha_min = GAMMA_THETA;
     if (slope < 0) {
-        alpha_min = fmin(alpha_min, GAMMA_PHI*theta/-slope);
+        alpha_min = min(alpha_min, GAMMA_PHI*theta/-slope);
         if (theta <= s->front.theta_min)
-            alpha_min = fmin(alpha_min, DELTA*pow(theta, S_THETA)/pow(-slope, S_PHI));
+            alpha_min = min(alpha_min, DELTA*pow(theta, S_THETA)/pow(-slope, S_PHI));
     }
     alpha_min *= GAMMA_ALPHA;
     for (double alpha = alpha_max; alpha >= alpha_min; alpha /= 2) {
@@ -606,8 +600,8 @@ static int line_search(solver *s)
 /* Move a value into the interior of its bounds, WB 3.6, with distances in the variable's own size. */
 static double inside(double v, double lo, double up, double size, double share)
 {
-    const double below = share*fmin(KAPPA_1*fmax(size, fabs(lo)), KAPPA_2*(up - lo));
-    const double above = share*fmin(KAPPA_1*fmax(size, fabs(up)), KAPPA_2*(up - lo));
+    const double below = share*min(KAPPA_1*max(size, fabs(lo)), KAPPA_2*(up - lo));
+    const double above = share*min(KAPPA_1*max(size, fabs(up)), KAPPA_2*(up - lo));
     if (lo > -INFINITY && v < lo + below)
         v = lo + below;
     if (up < INFINITY && v > up - above)
@@ -625,14 +619,14 @@ static void choose_scaling(solver *s)
     double most = 0;
     for (int i = 0; i < s->n; ++i)
         if (!fixed(s, i))
-            most = fmax(most, fabs(s->slopes[i])*s->size[i]);
-    s->fs = isfinite(most) && most > G_MAX ? fmax(G_MAX/most, 1e-8) : 1;
+            most = max(most, fabs(s->slopes[i])*s->size[i]);
+    s->fs = isfinite(most) && most > G_MAX ? max(G_MAX/most, 1e-8) : 1;
     const double *jac = s->slopes + s->n;
     for (int r = 0; r < s->m; ++r) {
         most = 0;
         for (int e = s->program->row_start[r]; e < s->program->row_start[r + 1]; ++e)
-            most = fmax(most, fabs(jac[e])*s->size[s->program->column[e]]);
-        s->fs_rows[r] = isfinite(most) && most > G_MAX ? fmax(G_MAX/most, 1e-8) : 1;
+            most = max(most, fabs(jac[e])*s->size[s->program->column[e]]);
+        s->fs_rows[r] = isfinite(most) && most > G_MAX ? max(G_MAX/most, 1e-8) : 1;
     }
 }
 
@@ -657,7 +651,7 @@ static void estimate_multipliers(solver *s)
         return;
     double most = 0;
     for (int r = 0; r < s->m; ++r)
-        most = fmax(most, fabs(s->solution[k->place[s->n + r]]));
+        most = max(most, fabs(s->solution[k->place[s->n + r]]));
     if (!(most <= Y_MAX))
         return;
     for (int r = 0; r < s->m; ++r)
@@ -667,7 +661,7 @@ static void estimate_multipliers(solver *s)
 static void set_barrier(solver *s, double mu)
 {
     s->mu = mu;
-    s->tau = fmax(TAU_MIN, 1 - mu);
+    s->tau = max(TAU_MIN, 1 - mu);
 }
 
 /* ---- Restoration, WB 3.3 -------------------------------------------------------------------------------------------------------------- */
@@ -675,10 +669,10 @@ static void set_barrier(solver *s, double mu)
 static int iterate(solver *s);
 
 /* Elastic variables that minimise the barrier function for a residual c = p - n, WB (33), (34). */
-static void elastic_pair(double c, double mu, double *p, double *n)
+static void elastic_pair(double c, double mu, double rho, double *p, double *n)
 {
-    const double half = (mu - RHO*c)/(2*RHO);
-    *n = half + sqrt(half*half + mu*c/(2*RHO));
+    const double half = (mu - rho*c)/(2*rho);
+    *n = half + sqrt(half*half + mu*c/(2*rho));
     *p = c + *n;
 }
 
@@ -688,23 +682,23 @@ static void begin_restoration(solver *s)
     s->held_front = s->front;
     memcpy(s->reference, s->now.v, sizeof(double)*(size_t)s->n);
     for (int i = 0; i < s->n; ++i)
-        s->weight[i] = fmin(1/s->size[i], 1/fmax(fabs(s->reference[i]), DBL_MIN));
+        s->weight[i] = min(1/s->size[i], 1/max(fabs(s->reference[i]), DBL_MIN));
     s->elastic = 1;
     s->nv = s->most;
-    const double mu = fmax(s->mu, largest(s->now.residual, s->m));
+    const double mu = max(s->mu, largest(s->now.residual, s->m));
     set_barrier(s, mu);
     s->zeta = sqrt(mu);
     for (int r = 0; r < s->m; ++r) {
         const int p = s->n + s->slacks + r, n = p + s->m;
-        elastic_pair(s->now.residual[r], mu, &s->now.v[p], &s->now.v[n]);
+        elastic_pair(s->now.residual[r], mu, s->rho[r], &s->now.v[p], &s->now.v[n]);
         s->now.zl[p] = mu/s->now.v[p];
         s->now.zl[n] = mu/s->now.v[n];
         s->now.zu[p] = s->now.zu[n] = 0;
         s->now.y[r] = 0;
     }
     for (int i = 0; i < s->n + s->slacks; ++i) {
-        s->now.zl[i] = fmin(s->now.zl[i], RHO);
-        s->now.zu[i] = fmin(s->now.zu[i], RHO);
+        s->now.zl[i] = min(s->now.zl[i], RHO);
+        s->now.zu[i] = min(s->now.zu[i], RHO);
     }
     evaluate(s, &s->now);
     filter_reset(&s->front, s->now.theta);
@@ -767,10 +761,10 @@ static int restore(solver *s)
     evaluate_slopes(s);
     double most = 0;
     for (int i = 0; i < s->nv; ++i)
-        most = fmax(most, fmax(s->now.zl[i], s->now.zu[i]));
+        most = max(most, max(s->now.zl[i], s->now.zu[i]));
     for (int i = 0; most > Z_MAX && i < s->nv; ++i) {
-        s->now.zl[i] = s->lo[i] > -INFINITY && !fixed(s, i);
-        s->now.zu[i] = s->up[i] < INFINITY && !fixed(s, i);
+        s->now.zl[i] = s->lo[i] > -INFINITY;
+        s->now.zu[i] = s->up[i] < INFINITY;
     }
     estimate_multipliers(s);
     keep_multipliers(s);
@@ -788,7 +782,7 @@ static int iterate(solver *s)
         return DMOC_SOLVED;
     const double least_mu = s->options->optimality/(KAPPA_EPS + 1)*(s->elastic ? 1 : s->fs);
     while (s->mu > least_mu && barrier_error(s, s->mu) <= KAPPA_EPS*s->mu) {
-        set_barrier(s, fmax(least_mu, fmin(KAPPA_MU*s->mu, pow(s->mu, THETA_MU))));
+        set_barrier(s, max(least_mu, min(KAPPA_MU*s->mu, pow(s->mu, THETA_MU))));
         if (s->elastic)
             s->zeta = sqrt(s->mu);
         evaluate(s, &s->now);
@@ -833,7 +827,7 @@ static int allocate(solver *s)
         {&s->fs_rows, m}, {&s->now.v, most}, {&s->now.y, m}, {&s->now.zl, most}, {&s->now.zu, most}, {&s->now.residual, m},
         {&s->trial.v, most}, {&s->trial.residual, m}, {&s->gradient, most}, {&s->dual, most}, {&s->dv, most}, {&s->dy, m},
         {&s->dzl, most}, {&s->dzu, most}, {&s->soc_dv, most}, {&s->soc_dy, m}, {&s->soc_residual, m}, {&s->sigma, most},
-        {&s->right, n + m}, {&s->solution, n + m}, {&s->rest, n + m}, {&s->reference, n}, {&s->weight, n},
+        {&s->right, n + m}, {&s->solution, n + m}, {&s->rest, n + m}, {&s->reference, n}, {&s->weight, n}, {&s->rho, m},
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof parts/sizeof *parts; ++i)
@@ -854,29 +848,29 @@ static void start(solver *s, const double *x, const double *y, const double *z_l
     const int n = s->n;
     const double share = s->options->warm ? 1e-4 : 1;
     for (int i = 0; i < s->most; ++i) {
-        s->lo[i] = i < n ? s->program->lower[i] : 0;
-        s->up[i] = i < n ? s->program->upper[i] : INFINITY;
+        s->lo[i] = i >= n ? 0 : fixed(s, i) ? -INFINITY : s->program->lower[i];
+        s->up[i] = i >= n || fixed(s, i) ? INFINITY : s->program->upper[i];
         if (i < n)
-            s->now.v[i] = fixed(s, i) ? s->lo[i] : inside(x[i], s->lo[i], s->up[i], s->size[i], share);
+            s->now.v[i] = fixed(s, i) ? s->program->lower[i] : inside(x[i], s->lo[i], s->up[i], s->size[i], share);
     }
     s->nv = n; /* no slacks yet: they start at the inequalities */
     evaluate_values(s, s->now.v);
     choose_scaling(s);
+    for (int r = 0; r < s->m; ++r)
+        s->rho[r] = s->options->price ? RHO*s->options->price[r]/s->fs_rows[r] : RHO;
     s->nv = n + s->slacks;
     for (int a = 0; a < s->slacks; ++a)
         s->now.v[n + a] = inside(s->fs_rows[s->eq + a]*s->values[1 + s->eq + a], 0, INFINITY, 1, share);
     set_barrier(s, s->options->mu);
     for (int i = 0; i < s->nv; ++i) {
-        if (fixed(s, i))
-            continue;
         const int below = s->lo[i] > -INFINITY, above = s->up[i] < INFINITY;
         if (!s->options->warm) {
             s->now.zl[i] = below, s->now.zu[i] = above;
         } else if (i < n) {
-            s->now.zl[i] = below ? fmax(s->fs*z_lower[i], 0) : 0;
-            s->now.zu[i] = above ? fmax(s->fs*z_upper[i], 0) : 0;
+            s->now.zl[i] = below ? max(s->fs*z_lower[i], 0) : 0;
+            s->now.zu[i] = above ? max(s->fs*z_upper[i], 0) : 0;
         } else {
-            s->now.zl[i] = fmax(-s->fs*y[s->eq + i - n]/s->fs_rows[s->eq + i - n], 0);
+            s->now.zl[i] = max(-s->fs*y[s->eq + i - n]/s->fs_rows[s->eq + i - n], 0);
         }
     }
     evaluate(s, &s->now);
@@ -888,6 +882,24 @@ static void start(solver *s, const double *x, const double *y, const double *z_l
     else
         estimate_multipliers(s);
     keep_multipliers(s);
+}
+
+static int minimise(solver *s)
+{
+    int status = -1;
+    while (status < 0)
+        status = iterate(s);
+    return status;
+}
+
+static int least_violation(solver *s)
+{
+    begin_restoration(s);
+    const int status = minimise(s);
+    evaluate_values(s, s->now.v);
+    if (status == DMOC_SOLVED || status == DMOC_STALLED)
+        return violation(s) <= s->options->infeasible ? DMOC_SOLVED : status == DMOC_SOLVED ? DMOC_INFEASIBLE : DMOC_STALLED;
+    return status;
 }
 
 dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt, const dmoc_options *options, const double *size,
@@ -905,10 +917,7 @@ dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt
     s->ldl = dmoc_ldl_new(kkt->size, kkt->pivots, kkt->first, kkt->start, kkt->row);
     if (s->ldl && allocate(s)) {
         start(s, x, y, z_lower, z_upper);
-        int status = -1;
-        while (status < 0)
-            status = iterate(s);
-        s->result.status = status;
+        s->result.status = options->least_violation ? least_violation(s) : minimise(s);
         memcpy(x, s->now.v, sizeof(double)*(size_t)s->n);
         for (int r = 0; r < s->m; ++r)
             y[r] = s->now.y[r]*s->fs_rows[r]/s->fs;

@@ -32,6 +32,8 @@ typedef struct {
     double infeasible;  /* a larger least violation means infeasible, a smaller one stalled */
     double mu;          /* first barrier parameter */
     int warm;           /* y, z_lower, z_upper are given */
+    const double *price; /* [m] price of a violation in the restoration, in the units of the rows; NULL for 1 on scaled rows */
+    int least_violation; /* minimise the violation alone: solved where there is none, infeasible where it is least */
     int iterations;
     double seconds;
     dmoc_report *report;

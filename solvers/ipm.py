@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dmoc.codegen.kernels import Array
@@ -10,7 +12,7 @@ from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.compiled import interior_point
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
-from dmoc.solvers.system import System, system
+from dmoc.solvers.system import system
 
 STATUSES = (Status.SOLVED, Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STALLED, Status.INTERRUPTED)
 # First barrier parameter: of a start without multipliers, and of a neighbouring solution.
@@ -24,7 +26,7 @@ STRETCH = 1.25
 INFEASIBLE = 1e-6
 
 
-def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None, prepared: System | None = None) -> Outcome:
+def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
     """Minimise from x; with ``duals`` x is a neighbouring solution.
 
     Raises
@@ -32,6 +34,23 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
     ProblemError
         If the kernels are not compiled.
     """
+    outcome = _run(nlp, x, options, duals)
+    left = residuals(nlp, outcome.x, outcome.duals)
+    if left.optimality <= options.optimality and left.violation <= options.violation:
+        return replace(outcome, status=Status.SOLVED)
+    status = Status.STALLED if outcome.status is Status.SOLVED else outcome.status
+    return replace(outcome, status=status, detail=f"optimality {left.optimality:.1e}, violation {left.violation:.1e}")
+
+
+def least_violation(nlp: Transcription, x: Array, options: Options, price: Array) -> Outcome:
+    """Minimise the sum of violations, weighted by ``price`` of shape (n_eq + n_in,), from x; solved where nothing is violated.
+
+    The multipliers are those of the weighted sum: those of bounds and constraints that hold it up are not zero.
+    """
+    return _run(nlp, x, options, None, price)
+
+
+def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, price: Array | None = None) -> Outcome:
     if not nlp.program.compiled:
         raise ProblemError("method ipm needs compiled kernels: install a C compiler and build the model again, or use slsqp.")
     x = np.clip(x, nlp.lower, nlp.upper)
@@ -49,20 +68,14 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
 
     try:
         result = interior_point(
-            nlp.program, prepared or system(nlp), sizes(nlp, x), _stretches(nlp), x, y, z_lower, z_upper,
+            nlp.program, system(nlp), sizes(nlp, x), _stretches(nlp), x, y, z_lower, z_upper, price=price, least_violation=price is not None,
             optimality=min(options.optimality, SHARPEST), violation=options.violation, infeasible=INFEASIBLE, mu=WARM if duals else COLD,
             warm=duals is not None, iterations=options.iterations, seconds=np.inf if options.seconds is None else options.seconds, report=report,
         )  # fmt: skip
         status, count = STATUSES[result["status"]], result["iterations"]
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
-    found = Duals(y[:n_eq], np.maximum(-y[n_eq:], 0.0), z_lower - z_upper)
-    left = residuals(nlp, x, found)
-    if left.optimality <= options.optimality and left.violation <= options.violation:
-        status = Status.SOLVED
-    elif status is Status.SOLVED:
-        status = Status.STALLED
-    return Outcome(status, "" if status is Status.SOLVED else f"optimality {left.optimality:.1e}", x, found, count)
+    return Outcome(status, "", x, Duals(y[:n_eq], np.maximum(-y[n_eq:], 0.0), z_lower - z_upper), count)
 
 
 def sizes(nlp: Transcription, x: Array) -> Array:

@@ -13,7 +13,7 @@ class Status(enum.Enum):
     """How a solve ended; the values are texts that say what happened and what helps."""
 
     SOLVED = "a local minimum was found"
-    INFEASIBLE = "no feasible point was found near the best iterate"
+    INFEASIBLE = "no feasible motion was found"
     ITERATION_LIMIT = "the iteration limit was reached: raise it, or start from a better guess"
     TIME_LIMIT = "the time limit was reached: raise it, or start from a better guess"
     STALLED = "no further progress was possible before optimality: try another guess or other steps"

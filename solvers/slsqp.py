@@ -366,7 +366,9 @@ def _polished(driver: Driver, x: Array, options: Options) -> tuple[Array, Residu
     if solved and lower and driver.is_minimum(better):
         return better, found
     driver.y, driver.w = before[:2]
-    return x, Residuals(np.inf, violation(driver.nlp, x)) if solved else residuals(driver.nlp, x, with_bounds(driver.nlp, x, driver.y, driver.w))
+    return x, Residuals(np.inf, violation(driver.nlp, x)) if solved else residuals(
+        driver.nlp, x, with_bounds(driver.nlp, x, driver.y, driver.w)
+    )
 
 
 def _least_violation(driver: Driver, x: Array, progress: Progress) -> Array:

@@ -29,7 +29,7 @@ from dmoc.symbolic.names import name_of
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem
 
-FORMAT = 1  # of the facts and the kernel list; a manifest of another format is refused
+FORMAT = 2  # of the facts and the kernel list; a manifest of another format is refused
 
 
 def model_spec(system: MechanicalSystem) -> ModelSpec:
@@ -44,8 +44,9 @@ def model_spec(system: MechanicalSystem) -> ModelSpec:
 
 
 def model_key(system: MechanicalSystem) -> str:
-    """Return the key of the kernels of ``system``: its content and the format of the kernel list."""
-    return hashlib.sha256(f"{FORMAT}\n{system.fingerprint()}".encode()).hexdigest()
+    """Return the key of the kernels of ``system``: its content, its units and the format of the kernel list."""
+    units = "".join(f"\n{name} {unit}" for name, unit in system.units.items())
+    return hashlib.sha256(f"{FORMAT}\n{system.fingerprint()}{units}".encode()).hexdigest()
 
 
 def _facts(system: MechanicalSystem, f: Continuous) -> dict[str, Any]:
@@ -59,6 +60,7 @@ def _facts(system: MechanicalSystem, f: Continuous) -> dict[str, Any]:
         "title": system.title or system.name,
         "coordinates": [name_of(q) for q in system.coordinates],
         "inputs": [name_of(u) for u in system.inputs],
+        "units": dict(system.units),
         "surfaces": list(system.surfaces),
         "surface_coordinates": surface_coordinates,
         "path_constraints": list(system.path_constraints),

@@ -44,6 +44,8 @@ class MechanicalSystem:
         Relations in q, q' and u that hold along the whole motion.
     title : str, optional
         One line for lists and figures.
+    units : mapping of coordinate or input to str, optional
+        Units for messages and figures: ``{alpha: "rad", x: "m", F: "N"}``.
 
     Raises
     ------
@@ -67,6 +69,7 @@ class MechanicalSystem:
     cost: Any = 0
     path_constraints: Mapping[str, Any] = field(default_factory=dict)
     title: str = ""
+    units: Mapping[Any, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -77,6 +80,7 @@ class MechanicalSystem:
         put(self, "surfaces", dict(self.surfaces))
         put(self, "path_constraints", dict(self.path_constraints))
         self._check_names()
+        put(self, "units", self._named_units())
         put(self, "lagrangian", _expression(self.lagrangian, "the Lagrangian"))
         put(self, "cost", _expression(self.cost, "the cost"))
         put(self, "forces", self._normalised_forces())
@@ -130,6 +134,16 @@ class MechanicalSystem:
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     # Checks ----------------------------------------------------------------------------------------------------------
+
+    def _named_units(self) -> dict[str, str]:
+        names = [name_of(s) for s in (*self.coordinates, *self.inputs)]
+        units = {name_of(symbol): unit for symbol, unit in dict(self.units).items()}
+        for name, unit in units.items():
+            if name not in names:
+                raise ModelError(f"unit of {name!r}: expected a coordinate or an input, one of {', '.join(names)}.")
+            if not isinstance(unit, str) or not unit.isprintable() or not 0 < len(unit) <= 16:
+                raise ModelError(f"unit of {name} = {unit!r}: expected a short text such as 'rad', 'm' or 'N'.")
+        return units
 
     def _check_names(self) -> None:
         if not self.coordinates:

@@ -59,7 +59,7 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     assert code == 0
     assert list(found) == [
         "model", "method", "status", "message", "cost", "final_time", "active_bounds", "phases", "collisions", "max_violation",
-        "optimality", "iterations", "seconds", "verification",
+        "optimality", "iterations", "seconds", "verification", "conflicts",
     ]  # fmt: skip
     assert found["cost"] == pytest.approx(129.6024, rel=1e-5)
     assert set(found["phases"][0]) == {"steps", "step_size", "duration"}
@@ -150,7 +150,7 @@ SOLVE_ERRORS = {
     "--steps many": "expected a whole number",
     "--final-time -1": "expected a positive time",
     "--final-time 2:1": "exceeds the upper bound",
-    "--method newton": "expected one of slsqp",
+    "--method newton": "expected one of slsqp, ipm, ipopt, uno",
     "--out /proc/nowhere": "cannot be written",
     "--json /proc/nowhere/x.json": "cannot be written",
 }

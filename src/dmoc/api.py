@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -12,15 +13,17 @@ from threadpoolctl import threadpool_limits
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import ProblemError, SolutionFileError
 from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.motion import active_bounds, named_multipliers, trajectory
+from dmoc.nlp.motion import active_bounds, given_multipliers, named_multipliers, trajectory
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.transcription import Transcription
 from dmoc.solution import Solution
-from dmoc.solvers import slsqp
+from dmoc.solvers import external, ipm, slsqp
+from dmoc.solvers.diagnosis import MET, diagnose
 from dmoc.solvers.kkt import residuals
-from dmoc.solvers.outcome import Iteration, Options, Outcome, Status
+from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
 
-METHODS = ("slsqp",)
+METHODS = ("slsqp", "ipm", "ipopt", "uno")
+Driver: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
 FORMS = ("condensed", "full")
 
 
@@ -43,13 +46,15 @@ def solve(
     Parameters
     ----------
     problem : Problem
-    method : {"slsqp"}
-        SciPy's sequential quadratic programming.
+    method : {"slsqp", "ipm", "ipopt", "uno"}
+        SciPy's sequential quadratic programming on the condensed program; the compiled interior-point method of dmoc; IPOPT; Uno.  The
+        last two are extras.
     form : {"condensed", "full"}
-        "condensed" eliminates coordinates by solving the discrete equations of motion; "full" leaves all unknowns to the
-        solver, which is practical up to some tens of steps.
+        For slsqp: "condensed" eliminates coordinates by solving the discrete equations of motion; "full" leaves all unknowns to the
+        solver, which is practical up to some tens of steps.  The other methods work on the full sparse program.
     guess : Solution or array, optional
-        Where to start; by default an automatic guess.  A solution must have the same steps and the same number of collisions.
+        Where to start; by default an automatic guess.  A solution must have the same steps and the same number of collisions; its
+        multipliers serve too (not with slsqp).
     optimality, violation : float
         Tolerances of the optimality residual and of the constraints.
     iterations : int
@@ -81,27 +86,30 @@ def solve(
         raise ProblemError(f"seconds = {seconds!r}: expected a positive time limit, or None.")
     if iterations < 1:
         raise ProblemError(f"iterations = {iterations!r}: expected at least 1.")
-    inputs = problem.nu * sum(problem.phase_steps)
-    if inputs > slsqp.MOST_INPUTS:
-        raise ProblemError(
-            f"steps = {problem.steps}: method slsqp works with dense matrices and takes at most {slsqp.MOST_INPUTS} inputs in all steps, "
-            f"this problem has {inputs}; take fewer steps."
-        )
+    if method == "slsqp":
+        _check_size(problem)
+    elif method != "ipm":
+        external.require(method)
     options = Options(optimality, violation, iterations, seconds, progress)
     start = time.perf_counter()
-    nlp = Transcription(problem)
+    # Minimal times keep slsqp on the right track; they may limit no solution, and the other methods do without.
+    nlp = Transcription(problem, None if method == "slsqp" else False)
+    driver = _driver(method, form, nlp, guess)
     try:
         with threadpool_limits(1):  # the matrices are small: several threads would wait for each other
             points = _starting_points(problem, nlp, guess)
             guessed = time.perf_counter()
-            nlp, outcome = _first_success(problem, nlp, points, options, slsqp.SEGMENTS if form == "condensed" else 0)
+            nlp, outcome = _first_success(problem, nlp, points, options, driver)
+            conflicts: tuple[str, ...] = ()
+            if outcome.status is Status.INFEASIBLE and nlp.program.compiled:
+                nlp, outcome, conflicts = _explained(problem, nlp, outcome, points[0], options, driver)
     except np.linalg.LinAlgError as error:
         raise ProblemError(
             f"the equations of motion become singular or overflow on the way ({error}): check the parameters and the bounds."
         ) from None
     solved = time.perf_counter()
     timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
-    solution = _solution(problem, nlp, outcome, method, timings, reference)
+    solution = _solution(problem, nlp, outcome, method, timings, reference, conflicts)
     if not (verify and solution.solved):
         return solution
     check = solution.verify()
@@ -122,6 +130,25 @@ def solve(
     return replace(solution, status="not_verified", message=message, verification=summary, seconds=timings)
 
 
+def _check_size(problem: Problem) -> None:
+    inputs = problem.nu * sum(problem.phase_steps)
+    if inputs > slsqp.MOST_INPUTS:
+        raise ProblemError(
+            f"steps = {problem.steps}: method slsqp works with dense matrices and takes at most {slsqp.MOST_INPUTS} inputs in all steps, "
+            f"this problem has {inputs}; take fewer steps, or method ipm."
+        )
+
+
+def _driver(method: str, form: str, nlp: Transcription, guess: Solution | Array | None) -> Driver:
+    """Return the method as a function of program, start and options."""
+    if method == "slsqp":
+        segments = slsqp.SEGMENTS if form == "condensed" else 0
+        return lambda nlp, x, options: slsqp.solve(nlp, x, options, segments)
+    minimise = {"ipm": ipm.solve, "ipopt": external.solve_ipopt, "uno": external.solve_uno}[method]
+    duals = Duals(*given_multipliers(nlp, guess.multipliers)) if isinstance(guess, Solution) else None
+    return lambda nlp, x, options: minimise(nlp, x, options, duals)
+
+
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     if value not in choices:
         raise ProblemError(f"{name} = {value!r}: expected one of {', '.join(choices)}.")
@@ -139,58 +166,76 @@ def _starting_points(problem: Problem, nlp: Transcription, guess: Solution | Arr
 
 
 def _first_success(
-    problem: Problem, nlp: Transcription, points: list[Array], options: Options, segments: int
+    problem: Problem, nlp: Transcription, points: list[Array], options: Options, driver: Driver
 ) -> tuple[Transcription, Outcome]:
     """Solve from one starting point after the other until one succeeds or a limit is reached; else return the least violation."""
     tried: list[tuple[float, Transcription, Outcome]] = []
     count, begin = 0, time.perf_counter()
     for x in points:
         left = None if options.seconds is None else options.seconds - (time.perf_counter() - begin)
-        used, outcome = _minimise(
-            problem, nlp, x, replace(options, seconds=left, iterations=options.iterations - count), segments
-        )
+        used, outcome = _minimise(problem, nlp, x, replace(options, seconds=left, iterations=options.iterations - count), driver)
         count += outcome.iterations
         outcome = replace(outcome, iterations=count)
         if outcome.status not in (Status.INFEASIBLE, Status.STALLED) or count >= options.iterations:
             return used, outcome
-        tried.append((residuals(used, outcome.x, outcome.y, outcome.w).violation, used, outcome))
+        tried.append((residuals(used, outcome.x, outcome.duals).violation, used, outcome))
     _, used, outcome = min(tried, key=lambda t: t[0])
     return used, replace(outcome, iterations=count)
 
 
-def _minimise(problem: Problem, nlp: Transcription, x: Array, options: Options, segments: int) -> tuple[Transcription, Outcome]:
+def _explained(
+    problem: Problem, nlp: Transcription, outcome: Outcome, x: Array, options: Options, driver: Driver
+) -> tuple[Transcription, Outcome, tuple[str, ...]]:
+    """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve from."""
+    diagnosis = diagnose(problem, x, options)
+    if diagnosis.violation <= MET:
+        again = driver(nlp, diagnosis.x, options)
+        if again.status is not Status.INFEASIBLE:
+            return nlp, replace(again, iterations=outcome.iterations + again.iterations), ()
+    return nlp, outcome, diagnosis.sentences
+
+
+def _minimise(problem: Problem, nlp: Transcription, x: Array, options: Options, driver: Driver) -> tuple[Transcription, Outcome]:
     """Solve; an estimated minimal time that limits the solution is dropped, because the dynamics decide and not the estimate."""
-    outcome = slsqp.solve(nlp, x, options, segments)
+    outcome = driver(nlp, x, options)
     timed = nlp.inequality_rows("minimal time")
-    limited = outcome.status is Status.SOLVED and bool((outcome.w[timed] > 0).any())
+    limited = outcome.status is Status.SOLVED and bool((outcome.duals.w[timed] > 0).any())
     if outcome.status is Status.INFEASIBLE and len(timed):
         limited = bool((nlp.inequality(outcome.x)[timed] < options.violation).any())
     if not limited:
         return nlp, outcome
     free = Transcription(problem, minimal_times=False)
-    again = slsqp.solve(free, outcome.x, options, segments)
+    again = driver(free, outcome.x, options)
     return free, replace(again, iterations=outcome.iterations + again.iterations)
 
 
 def _solution(
-    problem: Problem, nlp: Transcription, outcome: Outcome, method: str, timings: dict[str, float], reference: str
+    problem: Problem,
+    nlp: Transcription,
+    outcome: Outcome,
+    method: str,
+    timings: dict[str, float],
+    reference: str,
+    conflicts: tuple[str, ...],
 ) -> Solution:
-    found = residuals(nlp, outcome.x, outcome.y, outcome.w)
-    message = outcome.status.value + (f" ({outcome.detail})" if outcome.detail else "")
+    found = residuals(nlp, outcome.x, outcome.duals)
+    detail = f" ({outcome.detail})" if outcome.detail else ""
+    message = outcome.status.value + (": " + "; ".join(conflicts) if conflicts else detail)
     return Solution(
         status=outcome.status.name.lower(),
         message=message,
         method=method,
         cost=nlp.cost(outcome.x),
         trajectory=trajectory(nlp, outcome.x),
-        multipliers=named_multipliers(nlp, outcome.y, outcome.w),
-        active_bounds=active_bounds(nlp, outcome.x, outcome.w),
+        multipliers=named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z),
+        active_bounds=active_bounds(nlp, outcome.x, outcome.duals.w, outcome.duals.z),
         max_violation=found.violation,
         optimality=found.optimality,
         iterations=outcome.iterations,
         seconds=timings,
         unknowns=outcome.x,
         reference=reference or problem.kernels.name,
+        conflicts=conflicts,
         kernels=problem.kernels,
     )
 

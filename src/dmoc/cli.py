@@ -140,8 +140,10 @@ def solve(
     final_time: Annotated[
         str | None, typer.Option("--final-time", help="Largest final time in seconds, or its range, as 0.5:1.")
     ] = None,
-    method: Annotated[str, typer.Option(help="Solver: slsqp.")] = "slsqp",
-    form: Annotated[Form, typer.Option(help="Condensed, or the full program (small numbers of steps).")] = Form.condensed,
+    method: Annotated[str, typer.Option(help="Solver: slsqp, ipm (compiled interior point), ipopt, uno.")] = "slsqp",
+    form: Annotated[
+        Form, typer.Option(help="For slsqp: condensed, or the full program (small numbers of steps).")
+    ] = Form.condensed,
     controls: Annotated[Controls | None, typer.Option(help="Inputs constant in a step, or linear between nodes.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter value; repeatable.")] = None,
     bound: Annotated[
@@ -154,6 +156,9 @@ def solve(
     goal: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Goal state, like --start; repeatable.")] = None,
     iterations: Annotated[int, typer.Option(help="Iteration limit.")] = 1000,
     seconds: Annotated[float | None, typer.Option(help="Time limit of the solver in seconds.")] = None,
+    guess: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Start from a solution file with the same steps and number of collisions.")
+    ] = None,
     target: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Write solution.npz (and the figure) into this folder.")
     ] = None,
@@ -161,7 +166,9 @@ def solve(
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
     from dmoc import api, registry
+    from dmoc.solution import Solution
 
+    neighbour = None if guess is None else Solution.load(guess)
     reference = registry.find(model)
     fields = dict(reference.defaults)
     if sequence is not None:
@@ -186,8 +193,9 @@ def solve(
     quiet = json_ == "-"
     with _Live(quiet) as live:
         solution = api.solve(
-            problem, method, form=form.value, iterations=iterations, seconds=seconds, progress=live.show, reference=reference.name
-        )
+            problem, method, form=form.value, guess=neighbour, iterations=iterations, seconds=seconds, progress=live.show,
+            reference=reference.name,
+        )  # fmt: skip
     files = _save(solution, target)
     _emit(solution.to_dict(), json_)
     if not quiet:
@@ -268,11 +276,13 @@ def doctor() -> None:
         table.add_row(
             f"model {name}", "compiled" if load_installed(f"dmoc.generated.{name}") else "not compiled: built on first use"
         )
-    for name, extra in (("matplotlib", "plot"),):
+    for name, extra, what in (
+        ("matplotlib", "plot", "draw figures"), ("ipyopt", "ipopt", "use method ipopt"), ("unopy", "uno", "use method uno"),
+    ):  # fmt: skip
         try:
             table.add_row(name, metadata.version(name))
         except metadata.PackageNotFoundError:
-            table.add_row(name, f"not installed: `pip install dmoc[{extra}]` to draw figures")
+            table.add_row(name, f"not installed: `pip install dmoc[{extra}]` to {what}")
     out.print(table)
     raise typer.Exit(0 if healthy else BAD_INPUT)
 
@@ -427,7 +437,10 @@ class _Live:
 def _summary(solution: Solution, files: list[Path]) -> None:
     table = Table(show_header=False, box=None)
     colour = "green" if solution.solved else "red"
-    table.add_row("status", f"[{colour}]{solution.status}[/]: {solution.message}")
+    message = solution.message.removesuffix(": " + "; ".join(solution.conflicts)) if solution.conflicts else solution.message
+    table.add_row("status", f"[{colour}]{solution.status}[/]: {message}")
+    for conflict in solution.conflicts:
+        table.add_row("conflict", conflict)
     table.add_row("cost", f"{solution.cost:.7g}")
     for i, phase in enumerate(solution.phases):
         table.add_row(f"phase {i}", f"{phase.duration:.6g} s in {phase.steps} steps")

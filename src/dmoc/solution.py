@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dmoc.codegen.kernels import Kernels
     from dmoc.simulation.check import Verification
 
-FILE_FORMAT = 1
+FILE_FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Solution:
     trajectory : Trajectory
         Phases (t, q, p, v, u) and collisions (surface, time, impulse, momenta before and after).
     multipliers : mapping of str to array
-        By kind of constraint, in L = J + y . c - w . d.
+        By kind of constraint, in L = J + y . c - w . d - z . x; those of the unknowns' bounds, z, as "bounds".
     active_bounds : tuple of str
         Bounds and inequalities that hold with equality and carry a multiplier.
     max_violation : float
@@ -52,6 +52,8 @@ class Solution:
         Times of build, guess, solve and verification.
     unknowns : array
         The vector of unknowns, from which another solve can start.
+    conflicts : tuple of str
+        Where no feasible point was found: what is missed and by how much, and what stands against it.
     verification : mapping or None
         Result of the independent check, as in the command line's JSON.
     reference : str
@@ -70,6 +72,7 @@ class Solution:
     iterations: int
     seconds: Mapping[str, float]
     unknowns: Array
+    conflicts: tuple[str, ...] = ()
     verification: Mapping[str, Any] | None = None
     reference: str = ""
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
@@ -137,6 +140,7 @@ class Solution:
             "iterations": self.iterations,
             "seconds": dict(self.seconds),
             "verification": None if self.verification is None else dict(self.verification),
+            "conflicts": list(self.conflicts),
         }
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -222,5 +226,5 @@ class Solution:
         return cls(
             header["status"], header["message"], header["method"], header["cost"], trajectory, multipliers, tuple(header["active_bounds"]),
             header["max_violation"], header["optimality"], header["iterations"], header["seconds"], arrays["unknowns"],
-            header["verification"], header["reference"],
+            tuple(header["conflicts"]), header["verification"], header["reference"],
         )  # fmt: skip

@@ -1,0 +1,35 @@
+"""Entry to the interior-point method in C, and to its factorisation."""
+
+from collections.abc import Callable
+from typing import Any
+
+from numpy.typing import NDArray
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.assembly import Program
+from dmoc.solvers.system import System
+
+Ints = NDArray[Any]
+
+def interior_point(
+    program: Program,
+    system: System,
+    size: Array,
+    stretch: Array,
+    x: Array,
+    y: Array,
+    z_lower: Array,
+    z_upper: Array,
+    *,
+    price: Array | None = None,
+    least_violation: bool = False,
+    optimality: float,
+    violation: float,
+    infeasible: float,
+    mu: float,
+    warm: bool,
+    iterations: int,
+    seconds: float,
+    report: Callable[[int, float, float, float, bool], None],
+) -> dict[str, Any]: ...
+def factor_and_solve(first: Ints, start: Ints, row: Ints, values: Array, right: Array) -> tuple[Array, tuple[int, int, int]]: ...

@@ -1,0 +1,149 @@
+"""Why a problem has no feasible point, in the user's words and units.
+
+The motion of least violation is sought once more with the constraints priced as a user would: what the laws of motion say (momentum and
+energy) costs most to violate, so that the violation moves to what the user asked for - goal, contacts, gaps, path constraints, times -
+and the bounds that then carry multipliers are those that stand against it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.motion import active_bounds
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.ipm import least_violation
+from dmoc.solvers.outcome import Options, Status
+
+# Prices of a violation relative to that of missing the goal: of what limits the motion, and of the laws of motion.
+LIMITS = 10.0
+LAWS = 100.0
+# What is missed by less is met, in the units of the constraint.
+MET = 1e-6
+# Share of the largest violation below which another is not worth a word.
+NEGLIGIBLE = 1e-3
+# Share by which an estimated shortest time must exceed what is allowed to be mentioned.
+CLEARLY = 1e-3
+# Iterations that an explanation is worth.
+ITERATIONS = 300
+MOST_LINES = 4
+# Units of momenta by the unit of the coordinate; of another coordinate, the unit of its momentum is not known.
+MOMENTUM_UNITS = {"m": "kg m/s", "rad": "kg m2/s"}
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Least violation of a problem.
+
+    ``x`` are its unknowns, ``violation`` the largest violation, ``missed`` what is not met and by how much, ``against`` the bounds and
+    constraints that hold it there, ``times`` what the shortest collision times say.
+    """
+
+    x: Array
+    violation: float
+    missed: tuple[str, ...]
+    against: tuple[str, ...]
+    times: tuple[str, ...]
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        parts = list(self.missed[:MOST_LINES]) + list(self.times)
+        if self.against:
+            parts.append("what stands against it: " + ", ".join(self.against[:MOST_LINES]))
+        return tuple(parts)
+
+
+def diagnose(problem: Problem, x: Array, options: Options) -> Diagnosis:
+    """Seek the motion of least violation from x and say what it misses; needs compiled kernels.
+
+    x is best an initial guess: where a solver has given up, the motion may have left what the user had in mind.
+    """
+    nlp = Transcription(problem, minimal_times=False, goal_as_rows=True)
+    limits = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
+    outcome = least_violation(nlp, x, limits, _prices(nlp))
+    missed = _missed(nlp, outcome.x)
+    # Multipliers are those of the priced violation: small ones are not worth a word.
+    largest = max(float(np.abs(outcome.duals.z).max(initial=0.0)), float(outcome.duals.w.max(initial=0.0)), 1e-300)
+    w, z = (np.where(np.abs(d) > 1e-3 * largest, d, 0.0) for d in (outcome.duals.w, outcome.duals.z))
+    against = tuple(a for a in active_bounds(nlp, outcome.x, w, z)) if outcome.status is Status.INFEASIBLE else ()
+    amount = max((value for value, _ in missed), default=0.0)
+    return Diagnosis(outcome.x, amount, tuple(text for _, text in missed), against, _times(nlp, outcome.x))
+
+
+def _prices(nlp: Transcription) -> Array:
+    price = np.full(nlp.n_eq + nlp.n_in, LIMITS)
+    price[nlp.equality_rows("goal")] = 1.0
+    for name in ("momentum", "energy", "start velocity", "goal velocity"):
+        price[nlp.equality_rows(name)] = LAWS
+    return price
+
+
+def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
+    """Amount and text of what is not met, the worst of each kind of constraint and coordinate or surface, largest first."""
+    problem, kernels = nlp.problem, nlp.problem.kernels
+    units = kernels.manifest["units"]
+    c, d = nlp.equality(x), nlp.inequality(x)
+    worst: dict[str, tuple[float, str]] = {}
+
+    def note(kind: str, amount: float, text: str, unit: str = "") -> None:
+        if amount > max(MET, worst.get(kind, (0.0, ""))[0]):
+            worst[kind] = (amount, f"{text} by {amount:.3g}{' ' + unit if unit else ''}")
+
+    for row, (_, _, name) in zip(nlp.equality_rows("goal"), nlp.goals, strict=True):
+        note(f"goal {name}", abs(c[row]), f"the goal of {name} is missed", _unit(name, units))
+    for i, (row, surface) in enumerate(zip(nlp.equality_rows("contact"), problem.sequence, strict=True)):
+        involved = [kernels.coordinates[j] for j in kernels.manifest["surface_coordinates"][surface]]
+        unit = _unit(involved[0], units) if len(involved) == 1 else ""
+        note(f"contact {i}", abs(c[row]), f"collision {i + 1} misses {surface!r}", unit)
+    rows = nlp.equality_rows("momentum").reshape(-1, nlp.layout.nq)
+    for j, q in enumerate(kernels.coordinates):
+        k = int(np.argmax(np.abs(c[rows[:, j]])))
+        note(f"momentum {q}", abs(c[rows[k, j]]), f"the momentum of {q} jumps at node {k}", _unit(f"p_{q}", units))
+    for i, row in enumerate(nlp.equality_rows("energy")):
+        note(f"energy {i}", abs(c[row]), f"collision {i + 1} ({problem.sequence[i]}) changes the energy")
+    for row in nlp.equality_rows("final time"):
+        note("time", abs(c[row]), "the final time is missed", "s")
+    for block in nlp.inequalities:
+        for i, row in enumerate(block.rows):
+            time = block.name.startswith("final time")
+            kind = block.name if block.name != "gap" else f"gap {nlp.gap_constraints[1][i]}"
+            text = (
+                f"{block.labels[i]} is violated"
+                if block.name != "gap"
+                else f"the motion passes {block.labels[i].removeprefix('gap to ')}"
+            )
+            note(kind, float(-d[row]), text, "s" if time else "")
+    found = sorted(worst.values(), reverse=True)
+    return [(amount, text) for amount, text in found if amount > NEGLIGIBLE * found[0][0]]
+
+
+def _unit(name: str, units: dict[str, str]) -> str:
+    """Unit of a coordinate, velocity or momentum, "" where the model does not tell."""
+    if name in units:
+        return units[name]
+    if name.startswith("p_"):
+        return MOMENTUM_UNITS.get(units.get(name[2:], ""), "")
+    return f"{units[name[:-4]]}/s" if name.endswith("_dot") and name[:-4] in units else ""
+
+
+def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
+    """Phases whose estimated shortest time at full input exceeds what the bounds allow."""
+    problem, lay = nlp.problem, nlp.layout
+    if not problem.nu or not np.isfinite(problem.input_bounds).all():
+        return ()
+    low, high = problem.duration_bounds.T
+    found = []
+    for i, surface in enumerate(problem.sequence):
+        allowed = min(high[i], problem.final_time_bounds[1] - (low.sum() - low[i]))
+        at = x.copy()
+        if i == 0:  # the start is known: a motion of least violation may have left it
+            at[lay.index_q[0]] = np.clip(at[lay.index_q[0]], nlp.lower[lay.index_q[0]], nlp.upper[lay.index_q[0]])
+        shortest = nlp.phase_minimal_time(at, i)
+        if np.isfinite(shortest) and shortest > (1 + CLEARLY) * allowed:
+            found.append(
+                f"phase {i} -> {surface!r}: the shortest time at full input is about {shortest:.3g} s, the bounds allow {allowed:.3g} s"
+            )
+    return tuple(found)

@@ -1,0 +1,279 @@
+"""Every method on every kind of problem: same answers, same statuses; the factorisation; what an infeasible problem is told."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from systems import block_system
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.errors import MissingExtraError, ProblemError
+from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.transcription import Transcription
+from dmoc.registry import build
+from dmoc.solvers.compiled import factor_and_solve
+from dmoc.solvers.ipm import least_violation
+from dmoc.solvers.outcome import Iteration, Options, Status
+from dmoc.solvers.system import system
+
+SPARSE = ("ipm", "ipopt", "uno")
+ROOT = Path(__file__).parent.parent
+
+
+def block_problem(block: Kernels) -> dmoc.Problem:
+    return dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=40, final_time=1.0)
+
+
+def puck_problem(puck: Kernels) -> dmoc.Problem:
+    return dmoc.Problem(puck, start={"x": 1.5, "y": 0.0}, goal={"x": 1.5, "y": 1.0}, sequence=["rim"], final_time=1.0, steps=30)
+
+
+# Same answers --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", SPARSE)
+@pytest.mark.parametrize("name", ["block", "puck", "seed"])
+def test_methods_agree_with_slsqp(request: pytest.FixtureRequest, seed: dmoc.Problem, method: str, name: str) -> None:
+    if name == "seed":
+        problem = seed.but(steps=50)
+    else:
+        make = {"block": block_problem, "puck": puck_problem}[name]
+        problem = make(request.getfixturevalue(name))
+    reference = dmoc.solve(problem, verify=False)
+    solution = dmoc.solve(problem, method=method, verify=False)
+    assert solution.status == "solved", solution.message
+    assert solution.cost == pytest.approx(reference.cost, rel=1e-6)
+    assert solution.final_time == pytest.approx(reference.final_time, rel=1e-4)
+    assert solution.optimality <= 1e-6 and solution.max_violation <= 1e-10
+    assert solution.active_bounds == reference.active_bounds
+    np.testing.assert_allclose(solution.multipliers["momentum"], reference.multipliers["momentum"], rtol=1e-3, atol=1e-3)
+
+
+def test_seed_is_solved_and_verified(seed: dmoc.Problem) -> None:
+    solution = dmoc.solve(seed, method="ipm")
+    assert solution.solved
+    assert solution.cost == pytest.approx(129.6024, abs=1e-4)
+    assert [p.duration for p in solution.phases] == pytest.approx([0.09640, 0.90360], abs=1e-5)
+
+
+def test_a_thousand_steps_a_phase(seed: dmoc.Problem) -> None:
+    """The costs of DESIGN's ladder go to 129.986 with the square of the step."""
+    solution = dmoc.solve(seed.but(steps=1000), method="ipm")
+    assert solution.solved
+    assert solution.cost == pytest.approx(129.986 - (129.986 - 129.6024) / 100, abs=2e-3)
+    with pytest.raises(ProblemError, match="method ipm"):
+        dmoc.solve(seed.but(steps=1001))
+
+
+@pytest.mark.parametrize("sequence", [[], ["left", "left"], ["left", "right", "left"], ["right", "left"]])
+def test_sequences_from_the_automatic_guess(seed: dmoc.Problem, sequence: list[str]) -> None:
+    solution = dmoc.solve(seed.but(sequence=sequence), method="ipm")
+    assert solution.status == "solved", solution.message
+    assert [c.surface for c in solution.collisions] == sequence
+
+
+def test_linear_inputs_and_a_fixed_time(seed: dmoc.Problem) -> None:
+    assert dmoc.solve(seed.but(controls="linear"), method="ipm").cost == pytest.approx(129.50419, rel=1e-6)
+    assert dmoc.solve(seed.but(final_time=1.0), method="ipm").cost == pytest.approx(129.602392, rel=1e-7)
+
+
+def test_free_boundary_values_are_found(seed: dmoc.Problem) -> None:
+    """Unknowns at the start that no equation of the chain determines end up in the final group of the factorisation."""
+    problem = seed.but(start={"alpha": (1.1, 1.3), "x": 0.0, "alpha_dot": (-0.5, 0.5)}, steps=40)
+    a, b = (dmoc.solve(problem, method=m, verify=False) for m in ("ipm", "slsqp"))
+    assert a.status == b.status == "solved"
+    assert a.cost == pytest.approx(b.cost, rel=1e-5)
+
+
+def test_a_neighbouring_solution_saves_iterations(seed: dmoc.Problem) -> None:
+    first = dmoc.solve(seed, method="ipm", verify=False)
+    near = seed.but(parameters={"m_c": 1.05})
+    cold = dmoc.solve(near, method="ipm", verify=False)
+    warm = dmoc.solve(near, method="ipm", guess=first, verify=False)
+    assert warm.status == cold.status == "solved"
+    assert warm.cost == pytest.approx(cold.cost, rel=1e-8)
+    assert warm.iterations < 0.7 * cold.iterations
+    again = dmoc.solve(seed, method="ipm", guess=first, verify=False)
+    assert again.status == "solved" and again.iterations <= 5
+
+
+def test_multipliers_survive_a_file(seed: dmoc.Problem, tmp_path: Path) -> None:
+    first = dmoc.solve(seed, method="ipm")
+    loaded = dmoc.Solution.load(first.save(tmp_path / "s.npz"))
+    assert dmoc.solve(seed, method="ipm", guess=loaded, verify=False).iterations <= 5
+
+
+# Limits --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", SPARSE)
+def test_limits_are_kept(seed: dmoc.Problem, method: str) -> None:
+    few = dmoc.solve(seed, method=method, iterations=3)
+    assert few.status == "iteration_limit" and few.iterations <= 3
+    assert len(few.phases) == 2 and np.isfinite(few.cost)
+    late = dmoc.solve(seed.but(steps=300), method=method, seconds=1e-3)
+    assert late.status == "time_limit"
+
+
+@pytest.mark.parametrize("method", SPARSE)
+def test_progress_is_told_and_an_interruption_keeps_the_iterate(seed: dmoc.Problem, method: str) -> None:
+    seen: list[Iteration] = []
+
+    def interrupt(i: Iteration) -> None:
+        seen.append(i)
+        if i.number == 4:
+            raise KeyboardInterrupt
+
+    solution = dmoc.solve(seed.but(steps=50), method=method, progress=interrupt)
+    assert solution.status == "interrupted"
+    assert [i.number for i in seen] == [1, 2, 3, 4]
+    assert all(np.isfinite(i.violation) for i in seen)
+
+
+@pytest.mark.parametrize("method", SPARSE)
+def test_an_error_in_the_callback_is_not_lost(seed: dmoc.Problem, method: str) -> None:
+    def fail(_: Iteration) -> None:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        dmoc.solve(seed.but(steps=20), method=method, progress=fail)
+
+
+@pytest.mark.parametrize(("method", "package"), [("ipopt", "ipyopt"), ("uno", "unopy")])
+def test_a_missing_extra_is_named(seed: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, method: str, package: str) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingExtraError, match=rf"pip install dmoc\[{method}\]"):
+        dmoc.solve(seed, method=method)
+
+
+def test_kernels_on_numpy_give_the_same_program_and_no_interior_point() -> None:
+    system_ = block_system()
+    compiled, numpy = build(system_), build(system_, backend="numpy")
+    problems = [block_problem(k) for k in (compiled, numpy)]
+    with pytest.raises(ProblemError, match="needs compiled kernels"):
+        dmoc.solve(problems[1], method="ipm")
+    a, b = (Transcription(p) for p in problems)
+    x = np.random.default_rng(0).uniform(0.1, 1.0, a.n)
+    y = np.random.default_rng(1).normal(size=a.n_eq + a.n_in)
+    np.testing.assert_allclose(a.program.values(x), b.program.values(x), rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(a.program.slopes(x), b.program.slopes(x), rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(a.program.curvatures(x, y, 0.5), b.program.curvatures(x, y, 0.5), rtol=1e-13, atol=1e-12)
+    assert dmoc.solve(problems[1], verify=False).status == "solved"
+
+
+# Infeasible is an answer ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["ipm", "slsqp"])
+def test_a_weak_force_misses_the_goal(seed: dmoc.Problem, method: str) -> None:
+    solution = dmoc.solve(seed.but(bounds={"F": (-1, 1)}, steps=40), method=method)
+    assert solution.status == "infeasible" and not solution.solved
+    assert solution.conflicts[0].startswith("the goal of alpha is missed by 1.0") and " rad" in solution.conflicts[0]
+    assert any("F >= -1 in" in c for c in solution.conflicts)
+    assert all(c in solution.message for c in solution.conflicts)
+    assert solution.to_dict()["conflicts"] == list(solution.conflicts)
+
+
+def test_a_phase_shorter_than_the_shortest_time_is_named(seed: dmoc.Problem) -> None:
+    solution = dmoc.solve(seed.but(durations=[(None, 0.05), (None, None)]), method="ipm")
+    assert solution.status == "infeasible"
+    text = " | ".join(solution.conflicts)
+    assert "collision 1 misses 'left' by 0.0144 rad" in text
+    assert "phase 0 -> 'left': the shortest time at full input is about 0.0549 s, the bounds allow 0.05 s" in text
+    assert "duration of phase 0 <= 0.05 s" in text
+
+
+def test_the_miss_of_a_block_has_the_amount_of_the_closed_form(block: Kernels) -> None:
+    """A unit mass from rest under |u| <= 1 comes to 1/2 in 1 s: half the way to the wall."""
+    problem = dmoc.Problem(
+        block, start={"x": 0.0}, sequence=["wall"], steps=50, bounds={"u": (-1, 1)}, durations=[(None, 1.0), (None, None)],
+        final_time=(None, 2.0),
+    )  # fmt: skip
+    solution = dmoc.solve(problem, method="ipm")
+    assert solution.status == "infeasible"
+    assert solution.conflicts[0] == "collision 1 misses 'wall' by 0.5"
+    assert "about 1.41 s, the bounds allow 1 s" in solution.conflicts[1]
+
+
+def test_least_violation_of_a_feasible_problem_is_none(seed: dmoc.Problem) -> None:
+    nlp = Transcription(seed.but(steps=40), minimal_times=False)
+    x = initial_guesses(nlp.problem)[0].x
+    outcome = least_violation(nlp, x, Options(), np.ones(nlp.n_eq + nlp.n_in))
+    assert outcome.status is Status.SOLVED
+    assert max(np.abs(nlp.equality(outcome.x)).max(), -nlp.inequality(outcome.x).min()) < 1e-6
+
+
+# Linear system -------------------------------------------------------------------------------------------------------
+
+
+def test_the_linear_system_is_that_of_the_program(seed: dmoc.Problem) -> None:
+    problem = seed.but(steps=[3, 4, 3], sequence=["left", "right"], start={"alpha": (0.4, 0.5), "x": 0.0, "alpha_dot": (-1, 1)})
+    nlp = Transcription(problem, minimal_times=False)
+    K = system(nlp)
+    m = nlp.n_eq + nlp.n_in
+    free = np.flatnonzero(np.concatenate([nlp.lower < nlp.upper, np.ones(m, dtype=bool)]))
+    assert sorted(K.place[free]) == list(range(K.size)) and (np.delete(K.place, free) == -1).all()
+    rng = np.random.default_rng(0)
+    x, y, w = rng.uniform(0.1, 1, nlp.n), rng.normal(size=nlp.n_eq), rng.normal(size=nlp.n_in)
+    hess = nlp.lagrangian_hessian(x, y, w).tocsr()
+    jac = scipy.sparse.vstack([nlp.equality_jacobian(x), nlp.inequality_jacobian(x)]).tocsr()
+    values = np.zeros(len(K.row) + 1)
+    for source, entries in ((hess.data, K.from_hess), (jac.data, K.from_jac)):
+        np.add.at(values, entries, source)  # what is not wanted falls into the last place
+    upper = scipy.sparse.csc_matrix((values[:-1], K.row, K.start), shape=(K.size, K.size))
+    found = (upper + scipy.sparse.triu(upper, 1).T).toarray()
+    H = (hess + scipy.sparse.triu(hess, 1).T).toarray()
+    expected = np.block([[H, jac.toarray().T], [jac.toarray(), np.zeros((m, m))]])[np.ix_(free, free)]
+    np.testing.assert_allclose(found[np.ix_(K.place[free], K.place[free])], expected, atol=1e-12)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.integers(0, 10**6), st.integers(0, 8), st.integers(0, 7))
+def test_factorisation_solves_and_counts_signs(number: int, pivots: int, final: int) -> None:
+    """Random sparse indefinite matrices against dense linear algebra, whatever the widths of the pivots."""
+    rng = np.random.default_rng([number, pivots, final])
+    widths = rng.integers(1, 3, pivots)
+    first = np.concatenate([[0], np.cumsum(widths)]).astype(np.int32)
+    n = int(first[-1]) + final
+    if n == 0:
+        return
+    K = np.triu(rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.4))
+    np.fill_diagonal(K, rng.normal(size=n) + np.sign(rng.normal(size=n)) * 3)
+    upper = scipy.sparse.csc_matrix(K)
+    dense = K + np.triu(K, 1).T
+    signs = np.linalg.eigvalsh(dense)
+    if np.abs(signs).min() < 1e-3:
+        return
+    right = rng.normal(size=n)
+    x, counts = factor_and_solve(first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right)
+    assert counts == ((signs > 0).sum(), (signs < 0).sum(), 0)
+    np.testing.assert_allclose(dense @ x, right, atol=1e-6)
+
+
+def test_a_final_group_without_diagonal_is_factorised() -> None:
+    """Saddle points need pivots of two, which complete pivoting finds."""
+    A = np.random.default_rng(4).normal(size=(3, 5))
+    dense = np.block([[np.zeros((5, 5)), A.T], [A, np.zeros((3, 3))]]) + np.diag([1.0] * 5 + [0.0] * 3) * 1e-3
+    upper = scipy.sparse.csc_matrix(np.triu(dense) + 0.0)
+    first = np.zeros(1, dtype=np.int32)
+    right = np.arange(8.0)
+    x, counts = factor_and_solve(first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right)
+    assert counts == (5, 3, 0)
+    np.testing.assert_allclose(dense @ x, right, atol=1e-9)
+
+
+@pytest.mark.parametrize("source", ["nlp/passes.c", "solvers/ldl.c", "solvers/interior_point.c"])
+def test_sources_compile_without_warnings(tmp_path: Path, source: str) -> None:
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    assert compiler is not None
+    flags = ["-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", "-I", str(ROOT / "nlp"), "-I", str(ROOT / "solvers")]
+    subprocess.run([compiler, *flags, "-c", str(ROOT / source), "-o", str(tmp_path / "x.o")], check=True)
