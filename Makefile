@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # setuptools warns of the folders beside setup.py in every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
-.PHONY: demo test check clean
+.PHONY: demo test check bench clean
 
 demo: $(VENV)/.installed-demo
 	@$(BIN)/python examples/swing_up.py demo
@@ -20,8 +20,12 @@ check: $(VENV)/.installed-check
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest tests/test_generated.py -k committed
 
+# opty is installed without cyipopt, which it needs for solving alone and which cannot be installed without Ipopt's headers.
+bench: $(VENV)/.installed-bench
+	cd benchmarks && ../$(BIN)/python run.py
+
 # The folders of sources are part of what is installed: a changed extension is compiled again.
-SOURCES := setup.py pyproject.toml $(wildcard simulation/*.pyx) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
+SOURCES := setup.py pyproject.toml $(wildcard simulation/*.pyx nlp/*.pyx nlp/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -38,6 +42,11 @@ $(VENV)/.installed-test: $(SOURCES) | $(VENV)/bin/python
 
 $(VENV)/.installed-check: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) '.[test,check]'
+	@touch $@
+
+$(VENV)/.installed-bench: $(SOURCES) | $(VENV)/bin/python
+	$(INSTALL) '.[bench]'
+	@$(BIN)/python -m pip install --quiet --no-deps 'opty>=1.5'
 	@touch $@
 
 clean:

@@ -69,7 +69,14 @@ class Program:
         g, x = np.array(found["g"]).ravel(), np.array(found["x"]).ravel()
         b = self.bounds
         excess = [b["lbg"] - g, g - b["ubg"], b["lbx"] - x, x - b["ubx"]]
-        return seconds, float(found["f"]), int(stats["iter_count"]), str(stats["return_status"]), float(np.max(np.concatenate(excess))), x
+        return (
+            seconds,
+            float(found["f"]),
+            int(stats["iter_count"]),
+            str(stats["return_status"]),
+            float(np.max(np.concatenate(excess))),
+            x,
+        )
 
 
 def program(case: Case, compiled: bool = False, unrolled: bool = True, **ipopt: Any) -> Program:

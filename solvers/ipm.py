@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,8 +14,9 @@ from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.compiled import interior_point
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
-from dmoc.solvers.system import system
+from dmoc.solvers.system import System, system
 
+Report: TypeAlias = Callable[[int, float, float, float, bool], None]
 STATUSES = (Status.SOLVED, Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STALLED, Status.INTERRUPTED)
 # First barrier parameter: of a start without multipliers, and of a neighbouring solution.
 COLD, WARM = 0.1, 1e-4
@@ -50,6 +53,13 @@ def least_violation(nlp: Transcription, x: Array, options: Options, price: Array
     return _run(nlp, x, options, None, price)
 
 
+def profile(nlp: Transcription, x: Array, options: Options, prepared: System) -> dict[str, Any]:
+    """Minimise from x; return counts and seconds: iterations, factorisations, seconds_kernels, seconds_linear, seconds."""
+    x = np.clip(x, nlp.lower, nlp.upper)
+    y, z_lower, z_upper = np.zeros(nlp.n_eq + nlp.n_in), np.zeros(nlp.n), np.zeros(nlp.n)
+    return _minimise(nlp, prepared, x, y, z_lower, z_upper, options, False, None, _listener(options)[0])
+
+
 def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, price: Array | None = None) -> Outcome:
     if not nlp.program.compiled:
         raise ProblemError("method ipm needs compiled kernels: install a C compiler and build the model again, or use slsqp.")
@@ -58,24 +68,38 @@ def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, pr
     start = duals or Duals(np.zeros(n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
     y = np.concatenate([start.y, -start.w])
     z_lower, z_upper = np.maximum(start.z, 0.0), np.maximum(-start.z, 0.0)
-    count = 0
+    report, count = _listener(options)
+    try:
+        result = _minimise(nlp, system(nlp), x, y, z_lower, z_upper, options, duals is not None, price, report)
+        status = STATUSES[result["status"]]
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+    return Outcome(status, "", x, Duals(y[:n_eq], np.maximum(-y[n_eq:], 0.0), z_lower - z_upper), count())
+
+
+def _listener(options: Options) -> tuple[Report, Callable[[], int]]:
+    """Return a function that hears of iterations and one that tells their number."""
+    last = 0
 
     def report(number: int, cost: float, violation: float, mu: float, restoring: bool) -> None:
-        nonlocal count
-        count = number
+        nonlocal last
+        last = number
         if options.progress is not None:
             options.progress(Iteration(number, cost, violation))
 
-    try:
-        result = interior_point(
-            nlp.program, system(nlp), sizes(nlp, x), _stretches(nlp), x, y, z_lower, z_upper, price=price, least_violation=price is not None,
-            optimality=min(options.optimality, SHARPEST), violation=options.violation, infeasible=INFEASIBLE, mu=WARM if duals else COLD,
-            warm=duals is not None, iterations=options.iterations, seconds=np.inf if options.seconds is None else options.seconds, report=report,
-        )  # fmt: skip
-        status, count = STATUSES[result["status"]], result["iterations"]
-    except KeyboardInterrupt:
-        status = Status.INTERRUPTED
-    return Outcome(status, "", x, Duals(y[:n_eq], np.maximum(-y[n_eq:], 0.0), z_lower - z_upper), count)
+    return report, lambda: last
+
+
+def _minimise(
+    nlp: Transcription, prepared: System, x: Array, y: Array, z_lower: Array, z_upper: Array, options: Options, warm: bool,
+    price: Array | None, report: Report,
+) -> dict[str, Any]:  # fmt: skip
+    """Call the compiled method, which works on x and the multipliers in place."""
+    return interior_point(
+        nlp.program, prepared, sizes(nlp, x), _stretches(nlp), x, y, z_lower, z_upper, price=price, least_violation=price is not None,
+        optimality=min(options.optimality, SHARPEST), violation=options.violation, infeasible=INFEASIBLE, mu=WARM if warm else COLD, warm=warm,
+        iterations=options.iterations, seconds=np.inf if options.seconds is None else options.seconds, report=report,
+    )  # fmt: skip
 
 
 def sizes(nlp: Transcription, x: Array) -> Array:

@@ -48,7 +48,11 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     """Return the indices of K in elimination order and the first position of each pivot; the rest is the final group."""
     lay, rows = nlp.layout, nlp.rows
     n, last = nlp.n, lay.total
-    row = lambda r: n + np.asarray(r) - 1  # noqa: E731 - index in K of a row of r
+
+    def row(r: Index) -> Index:
+        """Index in K of a row of r."""
+        return np.asarray(n + r - 1)
+
     singles: list[tuple[Index, Index]] = []  # (index, key)
     pairs: list[tuple[Index, Index, Index]] = []
 
@@ -69,7 +73,7 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     surfaces = nlp.surfaces
     pairs.append((lay.index_h[:-1], row(rows.contact[nodes, surfaces]), key(nodes - 1, COLLISION)))
     pairs.append((lay.index_lam, row(rows.energy), key(nodes, COLLISION)))
-    pairs.append((lay.index_p_E, row(rows.momentum[-1]), np.full(lay.nq, key(np.intp(last), STATE))))
+    pairs.append((lay.index_p_E, row(rows.momentum[-1]), key(np.full(lay.nq, last), STATE)))
     # A pair with a fixed unknown: the row alone joins the chain's last node, or the final group.
     first, second, keys = [], [], []
     for index, at in singles:
@@ -98,8 +102,7 @@ def system(nlp: Transcription) -> System:
     """Analyse K for a program without minimal times."""
     n = nlp.n
     order, first = pivots(nlp)
-    program = nlp.program  # makes the patterns
-    del program
+    _ = nlp.program  # makes the patterns
     place = np.full(n + nlp.jacobian_pattern.shape[0], -1, dtype=np.int64)
     place[order] = np.arange(len(order))
     hess, jac = nlp.hessian_pattern, nlp.jacobian_pattern
@@ -113,8 +116,8 @@ def system(nlp: Transcription) -> System:
     for i, j in groups:
         a, b = place[i], place[j]
         keys.append(np.where((a < 0) | (b < 0), -1, np.maximum(a, b) * size + np.minimum(a, b)))
-    entries = np.unique(np.concatenate(keys))
-    entries = entries[entries >= 0]
+    entries = np.sort(np.concatenate(keys))  # np.unique would take most of the time of the analysis
+    entries = entries[(entries >= 0) & np.diff(entries, prepend=-1).astype(bool)]
     found = [np.where(k >= 0, np.searchsorted(entries, k), -1).astype(np.int32) for k in keys]
     start = np.concatenate([[0], np.cumsum(np.bincount(entries // size, minlength=size))])
     return System(

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import TypeAlias
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import ProblemError, SolutionFileError
@@ -96,7 +97,7 @@ def solve(
     nlp = Transcription(problem, None if method == "slsqp" else False)
     driver = _driver(method, form, nlp, guess)
     try:
-        with threadpool_limits(1):  # the matrices are small: several threads would wait for each other
+        with _thread_pools().limit(limits=1):  # the matrices are small: several threads would wait for each other
             points = _starting_points(problem, nlp, guess)
             guessed = time.perf_counter()
             nlp, outcome = _first_success(problem, nlp, points, options, driver)
@@ -128,6 +129,12 @@ def solve(
         return replace(solution, verification=summary, seconds=timings)
     message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
     return replace(solution, status="not_verified", message=message, verification=summary, seconds=timings)
+
+
+@cache
+def _thread_pools() -> ThreadpoolController:
+    """Looking for thread pools takes longer than a solve of the compiled method."""
+    return ThreadpoolController()
 
 
 def _check_size(problem: Problem) -> None:

@@ -1,0 +1,148 @@
+"""Random instances of the seed's problem: how often, how soon and how cheaply each driver ends, from the same guess."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from statistics import mean, median
+from typing import Any
+
+import casadi_pendulum
+import numpy as np
+from common import Section, casadi_start, guess, ms, program, seed, solve
+from threadpoolctl import threadpool_limits
+
+import dmoc
+from dmoc.nlp.motion import trajectory
+from dmoc.nlp.transcription import Transcription
+from dmoc.simulation.check import verify
+from dmoc.solvers.outcome import Options, Status
+
+SEED = 2018
+INSTANCES = 200
+SECONDS = 20.0
+# Uniformly drawn: masses, length, start angle (rad), force bound (N), bound of the final time (s).
+RANGES = {"m_p": (0.5, 2.0), "m_c": (0.5, 2.0), "l": (0.4, 0.8), "alpha": (0.4, 1.2), "F": (60.0, 200.0), "T": (0.7, 1.2)}
+METHODS = ("ipm", "ipopt", "CasADi + IPOPT", "slsqp", "uno")
+CLOSE = 0.1  # relative change of the cost by a refinement that is still the same motion
+SAME = 1e-5  # relative difference of two costs that are the same minimum
+
+
+@dataclass(frozen=True)
+class Result:
+    instance: int
+    method: str
+    status: str
+    verified: bool
+    iterations: int
+    seconds: float
+    cost: float
+
+
+def draw(instance: int) -> dict[str, float]:
+    rng = np.random.default_rng([SEED, instance])
+    return {name: float(rng.uniform(*limits)) for name, limits in RANGES.items()}
+
+
+def problem(instance: int) -> dmoc.Problem:
+    d = draw(instance)
+    base = seed()
+    return base.but(
+        parameters={k: d[k] for k in ("m_p", "m_c", "l")}, start={**base.start, "alpha": d["alpha"]}, final_time=(None, d["T"]),
+        bounds={**base.bounds, "F": (-d["F"], d["F"])},
+    )  # fmt: skip
+
+
+def run(task: tuple[int, str]) -> Result:
+    """Solve one instance with one method and confirm a success by simulation."""
+    instance, method = task
+    p = problem(instance)
+    with threadpool_limits(1):
+        x = guess(p)
+        if method == "CasADi + IPOPT":
+            return _peer(instance, p, x)
+        nlp = program(p, method)
+        seconds, outcome = solve(nlp, x, method, Options(iterations=1000, seconds=SECONDS))
+        solved = outcome.status is Status.SOLVED
+        passed = solved and confirmed(p, outcome.x)
+        return Result(instance, method, outcome.status.name.lower(), passed, outcome.iterations, seconds, nlp.cost(outcome.x))
+
+
+def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
+    """Whether the independent simulation passes, if need be after refining the same motion to 4 and 16 times the steps.
+
+    An inverted pendulum amplifies the error of an open-loop run a thousandfold: what fails at N = 100 may be a good motion all the same.
+    """
+    coarse = program(p)
+    if verify(trajectory(coarse, x), p.kernels).passed:
+        return True
+    for factor in (4, 16):
+        fine = program(p.but(steps=p.steps * factor))
+        _, outcome = solve(fine, refined(coarse, fine, x, factor), "ipm", Options(iterations=300, seconds=SECONDS))
+        near = outcome.status is Status.SOLVED and abs(fine.cost(outcome.x) - coarse.cost(x)) < CLOSE * fine.cost(outcome.x)
+        if near and verify(trajectory(fine, outcome.x), p.kernels).passed:
+            return True
+    return False
+
+
+def refined(coarse: Transcription, fine: Transcription, x: np.ndarray, factor: int) -> np.ndarray:
+    """The same motion with more steps: coordinates interpolated, inputs repeated."""
+    a, b = coarse.layout, fine.layout
+    y = np.zeros(fine.n)
+    y[b.index_h] = x[a.index_h] / factor
+    nodes = np.arange(b.total + 1) / factor
+    for column in range(a.nq):
+        y[b.index_q[:, column]] = np.interp(nodes, np.arange(a.total + 1), x[a.index_q[:, column]])
+    y[b.index_u] = np.repeat(x[a.index_u], factor, axis=0)
+    for name in ("index_lam", "index_p_B", "index_p_E"):
+        y[getattr(b, name)] = x[getattr(a, name)]
+    return y
+
+
+def _peer(instance: int, p: dmoc.Problem, x: np.ndarray) -> Result:
+    d = draw(instance)
+    case = casadi_pendulum.Case(d["m_p"], d["m_c"], d["l"], alpha=d["alpha"], force=d["F"], final_time=d["T"])
+    nlp = program(p)
+    peer = casadi_pendulum.program(case, max_cpu_time=SECONDS)
+    seconds, cost, iterations, status, _, found = peer.solve(peer.start(*casadi_start(nlp, x)))
+    own = nlp.layout
+    y = x.copy()
+    phases, nodes = own.phases, (own.total + 1) * 2
+    y[own.index_h] = found[:phases] / np.array(own.steps)
+    y[own.index_q] = found[phases : phases + nodes].reshape(-1, 2)
+    y[own.index_u] = found[phases + nodes : phases + nodes + own.total].reshape(-1, 1)
+    y[own.index_lam] = found[phases + nodes + own.total :]
+    solved = status == "Solve_Succeeded"
+    passed = solved and confirmed(p, y)
+    return Result(instance, "CasADi + IPOPT", "solved" if solved else status.lower(), passed, iterations, seconds, cost)
+
+
+def campaign(quick: bool) -> Section:
+    instances = 20 if quick else INSTANCES
+    methods = METHODS[:2] if quick else METHODS
+    tasks = [(i, m) for m in methods for i in range(instances)]
+    with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+        results = list(pool.map(run, tasks, chunksize=2))
+    by = {(r.instance, r.method): r for r in results}
+    least = {i: min((by[i, m].cost for m in methods if by[i, m].status == "solved"), default=np.nan) for i in range(instances)}
+    ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in RANGES.items())
+    section = Section(
+        f"Robustness: {instances} random instances",
+        f"N = 100 + 100, one collision on the left limiter; drawn uniformly (seed {SEED}): {ranges}. One start each, the first automatic guess, "
+        f"at most 1000 iterations and {SECONDS:g} s; as many processes as cores. \"Confirmed\": the independent simulation passes, where N is too coarse "
+        "for it after refining the same motion to 4 or 16 times the steps. \"Best\": no other driver found a lower minimum.",
+        ["method", "solved", "confirmed", "best", "iterations, mean", "median", "ms, mean of solved", "median", "not solved"],
+    )  # fmt: skip
+    for method in methods:
+        own = [by[i, method] for i in range(instances)]
+        good = [r for r in own if r.status == "solved"]
+        best = sum(r.cost <= least[r.instance] * (1 + SAME) for r in good)
+        ends: Any = ", ".join(f"{n} {s}" for s, n in Counter(r.status for r in own if r.status != "solved").items()) or "-"
+        numbers = ["-"] * 4
+        if good:
+            numbers = [f"{mean(r.iterations for r in good):.1f}", f"{median(r.iterations for r in good):g}",
+                       ms(mean(r.seconds for r in good)), ms(median(r.seconds for r in good))]  # fmt: skip
+        section.rows.append((method, f"{len(good)}/{instances}", sum(r.verified for r in good), best, *numbers, ends))
+    return section
