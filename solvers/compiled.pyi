@@ -24,6 +24,7 @@ def interior_point(
     price: Array | None = None,
     least_violation: bool = False,
     optimality: float,
+    demanded: float,
     violation: float,
     infeasible: float,
     mu: float,

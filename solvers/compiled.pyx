@@ -20,7 +20,7 @@ cdef extern from "interior_point.h" nogil:
     enum: DMOC_NO_MEMORY
     ctypedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu, int restoring) noexcept nogil
     ctypedef struct dmoc_options:
-        double optimality, violation, infeasible, mu, seconds
+        double optimality, demanded, violation, infeasible, mu, seconds
         int warm, iterations, least_violation
         const double *price
         dmoc_report *report
@@ -65,7 +65,7 @@ cdef const int *_address(int[::1] array) noexcept:
 
 def interior_point(program, system, double[::1] size, double[::1] stretch, double[::1] x, double[::1] y, double[::1] z_lower, double[::1] z_upper, *,
                    double[::1] price=None, bint least_violation=False,
-                   double optimality, double violation, double infeasible, double mu, bint warm, int iterations, double seconds, report):
+                   double optimality, double demanded, double violation, double infeasible, double mu, bint warm, int iterations, double seconds, report):
     """Minimise from x, in place; returns the fields of ``dmoc_result`` as a dictionary."""
     cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
     cdef dmoc_options options
@@ -76,7 +76,8 @@ def interior_point(program, system, double[::1] size, double[::1] stretch, doubl
     if not (x.shape[0] == z_lower.shape[0] == z_upper.shape[0] == size.shape[0] == stretch.shape[0] == c.n and y.shape[0] == c.m):
         raise ValueError(f"expected {c.n} unknowns and {c.m} multipliers")
     listener.report = report
-    options.optimality, options.violation, options.infeasible, options.mu = optimality, violation, infeasible, mu
+    options.optimality, options.demanded, options.violation = optimality, demanded, violation
+    options.infeasible, options.mu = infeasible, mu
     options.warm, options.iterations, options.seconds = warm, iterations, seconds
     options.price, options.least_violation = &price[0] if price is not None and c.m else NULL, least_violation
     options.report, options.user = _report, <void *>listener

@@ -19,7 +19,7 @@ static const double KAPPA_W_LESS = 1.0/3, KAPPA_W_MORE = 8, KAPPA_W_FIRST = 100,
 static const double S_MAX = 100, G_MAX = 100, Y_MAX = 1e3, Z_MAX = 1e3;                     /* scalings, WB (6), 3.8; multipliers, 3.6 */
 static const double RHO = 1000, KAPPA_RESTO = 0.9;                                         /* restoration, WB (29), 3.3 */
 static const double TINY_PIVOT = 1e-20, GOOD_RESIDUAL = 1e-10, BAD_RESIDUAL = 1e-5;         /* linear system */
-enum { MOST_SOC = 4, MOST_REFINEMENTS = 8, MOST_FILTER = 400, MOST_TINY = 3 };
+enum { MOST_SOC = 4, MOST_REFINEMENTS = 8, MOST_FILTER = 400, MOST_PATIENCE = 3 };
 
 /* A point with its multipliers. v = (x | slacks | p | n): p and n relax every row in the restoration only. */
 typedef struct {
@@ -54,6 +54,7 @@ typedef struct {
     double delta_w, delta_c, last_delta_w;
     filter front;
     double mu, tau;
+    int patience;               /* iterations in a row that met the demanded tolerance */
     /* restoration */
     double *reference, *weight, *rho, zeta; /* rho[m]: price of a violation of each row */
     double held_mu;
@@ -224,18 +225,22 @@ static double barrier_error(const solver *s, double mu)
     return max(worst, max(e.dual/(max(S_MAX, e.mean_y)/S_MAX), e.complementarity/(max(S_MAX, e.mean_z)/S_MAX)));
 }
 
+/* Whether the point meets the tolerances: 2 the sharp one, 1 the demanded one, 0 none. */
 static int converged(const solver *s)
 {
     const errors e = optimality(s, 0);
     const double unit = s->elastic ? 1 : s->fs;
     const double dual = e.dual/unit/(max(S_MAX, e.mean_y/unit)/S_MAX);
     const double complementarity = e.complementarity/unit/(max(S_MAX, e.mean_z/unit)/S_MAX);
-    if (dual > s->options->optimality || complementarity > s->options->optimality)
+    const double left = max(dual, complementarity);
+    if (left > s->options->demanded)
         return 0;
     double worst = s->elastic ? 0 : violation(s);
     for (int r = 0; r < s->m; ++r)
         worst = max(worst, fabs(s->now.residual[r])/(s->elastic ? 1 : s->fs_rows[r]));
-    return worst <= (s->elastic ? s->options->optimality : s->options->violation);
+    if (worst > (s->elastic ? s->options->optimality : s->options->violation))
+        return 0;
+    return left <= s->options->optimality ? 2 : 1;
 }
 
 /* ---- Linear system, WB (13) ---------------------------------------------------------------------------------------------------------- */
@@ -678,6 +683,7 @@ static void elastic_pair(double c, double mu, double rho, double *p, double *n)
 
 static void begin_restoration(solver *s)
 {
+    s->patience = 0;
     s->held_mu = s->mu;
     s->held_front = s->front;
     memcpy(s->reference, s->now.v, sizeof(double)*(size_t)s->n);
@@ -778,7 +784,9 @@ static int iterate(solver *s)
 {
     evaluate_slopes(s);
     evaluate_dual(s);
-    if (converged(s))
+    const int good = converged(s);
+    s->patience = good ? s->patience + 1 : 0;
+    if (good == 2 || s->patience > MOST_PATIENCE)
         return DMOC_SOLVED;
     const double least_mu = s->options->optimality/(KAPPA_EPS + 1)*(s->elastic ? 1 : s->fs);
     while (s->mu > least_mu && barrier_error(s, s->mu) <= KAPPA_EPS*s->mu) {

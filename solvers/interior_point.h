@@ -13,7 +13,7 @@
  * - Slacks, and the elastic variables of the restoration, are eliminated from the linear system row by row; the system keeps its size and pattern.
  * - The order of the pivots is fixed. A solution whose residual stays large counts as singular, so that the perturbations grow.
  * - The restoration's first multipliers of the constraints are zero, and it may not call a restoration of its own (WB 3.3.1).
- * - No watchdog; no acceptable level: the outcome is optimal, infeasible, or a stop that says so.
+ * - No watchdog. A point that meets the demanded tolerance and gets no sharper in three iterations is a solution.
  */
 #ifndef DMOC_INTERIOR_POINT_H
 #define DMOC_INTERIOR_POINT_H
@@ -27,7 +27,8 @@ enum { DMOC_SOLVED, DMOC_INFEASIBLE, DMOC_ITERATION_LIMIT, DMOC_TIME_LIMIT, DMOC
 typedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu, int restoring);
 
 typedef struct {
-    double optimality;  /* stationarity and complementarity of a solution, scaled as in WB (5) */
+    double optimality;  /* stationarity and complementarity to aim at, scaled as in WB (5) */
+    double demanded;    /* the same, of a solution that rounding errors keep from getting sharper */
     double violation;   /* largest violation of a solution, in the units of the constraints */
     double infeasible;  /* a larger least violation means infeasible, a smaller one stalled */
     double mu;          /* first barrier parameter */
