@@ -37,6 +37,13 @@ class Entries:
     columns: Index | None = None
     factors: Array | float = 1.0
 
+    @property
+    def cells(self) -> tuple[Index, Index]:
+        """Rows and columns of derivatives."""
+        if self.columns is None:
+            raise ValueError("values have no columns")
+        return self.rows, self.columns
+
 
 @dataclass(frozen=True)
 class Element:

@@ -61,6 +61,7 @@ class Transcription:
         self.lower, self.upper = self._bounds()
         none = np.zeros(0)
         self._last_values, self._last_slopes = (none, none), (none, none)
+        self._last_times: dict[int, tuple[Array, float, Array]] = {}
 
     # Constraints by name ---------------------------------------------------------------------------------------------
 
@@ -196,14 +197,14 @@ class Transcription:
             )
         ]
         # The gradient of f first, dense, then the entries of the Jacobian.
-        groups = [(e.rows - 1, e.columns) for s in slopes for e in s.results]
+        groups = [(rows - 1, columns) for s in slopes for rows, columns in (e.cells for e in s.results)]
         self.jacobian_pattern = SparsePattern((m, self.n), [*groups, (linear.rows - 1, linear.columns)])
         *slots, linear_slots = self.jacobian_pattern.slots
         constants = np.zeros(self.n + self.jacobian_pattern.size)
         constants[self.n + linear_slots] = linear.factors
         slots = [np.where(row == -1, c, np.where(s >= 0, self.n + s, NOWHERE)) for s, (row, c) in zip(slots, groups, strict=True)]
         passes.append((constants, none, _prepared(slopes, slots)))
-        groups = [(e.rows, e.columns) for c in curvatures for e in c.results]
+        groups = [e.cells for c in curvatures for e in c.results]
         self.hessian_pattern = SparsePattern((self.n, self.n), [*groups, *self._time_groups])
         passes.append(
             (np.zeros(self.hessian_pattern.size), none, _prepared(curvatures, self.hessian_pattern.slots[: len(groups)]))
@@ -239,6 +240,11 @@ class Transcription:
         """c(x), shape (n_eq,)."""
         return self.values(x)[1 : 1 + self.n_eq]
 
+    def equality_slopes(self, x: Array) -> Array:
+        """Entries of dc/dx, by rows."""
+        first = self.slopes(x)[self.n :]
+        return first[: self.jacobian_pattern.indptr[self.n_eq]]
+
     def equality_jacobian(self, x: Array) -> Matrix:
         """dc/dx, shape (n_eq, n)."""
         slopes = self.slopes(x)
@@ -249,11 +255,27 @@ class Transcription:
         found = self.values(x)[1 + self.n_eq :]
         return np.concatenate([found, [self._time_reserve(x, i)[0] for i in self._timed]]) if self._timed else found
 
+    def inequality_slopes(self, x: Array) -> Array:
+        """Entries of dd/dx, by rows."""
+        slopes = self.slopes(x)[self.n :]
+        found = slopes[self.jacobian_pattern.indptr[self.n_eq] :]
+        return (
+            np.concatenate([found, *(self._time_reserve(x, i)[1][self._time_order(i)] for i in self._timed)])
+            if self._timed
+            else found
+        )
+
     def inequality_jacobian(self, x: Array) -> Matrix:
         """dd/dx, shape (n_in, n)."""
         slopes = self.slopes(x)
         rows = self.jacobian_pattern.matrix(slopes[self.n :], self.n_eq)
-        return scipy.sparse.vstack([rows, *(self._time_slope(x, i) for i in self._timed)], format="csr") if self._timed else rows
+        if not self._timed:
+            return rows
+        # Zeros stay in the pattern, which is analysed once.
+        times = [self._time_unknowns(i)[self._time_order(i)] for i in self._timed]
+        starts = np.cumsum([rows.indptr[-1], *(len(t) for t in times)])
+        indices, indptr = np.concatenate([rows.indices, *times]), np.concatenate([rows.indptr, starts[1:]])
+        return scipy.sparse.csr_matrix((self.inequality_slopes(x), indices, indptr), shape=(self.n_in, self.n))
 
     def lagrangian_hessian(self, x: Array, y: Array, w: Array, sigma: float = 1.0) -> Matrix:
         """Upper triangle of the Hessian of sigma f + y . c + w . d, shape (n, n)."""
@@ -290,20 +312,22 @@ class Transcription:
         return self.minimal_time(x[self._time_unknowns(i)], i)[0]
 
     def _time_reserve(self, x: Array, i: int) -> tuple[float, Array]:
-        """T_i - T_min and its gradient with respect to y; without an estimate nothing is demanded."""
+        """T_i - T_min and its gradient with respect to y; without an estimate nothing is demanded.  The last point is remembered."""
         y = x[self._time_unknowns(i)]
+        known = self._last_times.get(i)
+        if known is not None and np.array_equal(known[0], y):
+            return known[1], known[2]
         shortest, slope = self.minimal_time(y, i)
         steps = self.layout.steps[i]
         slope = -slope
         slope[2 * self.layout.nq] += steps
-        reserve = steps * y[2 * self.layout.nq] - (shortest if np.isfinite(shortest) else 0.0)
-        return float(reserve), slope
+        reserve = float(steps * y[2 * self.layout.nq] - (shortest if np.isfinite(shortest) else 0.0))
+        self._last_times[i] = (y, reserve, slope)
+        return reserve, slope
 
-    def _time_slope(self, x: Array, i: int) -> Matrix:
-        unknowns = self._time_unknowns(i)
-        values = self._time_reserve(x, i)[1]
-        # Zeros stay in the pattern, which is analysed once.
-        return scipy.sparse.csr_matrix((values, (np.zeros(len(unknowns), dtype=np.intp), unknowns)), shape=(1, self.n))
+    def _time_order(self, i: int) -> Index:
+        """The order of the unknowns of a minimal time in a row."""
+        return np.argsort(self._time_unknowns(i))
 
     @property
     def _time_groups(self) -> list[tuple[Index, Index]]:

@@ -14,7 +14,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import scipy.sparse
 from scipy.linalg import lapack
 
 from dmoc.codegen.kernels import Array
@@ -62,20 +61,35 @@ def partition(layout: Layout, n: int, n_eq: int, lower: Array, upper: Array, seg
 
 
 class _Submatrix:
-    """Picks a fixed set of rows and columns out of matrices with one pattern."""
+    """Picks a fixed set of rows and columns out of matrices with one pattern, given by the values of their entries."""
 
-    def __init__(self, pattern: Matrix, rows: Index, columns: Index) -> None:
+    def __init__(self, pattern: Matrix, rows: Index, columns: Index, transposed: bool = False) -> None:
         numbered = pattern.copy()
         numbered.data = np.arange(1.0, len(pattern.data) + 1)
-        part = numbered[rows][:, columns].tocsr()
-        self.shape = part.shape
-        self.indices, self.indptr = part.indices, part.indptr
-        self.source = part.data.astype(np.intp) - 1
+        part = numbered[rows][:, columns]
+        self.sparse = (part.T if transposed else part).tocsr()
+        self.source = self.sparse.data.astype(np.intp) - 1
+        self.row = np.repeat(np.arange(self.sparse.shape[0]), np.diff(self.sparse.indptr))
+        self.column = self.sparse.indices
 
-    def of(self, matrix: Matrix) -> Matrix:
-        out = scipy.sparse.csr_matrix(self.shape)
-        out.data, out.indices, out.indptr = matrix.data[self.source], self.indices, self.indptr
+    def dense(self, values: Array, rows: Index | None = None) -> Array:
+        """The submatrix, or some of its rows."""
+        if rows is None:
+            out = np.zeros(self.sparse.shape)
+            out[self.row, self.column] = values[self.source]
+            return out
+        place = np.full(self.sparse.shape[0], -1)
+        place[rows] = np.arange(len(rows))
+        at = place[self.row]
+        kept = at >= 0
+        out = np.zeros((len(rows), self.sparse.shape[1]))
+        out[at[kept], self.column[kept]] = values[self.source[kept]]
         return out
+
+    def times(self, values: Array, right: Array) -> Array:
+        """The submatrix times a dense matrix."""
+        self.sparse.data = values[self.source]
+        return np.asarray(self.sparse @ right)
 
 
 class Elimination:
@@ -88,14 +102,14 @@ class Elimination:
         rows = np.arange(nlp.n_in)
         self._E_X = _Submatrix(equality, parts.used_rows, parts.eliminated)
         self._E_Y = _Submatrix(equality, parts.used_rows, parts.kept)
+        self._E_Y_T = _Submatrix(equality, parts.used_rows, parts.kept, transposed=True)
         self._K_X = _Submatrix(equality, parts.kept_rows, parts.eliminated)
         self._K_Y = _Submatrix(equality, parts.kept_rows, parts.kept)
         self._D_X = _Submatrix(inequality, rows, parts.eliminated)
         self._D_Y = _Submatrix(inequality, rows, parts.kept)
         nq = nlp.layout.nq
         self._kl, self._ku = 3 * nq - 1, nq - 1
-        row = np.repeat(np.arange(len(parts.used_rows)), np.diff(self._E_X.indptr))
-        self._band = (self._kl + self._ku + row - self._E_X.indices, self._E_X.indices)
+        self._band = (self._kl + self._ku + self._E_X.row - self._E_X.column, self._E_X.column)
 
     @property
     def size(self) -> int:
@@ -107,14 +121,14 @@ class Elimination:
         x[self.parts.kept] = y
         if not self.size:
             return x
-        previous = np.inf
+        previous, scale = np.inf, 0.0
         for _ in range(NEWTON_LIMIT):
             with np.errstate(all="ignore"):
                 residual = self.nlp.equality(x)[self.parts.used_rows]
                 error = float(np.abs(residual).max())
                 if not np.isfinite(error):
                     return None
-                scale = 1.0 + float(np.abs(self.nlp.momenta(x)[1]).max())
+                scale = scale or 1.0 + float(np.abs(self.nlp.momenta(x)[1]).max())
             if error <= NEWTON_TOLERANCE * scale or (error <= 1e4 * NEWTON_TOLERANCE * scale and error > 0.3 * previous):
                 return x
             previous = error
@@ -126,43 +140,38 @@ class Elimination:
 
     def factor(self, x: Array) -> Factors | None:
         """Factor the derivative of the eliminated equations with respect to the eliminated unknowns."""
-        return self.factor_matrix(self.nlp.equality_jacobian(x))
-
-    def factor_matrix(self, jacobian: Matrix) -> Factors | None:
+        values = self.nlp.equality_slopes(x)
         band = np.zeros((2 * self._kl + self._ku + 1, self.size), order="F")
-        band[self._band] = jacobian.data[self._E_X.source]
-        if not np.isfinite(band).all():
+        band[self._band] = values[self._E_X.source]
+        if not np.isfinite(values).all():
             return None
-        lu, pivots, info = lapack.dgbtrf(band, self._kl, self._ku)
+        lu, pivots, info = lapack.dgbtrf(band, self._kl, self._ku, overwrite_ab=True)
         return Factors(lu, pivots, self._kl, self._ku) if info == 0 else None
 
     def reduce(self, x: Array, rows: Index, columns: Index) -> Reduced | None:
         """Derivatives with respect to y of the cost, of the kept equations, of the inequalities ``rows`` and of x[columns]."""
-        cost = self.nlp.cost_gradient(x)
-        equality = self.nlp.equality_jacobian(x)
-        inequality = self.nlp.inequality_jacobian(x)
+        cost, equality = self.nlp.cost_gradient(x), self.nlp.equality_slopes(x)
+        inequality = self.nlp.inequality_slopes(x) if len(rows) else np.zeros(0)
         parts = self.parts
-        K_Y, D_Y = self._K_Y.of(equality).toarray(), self._D_Y.of(inequality)[rows].toarray()
+        K_Y, D_Y = self._K_Y.dense(equality), self._D_Y.dense(inequality, rows)
         f_Y = cost[parts.kept]
         B_Y = np.zeros((len(columns), len(parts.kept)))
         if not self.size:
             return Reduced(f_Y, K_Y, D_Y, B_Y, None)
-        factors = self.factor_matrix(equality)
+        factors = self.factor(x)
         if factors is None:
             return None
         picked = np.zeros((len(columns), self.size))
         picked[np.arange(len(columns)), np.searchsorted(parts.eliminated, columns)] = 1.0
-        right = np.vstack(
-            [cost[parts.eliminated][None], self._K_X.of(equality).toarray(), self._D_X.of(inequality)[rows].toarray(), picked]
-        )
-        adjoint = factors.solve(right.T, transposed=True).T
-        change = -(self._E_Y.of(equality).T @ adjoint.T).T
+        right = np.vstack([cost[parts.eliminated][None], self._K_X.dense(equality), self._D_X.dense(inequality, rows), picked])
+        adjoint = factors.solve(right.T, transposed=True)
+        change = -self._E_Y_T.times(equality, adjoint).T
         a, b, c = 1, 1 + len(K_Y), 1 + len(K_Y) + len(D_Y)
         return Reduced(f_Y + change[0], K_Y + change[a:b], D_Y + change[b:c], B_Y + change[c:], factors)
 
     def kept_columns(self, x: Array) -> Array:
         """Derivative of the eliminated equations with respect to the kept unknowns, dense."""
-        return np.asarray(self._E_Y.of(self.nlp.equality_jacobian(x)).toarray())
+        return self._E_Y.dense(self.nlp.equality_slopes(x))
 
     def multipliers(self, stationarity: Array, factors: Factors) -> Array:
         """Multipliers of the eliminated equations that make ``stationarity`` + J^T y vanish in the eliminated unknowns."""

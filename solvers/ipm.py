@@ -97,8 +97,9 @@ def _minimise(
     """Call the compiled method, which works on x and the multipliers in place."""
     return interior_point(
         nlp.program, prepared, sizes(nlp, x), _stretches(nlp), x, y, z_lower, z_upper, price=price, least_violation=price is not None,
-        optimality=min(options.optimality, SHARPEST), demanded=options.optimality, violation=options.violation, infeasible=INFEASIBLE, mu=WARM if warm else COLD, warm=warm,
-        iterations=options.iterations, seconds=np.inf if options.seconds is None else options.seconds, report=report,
+        optimality=min(options.optimality, SHARPEST), demanded=options.optimality, violation=options.violation, infeasible=INFEASIBLE,
+        mu=WARM if warm else COLD, warm=warm, iterations=options.iterations,
+        seconds=np.inf if options.seconds is None else options.seconds, report=report,
     )  # fmt: skip
 
 

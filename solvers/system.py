@@ -10,6 +10,7 @@ of the last node, the last step size, constraints on the final time - is a small
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,7 @@ def system(nlp: Transcription) -> System:
     place = np.full(n + nlp.jacobian_pattern.shape[0], -1, dtype=np.int64)
     place[order] = np.arange(len(order))
     hess, jac = nlp.hessian_pattern, nlp.jacobian_pattern
-    groups = [
+    groups: list[tuple[Any, Any]] = [
         (np.repeat(np.arange(n), np.diff(hess.indptr)), hess.indices),
         (n + np.repeat(np.arange(jac.shape[0]), np.diff(jac.indptr)), jac.indices),
         (np.arange(len(place)), np.arange(len(place))),
