@@ -38,6 +38,8 @@ KERNEL_FLAGS = ("-std=c11", "-O2", "-fPIC", "-ffp-contract=off", "-Wall", "-Wext
 WRAPPER_FLAGS = ("-O1", "-fPIC", "-w")
 BUILD_RECORD = "build.json"
 WRAPPER = "wrapper"
+SOURCES = ("__init__.py", "kernels.c", "kernels.h", "manifest.json", "wrapper.pyi", "wrapper.pyx")
+NUMPY_TEXT = "numpy.py"
 
 
 def cache_directory() -> Path:
@@ -132,9 +134,28 @@ def load_installed(package: str) -> Kernels | None:
     return Kernels(json.loads(text), module, COMPILED)
 
 
+def sources(kernels: Kernels) -> dict[str, str]:
+    """Return the generated text that kernels were made from."""
+    if kernels.backend == NUMPY:
+        return {NUMPY_TEXT: kernels.module.__dict__["TEXT"]}
+    folder = Path(str(kernels.module.__file__)).parent
+    return {name: (folder / name).read_text(encoding="utf-8") for name in SOURCES}
+
+
+def arrived(manifest: Mapping[str, Any], backend: str, files: Mapping[str, str]) -> Kernels:
+    """Return kernels that come from another process: those installed or in the cache here, or built once more from their sources."""
+    if backend == NUMPY:
+        return numpy_kernels(manifest, files[NUMPY_TEXT])
+    installed = load_installed(f"dmoc.generated.{manifest['name']}")
+    if installed is not None and installed.manifest["fingerprint"] == manifest["fingerprint"]:
+        return installed
+    return build_cached(str(manifest["name"]), str(manifest["fingerprint"]), lambda: files)
+
+
 def numpy_kernels(manifest: Mapping[str, Any], text: str) -> Kernels:
     """Return kernels that run on NumPy from the text of a NumPy module."""
     module = types.ModuleType(f"dmoc_numpy_{manifest['name']}")
+    module.__dict__["TEXT"] = text
     exec(compile(text, module.__name__, "exec"), module.__dict__)
     return Kernels(manifest, module, NUMPY)
 

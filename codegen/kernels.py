@@ -38,6 +38,12 @@ class Kernels:
     backend: str
     seconds: float = 0.0
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Kernels travel between processes as their sources; see :func:`dmoc.codegen.build.arrived`."""
+        from dmoc.codegen.build import arrived, sources
+
+        return arrived, (dict(self.manifest), self.backend, sources(self))
+
     @property
     def name(self) -> str:
         return str(self.manifest["name"])

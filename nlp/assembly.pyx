@@ -78,6 +78,8 @@ cdef class Pass:
 
     cdef int _fill(self, dmoc_element *element, str kernel, tuple arguments, tuple results) except -1:
         element.kernel = <dmoc_kernel *>PyCapsule_GetPointer(self.kernels.module.capsule(kernel), "dmoc_kernel")
+        if max(len(arguments), len(results)) > DMOC_MOST:
+            raise ValueError(f"{kernel}: more than {DMOC_MOST} arguments")
         element.n = max(len(at) for at in arguments)
         element.arguments, element.results = len(arguments), len(results)
         for a, at in enumerate(arguments):
@@ -89,6 +91,8 @@ cdef class Pass:
             straight = at[0, 0] + stride * np.arange(len(at))[:, None] + np.arange(at.shape[1])
             if np.array_equal(at, straight):
                 element.base[a], element.stride[a] = at[0, 0], stride
+            elif len(at) != element.n:
+                raise ValueError(f"{kernel}: an argument of one row must have consecutive positions")
             else:
                 element.gather[a], element.stride[a] = self._indices(at.ravel()), at.shape[1]
         for b, (slots, factors) in enumerate(results):

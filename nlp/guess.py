@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -27,6 +28,8 @@ TIME_RATIO = 1.2
 COARSE_STEPS = 40
 # Violation of the discrete equations above which a guess that obeys the equations of motion has drifted off its goal.
 DRIFTED = 100.0
+# Share of the latest final time below which a guess that takes all the time is a further start.
+MUCH_SHORTER = 0.5
 # Share of the final time that a phase gets at least.
 SHORTEST_SHARE = 0.04
 
@@ -95,24 +98,28 @@ def initial_guesses(problem: Problem) -> tuple[Guess, ...]:
         rank = (max(excess, 1e-3), motion.cost, final_time)
         if best is None or rank < best:
             best = rank
-    final_time = best[2] if best else _final_times(problem)[-1]
+    final_time = float(best[2] if best else _final_times(problem)[-1])
     # An underactuated motion may drift far from the goal; then splines for all coordinates, which ignore the rows without
     # inputs, violate the discrete equations less.
     guesses = []
-    for choice in dict.fromkeys((prescribed, tuple(range(problem.nq)))):
-        plan = _plan(problem, choice, final_time)
+    choices = [(choice, final_time) for choice in dict.fromkeys((prescribed, tuple(range(problem.nq))))]
+    latest = problem.final_time_bounds[1]
+    if np.isfinite(latest) and final_time < MUCH_SHORTER * latest:  # a hurried guess says little about what there is time for
+        choices.append((choices[-1][0], latest))
+    for choice, time in choices:
+        plan = _plan(problem, choice, time)
         motion = _march(problem, plan, choice)
         if motion is not None:
             x = _unknowns(problem, plan, motion)
-            guesses.append(Guess(x, final_time, _names(problem, choice), motion.free_steps, _excess(problem, motion.u)))
+            guesses.append(Guess(x, time, _names(problem, choice), motion.free_steps, _excess(problem, motion.u)))
     if not guesses:
         plan = _plan(problem, prescribed, final_time)
         motion = _resting(problem, plan)
         guesses.append(Guess(_unknowns(problem, plan, motion), final_time, (), 0, 0.0))
     nlp = Transcription(problem)
     errors = [float(np.abs(nlp.equality(np.clip(g.x, nlp.lower, nlp.upper))).max()) for g in guesses]
-    drifted = errors[0] > DRIFTED and errors[-1] < errors[0]
-    return tuple(guesses[::-1] if drifted else guesses)
+    drifted = errors[0] > DRIFTED and min(errors[1:], default=np.inf) < errors[0]
+    return tuple(guesses[1:] + guesses[:1] if drifted else guesses)
 
 
 def _names(problem: Problem, choice: tuple[int, ...]) -> tuple[str, ...]:
@@ -242,7 +249,7 @@ class _Dynamics:
         mass, force = problem.kernels.call("dynamics", *at)
         self.mass, self.force = mass.reshape(nq, nq), force[0]
         self.inputs = problem.kernels.call("input_matrix", *at)[0].reshape(nq, nu)
-        self.rest = np.linalg.svd(self.inputs, full_matrices=True)[0][:, nu:].T if nu else np.eye(nq)
+        self.rest, self.inverse = _rows_of_inputs(self.inputs.tobytes(), nq, nu)
 
     def reach(self, prescribed: tuple[int, ...]) -> float:
         """Smallest singular value of the matrix that gives the other accelerations, relative to its rows; 1 if there are no others."""
@@ -251,7 +258,9 @@ class _Dynamics:
             return 1.0
         scale = 1 / np.sqrt(np.diag(self.mass))
         rows = (self.rest / scale) @ (self.mass * scale[:, None] * scale)
-        rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+        rows /= np.sqrt((rows * rows).sum(axis=1, keepdims=True))
+        if len(others) == len(rows) == 1:
+            return abs(float(rows[0, others[0]]))
         return float(np.linalg.svd(rows[:, others], compute_uv=False)[-1])
 
     def accelerations(self, prescribed: tuple[int, ...], wanted: Array, free: bool) -> Array:
@@ -264,14 +273,26 @@ class _Dynamics:
             a[given] = wanted[given]
         if found:
             right = self.rest @ (self.force - self.mass[:, given] @ a[given])
-            a[found] = np.linalg.lstsq(self.rest @ self.mass[:, found], right, rcond=None)[0]
+            a[found] = _least_squares(self.rest @ self.mass[:, found], right)
         return a
 
     def drive(self, a: Array) -> Array:
         """Return the inputs that come closest to the accelerations a."""
-        if not self.inputs.size:
-            return np.zeros(0)
-        return np.asarray(np.linalg.lstsq(self.inputs, self.mass @ a - self.force, rcond=None)[0])
+        return np.asarray(self.inverse @ (self.mass @ a - self.force))
+
+
+@lru_cache(maxsize=64)
+def _rows_of_inputs(inputs: bytes, nq: int, nu: int) -> tuple[Array, Array]:
+    """An orthonormal basis of the rows that no input enters, and the pseudoinverse of B; B is the same in most states."""
+    B = np.frombuffer(inputs).reshape(nq, nu)
+    rest = np.linalg.svd(B, full_matrices=True)[0][:, nu:].T if nu else np.eye(nq)
+    return np.asarray(rest), np.asarray(np.linalg.pinv(B) if nu else np.zeros((0, nq)))
+
+
+def _least_squares(A: Array, b: Array) -> Array:
+    if A.shape == (1, 1) and A[0, 0] != 0:
+        return np.asarray(b / A[0, 0])
+    return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
 
 
 def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion | None:
@@ -284,12 +305,13 @@ def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion 
         target = (plan.positions[i + 1], plan.velocities[i + 1])
         was_free, since, spline = False, 0, _Spline(q, v, *target, plan.durations[i])
         for k in range(steps):
-            free = _Dynamics(problem, q, v).reach(prescribed) < WINDOW
+            here = _Dynamics(problem, q, v)
+            free = here.reach(prescribed) < WINDOW
             if was_free and not free:
                 since, spline = k, _Spline(q, v, *target, plan.durations[i] - k * h)
             was_free = free
             t = (k - since) * h
-            a = _Dynamics(problem, q, v).accelerations(prescribed, spline.acceleration(t), free)
+            a = here.accelerations(prescribed, spline.acceleration(t), free)
             middle = _Dynamics(problem, q + h / 2 * v, v + h / 2 * a)
             a = middle.accelerations(prescribed, spline.acceleration(t + h / 2), free)
             inputs.append(middle.drive(a))

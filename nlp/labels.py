@@ -21,8 +21,25 @@ class Block:
     labels: tuple[str, ...]
 
 
-def equality_blocks(problem: Problem, layout: Layout, goals: Sequence[str]) -> list[Block]:
-    """Blocks of c, in the order of its rows; ``goals`` names fixed values of the goal that are constraints."""
+@dataclass(frozen=True)
+class Goal:
+    """A value of the goal that is a constraint: the unknown, its range and its name."""
+
+    unknown: int
+    low: float
+    high: float
+    name: str
+
+
+def goal_limits(goals: Sequence[Goal]) -> list[tuple[Goal, float, float]]:
+    """The inequalities sign * (unknown - value) >= 0 of goals that are ranges: goal, sign and value."""
+    ranges = [g for g in goals if g.low < g.high]
+    below = [(g, 1.0, g.low) for g in ranges if g.low > -np.inf]
+    return below + [(g, -1.0, g.high) for g in ranges if g.high < np.inf]
+
+
+def equality_blocks(problem: Problem, layout: Layout, goals: Sequence[Goal]) -> list[Block]:
+    """Blocks of c, in the order of its rows; ``goals`` are those that are constraints."""
     names = problem.kernels.coordinates
     low, high = problem.final_time_bounds
     collisions = [f"collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
@@ -33,13 +50,18 @@ def equality_blocks(problem: Problem, layout: Layout, goals: Sequence[str]) -> l
         ("start velocity", [f"{momentum_name(q)} at the start" for q in names] if layout.velocity_at_start else []),
         ("goal velocity", [f"{momentum_name(q)} at the goal" for q in names] if layout.velocity_at_end else []),
         ("final time", [f"final time = {low:g} s"] if low == high else []),
-        ("goal", [f"goal of {name}" for name in goals]),
+        ("goal", [f"goal of {g.name}" for g in goals if g.low == g.high]),
     ]
     return _blocks(groups)
 
 
-def inequality_blocks(problem: Problem, layout: Layout, gaps: tuple[Index, Index], timed: Sequence[int]) -> list[Block]:
-    """Blocks of d, in the order of its rows; ``gaps`` are node and surface of each gap, ``timed`` the phases with a minimal time."""
+def inequality_blocks(
+    problem: Problem, layout: Layout, gaps: tuple[Index, Index], goals: Sequence[Goal], timed: Sequence[int]
+) -> list[Block]:
+    """Blocks of d, in the order of its rows.
+
+    ``gaps`` are node and surface of each gap, ``goals`` those that are constraints, ``timed`` the phases with a minimal time.
+    """
     low, high = problem.final_time_bounds
     names = problem.kernels.manifest["path_constraints"]
     groups = [
@@ -47,6 +69,7 @@ def inequality_blocks(problem: Problem, layout: Layout, gaps: tuple[Index, Index
         ("path", [f"path constraint {n} in step {k}" for k in range(layout.total) for n in names]),
         ("final time >=", [f"final time >= {low:g} s"] if 0 < low < high else []),
         ("final time <=", [f"final time <= {high:g} s"] if low < high < np.inf else []),
+        ("goal", [f"goal of {g.name} {'>=' if sign > 0 else '<='} {value:g}" for g, sign, value in goal_limits(goals)]),
         ("minimal time", [f"minimal time of phase {i} -> {problem.sequence[i]}" for i in timed]),
     ]
     return _blocks(groups)

@@ -24,7 +24,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.nlp.assembly import Program
 from dmoc.nlp.elements import NOWHERE, Element, Elements, Rows
 from dmoc.nlp.feasibility import minimal_time
-from dmoc.nlp.labels import Block, equality_blocks, inequality_blocks
+from dmoc.nlp.labels import Block, Goal, equality_blocks, goal_limits, inequality_blocks
 from dmoc.nlp.layout import Index, Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sparse import SparsePattern
@@ -34,7 +34,7 @@ Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
 # The smallest step that is distinguishable from none: shorter steps divide rounding errors by h^2.
 SMALLEST_STEP = 1e-7
 # Where collisions would rather merge, a phase between them shrinks to nothing and its equations with it: share of the largest final time
-# that a phase between collisions keeps.
+# (or of its own longest duration) that each phase of a motion with collisions keeps, unless the problem says otherwise.
 SHORTEST_PHASE = 1e-3
 
 
@@ -48,7 +48,7 @@ class Transcription:
         Bounds of the unknowns.
     equalities, inequalities : lists of Block
     goal_as_rows : bool
-        Fixed values of the goal are equality constraints instead of fixed unknowns, so that they can be missed by some amount.
+        Values of the goal are constraints instead of bounds of the unknowns, so that they can be missed by some amount.
     """
 
     def __init__(self, problem: Problem, minimal_times: bool | None = None, goal_as_rows: bool = False) -> None:
@@ -67,11 +67,11 @@ class Transcription:
 
     @cached_property
     def equalities(self) -> list[Block]:
-        return equality_blocks(self.problem, self.layout, [name for _, _, name in self.goals])
+        return equality_blocks(self.problem, self.layout, self.goals)
 
     @cached_property
     def inequalities(self) -> list[Block]:
-        return inequality_blocks(self.problem, self.layout, self.gap_constraints, self._timed)
+        return inequality_blocks(self.problem, self.layout, self.gap_constraints, self.goals, self._timed)
 
     @property
     def n(self) -> int:
@@ -107,8 +107,8 @@ class Transcription:
     # Bounds ----------------------------------------------------------------------------------------------------------
 
     @cached_property
-    def goals(self) -> list[tuple[int, float, str]]:
-        """Unknown, value and name of each fixed value of the goal that is a constraint."""
+    def goals(self) -> list[Goal]:
+        """The values of the goal that are constraints."""
         if not self.goal_as_rows:
             return []
         lay, goal = self.layout, self.problem.goal_bounds
@@ -119,8 +119,9 @@ class Transcription:
             (lay.index_p_E, goal.momentum, momentum_name),
             (lay.index_v_E, goal.velocity, velocity_name),
         ):
+            pairs = zip(index, bounds, names, strict=False)
             found += [
-                (int(i), float(low), name(q)) for i, (low, high), q in zip(index, bounds, names, strict=False) if low == high
+                Goal(int(i), float(low), float(high), name(q)) for i, (low, high), q in pairs if low > -np.inf or high < np.inf
             ]
         return found
 
@@ -129,8 +130,9 @@ class Transcription:
         box = np.tile((-np.inf, np.inf), (lay.size, 1))
         latest = problem.final_time_bounds[1]
         shortest = SHORTEST_PHASE * latest if len(problem.sequence) and np.isfinite(latest) else 0.0
-        durations = np.maximum(problem.duration_bounds, [shortest, 0.0]) / np.array(lay.steps)[:, None]
-        box[lay.index_h] = np.maximum(durations, SMALLEST_STEP)
+        low, high = problem.duration_bounds.T
+        low = np.where(low > 0, low, np.minimum(shortest, SHORTEST_PHASE * high))  # a bound that was given counts
+        box[lay.index_h] = np.maximum(np.stack([low, high], axis=1) / np.array(lay.steps)[:, None], SMALLEST_STEP)
         box[lay.index_q] = problem.coordinate_bounds
         box[lay.index_u] = problem.input_bounds
         box[lay.index_lam, 0] = 0.0
@@ -144,8 +146,10 @@ class Transcription:
             box[p] = boundary.momentum
             if len(v):
                 box[v] = boundary.velocity
-        for unknown, _, _ in self.goals:
-            box[unknown] = (-np.inf, np.inf)
+        for goal in self.goals:
+            box[goal.unknown] = (-np.inf, np.inf)
+        if self.goals:
+            box[lay.index_q[-1]] = problem.coordinate_bounds
         return box[:, 0].copy(), box[:, 1].copy()
 
     # The program -----------------------------------------------------------------------------------------------------
@@ -176,8 +180,13 @@ class Transcription:
         rows = [(1 + row, lay.index_h, steps, -low) for row in self.equality_rows("final time")]
         rows += [(1 + self.n_eq + row, lay.index_h, steps, -low) for row in self.inequality_rows("final time >=")]
         rows += [(1 + self.n_eq + row, lay.index_h, -steps, high) for row in self.inequality_rows("final time <=")]
-        goals = zip(self.equality_rows("goal"), self.goals, strict=True)
-        return rows + [(1 + row, np.array([unknown]), np.ones(1), -value) for row, (unknown, value, _) in goals]
+        one = np.ones(1)
+        fixed = [g for g in self.goals if g.low == g.high]
+        rows += [(1 + row, np.array([g.unknown]), one, -g.low) for row, g in zip(self.equality_rows("goal"), fixed, strict=True)]
+        limits = zip(self.inequality_rows("goal"), goal_limits(self.goals), strict=True)
+        return rows + [
+            (1 + self.n_eq + row, np.array([g.unknown]), sign * one, -sign * value) for row, (g, sign, value) in limits
+        ]
 
     @cached_property
     def program(self) -> Program:

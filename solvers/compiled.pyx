@@ -75,6 +75,8 @@ def interior_point(program, system, double[::1] size, double[::1] stretch, doubl
     cdef double none = 0.0
     if not (x.shape[0] == z_lower.shape[0] == z_upper.shape[0] == size.shape[0] == stretch.shape[0] == c.n and y.shape[0] == c.m):
         raise ValueError(f"expected {c.n} unknowns and {c.m} multipliers")
+    if price is not None and price.shape[0] != c.m:
+        raise ValueError(f"expected {c.m} prices")
     listener.report = report
     options.optimality, options.demanded, options.violation = optimality, demanded, violation
     options.infeasible, options.mu = infeasible, mu

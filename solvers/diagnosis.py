@@ -12,19 +12,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.labels import goal_limits
 from dmoc.nlp.motion import active_bounds
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.ipm import least_violation
+from dmoc.solvers.ipm import INFEASIBLE, least_violation
 from dmoc.solvers.outcome import Options, Status
 
 # Prices of a violation relative to that of missing the goal: of what limits the motion, and of the laws of motion.
 LIMITS = 10.0
 LAWS = 100.0
-# What is missed by less is met, in the units of the constraint.
-MET = 1e-6
 # Share of the largest violation below which another is not worth a word.
 NEGLIGIBLE = 1e-3
+# Share of the largest multiplier below which a bound does not count as holding something up.
+FAINT = 1e-5
 # Share by which an estimated shortest time must exceed what is allowed to be mentioned.
 CLEARLY = 1e-3
 # Iterations that an explanation is worth.
@@ -38,19 +39,23 @@ MOMENTUM_UNITS = {"m": "kg m/s", "rad": "kg m2/s"}
 class Diagnosis:
     """Least violation of a problem.
 
-    ``x`` are its unknowns, ``violation`` the largest violation, ``missed`` what is not met and by how much, ``against`` the bounds and
-    constraints that hold it there, ``times`` what the shortest collision times say.
+    ``x`` are its unknowns, ``violation`` the largest violation, ``least`` whether the search for it ended at a minimum, ``missed`` what is not
+    met and by how much, ``against`` the bounds and constraints that hold it there, ``times`` what the shortest collision times say.
     """
 
     x: Array
     violation: float
+    least: bool
     missed: tuple[str, ...]
     against: tuple[str, ...]
     times: tuple[str, ...]
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        parts = list(self.missed[:MOST_LINES]) + list(self.times)
+        parts = (
+            [] if self.least else ["the search for the least violation did not come to an end; the best motion that was found:"]
+        )
+        parts += [*self.missed[:MOST_LINES], *self.times]
         if self.against:
             parts.append("what stands against it: " + ", ".join(self.against[:MOST_LINES]))
         return tuple(parts)
@@ -65,17 +70,21 @@ def diagnose(problem: Problem, x: Array, options: Options) -> Diagnosis:
     limits = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
     outcome = least_violation(nlp, x, limits, _prices(nlp))
     missed = _missed(nlp, outcome.x)
-    # Multipliers are those of the priced violation: small ones are not worth a word.
-    largest = max(float(np.abs(outcome.duals.z).max(initial=0.0)), float(outcome.duals.w.max(initial=0.0)), 1e-300)
-    w, z = (np.where(np.abs(d) > 1e-3 * largest, d, 0.0) for d in (outcome.duals.w, outcome.duals.z))
-    against = tuple(a for a in active_bounds(nlp, outcome.x, w, z)) if outcome.status is Status.INFEASIBLE else ()
+    # What is violated does not hold anything up, and the barrier leaves small multipliers everywhere.
+    w = np.where(nlp.inequality(outcome.x) < -INFEASIBLE, 0.0, outcome.duals.w)
+    z = outcome.duals.z
+    faint = FAINT * max(float(np.abs(z).max(initial=0.0)), float(w.max(initial=0.0)), 1e-300)
+    w, z = (np.where(np.abs(d) > faint, d, 0.0) for d in (w, z))
+    against = active_bounds(nlp, outcome.x, w, z) if outcome.status is Status.INFEASIBLE else ()
     amount = max((value for value, _ in missed), default=0.0)
-    return Diagnosis(outcome.x, amount, tuple(text for _, text in missed), against, _times(nlp, outcome.x))
+    least = outcome.status in (Status.SOLVED, Status.INFEASIBLE)
+    return Diagnosis(outcome.x, amount, least, tuple(text for _, text in missed), against, _times(nlp, outcome.x))
 
 
 def _prices(nlp: Transcription) -> Array:
     price = np.full(nlp.n_eq + nlp.n_in, LIMITS)
     price[nlp.equality_rows("goal")] = 1.0
+    price[nlp.n_eq + nlp.inequality_rows("goal")] = 1.0
     for name in ("momentum", "energy", "start velocity", "goal velocity"):
         price[nlp.equality_rows(name)] = LAWS
     return price
@@ -89,11 +98,14 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
     worst: dict[str, tuple[float, str]] = {}
 
     def note(kind: str, amount: float, text: str, unit: str = "") -> None:
-        if amount > max(MET, worst.get(kind, (0.0, ""))[0]):
+        if amount > max(INFEASIBLE, worst.get(kind, (0.0, ""))[0]):
             worst[kind] = (amount, f"{text} by {amount:.3g}{' ' + unit if unit else ''}")
 
-    for row, (_, _, name) in zip(nlp.equality_rows("goal"), nlp.goals, strict=True):
-        note(f"goal {name}", abs(c[row]), f"the goal of {name} is missed", _unit(name, units))
+    fixed = [g for g in nlp.goals if g.low == g.high]
+    goals = [(abs(c[row]), g.name) for row, g in zip(nlp.equality_rows("goal"), fixed, strict=True)]
+    goals += [(-d[row], g.name) for row, (g, _, _) in zip(nlp.inequality_rows("goal"), goal_limits(nlp.goals), strict=True)]
+    for amount, name in goals:
+        note(f"goal {name}", float(amount), f"the goal of {name} is missed", _unit(name, units))
     for i, (row, surface) in enumerate(zip(nlp.equality_rows("contact"), problem.sequence, strict=True)):
         involved = [kernels.coordinates[j] for j in kernels.manifest["surface_coordinates"][surface]]
         unit = _unit(involved[0], units) if len(involved) == 1 else ""
@@ -102,11 +114,19 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
     for j, q in enumerate(kernels.coordinates):
         k = int(np.argmax(np.abs(c[rows[:, j]])))
         note(f"momentum {q}", abs(c[rows[k, j]]), f"the momentum of {q} jumps at node {k}", _unit(f"p_{q}", units))
+    for end in ("start", "goal"):
+        for row, q in zip(nlp.equality_rows(f"{end} velocity"), kernels.coordinates, strict=False):
+            note(
+                f"{end} velocity",
+                abs(c[row]),
+                f"the momentum of {q} at the {end} does not fit the velocity",
+                _unit(f"p_{q}", units),
+            )
     for i, row in enumerate(nlp.equality_rows("energy")):
         note(f"energy {i}", abs(c[row]), f"collision {i + 1} ({problem.sequence[i]}) changes the energy")
     for row in nlp.equality_rows("final time"):
         note("time", abs(c[row]), "the final time is missed", "s")
-    for block in nlp.inequalities:
+    for block in (b for b in nlp.inequalities if b.name != "goal"):
         for i, row in enumerate(block.rows):
             time = block.name.startswith("final time")
             kind = block.name if block.name != "gap" else f"gap {nlp.gap_constraints[1][i]}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,8 @@ from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
 
 # IPOPT measures optimality after scaling the cost by its steepest slope, which is that of a step size, 1e4 times the others.
 SHARPEST = 1e-10
+# Uno's subproblem solver keeps global state: one solve at a time.
+UNO = threading.Lock()
 IPOPT_STATUSES = {
     0: Status.SOLVED,
     1: Status.SOLVED,
@@ -125,7 +128,7 @@ def solve_ipopt(nlp: Transcription, x: Array, options: Options, duals: Duals | N
     x, _, code = problem.solve(np.clip(x, nlp.lower, nlp.upper), mult_g=y, mult_x_L=z_lower, mult_x_U=z_upper)
     found = Duals(y[: nlp.n_eq], np.maximum(-y[nlp.n_eq :], 0.0), z_lower - z_upper)
     status = IPOPT_STATUSES.get(int(code), Status.STALLED)
-    return _judged(functions, x, found, status, f"IPOPT ended with code {int(code)}", functions.count - 1)
+    return _judged(functions, x, found, status, f"IPOPT ended with code {int(code)}", max(functions.count - 1, 0))
 
 
 def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
@@ -148,6 +151,7 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
     model.set_initial_primal_iterate(np.clip(x, nlp.lower, nlp.upper))
     if duals is not None:
         model.set_initial_dual_iterate(np.concatenate([duals.y, -duals.w]))
+    output = _Silence()
     solver = unopy.UnoSolver()
     solver.set_preset("filtersqp")
     for name, value in (
@@ -158,10 +162,11 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
 
     def stop(x: Array, *rest: Any) -> bool:
         point = np.array(x[: nlp.n])
-        return not functions.report(point, functions.f(point), 0.0)
+        with output.restored():
+            return not functions.report(point, functions.f(point), 0.0)
 
     solver.set_termination_callback(stop)
-    with _silence():
+    with UNO, output:
         result = solver.optimize(model)
     y = np.array(result.constraint_dual_solution)
     z = np.array(result.lower_bound_dual_solution) + np.array(result.upper_bound_dual_solution)
@@ -178,18 +183,28 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
     return _judged(functions, np.array(result.primal_solution)[: nlp.n], found, status, detail, int(result.number_iterations))
 
 
-@contextmanager
-def _silence() -> Iterator[None]:
+class _Silence:
     """Keep what Uno's subproblem solver prints, which no option stops, away from standard output."""
-    sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 1)
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)
+
+    def __enter__(self) -> None:
+        sys.stdout.flush()
+        self.kept, self.nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+        os.dup2(self.nowhere, 1)
+
+    def __exit__(self, *error: object) -> None:
+        os.dup2(self.kept, 1)
+        os.close(self.kept)
+        os.close(self.nowhere)
+
+    @contextmanager
+    def restored(self) -> Iterator[None]:
+        """Standard output as the caller knows it."""
+        os.dup2(self.kept, 1)
+        try:
+            yield
+            sys.stdout.flush()
+        finally:
+            os.dup2(self.nowhere, 1)
 
 
 def _judged(functions: _Callbacks, x: Array, duals: Duals, status: Status, detail: str, iterations: int) -> Outcome:

@@ -16,12 +16,13 @@ static const double DELTA = 1, S_THETA = 1.1, S_PHI = 2.3, ETA_PHI = 1e-8;      
 static const double KAPPA_SOC = 0.99;                                                      /* second-order correction, WB */
 static const double DELTA_W_FIRST = 1e-4, DELTA_W_LEAST = 1e-20, DELTA_W_MOST = 1e40;       /* perturbation of the Hessian, WB 3.1 */
 static const double KAPPA_W_LESS = 1.0/3, KAPPA_W_MORE = 8, KAPPA_W_FIRST = 100, DELTA_C = 1e-8, KAPPA_C = 0.25;
-static const double S_MAX = 100, G_MAX = 100, Y_MAX = 1e3, Z_MAX = 1e3;                     /* scalings, WB (6), 3.8; multipliers, 3.6 */
+static const double S_MAX = 100, G_MAX = 100, Y_MAX = 1e3;                                   /* scalings, WB (6), 3.8; multipliers, 3.6 */
 static const double RHO = 1000, KAPPA_RESTO = 0.9;                                         /* restoration, WB (29), 3.3 */
+static const double SHORTEST_STEP = 1e-14;
 static const double TINY_PIVOT = 1e-20, GOOD_RESIDUAL = 1e-10, BAD_RESIDUAL = 1e-5;         /* linear system */
-enum { MOST_SOC = 4, MOST_REFINEMENTS = 8, MOST_FILTER = 400, MOST_PATIENCE = 3 };
+enum { MOST_SOC = 4, MOST_REFINEMENTS = 8, MOST_FILTER = 400, MOST_PATIENCE = 3, MOST_TINY = 2 };
 
-/* A point with its multipliers. v = (x | slacks | p | n): p and n relax every row in the restoration only. */
+/* v = (x | slacks | p | n): p and n relax every row in the restoration only. A trial point has no multipliers. */
 typedef struct {
     double *v, *y, *zl, *zu;
     double f, theta, phi; /* objective (scaled), violation |residual|_1, barrier function */
@@ -49,12 +50,12 @@ typedef struct {
     double fs;                  /* scaling of the objective */
     point now, trial;
     double *gradient;           /* [most] of the objective, scaled */
-    double *dual;               /* [most] gradient + A'y - zl + zu */
-    double *dv, *dy, *dzl, *dzu, *soc_dv, *soc_dy, *soc_residual, *sigma, *right, *solution, *rest;
+    double *dual;               /* [most] gradient + A'y */
+    double *dv, *dy, *dzl, *dzu, *soc_dv, *soc_dy, *soc_residual, *sigma, *right, *solution, *rest, *change;
     double delta_w, delta_c, last_delta_w;
     filter front;
     double mu, tau;
-    int patience;               /* iterations in a row that met the demanded tolerance */
+    int patience, tiny;         /* iterations in a row that met the demanded tolerance; steps in a row below rounding errors */
     /* restoration */
     double *reference, *weight, *rho, zeta; /* rho[m]: price of a violation of each row */
     double held_mu;
@@ -63,7 +64,7 @@ typedef struct {
     double begin;
 } solver;
 
-/* Not fmax and fmin: those are calls, and hide what is not a number. */
+/* Not fmax and fmin, which are calls. */
 static inline double max(double a, double b) { return a > b ? a : b; }
 static inline double min(double a, double b) { return a < b ? a : b; }
 
@@ -73,6 +74,8 @@ static double now_seconds(void)
     clock_gettime(CLOCK_MONOTONIC, &t);
     return (double)t.tv_sec + 1e-9*(double)t.tv_nsec;
 }
+
+static int late(const solver *s) { return now_seconds() - s->begin > s->options->seconds; }
 
 static int fixed(const solver *s, int i) { return i < s->n && s->kkt->place[i] < 0; }
 
@@ -320,12 +323,19 @@ static double solve_linear(solver *s)
         subtract_product(s, s->solution, s->rest);
         const double wrong = largest(s->rest, size);
         ratio = wrong/(min(largest(s->solution, size), 1e6*largest(s->right, size)) + largest(s->right, size) + DBL_MIN);
+        if (ratio > previous) { /* the correction made it worse: take it back */
+            for (int i = 0; i < size; ++i)
+                s->solution[i] -= s->change[i];
+            ratio = previous;
+            break;
+        }
         if (!(ratio > GOOD_RESIDUAL) || !(ratio < 0.5*previous) || refinement == MOST_REFINEMENTS)
             break;
         previous = ratio;
-        dmoc_ldl_solve(s->ldl, s->rest);
+        memcpy(s->change, s->rest, sizeof(double)*(size_t)size);
+        dmoc_ldl_solve(s->ldl, s->change);
         for (int i = 0; i < size; ++i)
-            s->solution[i] += s->rest[i];
+            s->solution[i] += s->change[i];
     }
     s->result.seconds_linear += now_seconds() - t;
     return isnan(ratio) ? INFINITY : ratio;
@@ -370,7 +380,7 @@ static double newton_step(solver *s, const double *residual, double *dv, double 
     return ratio;
 }
 
-/* Search direction with inertia correction (WB algorithm IC); 0 if no perturbation helps. */
+/* Search direction with inertia correction (WB algorithm IC); 0 if no perturbation helps, or none in time. */
 static int direction(solver *s)
 {
     const dmoc_kkt *k = s->kkt;
@@ -389,7 +399,7 @@ static int direction(solver *s)
     s->delta_w = s->delta_c = 0;
     for (;;) {
         factor(s, base);
-        int singular = s->ldl->zero > 0 || s->ldl->positive + s->ldl->negative != k->size;
+        int singular = s->ldl->zero > 0;
         if (!singular && s->ldl->positive == unknowns) {
             const double ratio = newton_step(s, s->now.residual, s->dv, s->dy);
             if (ratio < BAD_RESIDUAL)
@@ -402,7 +412,7 @@ static int direction(solver *s)
             s->delta_w = s->last_delta_w == 0 ? DELTA_W_FIRST : max(DELTA_W_LEAST, KAPPA_W_LESS*s->last_delta_w);
         else
             s->delta_w *= s->last_delta_w == 0 ? KAPPA_W_FIRST : KAPPA_W_MORE;
-        if (s->delta_w > DELTA_W_MOST)
+        if (s->delta_w > DELTA_W_MOST || late(s))
             return 0;
     }
     if (s->delta_w > 0)
@@ -557,7 +567,7 @@ static void keep_multipliers(solver *s)
     }
 }
 
-/* Find and take a step along the direction; 0 if every step is too short. */
+/* Find and take a step along the direction; 0 if every step is too short, -1 if steps below rounding errors lead nowhere. */
 static int line_search(solver *s)
 {
     double slope = 0, change = 0;
@@ -572,15 +582,18 @@ static int line_search(solver *s)
         if (theta <= s->front.theta_min)
             alpha_min = min(alpha_min, DELTA*pow(theta, S_THETA)/pow(-slope, S_PHI));
     }
-    alpha_min *= GAMMA_ALPHA;
+    alpha_min = max(GAMMA_ALPHA*alpha_min, SHORTEST_STEP);
     for (double alpha = alpha_max; alpha >= alpha_min; alpha /= 2) {
         if (!try_step(s, s->dv, alpha))
             continue;
         if (change < 10*DBL_EPSILON) { /* rounding errors decide: take the step, WB 3.9 */
+            if (++s->tiny > MOST_TINY)
+                return -1;
             take_dual_step(s, s->dy, alpha, alpha_z);
             exchange_points(s);
             return 1;
         }
+        s->tiny = 0;
         const int switching = slope < 0 && alpha*pow(-slope, S_PHI) > DELTA*pow(theta, S_THETA);
         const double *dy = s->dy;
         double length = alpha;
@@ -713,6 +726,7 @@ static void begin_restoration(solver *s)
 
 static void end_restoration(solver *s)
 {
+    s->patience = 0;
     s->elastic = 0;
     s->nv = s->n + s->slacks;
     set_barrier(s, s->held_mu);
@@ -765,15 +779,12 @@ static int restore(solver *s)
     if (status >= 0)
         return status;
     evaluate_slopes(s);
-    double most = 0;
-    for (int i = 0; i < s->nv; ++i)
-        most = max(most, max(s->now.zl[i], s->now.zu[i]));
-    for (int i = 0; most > Z_MAX && i < s->nv; ++i) {
-        s->now.zl[i] = s->lo[i] > -INFINITY;
-        s->now.zu[i] = s->up[i] < INFINITY;
+    /* Those of the restoration belong to another objective and another mu. */
+    for (int i = 0; i < s->nv; ++i) {
+        s->now.zl[i] = s->lo[i] > -INFINITY ? s->mu/(s->now.v[i] - s->lo[i]) : 0;
+        s->now.zu[i] = s->up[i] < INFINITY ? s->mu/(s->up[i] - s->now.v[i]) : 0;
     }
     estimate_multipliers(s);
-    keep_multipliers(s);
     return -1;
 }
 
@@ -800,21 +811,21 @@ static int iterate(solver *s)
     }
     if (s->result.iterations >= s->options->iterations)
         return DMOC_ITERATION_LIMIT;
-    if (now_seconds() - s->begin > s->options->seconds)
+    if (late(s))
         return DMOC_TIME_LIMIT;
     evaluate_curvatures(s);
     if (!direction(s))
+        return late(s) ? DMOC_TIME_LIMIT : DMOC_STALLED;
+    const int stepped = line_search(s);
+    if (stepped < 0)
         return DMOC_STALLED;
-    if (!line_search(s)) {
+    if (!stepped) {
         evaluate(s, &s->now);
         if (s->elastic)
             return DMOC_STALLED;
-        const int status = restore(s);
-        if (status >= 0)
-            return status;
-    } else {
-        keep_multipliers(s);
+        return restore(s); /* counts its own iterations */
     }
+    keep_multipliers(s);
     s->result.iterations += 1;
     if (s->options->report && s->options->report(s->options->user, s->result.iterations, s->values[0], violation(s), s->mu, s->elastic))
         return DMOC_INTERRUPTED;
@@ -835,7 +846,7 @@ static int allocate(solver *s)
         {&s->fs_rows, m}, {&s->now.v, most}, {&s->now.y, m}, {&s->now.zl, most}, {&s->now.zu, most}, {&s->now.residual, m},
         {&s->trial.v, most}, {&s->trial.residual, m}, {&s->gradient, most}, {&s->dual, most}, {&s->dv, most}, {&s->dy, m},
         {&s->dzl, most}, {&s->dzu, most}, {&s->soc_dv, most}, {&s->soc_dy, m}, {&s->soc_residual, m}, {&s->sigma, most},
-        {&s->right, n + m}, {&s->solution, n + m}, {&s->rest, n + m}, {&s->reference, n}, {&s->weight, n}, {&s->rho, m},
+        {&s->right, n + m}, {&s->solution, n + m}, {&s->rest, n + m}, {&s->change, n + m}, {&s->reference, n}, {&s->weight, n}, {&s->rho, m},
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof parts/sizeof *parts; ++i)
@@ -927,11 +938,13 @@ dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt
         start(s, x, y, z_lower, z_upper);
         s->result.status = options->least_violation ? least_violation(s) : minimise(s);
         memcpy(x, s->now.v, sizeof(double)*(size_t)s->n);
+        /* Multipliers of the objective, or of the least violation: in the units of the problem. */
+        const double unit = options->least_violation || s->result.status == DMOC_INFEASIBLE ? RHO : s->fs;
         for (int r = 0; r < s->m; ++r)
-            y[r] = s->now.y[r]*s->fs_rows[r]/s->fs;
+            y[r] = s->now.y[r]*s->fs_rows[r]/unit;
         for (int i = 0; i < s->n; ++i) {
-            z_lower[i] = s->now.zl[i]/s->fs;
-            z_upper[i] = s->now.zu[i]/s->fs;
+            z_lower[i] = s->now.zl[i]/unit;
+            z_upper[i] = s->now.zu[i]/unit;
         }
         s->result.seconds = now_seconds() - s->begin;
         result = s->result;

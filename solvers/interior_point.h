@@ -12,7 +12,8 @@
  * - The end is decided in the units of the problem, not in scaled ones: largest violation, stationarity and complementarity.
  * - Slacks, and the elastic variables of the restoration, are eliminated from the linear system row by row; the system keeps its size and pattern.
  * - The order of the pivots is fixed. A solution whose residual stays large counts as singular, so that the perturbations grow.
- * - The restoration's first multipliers of the constraints are zero, and it may not call a restoration of its own (WB 3.3.1).
+ * - The restoration's first multipliers of the constraints are zero, it may not call a restoration of its own (WB 3.3.1), and after it the
+ *   bound multipliers begin anew at mu/(x - lower).
  * - No watchdog. A point that meets the demanded tolerance and gets no sharper in three iterations is a solution.
  */
 #ifndef DMOC_INTERIOR_POINT_H
@@ -60,7 +61,7 @@ typedef struct {
 
 /* x[n], y[m], z_lower[n], z_upper[n]: start and result; size[n]: typical changes of the unknowns; stretch[n] > 1: the largest ratio of
  * an unknown in two iterates, for unknowns that are positive, INFINITY for the others.
- * L = f + y . (c | d) - z_lower . (x - lower) - z_upper . (upper - x); y <= 0 on rows d. */
+ * After a restoration without success the multipliers are those of the least violation. L = f + y . (c | d) - z_lower . (x - lower) - z_upper . (upper - x); y <= 0 on rows d. */
 dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt, const dmoc_options *options, const double *size,
                                 const double *stretch, double *x, double *y, double *z_lower, double *z_upper);
 

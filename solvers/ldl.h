@@ -2,7 +2,7 @@
  *
  * The unknowns are given in elimination order, as pivots of one or two unknowns followed by a final group that is factorised densely with
  * complete pivoting (Bunch & Parlett 1971). An optimal control problem tells which unknown and which equation belong together as a
- * pivot of two (solvers/order.py), so that K needs to be analysed once and no pivot is zero for structural reasons.
+ * pivot of two (solvers/system.py), so that K needs to be analysed once and pivots are not zero by their structure.
  *
  * K is given by its upper triangle, by columns: start[n + 1], row[entries] with row <= column, in elimination order.
  * Rows of L are computed one after the other ("up-looking", as in Davis, Direct Methods for Sparse Linear Systems, 2006, chapter 4).
@@ -24,7 +24,7 @@ typedef struct {
     double *dense;           /* [(n - chain)^2] factors of the final group, by rows */
     int *exchange;           /* [n - chain] its permutation; a negative entry ~j marks the first of two unknowns in one pivot */
     double *work;            /* [2*n] */
-    int positive, negative, zero; /* eigenvalues of D by sign, after a factorisation */
+    int positive, negative, zero; /* eigenvalues of D by sign after a factorisation; zero ones are counted twice, by the sign they are given */
 } dmoc_ldl;
 
 /* Analyse. first[pivots + 1] gives the pivots; returns NULL without memory. */

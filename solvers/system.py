@@ -66,16 +66,18 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     singles.append((row(rows.gap[node, surface]), key(node - 1, INEQUALITY)))
     steps = np.arange(lay.total)
     singles.append((row(rows.path).ravel(), np.repeat(key(steps - 1, INEQUALITY), rows.path.shape[1])))
-    first_step = np.zeros(len(lay.index_u), dtype=np.intp)
-    first_step[lay.row_u_kp1], first_step[lay.row_u_k] = steps, steps
-    singles.append((lay.index_u.ravel(), np.repeat(key(first_step, INPUT), lay.nu)))
+    step_of_input = np.zeros(len(lay.index_u), dtype=np.intp)
+    step_of_input[lay.row_u_kp1] = steps
+    step_of_input[lay.row_u_k] = steps
+    singles.append((lay.index_u.ravel(), np.repeat(key(step_of_input, INPUT), lay.nu)))
     pairs.append((lay.index_q[1:].ravel(), row(rows.momentum[:-1]).ravel(), np.repeat(key(steps, STATE), lay.nq)))
     nodes = lay.collision_nodes
     surfaces = nlp.surfaces
     pairs.append((lay.index_h[:-1], row(rows.contact[nodes, surfaces]), key(nodes - 1, COLLISION)))
     pairs.append((lay.index_lam, row(rows.energy), key(nodes, COLLISION)))
     pairs.append((lay.index_p_E, row(rows.momentum[-1]), key(np.full(lay.nq, last), STATE)))
-    # A pair with a fixed unknown: the row alone joins the chain's last node, or the final group.
+    # An equation whose unknown is fixed keeps its place in the chain, where earlier pivots have filled its diagonal; that of the last node
+    # joins the final group.
     first, second, keys = [], [], []
     for index, at in singles:
         kept = (index >= n) | free[np.minimum(index, n - 1)]
@@ -84,6 +86,10 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
         keys.append(at[kept])
     for unknown, equation, at in pairs:
         kept = free[unknown]
+        alone = ~kept & (at < key(np.full(len(at), last), STATE))
+        first.append(equation[alone])
+        second.append(np.full(int(alone.sum()), -1))
+        keys.append(at[alone])
         first.append(unknown[kept])
         second.append(equation[kept])
         keys.append(at[kept])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -108,3 +109,22 @@ def test_an_unwritable_cache_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_unknown_backend_is_refused() -> None:
     with pytest.raises(BuildError, match="expected one of auto, compiled, numpy"):
         dmoc.build(block_system(), backend="gpu")
+
+
+def test_kernels_travel_between_processes(own_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a shared cache they are found there; without one they are built from the sources that travel along."""
+    x = np.array([[0.3]])
+    for kernels in (dmoc.build(block_system()), dmoc.build(block_system(), backend="numpy")):
+        sent = pickle.dumps(kernels)
+        for folder in (own_cache, tmp_path / "elsewhere"):
+            monkeypatch.setenv("DMOC_CACHE", str(folder))
+            again = pickle.loads(sent)
+            assert again.backend == kernels.backend and again.manifest == kernels.manifest
+            par = np.array([list(again.parameters.values())], dtype=float)
+            assert again.call("surface", x, par)[0] == kernels.call("surface", x, par)[0]
+
+
+def test_problems_and_solutions_travel_between_processes(seed: dmoc.Problem) -> None:
+    problem = pickle.loads(pickle.dumps(seed.but(steps=20)))
+    solution = pickle.loads(pickle.dumps(dmoc.solve(problem, method="ipm", verify=False)))
+    assert solution.cost == dmoc.solve(seed.but(steps=20), method="ipm", verify=False).cost

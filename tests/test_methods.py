@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from dmoc.errors import MissingExtraError, ProblemError
 from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.transcription import Transcription
 from dmoc.registry import build
+from dmoc.solvers import ipm
 from dmoc.solvers.compiled import factor_and_solve
 from dmoc.solvers.ipm import least_violation
 from dmoc.solvers.outcome import Iteration, Options, Status
@@ -106,6 +109,34 @@ def test_a_neighbouring_solution_saves_iterations(seed: dmoc.Problem) -> None:
     assert again.status == "solved" and again.iterations <= 5
 
 
+def test_a_solution_of_another_kind_is_no_guess(seed: dmoc.Problem) -> None:
+    first = dmoc.solve(seed.but(steps=[10, 10]), method="ipm", verify=False)
+    with pytest.raises(ProblemError, match=r"guess has \(10, 10\) steps"):
+        dmoc.solve(seed.but(steps=[12, 8]), method="ipm", guess=first)
+    other = dmoc.solve(seed.but(steps=[10, 10], sequence=["right"]), method="ipm", guess=first, verify=False)
+    assert other.status == "solved"  # from its unknowns, without its multipliers
+
+
+def test_a_coordinate_that_is_held_keeps_the_system_sparse(seed: dmoc.Problem) -> None:
+    nlp = Transcription(seed.but(bounds={"F": (-200, 200), "x": (0, 0)}), minimal_times=False)
+    K = system(nlp)
+    assert K.size - K.first[-1] < 10
+    begin = time.perf_counter()
+    dmoc.solve(nlp.problem.but(steps=1000), method="ipm", seconds=0.5, verify=False)
+    assert time.perf_counter() - begin < 5
+
+
+def test_a_bound_of_a_duration_counts_more_than_the_shortest_phase(seed: dmoc.Problem) -> None:
+    """By default a phase keeps a thousandth of the largest final time, here more than what the bound allows."""
+    problem = seed.but(steps=20, final_time=(None, 100.0), durations=[(None, 0.0966), (None, 2.0)])
+    assert (Transcription(problem).lower <= Transcription(problem).upper).all()
+    for method in ("ipm", "slsqp"):
+        solution = dmoc.solve(problem, method=method, verify=False)
+        assert solution.status == "solved" and solution.phases[0].duration <= 0.0966 + 1e-9
+    problem = seed.but(final_time=(None, 100.0), durations=[(0.001, None), (None, 0.9)])
+    assert not any("phase 0 >= 0.1" in b for b in dmoc.solve(problem, method="ipm", verify=False).active_bounds)
+
+
 def test_multipliers_survive_a_file(seed: dmoc.Problem, tmp_path: Path) -> None:
     first = dmoc.solve(seed, method="ipm")
     loaded = dmoc.Solution.load(first.save(tmp_path / "s.npz"))
@@ -137,6 +168,30 @@ def test_progress_is_told_and_an_interruption_keeps_the_iterate(seed: dmoc.Probl
     assert solution.status == "interrupted"
     assert [i.number for i in seen] == [1, 2, 3, 4]
     assert all(np.isfinite(i.violation) for i in seen)
+
+
+def test_iterations_are_counted_once(seed: dmoc.Problem) -> None:
+    """Through restorations too."""
+    weak = seed.but(bounds={"F": (-1, 1)}, steps=30)
+    nlp = Transcription(weak, minimal_times=False)
+    x = initial_guesses(weak)[0].x
+    for limit in range(20, 60, 3):
+        seen: list[Iteration] = []
+        outcome = ipm.solve(nlp, x, Options(iterations=limit, progress=seen.append))
+        assert outcome.iterations == len(seen) <= limit
+        assert [i.number for i in seen] == list(range(1, len(seen) + 1))
+
+
+@pytest.mark.parametrize("method", SPARSE)
+def test_what_a_callback_prints_is_seen(seed: dmoc.Problem, capfd: pytest.CaptureFixture[str], method: str) -> None:
+    dmoc.solve(seed.but(steps=20), method=method, iterations=3, progress=lambda i: print(f"iteration {i.number}"))
+    assert "iteration 2" in capfd.readouterr().out
+
+
+def test_two_threads_may_use_uno(block: Kernels) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        solutions = list(pool.map(lambda _: dmoc.solve(block_problem(block), method="uno", verify=False), range(4)))
+    assert [s.status for s in solutions] == ["solved"] * 4
 
 
 @pytest.mark.parametrize("method", SPARSE)
@@ -202,6 +257,16 @@ def test_the_miss_of_a_block_has_the_amount_of_the_closed_form(block: Kernels) -
     assert solution.status == "infeasible"
     assert solution.conflicts[0] == "collision 1 misses 'wall' by 0.5"
     assert "about 1.41 s, the bounds allow 1 s" in solution.conflicts[1]
+
+
+@pytest.mark.parametrize("goal", [0.7, (0.7, 0.8), (0.7, None)])
+def test_a_goal_is_missed_by_what_is_lacking(block: Kernels, goal: object) -> None:
+    """The same block comes to 1/2 in 1 s at most."""
+    problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": goal}, steps=50, bounds={"u": (-1, 1)}, final_time=1.0)
+    solution = dmoc.solve(problem, method="ipm")
+    assert solution.status == "infeasible"
+    assert solution.conflicts[0] == "the goal of x is missed by 0.2"
+    assert "u <= 1 in 50 steps" in solution.conflicts[-1]
 
 
 def test_least_violation_of_a_feasible_problem_is_none(seed: dmoc.Problem) -> None:

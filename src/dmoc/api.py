@@ -19,7 +19,7 @@ from dmoc.nlp.problem import Problem
 from dmoc.nlp.transcription import Transcription
 from dmoc.solution import Solution
 from dmoc.solvers import external, ipm, slsqp
-from dmoc.solvers.diagnosis import MET, diagnose
+from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
 
@@ -103,7 +103,7 @@ def solve(
             nlp, outcome = _first_success(problem, nlp, points, options, driver)
             conflicts: tuple[str, ...] = ()
             if outcome.status is Status.INFEASIBLE and nlp.program.compiled:
-                nlp, outcome, conflicts = _explained(problem, nlp, outcome, points[0], options, driver)
+                nlp, outcome, conflicts = _explained(problem, nlp, outcome, points[0], _remaining(options, guessed), driver)
     except np.linalg.LinAlgError as error:
         raise ProblemError(
             f"the equations of motion become singular or overflow on the way ({error}): check the parameters and the bounds."
@@ -147,12 +147,13 @@ def _check_size(problem: Problem) -> None:
 
 
 def _driver(method: str, form: str, nlp: Transcription, guess: Solution | Array | None) -> Driver:
-    """Return the method as a function of program, start and options."""
+    """Return the method as a function of program, start and options; multipliers of another sequence do not serve."""
     if method == "slsqp":
         segments = slsqp.SEGMENTS if form == "condensed" else 0
         return lambda nlp, x, options: slsqp.solve(nlp, x, options, segments)
     minimise = {"ipm": ipm.solve, "ipopt": external.solve_ipopt, "uno": external.solve_uno}[method]
-    duals = Duals(*given_multipliers(nlp, guess.multipliers)) if isinstance(guess, Solution) else None
+    same = isinstance(guess, Solution) and tuple(c.surface for c in guess.collisions) == nlp.problem.sequence
+    duals = Duals(*given_multipliers(nlp, guess.multipliers)) if isinstance(guess, Solution) and same else None
     return lambda nlp, x, options: minimise(nlp, x, options, duals)
 
 
@@ -164,10 +165,16 @@ def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
 def _starting_points(problem: Problem, nlp: Transcription, guess: Solution | Array | None) -> list[Array]:
     if guess is None:
         return [g.x for g in initial_guesses(problem)]
+    if isinstance(guess, Solution):
+        steps, controls = tuple(p.steps for p in guess.phases), guess.trajectory.controls
+        if steps != problem.phase_steps or controls != problem.controls:
+            raise ProblemError(
+                f"guess has {steps} steps and {controls} inputs: expected a solution with {problem.phase_steps} steps and {problem.controls} inputs."
+            )
     x = np.array(guess.unknowns if isinstance(guess, Solution) else guess, dtype=float)
     if x.shape != (nlp.n,) or not np.isfinite(x).all():
         raise ProblemError(
-            f"guess has shape {x.shape}: expected {nlp.n} finite unknowns, from a solution with the same steps and sequence."
+            f"guess has shape {x.shape}: expected {nlp.n} finite unknowns, from a solution of the same model with the same steps."
         )
     return [x]
 
@@ -179,8 +186,7 @@ def _first_success(
     tried: list[tuple[float, Transcription, Outcome]] = []
     count, begin = 0, time.perf_counter()
     for x in points:
-        left = None if options.seconds is None else options.seconds - (time.perf_counter() - begin)
-        used, outcome = _minimise(problem, nlp, x, replace(options, seconds=left, iterations=options.iterations - count), driver)
+        used, outcome = _minimise(problem, nlp, x, _remaining(options, begin, count), driver)
         count += outcome.iterations
         outcome = replace(outcome, iterations=count)
         if outcome.status not in (Status.INFEASIBLE, Status.STALLED) or count >= options.iterations:
@@ -190,13 +196,20 @@ def _first_success(
     return used, replace(outcome, iterations=count)
 
 
+def _remaining(options: Options, begin: float, iterations: int = 0) -> Options:
+    """What is left of the limits of a solve that began at a time and has taken some iterations."""
+    seconds = None if options.seconds is None else max(options.seconds - (time.perf_counter() - begin), 1e-9)
+    return replace(options, seconds=seconds, iterations=max(options.iterations - iterations, 1))
+
+
 def _explained(
     problem: Problem, nlp: Transcription, outcome: Outcome, x: Array, options: Options, driver: Driver
 ) -> tuple[Transcription, Outcome, tuple[str, ...]]:
     """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve from."""
+    begin = time.perf_counter()
     diagnosis = diagnose(problem, x, options)
-    if diagnosis.violation <= MET:
-        again = driver(nlp, diagnosis.x, options)
+    if diagnosis.violation <= ipm.INFEASIBLE and outcome.iterations < options.iterations:
+        again = driver(nlp, diagnosis.x, _remaining(options, begin, outcome.iterations))
         if again.status is not Status.INFEASIBLE:
             return nlp, replace(again, iterations=outcome.iterations + again.iterations), ()
     return nlp, outcome, diagnosis.sentences
@@ -204,6 +217,7 @@ def _explained(
 
 def _minimise(problem: Problem, nlp: Transcription, x: Array, options: Options, driver: Driver) -> tuple[Transcription, Outcome]:
     """Solve; an estimated minimal time that limits the solution is dropped, because the dynamics decide and not the estimate."""
+    begin = time.perf_counter()
     outcome = driver(nlp, x, options)
     timed = nlp.inequality_rows("minimal time")
     limited = outcome.status is Status.SOLVED and bool((outcome.duals.w[timed] > 0).any())
@@ -212,7 +226,7 @@ def _minimise(problem: Problem, nlp: Transcription, x: Array, options: Options, 
     if not limited:
         return nlp, outcome
     free = Transcription(problem, minimal_times=False)
-    again = driver(free, outcome.x, options)
+    again = driver(free, outcome.x, _remaining(options, begin, outcome.iterations))
     return free, replace(again, iterations=outcome.iterations + again.iterations)
 
 
