@@ -11,6 +11,7 @@ from pathlib import Path
 import building
 import kernels
 import robustness
+import searching
 import solving
 from common import Section, machine
 
@@ -25,7 +26,7 @@ Machine: {machine}.
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="few repeats, no slow peers")
-    parser.add_argument("--only", default="", help="suites, as solve,where,growth,kernels,build,robust,warm")
+    parser.add_argument("--only", default="", help="suites, as solve,where,growth,kernels,build,robust,warm,search")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results", help="folder of the report")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
@@ -37,6 +38,7 @@ def main() -> None:
         "build": building.compare,
         "robust": robustness.campaign,
         "warm": solving.warm,
+        "search": searching.compare,
     }
     chosen = given.only.split(",") if given.only else list(suites)
     unknown = [name for name in chosen if name not in suites]

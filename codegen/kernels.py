@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -82,11 +83,19 @@ class Kernels:
         tuple of arrays of shape (n, size)
             The outputs in the order of the manifest; a matrix as its stored entries.
         """
-        outputs = self.manifest["kernels"][kernel]["outputs"]
-        n = max(len(a) for a in inputs)
-        results = tuple(np.empty((n, _size(o))) for o in outputs)
-        getattr(self.module, kernel)(*inputs, *results)
+        function, sizes = self._functions[kernel]
+        n = max([len(a) for a in inputs])
+        results = tuple([np.empty((n, size)) for size in sizes])
+        function(*inputs, *results)
         return results
+
+    @cached_property
+    def _functions(self) -> dict[str, tuple[Callable[..., None], list[int]]]:
+        """Function and sizes of the outputs of each kernel."""
+        return {
+            name: (getattr(self.module, name), [_size(o) for o in facts["outputs"]])
+            for name, facts in self.manifest["kernels"].items()
+        }
 
     def pattern(self, kernel: str, output: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return rows and columns of the stored entries of a matrix output."""

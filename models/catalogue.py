@@ -47,6 +47,17 @@ ENTRIES = {
             "parameters": {"alpha_min": -3 * pi / 4},
         },
     ),
+    "puck_table": Entry(
+        "puck_table",
+        "a puck that moves fast and must come back moving: the walls can do the work (for dmoc search)",
+        {
+            "start": {"x": 0.3, "y": 0.2, "x_dot": 1.5, "y_dot": 0.4},
+            "goal": {"x": 0.4, "y": 0.7, "x_dot": 1.2, "y_dot": -0.3},
+            "sequence": ("east", "west", "north"),
+            "steps": 40,
+            "final_time": 2.0,
+        },
+    ),
     "bouncing_pendulum": Entry("bouncing_pendulum", "a pendulum without inputs that bounces off a wall (forward simulation)"),
 }
 

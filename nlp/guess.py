@@ -23,9 +23,10 @@ from dmoc.nlp.transcription import Transcription
 
 # Smallest singular value, relative to the rows and with inertia scaled to one, below which controllability counts as lost.
 WINDOW = 0.15
-# Ratio of successive final times, and how many steps a phase gets while they are compared.
+# Ratio of successive final times; how many steps a motion gets while they are compared, and a phase at least.
 TIME_RATIO = 1.2
-COARSE_STEPS = 40
+COARSE_STEPS = 80
+FEWEST_STEPS = 8
 # Violation of the discrete equations above which a guess that obeys the equations of motion has drifted off its goal.
 DRIFTED = 100.0
 # Share of the latest final time below which a guess that takes all the time is a further start.
@@ -88,7 +89,8 @@ def initial_guesses(problem: Problem) -> tuple[Guess, ...]:
     there is none, the one that violates them least.
     """
     prescribed = _prescribed(problem)
-    coarse = problem.but(steps=[min(n, COARSE_STEPS) for n in problem.phase_steps])
+    few = max(COARSE_STEPS // problem.phases, FEWEST_STEPS)
+    coarse = problem.but(steps=[min(n, few) for n in problem.phase_steps])
     best: tuple[float, float, float] | None = None
     for final_time in _final_times(problem):
         motion = _march(coarse, _plan(coarse, prescribed, final_time), prescribed)
@@ -165,7 +167,7 @@ def _via_positions(problem: Problem) -> Array:
     share = np.linspace(0.0, 1.0, problem.phases + 1)[:, None]
     points = (1 - share) * start + share * goal
     for i, surface in enumerate(problem.sequence):
-        points[i + 1] = _onto_surface(problem, points[i + 1], surface)
+        points[i + 1] = onto_surface(problem, points[i + 1], surface)
     return points
 
 
@@ -177,7 +179,7 @@ def _inside(bounds: Array, default: Array) -> Array:
     return np.where(finite, middle, np.clip(default, bounds[:, 0], bounds[:, 1]))
 
 
-def _onto_surface(problem: Problem, q: Array, surface: str) -> Array:
+def onto_surface(problem: Problem, q: Array, surface: str) -> Array:
     """Move a point onto g = 0 by Newton steps along the gradient."""
     q = q.copy()
     for _ in range(30):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dmoc.errors import MissingExtraError, OutputError
+from dmoc.report.canvas import new_figure, symbol, write
 from dmoc.report.shapes import Shape, shape_of
 from dmoc.trajectory import Array, Phase, Trajectory
 
@@ -42,16 +42,10 @@ def plot(trajectory: Trajectory, path: str | os.PathLike[str] | None = None) -> 
     OutputError
         If the file cannot be written or its format is unknown.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ModuleNotFoundError:
-        raise MissingExtraError("Matplotlib is needed to plot: install it with `pip install dmoc[plot]`.") from None
     shape = shape_of(trajectory.model)
     panels = 2 + bool(trajectory.inputs)
     rows = panels + (1 if shape else 0)
-    figure = Figure(figsize=(7.0, 2.0 * panels + (2.8 if shape else 0.4)), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(7.0, 2.0 * panels + (2.8 if shape else 0.4))
     ratios = ([1.5] if shape else []) + [1.0] * panels
     grid = figure.add_gridspec(rows, len(trajectory.phases) if shape else 1, height_ratios=ratios)
     if shape:
@@ -69,28 +63,8 @@ def plot(trajectory: Trajectory, path: str | os.PathLike[str] | None = None) -> 
     curves[-1].set_xlim(0.0, trajectory.final_time)
     _collision_lines(curves, trajectory)
     if path is not None:
-        _write(figure, Path(path))
+        write(figure, Path(path))
     return figure
-
-
-def _write(figure: Figure, path: Path) -> None:
-    try:
-        figure.savefig(path, dpi=200)
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written ({error.strerror}): choose a writable place.") from None
-    except ValueError:
-        raise OutputError(f"{path} has no known format: end it in .png, .pdf or .svg.") from None
-
-
-def _symbol(name: str) -> str:
-    """A name as mathematics: greek names become letters, what follows an underscore a subscript."""
-    greek = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega".split()
-    head, _, tail = name.partition("_")
-
-    def letter(text: str) -> str:
-        return f"\\{text}" if text in greek else (text if len(text) == 1 else f"\\mathrm{{{text}}}")
-
-    return letter(head) + (f"_{{{','.join(letter(part) for part in tail.split('_'))}}}" if tail else "")
 
 
 def _finish(axes: Axes, label: str) -> None:
@@ -109,14 +83,14 @@ def _positions(axes: Axes, trajectory: Trajectory) -> None:
     for i, name in enumerate(trajectory.coordinates):
         target = axes.twinx() if apart and i == 1 else axes
         for phase in trajectory.phases:
-            (line,) = target.plot(phase.t, phase.q[:, i], color=COLOURS[i % len(COLOURS)], label=f"${_symbol(name)}$")
+            (line,) = target.plot(phase.t, phase.q[:, i], color=COLOURS[i % len(COLOURS)], label=f"${symbol(name)}$")
         lines.append(line)
         if target is not axes:
-            target.set_ylabel(f"${_symbol(name)}$", color=COLOURS[i])
+            target.set_ylabel(f"${symbol(name)}$", color=COLOURS[i])
             target.spines["top"].set_visible(False)
             target.tick_params(axis="y", colors=COLOURS[i])
             axes.tick_params(axis="y", colors=COLOURS[0])
-    label = f"${_symbol(trajectory.coordinates[0])}$" if apart or q.shape[1] == 1 else "coordinates"
+    label = f"${symbol(trajectory.coordinates[0])}$" if apart or q.shape[1] == 1 else "coordinates"
     _finish(axes, label)
     if apart:
         axes.yaxis.label.set_color(COLOURS[0])
@@ -129,7 +103,7 @@ def _momenta(axes: Axes, trajectory: Trajectory) -> None:
     for i, name in enumerate(trajectory.coordinates):
         colour = COLOURS[i % len(COLOURS)]
         for k, phase in enumerate(trajectory.phases):
-            axes.plot(phase.t, phase.p[:, i], color=colour, label=f"$p_{{{_symbol(name)}}}$" if k == 0 else None)
+            axes.plot(phase.t, phase.p[:, i], color=colour, label=f"$p_{{{symbol(name)}}}$" if k == 0 else None)
         for before, after in pairwise(trajectory.phases):
             ends = (before.p[-1, i], after.p[0, i])
             axes.plot([before.t[-1]] * 2, ends, color=colour, linestyle=":", linewidth=1.2)
@@ -142,7 +116,7 @@ def _inputs(axes: Axes, trajectory: Trajectory) -> None:
     for i, name in enumerate(trajectory.inputs):
         colour = COLOURS[i % len(COLOURS)]
         for k, phase in enumerate(trajectory.phases):
-            label = f"${_symbol(name)}$" if k == 0 else None
+            label = f"${symbol(name)}$" if k == 0 else None
             if trajectory.controls == "linear":
                 axes.plot(phase.t, phase.u[:, i], color=colour, label=label)
             else:
@@ -150,7 +124,7 @@ def _inputs(axes: Axes, trajectory: Trajectory) -> None:
         for bound in trajectory.input_bounds[i]:
             if np.isfinite(bound):
                 _bound(axes, bound, values[:, i], colour)
-    _finish(axes, "inputs" if len(trajectory.inputs) > 1 else f"input ${_symbol(trajectory.inputs[0])}$")
+    _finish(axes, "inputs" if len(trajectory.inputs) > 1 else f"input ${symbol(trajectory.inputs[0])}$")
     if len(trajectory.inputs) > 1:
         axes.legend(loc="best", frameon=False)
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dmoc.errors import DmocError
     from dmoc.nlp.problem import Problem
     from dmoc.registry import build, load
+    from dmoc.sequences.engine import search
     from dmoc.simulation.check import verify
     from dmoc.simulation.forward import simulate
     from dmoc.solution import Solution
@@ -20,7 +21,19 @@ if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
 
 __version__ = "0.1.0"
-__all__ = ["DmocError", "MechanicalSystem", "Problem", "Solution", "build", "derive", "load", "simulate", "solve", "verify"]
+__all__ = [
+    "DmocError",
+    "MechanicalSystem",
+    "Problem",
+    "Solution",
+    "build",
+    "derive",
+    "load",
+    "search",
+    "simulate",
+    "solve",
+    "verify",
+]
 
 _PLACES = {
     "DmocError": "dmoc.errors",
@@ -30,6 +43,7 @@ _PLACES = {
     "build": "dmoc.registry",
     "derive": "dmoc.symbolic.derivation",
     "load": "dmoc.registry",
+    "search": "dmoc.sequences.engine",
     "simulate": "dmoc.simulation.forward",
     "solve": "dmoc.api",
     "verify": "dmoc.simulation.check",

@@ -1,11 +1,10 @@
-"""The command line: models, derive, generate, build, solve, verify, plot, doctor.
+"""The command line: models, derive, generate, build, solve, search, verify, plot, doctor.
 
 Exit status: 0 solved and verified, 1 not solved, 2 wrong use or bad input.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import warnings
@@ -13,16 +12,35 @@ from collections.abc import Callable
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from dmoc.errors import DmocError, OutputError, ProblemError
+from dmoc.cli_input import (
+    BAD_INPUT,
+    NOT_SOLVED,
+    BoundOption,
+    Controls,
+    FinalTimeOption,
+    GoalOption,
+    JsonOption,
+    MethodOption,
+    ModelArgument,
+    SetOption,
+    StartOption,
+    emit,
+    err,
+    out,
+    prepare_file,
+    prepare_folder,
+    problem_fields,
+    write_text,
+)
+from dmoc.cli_search import search
+from dmoc.errors import DmocError, OutputError
 
 if TYPE_CHECKING:
-    from dmoc.nlp.problem import Problem
     from dmoc.simulation.check import Verification
     from dmoc.solution import Solution
     from dmoc.solvers.outcome import Iteration
@@ -34,15 +52,6 @@ app = typer.Typer(
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-out = Console()
-err = Console(stderr=True)
-NOT_SOLVED, BAD_INPUT = 1, 2
-
-ModelArgument = Annotated[str, typer.Argument(help="Name of a shipped model or problem, or file.py:name.", show_default=False)]
-JsonOption = Annotated[
-    str | None,
-    typer.Option("--json", metavar="FILE|-", help="Write the result as JSON; with - standard output is the JSON alone."),
-]
 
 
 class TextFormat(StrEnum):
@@ -53,11 +62,6 @@ class TextFormat(StrEnum):
 class Form(StrEnum):
     condensed = "condensed"
     full = "full"
-
-
-class Controls(StrEnum):
-    constant = "constant"
-    linear = "linear"
 
 
 @app.callback()
@@ -91,7 +95,7 @@ def derive(
     if target is None:
         sys.stdout.write(text)
     else:
-        _write_text(target, text)
+        write_text(target, text)
 
 
 @app.command()
@@ -137,23 +141,16 @@ def solve(
         str | None, typer.Option(help="Surfaces in the order of the collisions, as left,right; '' for none.")
     ] = None,
     steps: Annotated[str | None, typer.Option(help="Steps of each phase, one number or one for each phase, as 100,50.")] = None,
-    final_time: Annotated[
-        str | None, typer.Option("--final-time", help="Largest final time in seconds, or its range, as 0.5:1.")
-    ] = None,
-    method: Annotated[str, typer.Option(help="Solver: slsqp, ipm (compiled interior point), ipopt, uno.")] = "slsqp",
+    final_time: FinalTimeOption = None,
+    method: MethodOption = "slsqp",
     form: Annotated[
         Form, typer.Option(help="For slsqp: condensed, or the full program (small numbers of steps).")
     ] = Form.condensed,
     controls: Annotated[Controls | None, typer.Option(help="Inputs constant in a step, or linear between nodes.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter value; repeatable.")] = None,
-    bound: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=LOW:HIGH", help="Bounds of an input or coordinate; repeatable.")
-    ] = None,
-    start: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Start state: x, x_dot or p_x; a value, a range LOW:HIGH, or free; repeatable."),
-    ] = None,
-    goal: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Goal state, like --start; repeatable.")] = None,
+    set_: SetOption = None,
+    bound: BoundOption = None,
+    start: StartOption = None,
+    goal: GoalOption = None,
     iterations: Annotated[int, typer.Option(help="Iteration limit.")] = 1000,
     seconds: Annotated[float | None, typer.Option(help="Time limit of the solver in seconds.")] = None,
     guess: Annotated[
@@ -166,30 +163,15 @@ def solve(
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
     from dmoc import api, registry
+    from dmoc.nlp.problem import Problem
     from dmoc.solution import Solution
 
     neighbour = None if guess is None else Solution.load(guess)
     reference = registry.find(model)
-    fields = dict(reference.defaults)
-    if sequence is not None:
-        fields["sequence"] = tuple(s for s in sequence.split(",") if s)
-    if steps is not None:
-        numbers = [_whole(part, "--steps") for part in steps.split(",")]
-        fields["steps"] = numbers[0] if len(numbers) == 1 else numbers
-    if final_time is not None:
-        fields["final_time"] = (
-            _value(final_time, "--final-time") if ":" in final_time else (None, _number(final_time, "--final-time"))
-        )
-    if controls is not None:
-        fields["controls"] = controls.value
-    for name, given in (("parameters", set_), ("bounds", bound), ("start", start), ("goal", goal)):
-        option = {"parameters": "--set", "bounds": "--bound", "start": "--start", "goal": "--goal"}[name]
-        pairs = dict(_pair(text, option) for text in given or [])
-        fields[name] = {**fields.get(name, {}), **pairs}
-        _replace_rest(fields[name], pairs)
-    _prepare_folder(target)
-    _prepare_file(json_)
-    problem = _problem(reference.kernels(), fields)
+    fields = problem_fields(reference.defaults, sequence, steps, final_time, controls, set_, bound, start, goal)
+    prepare_folder(target)
+    prepare_file(json_)
+    problem = Problem(reference.kernels(), **fields)
     quiet = json_ == "-"
     with _Live(quiet) as live:
         solution = api.solve(
@@ -197,10 +179,13 @@ def solve(
             reference=reference.name,
         )  # fmt: skip
     files = _save(solution, target)
-    _emit(solution.to_dict(), json_)
+    emit(solution.to_dict(), json_)
     if not quiet:
         _summary(solution, files)
     raise typer.Exit(0 if solution.solved else NOT_SOLVED)
+
+
+app.command()(search)
 
 
 @app.command()
@@ -213,13 +198,13 @@ def verify(
     from dmoc import api, registry
     from dmoc.solution import Solution
 
-    _prepare_file(json_)
+    prepare_file(json_)
     loaded = Solution.load(solution)
     kernels = registry.load(model or loaded.reference)
     api.check_same_model(loaded, kernels)
     check = loaded.verify(kernels)
     summary = {key: (value.tolist() if hasattr(value, "tolist") else value) for key, value in asdict(check).items()}
-    _emit(summary, json_)
+    emit(summary, json_)
     if json_ != "-":
         _verification(check)
     raise typer.Exit(0 if check.passed else NOT_SOLVED)
@@ -287,109 +272,7 @@ def doctor() -> None:
     raise typer.Exit(0 if healthy else BAD_INPUT)
 
 
-# Input ---------------------------------------------------------------------------------------------------------------
-
-
-def _problem(kernels: Any, fields: dict[str, Any]) -> Problem:
-    from dmoc.nlp.problem import Problem
-
-    return Problem(kernels, **fields)
-
-
-def _replace_rest(values: dict[str, Any], given: dict[str, Any]) -> None:
-    """A velocity replaces the default momentum of the same coordinate, and the reverse."""
-    for name in given:
-        if name.endswith("_dot") and f"p_{name[:-4]}" not in given:
-            values.pop(f"p_{name[:-4]}", None)
-        if name.startswith("p_") and f"{name[2:]}_dot" not in given:
-            values.pop(f"{name[2:]}_dot", None)
-
-
-def _pair(text: str, option: str) -> tuple[str, Any]:
-    name, equals, value = text.partition("=")
-    if not (name and equals and value):
-        raise ProblemError(f"{option} {text}: expected NAME=VALUE.")
-    return name.strip(), _value(value, f"{option} {name.strip()}")
-
-
-def _value(text: str, what: str) -> Any:
-    """Read a number, a range LOW:HIGH with empty ends open, or free."""
-    if text == "free":
-        return None
-    if ":" in text:
-        low, _, high = text.partition(":")
-        return (_number(low, what) if low else None, _number(high, what) if high else None)
-    return _number(text, what)
-
-
-def _number(text: str, what: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ProblemError(f"{what} = {text!r}: expected a number such as 0.5, or a range such as -1:1.") from None
-
-
-def _whole(text: str, what: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise ProblemError(f"{what} = {text!r}: expected a whole number.") from None
-
-
 # Output --------------------------------------------------------------------------------------------------------------
-
-
-def _prepare_folder(folder: Path | None) -> None:
-    """Fail before a long solve rather than after it."""
-    if folder is None:
-        return
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".dmoc-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise OutputError(f"{folder} cannot be written ({error.strerror}): choose a writable folder.") from None
-
-
-def _prepare_file(name: str | None) -> None:
-    if name in (None, "-"):
-        return
-    path = Path(str(name))
-    try:
-        existed = path.exists()
-        with path.open("a", encoding="utf-8"):
-            pass
-        if not existed:
-            path.unlink()
-    except OSError as error:
-        raise OutputError(f"{name} cannot be written ({error.strerror}): choose a file in a writable folder.") from None
-
-
-def _write_text(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written ({error.strerror}): choose a writable place.") from None
-
-
-def _emit(summary: dict[str, Any], target: str | None) -> None:
-    text = json.dumps(_finite(summary), indent=2) + "\n"
-    if target == "-":
-        sys.stdout.write(text)
-    elif target is not None:
-        _write_text(Path(target), text)
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no infinity: what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    if isinstance(value, float) and value - value != 0.0:
-        return None
-    return value
 
 
 def _save(solution: Solution, folder: Path | None) -> list[Path]:

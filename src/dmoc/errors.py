@@ -25,6 +25,10 @@ class SimulationError(DmocError):
     """A simulation cannot go on: resting contact, too many impacts, or no solution of a step."""
 
 
+class SearchError(DmocError):
+    """A search over sequences is stated wrongly, or its journal cannot be used."""
+
+
 class SolutionFileError(DmocError):
     """A file cannot be read as a solution, or belongs to another model."""
 

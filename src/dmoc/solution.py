@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import zipfile
@@ -152,6 +153,17 @@ class Solution:
             If the file cannot be written; an existing file is then left as it was.
         """
         target = Path(path)
+        partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
+        try:
+            partial.write_bytes(self.to_bytes())
+            partial.replace(target)
+        except OSError as error:
+            partial.unlink(missing_ok=True)
+            raise OutputError(f"{target} cannot be written ({error.strerror}): choose a writable place.") from None
+        return target
+
+    def to_bytes(self) -> bytes:
+        """Return the content of an .npz file."""
         t = self.trajectory
         header = self.to_dict() | {
             "format": FILE_FORMAT,
@@ -171,15 +183,9 @@ class Solution:
         for i, phase in enumerate(t.phases):
             arrays |= {f"phase_{i}_{name}": getattr(phase, name) for name in "tqpvu"}
         arrays |= {f"multiplier_{i}": value for i, value in enumerate(self.multipliers.values())}
-        partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
-        try:
-            with partial.open("wb") as stream:
-                np.savez_compressed(stream, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
-            partial.replace(target)
-        except OSError as error:
-            partial.unlink(missing_ok=True)
-            raise OutputError(f"{target} cannot be written ({error.strerror}): choose a writable place.") from None
-        return target
+        stream = io.BytesIO()
+        np.savez_compressed(stream, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
+        return stream.getvalue()
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Solution:
@@ -191,18 +197,26 @@ class Solution:
             If the file is missing, truncated, or no solution file.
         """
         try:
-            # The stream is ours, so that it is closed when NumPy refuses the file.
-            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as data:
+            content = Path(path).read_bytes()
+        except FileNotFoundError:
+            raise SolutionFileError(f"{path} does not exist: give a file that `dmoc solve --out` has written.") from None
+        except OSError:
+            raise SolutionFileError(f"{path} is damaged or no solution file: write it again with `dmoc solve --out`.") from None
+        return cls.from_bytes(content, str(path))
+
+    @classmethod
+    def from_bytes(cls, content: bytes, name: str = "the data") -> Solution:
+        """Read a solution from the content of an .npz file; ``name`` is what errors call it."""
+        try:
+            with np.load(io.BytesIO(content), allow_pickle=False) as data:
                 header = json.loads(str(data["header"]))
                 if header["format"] != FILE_FORMAT:
                     raise SolutionFileError(
-                        f"{path} has format {header['format']}, expected {FILE_FORMAT}: solve the problem again."
+                        f"{name} has format {header['format']}, expected {FILE_FORMAT}: solve the problem again."
                     )
-                return cls._from_file(header, {name: data[name] for name in data.files if name != "header"})
-        except FileNotFoundError:
-            raise SolutionFileError(f"{path} does not exist: give a file that `dmoc solve --out` has written.") from None
+                return cls._from_file(header, {key: data[key] for key in data.files if key != "header"})
         except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile):
-            raise SolutionFileError(f"{path} is damaged or no solution file: write it again with `dmoc solve --out`.") from None
+            raise SolutionFileError(f"{name} is damaged or no solution file: write it again with `dmoc solve --out`.") from None
 
     @classmethod
     def _from_file(cls, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> Solution:

@@ -1,0 +1,1 @@
+"""Generated kernels of the model puck_table."""

@@ -1,0 +1,1 @@
+"""The outer problem: sequences of collisions, their tree, verdicts, workers, journal."""

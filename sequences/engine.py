@@ -1,0 +1,354 @@
+"""The outer problem: which sequence of collisions is the best."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dmoc.api import METHODS
+from dmoc.errors import SearchError
+from dmoc.nlp.problem import Problem
+from dmoc.sequences.inner import Task
+from dmoc.sequences.journal import Journal
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.pool import Processes, Run, here, in_executor
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+STRATEGIES = ("exhaustive", "best-first", "beam")
+# Nodes that best-first looks at before it chooses again: a fixed number, so that the answer does not depend on the number of workers.
+ROUND = 8
+# Share of the largest final time that a phase keeps, unless the search is told otherwise: bounces at ever shorter intervals would pump
+# energy without limit (Zeno).
+SHORTEST = 0.01
+DEEPEST = 12
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a search is: counts of verdicts, nodes known to come, the best so far, seconds."""
+
+    counts: dict[str, int]
+    waiting: int
+    best: Node | None
+    seconds: float
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """Result of :func:`dmoc.search`.
+
+    Attributes
+    ----------
+    nodes : tuple of Node
+        By depth, then in the order of the surfaces.
+    best : Node or None
+        The optimal one.
+    complete : bool
+        Whether every node of the strategy was looked at.
+    notes : tuple of str
+        What limits the answer: budgets, shortest phases, the depth.
+    seconds : float
+    """
+
+    nodes: tuple[Node, ...]
+    best: Node | None
+    complete: bool
+    notes: tuple[str, ...]
+    seconds: float
+    problem: Problem
+
+    @property
+    def counts(self) -> dict[str, int]:
+        return dict(Counter(n.verdict.value for n in self.nodes))
+
+    def ranked(self) -> list[Node]:
+        """Nodes with a confirmed motion, the cheapest first."""
+        good = [n for n in self.nodes if n.verdict in (Verdict.OPTIMAL, Verdict.FEASIBLE)]
+        return sorted(good, key=lambda n: (n.cost, len(n.sequence), n.sequence))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The summary that the command line prints as JSON."""
+        return {
+            "model": self.problem.kernels.name,
+            "best": [] if self.best is None else list(self.best.sequence),
+            "cost": None if self.best is None else self.best.cost,
+            "complete": self.complete,
+            "counts": self.counts,
+            "notes": list(self.notes),
+            "nodes": [n.to_dict() for n in self.nodes],
+            "seconds": self.seconds,
+        }
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Draw the tree: verdict by colour, cost on the nodes; write it if a path is given."""
+        from dmoc.report.tree import plot_tree
+
+        return plot_tree([(n.sequence, n.verdict.value, n.cost) for n in self.nodes], path)
+
+    def plot_best(self, path: str | os.PathLike[str] | None = None, most: int = 3) -> Figure:
+        """Draw the best motions side by side; write the figure if a path is given."""
+        from dmoc.report.tree import plot_motions
+
+        chosen = [n for n in self.ranked() if n.solution is not None][:most]
+        return plot_motions([(n.name, n.cost or 0.0, n.solution.trajectory) for n in chosen if n.solution is not None], path)
+
+
+def search(
+    problem: Problem,
+    max_collisions: int = 3,
+    *,
+    surfaces: Sequence[str] | None = None,
+    strategy: str = "exhaustive",
+    beam: int = 4,
+    starts: int = 0,
+    seed: int = 0,
+    method: str = "ipm",
+    workers: int = 1,
+    executor: Executor | None = None,
+    seconds: float | None = None,
+    node_seconds: float = 60.0,
+    max_nodes: int | None = None,
+    shortest_phase: float | None = None,
+    journal: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> SearchResult:
+    """Search for the best sequence of collisions.
+
+    The nodes of a tree are the sequences of surfaces up to a depth, from the empty one on, repeated hits included.  Each is solved from
+    its parent's motion, from the automatic guesses and from seeded starts, and gets a verdict with its evidence; the children of one whose
+    last collision cannot be made are not looked at.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its own sequence does not matter; it has one number of steps for every phase and no durations.
+    max_collisions : int
+        Depth of the tree.
+    surfaces : sequence of str, optional
+        Surfaces that may be hit; all by default.
+    strategy : {"exhaustive", "best-first", "beam"}
+        All nodes; those first whose parents cost least; the children of the ``beam`` best nodes of each depth.
+    beam : int
+    starts : int
+        Seeded starts of each node, beside the parent's motion and the automatic guesses.
+    seed : int
+    method : str
+        As in :func:`dmoc.solve`.
+    workers : int
+        Processes of this machine.
+    executor : concurrent.futures.Executor, optional
+        Where nodes are solved instead: ``Client(...).get_executor()`` of dask.distributed, for example.
+    seconds, max_nodes : optional
+        Budgets of time and of nodes.
+    node_seconds : float
+        Time limit of a node; one that fails is tried once more.
+    shortest_phase : float, optional
+        Shortest duration of a phase in seconds; by default a hundredth of the largest final time, where that is bounded.
+    journal : path, optional
+        SQLite file of finished nodes.
+    resume : bool
+        Go on with the journal's nodes.
+    progress : callable, optional
+        Called with a :class:`Progress` after every node.
+
+    Returns
+    -------
+    SearchResult
+        Also when a budget ran out or Ctrl-C stopped the search: it has what was found until then.
+
+    Raises
+    ------
+    SearchError
+        If an argument does not fit.
+    """
+    names = tuple(surfaces) if surfaces is not None else tuple(problem.kernels.surfaces)
+    shortest = _shortest(problem, shortest_phase)
+    _check(problem, names, max_collisions, strategy, beam, starts, method, workers, node_seconds, max_nodes, resume, journal)
+    begin = time.perf_counter()
+    base = partial(Task, method=method, starts=starts, seed=seed, seconds=node_seconds)
+    tree = _Tree(problem, names, max_collisions, shortest, base)
+    with ExitStack() as stack:
+        if journal is not None:
+            record = stack.enter_context(Journal(journal, _identity(problem, names, method, starts, seed, shortest), resume))
+            tree.journal, tree.known = record, dict(record.finished())
+        run: Run = here
+        if executor is not None:
+            run = partial(in_executor, executor)
+        elif workers > 1:
+            processes = Processes(workers)
+            stack.callback(processes.stop)
+            run = processes
+        stopped = ""
+        try:
+            for round_ in tree.rounds(strategy, beam):
+                for node in tree.solve(round_, run, max_nodes):
+                    if progress is not None:
+                        progress(Progress(tree.counts(), tree.waiting, tree.best(), time.perf_counter() - begin))
+                    if seconds is not None and time.perf_counter() - begin > seconds:
+                        stopped = f"the time of {seconds:g} s was used up"
+                        break
+                    del node
+                if not stopped and max_nodes is not None and len(tree.nodes) >= max_nodes and tree.waiting:
+                    stopped = f"the limit of {max_nodes} nodes was reached"
+                if stopped:
+                    break
+        except KeyboardInterrupt:
+            stopped = "the search was interrupted"
+    return _result(problem, tree, stopped, max_collisions, strategy, time.perf_counter() - begin)
+
+
+class _Tree:
+    """Nodes found so far, and the sequences that come next."""
+
+    def __init__(
+        self, problem: Problem, surfaces: tuple[str, ...], depth: int, shortest: float, base: Callable[..., Task]
+    ) -> None:
+        self.problem, self.surfaces, self.depth, self.shortest, self.base = problem, surfaces, depth, shortest, base
+        self.nodes: dict[tuple[str, ...], Node] = {}
+        self.known: dict[tuple[str, ...], Node] = {}
+        self.journal: Journal | None = None
+        self.frontier: list[tuple[str, ...]] = [()]
+        self.passed_over = 0
+
+    @property
+    def waiting(self) -> int:
+        return len(self.frontier)
+
+    def counts(self) -> dict[str, int]:
+        return dict(Counter(n.verdict.value for n in self.nodes.values()))
+
+    def best(self) -> Node | None:
+        good = [n for n in self.nodes.values() if n.verdict is Verdict.FEASIBLE]
+        return min(good, key=lambda n: (n.cost, len(n.sequence), n.sequence), default=None)
+
+    def rounds(self, strategy: str, beam: int) -> Iterator[list[tuple[str, ...]]]:
+        """Sequences to look at next, in an order that does not depend on who solves them."""
+        while self.frontier:
+            self.frontier.sort(key=self._rank if strategy == "best-first" else self._place)
+            count = len(self.frontier) if strategy != "best-first" else ROUND
+            if strategy == "beam" and len(self.frontier[0]) > 1:
+                parents = sorted({s[:-1] for s in self.frontier}, key=lambda s: self._cost(s))[:beam]
+                chosen = [s for s in self.frontier if s[:-1] in parents]
+                self.passed_over += len(self.frontier) - len(chosen)
+                self.frontier, count = chosen, len(chosen)
+            yield self.frontier[:count]
+
+    def solve(self, sequences: list[tuple[str, ...]], run: Run, most: int | None) -> Iterator[Node]:
+        """Solve sequences; each finished node is recorded and its children join the frontier."""
+        room = len(sequences) if most is None else max(most - len(self.nodes), 0)
+        sequences = sequences[:room]
+        for s in sequences:
+            if s in self.known:
+                yield self._add(self.known[s])
+        tasks = [self._task(s) for s in sequences if s not in self.nodes]
+        for node in run(tasks):
+            if self.journal is not None:
+                self.journal.add(node)
+            yield self._add(node)
+
+    def _add(self, node: Node) -> Node:
+        self.nodes[node.sequence] = node
+        self.frontier.remove(node.sequence)
+        if node.verdict is not Verdict.UNREACHABLE and len(node.sequence) < self.depth:
+            self.frontier += [(*node.sequence, s) for s in self.surfaces]
+        return node
+
+    def _task(self, sequence: tuple[str, ...]) -> Task:
+        parent = self.nodes[sequence[:-1]].solution if sequence else None
+        durations = [(self.shortest, None)] * (len(sequence) + 1) if self.shortest and sequence else None
+        return self.base(self.problem.but(sequence=sequence, durations=durations), parent)
+
+    def _place(self, sequence: tuple[str, ...]) -> tuple[int, list[int]]:
+        return len(sequence), [self.surfaces.index(s) for s in sequence]
+
+    def _cost(self, sequence: tuple[str, ...]) -> tuple[float, int, list[int]]:
+        node = self.nodes.get(sequence)
+        return np.inf if node is None or node.cost is None else node.cost, *self._place(sequence)
+
+    def _rank(self, sequence: tuple[str, ...]) -> tuple[Any, ...]:
+        return (*self._cost(sequence[:-1]), *self._place(sequence))
+
+
+def _result(problem: Problem, tree: _Tree, stopped: str, depth: int, strategy: str, seconds: float) -> SearchResult:
+    best = tree.best()
+    if best is not None:
+        best = best.judged(Verdict.OPTIMAL)
+        tree.nodes[best.sequence] = best
+    nodes = tuple(sorted(tree.nodes.values(), key=lambda n: tree._place(n.sequence)))
+    notes = [f"{stopped}: {tree.waiting} known sequences were not looked at"] if stopped else []
+    if tree.passed_over:
+        notes.append(f"the beam passed over {tree.passed_over} sequences")
+    by_depth = [
+        min((n.cost for n in nodes if len(n.sequence) == d and n.cost is not None), default=np.inf) for d in range(depth + 1)
+    ]
+    if best is not None and len(best.sequence) == depth > 0 and by_depth[depth] < min(by_depth[:-1]):
+        notes.append(
+            f"the best sequence has all {depth} collisions (cost {by_depth[depth]:.6g}, with fewer {min(by_depth[:-1]):.6g}): more may cost less"
+        )
+    held = [n for n in nodes if n.shortest]
+    if held:
+        notes.append(
+            f"{len(held)} motions are held by the shortest phase of {tree.shortest:g} s: their collisions would rather merge"
+        )
+    return SearchResult(nodes, best, not stopped and not tree.passed_over, tuple(notes), seconds, problem)
+
+
+def _shortest(problem: Problem, given: float | None) -> float:
+    latest = problem.final_time_bounds[1]
+    if given is None:
+        return SHORTEST * latest if np.isfinite(latest) else 0.0
+    if not 0 <= given < np.inf:
+        raise SearchError(f"shortest_phase = {given!r}: expected a duration in seconds, 0 or more.")
+    return float(given)
+
+
+def _check(
+    problem: Problem, surfaces: tuple[str, ...], depth: int, strategy: str, beam: int, starts: int, method: str, workers: int,
+    node_seconds: float, max_nodes: int | None, resume: bool, journal: object,
+) -> None:  # fmt: skip
+    known = problem.kernels.surfaces
+    if not known:
+        raise SearchError(f"model {problem.kernels.name!r} has no surfaces: there are no sequences to search.")
+    for name in surfaces:
+        if name not in known:
+            raise SearchError(f"unknown surface {name!r}: expected some of {', '.join(known)}.")
+    for name, value, choices in (("strategy", strategy, STRATEGIES), ("method", method, METHODS)):
+        if value not in choices:
+            raise SearchError(f"{name} = {value!r}: expected one of {', '.join(choices)}.")
+    for what, number, least in (("max_collisions", depth, 0), ("beam", beam, 1), ("starts", starts, 0), ("workers", workers, 1)):
+        if not isinstance(number, int) or number < least:
+            raise SearchError(f"{what} = {number!r}: expected a whole number of at least {least}.")
+    if depth > DEEPEST:
+        raise SearchError(f"max_collisions = {depth}: expected at most {DEEPEST}; the tree grows with the power of the depth.")
+    if max_nodes is not None and max_nodes < 1:
+        raise SearchError(f"max_nodes = {max_nodes!r}: expected at least 1.")
+    if not node_seconds > 0:
+        raise SearchError(f"node_seconds = {node_seconds!r}: expected a positive time.")
+    if not isinstance(problem.steps, int):
+        raise SearchError(f"steps = {problem.steps!r}: expected one number for every phase, because sequences differ in length.")
+    if problem.durations is not None:
+        raise SearchError("the problem bounds the durations of its phases, whose number differs in a search: use shortest_phase.")
+    if resume and journal is None:
+        raise SearchError("resume needs the journal of the search that shall go on: name it.")
+
+
+def _identity(problem: Problem, surfaces: tuple[str, ...], method: str, starts: int, seed: int, shortest: float) -> str:
+    """Digest of what the answer of a node depends on."""
+    facts = [
+        problem.kernels.manifest["fingerprint"], problem.start, problem.goal, problem.steps, problem.final_time_bounds, problem.bounds,
+        problem.parameter_values.tolist(), problem.controls, surfaces, method, starts, seed, shortest,
+    ]  # fmt: skip
+    return hashlib.sha256(repr(facts).encode()).hexdigest()

@@ -1,0 +1,180 @@
+"""The inner problem: one sequence, several starts, a verdict with evidence.  Runs in any process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dmoc.api import solve
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.guess import initial_guesses, onto_surface
+from dmoc.nlp.layout import Layout
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.transcription import Transcription
+from dmoc.sequences.nodes import Node, Start, Verdict
+from dmoc.solution import Solution
+from dmoc.solvers.diagnosis import diagnose
+from dmoc.solvers.ipm import INFEASIBLE
+from dmoc.solvers.outcome import Options
+from dmoc.trajectory import Phase
+
+# Relative difference of two costs that belong to the same minimum.
+SAME = 1e-5
+# Spread of seeded starts: of the logarithm of durations, and of coordinates relative to their range.
+SPREAD_TIME, SPREAD_PLACE = 0.4, 0.3
+# Further automatic guesses are used where the first starts found nothing.
+SPARE = "spare"
+# Iterations of a start: a motion that needs more is hardly ever a good one.
+ITERATIONS = 200
+# A first impulse where a motion is bent to touch a surface; the solver finds the right one.
+FIRST_IMPULSE = 0.1
+
+
+@dataclass(frozen=True)
+class Task:
+    """One sequence to be solved: the problem, the parent's motion, further starts, method, limit in seconds."""
+
+    problem: Problem
+    parent: Solution | None
+    method: str
+    starts: int
+    seed: int
+    seconds: float
+    attempts: int = 1
+
+    @property
+    def sequence(self) -> tuple[str, ...]:
+        return tuple(self.problem.sequence)
+
+
+def solve_node(task: Task) -> Node:
+    """Solve from every start; return the node with its verdict."""
+    begin = time.perf_counter()
+    tried: list[Start] = []
+    solved: list[Solution] = []
+    for name, x in _starts(task):
+        if solved and name.startswith(SPARE):
+            continue
+        left = task.seconds - (time.perf_counter() - begin)
+        if left <= 0:
+            tried.append(Start(name, "time_limit", None))
+            break
+        found = solve(task.problem, task.method, guess=x, iterations=ITERATIONS, seconds=left, verify=False)
+        tried.append(Start(name, found.status, found.cost if found.solved else None))
+        if found.solved:
+            solved.append(found)
+    solved.sort(key=lambda s: s.cost)
+    node = _confirmed(task, solved) if solved else _unsolved(task, tried)
+    return replace(node, starts=tuple(tried), minima=_minima(solved), attempts=task.attempts, seconds=time.perf_counter() - begin)
+
+
+def _starts(task: Task) -> Iterator[tuple[str, Array]]:
+    problem = task.problem
+    if task.parent is not None:
+        yield "parent", extended(task.parent, problem)
+    guesses = [g.x for g in initial_guesses(problem)]
+    yield "automatic", guesses[0]
+    for i, x in enumerate(guesses[1:]):
+        yield f"{SPARE} {i + 1}", x
+    order = [problem.kernels.surfaces.index(s) for s in problem.sequence]
+    for i in range(task.starts):
+        yield f"seeded {i + 1}", shaken(problem, guesses[0], np.random.default_rng([task.seed, i, *order]))
+
+
+def extended(parent: Solution, problem: Problem) -> Array:
+    """Unknowns of a motion with one more collision: the parent's last phase, bent to touch the surface where it comes closest to it."""
+    lay, surface = Layout.of(problem), problem.sequence[-1]
+    phases = list(parent.phases)
+    last = phases[-1]
+    j = problem.kernels.surfaces.index(surface)
+    gaps = problem.kernels.call("surface", last.q, problem.parameter_values)[0][:, j]
+    inner = slice(max(1, last.steps // 10), last.steps - max(1, last.steps // 10) + 1)
+    k = int(np.argmax(gaps[inner])) + inner.start
+    bend = onto_surface(problem, last.q[k], surface) - last.q[k]
+    share = np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, 0, last.steps - k + 1)[1:]])
+    q = last.q + share[:, None] * bend
+    pieces = [(p.q, p.u, p.duration) for p in phases[:-1]]
+    pieces += [(q[: k + 1], last.u[:k], last.t[k] - last.t[0]), (q[k:], last.u[k:], last.t[-1] - last.t[k])]
+    x = np.zeros(lay.size)
+    x[lay.index_h] = [duration / n for (_, _, duration), n in zip(pieces, lay.steps, strict=True)]
+    nodes = [_resampled(q, n + 1) for (q, _, _), n in zip(pieces, lay.steps, strict=True)]
+    x[lay.index_q] = np.vstack([*(part[:-1] for part in nodes), nodes[-1][-1:]])
+    rows = [n + 1 if lay.linear else n for n in lay.steps]
+    x[lay.index_u] = np.vstack([_resampled(u, n) for (_, u, _), n in zip(pieces, rows, strict=True)])
+    x[lay.index_lam] = [*(c.impulse for c in parent.collisions), FIRST_IMPULSE]
+    first: Phase = phases[0]
+    x[lay.index_p_B], x[lay.index_p_E] = first.p[0], last.p[-1]
+    for index, v in ((lay.index_v_B, first.v[0]), (lay.index_v_E, last.v[-1])):
+        if len(index):
+            x[index] = v
+    return x
+
+
+def _resampled(values: Array, n: int) -> Array:
+    """n rows, interpolated."""
+    if not values.size:
+        return np.zeros((n, values.shape[1]))
+    at = np.linspace(0, len(values) - 1, n)
+    return np.stack([np.interp(at, np.arange(len(values)), column) for column in values.T], axis=1)
+
+
+def shaken(problem: Problem, x: Array, rng: np.random.Generator) -> Array:
+    """A guess with other durations and another path; what is fixed stays, because the solver clips it to its bounds."""
+    lay = Layout.of(problem)
+    x = x.copy()
+    x[lay.index_h] *= np.exp(SPREAD_TIME * rng.normal(size=lay.phases))
+    total = float(x[lay.index_h] @ np.array(lay.steps))
+    low, high = problem.final_time_bounds
+    x[lay.index_h] *= min(max(total, low), high) / total
+    q = x[lay.index_q]
+    wave = np.sin(np.outer(np.linspace(0, 1, len(q)), np.pi * np.arange(1, 4)))
+    spread = SPREAD_PLACE * np.maximum(np.ptp(q, axis=0), 0.1)
+    x[lay.index_q] = q + (wave @ rng.normal(size=(3, lay.nq))) * spread
+    return x
+
+
+def _minima(solved: list[Solution]) -> tuple[float, ...]:
+    costs: list[float] = []
+    for s in solved:
+        if not costs or s.cost > costs[-1] + SAME * max(1.0, abs(costs[-1])):
+            costs.append(s.cost)
+    return tuple(costs)
+
+
+def _confirmed(task: Task, solved: list[Solution]) -> Node:
+    """The cheapest motion that the simulation confirms; the cheapest of all where it confirms none."""
+    first = ""
+    for s in solved:
+        check = s.verify()
+        if check.passed:
+            evidence: tuple[str, ...] = (f"cost {s.cost:.6g}, confirmed by simulation",)
+            if s is not solved[0]:
+                evidence += (f"a motion of cost {solved[0].cost:.6g} was not confirmed: {first}",)
+            return _node(task, s, Verdict.FEASIBLE, evidence)
+        first = first or check.message
+    return _node(task, solved[0], Verdict.UNVERIFIED, (f"the simulation contradicts it: {first}",))
+
+
+def _node(task: Task, s: Solution, verdict: Verdict, evidence: tuple[str, ...]) -> Node:
+    shortest = tuple(b for b in s.active_bounds if b.startswith("duration of phase") and ">=" in b)
+    bare = replace(s, kernels=None)  # travels without the kernels, which the caller has
+    return Node(task.sequence, verdict, s.cost, tuple(p.duration for p in s.phases), evidence, shortest=shortest, solution=bare)
+
+
+def _unsolved(task: Task, tried: list[Start]) -> Node:
+    """Infeasible, unreachable, or no answer."""
+    problem = task.problem
+    if not any(s.status == "infeasible" for s in tried) or not Transcription(problem).program.compiled:
+        ends = ", ".join(f"{s.name}: {s.status}" for s in tried)
+        return Node(task.sequence, Verdict.FAILED, evidence=(f"no start came to an answer ({ends})",))
+    x = initial_guesses(problem)[0].x
+    options = Options(seconds=task.seconds)
+    whole = diagnose(problem, x, options)
+    if problem.sequence:
+        there = diagnose(problem.but(goal={}), x, options)
+        if there.violation > INFEASIBLE and there.least:
+            return Node(task.sequence, Verdict.UNREACHABLE, evidence=there.sentences)
+    return Node(task.sequence, Verdict.INFEASIBLE, evidence=whole.sentences)

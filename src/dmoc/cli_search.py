@@ -1,0 +1,169 @@
+"""The command ``dmoc search``: the best sequence of collisions."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from dmoc.cli_input import (
+    NOT_SOLVED,
+    BoundOption,
+    Controls,
+    FinalTimeOption,
+    GoalOption,
+    JsonOption,
+    MethodOption,
+    ModelArgument,
+    SetOption,
+    StartOption,
+    emit,
+    err,
+    out,
+    prepare_file,
+    prepare_folder,
+    problem_fields,
+)
+
+if TYPE_CHECKING:
+    from dmoc.sequences.engine import Progress, SearchResult
+
+COLOURS = {
+    "optimal": "bold green", "feasible": "green", "unverified": "yellow", "infeasible": "dim", "unreachable": "red", "failed": "magenta",
+}  # fmt: skip
+# Rows of the table on a terminal; the JSON has all nodes.
+MOST_ROWS = 40
+
+
+class Strategy(StrEnum):
+    exhaustive = "exhaustive"
+    best_first = "best-first"
+    beam = "beam"
+
+
+def search(
+    model: ModelArgument,
+    max_collisions: Annotated[int, typer.Option(help="Most collisions of a sequence.")] = 3,
+    surfaces: Annotated[str | None, typer.Option(help="Surfaces that may be hit, as left,right; all by default.")] = None,
+    strategy: Annotated[
+        Strategy, typer.Option(help="All sequences, the most promising first, or the best of each depth.")
+    ] = Strategy.exhaustive,
+    beam: Annotated[int, typer.Option(help="Sequences of a depth whose children are looked at, with --strategy beam.")] = 4,
+    starts: Annotated[int, typer.Option(help="Seeded starts of each sequence beside the automatic ones.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the seeded starts.")] = 0,
+    workers: Annotated[int, typer.Option(help="Processes of this machine.")] = 1,
+    steps: Annotated[int | None, typer.Option(help="Steps of each phase.")] = None,
+    final_time: FinalTimeOption = None,
+    method: MethodOption = "ipm",
+    controls: Annotated[Controls | None, typer.Option(help="Inputs constant in a step, or linear between nodes.")] = None,
+    set_: SetOption = None,
+    bound: BoundOption = None,
+    start: StartOption = None,
+    goal: GoalOption = None,
+    shortest_phase: Annotated[
+        float | None,
+        typer.Option(help="Shortest duration of a phase in seconds; a hundredth of the largest final time by default."),
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(help="Time budget of the search.")] = None,
+    max_nodes: Annotated[int | None, typer.Option(help="Budget of sequences.")] = None,
+    node_seconds: Annotated[float, typer.Option(help="Time limit of one sequence; it is tried once more.")] = 60.0,
+    journal: Annotated[Path | None, typer.Option(metavar="FILE", help="Keep finished sequences in this file (SQLite).")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the sequences of --journal.")] = False,
+    target: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Write the best solution, the tree and the best motions into this folder."),
+    ] = None,
+    json_: JsonOption = None,
+) -> None:
+    """Search for the best sequence of collisions."""
+    from dmoc import registry
+    from dmoc.nlp.problem import Problem
+    from dmoc.sequences.engine import search as search_sequences
+
+    reference = registry.find(model)
+    fields = problem_fields(
+        reference.defaults, None, None if steps is None else str(steps), final_time, controls, set_, bound, start, goal
+    )
+    fields |= {"sequence": (), "durations": None}
+    prepare_folder(target)
+    prepare_file(json_)
+    problem = Problem(reference.kernels(), **fields)
+    with _Board() as board:
+        result = search_sequences(
+            problem, max_collisions, surfaces=None if surfaces is None else [s for s in surfaces.split(",") if s], strategy=strategy.value,
+            beam=beam, starts=starts, seed=seed, method=method, workers=workers, seconds=seconds, node_seconds=node_seconds, max_nodes=max_nodes,
+            shortest_phase=shortest_phase, journal=journal, resume=resume, progress=board.show,
+        )  # fmt: skip
+    files = _save(result, target, reference.name)
+    emit(result.to_dict(), json_)
+    if json_ != "-":
+        _report(result, files)
+    raise typer.Exit(0 if result.best is not None else NOT_SOLVED)
+
+
+class _Board:
+    """Counts, best cost and time on standard error while the search runs; nothing if standard error is no terminal."""
+
+    def __init__(self) -> None:
+        self._live = Live(console=err, refresh_per_second=8, transient=True) if err.is_terminal else None
+
+    def __enter__(self) -> _Board:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(self, p: Progress) -> None:
+        if self._live is None:
+            return
+        counts = Text("  ").join(Text(f"{v} {n}", style=COLOURS[v]) for v, n in p.counts.items())
+        best = "none yet" if p.best is None else f"{p.best.cost:.6g} ({p.best.name})"
+        self._live.update(Group(counts, Text(f"best {best}   waiting {p.waiting}   {p.seconds:.0f} s")))
+
+
+def _save(result: SearchResult, folder: Path | None, reference: str) -> list[Path]:
+    if folder is None:
+        return []
+    from dataclasses import replace
+
+    from dmoc.errors import MissingExtraError
+
+    files = []
+    if result.best is not None and result.best.solution is not None:
+        files.append(replace(result.best.solution, reference=reference).save(folder / "solution.npz"))
+    try:
+        for name, draw in (("tree.png", result.plot), ("best.png", result.plot_best)):
+            draw(folder / name)
+            files.append(folder / name)
+    except MissingExtraError as error:
+        err.print(f"no figures: {error}", highlight=False)
+    return files
+
+
+def _report(result: SearchResult, files: list[Path]) -> None:
+    table = Table("sequence", "verdict", "cost", "phases [s]", "minima", "evidence", box=None, header_style="bold")
+    nodes = sorted(result.nodes, key=lambda n: (n.cost is None, n.cost or 0.0, len(n.sequence)))
+    for n in nodes[:MOST_ROWS]:
+        table.add_row(
+            n.name, Text(n.verdict.value, style=COLOURS[n.verdict.value]), "" if n.cost is None else f"{n.cost:.6g}",
+            " ".join(f"{t:.4g}" for t in n.phases), str(len(n.minima) or ""), "; ".join(n.evidence[:2]),
+        )  # fmt: skip
+    out.print(table, highlight=False)
+    if len(nodes) > MOST_ROWS:
+        out.print(f"... and {len(nodes) - MOST_ROWS} more: --json FILE has all of them", highlight=False)
+    for note in result.notes:
+        out.print(f"note: {note}", highlight=False)
+    best = "no confirmed motion" if result.best is None else f"best: {result.best.name}, cost {result.best.cost:.6g}"
+    rate = len(result.nodes) / max(result.seconds, 1e-9)
+    out.print(f"{best}; {len(result.nodes)} sequences in {result.seconds:.1f} s ({rate:.1f} a second)", highlight=False)
+    for path in files:
+        out.print(f"written: {path}", highlight=False, soft_wrap=True)
