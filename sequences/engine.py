@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sqlite3
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +23,8 @@ from dmoc.nlp.problem import Problem
 from dmoc.sequences.inner import Task
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node, Verdict
-from dmoc.sequences.pool import Processes, Run, here, in_executor
+from dmoc.sequences.pool import NoMoreWork, Processes, Run, here, in_executor
+from dmoc.solvers import external, slsqp
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +36,7 @@ ROUND = 8
 # energy without limit (Zeno).
 SHORTEST = 0.01
 DEEPEST = 12
+CONFIRMED = (Verdict.OPTIMAL, Verdict.FEASIBLE)
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ class SearchResult:
 
     def ranked(self) -> list[Node]:
         """Nodes with a confirmed motion, the cheapest first."""
-        good = [n for n in self.nodes if n.verdict in (Verdict.OPTIMAL, Verdict.FEASIBLE)]
+        good = [n for n in self.nodes if n.verdict in CONFIRMED]
         return sorted(good, key=lambda n: (n.cost, len(n.sequence), n.sequence))
 
     def to_dict(self) -> dict[str, Any]:
@@ -152,7 +156,7 @@ def search(
     executor : concurrent.futures.Executor, optional
         Where nodes are solved instead: ``Client(...).get_executor()`` of dask.distributed, for example.
     seconds, max_nodes : optional
-        Budgets of time and of nodes.
+        Budgets of time and of nodes; nodes of a journal count too.
     node_seconds : float
         Time limit of a node; one that fails is tried once more.
     shortest_phase : float, optional
@@ -174,16 +178,37 @@ def search(
     SearchError
         If an argument does not fit.
     """
+    if isinstance(surfaces, str):
+        raise SearchError(f"surfaces = {surfaces!r}: expected a list such as [{surfaces!r}].")
     names = tuple(surfaces) if surfaces is not None else tuple(problem.kernels.surfaces)
     shortest = _shortest(problem, shortest_phase)
-    _check(problem, names, max_collisions, strategy, beam, starts, method, workers, node_seconds, max_nodes, resume, journal)
+    _check(
+        problem,
+        names,
+        max_collisions,
+        strategy,
+        beam,
+        starts,
+        seed,
+        method,
+        workers,
+        seconds,
+        node_seconds,
+        max_nodes,
+        resume,
+        journal,
+    )
     begin = time.perf_counter()
+    deadline = np.inf if seconds is None else time.monotonic() + seconds
     base = partial(Task, method=method, starts=starts, seed=seed, seconds=node_seconds)
     tree = _Tree(problem, names, max_collisions, shortest, base)
     with ExitStack() as stack:
         if journal is not None:
             record = stack.enter_context(Journal(journal, _identity(problem, names, method, starts, seed, shortest), resume))
-            tree.journal, tree.known = record, dict(record.finished())
+            tree.journal = record
+            tree.known = {
+                s: n for s, n in record.finished().items() if n.verdict is not Verdict.FAILED
+            }  # those get another chance
         run: Run = here
         if executor is not None:
             run = partial(in_executor, executor)
@@ -194,19 +219,23 @@ def search(
         stopped = ""
         try:
             for round_ in tree.rounds(strategy, beam):
-                for node in tree.solve(round_, run, max_nodes):
+                for _ in tree.solve(round_, run, max_nodes, deadline):
                     if progress is not None:
                         progress(Progress(tree.counts(), tree.waiting, tree.best(), time.perf_counter() - begin))
-                    if seconds is not None and time.perf_counter() - begin > seconds:
-                        stopped = f"the time of {seconds:g} s was used up"
+                    if time.monotonic() > deadline:
                         break
-                    del node
+                if seconds is not None and time.monotonic() > deadline and tree.waiting:
+                    stopped = f"the time of {seconds:g} s was used up"
                 if not stopped and max_nodes is not None and len(tree.nodes) >= max_nodes and tree.waiting:
                     stopped = f"the limit of {max_nodes} nodes was reached"
                 if stopped:
                     break
         except KeyboardInterrupt:
             stopped = "the search was interrupted"
+        except NoMoreWork as error:
+            stopped = f"the executor takes no more work ({error})"
+        except sqlite3.Error as error:
+            stopped = f"journal {journal} could not be written ({error})"
     return _result(problem, tree, stopped, max_collisions, strategy, time.perf_counter() - begin)
 
 
@@ -246,7 +275,7 @@ class _Tree:
                 self.frontier, count = chosen, len(chosen)
             yield self.frontier[:count]
 
-    def solve(self, sequences: list[tuple[str, ...]], run: Run, most: int | None) -> Iterator[Node]:
+    def solve(self, sequences: list[tuple[str, ...]], run: Run, most: int | None, deadline: float) -> Iterator[Node]:
         """Solve sequences; each finished node is recorded and its children join the frontier."""
         room = len(sequences) if most is None else max(most - len(self.nodes), 0)
         sequences = sequences[:room]
@@ -254,7 +283,7 @@ class _Tree:
             if s in self.known:
                 yield self._add(self.known[s])
         tasks = [self._task(s) for s in sequences if s not in self.nodes]
-        for node in run(tasks):
+        for node in run(tasks, deadline):
             if self.journal is not None:
                 self.journal.add(node)
             yield self._add(node)
@@ -287,17 +316,30 @@ def _result(problem: Problem, tree: _Tree, stopped: str, depth: int, strategy: s
     if best is not None:
         best = best.judged(Verdict.OPTIMAL)
         tree.nodes[best.sequence] = best
-    nodes = tuple(sorted(tree.nodes.values(), key=lambda n: tree._place(n.sequence)))
+    whole = [
+        replace(n, solution=None if n.solution is None else replace(n.solution, kernels=problem.kernels))
+        for n in tree.nodes.values()
+    ]
+    nodes = tuple(sorted(whole, key=lambda n: tree._place(n.sequence)))
+    best = None if best is None else next(n for n in nodes if n.sequence == best.sequence)
     notes = [f"{stopped}: {tree.waiting} known sequences were not looked at"] if stopped else []
     if tree.passed_over:
         notes.append(f"the beam passed over {tree.passed_over} sequences")
     by_depth = [
-        min((n.cost for n in nodes if len(n.sequence) == d and n.cost is not None), default=np.inf) for d in range(depth + 1)
+        min((n.cost for n in nodes if len(n.sequence) == d and n.verdict in CONFIRMED and n.cost is not None), default=np.inf)
+        for d in range(depth + 1)
     ]
     if best is not None and len(best.sequence) == depth > 0 and by_depth[depth] < min(by_depth[:-1]):
         notes.append(
             f"the best sequence has all {depth} collisions (cost {by_depth[depth]:.6g}, with fewer {min(by_depth[:-1]):.6g}): more may cost less"
         )
+    for verdict, meaning in (
+        (Verdict.FAILED, "came to no answer"),
+        (Verdict.UNVERIFIED, "were solved and not confirmed by simulation"),
+    ):
+        count = sum(n.verdict is verdict for n in nodes)
+        if count:
+            notes.append(f"{count} sequences {meaning}: one of them might be better")
     held = [n for n in nodes if n.shortest]
     if held:
         notes.append(
@@ -316,8 +358,8 @@ def _shortest(problem: Problem, given: float | None) -> float:
 
 
 def _check(
-    problem: Problem, surfaces: tuple[str, ...], depth: int, strategy: str, beam: int, starts: int, method: str, workers: int,
-    node_seconds: float, max_nodes: int | None, resume: bool, journal: object,
+    problem: Problem, surfaces: tuple[str, ...], depth: int, strategy: str, beam: int, starts: int, seed: int, method: str, workers: int,
+    seconds: float | None, node_seconds: float, max_nodes: int | None, resume: bool, journal: object,
 ) -> None:  # fmt: skip
     known = problem.kernels.surfaces
     if not known:
@@ -325,18 +367,35 @@ def _check(
     for name in surfaces:
         if name not in known:
             raise SearchError(f"unknown surface {name!r}: expected some of {', '.join(known)}.")
+    if not surfaces or len(set(surfaces)) < len(surfaces):
+        raise SearchError(
+            f"surfaces = {', '.join(surfaces) or 'none'}: expected each surface once, and at least one of {', '.join(known)}."
+        )
     for name, value, choices in (("strategy", strategy, STRATEGIES), ("method", method, METHODS)):
         if value not in choices:
             raise SearchError(f"{name} = {value!r}: expected one of {', '.join(choices)}.")
-    for what, number, least in (("max_collisions", depth, 0), ("beam", beam, 1), ("starts", starts, 0), ("workers", workers, 1)):
+    for what, number, least in (
+        ("max_collisions", depth, 0),
+        ("beam", beam, 1),
+        ("starts", starts, 0),
+        ("seed", seed, 0),
+        ("workers", workers, 1),
+    ):
         if not isinstance(number, int) or number < least:
             raise SearchError(f"{what} = {number!r}: expected a whole number of at least {least}.")
     if depth > DEEPEST:
         raise SearchError(f"max_collisions = {depth}: expected at most {DEEPEST}; the tree grows with the power of the depth.")
-    if max_nodes is not None and max_nodes < 1:
-        raise SearchError(f"max_nodes = {max_nodes!r}: expected at least 1.")
-    if not node_seconds > 0:
-        raise SearchError(f"node_seconds = {node_seconds!r}: expected a positive time.")
+    if max_nodes is not None and (not isinstance(max_nodes, int) or max_nodes < 1):
+        raise SearchError(f"max_nodes = {max_nodes!r}: expected a whole number of at least 1.")
+    for what, time_ in (("seconds", seconds), ("node_seconds", node_seconds)):
+        if time_ is not None and not time_ > 0:
+            raise SearchError(f"{what} = {time_!r}: expected a positive time.")
+    if method in ("ipopt", "uno"):
+        external.require(method)
+    if method == "slsqp" and isinstance(problem.steps, int) and (depth + 1) * problem.steps * problem.nu > slsqp.MOST_INPUTS:
+        raise SearchError(
+            f"method slsqp takes at most {slsqp.MOST_INPUTS} inputs in all steps: take fewer steps or collisions, or method ipm."
+        )
     if not isinstance(problem.steps, int):
         raise SearchError(f"steps = {problem.steps!r}: expected one number for every phase, because sequences differ in length.")
     if problem.durations is not None:
@@ -349,6 +408,7 @@ def _identity(problem: Problem, surfaces: tuple[str, ...], method: str, starts: 
     """Digest of what the answer of a node depends on."""
     facts = [
         problem.kernels.manifest["fingerprint"], problem.start, problem.goal, problem.steps, problem.final_time_bounds, problem.bounds,
-        problem.parameter_values.tolist(), problem.controls, surfaces, method, starts, seed, shortest,
+        problem.parameter_values.tolist(), problem.controls, problem.minimal_times, problem.kernels.backend,
+        metadata.version("dmoc"), surfaces, method, starts, seed, shortest,
     ]  # fmt: skip
     return hashlib.sha256(repr(facts).encode()).hexdigest()

@@ -16,7 +16,7 @@ from dmoc.nlp.problem import Problem
 from dmoc.nlp.transcription import Transcription
 from dmoc.sequences.nodes import Node, Start, Verdict
 from dmoc.solution import Solution
-from dmoc.solvers.diagnosis import diagnose
+from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.ipm import INFEASIBLE
 from dmoc.solvers.outcome import Options
 from dmoc.trajectory import Phase
@@ -51,7 +51,19 @@ class Task:
 
 
 def solve_node(task: Task) -> Node:
-    """Solve from every start; return the node with its verdict."""
+    """Solve from every start; return the node with its verdict.  An error is an answer too: the search goes on."""
+    try:
+        return _solve(task)
+    except Exception as error:
+        return lost(task, f"{type(error).__name__}: {error}")
+
+
+def lost(task: Task, why: str) -> Node:
+    """A node without an answer."""
+    return Node(task.sequence, Verdict.FAILED, evidence=(why,), attempts=task.attempts)
+
+
+def _solve(task: Task) -> Node:
     begin = time.perf_counter()
     tried: list[Start] = []
     solved: list[Solution] = []
@@ -66,8 +78,13 @@ def solve_node(task: Task) -> Node:
         tried.append(Start(name, found.status, found.cost if found.solved else None))
         if found.solved:
             solved.append(found)
+    node = None if solved else _unsolved(task, tried)
+    if isinstance(node, Solution):
+        tried.append(Start("least violation", node.status, node.cost))
+        solved.append(node)
     solved.sort(key=lambda s: s.cost)
-    node = _confirmed(task, solved) if solved else _unsolved(task, tried)
+    if node is None or isinstance(node, Solution):
+        node = _confirmed(task, solved)
     return replace(node, starts=tuple(tried), minima=_minima(solved), attempts=task.attempts, seconds=time.perf_counter() - begin)
 
 
@@ -164,17 +181,30 @@ def _node(task: Task, s: Solution, verdict: Verdict, evidence: tuple[str, ...]) 
     return Node(task.sequence, verdict, s.cost, tuple(p.duration for p in s.phases), evidence, shortest=shortest, solution=bare)
 
 
-def _unsolved(task: Task, tried: list[Start]) -> Node:
-    """Infeasible, unreachable, or no answer."""
+def _unsolved(task: Task, tried: list[Start]) -> Node | Solution:
+    """Infeasible, unreachable, no answer, or a solution from the feasible motion that the search for the reason has found."""
     problem = task.problem
+    ends = ", ".join(f"{s.name}: {s.status}" for s in tried)
+    nothing = Node(task.sequence, Verdict.FAILED, evidence=(f"no start came to an answer ({ends})",))
     if not any(s.status == "infeasible" for s in tried) or not Transcription(problem).program.compiled:
-        ends = ", ".join(f"{s.name}: {s.status}" for s in tried)
-        return Node(task.sequence, Verdict.FAILED, evidence=(f"no start came to an answer ({ends})",))
-    x = initial_guesses(problem)[0].x
-    options = Options(seconds=task.seconds)
-    whole = diagnose(problem, x, options)
+        return nothing
+    whole = _least(problem, task.seconds)
+    if whole.violation <= INFEASIBLE:
+        found = solve(problem, task.method, guess=whole.x, iterations=ITERATIONS, seconds=task.seconds, verify=False)
+        return found if found.solved else nothing
     if problem.sequence:
-        there = diagnose(problem.but(goal={}), x, options)
-        if there.violation > INFEASIBLE and there.least:
-            return Node(task.sequence, Verdict.UNREACHABLE, evidence=there.sentences)
-    return Node(task.sequence, Verdict.INFEASIBLE, evidence=whole.sentences)
+        # Only the collisions, and as much time as there is: what happens after them is another matter.
+        there = _least(problem.but(goal={}, final_time=(None, problem.final_time_bounds[1])), task.seconds)
+        if there.violation > INFEASIBLE:
+            return Node(task.sequence, Verdict.UNREACHABLE if there.least else Verdict.FAILED, evidence=there.sentences)
+    return Node(task.sequence, Verdict.INFEASIBLE if whole.least else Verdict.FAILED, evidence=whole.sentences)
+
+
+def _least(problem: Problem, seconds: float) -> Diagnosis:
+    """The least violation from any of the automatic guesses."""
+    found: list[Diagnosis] = []
+    for guess in initial_guesses(problem):
+        found.append(diagnose(problem, guess.x, Options(seconds=seconds)))
+        if found[-1].violation <= INFEASIBLE:
+            return found[-1]
+    return min(found, key=lambda d: (not d.least, d.violation))

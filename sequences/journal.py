@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 
-from dmoc.errors import SearchError
+from dmoc.errors import SearchError, SolutionFileError
 from dmoc.sequences.nodes import Node
 
 FORMAT = "1"
@@ -33,28 +33,36 @@ class Journal:
 
     def __init__(self, path: str | os.PathLike[str], identity: str, resume: bool) -> None:
         self.path = Path(path)
-        exists = self.path.exists() and self.path.stat().st_size > 0
+        exists = self.path.exists() and self.path.stat().st_size > 0  # a search that was killed at once leaves an empty file
         if exists and not resume:
             raise SearchError(f"journal {self.path} exists: resume it, or name another file.")
-        if resume and not exists:
+        if resume and not self.path.exists():
             raise SearchError(f"journal {self.path} does not exist: nothing can be resumed from it.")
         try:
             self.database = sqlite3.connect(self.path, isolation_level=None)
-            self.database.execute("PRAGMA journal_mode=WAL")
-            self.database.execute("CREATE TABLE IF NOT EXISTS about (name TEXT PRIMARY KEY, value TEXT)")
-            self.database.execute("CREATE TABLE IF NOT EXISTS nodes (sequence TEXT PRIMARY KEY, summary TEXT, solution BLOB)")
+            tables = {name for (name,) in self.database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+            if tables and tables != {"about", "nodes"}:
+                raise SearchError(f"{self.path} is the database of something else: name another file.")
+            if not tables:
+                # All at once: a journal is complete or empty.
+                self.database.execute("BEGIN IMMEDIATE")
+                self.database.execute("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT)")
+                self.database.execute("CREATE TABLE nodes (sequence TEXT PRIMARY KEY, summary TEXT, solution BLOB)")
+                self.database.executemany("INSERT INTO about VALUES (?, ?)", [("format", FORMAT), ("identity", identity)])
+                self.database.execute("COMMIT")
             known = dict(self.database.execute("SELECT name, value FROM about"))
-        except sqlite3.DatabaseError as error:
+        except sqlite3.Error as error:
             raise SearchError(f"{self.path} cannot be used as a journal ({error}): name another file.") from None
-        if not known:
-            self.database.executemany("INSERT INTO about VALUES (?, ?)", [("format", FORMAT), ("identity", identity)])
-        elif known.get("format") != FORMAT or known.get("identity") != identity:
+        if known.get("format") != FORMAT or known.get("identity") != identity:
             self.close()
             raise SearchError(f"journal {self.path} belongs to another problem or to other settings: name another file.")
 
     def finished(self) -> Mapping[tuple[str, ...], Node]:
-        rows = self.database.execute("SELECT summary, solution FROM nodes")
-        nodes = [Node.from_row(summary, data) for summary, data in rows]
+        try:
+            rows = self.database.execute("SELECT summary, solution FROM nodes").fetchall()
+            nodes = [Node.from_row(summary, data) for summary, data in rows]
+        except (sqlite3.Error, ValueError, KeyError, SolutionFileError):
+            raise SearchError(f"journal {self.path} is damaged: start anew with another file.") from None
         return {n.sequence: n for n in nodes}
 
     def add(self, node: Node) -> None:

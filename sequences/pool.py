@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
+import multiprocessing.connection
+import os
 import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -12,7 +15,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from typing import TypeAlias
 
-from dmoc.sequences.inner import Task, solve_node
+from dmoc.sequences.inner import Task, lost, solve_node
 from dmoc.sequences.nodes import Node, Verdict
 
 ATTEMPTS = 2
@@ -21,7 +24,11 @@ PATIENCE, GRACE = 3.0, 30.0
 # Nodes that an executor of unknown size gets at a time.
 AHEAD = 16
 
-Run: TypeAlias = Callable[[Sequence[Task]], Iterator[Node]]
+Run: TypeAlias = Callable[[Sequence[Task], float], Iterator[Node]]
+
+
+class NoMoreWork(Exception):  # noqa: N818 - it ends a search and loses nothing
+    """The caller's executor takes no more nodes."""
 
 
 def _needs_another(node: Node) -> bool:
@@ -30,30 +37,44 @@ def _needs_another(node: Node) -> bool:
     return node.verdict is Verdict.FAILED and lost and node.attempts < ATTEMPTS
 
 
-def here(tasks: Sequence[Task]) -> Iterator[Node]:
-    """One after the other in this process."""
+def here(tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
+    """One after the other in this process, until the deadline on the monotonic clock."""
     for task in tasks:
+        left = deadline - time.monotonic()
+        if left <= 0:
+            return
+        task = replace(task, seconds=min(task.seconds, left))
         node = solve_node(task)
-        while _needs_another(node):
+        while _needs_another(node) and time.monotonic() < deadline:
             node = solve_node(replace(task, attempts=node.attempts + 1))
         yield node
 
 
-def in_executor(executor: Executor, tasks: Sequence[Task]) -> Iterator[Node]:
-    """In an executor of the caller's; errors of its workers are taken as a failed attempt."""
+def in_executor(executor: Executor, tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
+    """In an executor of the caller's; errors of its workers, and answers that do not come, are taken as a failed attempt."""
     waiting, running = deque(tasks), dict[Future[Node], Task]()
+    since: dict[Future[Node], float] = {}
     try:
-        while waiting or running:
+        while (waiting or running) and time.monotonic() < deadline:
             while waiting and len(running) < AHEAD:
-                task = waiting.popleft()
-                running[executor.submit(solve_node, task)] = task
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                task = running.pop(future)
                 try:
-                    node = future.result()
-                except Exception as error:
-                    node = _lost(task, f"{type(error).__name__}: {error}")
+                    future = executor.submit(solve_node, waiting[0])
+                except RuntimeError as error:  # shut down or broken
+                    raise NoMoreWork(str(error)) from None
+                running[future] = waiting.popleft()
+            done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
+            for future in list(running):
+                task = running[future]
+                if future in done:
+                    try:
+                        node = future.result()
+                    except Exception as error:
+                        node = lost(task, f"{type(error).__name__}: {error}")
+                elif future.running() and time.monotonic() - since.setdefault(future, time.monotonic()) > _most(task):
+                    node = lost(task, f"the worker did not answer within {_most(task):.0f} s")
+                else:
+                    continue
+                del running[future]
                 if _needs_another(node):
                     waiting.appendleft(replace(task, attempts=node.attempts + 1))
                 else:
@@ -63,6 +84,10 @@ def in_executor(executor: Executor, tasks: Sequence[Task]) -> Iterator[Node]:
             future.cancel()
 
 
+def _most(task: Task) -> float:
+    return PATIENCE * task.seconds + GRACE
+
+
 class Processes:
     """Worker processes of this machine; a worker that dies or hangs costs one attempt of the nodes it may have had."""
 
@@ -70,35 +95,31 @@ class Processes:
         self.workers = workers
         self.pool: ProcessPoolExecutor | None = None
 
-    def __call__(self, tasks: Sequence[Task]) -> Iterator[Node]:
+    def __call__(self, tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
         waiting = deque(tasks)
         suspects: deque[Task] = deque()  # were running when a worker died: one of them may be to blame, so each runs alone
         running: dict[Future[Node], tuple[Task, float]] = {}
-        while waiting or suspects or running:
-            alone = bool(suspects)
-            while (suspects if alone else waiting) and len(running) < (1 if alone else self.workers):
-                task = (suspects if alone else waiting).popleft()
-                running[self._submit(task)] = (task, time.monotonic())
-            done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
-            broken = False
+        while (waiting or suspects or running) and time.monotonic() < deadline:
+            broken = self._feed(waiting, suspects, running)
+            done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED) if running else (set(), None)
             for future in done:
                 task, _ = running.pop(future)
                 try:
                     node = future.result()
                 except BrokenProcessPool:
                     broken = True
-                    node = _lost(task, "the worker process died")
+                    node = lost(task, "the worker process died")
                 except Exception as error:
-                    node = _lost(task, f"{type(error).__name__}: {error}")
+                    node = lost(task, f"{type(error).__name__}: {error}")
                 if _needs_another(node):
                     suspects.append(replace(task, attempts=node.attempts + 1))
                 else:
                     yield node
-            late = [f for f, (task, since) in running.items() if time.monotonic() - since > PATIENCE * task.seconds + GRACE]
+            late = [f for f, (task, since) in running.items() if time.monotonic() - since > _most(task)]
             if broken or late:
                 for future, (task, _) in running.items():
                     if future in late:
-                        node = _lost(task, f"the worker did not answer within {PATIENCE * task.seconds + GRACE:.0f} s")
+                        node = lost(task, f"the worker did not answer within {_most(task):.0f} s")
                         if not _needs_another(node):
                             yield node
                             continue
@@ -107,11 +128,23 @@ class Processes:
                 running.clear()
                 self.stop()
 
-    def _submit(self, task: Task) -> Future[Node]:
+    def _feed(self, waiting: deque[Task], suspects: deque[Task], running: dict[Future[Node], tuple[Task, float]]) -> bool:
+        """Give the workers something to do, suspects alone; whether the pool turns out to be broken."""
+        alone = bool(suspects)
+        source = suspects if alone else waiting
+        while source and len(running) < (1 if alone else self.workers):
+            try:
+                running[self._workers().submit(solve_node, source[0])] = (source[0], time.monotonic())
+            except BrokenProcessPool:  # a worker died between two nodes
+                return True
+            source.popleft()
+        return False
+
+    def _workers(self) -> ProcessPoolExecutor:
         if self.pool is None:
             context = multiprocessing.get_context("spawn")
             self.pool = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_prepare)
-        return self.pool.submit(solve_node, task)
+        return self.pool
 
     def stop(self) -> None:
         """End the workers at once."""
@@ -119,14 +152,18 @@ class Processes:
             processes = list((self.pool._processes or {}).values())
             self.pool.shutdown(wait=False, cancel_futures=True)
             for process in processes:
-                process.terminate()
+                process.kill()
             self.pool = None
 
 
 def _prepare() -> None:
-    """In a worker: Ctrl-C is the search's business."""
+    """In a worker: Ctrl-C is the search's business, and a worker does not outlive it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def _lost(task: Task, why: str) -> Node:
-    return Node(task.sequence, Verdict.FAILED, evidence=(why,), attempts=task.attempts)
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        multiprocessing.connection.wait([parent.sentinel])
+        os._exit(1)

@@ -118,9 +118,9 @@ def test_infeasible_is_not_unreachable(block: Kernels) -> None:
     """The wall can be hit, and the goal cannot be reached after it: the children are looked at."""
     problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": -5.0}, steps=20, bounds={"u": (-3, 3)}, final_time=(None, 1.0))
     result = dmoc.search(problem, 2)
-    assert [n.verdict for n in result.nodes] == [Verdict.INFEASIBLE] * 3
+    assert [n.verdict for n in result.nodes] == [Verdict.INFEASIBLE, Verdict.INFEASIBLE, Verdict.UNREACHABLE]  # 2 * 0.82 s and more
     assert result.best is None
-    assert all("the goal of x is missed" in n.evidence[0] for n in result.nodes)
+    assert all("the goal of x is missed" in n.evidence[0] for n in result.nodes[:2])
 
 
 def test_more_collisions_may_still_pay(seed: dmoc.Problem) -> None:
@@ -147,6 +147,26 @@ def test_the_parents_motion_is_bent_to_the_surface(puck: dmoc.Problem) -> None:
     assert np.isfinite(x).all()
     assert x[lay.index_q[30, 0]] == pytest.approx(1.0)
     assert x[lay.index_h] @ np.array(lay.steps) == pytest.approx(2.0)
+
+
+def test_a_collision_that_must_be_followed_by_another_is_reachable(puck: dmoc.Problem) -> None:
+    """A fast puck under weak forces hits the west wall after the east wall, like it or not: (east) has no motion, (east, west) has."""
+    fast = puck.but(
+        start={"x": 0.3, "y": 0.5, "x_dot": 3.0, "y_dot": 0.0},
+        goal={},
+        final_time=0.8,
+        steps=10,
+        bounds={"f_x": (-0.2, 0.2), "f_y": (-0.2, 0.2)},
+    )
+    result = dmoc.search(fast, 2, surfaces=["east", "west"])
+    verdicts = {n.sequence: n.verdict for n in result.nodes}
+    assert verdicts["east",] is Verdict.INFEASIBLE
+    assert verdicts["east", "west"] in (Verdict.OPTIMAL, Verdict.UNVERIFIED)
+
+
+def test_solutions_can_be_checked_again(found: SearchResult) -> None:
+    assert found.best is not None and found.best.solution is not None
+    assert found.best.solution.verify().passed
 
 
 # Strategies and budgets ----------------------------------------------------------------------------------------------
@@ -194,6 +214,13 @@ def test_an_interruption_returns_what_was_found(puck: dmoc.Problem) -> None:
         ({"node_seconds": 0.0}, "positive"),
         ({"shortest_phase": -1.0}, "0 or more"),
         ({"max_nodes": 0}, "at least 1"),
+        ({"max_nodes": 2.5}, "whole number"),
+        ({"seconds": -5.0}, "positive"),
+        ({"seconds": float("nan")}, "positive"),
+        ({"seed": -1}, "at least 0"),
+        ({"surfaces": ["east", "east"]}, "each surface once"),
+        ({"surfaces": []}, "at least one of"),
+        ({"surfaces": "east"}, "expected a list"),
     ],
 )
 def test_wrong_arguments_are_refused(puck: dmoc.Problem, arguments: dict[str, Any], message: str) -> None:
@@ -204,6 +231,8 @@ def test_wrong_arguments_are_refused(puck: dmoc.Problem, arguments: dict[str, An
 def test_problems_that_cannot_be_searched_are_refused(puck: dmoc.Problem) -> None:
     with pytest.raises(SearchError, match="one number for every phase"):
         dmoc.search(puck.but(steps=[20, 20, 20, 20]))
+    with pytest.raises(SearchError, match="fewer steps or collisions"):
+        dmoc.search(puck.but(steps=300), 3, method="slsqp")
     with pytest.raises(SearchError, match="shortest_phase"):
         dmoc.search(puck.but(durations=[(0.1, None)] * 4))
 
@@ -230,6 +259,70 @@ def test_a_worker_that_dies_costs_an_attempt(puck: dmoc.Problem) -> None:
     assert killed.is_set() and result.complete
     assert outline(result) == outline(dmoc.search(puck, 2))
     assert 1 <= sum(n.attempts == 2 for n in result.nodes) <= 2
+
+
+def test_workers_that_die_between_two_nodes_lose_nothing(puck: dmoc.Problem) -> None:
+    def kill(p: Progress) -> None:
+        if sum(p.counts.values()) == 1:
+            for child in multiprocessing.active_children():
+                child.kill()
+            time.sleep(0.5)
+
+    assert len(dmoc.search(puck, 1, workers=2, progress=kill).nodes) == 5
+
+
+def test_workers_do_not_outlive_the_search(tmp_path: Path) -> None:
+    journal = tmp_path / "journal.sqlite"
+    running = subprocess.Popen(
+        command("--workers", "2", "--journal", str(journal)),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and _count(journal) < 3:
+        time.sleep(0.02)
+    running.kill()
+    running.wait()
+    deadline = time.monotonic() + 20
+    while time.monotonic() < deadline and _session(running.pid):
+        time.sleep(0.1)
+    assert not _session(running.pid)
+
+
+def _session(leader: int) -> list[int]:
+    """Living processes of a session."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == leader and fields[0] != "Z":
+            found.append(int(stat.parent.name))
+    return found
+
+
+def test_a_broken_executor_ends_the_search_with_what_there_is(puck: dmoc.Problem) -> None:
+    pool = ThreadPoolExecutor(1)
+
+    def close(p: Progress) -> None:
+        pool.shutdown(wait=False)
+
+    result = dmoc.search(puck, 2, executor=pool, progress=close)
+    assert len(result.nodes) == 1 and not result.complete and "takes no more work" in result.notes[0]
+
+
+def test_an_error_in_a_node_is_its_answer(puck: dmoc.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    import dmoc.sequences.inner as inner
+
+    def fail(*_: Any, **__: Any) -> Any:
+        raise ZeroDivisionError("by chance")
+
+    monkeypatch.setattr(inner, "initial_guesses", fail)
+    result = dmoc.search(puck, 1)
+    assert {n.verdict for n in result.nodes} == {Verdict.FAILED} and len(result.nodes) == 5
+    assert "ZeroDivisionError: by chance" in result.nodes[0].evidence[0]
 
 
 class Flaky(Executor):
@@ -326,12 +419,26 @@ def test_a_journal_of_another_problem_is_refused(puck: dmoc.Problem, tmp_path: P
         dmoc.search(puck, 0, starts=1, journal=path, resume=True)
     with pytest.raises(SearchError, match="does not exist"):
         dmoc.search(puck, 0, journal=tmp_path / "none", resume=True)
+    import sqlite3
+
+    with sqlite3.connect(tmp_path / "foreign") as foreign:
+        foreign.execute("CREATE TABLE foreign_data (a)")
+    with pytest.raises(SearchError, match="something else"):
+        dmoc.search(puck, 0, journal=tmp_path / "foreign", resume=True)
+    (tmp_path / "empty").touch()  # left by a search that was killed at once
+    assert len(dmoc.search(puck, 0, journal=tmp_path / "empty", resume=True).nodes) == 1
     broken = tmp_path / "broken"
     broken.write_text("no database at all")
     with pytest.raises(SearchError, match="cannot be used as a journal"):
         dmoc.search(puck, 0, journal=broken, resume=True)
     deeper = dmoc.search(puck, 1, journal=path, resume=True)
     assert len(deeper.nodes) == 5
+
+
+def test_what_failed_gets_another_chance(puck: dmoc.Problem, tmp_path: Path) -> None:
+    path = tmp_path / "journal.sqlite"
+    assert dmoc.search(puck, 0, journal=path, node_seconds=1e-6).nodes[0].verdict is Verdict.FAILED
+    assert dmoc.search(puck, 0, journal=path, resume=True).nodes[0].verdict is Verdict.OPTIMAL
 
 
 def test_nodes_survive_the_journal(found: SearchResult) -> None:

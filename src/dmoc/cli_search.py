@@ -96,7 +96,7 @@ def search(
     problem = Problem(reference.kernels(), **fields)
     with _Board() as board:
         result = search_sequences(
-            problem, max_collisions, surfaces=None if surfaces is None else [s for s in surfaces.split(",") if s], strategy=strategy.value,
+            problem, max_collisions, surfaces=None if surfaces is None else [s.strip() for s in surfaces.split(",") if s.strip()], strategy=strategy.value,
             beam=beam, starts=starts, seed=seed, method=method, workers=workers, seconds=seconds, node_seconds=node_seconds, max_nodes=max_nodes,
             shortest_phase=shortest_phase, journal=journal, resume=resume, progress=board.show,
         )  # fmt: skip
