@@ -118,7 +118,11 @@ def test_infeasible_is_not_unreachable(block: Kernels) -> None:
     """The wall can be hit, and the goal cannot be reached after it: the children are looked at."""
     problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": -5.0}, steps=20, bounds={"u": (-3, 3)}, final_time=(None, 1.0))
     result = dmoc.search(problem, 2)
-    assert [n.verdict for n in result.nodes] == [Verdict.INFEASIBLE, Verdict.INFEASIBLE, Verdict.UNREACHABLE]  # 2 * 0.82 s and more
+    assert [n.verdict for n in result.nodes] == [
+        Verdict.INFEASIBLE,
+        Verdict.INFEASIBLE,
+        Verdict.UNREACHABLE,
+    ]  # 2 * 0.82 s and more
     assert result.best is None
     assert all("the goal of x is missed" in n.evidence[0] for n in result.nodes[:2])
 
