@@ -75,6 +75,8 @@ def _solve(task: Task) -> Node:
             tried.append(Start(name, "time_limit", None))
             break
         found = solve(task.problem, task.method, guess=x, iterations=ITERATIONS, seconds=left, verify=False)
+        if found.status == "interrupted":  # a solve keeps its best iterate; a search wants to know
+            raise KeyboardInterrupt
         tried.append(Start(name, found.status, found.cost if found.solved else None))
         if found.solved:
             solved.append(found)

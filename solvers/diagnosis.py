@@ -69,6 +69,8 @@ def diagnose(problem: Problem, x: Array, options: Options) -> Diagnosis:
     nlp = Transcription(problem, minimal_times=False, goal_as_rows=True)
     limits = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
     outcome = least_violation(nlp, x, limits, _prices(nlp))
+    if outcome.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
     missed = _missed(nlp, outcome.x)
     # What is violated does not hold anything up, and the barrier leaves small multipliers everywhere.
     w = np.where(nlp.inequality(outcome.x) < -INFEASIBLE, 0.0, outcome.duals.w)

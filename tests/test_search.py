@@ -412,6 +412,21 @@ def _seconds(journal: Path) -> dict[tuple[str, ...], float]:
     return {tuple(r["sequence"]): r["seconds"] for r in rows}
 
 
+def test_ctrl_c_ends_the_command_with_the_best_so_far(tmp_path: Path) -> None:
+    for workers in ("1", "2"):
+        journal = tmp_path / f"journal{workers}.sqlite"
+        arguments = command("--max-collisions", "5", "--workers", workers, "--journal", str(journal), "--json", "-")
+        running = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        deadline = time.monotonic() + 120
+        while time.monotonic() < deadline and _count(journal) < 4:
+            time.sleep(0.02)
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=60)
+        result = json.loads(out)
+        assert running.returncode == 0, err
+        assert not result["complete"] and "interrupted" in result["notes"][0] and 4 <= len(result["nodes"]) < 200
+
+
 def test_a_journal_of_another_problem_is_refused(puck: dmoc.Problem, tmp_path: Path) -> None:
     path = tmp_path / "journal.sqlite"
     dmoc.search(puck, 0, journal=path)

@@ -207,7 +207,10 @@ def _explained(
 ) -> tuple[Transcription, Outcome, tuple[str, ...]]:
     """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve from."""
     begin = time.perf_counter()
-    diagnosis = diagnose(problem, x, options)
+    try:
+        diagnosis = diagnose(problem, x, options)
+    except KeyboardInterrupt:
+        return nlp, replace(outcome, status=Status.INTERRUPTED), ()
     if diagnosis.violation <= ipm.INFEASIBLE and outcome.iterations < options.iterations:
         again = driver(nlp, diagnosis.x, _remaining(options, begin, outcome.iterations))
         if again.status is not Status.INFEASIBLE:
