@@ -91,7 +91,6 @@ class Elements:
         self.zero = self.sigma + 1
         par = problem.parameter_values.shape[1]
         self.par = np.arange(self.zero + 1, self.zero + 1 + par)[None]
-        self.pool_size = self.zero + 1 + par
         self.surfaces = np.array([self.kernels.surfaces.index(s) for s in problem.sequence], dtype=np.intp)
 
     def values(self) -> list[Element]:

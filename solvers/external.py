@@ -56,7 +56,7 @@ class _Callbacks:
 
     def __init__(self, nlp: Transcription, options: Options) -> None:
         self.nlp, self.options, self.m = nlp, options, nlp.n_eq + nlp.n_in
-        nlp.program  # noqa: B018 - makes the patterns
+        _ = nlp.program  # makes the patterns
         jac, hess = nlp.jacobian_pattern, nlp.hessian_pattern
         self.jacobian = (np.repeat(np.arange(jac.shape[0]), np.diff(jac.indptr)), jac.indices)
         self.hessian = (np.repeat(np.arange(nlp.n), np.diff(hess.indptr)), hess.indices)
