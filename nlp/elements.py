@@ -4,9 +4,9 @@ The values are r = (f | c | d): the cost and the constraints of :mod:`dmoc.nlp.t
 value, first derivative and second derivative of r is a sum over rows of kernel results; nothing else is evaluated in a solve.
 Arguments are taken from one vector, the pool::
 
-    pool = (x | y | sigma | 0 | parameters)
+    pool = (x | y | sigma | 0 | parameters | e)
 
-with the unknowns x, the multipliers y of (c | d) and the weight sigma of the cost.
+with the unknowns x, the multipliers y of (c | d), the weight sigma of the cost and the coefficients of restitution e.
 """
 
 from __future__ import annotations
@@ -62,6 +62,9 @@ class Rows:
     """
 
     momentum: Index
+    inside: Index
+    time: Index
+    approach: Index
     energy: Index
     contact: Index
     velocity_B: Index
@@ -89,34 +92,47 @@ class Elements:
         self.y = layout.size  # first multiplier in the pool
         self.sigma = self.y + m
         self.zero = self.sigma + 1
-        par = problem.parameter_values.shape[1]
+        par, nc = problem.parameter_values.shape[1], len(self.kernels.surfaces)
         self.par = np.arange(self.zero + 1, self.zero + 1 + par)[None]
+        self.e = np.arange(self.zero + 1 + par, self.zero + 1 + par + nc)[None]
         self.surfaces = np.array([self.kernels.surfaces.index(s) for s in problem.sequence], dtype=np.intp)
 
     def values(self) -> list[Element]:
         lay, rows = self.layout, self.rows
         cost = np.zeros((lay.total, 1), dtype=np.intp)
-        found = [Element("step", self._step, (Entries(rows.momentum[:-1]), Entries(rows.momentum[1:]), Entries(cost)))]
+        places = (rows.momentum[:-1], rows.momentum[1:], cost, rows.inside)
+        found = [Element("step", self._step, tuple(map(Entries, places)))]
         if len(self.surfaces):
             nodes = lay.collision_nodes
             found.append(Element("normal", self._normal, (Entries(rows.momentum[nodes], factors=-1.0),)))
             energy, nowhere = rows.energy[:, None], np.full((len(nodes), 1), NOWHERE)
             found.append(Element("impact", self._beside(nodes - 1), (Entries(energy), Entries(nowhere))))
             found.append(Element("impact", self._beside(nodes), (Entries(nowhere), Entries(energy, factors=-1.0))))
+            found.append(Element("restitution", self._restitution, (Entries(energy, factors=-1.0),)))
+            # p before the collision is r_plus of the last step.
+            outputs = (rows.approach if place is places[1] else np.full_like(place[nodes - 1], NOWHERE) for place in places)
+            found.append(Element("step", self._beside(nodes - 1), tuple(map(Entries, outputs))))
         if self.kernels.has("surface"):
             found.append(Element("surface", self._surface, (Entries(self._gap_rows, factors=self._gap_signs),)))
         if self.kernels.has("path"):
             found.append(Element("path", self._step, (Entries(rows.path),)))
-        for row, state in self._velocity_ends:
-            energy_out = np.full((1, 1), NOWHERE)
-            found.append(Element("legendre", (*state, self.par), (Entries(row[None], factors=-1.0), Entries(energy_out))))
+        for row, state, _ in self._legendre:
+            energy_out = np.full((len(row), 1), NOWHERE)
+            found.append(Element("legendre", (*state, self.par), (Entries(row, factors=-1.0), Entries(energy_out))))
+        if self.kernels.has("terminal_cost"):
+            found.append(Element("terminal_cost", (*self._terminal[0], self.par), (Entries(cost[:1]),)))
         return found
 
     def slopes(self) -> list[Element]:
         lay, rows = self.layout, self.rows
         cost = np.zeros((lay.total, 1), dtype=np.intp)
         z = lay.index_z
-        outputs = (("r_minus_D_z", rows.momentum[:-1]), ("r_plus_D_z", rows.momentum[1:]), ("C_d_D_z", cost))
+        outputs = (
+            ("r_minus_D_z", rows.momentum[:-1]),
+            ("r_plus_D_z", rows.momentum[1:]),
+            ("C_d_D_z", cost),
+            ("r_i_D_z", rows.inside),
+        )
         found = [Element("step_jac", self._step, tuple(self._block("step_jac", name, row, z) for name, row in outputs))]
         if len(self.surfaces):
             nodes = lay.collision_nodes
@@ -129,51 +145,80 @@ class Elements:
                     for name in ("e_plus_D_z", "e_minus_D_z")
                 )
                 found.append(Element("impact_jac", self._beside(at), blocks))
+            block = self._block("restitution_jac", "W_D_s", energy, self._restitution_columns, -1.0)
+            found.append(Element("restitution_jac", self._restitution, (block,)))
+            blocks = tuple(
+                self._block(
+                    "step_jac",
+                    name,
+                    rows.approach if name == "r_plus_D_z" else np.full_like(row[nodes - 1], NOWHERE),
+                    z[nodes - 1],
+                )
+                for name, row in outputs
+            )
+            found.append(Element("step_jac", self._beside(nodes - 1), blocks))
         if self.kernels.has("surface"):
             r, _ = self.kernels.pattern("surface_jac", "g_D_q")
-            block = self._block("surface_jac", "g_D_q", self._gap_rows, lay.index_q, self._gap_signs[:, r])
+            block = self._block("surface_jac", "g_D_q", self._gap_rows, self._surface_columns, self._gap_signs[:, r])
             found.append(Element("surface_jac", self._surface, (block,)))
         if self.kernels.has("path"):
             found.append(Element("path_jac", self._step, (self._block("path_jac", "r_d_D_z", rows.path, z),)))
-        for row, (q, v) in self._velocity_ends:
-            block = self._block("legendre_jac", "p_D_s", row[None], np.hstack([q, v]), -1.0)
-            found.append(Element("legendre_jac", (q, v, self.par), (block,)))
+        for row, state, columns in self._legendre:
+            block = self._block("legendre_jac", "p_D_s", row, columns, -1.0)
+            found.append(Element("legendre_jac", (*state, self.par), (block,)))
+        if self.kernels.has("terminal_cost"):
+            end, columns = self._terminal
+            block = self._block("terminal_cost_jac", "Phi_D_s", cost[:1], columns)
+            found.append(Element("terminal_cost_jac", (*end, self.par), (block,)))
         return found
 
     def curvatures(self) -> list[Element]:
         lay, rows = self.layout, self.rows
         z, mu = lay.index_z, self._multiplier(rows.momentum)
         sigma = np.full((1, 1), self.sigma)
-        found = [self._curvature("step_hess", (*self._step, sigma, mu[:-1], mu[1:]), z)]
+        found = []
         if len(self.surfaces):
             nodes = lay.collision_nodes
             energy, zero = self._multiplier(rows.energy)[:, None], np.full((len(nodes), 1), self.zero)
             for at, sign, weights in ((nodes - 1, 1.0, (energy, zero)), (nodes, -1.0, (zero, energy))):
                 found.append(self._curvature("impact_hess", (*self._beside(at), np.hstack(weights)), z[at], sign))
             found.append(self._curvature("normal_hess", (*self._normal, mu[nodes]), self._normal_columns, -1.0))
+            found.append(self._curvature("restitution_hess", (*self._restitution, energy), self._restitution_columns, -1.0))
+            none, held = np.full((len(nodes), lay.nq), self.zero), self._multiplier(rows.approach)
+            inside = np.full((len(nodes), rows.inside.shape[1]), self.zero)
+            before = (np.full((1, 1), self.zero), none, held, inside)
+            found.append(self._curvature("step_hess", (*self._beside(nodes - 1), *before), z[nodes - 1]))
+        found.append(self._curvature("step_hess", (*self._step, sigma, mu[:-1], mu[1:], self._multiplier(rows.inside)), z))
         if self.kernels.has("surface"):
-            q, par = self._surface
-            found.append(self._curvature("surface_hess", (q, par, self._multiplier(rows.gap)), lay.index_q, -1.0))
+            q, t, par = self._surface
+            columns = self._surface_columns
+            found.append(self._curvature("surface_hess", (q, t, par, self._multiplier(rows.gap)), columns, -1.0))
             if len(self.surfaces):
-                at = lay.index_q[lay.collision_nodes]
-                held = self._multiplier(rows.contact[lay.collision_nodes])
-                found.append(self._curvature("surface_hess", (at, par, held), at))
+                at = lay.collision_nodes
+                held = self._multiplier(rows.contact[at])
+                found.append(self._curvature("surface_hess", (q[at], self._at(t, at), par, held), columns[at]))
         if self.kernels.has("path"):
             found.append(self._curvature("path_hess", (*self._step, self._multiplier(rows.path)), z))
-        for row, (q, v) in self._velocity_ends:
-            arguments = (q, v, self.par, self._multiplier(row)[None])
-            found.append(self._curvature("legendre_hess", arguments, np.hstack([q, v]), -1.0))
+        for row, state, columns in self._legendre:
+            found.append(self._curvature("legendre_hess", (*state, self.par, self._multiplier(row)), columns, -1.0))
+        if self.kernels.has("terminal_cost"):
+            end, columns = self._terminal
+            found.append(self._curvature("terminal_cost_hess", (*end, self.par, sigma), columns))
         return [e for e in found if e.results[0].rows.size]
 
     def linear(self, more: Sequence[tuple[int, Index, Array, float]]) -> Linear:
         """``more`` lists further linear rows: row of r, unknowns, factors and constant."""
         lay, rows = self.layout, self.rows
         parts: list[tuple[Index, Index, Array]] = []
+        steps = np.arange(len(rows.time))
         for r, c, factor in (
             (rows.momentum[0], lay.index_p_B, 1.0),
             (rows.momentum[-1], lay.index_p_E, -1.0),
             (rows.velocity_B, lay.index_p_B[: len(rows.velocity_B)], 1.0),
             (rows.velocity_E, lay.index_p_E[: len(rows.velocity_E)], 1.0),
+            (rows.time, lay.index_t[1:], 1.0),
+            (rows.time, lay.index_t[:-1], -1.0),
+            (rows.time, lay.index_h[lay.phase_of_step[steps]], -1.0),
         ):
             parts.append((r, c, np.full(len(r), factor)))
         for row, unknowns, factors, _ in more:
@@ -185,30 +230,65 @@ class Elements:
 
     @cached_property
     def _step(self) -> tuple[Index, ...]:
-        """Positions of (q_k, q_kp1, u_k, u_kp1, h, parameters) of every step."""
-        lay = self.layout
-        return (*np.split(lay.index_z, np.cumsum([lay.nq, lay.nq, lay.nu, lay.nu]), axis=1), self.par)
+        """Positions of (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, parameters) of every step."""
+        parts = self.layout.split(self.layout.index_z)
+        parts[5] = self._times[:-1] if self.layout.timed else self._times
+        return (*parts, self.par)
+
+    @cached_property
+    def _times(self) -> Index:
+        """Positions of the times of the nodes; of one zero in a model without explicit time."""
+        return self.layout.time_columns if self.layout.timed else np.full((1, 1), self.zero)
+
+    def _at(self, positions: Index, rows: Index) -> Index:
+        """Some rows of an argument; one row serves all."""
+        return positions[rows] if len(positions) > 1 else positions
 
     def _beside(self, steps: Index) -> tuple[Index, ...]:
-        return (*(a[steps] for a in self._step[:-1]), self.par)
+        return (*(self._at(a, steps) for a in self._step[:-1]), self.par)
+
+    @cached_property
+    def _impulses(self) -> Index:
+        """Positions of the impulses of every collision by surface; those of surfaces that are not hit are zero."""
+        lam = np.full((len(self.surfaces), len(self.kernels.surfaces)), self.zero)
+        lam[np.arange(len(lam)), self.surfaces] = self.layout.index_lam
+        return lam
+
+    @property
+    def _impulse_columns(self) -> Index:
+        return np.where(self._impulses == self.zero, NOWHERE, self._impulses)
 
     @cached_property
     def _normal(self) -> tuple[Index, ...]:
-        """Positions of (q_c, lam, parameters) of every collision; impulses of surfaces that are not hit are zero."""
-        lay = self.layout
-        lam = np.full((len(self.surfaces), len(self.kernels.surfaces)), self.zero)
-        lam[np.arange(len(lam)), self.surfaces] = lay.index_lam
-        return lay.index_q[lay.collision_nodes], lam, self.par
+        """Positions of (q_c, lam, t, parameters) of every collision."""
+        nodes = self.layout.collision_nodes
+        return self.layout.index_q[nodes], self._impulses, self._at(self._times, nodes), self.par
 
     @cached_property
     def _normal_columns(self) -> Index:
-        """Unknowns (q_c, lam) of each collision; impulses of surfaces that are not hit are nowhere."""
-        q, lam, _ = self._normal
-        return np.hstack([q, np.where(lam == self.zero, NOWHERE, lam)])
+        """Unknowns (q_c, lam, t) of each collision; impulses of surfaces that are not hit are nowhere."""
+        nodes = self.layout.collision_nodes
+        return np.hstack([self.layout.index_q[nodes], self._impulse_columns, self.layout.time_columns[nodes]])
+
+    @cached_property
+    def _restitution(self) -> tuple[Index, ...]:
+        """Positions of (q_c, v before, lam, t, parameters, e) of every collision."""
+        q, lam, t, par = self._normal
+        return q, self.layout.index_v_c, lam, t, par, self.e
+
+    @cached_property
+    def _restitution_columns(self) -> Index:
+        """Unknowns (q_c, v before, lam, t) of each collision."""
+        lay, nodes = self.layout, self.layout.collision_nodes
+        return np.hstack([lay.index_q[nodes], lay.index_v_c, self._impulse_columns, lay.time_columns[nodes]])
 
     @property
-    def _surface(self) -> tuple[Index, Index]:
-        return self.layout.index_q, self.par
+    def _surface(self) -> tuple[Index, Index, Index]:
+        return self.layout.index_q, self._times, self.par
+
+    @property
+    def _surface_columns(self) -> Index:
+        return np.hstack([self.layout.index_q, self.layout.time_columns])
 
     @cached_property
     def _gap_rows(self) -> Index:
@@ -220,11 +300,28 @@ class Elements:
         return np.where(self.rows.contact == NOWHERE, -1.0, 1.0)
 
     @cached_property
-    def _velocity_ends(self) -> list[tuple[Index, tuple[Index, Index]]]:
-        """Rows of p - dL/dv(q, v) = 0 and positions of (q, v), at each end whose velocities are unknowns."""
+    def _legendre(self) -> list[tuple[Index, tuple[Index, Index, Index], Index]]:
+        """Rows of p - dL/dv(q, v, t) = 0, positions of (q, v, t) and their unknowns: at each end and collision whose velocities are unknowns."""
+        lay, found = self.layout, []
+        for row, node, v in (
+            (self.rows.velocity_B[None], np.array([0]), lay.index_v_B[None]),
+            (self.rows.velocity_E[None], np.array([lay.total]), lay.index_v_E[None]),
+            (self.rows.approach, lay.collision_nodes, lay.index_v_c),
+        ):
+            if row.size:
+                q = lay.index_q[node]
+                found.append((row, (q, v, self._at(self._times, node)), np.hstack([q, v, lay.time_columns[node]])))
+        return found
+
+    @cached_property
+    def _terminal(self) -> tuple[tuple[Index, Index, Index], Index]:
+        """Positions and unknowns of (q, v, t) at the final time; velocities and times that are no unknowns are zero."""
         lay = self.layout
-        ends = ((self.rows.velocity_B, 0, lay.index_v_B), (self.rows.velocity_E, -1, lay.index_v_E))
-        return [(row, (lay.index_q[node][None], v[None])) for row, node, v in ends if len(v)]
+        known = len(lay.index_v_E) > 0
+        v = lay.index_v_E[None] if known else np.full((1, lay.nq), NOWHERE)
+        columns = (lay.index_q[-1:], v, lay.time_columns[-1:])
+        state = tuple(np.where(c == NOWHERE, self.zero, c) for c in columns)
+        return state, np.hstack(columns)  # type: ignore[return-value]
 
     def _multiplier(self, rows: Index) -> Index:
         """Position of the multiplier of a row of r, of a zero where there is no row."""

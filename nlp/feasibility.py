@@ -35,18 +35,18 @@ def averaged_accelerations(
     """
     nq, nu = len(q), len(bounds)
     at, rate = (0.5 * (q + q_c))[None], v[None].copy()
-    middle = bounds.mean(axis=1)[None]
-    mass = kernels.call("dynamics", at, rate, middle, par)[0].reshape(nq, nq)
-    inputs = kernels.call("input_matrix", at, rate, middle, par)[0].reshape(nq, nu)
+    middle, now = bounds.mean(axis=1)[None], np.zeros((1, 1))
+    mass = kernels.call("dynamics", at, rate, middle, now, par)[0].reshape(nq, nq)
+    inputs = kernels.call("input_matrix", at, rate, middle, now, par)[0].reshape(nq, nu)
     rows, columns = kernels.pattern("surface_jac", "g_D_q")
     gradient = np.zeros(nq)
-    values = kernels.call("surface_jac", at, par)[0][0]
-    gradient[columns[rows == surface]] = values[rows == surface]
+    values = kernels.call("surface_jac", at, now, par)[0][0]
+    gradient[columns[rows == surface]] = values[rows == surface]  # a surface with a minimal time stands still
     push = np.linalg.solve(mass, inputs).T @ gradient
     full = np.where(push > 0, bounds[:, 1], bounds[:, 0])[None]
-    force = kernels.call("dynamics", at, rate, full, par)[1][0]
+    force = kernels.call("dynamics", at, rate, full, now, par)[1][0]
     a = np.linalg.solve(mass, force)
-    mass_s, force_s = kernels.call("dynamics_jac", at, rate, full, par)
+    mass_s, force_s = kernels.call("dynamics_jac", at, rate, full, now, par)
     M_D_s, F_D_s = np.zeros((nq * nq, 2 * nq)), np.zeros((nq, 2 * nq))
     M_D_s[kernels.pattern("dynamics_jac", "M_D_s")] = mass_s[0]
     F_D_s[kernels.pattern("dynamics_jac", "F_D_s")] = force_s[0]

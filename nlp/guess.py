@@ -31,6 +31,8 @@ FEWEST_STEPS = 8
 DRIFTED = 100.0
 # Share of the latest final time below which a guess that takes all the time is a further start.
 MUCH_SHORTER = 0.5
+# A plastic impact has no mirror image: coefficient of restitution that the plan assumes at least.
+SOFTEST_MIRROR = 0.3
 # Share of the final time that a phase gets at least.
 SHORTEST_SHARE = 0.04
 
@@ -71,11 +73,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Motion:
-    """A sampled motion: q (total + 1, nq), v before the nodes, inputs (total, nu), impulses, steps in windows, p at both ends."""
+    """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities before the collisions (collisions, nq), steps in
+    windows, velocities at both ends, cost."""
 
     q: Array
     u: Array
     lam: Array
+    v_c: Array
     free_steps: int
     v_B: Array
     v_E: Array
@@ -153,21 +157,21 @@ def _prescribed(problem: Problem) -> tuple[int, ...]:
     goal = problem.goal_bounds.position
     said = [sum(i in surfaces[s] for s in problem.sequence) + bool(goal[i, 0] == goal[i, 1]) for i in range(nq)]
     order = sorted(range(nq), key=lambda i: (-said[i], i))
-    points = _via_positions(problem)
+    points = _via_positions(problem, _final_times(problem)[-1])
     for choice in itertools.combinations(order, nu):
-        if any(_Dynamics(problem, q, np.zeros(nq)).reach(choice) > WINDOW for q in points):
+        if any(_Dynamics(problem, q, np.zeros(nq), 0.0).reach(choice) > WINDOW for q in points):
             return tuple(sorted(choice))
     return tuple(range(nq))
 
 
-def _via_positions(problem: Problem) -> Array:
-    """Positions at the start, at the collisions and at the goal, shape (phases + 1, nq)."""
+def _via_positions(problem: Problem, final_time: float) -> Array:
+    """Positions at the start, at the collisions and at the goal, shape (phases + 1, nq); the collisions are spread over the time."""
     start = _inside(problem.start_bounds.position, np.zeros(problem.nq))
     goal = _inside(problem.goal_bounds.position, start)
     share = np.linspace(0.0, 1.0, problem.phases + 1)[:, None]
     points = (1 - share) * start + share * goal
     for i, surface in enumerate(problem.sequence):
-        points[i + 1] = onto_surface(problem, points[i + 1], surface)
+        points[i + 1] = onto_surface(problem, points[i + 1], surface, float(share[i + 1, 0]) * final_time)
     return points
 
 
@@ -179,11 +183,11 @@ def _inside(bounds: Array, default: Array) -> Array:
     return np.where(finite, middle, np.clip(default, bounds[:, 0], bounds[:, 1]))
 
 
-def onto_surface(problem: Problem, q: Array, surface: str) -> Array:
-    """Move a point onto g = 0 by Newton steps along the gradient."""
+def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Array:
+    """Move a point onto g = 0 at time t by Newton steps along the gradient."""
     q = q.copy()
     for _ in range(30):
-        gap, slope = _gap(problem, q, surface)
+        gap, slope, _ = _gap(problem, q, surface, t)
         square = slope @ slope
         if abs(gap) < 1e-12 or square == 0:
             break
@@ -191,19 +195,20 @@ def onto_surface(problem: Problem, q: Array, surface: str) -> Array:
     return q
 
 
-def _gap(problem: Problem, q: Array, surface: str) -> tuple[float, Array]:
-    kernels, par = problem.kernels, problem.parameter_values
+def _gap(problem: Problem, q: Array, surface: str, t: float) -> tuple[float, Array, float]:
+    """Gap to a surface, its gradient, and its partial derivative with respect to the time."""
+    kernels, par, now = problem.kernels, problem.parameter_values, np.array([[t]])
     j = kernels.surfaces.index(surface)
     rows, columns = kernels.pattern("surface_jac", "g_D_q")
-    slope = np.zeros(problem.nq)
-    values = kernels.call("surface_jac", q[None], par)[0][0]
+    slope = np.zeros(problem.nq + 1)
+    values = kernels.call("surface_jac", q[None], now, par)[0][0]
     slope[columns[rows == j]] = values[rows == j]
-    return float(kernels.call("surface", q[None], par)[0][0, j]), slope
+    return float(kernels.call("surface", q[None], now, par)[0][0, j]), slope[:-1], float(slope[-1])
 
 
 def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> Plan:
     """Durations in proportion to the distances, and velocities that continue smoothly in the mirror image behind each surface."""
-    points = _via_positions(problem)
+    points = _via_positions(problem, final_time)
     legs = np.diff(points, axis=0)
     lengths = np.linalg.norm(legs[:, list(prescribed)], axis=1)
     # Between two collisions with one surface the motion leaves and returns: such a phase gets an average share.
@@ -215,10 +220,11 @@ def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> P
     velocities[0] = _end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
     slowest = lengths.sum() / final_time / 2
     for i, surface in enumerate(problem.sequence):
-        _, slope = _gap(problem, points[i + 1], surface)
+        _, slope, _ = _gap(problem, points[i + 1], surface, float(durations[: i + 1].sum()))
+        e = max(_coefficient(problem, surface), SOFTEST_MIRROR)
         before, after = legs[i] / durations[i], legs[i + 1] / durations[i + 1]
         square = slope @ slope
-        mirrored = after - 2 * (slope @ after) / square * slope if square > 0 else after
+        mirrored = after - (1 + 1 / e) * (slope @ after) / square * slope if square > 0 else after
         velocity = (durations[i + 1] * before + durations[i] * mirrored) / (durations[i] + durations[i + 1])
         if square > 0:  # arrive with some speed, or there is no collision
             normal = slope @ velocity / np.sqrt(square)
@@ -234,8 +240,8 @@ def _end_velocity(problem: Problem, boundary: Boundary, q: Array, default: Array
     if np.isfinite(boundary.momentum).all():
         zero = np.zeros((1, problem.nq))
         p = _inside(boundary.momentum, np.zeros(problem.nq))
-        offset = problem.kernels.call("legendre", q[None], zero, problem.parameter_values)[0][0]
-        return np.asarray(np.linalg.solve(_Dynamics(problem, q, zero[0]).mass, p - offset))
+        offset = problem.kernels.call("legendre", q[None], zero, np.zeros((1, 1)), problem.parameter_values)[0][0]
+        return np.asarray(np.linalg.solve(_Dynamics(problem, q, zero[0], 0.0).mass, p - offset))
     return _inside(boundary.velocity, np.where(np.isfinite(boundary.momentum).any(axis=1), 0.0, default))
 
 
@@ -243,11 +249,11 @@ def _end_velocity(problem: Problem, boundary: Boundary, q: Array, default: Array
 
 
 class _Dynamics:
-    """Equations of motion M q'' = F + B u at one state, with the rows that no input enters."""
+    """Equations of motion M q'' = F + B u at one state and time, with the rows that no input enters."""
 
-    def __init__(self, problem: Problem, q: Array, v: Array) -> None:
+    def __init__(self, problem: Problem, q: Array, v: Array, t: float) -> None:
         nq, nu = problem.nq, problem.nu
-        at = (q[None].copy(), v[None].copy(), np.zeros((1, nu)), problem.parameter_values)
+        at = (q[None].copy(), v[None].copy(), np.zeros((1, nu)), np.array([[t]]), problem.parameter_values)
         mass, force = problem.kernels.call("dynamics", *at)
         self.mass, self.force = mass.reshape(nq, nq), force[0]
         self.inputs = problem.kernels.call("input_matrix", *at)[0].reshape(nq, nu)
@@ -300,21 +306,21 @@ def _least_squares(A: Array, b: Array) -> Array:
 def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion | None:
     """Follow a plan by the explicit midpoint rule; None where the motion grows without bound."""
     q, v = plan.positions[0].copy(), plan.velocities[0].copy()
-    nodes, inputs, lam, free_steps = [q.copy()], [], [], 0
-    v_B, cost = v.copy(), 0.0
+    nodes, inputs, lam, v_c, free_steps = [q.copy()], [], [], [], 0
+    v_B, cost, begin = v.copy(), 0.0, 0.0
     for i, steps in enumerate(problem.phase_steps):
         h = plan.durations[i] / steps
         target = (plan.positions[i + 1], plan.velocities[i + 1])
         was_free, since, spline = False, 0, _Spline(q, v, *target, plan.durations[i])
         for k in range(steps):
-            here = _Dynamics(problem, q, v)
+            here = _Dynamics(problem, q, v, begin + k * h)
             free = here.reach(prescribed) < WINDOW
             if was_free and not free:
                 since, spline = k, _Spline(q, v, *target, plan.durations[i] - k * h)
             was_free = free
             t = (k - since) * h
             a = here.accelerations(prescribed, spline.acceleration(t), free)
-            middle = _Dynamics(problem, q + h / 2 * v, v + h / 2 * a)
+            middle = _Dynamics(problem, q + h / 2 * v, v + h / 2 * a, begin + (k + 0.5) * h)
             a = middle.accelerations(prescribed, spline.acceleration(t + h / 2), free)
             inputs.append(middle.drive(a))
             q, v = q + h * v + h * h / 2 * a, v + h * a
@@ -327,11 +333,19 @@ def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion 
             nodes.append(q.copy())
         u = np.clip(np.array(inputs[-steps:]).reshape(steps, problem.nu), *problem.input_bounds.T)
         at = np.array(nodes[-steps:])
-        cost += h * float(problem.kernels.call("running_cost", at, np.zeros_like(at), u, problem.parameter_values)[0].sum())
+        times = begin + h * (np.arange(steps) + 0.5)
+        cost += h * float(
+            problem.kernels.call("running_cost", at, np.zeros_like(at), u, times[:, None], problem.parameter_values)[0].sum()
+        )
+        begin += plan.durations[i]
         if i < len(problem.sequence):
-            v, impulse = _reflect(problem, q, v, problem.sequence[i])
+            v_c.append(v)
+            v, impulse = _reflect(problem, q, v, problem.sequence[i], begin)
             lam.append(impulse)
-    return Motion(np.array(nodes), np.array(inputs).reshape(len(inputs), problem.nu), np.array(lam), free_steps, v_B, v, cost)
+    before = np.array(v_c).reshape(len(v_c), problem.nq)
+    return Motion(
+        np.array(nodes), np.array(inputs).reshape(len(inputs), problem.nu), np.array(lam), before, free_steps, v_B, v, cost
+    )
 
 
 class _Spline:
@@ -353,12 +367,16 @@ class _Spline:
         return 2 * self.c2 + 6 * t * self.c3
 
 
-def _reflect(problem: Problem, q: Array, v: Array, surface: str) -> tuple[Array, float]:
-    """Velocity after an elastic impact, and its impulse lam = 2 n.v / (n M^-1 n) with n = grad g."""
-    _, normal = _gap(problem, q, surface)
-    response = np.linalg.solve(_Dynamics(problem, q, v).mass, normal)
-    inertia, approach = float(normal @ response), float(normal @ v)
-    impulse = max(2 * approach / inertia, 0.0) if inertia > 0 else 0.0
+def _coefficient(problem: Problem, surface: str) -> float:
+    return float(problem.restitution_values[problem.kernels.surfaces.index(surface)])
+
+
+def _reflect(problem: Problem, q: Array, v: Array, surface: str, t: float) -> tuple[Array, float]:
+    """Velocity after an impact, and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n) with n = grad g."""
+    _, normal, moving = _gap(problem, q, surface, t)
+    response = np.linalg.solve(_Dynamics(problem, q, v, t).mass, normal)
+    inertia, approach = float(normal @ response), float(normal @ v) + moving
+    impulse = max((1 + _coefficient(problem, surface)) * approach / inertia, 0.0) if inertia > 0 else 0.0
     return v - impulse * response, impulse
 
 
@@ -370,7 +388,9 @@ def _resting(problem: Problem, plan: Plan) -> Motion:
     ]
     q = np.vstack([*pieces, plan.positions[-1:]])
     u = np.tile(_inside(problem.input_bounds, np.zeros(problem.nu)), (len(q) - 1, 1))
-    return Motion(q, u, np.zeros(len(problem.sequence)), 0, plan.velocities[0], plan.velocities[-1], np.inf)
+    return Motion(
+        q, u, np.zeros(len(problem.sequence)), plan.velocities[1:-1], 0, plan.velocities[0], plan.velocities[-1], np.inf
+    )
 
 
 def _excess(problem: Problem, u: Array) -> float:
@@ -389,14 +409,20 @@ def _unknowns(problem: Problem, plan: Plan, motion: Motion) -> Array:
     x = np.zeros(lay.size)
     x[lay.index_h] = plan.durations / np.array(problem.phase_steps)
     x[lay.index_q] = motion.q
-    x[lay.index_u] = np.clip(motion.u if not lay.linear else _to_nodes(motion.u, problem.phase_steps), *problem.input_bounds.T)
-    x[lay.index_lam] = motion.lam
-    par = problem.parameter_values
-    x[lay.index_p_B] = problem.kernels.call("legendre", motion.q[:1], motion.v_B[None], par)[0][0]
-    x[lay.index_p_E] = problem.kernels.call("legendre", motion.q[-1:], motion.v_E[None], par)[0][0]
-    for index, v in ((lay.index_v_B, motion.v_B), (lay.index_v_E, motion.v_E)):
-        if len(index):
-            x[index] = v
+    u = _to_nodes(motion.u, problem.phase_steps) if lay.linear else motion.u[lay.step_of_input]
+    x[lay.index_u] = np.clip(u, *problem.input_bounds.T)
+    x[lay.index_lam], x[lay.index_v_c] = motion.lam, motion.v_c
+    times = lay.times(x)
+    x[lay.index_t] = times[: len(lay.index_t)]
+    x[lay.index_q_i] = np.tile((motion.q[:-1] + motion.q[1:]) / 2, (1, lay.inside))
+    for node, index_p, index_v, v in (
+        (0, lay.index_p_B, lay.index_v_B, motion.v_B),
+        (-1, lay.index_p_E, lay.index_v_E, motion.v_E),
+    ):
+        at = (motion.q[[node]], v[None].copy(), times[[node], None].copy())
+        x[index_p] = problem.kernels.call("legendre", *at, problem.parameter_values)[0][0]
+        if len(index_v):
+            x[index_v] = v
     return x
 
 

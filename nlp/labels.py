@@ -45,11 +45,15 @@ def equality_blocks(problem: Problem, layout: Layout, goals: Sequence[Goal]) -> 
     collisions = [f"collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
     groups = [
         ("momentum", [f"momentum of {q} at node {k}" for k in range(layout.total + 1) for q in names]),
+        ("inside", [f"equation of motion of {q} in step {k}" for k in range(layout.total) for q in names * layout.inside]),
+        ("time", [f"time of node {k + 1}" for k in range(layout.total) if layout.timed]),
+        ("approach", [f"velocity {velocity_name(q)} before {c}" for c in collisions for q in names]),
         ("energy", [f"energy at {c}" for c in collisions]),
         ("contact", [f"contact at {c}" for c in collisions]),
         ("start velocity", [f"{momentum_name(q)} at the start" for q in names] if layout.velocity_at_start else []),
         ("goal velocity", [f"{momentum_name(q)} at the goal" for q in names] if layout.velocity_at_end else []),
         ("final time", [f"final time = {low:g} s"] if low == high else []),
+        ("periodic", [f"periodic {name}" for name in problem.periodic]),
         ("goal", [f"goal of {g.name}" for g in goals if g.low == g.high]),
     ]
     return _blocks(groups)
@@ -66,7 +70,7 @@ def inequality_blocks(
     names = problem.kernels.manifest["path_constraints"]
     groups = [
         ("gap", [f"gap to {problem.kernels.surfaces[j]} at node {k}" for k, j in zip(*gaps, strict=True)]),
-        ("path", [f"path constraint {n} in step {k}" for k in range(layout.total) for n in names]),
+        ("path", [f"path constraint {n} in step {k}" for k in range(layout.total) for n in names * (layout.inside + 1)]),
         ("final time >=", [f"final time >= {low:g} s"] if 0 < low < high else []),
         ("final time <=", [f"final time <= {high:g} s"] if low < high < np.inf else []),
         ("goal", [f"goal of {g.name} {'>=' if sign > 0 else '<='} {value:g}" for g, sign, value in goal_limits(goals)]),
@@ -81,12 +85,17 @@ def unknown_names(problem: Problem, layout: Layout) -> list[str]:
     q, u = kernels.coordinates, kernels.inputs
     names = [f"step size of phase {i}" for i in range(layout.phases)]
     names += [f"{c} at node {k}" for k in range(layout.total + 1) for c in q]
-    names += [f"{c} in {'node' if layout.linear else 'step'} {k}" for k in range(len(layout.index_u)) for c in u]
+    rows = range(layout.input_rows)
+    names += [f"{c} in node {k}" if layout.linear else f"{c} in step {layout.step_of_input[k]}" for k in rows for c in u]
     names += [f"impulse of collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
     for end in ("start", "goal"):
         names += [f"{momentum_name(c)} at the {end}" for c in q]
     for end, velocities in (("start", layout.velocity_at_start), ("goal", layout.velocity_at_end)):
         names += [f"{velocity_name(c)} at the {end}" for c in q] if velocities else []
+    collisions = [f"collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
+    names += [f"{velocity_name(c)} before {collision}" for collision in collisions for c in q]
+    names += [f"time of node {k}" for k in range(layout.total + 1) if layout.timed]
+    names += [f"{c} inside step {k}" for k in range(layout.total) for c in q * layout.inside]
     return names
 
 

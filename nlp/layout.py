@@ -1,10 +1,11 @@
 """The order of the unknowns, the only place that knows it.
 
-    x = (h | q | u | lam | p_B | p_E | v_B | v_E)
+    x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_c | t | q_i)
 
 h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases; u: inputs, one row a step
-(constant) or one row a node of each phase (linear); lam: impulses, one a collision; p_B, p_E: momenta at both ends; v_B, v_E: velocities at
-both ends, only where the problem bounds them.
+(constant), one row a node of each phase (linear), or two rows a step (stages); lam: impulses, one a collision; p_B, p_E: momenta at both
+ends; v_B, v_E: velocities at both ends, only where the problem needs them; v_c: velocities before the collisions; t: times of the
+nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps (order 4).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.problem import Problem
+from dmoc.symbolic.names import velocity_name
 
 Index = NDArray[np.intp]
 
@@ -31,19 +33,24 @@ class Layout:
     nq: int
     nu: int
     steps: tuple[int, ...]
-    linear: bool
+    controls: str
     velocity_at_start: bool
     velocity_at_end: bool
+    timed: bool
+    inside: int
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
+        periodic = any(name in problem.periodic for name in map(velocity_name, problem.kernels.coordinates))
         return cls(
             problem.nq,
             problem.nu,
             problem.phase_steps,
-            problem.controls == "linear",
-            problem.start_bounds.needs_velocity,
-            problem.goal_bounds.needs_velocity,
+            str(problem.controls),
+            problem.start_bounds.needs_velocity or periodic,
+            problem.goal_bounds.needs_velocity or periodic or bool(problem.kernels.manifest["terminal_velocity"]),
+            problem.explicit_time,
+            problem.order // 2 - 1,
         )
 
     @property
@@ -54,6 +61,15 @@ class Layout:
     def total(self) -> int:
         """Number of steps of all phases."""
         return sum(self.steps)
+
+    @property
+    def linear(self) -> bool:
+        return self.controls == "linear"
+
+    @property
+    def input_rows(self) -> int:
+        """Number of rows of u."""
+        return self.total * (2 if self.controls == "stages" else 1) + (self.phases if self.linear else 0)
 
     @cached_property
     def phase_of_step(self) -> Index:
@@ -74,16 +90,18 @@ class Layout:
 
     @property
     def _sizes(self) -> list[int]:
-        rows = self.total + (self.phases if self.linear else 0)
         return [
             self.phases,
             (self.total + 1) * self.nq,
-            rows * self.nu,
+            self.input_rows * self.nu,
             self.phases - 1,
             self.nq,
             self.nq,
             self.nq * self.velocity_at_start,
             self.nq * self.velocity_at_end,
+            (self.phases - 1) * self.nq,
+            (self.total + 1) * self.timed,
+            self.total * self.nq * self.inside,
         ]
 
     @property
@@ -103,8 +121,7 @@ class Layout:
 
     @cached_property
     def index_u(self) -> Index:
-        rows = self.total + (self.phases if self.linear else 0)
-        return self._block(2, rows, self.nu)
+        return self._block(2, self.input_rows, self.nu)
 
     @cached_property
     def index_lam(self) -> Index:
@@ -127,18 +144,40 @@ class Layout:
         return self._block(7, -1)
 
     @cached_property
+    def index_v_c(self) -> Index:
+        return self._block(8, -1, self.nq)
+
+    @cached_property
+    def index_t(self) -> Index:
+        return self._block(9, -1)
+
+    @cached_property
+    def index_q_i(self) -> Index:
+        """Shape (total, inside * nq)."""
+        return self._block(10, self.total, self.inside * self.nq)
+
+    @cached_property
     def row_u_k(self) -> Index:
-        """Row of u at the start of each step."""
-        return np.arange(self.total) + (self.phase_of_step if self.linear else 0)
+        """Row of u at the start of each step, or at its first Gauss point."""
+        steps = np.arange(self.total)
+        return 2 * steps if self.controls == "stages" else steps + (self.phase_of_step if self.linear else 0)
 
     @cached_property
     def row_u_kp1(self) -> Index:
-        """Row of u at the end of each step: the same row for inputs constant in a step."""
-        return self.row_u_k + (1 if self.linear else 0)
+        """Row of u at the end of each step, or at its second Gauss point: the same row for inputs constant in a step."""
+        return self.row_u_k + (0 if self.controls == "constant" else 1)
+
+    @cached_property
+    def step_of_input(self) -> Index:
+        """The last step that each row of u enters."""
+        steps = np.zeros(self.input_rows, dtype=np.intp)
+        steps[self.row_u_kp1] = np.arange(self.total)
+        steps[self.row_u_k] = np.arange(self.total)
+        return steps
 
     @cached_property
     def index_z(self) -> Index:
-        """Local unknowns z = (q_k, q_kp1, u_k, u_kp1, h) of each step, shape (total, 2 nq + 2 nu + 1)."""
+        """Local unknowns z = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of each step; t_k is nowhere (-1) in a model without explicit time."""
         return np.hstack(
             [
                 self.index_q[:-1],
@@ -146,13 +185,28 @@ class Layout:
                 self.index_u[self.row_u_k],
                 self.index_u[self.row_u_kp1],
                 self.index_h[self.phase_of_step][:, None],
+                self.time_columns[:-1],
+                self.index_q_i,
             ]
         )
 
-    def step_inputs(self, x: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return q_k, q_kp1, u_k, u_kp1 and h of every step as arrays of shape (total, size)."""
-        q = x[self.index_q]
-        u_k = x[self.index_u[self.row_u_k]]
-        u_kp1 = x[self.index_u[self.row_u_kp1]] if self.linear else u_k
-        h = x[self.index_h[self.phase_of_step]][:, None]
-        return q[:-1], q[1:], u_k, u_kp1, h
+    @cached_property
+    def time_columns(self) -> Index:
+        """Unknown t of each node, shape (total + 1, 1); nowhere (-1) in a model without explicit time."""
+        return self.index_t[:, None] if self.timed else np.full((self.total + 1, 1), -1)
+
+    def times(self, x: Array) -> Array:
+        """Times of the nodes, shape (total + 1,)."""
+        h = x[self.index_h][self.phase_of_step]
+        return np.concatenate([[0.0], np.cumsum(h)])
+
+    def split(self, z: Index) -> list[Index]:
+        """Split local unknowns into q_k, q_kp1, u_k, u_kp1, h, t_k and q_i."""
+        return np.split(z, np.cumsum([self.nq, self.nq, self.nu, self.nu, 1, 1]), axis=1)
+
+    def step_inputs(self, x: Array) -> list[Array]:
+        """Return q_k, q_kp1, u_k, u_kp1, h, t_k and q_i of every step as arrays of shape (total, size)."""
+        parts = [np.ascontiguousarray(x[at]) for at in self.split(self.index_z)]
+        if not self.timed:
+            parts[5] = np.zeros((self.total, 1))
+        return parts

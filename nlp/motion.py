@@ -30,9 +30,8 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         t = begin + h[i] * np.arange(steps + 1)
         p = np.vstack([p_start[first : first + 1], p_end[first:last]])
         at = np.ascontiguousarray(q[first : last + 1])
-        offset = i if lay.linear else 0
-        inputs = u[first + offset : last + offset + (1 if lay.linear else 0)]
-        phases.append(Phase(t, at, p, _velocities(nlp, at, p), np.ascontiguousarray(inputs)))
+        inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
+        phases.append(Phase(t, at, p, _velocities(nlp, t, at, p), np.ascontiguousarray(inputs)))
         begin = float(t[-1])
         if i < lay.phases - 1:
             collisions.append(
@@ -49,15 +48,18 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
     return Trajectory(
         kernels.name, str(kernels.manifest["fingerprint"]), tuple(kernels.coordinates), tuple(kernels.inputs),
         dict(zip(kernels.parameters, map(float, problem.parameter_values[0]), strict=True)), tuple(phases), tuple(collisions),
-        problem.controls, problem.input_bounds, problem.coordinate_bounds,
+        str(problem.controls), problem.input_bounds, problem.coordinate_bounds,
+        dict(zip(kernels.surfaces, problem.restitution_values.tolist(), strict=True)),
     )  # fmt: skip
 
 
-def _velocities(nlp: Transcription, q: Array, p: Array) -> Array:
-    """v = M(q)^-1 (p - dL/dv(q, 0))."""
-    kernels, rest = nlp.problem.kernels, np.zeros_like(q)
-    offset = kernels.call("legendre", q, rest, nlp.par)[0]
-    mass = kernels.call("dynamics", q, rest, np.zeros((1, nlp.problem.nu)), nlp.par)[0].reshape(len(q), q.shape[1], q.shape[1])
+def _velocities(nlp: Transcription, t: Array, q: Array, p: Array) -> Array:
+    """v = M(q, t)^-1 (p - dL/dv(q, 0, t))."""
+    kernels, rest, at = nlp.problem.kernels, np.zeros_like(q), t[:, None].copy()
+    offset = kernels.call("legendre", q, rest, at, nlp.par)[0]
+    mass = kernels.call("dynamics", q, rest, np.zeros((1, nlp.problem.nu)), at, nlp.par)[0].reshape(
+        len(q), q.shape[1], q.shape[1]
+    )
     return np.ascontiguousarray(np.linalg.solve(mass, (p - offset)[:, :, None])[:, :, 0])
 
 

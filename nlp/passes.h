@@ -11,7 +11,7 @@
 
 typedef void dmoc_kernel(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[]);
 
-enum { DMOC_MOST = 12 }; /* arguments or results of a kernel */
+enum { DMOC_MOST = 16 }; /* arguments or results of a kernel */
 
 typedef struct {
     dmoc_kernel *kernel;

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +15,7 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import ProblemError
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 
-CONTROLS = ("constant", "linear")
+CONTROLS = {2: ("constant", "linear"), 4: ("stages", "constant")}  # by order; the first is the default
 # A start or goal on a surface is admissible; rounding of its coordinates must not make it inadmissible.
 SURFACE_TOLERANCE = 1e-12
 
@@ -48,7 +48,7 @@ class Problem:
     start, goal : mapping
         State at both ends by name: a coordinate ("alpha"), a velocity ("alpha_dot") or a momentum ("p_alpha"); SymPy symbols serve as
         names.  A number fixes a value, a pair bounds it (None for no bound), None leaves it free.  Every position must be given at the
-        start; a velocity that is not given there is zero.  At the goal, what is not given is free.
+        start, unless it is periodic; a velocity that is not given there is zero.  At the goal, what is not given is free.
     sequence : sequence of str
         Surfaces in the order of the collisions; empty for a motion without collisions.
     steps : int or sequence of int
@@ -61,8 +61,14 @@ class Problem:
         Bounds (lower, upper) of inputs and coordinates by name, at all times.
     parameters : mapping, optional
         Parameter values that replace the model's.
-    controls : {"constant", "linear"}, optional
-        Inputs constant in each step, or linear between nodes.
+    controls : {"constant", "linear", "stages"}, optional
+        Inputs constant in each step, linear between nodes, or linear in each step through the values at its two Gauss points.  Kernels of order
+        2 take "constant" (default) or "linear", those of order 4 "stages" (default) or "constant".
+    restitution : number or mapping, optional
+        Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic): 1 is elastic (default), 0 perfectly plastic, the contact
+        released at once.
+    periodic : sequence of str, optional
+        States (coordinates, velocities, momenta by name) that end as they start; one that ``start`` does not give is free there.
     minimal_times : bool, optional
         Bound each phase before a collision from below by the estimated shortest time at full input.
 
@@ -82,7 +88,9 @@ class Problem:
     durations: Sequence[Any] | None = None
     bounds: Mapping[Any, Any] = field(default_factory=dict)
     parameters: Mapping[Any, float] = field(default_factory=dict)
-    controls: str = "constant"
+    controls: str | None = None
+    restitution: Any = 1.0
+    periodic: Sequence[str] = ()
     minimal_times: bool = True
 
     def __post_init__(self) -> None:
@@ -97,12 +105,18 @@ class Problem:
         put(self, "sequence", tuple(self.sequence))
         for surface in self.sequence:
             self._known(surface, self.kernels.surfaces, "surface", "in the sequence")
-        if self.controls not in CONTROLS:
-            raise ProblemError(f"controls = {self.controls!r}: expected one of {', '.join(CONTROLS)}.")
+        known = CONTROLS[self.order]
+        put(self, "controls", known[0] if self.controls is None else self.controls)
+        if self.controls not in known:
+            raise ProblemError(
+                f"controls = {self.controls!r}: expected one of {', '.join(known)} with kernels of order {self.order}."
+            )
+        self._normalise_periodic()
         # The properties below check what they read.
         _ = (
             self.phase_steps,
             self.parameter_values,
+            self.restitution_values,
             self.input_bounds,
             self.coordinate_bounds,
             self.final_time_bounds,
@@ -116,6 +130,13 @@ class Problem:
     def but(self, **changes: Any) -> Problem:
         """Return the same problem with some fields replaced."""
         return replace(self, **changes)
+
+    def unchecked(self, **changes: Any) -> Problem:
+        """Return the same problem with some fields replaced as they are: small changes may leave the admissible set by as little."""
+        other = object.__new__(Problem)
+        for item in fields(self):
+            object.__setattr__(other, item.name, changes.get(item.name, getattr(self, item.name)))
+        return other
 
     # Sizes -----------------------------------------------------------------------------------------------------------
 
@@ -131,6 +152,16 @@ class Problem:
     def phases(self) -> int:
         return len(self.sequence) + 1
 
+    @property
+    def order(self) -> int:
+        """Order of the discretisation, 2 or 4."""
+        return int(self.kernels.manifest["order"])
+
+    @property
+    def explicit_time(self) -> bool:
+        """Whether the model depends explicitly on the time."""
+        return bool(self.kernels.manifest["explicit_time"])
+
     # Values ----------------------------------------------------------------------------------------------------------
 
     @cached_property
@@ -144,6 +175,11 @@ class Problem:
             if given is None:
                 raise ProblemError(f"parameter {name} of model {self.kernels.name!r} has no value: set it ({name}=...).")
         return np.array([list(values.values())], dtype=float)
+
+    @cached_property
+    def restitution_values(self) -> Array:
+        """Coefficient of restitution of each surface, shape (nc,)."""
+        return restitution_row(self.kernels, self.restitution)
 
     @cached_property
     def start_bounds(self) -> Boundary:
@@ -208,6 +244,19 @@ class Problem:
                 )
         return tuple(int(v) for v in values)
 
+    def _normalise_periodic(self) -> None:
+        if isinstance(self.periodic, str):
+            raise ProblemError(f"periodic = {self.periodic!r}: expected a list of states such as [{self.periodic!r}].")
+        object.__setattr__(self, "periodic", tuple(name_of(name) for name in self.periodic))
+        for name in self.periodic:
+            self._known(name, self.states, "state", "in periodic")
+
+    @property
+    def states(self) -> list[str]:
+        """Names of all coordinates, velocities and momenta."""
+        names = self.kernels.coordinates
+        return [*names, *map(velocity_name, names), *map(momentum_name, names)]
+
     def _boxes(self, names: Sequence[str]) -> Array:
         for name in self.bounds:
             self._known(name, [*self.kernels.inputs, *self.kernels.coordinates], "input or coordinate", "in the bounds")
@@ -219,13 +268,13 @@ class Problem:
         velocities = [velocity_name(q) for q in coordinates]
         momenta = [momentum_name(q) for q in coordinates]
         for name in given:
-            self._known(name, [*coordinates, *velocities, *momenta], "state", f"at the {end}")
+            self._known(name, self.states, "state", f"at the {end}")
         free = (None, None)
         position, velocity, momentum = [], [], []
         for q, v, p in zip(coordinates, velocities, momenta, strict=True):
-            if end == "start" and q not in given:
+            if end == "start" and q not in given and q not in self.periodic:
                 raise ProblemError(f"the start of {q} is not given: give a number, a range, or None to leave it free.")
-            rest = 0.0 if end == "start" and v not in given and p not in given else free
+            rest = 0.0 if end == "start" and not {v, p} & {*given, *self.periodic} else free
             position.append(_range(given.get(q, free), f"{end} of {q}"))
             velocity.append(_range(given.get(v, rest), f"{end} of {v}"))
             momentum.append(_range(given.get(p, free), f"{end} of {p}"))
@@ -246,11 +295,14 @@ class Problem:
         velocity = boundary.velocity
         if np.isfinite(boundary.momentum).any() or not (velocity[:, 0] == velocity[:, 1]).all():
             return boundary
+        if self.explicit_time and velocity.any():
+            return boundary
         fixed = bool((boundary.position[:, 0] == boundary.position[:, 1]).all())
         if not fixed and velocity.any():
             return boundary
         at = np.where(np.isfinite(boundary.position), boundary.position, 0.0).mean(axis=1)
-        momentum = self.kernels.call("legendre", at[None], velocity[None, :, 0].copy(), self.parameter_values)[0][0]
+        zero = np.zeros((1, 1))
+        momentum = self.kernels.call("legendre", at[None], velocity[None, :, 0].copy(), zero, self.parameter_values)[0][0]
         if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
             return boundary
         return Boundary(boundary.position, np.full_like(velocity, (-np.inf, np.inf)), np.repeat(momentum[:, None], 2, axis=1))
@@ -258,7 +310,7 @@ class Problem:
     def _check_mass_matrix(self) -> None:
         at = np.where(np.isfinite(self.start_bounds.position), self.start_bounds.position, 0.0).mean(axis=1)
         zero, inputs = np.zeros((1, self.nq)), np.zeros((1, self.nu))
-        mass, force = self.kernels.call("dynamics", at[None], zero, inputs, self.parameter_values)
+        mass, force = self.kernels.call("dynamics", at[None], zero, inputs, np.zeros((1, 1)), self.parameter_values)
         matrix = mass.reshape(self.nq, self.nq)
         values = dict(zip(self.kernels.parameters, self.parameter_values[0], strict=True))
         suspects = [f"{n}={values[n]:g}" for n in self.kernels.manifest["mass_parameters"] if values[n] <= 0]
@@ -275,14 +327,31 @@ class Problem:
         if not self.kernels.surfaces or not fixed.any():
             return
         at = np.where(fixed, boundary.position[:, 0], 0.0)
-        gaps = self.kernels.call("surface", at[None], self.parameter_values)[0][0]
+        gaps = self.kernels.call("surface", at[None], np.zeros((1, 1)), self.parameter_values)[0][0]
         for surface, gap in zip(self.kernels.surfaces, gaps, strict=True):
+            if end == "goal" and surface in self.kernels.manifest["moving_surfaces"]:
+                continue
             involved = self.kernels.manifest["surface_coordinates"][surface]
             if fixed[involved].all() and not gap <= SURFACE_TOLERANCE:
                 state = ", ".join(f"{self.kernels.coordinates[i]}={at[i]:g}" for i in involved)
                 raise ProblemError(
                     f"the {end} ({state}) lies behind surface {surface!r}, {gap:g} outside the admissible set g <= 0: move the {end} or the surface."
                 )
+
+
+def restitution_row(kernels: Kernels, given: Any) -> Array:
+    """Read a coefficient of restitution for all surfaces, or coefficients by surface; return one for each surface, shape (nc,)."""
+    by_surface = dict(given) if isinstance(given, Mapping) else dict.fromkeys(kernels.surfaces, given)
+    if not isinstance(given, Mapping):
+        by_surface = by_surface or {"": given}
+    for surface, value in by_surface.items():
+        what = f"restitution of {surface!r}" if isinstance(given, Mapping) else "restitution"
+        if surface not in ("", *kernels.surfaces):
+            known = f"expected one of {', '.join(kernels.surfaces)}" if kernels.surfaces else "the model has none"
+            raise ProblemError(f"{what}: unknown surface, {known}.")
+        if not 0 <= _finite(value, what) <= 1:
+            raise ProblemError(f"{what} = {value}: expected a number from 0 (plastic) to 1 (elastic).")
+    return np.array([float(by_surface.get(surface, 1.0)) for surface in kernels.surfaces])
 
 
 def _finite(value: Any, what: str) -> float:

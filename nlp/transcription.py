@@ -3,10 +3,14 @@
 Equality constraints (c = 0), node by node along the whole chain of steps::
 
     momentum   r_plus(k-1) + r_minus(k) - lam grad g(q_c) [+ p_B at the start, - p_E at the end] = 0
-    energy     e_plus(last step before) - e_minus(first step after) = 0            at each collision
+    inside     r_i(k) = 0                                                          in each step, at order 4
+    time       t_kp1 - t_k - h = 0                                                 in each step, where the model depends on the time
+    approach   r_plus(last step before) - dL/dv(q_c, v_c) = 0                      at each collision
+    energy     e_plus(last step before) - e_minus(first step after) - W = 0        at each collision; W is what the surface gives
     contact    g(q_c) = 0                                                          at each collision
-    velocity   p_B - dL/dv(q_0, v_B) = 0, p_E - dL/dv(q_N, v_E) = 0                where velocities are bounded
-    time       t_E - value = 0                                                     where the final time is fixed
+    velocity   p_B - dL/dv(q_0, v_B) = 0, p_E - dL/dv(q_N, v_E) = 0                where velocities are needed
+    final time t_E - value = 0                                                     where it is fixed
+    periodic   state at the end - state at the start = 0
 
 Inequality constraints (d >= 0): gaps -g(q_k) at every node, path constraints r_d of every step, bounds of the final time, and
 T_i - T_min of each phase before a collision.
@@ -102,7 +106,8 @@ class Transcription:
     def _timed(self) -> list[int]:
         """Phases with a minimal time: those before a collision, where every input is bounded."""
         bounded = self.problem.nu > 0 and bool(np.isfinite(self.problem.input_bounds).all())
-        return list(range(len(self.surfaces))) if self.minimal_times and bounded else []
+        estimated = self.minimal_times and bounded and self.problem.kernels.has("min_time")
+        return list(range(len(self.surfaces))) if estimated else []
 
     # Bounds ----------------------------------------------------------------------------------------------------------
 
@@ -146,6 +151,8 @@ class Transcription:
             box[p] = boundary.momentum
             if len(v):
                 box[v] = boundary.velocity
+        box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
+        box[lay.index_t[:1]] = 0.0
         for goal in self.goals:
             box[goal.unknown] = (-np.inf, np.inf)
         if self.goals:
@@ -164,6 +171,9 @@ class Transcription:
         contact[nodes, self.surfaces] = 1 + self.equality_rows("contact")
         return Rows(
             momentum=1 + self.equality_rows("momentum").reshape(lay.total + 1, lay.nq),
+            inside=1 + self.equality_rows("inside").reshape(lay.total, lay.inside * lay.nq),
+            time=1 + self.equality_rows("time"),
+            approach=1 + self.equality_rows("approach").reshape(len(nodes), lay.nq),
             energy=1 + self.equality_rows("energy"),
             contact=contact,
             velocity_B=1 + self.equality_rows("start velocity"),
@@ -173,6 +183,20 @@ class Transcription:
         )
 
     @property
+    def _periodic(self) -> list[tuple[int, int]]:
+        """Unknowns of each periodic state at the start and at the end."""
+        lay = self.layout
+        pairs: dict[str, tuple[int, int]] = {}
+        for name, start, end in (
+            (str, lay.index_q[0], lay.index_q[-1]),
+            (momentum_name, lay.index_p_B, lay.index_p_E),
+            (velocity_name, lay.index_v_B, lay.index_v_E),
+        ):
+            names = map(name, self.problem.kernels.coordinates)
+            pairs |= {n: (int(a), int(b)) for n, a, b in zip(names, start, end, strict=False)}
+        return [pairs[n] for n in self.problem.periodic]
+
+    @property
     def _linear_rows(self) -> list[tuple[int, Index, Array, float]]:
         """Rows that are linear in x: row of r, unknowns, factors and constant."""
         lay, (low, high) = self.layout, self.problem.final_time_bounds
@@ -180,6 +204,8 @@ class Transcription:
         rows = [(1 + row, lay.index_h, steps, -low) for row in self.equality_rows("final time")]
         rows += [(1 + self.n_eq + row, lay.index_h, steps, -low) for row in self.inequality_rows("final time >=")]
         rows += [(1 + self.n_eq + row, lay.index_h, -steps, high) for row in self.inequality_rows("final time <=")]
+        pairs = zip(self.equality_rows("periodic"), self._periodic, strict=True)
+        rows += [(1 + row, np.array(ends), np.array([-1.0, 1.0]), 0.0) for row, ends in pairs]
         one = np.ones(1)
         fixed = [g for g in self.goals if g.low == g.high]
         rows += [(1 + row, np.array([g.unknown]), one, -g.low) for row, g in zip(self.equality_rows("goal"), fixed, strict=True)]
@@ -219,7 +245,8 @@ class Transcription:
             (np.zeros(self.hessian_pattern.size), none, _prepared(curvatures, self.hessian_pattern.slots[: len(groups)]))
         )
         return Program(
-            self.problem.kernels, (self.lower, self.upper), self.n_eq, m, self.par[0], passes,
+            self.problem.kernels, (self.lower, self.upper), self.n_eq, m,
+            np.concatenate([self.par[0], self.problem.restitution_values]), passes,
             (self.jacobian_pattern.indptr, self.jacobian_pattern.indices), (self.hessian_pattern.indptr, self.hessian_pattern.indices),
         )  # fmt: skip
 
@@ -298,7 +325,7 @@ class Transcription:
 
     def momenta(self, x: Array) -> tuple[Array, Array]:
         """Return p at the start and at the end of every step, shape (total, nq) each."""
-        r_minus, r_plus, _ = self.problem.kernels.call("step", *self.layout.step_inputs(x), self.par)
+        r_minus, r_plus, _, _ = self.problem.kernels.call("step", *self.layout.step_inputs(x), self.par)
         return -r_minus, r_plus
 
     # Minimal times ---------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 
 from dmoc.report.canvas import new_figure, symbol, write
 from dmoc.report.shapes import Shape, shape_of
-from dmoc.trajectory import Array, Phase, Trajectory
+from dmoc.trajectory import Array, Phase, Trajectory, input_times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,10 +117,10 @@ def _inputs(axes: Axes, trajectory: Trajectory) -> None:
         colour = COLOURS[i % len(COLOURS)]
         for k, phase in enumerate(trajectory.phases):
             label = f"${symbol(name)}$" if k == 0 else None
-            if trajectory.controls == "linear":
-                axes.plot(phase.t, phase.u[:, i], color=colour, label=label)
-            else:
+            if trajectory.controls == "constant":
                 axes.stairs(phase.u[:, i], phase.t, baseline=None, color=colour, label=label, linewidth=1.5)
+            else:
+                axes.plot(input_times(trajectory.controls, phase.t), phase.u[:, i], color=colour, label=label)
         for bound in trajectory.input_bounds[i]:
             if np.isfinite(bound):
                 _bound(axes, bound, values[:, i], colour)

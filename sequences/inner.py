@@ -14,12 +14,12 @@ from dmoc.nlp.guess import initial_guesses, onto_surface
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.transcription import Transcription
+from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.sequences.nodes import Node, Start, Verdict
 from dmoc.solution import Solution
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.ipm import INFEASIBLE
 from dmoc.solvers.outcome import Options
-from dmoc.trajectory import Phase
 
 # Relative difference of two costs that belong to the same minimum.
 SAME = 1e-5
@@ -105,39 +105,20 @@ def _starts(task: Task) -> Iterator[tuple[str, Array]]:
 
 def extended(parent: Solution, problem: Problem) -> Array:
     """Unknowns of a motion with one more collision: the parent's last phase, bent to touch the surface where it comes closest to it."""
-    lay, surface = Layout.of(problem), problem.sequence[-1]
-    phases = list(parent.phases)
-    last = phases[-1]
+    surface = problem.sequence[-1]
+    *earlier, last = pieces_of(parent.trajectory)
+    steps = len(last.t) - 1
     j = problem.kernels.surfaces.index(surface)
-    gaps = problem.kernels.call("surface", last.q, problem.parameter_values)[0][:, j]
-    inner = slice(max(1, last.steps // 10), last.steps - max(1, last.steps // 10) + 1)
+    gaps = problem.kernels.call("surface", last.q, last.t[:, None].copy(), problem.parameter_values)[0][:, j]
+    inner = slice(max(1, steps // 10), steps - max(1, steps // 10) + 1)
     k = int(np.argmax(gaps[inner])) + inner.start
-    bend = onto_surface(problem, last.q[k], surface) - last.q[k]
-    share = np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, 0, last.steps - k + 1)[1:]])
+    bend = onto_surface(problem, last.q[k], surface, float(last.t[k])) - last.q[k]
+    share = np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, 0, steps - k + 1)[1:]])
     q = last.q + share[:, None] * bend
-    pieces = [(p.q, p.u, p.duration) for p in phases[:-1]]
-    pieces += [(q[: k + 1], last.u[:k], last.t[k] - last.t[0]), (q[k:], last.u[k:], last.t[-1] - last.t[k])]
-    x = np.zeros(lay.size)
-    x[lay.index_h] = [duration / n for (_, _, duration), n in zip(pieces, lay.steps, strict=True)]
-    nodes = [_resampled(q, n + 1) for (q, _, _), n in zip(pieces, lay.steps, strict=True)]
-    x[lay.index_q] = np.vstack([*(part[:-1] for part in nodes), nodes[-1][-1:]])
-    rows = [n + 1 if lay.linear else n for n in lay.steps]
-    x[lay.index_u] = np.vstack([_resampled(u, n) for (_, u, _), n in zip(pieces, rows, strict=True)])
-    x[lay.index_lam] = [*(c.impulse for c in parent.collisions), FIRST_IMPULSE]
-    first: Phase = phases[0]
-    x[lay.index_p_B], x[lay.index_p_E] = first.p[0], last.p[-1]
-    for index, v in ((lay.index_v_B, first.v[0]), (lay.index_v_E, last.v[-1])):
-        if len(index):
-            x[index] = v
-    return x
-
-
-def _resampled(values: Array, n: int) -> Array:
-    """n rows, interpolated."""
-    if not values.size:
-        return np.zeros((n, values.shape[1]))
-    at = np.linspace(0, len(values) - 1, n)
-    return np.stack([np.interp(at, np.arange(len(values)), column) for column in values.T], axis=1)
+    rates = [last.v[part] + sign * bend / np.ptp(last.t[part]) for part, sign in ((slice(k + 1), 1), (slice(k, None), -1))]
+    before = replace(last, t=last.t[: k + 1], q=q[: k + 1], v=rates[0])
+    after = replace(last, t=last.t[k:], q=q[k:], v=rates[1])
+    return unknowns_along(problem, [*earlier, before, after], [*(c.impulse for c in parent.collisions), FIRST_IMPULSE])
 
 
 def shaken(problem: Problem, x: Array, rng: np.random.Generator) -> Array:
@@ -196,7 +177,9 @@ def _unsolved(task: Task, tried: list[Start]) -> Node | Solution:
         return found if found.solved else nothing
     if problem.sequence:
         # Only the collisions, and as much time as there is: what happens after them is another matter.
-        there = _least(problem.but(goal={}, final_time=(None, problem.final_time_bounds[1])), task.seconds)
+        start = dict.fromkeys(problem.periodic) | dict(problem.start)
+        latest = (None, problem.final_time_bounds[1])
+        there = _least(problem.but(start=start, goal={}, periodic=(), final_time=latest), task.seconds)
         if there.violation > INFEASIBLE:
             return Node(task.sequence, Verdict.UNREACHABLE if there.least else Verdict.FAILED, evidence=there.sentences)
     return Node(task.sequence, Verdict.INFEASIBLE if whole.least else Verdict.FAILED, evidence=whole.sentences)

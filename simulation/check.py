@@ -2,13 +2,13 @@
 
 Nothing here is shared with the discrete equations of the optimiser: SciPy's DOP853 integrates M q'' = F(q, q', u) with the motion's inputs,
 surfaces are found by root finding on its dense output, and an impact changes the velocities by the law of the continuous theory,
-v+ = v- - 2 (n . v-) / (n . M^-1 n) M^-1 n with n = grad g.
+v+ = v- - (1 + e) (n . v- + dg/dt) / (n . M^-1 n) M^-1 n with n = grad g and the coefficient of restitution e.  After a plastic impact the
+contact holds for as long as the forces push into the surface.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq
 
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.trajectory import Phase, Trajectory
+from dmoc.trajectory import Trajectory
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-12  # far below the discretisation errors that are to be seen
 # What a motion may miss, relative to the ranges of its coordinates and momenta, and still count as confirmed.  An open-loop simulation of an
@@ -26,6 +26,7 @@ PASSING = {"terminal error": 0.25, "segment error": 0.01, "energy error": 0.02}
 SAME_CONTACT = 0.05
 SEGMENTS = 10  # of a phase, for the errors segment by segment
 INSIDE = (0.25, 0.5, 0.75)  # where between nodes penetration is looked for
+RELEASED = 1e-7  # approach speed below which a plastic contact has no impact
 TOUCH = 1e-9  # gap that counts as touching, not crossing
 MOST_CONTACTS = 10_000  # of an open-loop simulation
 
@@ -124,25 +125,21 @@ class _Check:
 
     # Equations of motion ---------------------------------------------------------------------------------------------
 
-    def acceleration(self, q: Array, v: Array, u: Array) -> Array:
-        mass, force = self.kernels.call("dynamics", q, v, u, self.par)
+    def acceleration(self, q: Array, v: Array, u: Array, t: Array) -> Array:
+        mass, force = self.kernels.call("dynamics", q, v, u, t, self.par)
         return np.asarray(np.linalg.solve(mass.reshape(-1, self.nq, self.nq), force[:, :, None])[:, :, 0])
 
-    def ends_of_inputs(self, phase: Phase) -> tuple[Array, Array]:
-        """Inputs at the start and at the end of every step."""
-        return (phase.u[:-1], phase.u[1:]) if self.trajectory.controls == "linear" else (phase.u, phase.u)
-
-    def batch(self, q: Array, v: Array, h: Array, u0: Array, u1: Array) -> tuple[Array, Array, Array, Array]:
-        """Integrate rows of states over one step each; return q, v, the work of the forces, and q inside, shape (len(INSIDE), n, nq)."""
+    def batch(self, q: Array, v: Array, t0: Array, h: Array, u0: Array, u1: Array) -> tuple[Array, Array, Array, Array]:
+        """Integrate rows of states over one step each; return q, v, what changes the energy, and q inside, shape (len(INSIDE), n, nq)."""
         n, nq = q.shape
         span = h[:, None]
 
         def slope(s: float, y: Array) -> Array:
             state = y.reshape(n, 2 * nq + 1)
             at, rate = state[:, :nq].copy(), state[:, nq : 2 * nq].copy()
-            u = (1 - s) * u0 + s * u1
-            power = (self.kernels.call("force", at, rate, u, self.par)[0] * rate).sum(axis=1, keepdims=True)
-            return np.asarray(np.hstack([rate, self.acceleration(at, rate, u), power]) * span).ravel()
+            u, t = (1 - s) * u0 + s * u1, t0[:, None] + s * span
+            power = self.kernels.call("force", at, rate, u, t, self.par)[1]
+            return np.asarray(np.hstack([rate, self.acceleration(at, rate, u, t), power]) * span).ravel()
 
         start = np.hstack([q, v, np.zeros((n, 1))]).ravel()
         done = solve_ivp(slope, (0.0, 1.0), start, "DOP853", t_eval=[*INSIDE, 1.0], rtol=RELATIVE, atol=ABSOLUTE)
@@ -158,24 +155,25 @@ class _Check:
         """Integrate every step from its first node; return end states and work of each phase, and the largest penetration."""
         ends, work, penetration = [], [], 0.0
         for phase in self.trajectory.phases:
-            u0, u1 = self.ends_of_inputs(phase)
-            q, v, w, inside = self.batch(phase.q[:-1], phase.v[:-1], np.diff(phase.t), u0, u1)
+            u0, u1 = self.trajectory.input_ends(phase)
+            q, v, w, inside = self.batch(phase.q[:-1], phase.v[:-1], phase.t[:-1], np.diff(phase.t), u0, u1)
             ends.append((q, v))
             work.append(w)
             if self.kernels.has("surface"):
-                gaps = self.kernels.call("surface", inside.reshape(-1, self.nq), self.par)[0]
+                t = phase.t[:-1] + np.outer(INSIDE, np.diff(phase.t))
+                gaps = self.gaps(inside.reshape(-1, self.nq), t.ravel())
                 penetration = max(penetration, float(gaps.max(initial=0.0)))
         return ends, work, penetration
 
-    def error(self, q: Array, v: Array, q_wanted: Array, p_wanted: Array) -> Array:
+    def error(self, q: Array, v: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
         """Largest relative error of each row's state."""
-        p = self.kernels.call("legendre", q, v, self.par)[0]
+        p = self.kernels.call("legendre", q, v, t[:, None].copy(), self.par)[0]
         parts = np.hstack([np.abs(q - q_wanted) / self.q_scale, np.abs(p - p_wanted) / self.p_scale])
         return np.asarray(np.nan_to_num(parts.max(axis=1), nan=np.inf))
 
     def defects(self, ends: list[tuple[Array, Array]]) -> Array:
         pairs = zip(self.trajectory.phases, ends, strict=True)
-        return np.concatenate([self.error(q, v, phase.q[1:], phase.p[1:]) for phase, (q, v) in pairs])
+        return np.concatenate([self.error(q, v, phase.t[1:], phase.q[1:], phase.p[1:]) for phase, (q, v) in pairs])
 
     def segments(self) -> Array:
         """Errors over segments, all segments of a phase integrated side by side."""
@@ -184,23 +182,31 @@ class _Check:
             cuts = np.unique(np.linspace(0, phase.steps, SEGMENTS + 1).round().astype(int))
             first, last = cuts[:-1], cuts[1:]
             q, v = phase.q[first], phase.v[first]
-            u0, u1 = self.ends_of_inputs(phase)
+            u0, u1 = self.trajectory.input_ends(phase)
             h = np.diff(phase.t)
             for j in range(int((last - first).max())):
                 on = first + j < last
                 k = first[on] + j
-                q[on], v[on], _, _ = self.batch(q[on], v[on], h[k], u0[k], u1[k])
-            errors.append(self.error(q, v, phase.q[last], phase.p[last]))
+                q[on], v[on], _, _ = self.batch(q[on], v[on], phase.t[k], h[k], u0[k], u1[k])
+            errors.append(self.error(q, v, phase.t[last], phase.q[last], phase.p[last]))
         return np.concatenate(errors)
 
     def energy_error(self, work: list[Array]) -> float:
         """Largest imbalance of a phase or jump at a collision, relative to the range of the kinetic energies."""
-        energies = [self.kernels.call("legendre", p.q, p.v, self.par)[1][:, 0] for p in self.trajectory.phases]
-        rest = [self.kernels.call("legendre", p.q, np.zeros_like(p.v), self.par)[1][:, 0] for p in self.trajectory.phases]
+        phases = self.trajectory.phases
+        energies = [self.energy(p.q, p.v, p.t) for p in phases]
+        rest = [self.energy(p.q, np.zeros_like(p.v), p.t) for p in phases]
         scale = max(float(np.abs(e - r).max()) for e, r in zip(energies, rest, strict=True)) or 1.0
         balance = [abs(e[-1] - e[0] - w.sum()) for e, w in zip(energies, work, strict=True)]
-        jumps = [abs(b[0] - a[-1]) for a, b in pairwise(energies)]
+        jumps = []
+        for collision, before, after in zip(self.trajectory.collisions, phases, energies[1:], strict=False):
+            y = np.concatenate([before.q[-1], before.v[-1]])
+            y = self.impact(y, float(before.t[-1]), self.kernels.surfaces.index(collision.surface))
+            jumps.append(abs(after[0] - self.energy(y[None, : self.nq], y[None, self.nq :], before.t[-1:])[0]))
         return float(max([*balance, *jumps])) / scale
+
+    def energy(self, q: Array, v: Array, t: Array) -> Array:
+        return self.kernels.call("legendre", q.copy(), v.copy(), t[:, None].copy(), self.par)[1][:, 0]
 
     # Open loop -------------------------------------------------------------------------------------------------------
 
@@ -210,92 +216,132 @@ class _Check:
         y = np.concatenate([phases[0].q[0], phases[0].v[0]])
         contacts: list[Contact] = []
         for phase in phases:
-            u0, u1 = self.ends_of_inputs(phase)
+            u0, u1 = self.trajectory.input_ends(phase)
             for k in range(phase.steps):
                 try:
                     y = self.step_with_contacts(y, phase.t[k], phase.t[k + 1], u0[k], u1[k], contacts)
                 except FloatingPointError:
                     return np.inf, contacts
         last = phases[-1]
-        return float(self.error(y[None, : self.nq].copy(), y[None, self.nq :].copy(), last.q[-1:], last.p[-1:])[0]), contacts
+        q, v = y[None, : self.nq].copy(), y[None, self.nq :].copy()
+        return float(self.error(q, v, last.t[-1:], last.q[-1:], last.p[-1:])[0]), contacts
 
     def step_with_contacts(self, y: Array, t0: float, t1: float, u0: Array, u1: Array, contacts: list[Contact]) -> Array:
         nq = self.nq
 
-        def slope(t: float, state: Array) -> Array:
+        def slope(t: float, state: Array, held: int | None) -> Array:
             share = (t - t0) / (t1 - t0)
             u = ((1 - share) * u0 + share * u1)[None]
             at, rate = state[None, :nq].copy(), state[None, nq:].copy()
-            return np.concatenate([rate[0], self.acceleration(at, rate, u)[0]])
+            a = self.acceleration(at, rate, u, np.array([[t]]))[0]
+            return np.concatenate([rate[0], a if held is None else self.on_surface(state, a, t, held)[0]])
 
         t = t0
         for _ in range(100):  # impacts within one step
-            solver = DOP853(slope, t, y, t1, rtol=RELATIVE, atol=ABSOLUTE, first_step=t1 - t)
+            held = self.resting(y, t, slope(t, y, None)[nq:])
+            solver = DOP853(
+                lambda s, state, j=held: slope(s, state, j), t, y, t1, rtol=RELATIVE, atol=ABSOLUTE, first_step=t1 - t
+            )
             hit = None
             while solver.status == "running" and hit is None:
                 solver.step()
                 if not np.isfinite(solver.y).all() or solver.status == "failed":
                     raise FloatingPointError
-                hit = self.first_hit(solver)
+                hit = self.first_hit(solver, held)
             if hit is None:
                 return np.asarray(solver.y)
             t, y, surface = hit
             contacts.append(Contact(self.kernels.surfaces[surface], t))
-            y = self.impact(y, surface)
+            y = self.impact(y, t, surface)
             if len(contacts) > MOST_CONTACTS:
                 raise FloatingPointError
             if t1 - t <= 1e-12 * max(1.0, t1):
                 return y
         raise FloatingPointError
 
-    def gaps(self, q: Array) -> Array:
-        return self.kernels.call("surface", np.atleast_2d(q).copy(), self.par)[0]
+    def gaps(self, q: Array, t: Array) -> Array:
+        return self.kernels.call("surface", np.atleast_2d(q).copy(), t[:, None].copy(), self.par)[0]
 
-    def first_hit(self, solver: Any) -> tuple[float, Array, int] | None:
-        """Look for the first crossing within the step that the integrator has just taken."""
+    def slopes(self, q: Array, t: float) -> Array:
+        """Derivatives of the gaps with respect to (q, t), shape (nc, nq + 1)."""
+        found = np.zeros((len(self.kernels.surfaces), self.nq + 1))
+        found[self.kernels.pattern("surface_jac", "g_D_q")] = self.kernels.call(
+            "surface_jac", q[None].copy(), np.array([[t]]), self.par
+        )[0][0]
+        return found
+
+    def resting(self, y: Array, t: float, a: Array) -> int | None:
+        """A plastic surface that the state touches without approaching it, while the acceleration pushes into it."""
         if not self.kernels.has("surface"):
             return None
         nq = self.nq
-        rows, columns = self.kernels.pattern("surface_jac", "g_D_q")
-        slopes = self.kernels.call("surface_jac", solver.y[None, :nq].copy(), self.par)[0][0]
-        reach = np.bincount(rows, weights=np.abs(slopes * solver.y[nq:][columns]), minlength=len(self.kernels.surfaces))
-        if (self.gaps(solver.y[:nq])[0] < -3 * reach * (solver.t - solver.t_old) - 1e-3).all():
+        gaps = self.gaps(y[:nq], np.array([t]))[0]
+        for j, surface in enumerate(self.kernels.surfaces):
+            if self.trajectory.restitution[surface] > 0 or abs(gaps[j]) > TOUCH:
+                continue
+            slope = self.slopes(y[:nq], t)[j]
+            if abs(slope[:nq] @ y[nq:] + slope[nq]) < RELEASED and self.on_surface(y, a, t, j)[1] > 0:
+                return j
+        return None
+
+    def on_surface(self, y: Array, a: Array, t: float, j: int) -> tuple[Array, float]:
+        """The acceleration that keeps the rate of a gap, and the second derivative of the gap without the contact."""
+        nq, q, v, small = self.nq, y[: self.nq], y[self.nq :], 1e-6
+        ahead, behind = (self.slopes(q + s * v, t + s)[j] for s in (small, -small))
+        n = self.slopes(q, t)[j, :nq]
+        turning = (ahead - behind) / (2 * small)
+        second = float(n @ a + turning[:nq] @ v + turning[nq])
+        response = self.response(q, v, t, n)
+        return a - second / (n @ response) * response, second
+
+    def response(self, q: Array, v: Array, t: float, n: Array) -> Array:
+        """M^-1 n."""
+        zero = np.zeros((1, len(self.kernels.inputs)))
+        mass = self.kernels.call("dynamics", q[None].copy(), v[None].copy(), zero, np.array([[t]]), self.par)[0]
+        return np.asarray(np.linalg.solve(mass.reshape(self.nq, self.nq), n))
+
+    def first_hit(self, solver: Any, held: int | None) -> tuple[float, Array, int] | None:
+        """Look for the first crossing within the step that the integrator has just taken; the surface that holds the motion is not crossed."""
+        if not self.kernels.has("surface"):
+            return None
+        nq = self.nq
+        reach = np.abs(self.slopes(solver.y[:nq], solver.t)) @ np.append(np.abs(solver.y[nq:]), 1.0)
+        if (self.gaps(solver.y[:nq], np.array([solver.t]))[0] < -3 * reach * (solver.t - solver.t_old) - 1e-3).all():
             return None
         dense = solver.dense_output()
         times = np.linspace(solver.t_old, solver.t, 9)
-        gaps = self.gaps(np.array([dense(t)[:nq] for t in times]))
+        gaps = self.gaps(np.array([dense(t)[:nq] for t in times]), times)
         first: tuple[float, Array, int] | None = None
         for j in range(gaps.shape[1]):
+            if j == held:
+                continue
             over = np.flatnonzero(gaps[:, j] > TOUCH)
             if not len(over):
                 continue
             k = int(over[0])
             low = times[max(k - 1, 0)]
             if gaps[max(k - 1, 0), j] >= -TOUCH:  # starts on the surface: look for the last moment inside
-                inside = [s for s in np.linspace(low, times[k], 33) if self.gaps(dense(s)[:nq])[0, j] < -TOUCH]
+                inside = [s for s in np.linspace(low, times[k], 33) if self.gaps(dense(s)[:nq], np.array([s]))[0, j] < -TOUCH]
                 if not inside:  # leaves the admissible set at once: the contact is where the step starts
                     return float(solver.t_old), np.asarray(dense(solver.t_old)), j
                 low = inside[-1]
 
             def gap(s: float, j: int = j) -> float:
-                return float(self.gaps(dense(s)[:nq])[0, j])
+                return float(self.gaps(dense(s)[:nq], np.array([s]))[0, j])
 
             at = float(brentq(gap, low, times[k], xtol=1e-14, rtol=1e-14))
             if first is None or at < first[0]:
                 first = at, np.asarray(dense(at)), j
         return first
 
-    def impact(self, y: Array, surface: int) -> Array:
+    def impact(self, y: Array, t: float, surface: int) -> Array:
         nq = self.nq
-        q, v = y[None, :nq].copy(), y[nq:]
-        rows, columns = self.kernels.pattern("surface_jac", "g_D_q")
-        normal = np.zeros(nq)
-        values = self.kernels.call("surface_jac", q, self.par)[0][0]
-        normal[columns[rows == surface]] = values[rows == surface]
-        zero = np.zeros((1, len(self.kernels.inputs)))
-        mass = self.kernels.call("dynamics", q, v[None].copy(), zero, self.par)[0].reshape(nq, nq)
-        response = np.linalg.solve(mass, normal)
-        return np.concatenate([y[:nq], v - 2 * (normal @ v) / (normal @ response) * response])
+        q, v = y[:nq], y[nq:]
+        *normal, moving = self.slopes(q, t)[surface]
+        n = np.array(normal)
+        response = self.response(q, v, t, n)
+        e = self.trajectory.restitution[self.kernels.surfaces[surface]]
+        return np.concatenate([q, v - (1 + e) * (n @ v + moving) / (n @ response) * response])
 
 
 def _scale(ranges: Array) -> Array:

@@ -47,12 +47,13 @@ def simulate(
     steps: int,
     inputs: ArrayLike | None = None,
     parameters: Mapping[str, float] | None = None,
+    restitution: float | Mapping[str, float] = 1.0,
     every: int = 1,
 ) -> Simulation:
-    """Simulate a system through its elastic collisions.
+    """Simulate a system through its collisions.
 
     Each step solves r_minus(q_k, q_{k+1}) + p_k = 0.  A step that crosses a surface is split at the collision: first
-    (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam) from the conservation of energy and of
+    (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam) from the balance of energy and the conservation of
     tangential momentum.  Several collisions in one step are handled one after the other.
 
     Parameters
@@ -67,6 +68,8 @@ def simulate(
         Inputs of each step; zero by default.
     parameters : mapping, optional
         Values that replace the model's.
+    restitution : float or mapping, optional
+        Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic).
     every : int, optional
         Record every so many steps.
 
@@ -89,32 +92,45 @@ def simulate(
     q = _vector(position, kernels.coordinates, "position")
     v = _vector(np.zeros(nq) if velocity is None else velocity, kernels.coordinates, "velocity")
     u = _inputs(inputs, steps, nu)
+    start, e = np.zeros((1, 1)), _restitution(kernels, restitution)
     if kernels.has("surface"):
-        gaps = kernels.call("surface", q[None], par)[0][0]
+        gaps = kernels.call("surface", q[None], start, par)[0][0]
         if (gaps > 1e-12).any():
             worst = int(np.argmax(gaps))
             raise SimulationError(
                 f"position lies behind surface {kernels.surfaces[worst]!r} by {gaps[worst]:g}: move it inside g <= 0."
             )
-    p = kernels.call("legendre", q[None], v[None], par)[0][0]
-    stepper = Stepper(kernels, par)
+    p = kernels.call("legendre", q[None], v[None], start, par)[0][0]
+    stepper = Stepper(kernels, par, e)
     t, positions, momenta = stepper.run(q, p, u, float(step_size), every)
     collisions = tuple(
         Collision(kernels.surfaces[j], time, at, float(lam), before, after)
         for _, time, j, lam, at, before, after in stepper.collisions
     )
-    velocities = velocities_of(kernels, positions, momenta, par)
-    energy = kernels.call("legendre", positions, velocities, par)[1][:, 0]
+    velocities = velocities_of(kernels, t, positions, momenta, par)
+    energy = kernels.call("legendre", positions, velocities, t[:, None].copy(), par)[1][:, 0]
     return Simulation(t, positions, momenta, energy, collisions)
 
 
-def velocities_of(kernels: Kernels, q: Array, p: Array, par: Array) -> Array:
-    """Return v = M(q)^-1 (p - dL/dv(q, 0)) for rows of states, shape (n, nq)."""
+def velocities_of(kernels: Kernels, t: Array, q: Array, p: Array, par: Array) -> Array:
+    """Return v = M(q, t)^-1 (p - dL/dv(q, 0, t)) for rows of states, shape (n, nq)."""
     nq = q.shape[1]
-    rest = np.zeros_like(q)
-    offset = kernels.call("legendre", q, rest, par)[0]
-    mass = kernels.call("dynamics", q, rest, np.zeros((1, len(kernels.inputs))), par)[0].reshape(-1, nq, nq)
+    rest, at = np.zeros_like(q), t[:, None].copy()
+    offset = kernels.call("legendre", q, rest, at, par)[0]
+    mass = kernels.call("dynamics", q, rest, np.zeros((1, len(kernels.inputs))), at, par)[0].reshape(-1, nq, nq)
     return np.ascontiguousarray(np.linalg.solve(mass, (p - offset)[:, :, None])[:, :, 0])
+
+
+def _restitution(kernels: Kernels, given: float | Mapping[str, float]) -> Array:
+    """Coefficients by surface, shape (nc,)."""
+    named = given if isinstance(given, Mapping) else dict.fromkeys(kernels.surfaces, given)
+    for surface, e in named.items():
+        if surface not in kernels.surfaces:
+            known = ", ".join(kernels.surfaces) or "none, the model has no surface"
+            raise SimulationError(f"restitution names {surface!r}: expected one of {known}.")
+        if not isinstance(e, (int, float, np.number)) or not 0 <= e <= 1:
+            raise SimulationError(f"restitution of {surface!r} = {e!r}: expected a number from 0 (plastic) to 1 (elastic).")
+    return np.array([float(named.get(surface, 1.0)) for surface in kernels.surfaces])
 
 
 def _inputs(given: ArrayLike | None, steps: int, nu: int) -> Array:

@@ -4,9 +4,11 @@
 A step of size h is a chain of *legs*.  The first leg starts at a node with momentum p_0, the others start at a collision::
 
     first leg     r_minus(q_0, q_1, s) + p_0 = 0
-    later legs    p_minus + r_minus(q_c, q_1, s) - lam grad g(q_c) = 0,   e_plus(leg before) - e_minus(q_c, q_1, s) = 0
+    later legs    p_minus + r_minus(q_c, q_1, s) - lam grad g(q_c, t_c) = 0
+                  e_plus(leg before) - e_minus(q_c, q_1, s) = W,    W = lam (dg/dt - (1 - e)/2 w)
 
-with unknowns q_1, or q_1 and lam.  A leg that would cross a surface is shortened to the duration s = tau h at which g(q_1) = 0.
+with unknowns q_1, or q_1 and lam, and the nodes inside the leg with their equations r_i = 0 at order 4; w is the rate of the gap before the collision
+and e the coefficient of restitution.  A leg that would cross a surface is shortened to the duration s = tau h at which g(q_1) = 0.
 """
 from cpython.pycapsule cimport PyCapsule_GetPointer
 from libc.math cimport fabs, isfinite, sqrt
@@ -96,21 +98,24 @@ cdef class Stepper:
     ----------
     kernels : Kernels
     par : array of shape (1, npar)
+    restitution : array of shape (nc,)
     """
-    cdef readonly int nq, nu, nc
+    cdef readonly int nq, nu, nc, ni
     cdef readonly list collisions
     cdef object names
     cdef _Call step, step_jac, impact, impact_jac, surface, slope, dynamics, legendre
-    cdef double[:, ::1] q_a, q_b, u, h, r_minus, r_plus, C_d, r_minus_z, r_plus_z, C_d_z, e_plus, e_minus, e_plus_z, e_minus_z
+    cdef double[:, ::1] q_a, q_b, q_i, t, now, r_i, r_i_z, u, h, r_minus, r_plus, C_d, r_minus_z, r_plus_z, C_d_z, e_plus, e_minus, e_plus_z, e_minus_z
     cdef double[:, ::1] q_g, g, g_q, zero, mass, force, p_zero, energy, A
-    cdef ptrdiff_t[::1] r_row, r_col, e_col, g_row, g_col
-    cdef double[::1] b, p, normal, velocity, q_hit
-    cdef double lam, e_before
+    cdef ptrdiff_t[::1] r_row, r_col, i_row, i_col, e_col, g_row, g_col
+    cdef double[::1] b, p, normal, velocity, restitution
+    cdef double lam, e_before, given
     cdef bint after_impact
 
-    def __init__(self, kernels, par):
+    def __init__(self, kernels, par, restitution):
         cdef int nq = len(kernels.coordinates), nu = len(kernels.inputs), nc = len(kernels.surfaces)
-        self.nq, self.nu, self.nc = nq, nu, nc
+        cdef int ni = nq * (kernels.manifest["order"] // 2 - 1)
+        self.nq, self.nu, self.nc, self.ni = nq, nu, nc, ni
+        self.restitution = np.append(restitution, 1.0)
         self.names = kernels.surfaces
         self.collisions = []
 
@@ -122,14 +127,18 @@ cdef class Stepper:
             return np.ascontiguousarray(rows), np.ascontiguousarray(columns)
 
         self.q_a, self.q_b, self.u, self.h = block(nq), block(nq), block(nu), block(1)
-        inputs = tuple(map(np.asarray, (self.q_a, self.q_b, self.u, self.u, self.h))) + (par,)
+        self.t, self.now, self.q_i, self.r_i = block(1), block(1), block(ni), block(ni)
+        inputs = tuple(map(np.asarray, (self.q_a, self.q_b, self.u, self.u, self.h, self.t, self.q_i))) + (par,)
         self.r_minus, self.r_plus, self.C_d = block(nq), block(nq), block(1)
-        self.step = _Call(kernels, "step", inputs, tuple(map(np.asarray, (self.r_minus, self.r_plus, self.C_d))))
+        self.step = _Call(kernels, "step", inputs, tuple(map(np.asarray, (self.r_minus, self.r_plus, self.C_d, self.r_i))))
         self.r_row, self.r_col = stored("step_jac", "r_minus_D_z")
         self.r_minus_z = block(len(self.r_row))
         self.r_plus_z = block(len(stored("step_jac", "r_plus_D_z")[0]))
         self.C_d_z = block(len(stored("step_jac", "C_d_D_z")[0]))
-        self.step_jac = _Call(kernels, "step_jac", inputs, tuple(map(np.asarray, (self.r_minus_z, self.r_plus_z, self.C_d_z))))
+        self.i_row, self.i_col = stored("step_jac", "r_i_D_z")
+        self.r_i_z = block(len(self.i_row))
+        self.step_jac = _Call(kernels, "step_jac", inputs,
+                              tuple(map(np.asarray, (self.r_minus_z, self.r_plus_z, self.C_d_z, self.r_i_z))))
         self.e_plus, self.e_minus = block(1), block(1)
         self.impact = _Call(kernels, "impact", inputs, tuple(map(np.asarray, (self.e_plus, self.e_minus))))
         self.e_col = stored("impact_jac", "e_minus_D_z")[1]
@@ -141,22 +150,23 @@ cdef class Stepper:
             self.g = block(nc)
             self.g_row, self.g_col = stored("surface_jac", "g_D_q")
             self.g_q = block(len(self.g_row))
-            self.surface = _Call(kernels, "surface", (np.asarray(self.q_g), par), (np.asarray(self.g),))
-            self.slope = _Call(kernels, "surface_jac", (np.asarray(self.q_g), par), (np.asarray(self.g_q),))
+            place = (np.asarray(self.q_g), np.asarray(self.now), par)
+            self.surface = _Call(kernels, "surface", place, (np.asarray(self.g),))
+            self.slope = _Call(kernels, "surface_jac", place, (np.asarray(self.g_q),))
         self.mass, self.force = block(nq * nq), block(nq)
-        at = (np.asarray(self.q_g), np.asarray(self.zero), np.asarray(self.u), par)
+        at = (np.asarray(self.q_g), np.asarray(self.zero), np.asarray(self.u), np.asarray(self.now), par)
         self.dynamics = _Call(kernels, "dynamics", at, (np.asarray(self.mass), np.asarray(self.force)))
         self.p_zero, self.energy = block(nq), block(1)
-        self.legendre = _Call(kernels, "legendre", (np.asarray(self.q_g), np.asarray(self.zero), par),
+        self.legendre = _Call(kernels, "legendre", (np.asarray(self.q_g), np.asarray(self.zero), np.asarray(self.now), par),
                               (np.asarray(self.p_zero), np.asarray(self.energy)))
-        self.A = np.zeros((nq + 1, nq + 1))
-        self.b, self.p = np.zeros(nq + 1), np.zeros(nq)
-        self.normal, self.velocity, self.q_hit = np.zeros(nq), np.zeros(nq), np.zeros(nq)
+        self.A = np.zeros((nq + ni + 1, nq + ni + 1))
+        self.b, self.p = np.zeros(nq + ni + 1), np.zeros(nq)
+        self.normal, self.velocity = np.zeros(nq + 1), np.zeros(nq)
 
     # One leg ---------------------------------------------------------------------------------------------------------
 
     cdef int find_velocity(self, double[::1] p) except -1:
-        """velocity = M(q_g)^-1 (p - dL/dv(q_g, 0))."""
+        """velocity = M^-1 (p - dL/dv(q_g, 0)), at the time ``now``."""
         cdef int i, j, n = self.nq
         self.dynamics.run()
         self.legendre.run()
@@ -170,13 +180,22 @@ cdef class Stepper:
             self.velocity[i] = self.b[i]
         return 0
 
+    cdef int column(self, ptrdiff_t z) noexcept:
+        """Position among the unknowns (q_b, q_i) of a leg of a position in z = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i); -1 for none."""
+        cdef ptrdiff_t n = self.nq, inside = 2 * (self.nq + self.nu) + 2
+        if n <= z < 2 * n:
+            return <int>(z - n)
+        return <int>(n + z - inside) if z >= inside else -1
+
     cdef int leg(self, double s) except -1:
-        """Solve for q_b (and lam after an impact) at the end of a leg of duration s; 0 if Newton's method fails."""
-        cdef int i, k, it, n = self.nq, size = self.nq + (1 if self.after_impact else 0)
+        """Solve for q_b and q_i (and lam after an impact) at the end of a leg of duration s; 0 if Newton's method fails."""
+        cdef int i, j, k, it, n = self.nq, m = self.nq + self.ni, size = self.nq + self.ni + (1 if self.after_impact else 0)
         cdef double change, scale, previous = 1e300
         self.h[0, 0] = s
         for i in range(n):
             self.q_b[0, i] = self.q_a[0, i] + s * self.velocity[i]
+        for i in range(self.ni):
+            self.q_i[0, i] = self.q_a[0, i] + 0.5 * s * self.velocity[i]
         for it in range(NEWTON_LIMIT):
             self.step.run()
             self.step_jac.run()
@@ -185,19 +204,28 @@ cdef class Stepper:
                     self.A[i, k] = 0.0
             for i in range(n):
                 self.b[i] = self.p[i] + self.r_minus[0, i]
+            for i in range(self.ni):
+                self.b[n + i] = self.r_i[0, i]
             for k in range(self.r_row.shape[0]):
-                if n <= self.r_col[k] < 2 * n:
-                    self.A[self.r_row[k], self.r_col[k] - n] = self.r_minus_z[0, k]
+                j = self.column(self.r_col[k])
+                if j >= 0:
+                    self.A[self.r_row[k], j] = self.r_minus_z[0, k]
+            for k in range(self.i_row.shape[0]):
+                j = self.column(self.i_col[k])
+                if j >= 0:
+                    self.A[n + self.i_row[k], j] = self.r_i_z[0, k]
             if self.after_impact:
                 self.impact.run()
                 self.impact_jac.run()
                 for i in range(n):
                     self.b[i] -= self.lam * self.normal[i]
-                    self.A[i, n] = -self.normal[i]
-                self.b[n] = self.e_before - self.e_minus[0, 0]
+                    self.A[i, m] = -self.normal[i]
+                self.b[m] = self.e_before - self.e_minus[0, 0] - self.lam * self.given
+                self.A[m, m] = -self.given
                 for k in range(self.e_col.shape[0]):
-                    if n <= self.e_col[k] < 2 * n:
-                        self.A[n, self.e_col[k] - n] = -self.e_minus_z[0, k]
+                    j = self.column(self.e_col[k])
+                    if j >= 0:
+                        self.A[m, j] = -self.e_minus_z[0, k]
             if not _solve(self.A, self.b, size):
                 return 0
             change, scale = 0.0, 0.0
@@ -205,8 +233,11 @@ cdef class Stepper:
                 self.q_b[0, i] -= self.b[i]
                 change = max(change, fabs(self.b[i]))
                 scale = max(scale, fabs(self.q_b[0, i]), fabs(self.q_b[0, i] - self.q_a[0, i]))
+            for i in range(self.ni):
+                self.q_i[0, i] -= self.b[n + i]
+                change = max(change, fabs(self.b[n + i]))
             if self.after_impact:
-                self.lam -= self.b[n]
+                self.lam -= self.b[m]
             if not isfinite(change):
                 return 0
             if change <= TOLERANCE * scale or (change >= 0.5 * previous and change <= 1e4 * TOLERANCE * max(scale, 1e-3)):
@@ -216,53 +247,61 @@ cdef class Stepper:
             previous = change
         return 0
 
-    cdef double gap(self, double[:, ::1] q, int j) except? -1e300:
+    # Along the leg that was just solved: the place at the share x, and what surfaces say there.
+
+    cdef int place(self, double x) except -1:
+        """q_g and now at the share x of the leg."""
         cdef int i
+        cdef double a = 1 - x, b = x, c = 0.0
+        if self.ni:  # the polynomial through the node inside
+            a, b, c = (1 - x) * (1 - 2 * x), x * (2 * x - 1), 4 * x * (1 - x)
         for i in range(self.nq):
-            self.q_g[0, i] = q[0, i]
+            self.q_g[0, i] = a * self.q_a[0, i] + b * self.q_b[0, i] + (c * self.q_i[0, i] if self.ni else 0.0)
+        self.now[0, 0] = self.t[0, 0] + x * self.h[0, 0]
+        return 0
+
+    cdef double gap(self, double x, int j) except? -1e300:
+        """g_j at the share x."""
+        self.place(x)
         self.surface.run()
         return self.g[0, j]
 
-    cdef double rate(self, double[:, ::1] q, int j) except? -1e300:
-        """grad g_j(q) . (q_b - q_a)."""
-        cdef int i, k
-        cdef double value = 0.0
-        for i in range(self.nq):
-            self.q_g[0, i] = q[0, i]
+    cdef double rate(self, double x, int j) except? -1e300:
+        """Derivative of g_j with respect to the share x."""
+        cdef int k, i
+        cdef double value = 0.0, change, a = -1.0, b = 1.0, c = 0.0
+        if self.ni:
+            a, b, c = 4 * x - 3, 4 * x - 1, 4 - 8 * x
+        self.place(x)
         self.slope.run()
         for k in range(self.g_row.shape[0]):
             if self.g_row[k] == j:
-                value += self.g_q[0, k] * (self.q_b[0, self.g_col[k]] - self.q_a[0, self.g_col[k]])
+                i = self.g_col[k]
+                if i == self.nq:
+                    change = self.h[0, 0]
+                else:
+                    change = a * self.q_a[0, i] + b * self.q_b[0, i] + (c * self.q_i[0, i] if self.ni else 0.0)
+                value += self.g_q[0, k] * change
         return value
-
-    cdef double chord_gap(self, double x, int j) except? -1e300:
-        """g_j at the share x of the chord from q_a to q_b."""
-        cdef int i
-        for i in range(self.nq):
-            self.q_g[0, i] = self.q_a[0, i] + x * (self.q_b[0, i] - self.q_a[0, i])
-        self.surface.run()
-        return self.g[0, j]
 
     cdef double crossing(self, int j) except? -1.0:
         """Share of the leg at which surface j is certainly crossed; 0 if it is not."""
         cdef double low, high, middle, x
         cdef int i
-        if self.gap(self.q_b, j) > GAP_TOLERANCE:
+        if self.gap(1.0, j) > GAP_TOLERANCE:
             return 1.0
         for x in (0.25, 0.5, 0.75):
-            if self.chord_gap(x, j) > GAP_TOLERANCE:
+            if self.gap(x, j) > GAP_TOLERANCE:
                 return x
-        if self.rate(self.q_a, j) > 0 and self.rate(self.q_b, j) < 0:  # in and out again: look at the summit
+        if self.rate(0.0, j) > 0 and self.rate(1.0, j) < 0:  # in and out again: look at the summit
             low, high = 0.0, 1.0
             for i in range(50):
                 middle = 0.5 * (low + high)
-                for k in range(self.nq):
-                    self.q_hit[k] = self.q_a[0, k] + middle * (self.q_b[0, k] - self.q_a[0, k])
-                if self.rate(np.asarray(self.q_hit)[None], j) > 0:
+                if self.rate(middle, j) > 0:
                     low = middle
                 else:
                     high = middle
-            if self.chord_gap(low, j) > GAP_TOLERANCE:
+            if self.gap(low, j) > GAP_TOLERANCE:
                 return low
         return 0.0
 
@@ -273,13 +312,13 @@ cdef class Stepper:
         high = s_high
         if not self.leg(high):
             raise SimulationError(f"the collision step at t = {t:.6g} s has no solution: reduce the step size.")
-        g_high = self.gap(self.q_b, j)
+        g_high = self.gap(1.0, j)
         g_low = 1.0
         for k in range(60):  # a start inside: shorter and shorter legs, because a leg may start on this surface
             low *= 0.5
             if not self.leg(low):
                 break
-            g_low = self.gap(self.q_b, j)
+            g_low = self.gap(1.0, j)
             if g_low <= 0 or (g_high <= 0 and g_low < g_high):
                 break
             if g_low < g_high and g_low > 0:
@@ -299,7 +338,7 @@ cdef class Stepper:
                 break
             if not self.leg(s):
                 raise SimulationError(f"the collision step at t = {t:.6g} s has no solution: reduce the step size.")
-            g = self.gap(self.q_b, j)
+            g = self.gap(1.0, j)
             if g == 0.0:
                 return s
             if g > 0:
@@ -321,14 +360,15 @@ cdef class Stepper:
         cdef int i, j, hits = 0, found
         cdef double rest = h, x, s, first
         self.after_impact = False
+        self.t[0, 0] = t
         found = self.contact_at_start(h)
         if found >= 0:  # the step before ended on the surface
             hits = 1
             self.start_collision(found, t, number)
         while True:
-            for i in range(self.nq):
-                self.q_g[0, i] = self.q_a[0, i]
+            self.t[0, 0] = t
             if not self.after_impact:
+                self.at_start()
                 self.find_velocity(self.p)
             if self.after_impact and rest <= SHORTEST_LEG * h:
                 self.finish_at_impact(rest)
@@ -358,46 +398,56 @@ cdef class Stepper:
                     f"more than {MOST_HITS} collisions within the step at t = {t:.6g} s (Zeno): reduce the step size or stop before it."
                 )
             self.leg(first)
+            self.place(1.0)
             if self.after_impact:
                 self.finish_collision()
             t += first
             rest -= first
             self.start_collision(found, t, number)
 
-    cdef int contact_at_start(self, double h) except -2:
-        """Index of a surface that the motion from (q_a, p) meets in less than the shortest leg; -1 if there is none."""
-        cdef int i, j, k
-        cdef double gap, rate
+    cdef int at_start(self) except -1:
+        """q_g and now at the start of the leg to come."""
+        cdef int i
         for i in range(self.nq):
             self.q_g[0, i] = self.q_a[0, i]
+        self.now[0, 0] = self.t[0, 0]
+        return 0
+
+    cdef int contact_at_start(self, double h) except -2:
+        """Index of a surface that the motion from (q_a, p) meets in less than the shortest leg; -1 if there is none."""
+        cdef int j, k
+        cdef double rate
+        self.at_start()
         self.find_velocity(self.p)
         for j in range(self.nc):
-            gap = self.gap(self.q_a, j)
+            self.surface.run()
             self.slope.run()
             rate = 0.0
             for k in range(self.g_row.shape[0]):
                 if self.g_row[k] == j:
-                    rate += self.g_q[0, k] * self.velocity[self.g_col[k]]
-            if rate > 0 and gap > -SHORTEST_LEG * h * rate:
+                    rate += self.g_q[0, k] * (1.0 if self.g_col[k] == self.nq else self.velocity[self.g_col[k]])
+            if rate > 0 and self.g[0, j] > -SHORTEST_LEG * h * rate:
                 return j
         return -1
 
     cdef int start_collision(self, int j, double t, long number) except -1:
         """Begin a leg at the collision reached by the leg that was just solved."""
         cdef int i, k, n = self.nq
-        cdef double approach = 0.0, inertia = 0.0
+        cdef double approach = 0.0, inertia = 0.0, e = self.restitution[j]
         self.e_before = self.e_plus[0, 0]
         for i in range(n):
             self.p[i] = self.r_plus[0, i]
             self.q_a[0, i] = self.q_b[0, i]
             self.q_g[0, i] = self.q_b[0, i]
-            self.normal[i] = 0.0
+        self.now[0, 0] = t
+        self.normal[:] = 0.0  # gradient and derivative with respect to the time
         self.slope.run()
         for k in range(self.g_row.shape[0]):
             if self.g_row[k] == j:
                 self.normal[self.g_col[k]] = self.g_q[0, k]
         # First guess: the impact law of the continuous theory.
         self.find_velocity(self.p)
+        approach = self.normal[n]
         for i in range(n):
             approach += self.normal[i] * self.velocity[i]
             self.b[i] = self.normal[i]
@@ -406,12 +456,13 @@ cdef class Stepper:
         _solve(self.A, self.b, n)
         for i in range(n):
             inertia += self.normal[i] * self.b[i]
-        self.lam = 2 * max(approach, 0.0) / inertia
+        self.lam = (1 + e) * max(approach, 0.0) / inertia
+        self.given = self.normal[n] - (1 - e) / 2 * approach
         for i in range(n):
             self.velocity[i] -= self.lam * self.b[i]
         self.after_impact = True
         self.collisions.append(
-            [number, t, j, self.lam, np.array(self.q_a[0]), np.array(self.p), np.array(self.p) - self.lam * np.array(self.normal)]
+            [number, t, j, self.lam, np.array(self.q_a[0]), np.array(self.p), np.array(self.p) - self.lam * np.array(self.normal[:n])]
         )
         return 0
 
@@ -419,7 +470,7 @@ cdef class Stepper:
         """Record the impulse of the collision that started the leg which was just solved."""
         record = self.collisions[len(self.collisions) - 1]
         record[3] = self.lam
-        record[6] = record[5] - self.lam * np.array(self.normal)
+        record[6] = record[5] - self.lam * np.array(self.normal[: self.nq])
         return 0
 
     cdef int finish_at_impact(self, double rest) except -1:
@@ -446,6 +497,7 @@ cdef class Stepper:
             self.q_b[0, i] = q0[i]
             self.q_g[0, i] = q0[i]
             self.r_plus[0, i] = p0[i]
+        self.now[0, 0] = 0.0
         self.find_velocity(self.p)
         for i in range(self.nq):
             self.zero[0, i] = self.velocity[i]

@@ -1,10 +1,11 @@
 """The condensed form: coordinates inside segments are eliminated by solving the discrete equations of motion.
 
-The chain of steps is cut into segments.  Within a segment the momentum equation of node k determines q_{k+1}, so the eliminated
-coordinates X follow from the remaining unknowns Y by a Newton iteration on a banded matrix, and derivatives with respect to Y come
-from adjoint solves with the same factors.  What stays as an unknown is Y = (h, u, lam, boundary values, and the two nodes that start each segment);
-what stays as a constraint is everything that the elimination did not use.  One segment a phase is single shooting; more make the program less
-nonlinear, so that the driver needs fewer iterations, each of which costs more.
+The chain of steps is cut into segments.  Within a segment the momentum equation of node k determines q_{k+1}, and the equations of step k
+the node inside it and the time of its end, where there are such unknowns.  The eliminated unknowns X follow from the remaining ones Y by a
+Newton iteration on a banded matrix, and derivatives with respect to Y come from adjoint solves with the same factors.  What stays as an
+unknown is Y = (h, u, lam, boundary values, and the two nodes that start each segment); what stays as a constraint is everything that the
+elimination did not use.  One segment a phase is single shooting; more make the program less nonlinear, so that the driver needs fewer
+iterations, each of which costs more.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.layout import Index, Layout
+from dmoc.nlp.layout import Index
 from dmoc.nlp.transcription import Matrix, Transcription
 
 # Residual of the eliminated equations relative to the momenta: a few roundings.
@@ -37,9 +38,9 @@ class Partition:
     kept_rows: Index
 
 
-def partition(layout: Layout, n: int, n_eq: int, lower: Array, upper: Array, segments: int) -> Partition:
+def partition(nlp: Transcription, segments: int) -> Partition:
     """Cut every phase into at most ``segments`` segments; segments = 0 eliminates nothing."""
-    nq = layout.nq
+    layout, rows_of = nlp.layout, nlp.rows
     eliminated, used = [], []
     for first, last in pairwise(layout.ends):
         pieces = min(segments, max(1, (last - first) // SHORTEST_SEGMENT))
@@ -50,12 +51,20 @@ def partition(layout: Layout, n: int, n_eq: int, lower: Array, upper: Array, seg
             used.append(np.arange(start, b - 1))
     nodes = np.concatenate([*eliminated, np.zeros(0, dtype=int)]).astype(np.intp)
     rows = np.concatenate([*used, np.zeros(0, dtype=int)]).astype(np.intp)
-    gone = layout.index_q[nodes].ravel()
-    used_rows = (rows[:, None] * nq + np.arange(nq)).ravel()  # momentum equations come first in c
-    free = np.ones(n, dtype=bool)
+    # Step by step, so that the matrix is banded: the node inside step k, node k + 1 and its time.
+    gone = np.hstack(
+        [layout.index_q_i[rows], layout.index_q[nodes], *([layout.index_t[nodes][:, None]] if layout.timed else [])]
+    ).ravel()
+    used_rows = (
+        np.hstack(
+            [rows_of.inside[rows], rows_of.momentum[rows], *([rows_of.time[rows][:, None]] if layout.timed else [])]
+        ).ravel()
+        - 1
+    )
+    free = np.ones(nlp.n, dtype=bool)
     free[gone] = False
-    free[lower == upper] = False
-    rest = np.ones(n_eq, dtype=bool)
+    free[nlp.lower == nlp.upper] = False
+    rest = np.ones(nlp.n_eq, dtype=bool)
     rest[used_rows] = False
     return Partition(gone, used_rows, np.flatnonzero(free), np.flatnonzero(rest))
 
@@ -107,8 +116,10 @@ class Elimination:
         self._K_Y = _Submatrix(equality, parts.kept_rows, parts.kept)
         self._D_X = _Submatrix(inequality, rows, parts.eliminated)
         self._D_Y = _Submatrix(inequality, rows, parts.kept)
-        nq = nlp.layout.nq
-        self._kl, self._ku = 3 * nq - 1, nq - 1
+        offset = self._E_X.row - self._E_X.column
+        self._kl, self._ku = int(offset.max(initial=0)), int(-offset.min(initial=0))
+        self._place = np.full(nlp.n, -1)
+        self._place[parts.eliminated] = np.arange(len(parts.eliminated))
         self._band = (self._kl + self._ku + self._E_X.row - self._E_X.column, self._E_X.column)
 
     @property
@@ -162,7 +173,7 @@ class Elimination:
         if factors is None:
             return None
         picked = np.zeros((len(columns), self.size))
-        picked[np.arange(len(columns)), np.searchsorted(parts.eliminated, columns)] = 1.0
+        picked[np.arange(len(columns)), self._place[columns]] = 1.0
         right = np.vstack([cost[parts.eliminated][None], self._K_X.dense(equality), self._D_X.dense(inequality, rows), picked])
         adjoint = factors.solve(right.T, transposed=True)
         change = -self._E_Y_T.times(equality, adjoint).T

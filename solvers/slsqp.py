@@ -69,7 +69,7 @@ class Driver:
 
     def __init__(self, nlp: Transcription, x: Array, segments: int) -> None:
         self.nlp = nlp
-        self.parts = partition(nlp.layout, nlp.n, nlp.n_eq, nlp.lower, nlp.upper, segments)
+        self.parts = partition(nlp, segments)
         self.elimination = Elimination(nlp, self.parts, x)
         self.is_eliminated = np.isin(np.arange(nlp.n), self.parts.eliminated)
         self.free = np.flatnonzero(nlp.lower != nlp.upper)
@@ -106,8 +106,8 @@ class Driver:
         scale[lay.index_h] = x[lay.index_h] / 10
         scale[lay.index_lam] = np.maximum(np.abs(x[lay.index_lam]), 1.0) / 3
         if lay.nu:
-            q_k, _, u, _, h = lay.step_inputs(x)
-            curvature = nlp.problem.kernels.call("running_cost", q_k, np.zeros_like(q_k), u, nlp.par)[1]
+            q_k, _, u, _, h, t_k, _ = lay.step_inputs(x)
+            curvature = nlp.problem.kernels.call("running_cost", q_k, np.zeros_like(q_k), u, t_k, nlp.par)[1]
             box = nlp.problem.input_bounds
             width = np.where(np.isfinite(box[:, 1] - box[:, 0]), box[:, 1] - box[:, 0], 1.0) / 4
             with np.errstate(divide="ignore"):

@@ -14,6 +14,7 @@ import symengine as se
 import sympy as sp
 from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import Boolean
+from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.errors import GenerationError
 from dmoc.symbolic.names import name_of, velocity_name
@@ -23,20 +24,24 @@ from dmoc.symbolic.system import MechanicalSystem
 
 @dataclass(frozen=True)
 class Continuous:
-    """A system in bare symbols: q, v = q', u, parameters; L, Q, C, g_j, r_j."""
+    """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi, g_j, r_j."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
     u: tuple[Any, ...]
+    t: Any
     par: tuple[Any, ...]
     L: Any
     Q: tuple[Any, ...]
     C: Any
+    Phi: Any
     g: tuple[Any, ...]
     r: tuple[Any, ...]
 
     @classmethod
-    def of(cls, system: MechanicalSystem, q: Sequence[Any], v: Sequence[Any], u: Sequence[Any], par: Sequence[Any]) -> Continuous:
+    def of(
+        cls, system: MechanicalSystem, q: Sequence[Any], v: Sequence[Any], u: Sequence[Any], t: Any, par: Sequence[Any]
+    ) -> Continuous:
         """Rewrite the functions of ``system`` in the given SymPy symbols."""
         table = dict(zip(system.velocities, v, strict=True))
         table |= dict(zip(system.coordinates, q, strict=True))
@@ -44,17 +49,20 @@ class Continuous:
         table |= dict(zip(system.parameters, par, strict=True))
 
         def rewrite(expression: Any) -> Any:
-            # Derivatives first: they contain the coordinates.
-            return expression.xreplace({k: s for k, s in table.items() if isinstance(k, sp.Derivative)}).xreplace(table)
+            # Derivatives first: they contain the coordinates; the time last, because the coordinates contain it.
+            velocities = {k: s for k, s in table.items() if isinstance(k, sp.Derivative)}
+            return expression.xreplace(velocities).xreplace(table).xreplace({dynamicsymbols._t: t})
 
         return cls(
             tuple(q),
             tuple(v),
             tuple(u),
+            t,
             tuple(par),
             rewrite(system.lagrangian),
             tuple(rewrite(e) for e in system.force_vector),
             rewrite(system.cost),
+            rewrite(system.terminal_cost),
             tuple(rewrite(e) for e in system.gaps.values()),
             tuple(rewrite(e) for e in system.path_functions.values()),
         )
@@ -69,7 +77,8 @@ class Continuous:
             return tuple(convert(value) for value in values)
 
         return Continuous(
-            each(self.q), each(self.v), each(self.u), each(self.par), convert(self.L), each(self.Q), convert(self.C), each(self.g), each(self.r)
+            each(self.q), each(self.v), each(self.u), convert(self.t), each(self.par), convert(self.L), each(self.Q), convert(self.C),
+            convert(self.Phi), each(self.g), each(self.r),
         )  # fmt: skip
 
 
@@ -81,6 +90,7 @@ def readable(system: MechanicalSystem) -> Continuous:
         sp.symbols(names, real=True),
         sp.symbols([velocity_name(n) for n in names], real=True),
         sp.symbols([name_of(u) for u in system.inputs], real=True),
+        sp.Symbol("t", real=True),
         list(system.parameters),
     )
 
@@ -135,11 +145,28 @@ def energy(f: Continuous) -> Any:
 
 
 def right_hand_side(f: Continuous) -> list[Any]:
-    """F in M q'' = F: dL/dq - (d2L/dv dq) v + Q(q, v, u)."""
+    """F in M q'' = F: dL/dq - (d2L/dv dq) v - d2L/dv dt + Q(q, v, u, t)."""
     return [
-        lq - dot(gradient(pi, f.q), f.v) + qi
+        lq - dot(gradient(pi, f.q), f.v) - pi.diff(f.t) + qi
         for lq, pi, qi in zip(gradient(f.L, f.q), momenta(f), f.Q, strict=True)
     ]  # fmt: skip
+
+
+def gap_rates(f: Continuous) -> list[Any]:
+    """dg/dt along the motion: grad g . v + the partial derivative with respect to t."""
+    return [dot(gradient(g, f.q), f.v) + g.diff(f.t) for g in f.g]
+
+
+def given_energy(f: Continuous, lam: Sequence[Any], e: Sequence[Any]) -> Any:
+    """Energy that the surfaces give in a collision: lam (dg/dt at fixed q - (1 - e)/2 w), with w the rate of the gap before it.
+
+    Newton's law w+ = -e w and lam = m_n (w - w+) make this the loss m_n (1 - e^2) w^2 / 2 plus the work of a moving wall; written with the
+    impulse it has a simple root for every e, also for e = 0.
+    """
+    terms = [
+        s * (g.diff(f.t) - (1 - c) * w / 2) for s, c, g, w in zip(lam, e, f.g, gap_rates(f), strict=True)
+    ]  # fmt: skip
+    return sum(terms[1:], start=terms[0])
 
 
 def input_matrix(f: Continuous) -> list[list[Any]]:

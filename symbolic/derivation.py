@@ -12,6 +12,7 @@ from dmoc.symbolic.continuous import (
     Continuous,
     dot,
     energy,
+    given_energy,
     gradient,
     input_matrix,
     mass_matrix,
@@ -157,18 +158,18 @@ def _text(equation: Equation) -> str:
     )
 
 
-def derive(system: MechanicalSystem) -> Derivation:
-    """Derive a system from its Lagrangian to the derivatives of its discrete equations.
+def derive(system: MechanicalSystem, order: int = 2) -> Derivation:
+    """Derive a system from its Lagrangian to the derivatives of its discrete equations, in the discretisation of the given order.
 
     The result prints as text, gives a LaTeX document by ``latex()``, and displays itself in notebooks.
     """
     f = readable(system)
-    element = _readable_element(system)
+    element = _readable_element(system, order)
     sections = [
         *_continuous_sections(system, f),
         *_discrete_sections(system, element),
-        *_collision_sections(system, f),
-        *_cost_sections(system, element),
+        *_collision_sections(system, f, element),
+        *_cost_sections(system, f, element),
         *_feasibility_section(system, f),
         *_derivative_sections(element),
     ]
@@ -193,7 +194,10 @@ def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Se
     names = [str(q) for q in f.q]
     tex = [latex_symbol(str(q)) for q in f.q]
     accelerations = [sp.Symbol(f"{n}_ddot") for n in names]
-    yield Section("Lagrangian", "L(q, q') with the coordinates q = (" + ", ".join(names) + ").", (Equation("L", "L", f.L),))
+    time = ", t" if f.L.has(f.t) else ""
+    yield Section(
+        "Lagrangian", f"L(q, q'{time}) with the coordinates q = (" + ", ".join(names) + ").", (Equation("L", "L", f.L),)
+    )
     yield Section("Momenta", "p = dL/dq'.", tuple(_each("p", names, tex, momenta(f))))
     yield Section("Mass matrix", "M = d2L/dq'2.", (Equation("M", "M", sp.Matrix(mass_matrix(f))),))
     yield Section("Energy", "E = p . q' - L.", (Equation("E", "E", sp.expand(energy(f))),))
@@ -204,7 +208,8 @@ def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Se
     yield Section("Virtual work and generalised forces", "delta W = Q . delta q.", tuple(forces))
     left = sp.Matrix(mass_matrix(f)) * sp.Matrix(accelerations)
     motion = [Equation(sp.sstr(a), _latex(a), b) for a, b in zip(left, right_hand_side(f), strict=True)]
-    yield Section("Equations of motion", "M q'' = dL/dq - (d2L/dq'dq) q' + Q.", tuple(motion))
+    partial = " - d2L/dq'dt" if time else ""
+    yield Section("Equations of motion", f"M q'' = dL/dq - (d2L/dq'dq) q'{partial} + Q.", tuple(motion))
     if f.g:
         equations = []
         for name, g in zip(system.surfaces, f.g, strict=True):
@@ -212,39 +217,51 @@ def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Se
             equations.append(
                 Equation(f"grad g_{name}", f"\\nabla g_{{\\mathrm{{{_escape(name)}}}}}", sp.Matrix([gradient(g, f.q)]))
             )
-        yield Section("Unilateral constraints", "g(q) <= 0; the gradient points out of the admissible set.", tuple(equations))
+            if g.has(f.t):
+                equations.append(Equation(f"dg_{name}/dt", f"\\partial_t g_{{\\mathrm{{{_escape(name)}}}}}", g.diff(f.t)))
+        yield Section("Unilateral constraints", "g <= 0; the gradient points out of the admissible set.", tuple(equations))
 
 
 def _discrete_sections(system: MechanicalSystem, e: StepElement) -> Iterable[Section]:
     n = len(e.q_k)
     names = [name_of(q) for q in system.coordinates]
     tex = [latex_symbol(x) for x in names]
+    middle = len(e.points) == 1
+    place = "Midpoint" if middle else "Quadrature points"
+    text = "Coordinates and velocities of the midpoint rule" if middle else (
+        "Coordinates and velocities at the two Gauss points of the polynomial through the nodes k (start), i (middle) and k+1 (end)"
+    )  # fmt: skip
+    used = {s for p in e.points for f in (p.start, p.end) for part in (f.L, *f.Q, f.C, *f.r) for s in part.free_symbols}
+    times = {p.start.t for p in e.points}
     yield Section(
-        "Midpoint of a step", "Coordinates and velocities of the midpoint rule, in the step from node k to node k+1 of size h.",
-        tuple(Equation(str(s), latex_symbol(str(s)), value) for s, value in e.definitions),
+        f"{place} of a step", f"{text}, in the step from node k to node k+1 of size h.",
+        tuple(Equation(str(s), latex_symbol(str(s)), value) for s, value in e.definitions if s in used or s not in times),
     )  # fmt: skip
     slots = [e.D(e.L_d, i) for i in range(2 * n)]
     yield Section(
-        "Discrete Lagrangian", "L_d = h L at the midpoint, with its derivatives in the first, second and third slot.",
+        "Discrete Lagrangian", "L_d, the quadrature of L over the step, with its derivatives in the first, second and third slot.",
         (Equation("L_d", "L_d", e.L_d), *_each("D1_Ld", names, tex, slots[:n], "D_1 L_d"), *_each("D2_Ld", names, tex, slots[n:], "D_2 L_d"),
-         Equation("D3_Ld", "D_3 L_d", e.D(e.L_d, len(e.z) - 1))),
+         Equation("D3_Ld", "D_3 L_d", e.D(e.L_d, e.at_h))),
     )  # fmt: skip
     yield Section(
-        "Discrete forces", "fd_minus = h/2 Q with the input u_k, fd_plus = h/2 Q with the input u_kp1.",
+        "Discrete forces",
+        "fd_minus = h/2 Q with the input u_k, fd_plus = h/2 Q with the input u_kp1." if middle else
+        "The virtual work of Q at the quadrature points on the first and the last node; u_k and u_kp1 are the inputs at the two points.",
         (*_each("fd_minus", names, tex, e.fd_minus, "f_d^-"), *_each("fd_plus", names, tex, e.fd_plus, "f_d^+")),
     )  # fmt: skip
+    inside = "" if middle else " Node inside the step: r_i = 0."
     yield Section(
         "Discrete Euler-Lagrange equations",
         "r_minus = D1_Ld + fd_minus is -p at the step's start, r_plus = D2_Ld + fd_plus is p at its end. "
-        "Interior nodes: r_plus(k-1) + r_minus(k) = 0. Start: r_minus(0) + p_B = 0. End: r_plus(N-1) - p_E = 0.",
-        (*_each("r_minus", names, tex, e.r_minus, "r^-"), *_each("r_plus", names, tex, e.r_plus, "r^+")),
+        f"Interior nodes: r_plus(k-1) + r_minus(k) = 0. Start: r_minus(0) + p_B = 0. End: r_plus(N-1) - p_E = 0.{inside}",
+        (*_each("r_minus", names, tex, e.r_minus, "r^-"), *_each("r_plus", names, tex, e.r_plus, "r^+"),
+         *(_each("r_i", names, tex, e.r_i, "r^i") if e.r_i else ())),
     )  # fmt: skip
 
 
-def _collision_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Section]:
+def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement) -> Iterable[Section]:
     if not f.g:
         return
-    e = _readable_element(system)
     names = [str(q) for q in f.q]
     before = [sp.Symbol(f"r_plus_{n}") for n in names]
     after = [sp.Symbol(f"r_minus_{n}") for n in names]
@@ -259,28 +276,39 @@ def _collision_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Sec
         for t in tangents(normal):
             total = [a + b for a, b in zip(before, after, strict=True)]
             equations.append(Equation(f"0 (tangential momentum, {name})", f"0_{{{tag}}}", dot(t, total)))
+    impulses = [sp.Symbol(f"lam_{n}") for n in system.surfaces]
+    coefficients = [sp.Symbol(f"e_{n}") for n in system.surfaces]
     equations.append(Equation("e_plus", "e^+", e.e_plus))
     equations.append(Equation("e_minus", "e^-", e.e_minus))
+    equations.append(Equation("W", "W", given_energy(f, impulses, coefficients)))
     yield Section(
         "Collision conditions",
         "At a collision node q_c: g(q_c) = 0; only the normal part of the momentum jumps, r_plus(before) + r_minus(after) = lam grad g, "
-        "or, without the impulse lam >= 0, its projection on the tangents vanishes; energy is conserved, e_plus(before) - e_minus(after) = 0 with "
-        "e_plus = D3_Ld - fd_plus . v and e_minus = D3_Ld + fd_minus . v.",
+        "or, without the impulse lam >= 0, its projection on the tangents vanishes; the energy changes by what the surface gives, "
+        "e_plus(before) - e_minus(after) = W with W = lam (dg/dt - (1 - e)/2 w) and the rate w = grad g . q' + dg/dt of the gap before the "
+        "collision; an elastic collision (e = 1) with a surface at rest has W = 0.",
         tuple(equations),
     )
 
 
-def _cost_sections(system: MechanicalSystem, e: StepElement) -> Iterable[Section]:
-    yield Section("Discrete cost", "C_d = h/2 (C with u_k + C with u_kp1) at the midpoint.", (Equation("C_d", "C_d", e.C_d),))
-    if e.f.r:
-        paths = [
-            Equation(f"r_{n}", f"r_{{\\mathrm{{{_escape(n)}}}}}", r) for n, r in zip(system.path_constraints, e.f.r, strict=True)
-        ]
+def _cost_sections(system: MechanicalSystem, f: Continuous, e: StepElement) -> Iterable[Section]:
+    middle = len(e.points) == 1
+    text = (
+        "C_d = h/2 (C with u_k + C with u_kp1) at the midpoint."
+        if middle
+        else "C_d = h/2 (C at the first point + C at the second)."
+    )
+    yield Section("Discrete cost", text, (Equation("C_d", "C_d", e.C_d),))
+    if f.Phi != 0:
+        yield Section("Terminal cost", "Phi at the final time is added to the cost.", (Equation("Phi", r"\Phi", f.Phi),))
+    if e.r_d:
+        names = list(system.path_constraints) * len(e.points)
+        paths = [Equation(f"r_{n}", f"r_{{\\mathrm{{{_escape(n)}}}}}", r) for n, r in zip(names, e.r_d, strict=True)]
         yield Section("Path constraints", "r_d >= 0 in every step.", tuple(paths))
 
 
 def _feasibility_section(system: MechanicalSystem, f: Continuous) -> Iterable[Section]:
-    if not f.g:
+    if not f.g or any(g.has(f.t) for g in f.g):
         return
     a = [sp.Symbol(f"{q}_ddot_bar") for q in f.q]
     half_way = {q: sp.Symbol(f"{q}_bar") for q in f.q}
@@ -299,6 +327,7 @@ def _feasibility_section(system: MechanicalSystem, f: Continuous) -> Iterable[Se
 def _derivative_sections(e: StepElement) -> Iterable[Section]:
     n = len(e.q_k)
     rows = {f"r_minus_{i}": r for i, r in enumerate(e.r_minus)} | {f"r_plus_{i}": r for i, r in enumerate(e.r_plus)}
+    rows |= {f"r_i_{i}": r for i, r in enumerate(e.r_i)}
     rows |= {"e_plus": e.e_plus, "e_minus": e.e_minus, "C_d": e.C_d}
     equations, pattern = [], []
     for name, row in rows.items():
@@ -313,9 +342,10 @@ def _derivative_sections(e: StepElement) -> Iterable[Section]:
         "First derivatives", f"Columns {columns}; x marks what is not identically zero.", tuple(equations), tuple(pattern)
     )
     mu = [sp.Symbol(f"mu_minus_{i}") for i in range(n)], [sp.Symbol(f"mu_plus_{i}") for i in range(n)]
+    mu_i = [sp.Symbol(f"mu_i_{i}") for i in range(len(e.r_i))]
     sigma, w_plus, w_minus = sp.symbols("sigma w_plus w_minus")
     weighted = [
-        ("step", sigma * e.C_d + dot(mu[0], e.r_minus) + dot(mu[1], e.r_plus)),
+        ("step", sigma * e.C_d + dot(mu[0], e.r_minus) + dot(mu[1], e.r_plus) + dot(mu_i, e.r_i)),
         ("energy", w_plus * e.e_plus + w_minus * e.e_minus),
     ]
     for title, expression in weighted:
@@ -325,7 +355,10 @@ def _derivative_sections(e: StepElement) -> Iterable[Section]:
             Equation(f"d2/d{a}d{b}", f"\\partial^2/\\partial {latex_symbol(str(a))}\\,\\partial {latex_symbol(str(b))}", hessian[i][j])
             for i, a in enumerate(e.z) for j, b in enumerate(e.z) if j >= i and hessian[i][j] != 0
         ]  # fmt: skip
-        what = "sigma C_d + mu_minus . r_minus + mu_plus . r_plus" if title == "step" else "w_plus e_plus + w_minus e_minus"
+        inside = " + mu_i . r_i" if e.r_i else ""
+        what = (
+            f"sigma C_d + mu_minus . r_minus + mu_plus . r_plus{inside}" if title == "step" else "w_plus e_plus + w_minus e_minus"
+        )
         yield Section(f"Second derivatives ({title})", f"Upper triangle for {what}.", tuple(second), tuple(grid))
 
 
@@ -346,19 +379,21 @@ def _each(
     ]
 
 
-def _readable_element(system: MechanicalSystem) -> StepElement:
-    """The step element in symbols with the user's names: alpha_k, alpha_kp1, alpha_m (midpoint), F_k, F_kp1, h."""
+def _readable_element(system: MechanicalSystem, order: int) -> StepElement:
+    """The step element in symbols with the user's names: alpha_k, alpha_kp1, alpha_m (midpoint) or alpha_1, alpha_2, F_k, F_kp1, h."""
     names = [name_of(q) for q in system.coordinates]
     inputs = [name_of(u) for u in system.inputs]
-    table = {f"q_k_{i}": f"{n}_k" for i, n in enumerate(names)} | {f"q_kp1_{i}": f"{n}_kp1" for i, n in enumerate(names)}
-    table |= {f"u_k_{i}": f"{n}_k" for i, n in enumerate(inputs)} | {f"u_kp1_{i}": f"{n}_kp1" for i, n in enumerate(inputs)}
+    table = {f"{part}_{i}": f"{n}_{part[2:]}" for part in ("q_k", "q_kp1", "q_i") for i, n in enumerate(names)}
+    table |= {f"{part}_{i}": f"{n}_{part[2:]}" for part in ("u_k", "u_kp1") for i, n in enumerate(inputs)}
+    middle = "_m" if order == 2 else ""
     f = Continuous.of(
         system,
-        [sp.Symbol(f"{n}_m") for n in names],
-        [sp.Symbol(f"{velocity_name(n)}_m") for n in names],
+        [sp.Symbol(f"{n}{middle}") for n in names],
+        [sp.Symbol(f"{velocity_name(n)}{middle}") for n in names],
         [sp.Symbol(f"{n}_free") for n in inputs],
+        sp.Symbol(f"t{middle}"),
         list(system.parameters),
     )
     taken = {str(s) for s in system.parameters}
-    step = "h" if "h" not in taken else "h_step"
-    return step_element(f, lambda name: sp.Symbol(step if name == "h" else table[name]), sp.Rational(1, 2))
+    table |= {"h": "h" if "h" not in taken else "h_step"}
+    return step_element(f, order, lambda name: sp.Symbol(table.get(name, name)), sp.sympify)

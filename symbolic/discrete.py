@@ -1,64 +1,118 @@
-"""The step element of the midpoint rule: discrete Lagrangian, forces, momenta, energies and cost of one step.
+"""The step element: discrete Lagrangian, forces, momenta, energies and cost of one step (Galerkin variational integrators).
 
-With qm = (q_k + q_kp1)/2, v = (q_kp1 - q_k)/h and the inputs u_k at the start and u_kp1 at the end of the step::
+A step of size h from t_k carries a polynomial q(c) of degree d through its nodes, c in [0, 1], and every integral over the step is taken by Gauss
+quadrature with points c_i and weights b_i.  With the shape functions phi_a of the nodes a::
 
-    L_d = h L(qm, v)      fd_minus = h/2 Q(qm, v, u_k)      fd_plus = h/2 Q(qm, v, u_kp1)
-    r_minus = D1 L_d + fd_minus   (= -p at the step's start)
-    r_plus  = D2 L_d + fd_plus    (=  p at the step's end)
-    e_plus  = D3 L_d - fd_plus . v      e_minus = D3 L_d + fd_minus . v
-    C_d = h/2 (C(qm, v, u_k) + C(qm, v, u_kp1))
+    q_i = sum_a phi_a(c_i) q_a      v_i = sum_a phi_a'(c_i) q_a / h      t_i = t_k + c_i h
+    L_d = h sum_i b_i L(q_i, v_i, t_i)      fd_a = h sum_i b_i phi_a(c_i) Q_i
+    r_a = D_a L_d + fd_a:   r_minus (first node) = -p at the step's start,   r_plus (last node) = p at its end,   r_i (inside) = 0
+    e_plus = D_h L_d - h sum_i b_i c_i Q_i . v_i               at fixed t_k:        -(energy) at the step's end
+    e_minus = D_h L_d + h sum_i b_i (1 - c_i) Q_i . v_i        at fixed t_k + h:    -(energy) at the step's start
+    C_d = h sum_i b_i C_i
 
-An input that is constant in a step has u_k = u_kp1; then C_d = h C(qm, v, u_k).
+d = 1 with one point is the midpoint rule (Kern & Gross 2018), of order 2; its forces and cost take the input u_k at the start and u_kp1 at the end of the
+step, fd_minus = h/2 Q(u_k), fd_plus = h/2 Q(u_kp1), C_d = h/2 (C(u_k) + C(u_kp1)), so that inputs linear in a step have no null space.  d = 2 with
+Lobatto nodes (start, middle, end) and two points is of order 4; u_k and u_kp1 are then the inputs at the first and second point.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import sympy as sp
+
 from dmoc.symbolic.continuous import Continuous, dot
+
+ORDERS = (2, 4)
+
+
+@dataclass(frozen=True)
+class Point:
+    """A quadrature point: its place c and weight b, the shape functions and their derivatives at c by node (first, last, inside), and the
+    functions of the system in the symbols of the point, with the input of the step's start side and of its end side."""
+
+    c: Any
+    b: Any
+    phi: tuple[Any, ...]
+    slope: tuple[Any, ...]
+    start: Continuous
+    end: Continuous
+
+    def mean(self, value: Callable[[Continuous], Any]) -> Any:
+        """A function of the system, the mean of both sides where their inputs differ."""
+        return value(self.start) if self.start is self.end else (value(self.start) + value(self.end)) / 2
 
 
 @dataclass(frozen=True)
 class StepElement:
-    """The element in the symbols of its midpoint, ``f.q`` = qm and ``f.v`` = v, which the total derivative :meth:`D` resolves.
+    """The element in the symbols of its quadrature points, which the total derivative :meth:`D` resolves."""
 
-    ``f.u`` must be ``u_k``; ``rational`` makes exact constants of the expression type in use.
-    """
-
-    f: Continuous
+    points: tuple[Point, ...]
     q_k: tuple[Any, ...]
     q_kp1: tuple[Any, ...]
+    q_i: tuple[Any, ...]
+    u_k: tuple[Any, ...]
     u_kp1: tuple[Any, ...]
     h: Any
-    half: Any
+    t_k: Any
 
     @property
     def z(self) -> tuple[Any, ...]:
-        """Local unknowns (q_k, q_kp1, u_k, u_kp1, h), in this order everywhere."""
-        return (*self.q_k, *self.q_kp1, *self.f.u, *self.u_kp1, self.h)
+        """Local unknowns (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i), in this order everywhere."""
+        return (*self.q_k, *self.q_kp1, *self.u_k, *self.u_kp1, self.h, self.t_k, *self.q_i)
+
+    @property
+    def at_h(self) -> int:
+        """Position of h in z."""
+        return len(self.z) - len(self.q_i) - 2
+
+    @property
+    def nodes(self) -> tuple[tuple[Any, ...], ...]:
+        """Coordinates of the nodes in the order of the shape functions."""
+        n = len(self.q_k)
+        return (self.q_k, self.q_kp1, *(self.q_i[i : i + n] for i in range(0, len(self.q_i), n)))
 
     @property
     def definitions(self) -> tuple[tuple[Any, Any], ...]:
-        """The midpoint in terms of z."""
-        pairs = list(zip(self.q_k, self.q_kp1, strict=True))
-        qm = [(s, self.half * (a + b)) for s, (a, b) in zip(self.f.q, pairs, strict=True)]
-        v = [(s, (b - a) / self.h) for s, (a, b) in zip(self.f.v, pairs, strict=True)]
-        return (*qm, *v)
+        """Position, velocity and time of the quadrature points in terms of z."""
+        found = []
+        for p in self.points:
+            f = p.start
+            columns = list(zip(*self.nodes, strict=True))
+            found += [(s, dot(p.phi, column)) for s, column in zip(f.q, columns, strict=True)]
+            found += [(s, dot(p.slope, column) / self.h) for s, column in zip(f.v, columns, strict=True)]
+            found.append((f.t, self.t_k + p.c * self.h))
+        return tuple(found)
 
     def D(self, expression: Any, i: int) -> Any:
-        """Total derivative of an expression in (qm, v, u_k, u_kp1, h) with respect to ``z[i]``."""
+        """Total derivative of an expression in the symbols of the points, u_k, u_kp1 and h with respect to ``z[i]``."""
+        node, j = self._node(i)
+        if node is not None:
+            parts = [
+                p.phi[node] * expression.diff(p.start.q[j]) + p.slope[node] * expression.diff(p.start.v[j]) / self.h
+                for p in self.points
+            ]
+            return sum(parts[1:], start=parts[0])
+        total = expression.diff(self.z[i])
+        if i == self.at_h:
+            for p in self.points:
+                total = total + p.c * expression.diff(p.start.t)
+                total = total - sum((v / self.h * expression.diff(v) for v in p.start.v), start=0 * self.h)
+        elif i == self.at_h + 1:
+            for p in self.points:
+                total = total + expression.diff(p.start.t)
+        return total
+
+    def _node(self, i: int) -> tuple[int | None, int]:
+        """Node and coordinate that ``z[i]`` is; no node for inputs, h and t_k."""
         n = len(self.q_k)
         if i < 2 * n:
-            j = i % n
-            sign = -1 if i < n else 1
-            return self.half * expression.diff(self.f.q[j]) + sign * expression.diff(self.f.v[j]) / self.h
-        explicit = expression.diff(self.z[i])
-        if i < len(self.z) - 1:
-            return explicit
-        return explicit - sum((v / self.h * expression.diff(v) for v in self.f.v), start=0 * self.h)
+            return i // n, i % n
+        inside = i - self.at_h - 2
+        return (2 + inside // n, inside % n) if inside >= 0 else (None, 0)
 
     def gradient(self, expression: Any) -> list[Any]:
         return [self.D(expression, i) for i in range(len(self.z))]
@@ -72,60 +126,120 @@ class StepElement:
         first = self.gradient(expression)
         return [[self.D(first[i], j) if j >= i else 0 for j in range(size)] for i in range(size)]
 
-    def _at_end(self, expression: Any) -> Any:
-        """Exchange u_k for u_kp1."""
-        for a, b in zip(self.f.u, self.u_kp1, strict=True):
-            expression = expression.subs({a: b})
-        return expression
+    def _sum(self, value: Callable[[Point], Any]) -> Any:
+        """h sum_i b_i value_i."""
+        parts = [self.h * p.b * value(p) for p in self.points]
+        return sum(parts[1:], start=parts[0])
 
     @cached_property
     def L_d(self) -> Any:
-        return self.h * self.f.L
+        return self._sum(lambda p: p.start.L)
+
+    def _force(self, node: int, side: Callable[[Point], Continuous]) -> list[Any]:
+        n = len(self.q_k)
+        return [self._sum(lambda p, j=j: p.phi[node] * side(p).Q[j]) for j in range(n)]  # type: ignore[misc]
 
     @cached_property
     def fd_minus(self) -> list[Any]:
-        return [self.half * self.h * Q for Q in self.f.Q]
+        return self._force(0, lambda p: p.start)
 
     @cached_property
     def fd_plus(self) -> list[Any]:
-        return [self._at_end(f) for f in self.fd_minus]
+        return self._force(1, lambda p: p.end)
+
+    def _momentum(self, node: int, force: list[Any]) -> list[Any]:
+        n = len(self.q_k)
+        first = node * n if node < 2 else self.at_h + 2 + (node - 2) * n
+        return [self.D(self.L_d, first + j) + f for j, f in enumerate(force)]
 
     @cached_property
     def r_minus(self) -> list[Any]:
-        return [self.D(self.L_d, i) + f for i, f in enumerate(self.fd_minus)]
+        return self._momentum(0, self.fd_minus)
 
     @cached_property
     def r_plus(self) -> list[Any]:
-        n = len(self.q_k)
-        return [self.D(self.L_d, n + i) + f for i, f in enumerate(self.fd_plus)]
+        return self._momentum(1, self.fd_plus)
+
+    @cached_property
+    def r_i(self) -> list[Any]:
+        """Equations of the nodes inside the step."""
+        nodes = range(2, len(self.nodes))
+        return [r for node in nodes for r in self._momentum(node, self._force(node, lambda p: p.start))]
 
     @cached_property
     def e_plus(self) -> Any:
-        return self.D(self.L_d, len(self.z) - 1) - dot(self.fd_plus, self.f.v)
+        return self.D(self.L_d, self.at_h) - self._sum(lambda p: p.c * dot(p.end.Q, p.end.v))
 
     @cached_property
     def e_minus(self) -> Any:
-        return self.D(self.L_d, len(self.z) - 1) + dot(self.fd_minus, self.f.v)
+        at_fixed_end = self.D(self.L_d, self.at_h) - self.D(self.L_d, self.at_h + 1)
+        return at_fixed_end + self._sum(lambda p: (1 - p.c) * dot(p.start.Q, p.start.v))
 
     @cached_property
     def C_d(self) -> Any:
-        return self.half * self.h * (self.f.C + self._at_end(self.f.C))
+        return self._sum(lambda p: p.mean(lambda f: f.C))
+
+    @property
+    def r_d(self) -> list[Any]:
+        """Path constraints at the quadrature points."""
+        return [r for p in self.points for r in p.start.r]
 
 
-def step_element(f: Continuous, make: Any, half: Any) -> StepElement:
-    """Build the element of ``f``; ``make(name)`` makes a symbol of the expression type in use."""
+def step_element(f: Continuous, order: int, make: Callable[[str], Any], exact: Callable[[Any], Any]) -> StepElement:
+    """Build the element of ``f``; ``make(name)`` makes a symbol and ``exact(number)`` a number of the expression type in use."""
     n, m = len(f.q), len(f.u)
+    places, weights, nodes = _rule(order)
 
     def vector(name: str, size: int) -> tuple[Any, ...]:
         return tuple(make(f"{name}_{i}") for i in range(size))
 
-    at_start = vector("u_k", m)
-    swap = dict(zip(f.u, at_start, strict=True))
+    u_k, u_kp1 = vector("u_k", m), vector("u_kp1", m)
+    points = []
+    for i, (c, b) in enumerate(zip(places, weights, strict=True)):
+        here = f if len(places) == 1 else _renamed(f, i + 1, make)
+        inputs = (u_k, u_kp1) if len(places) == 1 else ((u_k, u_kp1)[i],) * 2
+        start = _with_inputs(here, inputs[0])
+        end = start if inputs[0] == inputs[1] else _with_inputs(here, inputs[1])
+        phi = tuple(exact(s) for s in _shapes(nodes, c))
+        slope = tuple(exact(s) for s in _shapes(nodes, c, 1))
+        points.append(Point(exact(c), exact(b), phi, slope, start, end))
+    q_i = vector("q_i", n * (len(nodes) - 2))
+    return StepElement(tuple(points), vector("q_k", n), vector("q_kp1", n), q_i, u_k, u_kp1, make("h"), make("t_k"))
 
-    def started(e: Any) -> Any:
-        return e.subs(swap) if swap else e
 
-    element = replace(
-        f, u=at_start, Q=tuple(map(started, f.Q)), C=started(f.C), r=tuple(map(started, f.r))
-    )  # fmt: skip
-    return StepElement(element, vector("q_k", n), vector("q_kp1", n), vector("u_kp1", m), make("h"), half)
+def _rule(order: int) -> tuple[list[Any], list[Any], list[Any]]:
+    """Gauss points and weights on [0, 1], and the Lobatto nodes: first, last, inside."""
+    half = sp.Rational(1, 2)
+    if order == 2:
+        return [half], [sp.S.One], [sp.S.Zero, sp.S.One]
+    shift = sp.sqrt(3) / 6
+    return [half - shift, half + shift], [half, half], [sp.S.Zero, sp.S.One, half]
+
+
+def _shapes(nodes: Sequence[Any], c: Any, derivative: int = 0) -> list[Any]:
+    """Lagrange polynomials of the nodes at c, or their derivatives."""
+    x = sp.Symbol("x")
+    found = []
+    for a in nodes:
+        polynomial = sp.prod([(x - b) / (a - b) for b in nodes if b != a])
+        found.append(sp.nsimplify(sp.expand(polynomial.diff(x, derivative).subs(x, c))))
+    return found
+
+
+def _renamed(f: Continuous, number: int, make: Callable[[str], Any]) -> Continuous:
+    """The functions in symbols of their own for one quadrature point."""
+    old = (*f.q, *f.v, f.t)
+    table = {s: make(f"{s}_{number}") for s in old}
+    return replace(_substituted(f, table), q=tuple(table[s] for s in f.q), v=tuple(table[s] for s in f.v), t=table[f.t])
+
+
+def _with_inputs(f: Continuous, u: tuple[Any, ...]) -> Continuous:
+    return replace(_substituted(f, dict(zip(f.u, u, strict=True))), u=u)
+
+
+def _substituted(f: Continuous, table: dict[Any, Any]) -> Continuous:
+    def each(values: Sequence[Any]) -> tuple[Any, ...]:
+        return tuple(v.subs(table) if table else v for v in values)
+
+    L, C = each((f.L, f.C))
+    return replace(f, L=L, Q=each(f.Q), C=C, r=each(f.r))

@@ -1,6 +1,6 @@
 """From a system to the list of kernels that the numerical layers call.
 
-Letters: ``nq`` coordinates, ``nu`` inputs, ``nc`` surfaces; ``z = (q_k, q_kp1, u_k, u_kp1, h)``; ``a_D_b`` is the derivative of
+Letters: ``nq`` coordinates, ``nu`` inputs, ``nc`` surfaces; ``z = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i)``; ``a_D_b`` is the derivative of
 a with respect to b, ``hess`` an upper triangle of second derivatives of a weighted sum.
 """
 
@@ -17,6 +17,7 @@ from dmoc.symbolic.continuous import (
     Continuous,
     dot,
     energy,
+    given_energy,
     gradient,
     input_matrix,
     jacobian,
@@ -29,27 +30,30 @@ from dmoc.symbolic.names import name_of
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem
 
-FORMAT = 2  # of the facts and the kernel list; a manifest of another format is refused
+FORMAT = 3  # of the facts and the kernel list; a manifest of another format is refused
 
 
-def model_spec(system: MechanicalSystem) -> ModelSpec:
-    """Derive all kernels of ``system``."""
-    sizes = (len(system.coordinates), len(system.coordinates), len(system.inputs), len(system.parameters))
-    q, v, u, par = (
-        tuple(sp.Symbol(f"{n}_{i}", real=True) for i in range(k)) for n, k in zip(("q", "v", "u", "par"), sizes, strict=True)
-    )
-    f = Continuous.of(system, q, v, u, par).to_symengine()
-    kernels = [*_step_kernels(f), *_state_kernels(f), *_surface_kernels(f), *_feasibility_kernels(f)]
-    return ModelSpec(system.name, model_key(system), _facts(system, f), tuple(kernels))
+def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
+    """Derive all kernels of ``system`` for the discretisation of the given order."""
+    nq, nu, npar = len(system.coordinates), len(system.inputs), len(system.parameters)
+
+    def symbols(name: str, size: int) -> tuple[Any, ...]:
+        return tuple(sp.Symbol(f"{name}_{i}", real=True) for i in range(size))
+
+    t = sp.Symbol("t", real=True)
+    f = Continuous.of(system, symbols("q", nq), symbols("v", nq), symbols("u", nu), t, symbols("par", npar)).to_symengine()
+    e = step_element(f, order, se.Symbol, se.sympify)
+    kernels = [*_step_kernels(f, e), *_state_kernels(f), *_surface_kernels(f), *_terminal_kernels(f), *_feasibility_kernels(f)]
+    return ModelSpec(system.name, model_key(system, order), _facts(system, f, order), tuple(kernels))
 
 
-def model_key(system: MechanicalSystem) -> str:
-    """Return the key of the kernels of ``system``: its content, its units and the format of the kernel list."""
+def model_key(system: MechanicalSystem, order: int = 2) -> str:
+    """Return the key of the kernels of ``system``: its content, its units, the order and the format of the kernel list."""
     units = "".join(f"\n{name} {unit}" for name, unit in system.units.items())
-    return hashlib.sha256(f"{FORMAT}\n{system.fingerprint()}{units}".encode()).hexdigest()
+    return hashlib.sha256(f"{FORMAT}\n{order}\n{system.fingerprint()}{units}".encode()).hexdigest()
 
 
-def _facts(system: MechanicalSystem, f: Continuous) -> dict[str, Any]:
+def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any]:
     in_mass = set().union(*(e.free_symbols for row in mass_matrix(f) for e in row))
     in_forces = set().union(set(), *(e.free_symbols for row in input_matrix(f) for e in row))
     surface_coordinates = {
@@ -57,42 +61,50 @@ def _facts(system: MechanicalSystem, f: Continuous) -> dict[str, Any]:
     }
     return {
         "format": FORMAT,
+        "order": order,
+        "explicit_time": any(f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r)),
         "title": system.title or system.name,
         "coordinates": [name_of(q) for q in system.coordinates],
         "inputs": [name_of(u) for u in system.inputs],
         "units": dict(system.units),
         "surfaces": list(system.surfaces),
         "surface_coordinates": surface_coordinates,
+        "moving_surfaces": [name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols],
         "path_constraints": list(system.path_constraints),
         "parameters": {name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()},
         "mass_parameters": [name_of(s) for s, x in zip(system.parameters, f.par, strict=True) if x in in_mass],
         "inputs_enter_linearly": not in_forces & set(f.u),
+        "terminal_velocity": bool(f.Phi.free_symbols & set(f.v)),
     }
 
 
-def _step_kernels(f: Continuous) -> list[KernelSpec]:
-    e = step_element(f, se.Symbol, se.Rational(1, 2))
+def _step_kernels(f: Continuous, e: StepElement) -> list[KernelSpec]:
     inputs = (
         Input("q_k", e.q_k),
         Input("q_kp1", e.q_kp1),
-        Input("u_k", e.f.u),
+        Input("u_k", e.u_k),
         Input("u_kp1", e.u_kp1),
         Input("h", (e.h,)),
+        Input("t_k", (e.t_k,)),
+        Input("q_i", e.q_i),
         Input("par", f.par),
     )
     nz, nq = len(e.z), len(f.q)
-    mu_minus, mu_plus = Input.vector("mu_minus", nq), Input.vector("mu_plus", nq)
+    mu_minus, mu_plus, mu_i = Input.vector("mu_minus", nq), Input.vector("mu_plus", nq), Input.vector("mu_i", len(e.q_i))
     sigma = Input.vector("sigma", 1)
     weights = Input.vector("w_e", 2)
     lagrangian = sigma.symbols[0] * e.C_d + dot(mu_minus.symbols, e.r_minus) + dot(mu_plus.symbols, e.r_plus)
+    if e.q_i:
+        lagrangian = lagrangian + dot(mu_i.symbols, e.r_i)
     kernels = [
-        _step(e, "step", "Momenta at both ends of a step and its cost.", inputs,
-              Output.vector("r_minus", e.r_minus), Output.vector("r_plus", e.r_plus), Output.vector("C_d", [e.C_d])),
+        _step(e, "step", "Momenta at both ends of a step, its cost, and the equations of the nodes inside.", inputs,
+              Output.vector("r_minus", e.r_minus), Output.vector("r_plus", e.r_plus), Output.vector("C_d", [e.C_d]),
+              Output.vector("r_i", e.r_i)),
         _step(e, "step_jac", "First derivatives of `step` with respect to z.", inputs,
               Output.matrix("r_minus_D_z", e.jacobian(e.r_minus), nz), Output.matrix("r_plus_D_z", e.jacobian(e.r_plus), nz),
-              Output.matrix("C_d_D_z", e.jacobian([e.C_d]), nz)),
-        _step(e, "step_hess", "Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus.",
-              (*inputs, sigma, mu_minus, mu_plus), Output.matrix("hess", e.hessian(lagrangian), nz, upper=True)),
+              Output.matrix("C_d_D_z", e.jacobian([e.C_d]), nz), Output.matrix("r_i_D_z", e.jacobian(e.r_i), nz)),
+        _step(e, "step_hess", "Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus + mu_i . r_i.",
+              (*inputs, sigma, mu_minus, mu_plus, mu_i), Output.matrix("hess", e.hessian(lagrangian), nz, upper=True)),
         _step(e, "impact", "Discrete energies at the end (e_plus) and at the start (e_minus) of a step.", inputs,
               Output.vector("e_plus", [e.e_plus]), Output.vector("e_minus", [e.e_minus])),
         _step(e, "impact_jac", "First derivatives of `impact` with respect to z.", inputs,
@@ -101,12 +113,12 @@ def _step_kernels(f: Continuous) -> list[KernelSpec]:
               Output.matrix("hess", e.hessian(dot(weights.symbols, (e.e_plus, e.e_minus))), nz, upper=True)),
     ]  # fmt: skip
     if f.r:
-        w = Input.vector("w", len(f.r))
+        w = Input.vector("w", len(e.r_d))
         kernels += [
-            _step(e, "path", "Path constraints r_d >= 0 of a step.", inputs, Output.vector("r_d", e.f.r)),
-            _step(e, "path_jac", "First derivatives of `path`.", inputs, Output.matrix("r_d_D_z", e.jacobian(e.f.r), nz)),
+            _step(e, "path", "Path constraints r_d >= 0 of a step.", inputs, Output.vector("r_d", e.r_d)),
+            _step(e, "path_jac", "First derivatives of `path`.", inputs, Output.matrix("r_d_D_z", e.jacobian(e.r_d), nz)),
             _step(e, "path_hess", "Second derivatives of w . r_d.", (*inputs, w),
-                  Output.matrix("hess", e.hessian(dot(w.symbols, e.f.r)), nz, upper=True)),
+                  Output.matrix("hess", e.hessian(dot(w.symbols, e.r_d)), nz, upper=True)),
         ]  # fmt: skip
     return kernels
 
@@ -117,62 +129,94 @@ def _step(e: StepElement, name: str, summary: str, inputs: tuple[Input, ...], *o
 
 def _state_kernels(f: Continuous) -> list[KernelSpec]:
     """Kernels of the continuous equations: they serve the initial guess and the independent check."""
-    q, v, u, par = Input("q", f.q), Input("v", f.v), Input("u", f.u), Input("par", f.par)
+    q, v, u, t, par = _inputs(f)
     w = Input.vector("w", len(f.q))
     mass = [entry for row in mass_matrix(f) for entry in row]
     force = right_hand_side(f)
     b = [entry for row in input_matrix(f) for entry in row]
     state = (*f.q, *f.v)
+    moment = (*state, f.t)
     return [
-        KernelSpec("dynamics", "Equations of motion M q'' = F: M row by row, F.", (q, v, u, par),
+        KernelSpec("dynamics", "Equations of motion M q'' = F: M row by row, F.", (q, v, u, t, par),
                    (Output.vector("M", mass), Output.vector("F", force))),
-        KernelSpec("dynamics_jac", "First derivatives of `dynamics` with respect to (q, v).", (q, v, u, par),
+        KernelSpec("dynamics_jac", "First derivatives of `dynamics` with respect to (q, v).", (q, v, u, t, par),
                    (Output.matrix("M_D_s", jacobian(mass, state), len(state)), Output.matrix("F_D_s", jacobian(force, state), len(state)))),
-        KernelSpec("input_matrix", "B = dQ/du row by row.", (q, v, u, par), (Output.vector("B", b),)),
-        KernelSpec("force", "Generalised forces Q.", (q, v, u, par), (Output.vector("Q", f.Q),)),
-        KernelSpec("legendre", "Momenta p = dL/dv and energy E = v . p - L.", (q, v, par),
+        KernelSpec("input_matrix", "B = dQ/du row by row.", (q, v, u, t, par), (Output.vector("B", b),)),
+        KernelSpec("force", "Generalised forces Q, and the power Q . v - dL/dt that changes the energy.", (q, v, u, t, par),
+                   (Output.vector("Q", f.Q), Output.vector("power", [dot(f.Q, f.v) - f.L.diff(f.t)]))),
+        KernelSpec("legendre", "Momenta p = dL/dv and energy E = v . p - L.", (q, v, t, par),
                    (Output.vector("p", momenta(f)), Output.vector("E", [energy(f)]))),
-        KernelSpec("legendre_jac", "First derivatives of p with respect to (q, v).", (q, v, par),
-                   (Output.matrix("p_D_s", jacobian(momenta(f), state), len(state)),)),
-        KernelSpec("legendre_hess", "Second derivatives of w . p with respect to (q, v).", (q, v, par, w),
-                   (_hessian(dot(w.symbols, momenta(f)), state),)),
-        KernelSpec("running_cost", "Integrand C of the cost and its second derivatives in u.", (q, v, u, par),
+        KernelSpec("legendre_jac", "First derivatives of p with respect to (q, v, t).", (q, v, t, par),
+                   (Output.matrix("p_D_s", jacobian(momenta(f), moment), len(moment)),)),
+        KernelSpec("legendre_hess", "Second derivatives of w . p with respect to (q, v, t).", (q, v, t, par, w),
+                   (_hessian(dot(w.symbols, momenta(f)), moment),)),
+        KernelSpec("running_cost", "Integrand C of the cost and its second derivatives in u.", (q, v, u, t, par),
                    (Output.vector("C", [f.C]), Output.vector("C_DD_u", [f.C.diff(s).diff(s) for s in f.u]))),
     ]  # fmt: skip
 
 
+def _inputs(f: Continuous) -> tuple[Input, Input, Input, Input, Input]:
+    return Input("q", f.q), Input("v", f.v), Input("u", f.u), Input("t", (f.t,)), Input("par", f.par)
+
+
 def _surface_kernels(f: Continuous) -> list[KernelSpec]:
-    """Kernels of the gaps g(q) and of the normal impulse lam . grad g(q)."""
+    """Kernels of the gaps g(q, t), of the normal impulse lam . grad g and of the energy that a surface gives."""
     if not f.g:
         return []
-    q, par = Input("q", f.q), Input("par", f.par)
+    q, v, _, t, par = _inputs(f)
     w, lam, mu = Input.vector("w", len(f.g)), Input.vector("lam", len(f.g)), Input.vector("mu", len(f.q))
+    e, weight = Input.vector("e", len(f.g)), Input.vector("w_W", 1)
     normal = gradient(dot(lam.symbols, f.g), f.q)
-    unknowns = (*f.q, *lam.symbols)
+    given = given_energy(f, lam.symbols, e.symbols)
+    place, unknowns = (*f.q, f.t), (*f.q, *lam.symbols, f.t)
+    impact = (*f.q, *f.v, *lam.symbols, f.t)
     return [
-        KernelSpec("surface", "Gaps g <= 0.", (q, par), (Output.vector("g", f.g),)),
-        KernelSpec("surface_jac", "Gradients of the gaps.", (q, par), (Output.matrix("g_D_q", jacobian(f.g, f.q), len(f.q)),)),
-        KernelSpec("surface_hess", "Second derivatives of w . g.", (q, par, w), (_hessian(dot(w.symbols, f.g), f.q),)),
-        KernelSpec("normal", "Normal impulse n = sum_j lam_j grad g_j.", (q, lam, par), (Output.vector("n", normal),)),
-        KernelSpec("normal_jac", "First derivatives of n with respect to (q, lam).", (q, lam, par),
+        KernelSpec("surface", "Gaps g <= 0.", (q, t, par), (Output.vector("g", f.g),)),
+        KernelSpec("surface_jac", "First derivatives of the gaps with respect to (q, t).", (q, t, par),
+                   (Output.matrix("g_D_q", jacobian(f.g, place), len(place)),)),
+        KernelSpec("surface_hess", "Second derivatives of w . g with respect to (q, t).", (q, t, par, w),
+                   (_hessian(dot(w.symbols, f.g), place),)),
+        KernelSpec("normal", "Normal impulse n = sum_j lam_j grad g_j.", (q, lam, t, par), (Output.vector("n", normal),)),
+        KernelSpec("normal_jac", "First derivatives of n with respect to (q, lam, t).", (q, lam, t, par),
                    (Output.matrix("n_D_ql", jacobian(normal, unknowns), len(unknowns)),)),
-        KernelSpec("normal_hess", "Second derivatives of mu . n with respect to (q, lam).", (q, lam, par, mu),
+        KernelSpec("normal_hess", "Second derivatives of mu . n with respect to (q, lam, t).", (q, lam, t, par, mu),
                    (_hessian(dot(mu.symbols, normal), unknowns),)),
+        KernelSpec("restitution", "Energy W that the surfaces give in a collision, with v before it and restitution e.",
+                   (q, v, lam, t, par, e), (Output.vector("W", [given]),)),
+        KernelSpec("restitution_jac", "First derivatives of W with respect to (q, v, lam, t).", (q, v, lam, t, par, e),
+                   (Output.matrix("W_D_s", jacobian([given], impact), len(impact)),)),
+        KernelSpec("restitution_hess", "Second derivatives of w_W W with respect to (q, v, lam, t).", (q, v, lam, t, par, e, weight),
+                   (_hessian(weight.symbols[0] * given, impact),)),
+    ]  # fmt: skip
+
+
+def _terminal_kernels(f: Continuous) -> list[KernelSpec]:
+    """Kernels of the terminal cost Phi(q, v, t)."""
+    if f.Phi == 0:
+        return []
+    q, v, _, t, par = _inputs(f)
+    sigma, state = Input.vector("sigma", 1), (*f.q, *f.v, f.t)
+    return [
+        KernelSpec("terminal_cost", "Terminal cost Phi.", (q, v, t, par), (Output.vector("Phi", [f.Phi]),)),
+        KernelSpec("terminal_cost_jac", "First derivatives of Phi with respect to (q, v, t).", (q, v, t, par),
+                   (Output.matrix("Phi_D_s", jacobian([f.Phi], state), len(state)),)),
+        KernelSpec("terminal_cost_hess", "Second derivatives of sigma Phi with respect to (q, v, t).", (q, v, t, par, sigma),
+                   (_hessian(sigma.symbols[0] * f.Phi, state),)),
     ]  # fmt: skip
 
 
 def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
-    """Shortest time to a surface: first root of the quadratic g + g' t + g'' t^2 / 2, from the middle of a phase's first step.
+    """Shortest time to a surface that stands still: first root of the quadratic g + g' t + g'' t^2 / 2, from the middle of a phase's first step.
 
     ``a`` are the averaged accelerations at full input.  The state half a step after the phase's start is (qm, v), so that h/2 is added to
     the root; the directions of g'' are taken half-way between qm and the collision q_c.
     """
-    if not f.g:
+    if not f.g or any(f.t in g.free_symbols for g in f.g):
         return []
-    e = step_element(f, se.Symbol, se.Rational(1, 2))
+    e = step_element(f, 2, se.Symbol, se.sympify)
     q_c, a = Input.vector("q_c", len(f.q)), Input.vector("a", len(f.q))
     half_way = {s: (s + c) / 2 for s, c in zip(f.q, q_c.symbols, strict=True)}
-    n, half = len(f.q), len(e.z) - 1
+    n, half = len(f.q), e.at_h
     times = [e.h / 2 + first_root(*approach(g, f, a.symbols, half_way)) for g in f.g]
     columns = (*range(2 * n), half)
 

@@ -28,20 +28,24 @@ class MechanicalSystem:
     coordinates : sequence of dynamicsymbols
         Generalised coordinates q, ``nq`` of them.
     lagrangian : Expr
-        L(q, q'), quadratic in the velocities.
+        L(q, q', t), quadratic in the velocities.  The time is ``dynamicsymbols._t`` here and below.
     parameters : mapping of Symbol to float or None
         Every other symbol of the model with its default value; None if a problem must give it.
     inputs : sequence of dynamicsymbols or Symbols, optional
         Inputs u, ``nu`` of them.
     forces : mapping of coordinate to Expr, optional
-        Generalised forces Q(q, q', u): the coefficients of the virtual work, dW = Q . dq.
+        Generalised forces Q(q, q', u, t): the coefficients of the virtual work, dW = Q . dq.
+    dissipation : Expr, optional
+        Rayleigh function R(q, q'), which adds -dR/dq' to the forces: ``d * x.diff()**2 / 2`` is a damper d.
     surfaces : mapping of str to relation, optional
-        Unilateral constraints by name, as relations between expressions in q: ``{"left": alpha >= a_min}``.  Each becomes a gap
-        g(q) <= 0 whose gradient points out of the admissible set.
+        Unilateral constraints by name, as relations between expressions in q, and in t if they move: ``{"left": alpha >= a_min}``.  Each
+        becomes a gap g(q, t) <= 0 whose gradient points out of the admissible set.
     cost : Expr, optional
-        Integrand C(q, q', u) of the cost.
+        Integrand C(q, q', u, t) of the cost.
+    terminal_cost : Expr, optional
+        Phi(q, q', t) at the final time, which is added to the cost.
     path_constraints : mapping of str to relation, optional
-        Relations in q, q' and u that hold along the whole motion.
+        Relations in q, q', u and t that hold along the whole motion.
     title : str, optional
         One line for lists and figures.
     units : mapping of coordinate or input to str, optional
@@ -70,6 +74,8 @@ class MechanicalSystem:
     path_constraints: Mapping[str, Any] = field(default_factory=dict)
     title: str = ""
     units: Mapping[Any, str] = field(default_factory=dict)
+    dissipation: Any = 0
+    terminal_cost: Any = 0
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -83,6 +89,8 @@ class MechanicalSystem:
         put(self, "units", self._named_units())
         put(self, "lagrangian", _expression(self.lagrangian, "the Lagrangian"))
         put(self, "cost", _expression(self.cost, "the cost"))
+        put(self, "dissipation", _expression(self.dissipation, "the dissipation"))
+        put(self, "terminal_cost", _expression(self.terminal_cost, "the terminal cost"))
         put(self, "forces", self._normalised_forces())
         self._check_symbols()
         self._check_mass_matrix()
@@ -97,8 +105,9 @@ class MechanicalSystem:
 
     @property
     def force_vector(self) -> tuple[Any, ...]:
-        """Generalised forces Q(q, q', u), in the order of the coordinates."""
-        return tuple(self.forces.get(q, sp.S.Zero) for q in self.coordinates)
+        """Generalised forces Q(q, q', u, t) with those of the Rayleigh function, in the order of the coordinates."""
+        pairs = zip(self.coordinates, self.velocities, strict=True)
+        return tuple(self.forces.get(q, sp.S.Zero) - self.dissipation.diff(v) for q, v in pairs)
 
     @property
     def gaps(self) -> dict[str, Any]:
@@ -127,6 +136,7 @@ class MechanicalSystem:
             sp.srepr(self.lagrangian),
             *map(sp.srepr, self.force_vector),
             sp.srepr(self.cost),
+            sp.srepr(self.terminal_cost),
             *(f"{n}:{sp.srepr(g)}" for n, g in self.gaps.items()),
             "|",
             *(f"{n}:{sp.srepr(r)}" for n, r in self.path_functions.items()),
@@ -161,6 +171,8 @@ class MechanicalSystem:
         roles += [(s, "path constraint") for s in self.path_constraints]
         for symbol, role in roles:
             check_name(name_of(symbol), role)
+            if name_of(symbol) == "t":
+                raise ModelError(f"the {role} 't' has the name of the time: choose another name.")
         for group in (("coordinate", "input", "parameter"), ("surface", "path constraint")):
             _check_distinct([(name_of(s), role) for s, role in roles if role in group])
         derived = [(name_of(q), "coordinate") for q in self.coordinates] + [(name_of(u), "input") for u in self.inputs]
@@ -184,14 +196,17 @@ class MechanicalSystem:
 
     def _check_symbols(self) -> None:
         state = set(self.coordinates) | set(self.velocities)
-        known = state | set(self.parameters)
+        time = {dynamicsymbols._t}
+        known = state | set(self.parameters) | time
         with_inputs = known | set(self.inputs)
         parts: list[tuple[str, Any, set[Any]]] = [
             ("the Lagrangian", self.lagrangian, known),
             ("the cost", self.cost, with_inputs),
+            ("the dissipation", self.dissipation, known),
+            ("the terminal cost", self.terminal_cost, known),
         ]
         parts += [(f"the force on {name_of(q)}", e, with_inputs) for q, e in self.forces.items()]
-        parts += [(f"surface {n!r}", g, set(self.coordinates) | set(self.parameters)) for n, g in self.gaps.items()]
+        parts += [(f"surface {n!r}", g, set(self.coordinates) | set(self.parameters) | time) for n, g in self.gaps.items()]
         parts += [(f"path constraint {n!r}", r, with_inputs) for n, r in self.path_functions.items()]
         used: set[Any] = set()
         for where, expression, allowed in parts:
@@ -260,8 +275,6 @@ def _atoms(expression: Any) -> set[Any]:
 
 
 def _unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:
-    if symbol == dynamicsymbols._t:
-        return f"{where} depends explicitly on the time t: only time-independent models are supported."
     if isinstance(symbol, sp.Derivative):
         return f"{where} contains {symbol}: only coordinates and their first derivatives may appear there."
     if isinstance(symbol, AppliedUndef) and isinstance(symbol.func, UndefinedFunction) and symbol not in known:

@@ -41,3 +41,25 @@ def puck_system() -> dmoc.MechanicalSystem:
         cost=(f_x**2 + f_y**2) / 2,
         path_constraints={"speed": x.diff(t) ** 2 + y.diff(t) ** 2 <= 100},
     )
+
+
+def driven_system() -> dmoc.MechanicalSystem:
+    """Everything that may depend on the time does: a pendulum on a driven pivot over a floor that moves, damped, with a terminal cost."""
+    a, z, u = dynamicsymbols("a z u")
+    m, length, amplitude, damping = sp.symbols("m l amplitude damping")
+    t = dynamicsymbols._t
+    height = z - length * sp.cos(a)
+    speed = z.diff(t) ** 2 + 2 * length * sp.sin(a) * a.diff(t) * z.diff(t) + length**2 * a.diff(t) ** 2
+    return dmoc.MechanicalSystem(
+        "driven",
+        coordinates=[a, z],
+        inputs=[u],
+        lagrangian=(m * speed + z.diff(t) ** 2) / 2 - m * height * (1 + t / 5) + amplitude * sp.sin(3 * t) * z.diff(t),
+        forces={a: u * (1 + sp.cos(a) / 3), z: sp.cos(2 * t)},
+        dissipation=damping * (a.diff(t) ** 2 + z.diff(t) ** 2) / 2,
+        surfaces={"floor": height >= amplitude * sp.sin(t) - 2, "side": a <= 1.5},
+        parameters={m: 1.3, length: 0.8, amplitude: 0.3, damping: 0.1},
+        cost=u**2 / 2 * (1 + t),
+        terminal_cost=z**2 + a.diff(t) ** 2 * t,
+        path_constraints={"push": u * a.diff(t) <= 3 + t},
+    )

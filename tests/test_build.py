@@ -29,7 +29,7 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def works(kernels: dmoc.codegen.kernels.Kernels) -> bool:
     one = np.ones((1, 1))
-    return bool(kernels.call("dynamics", one, one, one, np.array([[3.0, 1.0]]))[0][0, 0] == 3.0)
+    return bool(kernels.call("dynamics", one, one, one, one, np.array([[3.0, 1.0]]))[0][0, 0] == 3.0)
 
 
 def test_a_second_build_finds_the_first(own_cache: Path) -> None:
@@ -69,7 +69,7 @@ def test_another_model_of_the_same_name_gets_an_entry_of_its_own(own_cache: Path
         system.cost,
     )
     one = np.ones((1, 1))
-    assert dmoc.build(other).call("dynamics", one, one, one, np.array([[3.0, 1.0]]))[0][0, 0] == 6.0
+    assert dmoc.build(other).call("dynamics", one, one, one, one, np.array([[3.0, 1.0]]))[0][0, 0] == 6.0
 
 
 def test_two_processes_building_at_once_both_succeed(own_cache: Path) -> None:
@@ -121,7 +121,7 @@ def test_kernels_travel_between_processes(own_cache: Path, tmp_path: Path, monke
             again = pickle.loads(sent)
             assert again.backend == kernels.backend and again.manifest == kernels.manifest
             par = np.array([list(again.parameters.values())], dtype=float)
-            assert again.call("surface", x, par)[0] == kernels.call("surface", x, par)[0]
+            assert again.call("surface", x, x, par)[0] == kernels.call("surface", x, x, par)[0]
 
 
 def test_problems_and_solutions_travel_between_processes(seed: dmoc.Problem) -> None:

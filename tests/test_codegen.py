@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system, puck_system
+from systems import block_system, driven_system, puck_system
 
 import dmoc
 from dmoc.codegen.build import compiler, write_files
@@ -54,12 +54,16 @@ def awkward() -> tuple[Kernels, Kernels, list[sp.Expr]]:
     return dmoc.build(system), dmoc.build(system, backend="numpy"), expressions
 
 
+# Inputs at both ends, step size, time and the nodes inside, between the nodes and the parameters of a step.
+STILL = (np.zeros((1, 1)), np.zeros((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), np.zeros((1, 0)))
+
+
 def test_awkward_expressions_equal_mpmath(awkward: tuple[Kernels, Kernels, list[sp.Expr]]) -> None:
     compiled, numpy, expressions = awkward
     q, p = dynamicsymbols("q"), sp.Symbol("p")
     for value in (0.7, 1.9):
         at = np.array([[value]])
-        row = (at, at, np.zeros((1, 1)), np.zeros((1, 1)), np.ones((1, 1)), np.array([[1.3]]))
+        row = (at, at, *STILL, np.array([[1.3]]))
         for kernels in (compiled, numpy):
             found = kernels.call("path", *row)[0][0]
             for text, expression, result in zip(AWKWARD, expressions, found, strict=True):
@@ -73,11 +77,11 @@ def test_derivatives_of_awkward_expressions_equal_differences(awkward: tuple[Ker
 
     def value(x: float) -> np.ndarray:
         row = np.array([[x]])
-        return compiled.call("path", row, row, np.zeros((1, 1)), np.zeros((1, 1)), np.ones((1, 1)), np.array([[1.3]]))[0][0]
+        return compiled.call("path", row, row, *STILL, np.array([[1.3]]))[0][0]
 
     rows, columns = compiled.pattern("path_jac", "r_d_D_z")
     x = np.array([[at]])
-    stored = compiled.call("path_jac", x, x, np.zeros((1, 1)), np.zeros((1, 1)), np.ones((1, 1)), np.array([[1.3]]))[0][0]
+    stored = compiled.call("path_jac", x, x, *STILL, np.array([[1.3]]))[0][0]
     slope = np.zeros(len(AWKWARD))
     for r, c, v in zip(rows, columns, stored, strict=True):
         slope[r] += v * (c < 2)  # q_k and q_kp1 move together
@@ -116,7 +120,7 @@ def test_c_hostile_parameter_names_work() -> None:
         parameters=dict.fromkeys(names, 1.0),
     )
     one = np.ones((1, 1))
-    mass = dmoc.build(system).call("dynamics", one, one, one, np.ones((1, 8)))[0]
+    mass = dmoc.build(system).call("dynamics", one, one, one, one, np.ones((1, 8)))[0]
     assert mass[0, 0] == 8.0
 
 
@@ -139,10 +143,14 @@ def test_text_does_not_depend_on_the_hash_seed() -> None:
     assert len(digests) == 1
 
 
-@pytest.mark.parametrize("make", [block_system, puck_system])
+@pytest.mark.parametrize("make", [block_system, puck_system, driven_system])
 def test_backends_agree_on_every_kernel(make: object) -> None:
     system = make()  # type: ignore[operator]
-    compiled, numpy = dmoc.build(system), dmoc.build(system, backend="numpy")
+    for order in (2, 4):
+        _compare(dmoc.build(system, order=order), dmoc.build(system, order=order, backend="numpy"))
+
+
+def _compare(compiled: Kernels, numpy: Kernels) -> None:
     rng = np.random.default_rng(1)
     for name, kernel in compiled.manifest["kernels"].items():
         inputs = [rng.uniform(0.5, 1.5, (7, size)) for _, size in kernel["inputs"]]
@@ -155,26 +163,28 @@ def test_backends_agree_on_every_kernel(make: object) -> None:
 def test_one_row_of_an_argument_serves_all(block: Kernels) -> None:
     q = np.linspace(0, 1, 5)[:, None].copy()
     one, par = np.ones((1, 1)), np.array([[2.0, 1.0]])
-    rows = [np.repeat(a, 4, axis=0) for a in (one, one, one, par)]
-    a = block.call("step", q[:-1], q[1:], one, one, one, par)
+    none = np.ones((1, 0))
+    rows = [np.repeat(a, 4, axis=0) for a in (one, one, one, one, none, par)]
+    a = block.call("step", q[:-1], q[1:], one, one, one, one, none, par)
     b = block.call("step", q[:-1], q[1:], *rows)
     assert all((x == y).all() for x, y in zip(a, b, strict=True))
 
 
 def test_wrong_arrays_are_refused_by_name(block: Kernels) -> None:
     one = np.ones((3, 1))
-    out = [np.empty((3, 1)) for _ in range(3)]
+    none, out = np.ones((3, 0)), [*(np.empty((3, 1)) for _ in range(3)), np.empty((3, 0))]
     with pytest.raises(ValueError, match="par: expected rows of 2"):
-        block.module.step(one, one, one, one, one, np.ones((1, 3)), *out)
+        block.module.step(one, one, one, one, one, one, none, np.ones((1, 3)), *out)
     with pytest.raises(ValueError, match="q_k: expected 3 rows or 1, got 2"):
-        block.module.step(one[:2], one, one, one, one, np.ones((1, 2)), *out)
+        block.module.step(one[:2], one, one, one, one, one, none, np.ones((1, 2)), *out)
     with pytest.raises(ValueError, match="q_k: expected float64"):
-        block.module.step(one.astype(np.float32), one, one, one, one, np.ones((1, 2)), *out)
+        block.module.step(one.astype(np.float32), one, one, one, one, one, none, np.ones((1, 2)), *out)
 
 
-def test_every_kernel_runs_under_sanitizers(tmp_path: Path) -> None:
+@pytest.mark.parametrize("order", [2, 4])
+def test_every_kernel_runs_under_sanitizers(tmp_path: Path, order: int) -> None:
     """Each kernel is called on arrays of exactly its sizes; reading or writing beside them aborts the program."""
-    model = model_spec(puck_system())
+    model = model_spec(driven_system(), order)
     write_files(tmp_path, c_files(model))
     lines = ['#include "kernels.h"', "#include <stdlib.h>", "static double *make(size_t n) {",
              "    double *a = malloc((n ? n : 1) * sizeof *a); for (size_t i = 0; i < n; ++i) a[i] = 0.5 + 0.1 * (double)i; return a; }",
@@ -184,7 +194,7 @@ def test_every_kernel_runs_under_sanitizers(tmp_path: Path) -> None:
         outs = ", ".join(f"make({3 * o.size})" for o in k.outputs)
         strides = ", ".join(str(a.size) for a in k.inputs)
         lines.append(f"    {{ const double *in[] = {{{ins}}}; double *out[] = {{{outs}}}; ptrdiff_t s[] = {{{strides}}};")
-        lines.append(f"      puck_{k.name}(3, in, s, out); }}")
+        lines.append(f"      driven_{k.name}(3, in, s, out); }}")
     (tmp_path / "main.c").write_text("\n".join([*lines, "    return 0; }"]))
     flags = ["-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     subprocess.run([*compiler(), *flags, "kernels.c", "main.c", "-lm", "-o", "run"], cwd=tmp_path, check=True)

@@ -58,7 +58,7 @@ def test_controllability_measure_vanishes_with_the_sine(pendulum: Kernels, seed:
     """For the cart-pendulum the matrix is m_p l sin(alpha): with inertia scaled to one, s/sqrt(1 + s^2), s = sin(alpha)/sqrt(2)."""
     for alpha in (0.0, 0.05, 0.3, 1.0, pi / 2):
         s = sin(alpha) / sqrt(2)
-        found = _Dynamics(seed, np.array([alpha, 0.0]), np.zeros(2)).reach((0,))
+        found = _Dynamics(seed, np.array([alpha, 0.0]), np.zeros(2), 0.0).reach((0,))
         assert found == pytest.approx(abs(s) / sqrt(1 + s * s), abs=1e-12)
 
 

@@ -6,6 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from systems import driven_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -15,7 +16,7 @@ from dmoc.nlp.motion import trajectory
 from dmoc.nlp.transcription import Transcription
 
 
-def small(kernels: Kernels, controls: str = "constant") -> dmoc.Problem:
+def small(kernels: Kernels, controls: str | None = "constant") -> dmoc.Problem:
     """Few steps, every kind of constraint."""
     return dmoc.Problem(
         kernels,
@@ -49,17 +50,29 @@ def differences(f: object, x: np.ndarray, step: float = 1e-6) -> np.ndarray:
     return np.array([(f(x + step * d) - f(x - step * d)) / (2 * step) for d in np.eye(len(x))]).T  # type: ignore[operator]
 
 
-@pytest.fixture(params=["constant", "linear", "puck"])
+def driven_problem(order: int) -> dmoc.Problem:
+    """Explicit time, moving surfaces, restitution, dissipation, a terminal cost and a periodic velocity."""
+    return dmoc.Problem(
+        dmoc.build(driven_system(), order=order), start={"a": 0.2, "z_dot": (-1, 1)}, sequence=["floor", "side"], steps=[3, 2, 3],
+        final_time=(None, 2.0), bounds={"u": (-20, 20)}, restitution={"floor": 0.6, "side": 0.0}, periodic=["a_dot", "z"],
+    )  # fmt: skip
+
+
+@pytest.fixture(params=["constant", "linear", "puck", "driven", "driven, order 4", "pendulum, order 4"])
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
+    if request.param.startswith("driven"):
+        return Transcription(driven_problem(4 if "4" in request.param else 2))
+    if "4" in request.param:
+        return Transcription(small(dmoc.load("cart_pendulum", order=4), None))
     return Transcription(puck_problem(puck) if request.param == "puck" else small(pendulum, request.param))
 
 
 def test_every_unknown_has_one_place(nlp: Transcription) -> None:
     lay = nlp.layout
-    blocks = [getattr(lay, f"index_{n}").ravel() for n in ("h", "q", "u", "lam", "p_B", "p_E", "v_B", "v_E")]
+    blocks = [getattr(lay, f"index_{n}").ravel() for n in ("h", "q", "u", "lam", "p_B", "p_E", "v_B", "v_E", "v_c", "t", "q_i")]
     assert np.array_equal(np.sort(np.concatenate(blocks)), np.arange(lay.size))
     assert len(unknown_names(nlp.problem, lay)) == lay.size == nlp.n
-    assert lay.index_z.shape == (lay.total, 2 * lay.nq + 2 * lay.nu + 1)
+    assert lay.index_z.shape == (lay.total, (2 + lay.inside) * lay.nq + 2 * lay.nu + 2)
     assert Layout.of(nlp.problem) == lay
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
-from systems import puck_system
+from systems import block_system, driven_system, puck_system
 
 import dmoc
 from dmoc.models import catalogue
@@ -49,18 +49,20 @@ def test_energy_is_kinetic_plus_potential() -> None:
 
 
 def test_slot_derivatives_equal_direct_differentiation() -> None:
-    e = _readable_element(catalogue.system("cart_pendulum"))
-    explicit = dict(e.definitions)
-    for expression in (e.L_d, e.e_plus, e.C_d, *e.r_plus):
-        for i, z in enumerate(e.z):
-            assert zero(expression.subs(explicit).diff(z) - e.D(expression, i).subs(explicit))
+    for system, order in ((catalogue.system("cart_pendulum"), 2), (driven_system(), 2), (block_system(), 4)):
+        e = _readable_element(system, order)
+        explicit = dict(e.definitions)
+        for expression in (e.L_d, e.e_plus, e.C_d, *e.r_plus, *e.r_i):
+            for i, z in enumerate(e.z):
+                assert zero(expression.subs(explicit).diff(z) - e.D(expression, i).subs(explicit))
 
 
 def test_third_slot_derivative_is_minus_the_energy_of_the_midpoint() -> None:
     system = catalogue.system("cart_pendulum")
-    e, f = _readable_element(system), readable(system)
-    names = dict(zip((*f.q, *f.v), (*e.f.q, *e.f.v), strict=True))
-    assert zero(e.D(e.L_d, len(e.z) - 1) + energy(f).subs(names))
+    e, f = _readable_element(system, 2), readable(system)
+    middle = e.points[0].start
+    names = dict(zip((*f.q, *f.v), (*middle.q, *middle.v), strict=True))
+    assert zero(e.D(e.L_d, e.at_h) + energy(f).subs(names))
 
 
 def test_momentum_with_impulse_and_its_tangential_form_are_equal() -> None:

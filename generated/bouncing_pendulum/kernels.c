@@ -10,22 +10,28 @@
 
 static inline double power2(double x) { return x*x; }
 
-/* Momenta at both ends of a step and its cost.
+/* Momenta at both ends of a step, its cost, and the equations of the nodes inside.
  *   in  q_k[1]
  *   in  q_kp1[1]
  *   in  u_k[0]
  *   in  u_kp1[0]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[4]
  *   out r_minus[1]
  *   out r_plus[1]
  *   out C_d[1]
+ *   out r_i[0]
  */
-static inline void step_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict r_minus, double *restrict r_plus, double *restrict C_d)
+static inline void step_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus, double *restrict r_plus, double *restrict C_d, double *restrict r_i)
 {
     (void)u_k;
     (void)u_kp1;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)t_k;
+    (void)q_i;
+    (void)r_i;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = par[0]*power2(par[1])*v_0;
     const double w1 = -0.5*h[0]*par[0]*par[1]*par[2]*sin(q_0);
@@ -37,7 +43,7 @@ static inline void step_element(const double *restrict q_k, const double *restri
 void bouncing_pendulum_step(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1, out[1] + i*1, out[2] + i*1);
+        step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1, out[2] + i*1, out[3] + i*0);
 }
 
 /* First derivatives of `step` with respect to z.
@@ -46,17 +52,23 @@ void bouncing_pendulum_step(ptrdiff_t n, const double *const in[], const ptrdiff
  *   in  u_k[0]
  *   in  u_kp1[0]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[4]
- *   out r_minus_D_z[3], entries of a 1 x 3 matrix: (0,0) (0,1) (0,2)
- *   out r_plus_D_z[3], entries of a 1 x 3 matrix: (0,0) (0,1) (0,2)
+ *   out r_minus_D_z[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
+ *   out r_plus_D_z[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
  *   out C_d_D_z[0]
+ *   out r_i_D_z[0]
  */
-static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict r_minus_D_z, double *restrict r_plus_D_z, double *restrict C_d_D_z)
+static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D_z, double *restrict r_plus_D_z, double *restrict C_d_D_z, double *restrict r_i_D_z)
 {
     (void)u_k;
     (void)u_kp1;
+    (void)t_k;
+    (void)q_i;
     (void)C_d_D_z;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)r_i_D_z;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = par[0]*power2(par[1])/h[0];
     const double w1 = par[0]*par[1]*par[2];
@@ -76,27 +88,33 @@ static inline void step_jac_element(const double *restrict q_k, const double *re
 void bouncing_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*3, out[1] + i*3, out[2] + i*0);
+        step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*3, out[1] + i*3, out[2] + i*0, out[3] + i*0);
 }
 
-/* Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus.
+/* Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus + mu_i . r_i.
  *   in  q_k[1]
  *   in  q_kp1[1]
  *   in  u_k[0]
  *   in  u_kp1[0]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[4]
  *   in  sigma[1]
  *   in  mu_minus[1]
  *   in  mu_plus[1]
- *   out hess[6], entries of a 3 x 3 matrix: (0,0) (0,1) (0,2) (1,1) (1,2) (2,2)
+ *   in  mu_i[0]
+ *   out hess[6], entries of a 4 x 4 matrix: (0,0) (0,1) (0,2) (1,1) (1,2) (2,2)
  */
-static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, const double *restrict sigma, const double *restrict mu_minus, const double *restrict mu_plus, double *restrict hess)
+static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict sigma, const double *restrict mu_minus, const double *restrict mu_plus, const double *restrict mu_i, double *restrict hess)
 {
     (void)u_k;
     (void)u_kp1;
+    (void)t_k;
+    (void)q_i;
     (void)sigma;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)mu_i;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = 0.25*par[0]*par[1]*par[2];
     const double w1 = h[0]*sin(q_0)*w0;
@@ -116,7 +134,7 @@ static inline void step_hess_element(const double *restrict q_k, const double *r
 void bouncing_pendulum_step_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        step_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], out[0] + i*6);
+        step_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], in[9] + i*stride[9], in[10] + i*stride[10], in[11] + i*stride[11], out[0] + i*6);
 }
 
 /* Discrete energies at the end (e_plus) and at the start (e_minus) of a step.
@@ -125,15 +143,19 @@ void bouncing_pendulum_step_hess(ptrdiff_t n, const double *const in[], const pt
  *   in  u_k[0]
  *   in  u_kp1[0]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[4]
  *   out e_plus[1]
  *   out e_minus[1]
  */
-static inline void impact_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict e_plus, double *restrict e_minus)
+static inline void impact_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus, double *restrict e_minus)
 {
     (void)u_k;
     (void)u_kp1;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)t_k;
+    (void)q_i;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = cos(q_0)*par[0]*par[1]*par[2] - 0.5*par[0]*power2(par[1])*power2(v_0);
     e_plus[0] = w0;
@@ -143,7 +165,7 @@ static inline void impact_element(const double *restrict q_k, const double *rest
 void bouncing_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1, out[1] + i*1);
+        impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1);
 }
 
 /* First derivatives of `impact` with respect to z.
@@ -152,15 +174,19 @@ void bouncing_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdi
  *   in  u_k[0]
  *   in  u_kp1[0]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[4]
- *   out e_plus_D_z[3], entries of a 1 x 3 matrix: (0,0) (0,1) (0,2)
- *   out e_minus_D_z[3], entries of a 1 x 3 matrix: (0,0) (0,1) (0,2)
+ *   out e_plus_D_z[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
+ *   out e_minus_D_z[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
  */
-static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict e_plus_D_z, double *restrict e_minus_D_z)
+static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D_z, double *restrict e_minus_D_z)
 {
     (void)u_k;
     (void)u_kp1;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)t_k;
+    (void)q_i;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = par[0]*power2(par[1])/h[0];
     const double w1 = v_0*w0;
@@ -179,7 +205,7 @@ static inline void impact_jac_element(const double *restrict q_k, const double *
 void bouncing_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*3, out[1] + i*3);
+        impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*3, out[1] + i*3);
 }
 
 /* Second derivatives of w_e . (e_plus, e_minus).
@@ -188,15 +214,19 @@ void bouncing_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const p
  *   in  u_k[0]
  *   in  u_kp1[0]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[4]
  *   in  w_e[2]
- *   out hess[6], entries of a 3 x 3 matrix: (0,0) (0,1) (0,2) (1,1) (1,2) (2,2)
+ *   out hess[6], entries of a 4 x 4 matrix: (0,0) (0,1) (0,2) (1,1) (1,2) (2,2)
  */
-static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, const double *restrict w_e, double *restrict hess)
+static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e, double *restrict hess)
 {
     (void)u_k;
     (void)u_kp1;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)t_k;
+    (void)q_i;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = par[0]*power2(par[1]);
     const double w1 = w0*w_e[1];
@@ -223,21 +253,23 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
 void bouncing_pendulum_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], out[0] + i*6);
+        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], out[0] + i*6);
 }
 
 /* Equations of motion M q'' = F: M row by row, F.
  *   in  q[1]
  *   in  v[1]
  *   in  u[0]
+ *   in  t[1]
  *   in  par[4]
  *   out M[1]
  *   out F[1]
  */
-static inline void dynamics_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict M, double *restrict F)
+static inline void dynamics_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M, double *restrict F)
 {
     (void)v;
     (void)u;
+    (void)t;
     M[0] = par[0]*power2(par[1]);
     F[0] = -par[0]*par[1]*par[2]*sin(q[0]);
 }
@@ -245,21 +277,23 @@ static inline void dynamics_element(const double *restrict q, const double *rest
 void bouncing_pendulum_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1, out[1] + i*1);
+        dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*1);
 }
 
 /* First derivatives of `dynamics` with respect to (q, v).
  *   in  q[1]
  *   in  v[1]
  *   in  u[0]
+ *   in  t[1]
  *   in  par[4]
  *   out M_D_s[0]
  *   out F_D_s[1], entries of a 1 x 2 matrix: (0,0)
  */
-static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict M_D_s, double *restrict F_D_s)
+static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D_s, double *restrict F_D_s)
 {
     (void)v;
     (void)u;
+    (void)t;
     (void)M_D_s;
     F_D_s[0] = -cos(q[0])*par[0]*par[1]*par[2];
 }
@@ -267,21 +301,23 @@ static inline void dynamics_jac_element(const double *restrict q, const double *
 void bouncing_pendulum_dynamics_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*0, out[1] + i*1);
+        dynamics_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*0, out[1] + i*1);
 }
 
 /* B = dQ/du row by row.
  *   in  q[1]
  *   in  v[1]
  *   in  u[0]
+ *   in  t[1]
  *   in  par[4]
  *   out B[0]
  */
-static inline void input_matrix_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict B)
+static inline void input_matrix_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict B)
 {
     (void)q;
     (void)v;
     (void)u;
+    (void)t;
     (void)par;
     (void)B;
 }
@@ -291,37 +327,43 @@ void bouncing_pendulum_input_matrix(ptrdiff_t n, const double *const in[], const
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* Generalised forces Q.
+/* Generalised forces Q, and the power Q . v - dL/dt that changes the energy.
  *   in  q[1]
  *   in  v[1]
  *   in  u[0]
+ *   in  t[1]
  *   in  par[4]
  *   out Q[1]
+ *   out power[1]
  */
-static inline void force_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict Q)
+static inline void force_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict Q, double *restrict power)
 {
     (void)q;
     (void)v;
     (void)u;
+    (void)t;
     (void)par;
     Q[0] = 0.0;
+    power[0] = 0.0;
 }
 
 void bouncing_pendulum_force(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
+        force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*1);
 }
 
 /* Momenta p = dL/dv and energy E = v . p - L.
  *   in  q[1]
  *   in  v[1]
+ *   in  t[1]
  *   in  par[4]
  *   out p[1]
  *   out E[1]
  */
-static inline void legendre_element(const double *restrict q, const double *restrict v, const double *restrict par, double *restrict p, double *restrict E)
+static inline void legendre_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p, double *restrict E)
 {
+    (void)t;
     const double w0 = par[0]*power2(par[1]);
     const double w1 = power2(v[0])*w0;
     p[0] = v[0]*w0;
@@ -331,39 +373,43 @@ static inline void legendre_element(const double *restrict q, const double *rest
 void bouncing_pendulum_legendre(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*1, out[1] + i*1);
+        legendre_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1, out[1] + i*1);
 }
 
-/* First derivatives of p with respect to (q, v).
+/* First derivatives of p with respect to (q, v, t).
  *   in  q[1]
  *   in  v[1]
+ *   in  t[1]
  *   in  par[4]
- *   out p_D_s[1], entries of a 1 x 2 matrix: (0,1)
+ *   out p_D_s[1], entries of a 1 x 3 matrix: (0,1)
  */
-static inline void legendre_jac_element(const double *restrict q, const double *restrict v, const double *restrict par, double *restrict p_D_s)
+static inline void legendre_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D_s)
 {
     (void)q;
     (void)v;
+    (void)t;
     p_D_s[0] = par[0]*power2(par[1]);
 }
 
 void bouncing_pendulum_legendre_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*1);
+        legendre_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
-/* Second derivatives of w . p with respect to (q, v).
+/* Second derivatives of w . p with respect to (q, v, t).
  *   in  q[1]
  *   in  v[1]
+ *   in  t[1]
  *   in  par[4]
  *   in  w[1]
  *   out hess[0]
  */
-static inline void legendre_hess_element(const double *restrict q, const double *restrict v, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void legendre_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
 {
     (void)q;
     (void)v;
+    (void)t;
     (void)par;
     (void)w;
     (void)hess;
@@ -378,15 +424,17 @@ void bouncing_pendulum_legendre_hess(ptrdiff_t n, const double *const in[], cons
  *   in  q[1]
  *   in  v[1]
  *   in  u[0]
+ *   in  t[1]
  *   in  par[4]
  *   out C[1]
  *   out C_DD_u[0]
  */
-static inline void running_cost_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict C, double *restrict C_DD_u)
+static inline void running_cost_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict C, double *restrict C_DD_u)
 {
     (void)q;
     (void)v;
     (void)u;
+    (void)t;
     (void)par;
     (void)C_DD_u;
     C[0] = 0.0;
@@ -395,33 +443,37 @@ static inline void running_cost_element(const double *restrict q, const double *
 void bouncing_pendulum_running_cost(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        running_cost_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1, out[1] + i*0);
+        running_cost_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*0);
 }
 
 /* Gaps g <= 0.
  *   in  q[1]
+ *   in  t[1]
  *   in  par[4]
  *   out g[1]
  */
-static inline void surface_element(const double *restrict q, const double *restrict par, double *restrict g)
+static inline void surface_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g)
 {
+    (void)t;
     g[0] = par[3] - q[0];
 }
 
 void bouncing_pendulum_surface(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        surface_element(in[0] + i*stride[0], in[1] + i*stride[1], out[0] + i*1);
+        surface_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*1);
 }
 
-/* Gradients of the gaps.
+/* First derivatives of the gaps with respect to (q, t).
  *   in  q[1]
+ *   in  t[1]
  *   in  par[4]
- *   out g_D_q[1], entries of a 1 x 1 matrix: (0,0)
+ *   out g_D_q[1], entries of a 1 x 2 matrix: (0,0)
  */
-static inline void surface_jac_element(const double *restrict q, const double *restrict par, double *restrict g_D_q)
+static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D_q)
 {
     (void)q;
+    (void)t;
     (void)par;
     g_D_q[0] = -1.0;
 }
@@ -429,18 +481,20 @@ static inline void surface_jac_element(const double *restrict q, const double *r
 void bouncing_pendulum_surface_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], out[0] + i*1);
+        surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*1);
 }
 
-/* Second derivatives of w . g.
+/* Second derivatives of w . g with respect to (q, t).
  *   in  q[1]
+ *   in  t[1]
  *   in  par[4]
  *   in  w[1]
  *   out hess[0]
  */
-static inline void surface_hess_element(const double *restrict q, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
 {
     (void)q;
+    (void)t;
     (void)par;
     (void)w;
     (void)hess;
@@ -454,12 +508,14 @@ void bouncing_pendulum_surface_hess(ptrdiff_t n, const double *const in[], const
 /* Normal impulse n = sum_j lam_j grad g_j.
  *   in  q[1]
  *   in  lam[1]
+ *   in  t[1]
  *   in  par[4]
  *   out n[1]
  */
-static inline void normal_element(const double *restrict q, const double *restrict lam, const double *restrict par, double *restrict n)
+static inline void normal_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n)
 {
     (void)q;
+    (void)t;
     (void)par;
     n[0] = -lam[0];
 }
@@ -467,19 +523,21 @@ static inline void normal_element(const double *restrict q, const double *restri
 void bouncing_pendulum_normal(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*1);
+        normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
-/* First derivatives of n with respect to (q, lam).
+/* First derivatives of n with respect to (q, lam, t).
  *   in  q[1]
  *   in  lam[1]
+ *   in  t[1]
  *   in  par[4]
- *   out n_D_ql[1], entries of a 1 x 2 matrix: (0,1)
+ *   out n_D_ql[1], entries of a 1 x 3 matrix: (0,1)
  */
-static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict par, double *restrict n_D_ql)
+static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D_ql)
 {
     (void)q;
     (void)lam;
+    (void)t;
     (void)par;
     n_D_ql[0] = -1.0;
 }
@@ -487,20 +545,22 @@ static inline void normal_jac_element(const double *restrict q, const double *re
 void bouncing_pendulum_normal_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*1);
+        normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
-/* Second derivatives of mu . n with respect to (q, lam).
+/* Second derivatives of mu . n with respect to (q, lam, t).
  *   in  q[1]
  *   in  lam[1]
+ *   in  t[1]
  *   in  par[4]
  *   in  mu[1]
  *   out hess[0]
  */
-static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict par, const double *restrict mu, double *restrict hess)
+static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict mu, double *restrict hess)
 {
     (void)q;
     (void)lam;
+    (void)t;
     (void)par;
     (void)mu;
     (void)hess;
@@ -509,6 +569,80 @@ static inline void normal_hess_element(const double *restrict q, const double *r
 void bouncing_pendulum_normal_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Energy W that the surfaces give in a collision, with v before it and restitution e.
+ *   in  q[1]
+ *   in  v[1]
+ *   in  lam[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   in  e[1]
+ *   out W[1]
+ */
+static inline void restitution_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W)
+{
+    (void)q;
+    (void)t;
+    (void)par;
+    W[0] = 0.5*(1.0 - e[0])*lam[0]*v[0];
+}
+
+void bouncing_pendulum_restitution(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        restitution_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
+}
+
+/* First derivatives of W with respect to (q, v, lam, t).
+ *   in  q[1]
+ *   in  v[1]
+ *   in  lam[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   in  e[1]
+ *   out W_D_s[2], entries of a 1 x 4 matrix: (0,1) (0,2)
+ */
+static inline void restitution_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W_D_s)
+{
+    (void)q;
+    (void)t;
+    (void)par;
+    const double w0 = 0.5*(1.0 - e[0]);
+    W_D_s[0] = lam[0]*w0;
+    W_D_s[1] = v[0]*w0;
+}
+
+void bouncing_pendulum_restitution_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        restitution_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2);
+}
+
+/* Second derivatives of w_W W with respect to (q, v, lam, t).
+ *   in  q[1]
+ *   in  v[1]
+ *   in  lam[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   in  e[1]
+ *   in  w_W[1]
+ *   out hess[1], entries of a 4 x 4 matrix: (1,2)
+ */
+static inline void restitution_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, const double *restrict w_W, double *restrict hess)
+{
+    (void)q;
+    (void)v;
+    (void)lam;
+    (void)t;
+    (void)par;
+    hess[0] = 0.5*(1.0 - e[0])*w_W[0];
+}
+
+void bouncing_pendulum_restitution_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        restitution_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], out[0] + i*1);
 }
 
 /* Shortest time to each surface at averaged full acceleration.
@@ -523,7 +657,7 @@ void bouncing_pendulum_normal_hess(ptrdiff_t n, const double *const in[], const 
 static inline void min_time_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min)
 {
     (void)q_c;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = 2.0*(par[3] - q_0);
     T_min[0] = 0.5*h[0] - w0/(sqrt(a[0]*w0 + power2(v_0)) - v_0);
@@ -547,7 +681,7 @@ void bouncing_pendulum_min_time(ptrdiff_t n, const double *const in[], const ptr
 static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D_y)
 {
     (void)q_c;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = par[3] - q_0;
     const double w1 = 2.0*w0;

@@ -30,6 +30,9 @@ dmoc_kernel bouncing_pendulum_surface_hess;
 dmoc_kernel bouncing_pendulum_normal;
 dmoc_kernel bouncing_pendulum_normal_jac;
 dmoc_kernel bouncing_pendulum_normal_hess;
+dmoc_kernel bouncing_pendulum_restitution;
+dmoc_kernel bouncing_pendulum_restitution_jac;
+dmoc_kernel bouncing_pendulum_restitution_hess;
 dmoc_kernel bouncing_pendulum_min_time;
 dmoc_kernel bouncing_pendulum_min_time_jac;
 

@@ -29,11 +29,14 @@ cdef extern from "kernels.h" nogil:
     dmoc_kernel bouncing_pendulum_normal
     dmoc_kernel bouncing_pendulum_normal_jac
     dmoc_kernel bouncing_pendulum_normal_hess
+    dmoc_kernel bouncing_pendulum_restitution
+    dmoc_kernel bouncing_pendulum_restitution_jac
+    dmoc_kernel bouncing_pendulum_restitution_hess
     dmoc_kernel bouncing_pendulum_min_time
     dmoc_kernel bouncing_pendulum_min_time_jac
 
 cdef enum:
-    MOST = 10
+    MOST = 13
 
 
 cdef _run(dmoc_kernel *kernel, tuple names, tuple arrays, tuple sizes, int inputs):
@@ -73,104 +76,119 @@ cdef _run(dmoc_kernel *kernel, tuple names, tuple arrays, tuple sizes, int input
             PyBuffer_Release(&views[a])
 
 
-def step(q_k, q_kp1, u_k, u_kp1, h, par, r_minus, r_plus, C_d):
-    """Momenta at both ends of a step and its cost."""
-    _run(bouncing_pendulum_step, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "par", "r_minus", "r_plus", "C_d",), (q_k, q_kp1, u_k, u_kp1, h, par, r_minus, r_plus, C_d,), (1, 1, 0, 0, 1, 4, 1, 1, 1,), 6)
+def step(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, r_minus, r_plus, C_d, r_i):
+    """Momenta at both ends of a step, its cost, and the equations of the nodes inside."""
+    _run(bouncing_pendulum_step, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "t_k", "q_i", "par", "r_minus", "r_plus", "C_d", "r_i",), (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, r_minus, r_plus, C_d, r_i,), (1, 1, 0, 0, 1, 1, 0, 4, 1, 1, 1, 0,), 8)
 
 
-def step_jac(q_k, q_kp1, u_k, u_kp1, h, par, r_minus_D_z, r_plus_D_z, C_d_D_z):
+def step_jac(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, r_minus_D_z, r_plus_D_z, C_d_D_z, r_i_D_z):
     """First derivatives of `step` with respect to z."""
-    _run(bouncing_pendulum_step_jac, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "par", "r_minus_D_z", "r_plus_D_z", "C_d_D_z",), (q_k, q_kp1, u_k, u_kp1, h, par, r_minus_D_z, r_plus_D_z, C_d_D_z,), (1, 1, 0, 0, 1, 4, 3, 3, 0,), 6)
+    _run(bouncing_pendulum_step_jac, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "t_k", "q_i", "par", "r_minus_D_z", "r_plus_D_z", "C_d_D_z", "r_i_D_z",), (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, r_minus_D_z, r_plus_D_z, C_d_D_z, r_i_D_z,), (1, 1, 0, 0, 1, 1, 0, 4, 3, 3, 0, 0,), 8)
 
 
-def step_hess(q_k, q_kp1, u_k, u_kp1, h, par, sigma, mu_minus, mu_plus, hess):
-    """Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus."""
-    _run(bouncing_pendulum_step_hess, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "par", "sigma", "mu_minus", "mu_plus", "hess",), (q_k, q_kp1, u_k, u_kp1, h, par, sigma, mu_minus, mu_plus, hess,), (1, 1, 0, 0, 1, 4, 1, 1, 1, 6,), 9)
+def step_hess(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, sigma, mu_minus, mu_plus, mu_i, hess):
+    """Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus + mu_i . r_i."""
+    _run(bouncing_pendulum_step_hess, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "t_k", "q_i", "par", "sigma", "mu_minus", "mu_plus", "mu_i", "hess",), (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, sigma, mu_minus, mu_plus, mu_i, hess,), (1, 1, 0, 0, 1, 1, 0, 4, 1, 1, 1, 0, 6,), 12)
 
 
-def impact(q_k, q_kp1, u_k, u_kp1, h, par, e_plus, e_minus):
+def impact(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, e_plus, e_minus):
     """Discrete energies at the end (e_plus) and at the start (e_minus) of a step."""
-    _run(bouncing_pendulum_impact, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "par", "e_plus", "e_minus",), (q_k, q_kp1, u_k, u_kp1, h, par, e_plus, e_minus,), (1, 1, 0, 0, 1, 4, 1, 1,), 6)
+    _run(bouncing_pendulum_impact, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "t_k", "q_i", "par", "e_plus", "e_minus",), (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, e_plus, e_minus,), (1, 1, 0, 0, 1, 1, 0, 4, 1, 1,), 8)
 
 
-def impact_jac(q_k, q_kp1, u_k, u_kp1, h, par, e_plus_D_z, e_minus_D_z):
+def impact_jac(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, e_plus_D_z, e_minus_D_z):
     """First derivatives of `impact` with respect to z."""
-    _run(bouncing_pendulum_impact_jac, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "par", "e_plus_D_z", "e_minus_D_z",), (q_k, q_kp1, u_k, u_kp1, h, par, e_plus_D_z, e_minus_D_z,), (1, 1, 0, 0, 1, 4, 3, 3,), 6)
+    _run(bouncing_pendulum_impact_jac, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "t_k", "q_i", "par", "e_plus_D_z", "e_minus_D_z",), (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, e_plus_D_z, e_minus_D_z,), (1, 1, 0, 0, 1, 1, 0, 4, 3, 3,), 8)
 
 
-def impact_hess(q_k, q_kp1, u_k, u_kp1, h, par, w_e, hess):
+def impact_hess(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, w_e, hess):
     """Second derivatives of w_e . (e_plus, e_minus)."""
-    _run(bouncing_pendulum_impact_hess, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "par", "w_e", "hess",), (q_k, q_kp1, u_k, u_kp1, h, par, w_e, hess,), (1, 1, 0, 0, 1, 4, 2, 6,), 7)
+    _run(bouncing_pendulum_impact_hess, ("q_k", "q_kp1", "u_k", "u_kp1", "h", "t_k", "q_i", "par", "w_e", "hess",), (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i, par, w_e, hess,), (1, 1, 0, 0, 1, 1, 0, 4, 2, 6,), 9)
 
 
-def dynamics(q, v, u, par, M, F):
+def dynamics(q, v, u, t, par, M, F):
     """Equations of motion M q'' = F: M row by row, F."""
-    _run(bouncing_pendulum_dynamics, ("q", "v", "u", "par", "M", "F",), (q, v, u, par, M, F,), (1, 1, 0, 4, 1, 1,), 4)
+    _run(bouncing_pendulum_dynamics, ("q", "v", "u", "t", "par", "M", "F",), (q, v, u, t, par, M, F,), (1, 1, 0, 1, 4, 1, 1,), 5)
 
 
-def dynamics_jac(q, v, u, par, M_D_s, F_D_s):
+def dynamics_jac(q, v, u, t, par, M_D_s, F_D_s):
     """First derivatives of `dynamics` with respect to (q, v)."""
-    _run(bouncing_pendulum_dynamics_jac, ("q", "v", "u", "par", "M_D_s", "F_D_s",), (q, v, u, par, M_D_s, F_D_s,), (1, 1, 0, 4, 0, 1,), 4)
+    _run(bouncing_pendulum_dynamics_jac, ("q", "v", "u", "t", "par", "M_D_s", "F_D_s",), (q, v, u, t, par, M_D_s, F_D_s,), (1, 1, 0, 1, 4, 0, 1,), 5)
 
 
-def input_matrix(q, v, u, par, B):
+def input_matrix(q, v, u, t, par, B):
     """B = dQ/du row by row."""
-    _run(bouncing_pendulum_input_matrix, ("q", "v", "u", "par", "B",), (q, v, u, par, B,), (1, 1, 0, 4, 0,), 4)
+    _run(bouncing_pendulum_input_matrix, ("q", "v", "u", "t", "par", "B",), (q, v, u, t, par, B,), (1, 1, 0, 1, 4, 0,), 5)
 
 
-def force(q, v, u, par, Q):
-    """Generalised forces Q."""
-    _run(bouncing_pendulum_force, ("q", "v", "u", "par", "Q",), (q, v, u, par, Q,), (1, 1, 0, 4, 1,), 4)
+def force(q, v, u, t, par, Q, power):
+    """Generalised forces Q, and the power Q . v - dL/dt that changes the energy."""
+    _run(bouncing_pendulum_force, ("q", "v", "u", "t", "par", "Q", "power",), (q, v, u, t, par, Q, power,), (1, 1, 0, 1, 4, 1, 1,), 5)
 
 
-def legendre(q, v, par, p, E):
+def legendre(q, v, t, par, p, E):
     """Momenta p = dL/dv and energy E = v . p - L."""
-    _run(bouncing_pendulum_legendre, ("q", "v", "par", "p", "E",), (q, v, par, p, E,), (1, 1, 4, 1, 1,), 3)
+    _run(bouncing_pendulum_legendre, ("q", "v", "t", "par", "p", "E",), (q, v, t, par, p, E,), (1, 1, 1, 4, 1, 1,), 4)
 
 
-def legendre_jac(q, v, par, p_D_s):
-    """First derivatives of p with respect to (q, v)."""
-    _run(bouncing_pendulum_legendre_jac, ("q", "v", "par", "p_D_s",), (q, v, par, p_D_s,), (1, 1, 4, 1,), 3)
+def legendre_jac(q, v, t, par, p_D_s):
+    """First derivatives of p with respect to (q, v, t)."""
+    _run(bouncing_pendulum_legendre_jac, ("q", "v", "t", "par", "p_D_s",), (q, v, t, par, p_D_s,), (1, 1, 1, 4, 1,), 4)
 
 
-def legendre_hess(q, v, par, w, hess):
-    """Second derivatives of w . p with respect to (q, v)."""
-    _run(bouncing_pendulum_legendre_hess, ("q", "v", "par", "w", "hess",), (q, v, par, w, hess,), (1, 1, 4, 1, 0,), 4)
+def legendre_hess(q, v, t, par, w, hess):
+    """Second derivatives of w . p with respect to (q, v, t)."""
+    _run(bouncing_pendulum_legendre_hess, ("q", "v", "t", "par", "w", "hess",), (q, v, t, par, w, hess,), (1, 1, 1, 4, 1, 0,), 5)
 
 
-def running_cost(q, v, u, par, C, C_DD_u):
+def running_cost(q, v, u, t, par, C, C_DD_u):
     """Integrand C of the cost and its second derivatives in u."""
-    _run(bouncing_pendulum_running_cost, ("q", "v", "u", "par", "C", "C_DD_u",), (q, v, u, par, C, C_DD_u,), (1, 1, 0, 4, 1, 0,), 4)
+    _run(bouncing_pendulum_running_cost, ("q", "v", "u", "t", "par", "C", "C_DD_u",), (q, v, u, t, par, C, C_DD_u,), (1, 1, 0, 1, 4, 1, 0,), 5)
 
 
-def surface(q, par, g):
+def surface(q, t, par, g):
     """Gaps g <= 0."""
-    _run(bouncing_pendulum_surface, ("q", "par", "g",), (q, par, g,), (1, 4, 1,), 2)
+    _run(bouncing_pendulum_surface, ("q", "t", "par", "g",), (q, t, par, g,), (1, 1, 4, 1,), 3)
 
 
-def surface_jac(q, par, g_D_q):
-    """Gradients of the gaps."""
-    _run(bouncing_pendulum_surface_jac, ("q", "par", "g_D_q",), (q, par, g_D_q,), (1, 4, 1,), 2)
+def surface_jac(q, t, par, g_D_q):
+    """First derivatives of the gaps with respect to (q, t)."""
+    _run(bouncing_pendulum_surface_jac, ("q", "t", "par", "g_D_q",), (q, t, par, g_D_q,), (1, 1, 4, 1,), 3)
 
 
-def surface_hess(q, par, w, hess):
-    """Second derivatives of w . g."""
-    _run(bouncing_pendulum_surface_hess, ("q", "par", "w", "hess",), (q, par, w, hess,), (1, 4, 1, 0,), 3)
+def surface_hess(q, t, par, w, hess):
+    """Second derivatives of w . g with respect to (q, t)."""
+    _run(bouncing_pendulum_surface_hess, ("q", "t", "par", "w", "hess",), (q, t, par, w, hess,), (1, 1, 4, 1, 0,), 4)
 
 
-def normal(q, lam, par, n):
+def normal(q, lam, t, par, n):
     """Normal impulse n = sum_j lam_j grad g_j."""
-    _run(bouncing_pendulum_normal, ("q", "lam", "par", "n",), (q, lam, par, n,), (1, 1, 4, 1,), 3)
+    _run(bouncing_pendulum_normal, ("q", "lam", "t", "par", "n",), (q, lam, t, par, n,), (1, 1, 1, 4, 1,), 4)
 
 
-def normal_jac(q, lam, par, n_D_ql):
-    """First derivatives of n with respect to (q, lam)."""
-    _run(bouncing_pendulum_normal_jac, ("q", "lam", "par", "n_D_ql",), (q, lam, par, n_D_ql,), (1, 1, 4, 1,), 3)
+def normal_jac(q, lam, t, par, n_D_ql):
+    """First derivatives of n with respect to (q, lam, t)."""
+    _run(bouncing_pendulum_normal_jac, ("q", "lam", "t", "par", "n_D_ql",), (q, lam, t, par, n_D_ql,), (1, 1, 1, 4, 1,), 4)
 
 
-def normal_hess(q, lam, par, mu, hess):
-    """Second derivatives of mu . n with respect to (q, lam)."""
-    _run(bouncing_pendulum_normal_hess, ("q", "lam", "par", "mu", "hess",), (q, lam, par, mu, hess,), (1, 1, 4, 1, 0,), 4)
+def normal_hess(q, lam, t, par, mu, hess):
+    """Second derivatives of mu . n with respect to (q, lam, t)."""
+    _run(bouncing_pendulum_normal_hess, ("q", "lam", "t", "par", "mu", "hess",), (q, lam, t, par, mu, hess,), (1, 1, 1, 4, 1, 0,), 5)
+
+
+def restitution(q, v, lam, t, par, e, W):
+    """Energy W that the surfaces give in a collision, with v before it and restitution e."""
+    _run(bouncing_pendulum_restitution, ("q", "v", "lam", "t", "par", "e", "W",), (q, v, lam, t, par, e, W,), (1, 1, 1, 1, 4, 1, 1,), 6)
+
+
+def restitution_jac(q, v, lam, t, par, e, W_D_s):
+    """First derivatives of W with respect to (q, v, lam, t)."""
+    _run(bouncing_pendulum_restitution_jac, ("q", "v", "lam", "t", "par", "e", "W_D_s",), (q, v, lam, t, par, e, W_D_s,), (1, 1, 1, 1, 4, 1, 2,), 6)
+
+
+def restitution_hess(q, v, lam, t, par, e, w_W, hess):
+    """Second derivatives of w_W W with respect to (q, v, lam, t)."""
+    _run(bouncing_pendulum_restitution_hess, ("q", "v", "lam", "t", "par", "e", "w_W", "hess",), (q, v, lam, t, par, e, w_W, hess,), (1, 1, 1, 1, 4, 1, 1, 1,), 7)
 
 
 def min_time(q_k, q_kp1, h, q_c, a, par, T_min):
@@ -225,6 +243,12 @@ def capsule(str kernel):
         return PyCapsule_New(<void *>bouncing_pendulum_normal_jac, "dmoc_kernel", NULL)
     if kernel == "normal_hess":
         return PyCapsule_New(<void *>bouncing_pendulum_normal_hess, "dmoc_kernel", NULL)
+    if kernel == "restitution":
+        return PyCapsule_New(<void *>bouncing_pendulum_restitution, "dmoc_kernel", NULL)
+    if kernel == "restitution_jac":
+        return PyCapsule_New(<void *>bouncing_pendulum_restitution_jac, "dmoc_kernel", NULL)
+    if kernel == "restitution_hess":
+        return PyCapsule_New(<void *>bouncing_pendulum_restitution_hess, "dmoc_kernel", NULL)
     if kernel == "min_time":
         return PyCapsule_New(<void *>bouncing_pendulum_min_time, "dmoc_kernel", NULL)
     if kernel == "min_time_jac":

@@ -11,30 +11,36 @@
 
 static inline double power2(double x) { return x*x; }
 
-/* Momenta at both ends of a step and its cost.
+/* Momenta at both ends of a step, its cost, and the equations of the nodes inside.
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[1]
  *   in  u_kp1[1]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[6]
  *   out r_minus[2]
  *   out r_plus[2]
  *   out C_d[1]
+ *   out r_i[0]
  */
-static inline void step_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict r_minus, double *restrict r_plus, double *restrict C_d)
+static inline void step_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus, double *restrict r_plus, double *restrict C_d, double *restrict r_i)
 {
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)t_k;
+    (void)q_i;
+    (void)r_i;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
-    const double w0 = par[0]*v_0;
-    const double w1 = par[0]*v_1;
-    const double w2 = par[2]*sin(q_0);
-    const double w3 = power2(par[2])*w0 - w1*w2;
+    const double w0 = par[0]*v_1;
+    const double w1 = par[2]*sin(q_0);
+    const double w2 = par[0]*v_0;
+    const double w3 = power2(par[2])*w2 - w0*w1;
     const double w4 = cos(q_0)*par[2];
     const double w5 = 0.5*h[0];
-    const double w6 = (-par[0]*par[3]*w4 - v_0*w1*w4)*w5;
-    const double w7 = par[1]*v_1 + w1 - w0*w2;
+    const double w6 = (-par[0]*par[3]*w4 - v_0*w0*w4)*w5;
+    const double w7 = par[1]*v_1 + w0 - w1*w2;
     r_minus[0] = w6 - w3;
     r_minus[1] = u_k[0]*w5 - w7;
     r_plus[0] = w3 + w6;
@@ -45,7 +51,7 @@ static inline void step_element(const double *restrict q_k, const double *restri
 void cart_pendulum_step(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2, out[1] + i*2, out[2] + i*1);
+        step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*2, out[1] + i*2, out[2] + i*1, out[3] + i*0);
 }
 
 /* First derivatives of `step` with respect to z.
@@ -54,14 +60,20 @@ void cart_pendulum_step(ptrdiff_t n, const double *const in[], const ptrdiff_t s
  *   in  u_k[1]
  *   in  u_kp1[1]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[6]
- *   out r_minus_D_z[11], entries of a 2 x 7 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,0) (1,1) (1,2) (1,3) (1,4) (1,6)
- *   out r_plus_D_z[11], entries of a 2 x 7 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,0) (1,1) (1,2) (1,3) (1,5) (1,6)
- *   out C_d_D_z[3], entries of a 1 x 7 matrix: (0,4) (0,5) (0,6)
+ *   out r_minus_D_z[11], entries of a 2 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,0) (1,1) (1,2) (1,3) (1,4) (1,6)
+ *   out r_plus_D_z[11], entries of a 2 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,0) (1,1) (1,2) (1,3) (1,5) (1,6)
+ *   out C_d_D_z[3], entries of a 1 x 8 matrix: (0,4) (0,5) (0,6)
+ *   out r_i_D_z[0]
  */
-static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict r_minus_D_z, double *restrict r_plus_D_z, double *restrict C_d_D_z)
+static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D_z, double *restrict r_plus_D_z, double *restrict C_d_D_z, double *restrict r_i_D_z)
 {
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)t_k;
+    (void)q_i;
+    (void)r_i_D_z;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/h[0];
@@ -120,24 +132,30 @@ static inline void step_jac_element(const double *restrict q_k, const double *re
 void cart_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*11, out[1] + i*11, out[2] + i*3);
+        step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*11, out[1] + i*11, out[2] + i*3, out[3] + i*0);
 }
 
-/* Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus.
+/* Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus + mu_i . r_i.
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[1]
  *   in  u_kp1[1]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[6]
  *   in  sigma[1]
  *   in  mu_minus[2]
  *   in  mu_plus[2]
- *   out hess[16], entries of a 7 x 7 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,2) (1,6) (2,2) (2,3) (2,6) (3,6) (4,4) (4,6) (5,5) (5,6) (6,6)
+ *   in  mu_i[0]
+ *   out hess[16], entries of a 8 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,2) (1,6) (2,2) (2,3) (2,6) (3,6) (4,4) (4,6) (5,5) (5,6) (6,6)
  */
-static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, const double *restrict sigma, const double *restrict mu_minus, const double *restrict mu_plus, double *restrict hess)
+static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict sigma, const double *restrict mu_minus, const double *restrict mu_plus, const double *restrict mu_i, double *restrict hess)
 {
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)t_k;
+    (void)q_i;
+    (void)mu_i;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/h[0];
@@ -209,7 +227,7 @@ static inline void step_hess_element(const double *restrict q_k, const double *r
 void cart_pendulum_step_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        step_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], out[0] + i*16);
+        step_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], in[9] + i*stride[9], in[10] + i*stride[10], in[11] + i*stride[11], out[0] + i*16);
 }
 
 /* Discrete energies at the end (e_plus) and at the start (e_minus) of a step.
@@ -218,23 +236,27 @@ void cart_pendulum_step_hess(ptrdiff_t n, const double *const in[], const ptrdif
  *   in  u_k[1]
  *   in  u_kp1[1]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[6]
  *   out e_plus[1]
  *   out e_minus[1]
  */
-static inline void impact_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict e_plus, double *restrict e_minus)
+static inline void impact_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus, double *restrict e_minus)
 {
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)t_k;
+    (void)q_i;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 0.5*h[0]*v_1;
-    const double w1 = par[0]*v_1;
-    const double w2 = par[0]*v_0;
-    const double w3 = par[2]*sin(q_0);
-    const double w4 = power2(par[2]);
-    const double w5 = w1*w3;
+    const double w1 = par[0]*v_0;
+    const double w2 = par[2]*sin(q_0);
+    const double w3 = par[0]*v_1;
+    const double w4 = w2*w3;
+    const double w5 = power2(par[2]);
     const double w6 = 0.5*power2(v_1);
-    const double w7 = 0.5*par[0]*power2(v_0)*w4 + par[0]*w6 + par[1]*w6 - ((par[1]*v_1 + w1 - w2*w3)*v_1 + (w2*w4 - w5)*v_0) - par[0]*par[3]*w3 - v_0*w5;
+    const double w7 = 0.5*par[0]*power2(v_0)*w5 + par[0]*w6 + par[1]*w6 - ((par[1]*v_1 + w3 - w1*w2)*v_1 + (w1*w5 - w4)*v_0) - par[0]*par[3]*w2 - v_0*w4;
     e_plus[0] = w7 - u_kp1[0]*w0;
     e_minus[0] = u_k[0]*w0 + w7;
 }
@@ -242,7 +264,7 @@ static inline void impact_element(const double *restrict q_k, const double *rest
 void cart_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1, out[1] + i*1);
+        impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1);
 }
 
 /* First derivatives of `impact` with respect to z.
@@ -251,13 +273,17 @@ void cart_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t
  *   in  u_k[1]
  *   in  u_kp1[1]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[6]
- *   out e_plus_D_z[6], entries of a 1 x 7 matrix: (0,0) (0,1) (0,2) (0,3) (0,5) (0,6)
- *   out e_minus_D_z[6], entries of a 1 x 7 matrix: (0,0) (0,1) (0,2) (0,3) (0,4) (0,6)
+ *   out e_plus_D_z[6], entries of a 1 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,5) (0,6)
+ *   out e_minus_D_z[6], entries of a 1 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,4) (0,6)
  */
-static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict e_plus_D_z, double *restrict e_minus_D_z)
+static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D_z, double *restrict e_minus_D_z)
 {
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)t_k;
+    (void)q_i;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/h[0];
@@ -292,7 +318,7 @@ static inline void impact_jac_element(const double *restrict q_k, const double *
 void cart_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*6, out[1] + i*6);
+        impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*6, out[1] + i*6);
 }
 
 /* Second derivatives of w_e . (e_plus, e_minus).
@@ -301,13 +327,17 @@ void cart_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const ptrdi
  *   in  u_k[1]
  *   in  u_kp1[1]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[6]
  *   in  w_e[2]
- *   out hess[19], entries of a 7 x 7 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,1) (1,2) (1,3) (1,4) (1,5) (1,6) (2,2) (2,3) (2,6) (3,3) (3,4) (3,5) (3,6) (6,6)
+ *   out hess[19], entries of a 8 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,1) (1,2) (1,3) (1,4) (1,5) (1,6) (2,2) (2,3) (2,6) (3,3) (3,4) (3,5) (3,6) (6,6)
  */
-static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, const double *restrict w_e, double *restrict hess)
+static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e, double *restrict hess)
 {
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    (void)t_k;
+    (void)q_i;
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/h[0];
@@ -374,19 +404,21 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
 void cart_pendulum_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], out[0] + i*19);
+        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], out[0] + i*19);
 }
 
 /* Equations of motion M q'' = F: M row by row, F.
  *   in  q[2]
  *   in  v[2]
  *   in  u[1]
+ *   in  t[1]
  *   in  par[6]
  *   out M[4]
  *   out F[2]
  */
-static inline void dynamics_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict M, double *restrict F)
+static inline void dynamics_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M, double *restrict F)
 {
+    (void)t;
     const double w0 = par[0]*par[2];
     const double w1 = -sin(q[0])*w0;
     const double w2 = cos(q[0])*w0;
@@ -401,20 +433,22 @@ static inline void dynamics_element(const double *restrict q, const double *rest
 void cart_pendulum_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*4, out[1] + i*2);
+        dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*4, out[1] + i*2);
 }
 
 /* First derivatives of `dynamics` with respect to (q, v).
  *   in  q[2]
  *   in  v[2]
  *   in  u[1]
+ *   in  t[1]
  *   in  par[6]
  *   out M_D_s[2], entries of a 4 x 4 matrix: (1,0) (2,0)
  *   out F_D_s[3], entries of a 2 x 4 matrix: (0,0) (1,0) (1,2)
  */
-static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict M_D_s, double *restrict F_D_s)
+static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D_s, double *restrict F_D_s)
 {
     (void)u;
+    (void)t;
     const double w0 = par[0]*par[2];
     const double w1 = cos(q[0])*w0;
     const double w2 = -w1;
@@ -429,21 +463,23 @@ static inline void dynamics_jac_element(const double *restrict q, const double *
 void cart_pendulum_dynamics_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2, out[1] + i*3);
+        dynamics_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2, out[1] + i*3);
 }
 
 /* B = dQ/du row by row.
  *   in  q[2]
  *   in  v[2]
  *   in  u[1]
+ *   in  t[1]
  *   in  par[6]
  *   out B[2]
  */
-static inline void input_matrix_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict B)
+static inline void input_matrix_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict B)
 {
     (void)q;
     (void)v;
     (void)u;
+    (void)t;
     (void)par;
     B[0] = 0.0;
     B[1] = 1.0;
@@ -452,40 +488,45 @@ static inline void input_matrix_element(const double *restrict q, const double *
 void cart_pendulum_input_matrix(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        input_matrix_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
+        input_matrix_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2);
 }
 
-/* Generalised forces Q.
+/* Generalised forces Q, and the power Q . v - dL/dt that changes the energy.
  *   in  q[2]
  *   in  v[2]
  *   in  u[1]
+ *   in  t[1]
  *   in  par[6]
  *   out Q[2]
+ *   out power[1]
  */
-static inline void force_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict Q)
+static inline void force_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict Q, double *restrict power)
 {
     (void)q;
-    (void)v;
+    (void)t;
     (void)par;
     Q[0] = 0.0;
     Q[1] = u[0];
+    power[0] = u[0]*v[1];
 }
 
 void cart_pendulum_force(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
+        force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2, out[1] + i*1);
 }
 
 /* Momenta p = dL/dv and energy E = v . p - L.
  *   in  q[2]
  *   in  v[2]
+ *   in  t[1]
  *   in  par[6]
  *   out p[2]
  *   out E[1]
  */
-static inline void legendre_element(const double *restrict q, const double *restrict v, const double *restrict par, double *restrict p, double *restrict E)
+static inline void legendre_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p, double *restrict E)
 {
+    (void)t;
     const double w0 = power2(par[2]);
     const double w1 = par[0]*v[0];
     const double w2 = par[0]*v[1];
@@ -502,17 +543,19 @@ static inline void legendre_element(const double *restrict q, const double *rest
 void cart_pendulum_legendre(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*2, out[1] + i*1);
+        legendre_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2, out[1] + i*1);
 }
 
-/* First derivatives of p with respect to (q, v).
+/* First derivatives of p with respect to (q, v, t).
  *   in  q[2]
  *   in  v[2]
+ *   in  t[1]
  *   in  par[6]
- *   out p_D_s[6], entries of a 2 x 4 matrix: (0,0) (0,2) (0,3) (1,0) (1,2) (1,3)
+ *   out p_D_s[6], entries of a 2 x 5 matrix: (0,0) (0,2) (0,3) (1,0) (1,2) (1,3)
  */
-static inline void legendre_jac_element(const double *restrict q, const double *restrict v, const double *restrict par, double *restrict p_D_s)
+static inline void legendre_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D_s)
 {
+    (void)t;
     const double w0 = par[0]*par[2];
     const double w1 = cos(q[0])*w0;
     const double w2 = -sin(q[0])*w0;
@@ -527,18 +570,20 @@ static inline void legendre_jac_element(const double *restrict q, const double *
 void cart_pendulum_legendre_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*6);
+        legendre_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*6);
 }
 
-/* Second derivatives of w . p with respect to (q, v).
+/* Second derivatives of w . p with respect to (q, v, t).
  *   in  q[2]
  *   in  v[2]
+ *   in  t[1]
  *   in  par[6]
  *   in  w[2]
- *   out hess[3], entries of a 4 x 4 matrix: (0,0) (0,2) (0,3)
+ *   out hess[3], entries of a 5 x 5 matrix: (0,0) (0,2) (0,3)
  */
-static inline void legendre_hess_element(const double *restrict q, const double *restrict v, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void legendre_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
 {
+    (void)t;
     const double w0 = par[0]*par[2];
     const double w1 = sin(q[0])*w0;
     const double w2 = cos(q[0])*w0;
@@ -550,21 +595,23 @@ static inline void legendre_hess_element(const double *restrict q, const double 
 void cart_pendulum_legendre_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*3);
+        legendre_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*3);
 }
 
 /* Integrand C of the cost and its second derivatives in u.
  *   in  q[2]
  *   in  v[2]
  *   in  u[1]
+ *   in  t[1]
  *   in  par[6]
  *   out C[1]
  *   out C_DD_u[1]
  */
-static inline void running_cost_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict C, double *restrict C_DD_u)
+static inline void running_cost_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict C, double *restrict C_DD_u)
 {
     (void)q;
     (void)v;
+    (void)t;
     (void)par;
     C[0] = 0.5*power2(u[0]);
     C_DD_u[0] = 1.0;
@@ -573,16 +620,18 @@ static inline void running_cost_element(const double *restrict q, const double *
 void cart_pendulum_running_cost(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        running_cost_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1, out[1] + i*1);
+        running_cost_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*1);
 }
 
 /* Gaps g <= 0.
  *   in  q[2]
+ *   in  t[1]
  *   in  par[6]
  *   out g[2]
  */
-static inline void surface_element(const double *restrict q, const double *restrict par, double *restrict g)
+static inline void surface_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g)
 {
+    (void)t;
     g[0] = par[4] - q[0];
     g[1] = q[0] - par[5];
 }
@@ -590,17 +639,19 @@ static inline void surface_element(const double *restrict q, const double *restr
 void cart_pendulum_surface(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        surface_element(in[0] + i*stride[0], in[1] + i*stride[1], out[0] + i*2);
+        surface_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*2);
 }
 
-/* Gradients of the gaps.
+/* First derivatives of the gaps with respect to (q, t).
  *   in  q[2]
+ *   in  t[1]
  *   in  par[6]
- *   out g_D_q[2], entries of a 2 x 2 matrix: (0,0) (1,0)
+ *   out g_D_q[2], entries of a 2 x 3 matrix: (0,0) (1,0)
  */
-static inline void surface_jac_element(const double *restrict q, const double *restrict par, double *restrict g_D_q)
+static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D_q)
 {
     (void)q;
+    (void)t;
     (void)par;
     g_D_q[0] = -1.0;
     g_D_q[1] = 1.0;
@@ -609,18 +660,20 @@ static inline void surface_jac_element(const double *restrict q, const double *r
 void cart_pendulum_surface_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], out[0] + i*2);
+        surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*2);
 }
 
-/* Second derivatives of w . g.
+/* Second derivatives of w . g with respect to (q, t).
  *   in  q[2]
+ *   in  t[1]
  *   in  par[6]
  *   in  w[2]
  *   out hess[0]
  */
-static inline void surface_hess_element(const double *restrict q, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
 {
     (void)q;
+    (void)t;
     (void)par;
     (void)w;
     (void)hess;
@@ -634,12 +687,14 @@ void cart_pendulum_surface_hess(ptrdiff_t n, const double *const in[], const ptr
 /* Normal impulse n = sum_j lam_j grad g_j.
  *   in  q[2]
  *   in  lam[2]
+ *   in  t[1]
  *   in  par[6]
  *   out n[2]
  */
-static inline void normal_element(const double *restrict q, const double *restrict lam, const double *restrict par, double *restrict n)
+static inline void normal_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n)
 {
     (void)q;
+    (void)t;
     (void)par;
     n[0] = lam[1] - lam[0];
     n[1] = 0.0;
@@ -648,19 +703,21 @@ static inline void normal_element(const double *restrict q, const double *restri
 void cart_pendulum_normal(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*2);
+        normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* First derivatives of n with respect to (q, lam).
+/* First derivatives of n with respect to (q, lam, t).
  *   in  q[2]
  *   in  lam[2]
+ *   in  t[1]
  *   in  par[6]
- *   out n_D_ql[2], entries of a 2 x 4 matrix: (0,2) (0,3)
+ *   out n_D_ql[2], entries of a 2 x 5 matrix: (0,2) (0,3)
  */
-static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict par, double *restrict n_D_ql)
+static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D_ql)
 {
     (void)q;
     (void)lam;
+    (void)t;
     (void)par;
     n_D_ql[0] = -1.0;
     n_D_ql[1] = 1.0;
@@ -669,20 +726,22 @@ static inline void normal_jac_element(const double *restrict q, const double *re
 void cart_pendulum_normal_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*2);
+        normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* Second derivatives of mu . n with respect to (q, lam).
+/* Second derivatives of mu . n with respect to (q, lam, t).
  *   in  q[2]
  *   in  lam[2]
+ *   in  t[1]
  *   in  par[6]
  *   in  mu[2]
  *   out hess[0]
  */
-static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict par, const double *restrict mu, double *restrict hess)
+static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict mu, double *restrict hess)
 {
     (void)q;
     (void)lam;
+    (void)t;
     (void)par;
     (void)mu;
     (void)hess;
@@ -691,6 +750,85 @@ static inline void normal_hess_element(const double *restrict q, const double *r
 void cart_pendulum_normal_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Energy W that the surfaces give in a collision, with v before it and restitution e.
+ *   in  q[2]
+ *   in  v[2]
+ *   in  lam[2]
+ *   in  t[1]
+ *   in  par[6]
+ *   in  e[2]
+ *   out W[1]
+ */
+static inline void restitution_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W)
+{
+    (void)q;
+    (void)t;
+    (void)par;
+    const double w0 = 0.5*v[0];
+    W[0] = (1.0 - e[0])*lam[0]*w0 - (1.0 - e[1])*lam[1]*w0;
+}
+
+void cart_pendulum_restitution(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        restitution_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
+}
+
+/* First derivatives of W with respect to (q, v, lam, t).
+ *   in  q[2]
+ *   in  v[2]
+ *   in  lam[2]
+ *   in  t[1]
+ *   in  par[6]
+ *   in  e[2]
+ *   out W_D_s[3], entries of a 1 x 7 matrix: (0,2) (0,4) (0,5)
+ */
+static inline void restitution_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W_D_s)
+{
+    (void)q;
+    (void)t;
+    (void)par;
+    const double w0 = 1.0 - e[0];
+    const double w1 = 1.0 - e[1];
+    const double w2 = 0.5*v[0];
+    W_D_s[0] = 0.5*lam[0]*w0 - 0.5*lam[1]*w1;
+    W_D_s[1] = w0*w2;
+    W_D_s[2] = -w1*w2;
+}
+
+void cart_pendulum_restitution_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        restitution_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*3);
+}
+
+/* Second derivatives of w_W W with respect to (q, v, lam, t).
+ *   in  q[2]
+ *   in  v[2]
+ *   in  lam[2]
+ *   in  t[1]
+ *   in  par[6]
+ *   in  e[2]
+ *   in  w_W[1]
+ *   out hess[2], entries of a 7 x 7 matrix: (2,4) (2,5)
+ */
+static inline void restitution_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, const double *restrict w_W, double *restrict hess)
+{
+    (void)q;
+    (void)v;
+    (void)lam;
+    (void)t;
+    (void)par;
+    hess[0] = (0.5 - 0.5*e[0])*w_W[0];
+    hess[1] = (0.5*e[1] - 0.5)*w_W[0];
+}
+
+void cart_pendulum_restitution_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        restitution_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], out[0] + i*2);
 }
 
 /* Shortest time to each surface at averaged full acceleration.
@@ -705,7 +843,7 @@ void cart_pendulum_normal_hess(ptrdiff_t n, const double *const in[], const ptrd
 static inline void min_time_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min)
 {
     (void)q_c;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = par[4] - q_0;
     const double w1 = 2.0*a[0];
@@ -734,7 +872,7 @@ void cart_pendulum_min_time(ptrdiff_t n, const double *const in[], const ptrdiff
 static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D_y)
 {
     (void)q_c;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = par[4] - q_0;
     const double w1 = 2.0*a[0];

@@ -11,19 +11,25 @@
 
 static inline double power2(double x) { return x*x; }
 
-/* Momenta at both ends of a step and its cost.
+/* Momenta at both ends of a step, its cost, and the equations of the nodes inside.
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[2]
  *   in  u_kp1[2]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[3]
  *   out r_minus[2]
  *   out r_plus[2]
  *   out C_d[1]
+ *   out r_i[0]
  */
-static inline void step_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict r_minus, double *restrict r_plus, double *restrict C_d)
+static inline void step_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus, double *restrict r_plus, double *restrict C_d, double *restrict r_i)
 {
+    (void)t_k;
+    (void)q_i;
+    (void)r_i;
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 0.5*h[0];
@@ -39,7 +45,7 @@ static inline void step_element(const double *restrict q_k, const double *restri
 void puck_table_step(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2, out[1] + i*2, out[2] + i*1);
+        step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*2, out[1] + i*2, out[2] + i*1, out[3] + i*0);
 }
 
 /* First derivatives of `step` with respect to z.
@@ -48,13 +54,19 @@ void puck_table_step(ptrdiff_t n, const double *const in[], const ptrdiff_t stri
  *   in  u_k[2]
  *   in  u_kp1[2]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[3]
- *   out r_minus_D_z[8], entries of a 2 x 9 matrix: (0,0) (0,2) (0,4) (0,8) (1,1) (1,3) (1,5) (1,8)
- *   out r_plus_D_z[8], entries of a 2 x 9 matrix: (0,0) (0,2) (0,6) (0,8) (1,1) (1,3) (1,7) (1,8)
- *   out C_d_D_z[5], entries of a 1 x 9 matrix: (0,4) (0,5) (0,6) (0,7) (0,8)
+ *   out r_minus_D_z[8], entries of a 2 x 10 matrix: (0,0) (0,2) (0,4) (0,8) (1,1) (1,3) (1,5) (1,8)
+ *   out r_plus_D_z[8], entries of a 2 x 10 matrix: (0,0) (0,2) (0,6) (0,8) (1,1) (1,3) (1,7) (1,8)
+ *   out C_d_D_z[5], entries of a 1 x 10 matrix: (0,4) (0,5) (0,6) (0,7) (0,8)
+ *   out r_i_D_z[0]
  */
-static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict r_minus_D_z, double *restrict r_plus_D_z, double *restrict C_d_D_z)
+static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D_z, double *restrict r_plus_D_z, double *restrict C_d_D_z, double *restrict r_i_D_z)
 {
+    (void)t_k;
+    (void)q_i;
+    (void)r_i_D_z;
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = par[0]/h[0];
@@ -88,23 +100,29 @@ static inline void step_jac_element(const double *restrict q_k, const double *re
 void puck_table_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*8, out[1] + i*8, out[2] + i*5);
+        step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*8, out[1] + i*8, out[2] + i*5, out[3] + i*0);
 }
 
-/* Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus.
+/* Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus + mu_i . r_i.
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[2]
  *   in  u_kp1[2]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[3]
  *   in  sigma[1]
  *   in  mu_minus[2]
  *   in  mu_plus[2]
- *   out hess[13], entries of a 9 x 9 matrix: (0,8) (1,8) (2,8) (3,8) (4,4) (4,8) (5,5) (5,8) (6,6) (6,8) (7,7) (7,8) (8,8)
+ *   in  mu_i[0]
+ *   out hess[13], entries of a 10 x 10 matrix: (0,8) (1,8) (2,8) (3,8) (4,4) (4,8) (5,5) (5,8) (6,6) (6,8) (7,7) (7,8) (8,8)
  */
-static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, const double *restrict sigma, const double *restrict mu_minus, const double *restrict mu_plus, double *restrict hess)
+static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict sigma, const double *restrict mu_minus, const double *restrict mu_plus, const double *restrict mu_i, double *restrict hess)
 {
+    (void)t_k;
+    (void)q_i;
+    (void)mu_i;
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/power2(h[0]);
@@ -132,7 +150,7 @@ static inline void step_hess_element(const double *restrict q_k, const double *r
 void puck_table_step_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        step_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], out[0] + i*13);
+        step_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], in[9] + i*stride[9], in[10] + i*stride[10], in[11] + i*stride[11], out[0] + i*13);
 }
 
 /* Discrete energies at the end (e_plus) and at the start (e_minus) of a step.
@@ -141,28 +159,30 @@ void puck_table_step_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t
  *   in  u_k[2]
  *   in  u_kp1[2]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[3]
  *   out e_plus[1]
  *   out e_minus[1]
  */
-static inline void impact_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict e_plus, double *restrict e_minus)
+static inline void impact_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus, double *restrict e_minus)
 {
+    (void)t_k;
+    (void)q_i;
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 0.5*h[0];
-    const double w1 = v_1*w0;
-    const double w2 = v_0*w0;
-    const double w3 = power2(v_1);
-    const double w4 = power2(v_0);
-    const double w5 = 0.5*(w3 + w4)*par[0] - (par[0]*w3 + par[0]*w4);
-    e_plus[0] = w5 - (u_kp1[0]*w2 + u_kp1[1]*w1);
-    e_minus[0] = u_k[0]*w2 + u_k[1]*w1 + w5;
+    const double w1 = power2(v_1);
+    const double w2 = power2(v_0);
+    const double w3 = 0.5*(w1 + w2)*par[0] - (par[0]*w1 + par[0]*w2);
+    e_plus[0] = w3 - (u_kp1[0]*v_0 + u_kp1[1]*v_1)*w0;
+    e_minus[0] = (u_k[0]*v_0 + u_k[1]*v_1)*w0 + w3;
 }
 
 void puck_table_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1, out[1] + i*1);
+        impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1);
 }
 
 /* First derivatives of `impact` with respect to z.
@@ -171,12 +191,16 @@ void puck_table_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t st
  *   in  u_k[2]
  *   in  u_kp1[2]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[3]
- *   out e_plus_D_z[7], entries of a 1 x 9 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (0,7) (0,8)
- *   out e_minus_D_z[7], entries of a 1 x 9 matrix: (0,0) (0,1) (0,2) (0,3) (0,4) (0,5) (0,8)
+ *   out e_plus_D_z[7], entries of a 1 x 10 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (0,7) (0,8)
+ *   out e_minus_D_z[7], entries of a 1 x 10 matrix: (0,0) (0,1) (0,2) (0,3) (0,4) (0,5) (0,8)
  */
-static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, double *restrict e_plus_D_z, double *restrict e_minus_D_z)
+static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D_z, double *restrict e_minus_D_z)
 {
+    (void)t_k;
+    (void)q_i;
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/h[0];
@@ -210,7 +234,7 @@ static inline void impact_jac_element(const double *restrict q_k, const double *
 void puck_table_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*7, out[1] + i*7);
+        impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*7, out[1] + i*7);
 }
 
 /* Second derivatives of w_e . (e_plus, e_minus).
@@ -219,12 +243,16 @@ void puck_table_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_
  *   in  u_k[2]
  *   in  u_kp1[2]
  *   in  h[1]
+ *   in  t_k[1]
+ *   in  q_i[0]
  *   in  par[3]
  *   in  w_e[2]
- *   out hess[19], entries of a 9 x 9 matrix: (0,0) (0,2) (0,4) (0,6) (0,8) (1,1) (1,3) (1,5) (1,7) (1,8) (2,2) (2,4) (2,6) (2,8) (3,3) (3,5) (3,7) (3,8) (8,8)
+ *   out hess[19], entries of a 10 x 10 matrix: (0,0) (0,2) (0,4) (0,6) (0,8) (1,1) (1,3) (1,5) (1,7) (1,8) (2,2) (2,4) (2,6) (2,8) (3,3) (3,5) (3,7) (3,8) (8,8)
  */
-static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict par, const double *restrict w_e, double *restrict hess)
+static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e, double *restrict hess)
 {
+    (void)t_k;
+    (void)q_i;
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/power2(h[0]);
@@ -275,21 +303,23 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
 void puck_table_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], out[0] + i*19);
+        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], out[0] + i*19);
 }
 
 /* Equations of motion M q'' = F: M row by row, F.
  *   in  q[2]
  *   in  v[2]
  *   in  u[2]
+ *   in  t[1]
  *   in  par[3]
  *   out M[4]
  *   out F[2]
  */
-static inline void dynamics_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict M, double *restrict F)
+static inline void dynamics_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M, double *restrict F)
 {
     (void)q;
     (void)v;
+    (void)t;
     M[0] = par[0];
     M[1] = 0.0;
     M[2] = 0.0;
@@ -301,22 +331,24 @@ static inline void dynamics_element(const double *restrict q, const double *rest
 void puck_table_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*4, out[1] + i*2);
+        dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*4, out[1] + i*2);
 }
 
 /* First derivatives of `dynamics` with respect to (q, v).
  *   in  q[2]
  *   in  v[2]
  *   in  u[2]
+ *   in  t[1]
  *   in  par[3]
  *   out M_D_s[0]
  *   out F_D_s[0]
  */
-static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict M_D_s, double *restrict F_D_s)
+static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D_s, double *restrict F_D_s)
 {
     (void)q;
     (void)v;
     (void)u;
+    (void)t;
     (void)par;
     (void)M_D_s;
     (void)F_D_s;
@@ -331,14 +363,16 @@ void puck_table_dynamics_jac(ptrdiff_t n, const double *const in[], const ptrdif
  *   in  q[2]
  *   in  v[2]
  *   in  u[2]
+ *   in  t[1]
  *   in  par[3]
  *   out B[4]
  */
-static inline void input_matrix_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict B)
+static inline void input_matrix_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict B)
 {
     (void)q;
     (void)v;
     (void)u;
+    (void)t;
     (void)par;
     B[0] = 1.0;
     B[1] = 0.0;
@@ -349,41 +383,46 @@ static inline void input_matrix_element(const double *restrict q, const double *
 void puck_table_input_matrix(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        input_matrix_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*4);
+        input_matrix_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*4);
 }
 
-/* Generalised forces Q.
+/* Generalised forces Q, and the power Q . v - dL/dt that changes the energy.
  *   in  q[2]
  *   in  v[2]
  *   in  u[2]
+ *   in  t[1]
  *   in  par[3]
  *   out Q[2]
+ *   out power[1]
  */
-static inline void force_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict Q)
+static inline void force_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict Q, double *restrict power)
 {
     (void)q;
-    (void)v;
+    (void)t;
     (void)par;
     Q[0] = u[0];
     Q[1] = u[1];
+    power[0] = u[0]*v[0] + u[1]*v[1];
 }
 
 void puck_table_force(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
+        force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2, out[1] + i*1);
 }
 
 /* Momenta p = dL/dv and energy E = v . p - L.
  *   in  q[2]
  *   in  v[2]
+ *   in  t[1]
  *   in  par[3]
  *   out p[2]
  *   out E[1]
  */
-static inline void legendre_element(const double *restrict q, const double *restrict v, const double *restrict par, double *restrict p, double *restrict E)
+static inline void legendre_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p, double *restrict E)
 {
     (void)q;
+    (void)t;
     const double w0 = power2(v[1]);
     const double w1 = power2(v[0]);
     p[0] = par[0]*v[0];
@@ -394,19 +433,21 @@ static inline void legendre_element(const double *restrict q, const double *rest
 void puck_table_legendre(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*2, out[1] + i*1);
+        legendre_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2, out[1] + i*1);
 }
 
-/* First derivatives of p with respect to (q, v).
+/* First derivatives of p with respect to (q, v, t).
  *   in  q[2]
  *   in  v[2]
+ *   in  t[1]
  *   in  par[3]
- *   out p_D_s[2], entries of a 2 x 4 matrix: (0,2) (1,3)
+ *   out p_D_s[2], entries of a 2 x 5 matrix: (0,2) (1,3)
  */
-static inline void legendre_jac_element(const double *restrict q, const double *restrict v, const double *restrict par, double *restrict p_D_s)
+static inline void legendre_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D_s)
 {
     (void)q;
     (void)v;
+    (void)t;
     p_D_s[0] = par[0];
     p_D_s[1] = par[0];
 }
@@ -414,20 +455,22 @@ static inline void legendre_jac_element(const double *restrict q, const double *
 void puck_table_legendre_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*2);
+        legendre_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* Second derivatives of w . p with respect to (q, v).
+/* Second derivatives of w . p with respect to (q, v, t).
  *   in  q[2]
  *   in  v[2]
+ *   in  t[1]
  *   in  par[3]
  *   in  w[2]
  *   out hess[0]
  */
-static inline void legendre_hess_element(const double *restrict q, const double *restrict v, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void legendre_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
 {
     (void)q;
     (void)v;
+    (void)t;
     (void)par;
     (void)w;
     (void)hess;
@@ -442,14 +485,16 @@ void puck_table_legendre_hess(ptrdiff_t n, const double *const in[], const ptrdi
  *   in  q[2]
  *   in  v[2]
  *   in  u[2]
+ *   in  t[1]
  *   in  par[3]
  *   out C[1]
  *   out C_DD_u[2]
  */
-static inline void running_cost_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict par, double *restrict C, double *restrict C_DD_u)
+static inline void running_cost_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict C, double *restrict C_DD_u)
 {
     (void)q;
     (void)v;
+    (void)t;
     (void)par;
     C[0] = 0.5*power2(u[0]) + 0.5*power2(u[1]);
     C_DD_u[0] = 1.0;
@@ -459,16 +504,18 @@ static inline void running_cost_element(const double *restrict q, const double *
 void puck_table_running_cost(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        running_cost_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1, out[1] + i*2);
+        running_cost_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*2);
 }
 
 /* Gaps g <= 0.
  *   in  q[2]
+ *   in  t[1]
  *   in  par[3]
  *   out g[4]
  */
-static inline void surface_element(const double *restrict q, const double *restrict par, double *restrict g)
+static inline void surface_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g)
 {
+    (void)t;
     g[0] = -q[0];
     g[1] = q[0] - par[1];
     g[2] = -q[1];
@@ -478,17 +525,19 @@ static inline void surface_element(const double *restrict q, const double *restr
 void puck_table_surface(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        surface_element(in[0] + i*stride[0], in[1] + i*stride[1], out[0] + i*4);
+        surface_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*4);
 }
 
-/* Gradients of the gaps.
+/* First derivatives of the gaps with respect to (q, t).
  *   in  q[2]
+ *   in  t[1]
  *   in  par[3]
- *   out g_D_q[4], entries of a 4 x 2 matrix: (0,0) (1,0) (2,1) (3,1)
+ *   out g_D_q[4], entries of a 4 x 3 matrix: (0,0) (1,0) (2,1) (3,1)
  */
-static inline void surface_jac_element(const double *restrict q, const double *restrict par, double *restrict g_D_q)
+static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D_q)
 {
     (void)q;
+    (void)t;
     (void)par;
     g_D_q[0] = -1.0;
     g_D_q[1] = 1.0;
@@ -499,18 +548,20 @@ static inline void surface_jac_element(const double *restrict q, const double *r
 void puck_table_surface_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], out[0] + i*4);
+        surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*4);
 }
 
-/* Second derivatives of w . g.
+/* Second derivatives of w . g with respect to (q, t).
  *   in  q[2]
+ *   in  t[1]
  *   in  par[3]
  *   in  w[4]
  *   out hess[0]
  */
-static inline void surface_hess_element(const double *restrict q, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
 {
     (void)q;
+    (void)t;
     (void)par;
     (void)w;
     (void)hess;
@@ -524,12 +575,14 @@ void puck_table_surface_hess(ptrdiff_t n, const double *const in[], const ptrdif
 /* Normal impulse n = sum_j lam_j grad g_j.
  *   in  q[2]
  *   in  lam[4]
+ *   in  t[1]
  *   in  par[3]
  *   out n[2]
  */
-static inline void normal_element(const double *restrict q, const double *restrict lam, const double *restrict par, double *restrict n)
+static inline void normal_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n)
 {
     (void)q;
+    (void)t;
     (void)par;
     n[0] = lam[1] - lam[0];
     n[1] = lam[3] - lam[2];
@@ -538,19 +591,21 @@ static inline void normal_element(const double *restrict q, const double *restri
 void puck_table_normal(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*2);
+        normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* First derivatives of n with respect to (q, lam).
+/* First derivatives of n with respect to (q, lam, t).
  *   in  q[2]
  *   in  lam[4]
+ *   in  t[1]
  *   in  par[3]
- *   out n_D_ql[4], entries of a 2 x 6 matrix: (0,2) (0,3) (1,4) (1,5)
+ *   out n_D_ql[4], entries of a 2 x 7 matrix: (0,2) (0,3) (1,4) (1,5)
  */
-static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict par, double *restrict n_D_ql)
+static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D_ql)
 {
     (void)q;
     (void)lam;
+    (void)t;
     (void)par;
     n_D_ql[0] = -1.0;
     n_D_ql[1] = 1.0;
@@ -561,20 +616,22 @@ static inline void normal_jac_element(const double *restrict q, const double *re
 void puck_table_normal_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*4);
+        normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*4);
 }
 
-/* Second derivatives of mu . n with respect to (q, lam).
+/* Second derivatives of mu . n with respect to (q, lam, t).
  *   in  q[2]
  *   in  lam[4]
+ *   in  t[1]
  *   in  par[3]
  *   in  mu[2]
  *   out hess[0]
  */
-static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict par, const double *restrict mu, double *restrict hess)
+static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict mu, double *restrict hess)
 {
     (void)q;
     (void)lam;
+    (void)t;
     (void)par;
     (void)mu;
     (void)hess;
@@ -583,6 +640,94 @@ static inline void normal_hess_element(const double *restrict q, const double *r
 void puck_table_normal_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Energy W that the surfaces give in a collision, with v before it and restitution e.
+ *   in  q[2]
+ *   in  v[2]
+ *   in  lam[4]
+ *   in  t[1]
+ *   in  par[3]
+ *   in  e[4]
+ *   out W[1]
+ */
+static inline void restitution_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W)
+{
+    (void)q;
+    (void)t;
+    (void)par;
+    const double w0 = 0.5*v[1];
+    const double w1 = 0.5*v[0];
+    W[0] = (1.0 - e[0])*lam[0]*w1 + (1.0 - e[2])*lam[2]*w0 - (1.0 - e[1])*lam[1]*w1 - (1.0 - e[3])*lam[3]*w0;
+}
+
+void puck_table_restitution(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        restitution_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
+}
+
+/* First derivatives of W with respect to (q, v, lam, t).
+ *   in  q[2]
+ *   in  v[2]
+ *   in  lam[4]
+ *   in  t[1]
+ *   in  par[3]
+ *   in  e[4]
+ *   out W_D_s[6], entries of a 1 x 9 matrix: (0,2) (0,3) (0,4) (0,5) (0,6) (0,7)
+ */
+static inline void restitution_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W_D_s)
+{
+    (void)q;
+    (void)t;
+    (void)par;
+    const double w0 = 1.0 - e[0];
+    const double w1 = 1.0 - e[1];
+    const double w2 = 1.0 - e[2];
+    const double w3 = 1.0 - e[3];
+    const double w4 = 0.5*v[0];
+    const double w5 = 0.5*v[1];
+    W_D_s[0] = 0.5*lam[0]*w0 - 0.5*lam[1]*w1;
+    W_D_s[1] = 0.5*lam[2]*w2 - 0.5*lam[3]*w3;
+    W_D_s[2] = w0*w4;
+    W_D_s[3] = -w1*w4;
+    W_D_s[4] = w2*w5;
+    W_D_s[5] = -w3*w5;
+}
+
+void puck_table_restitution_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        restitution_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*6);
+}
+
+/* Second derivatives of w_W W with respect to (q, v, lam, t).
+ *   in  q[2]
+ *   in  v[2]
+ *   in  lam[4]
+ *   in  t[1]
+ *   in  par[3]
+ *   in  e[4]
+ *   in  w_W[1]
+ *   out hess[4], entries of a 9 x 9 matrix: (2,4) (2,5) (3,6) (3,7)
+ */
+static inline void restitution_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, const double *restrict w_W, double *restrict hess)
+{
+    (void)q;
+    (void)v;
+    (void)lam;
+    (void)t;
+    (void)par;
+    hess[0] = (0.5 - 0.5*e[0])*w_W[0];
+    hess[1] = (0.5*e[1] - 0.5)*w_W[0];
+    hess[2] = (0.5 - 0.5*e[2])*w_W[0];
+    hess[3] = (0.5*e[3] - 0.5)*w_W[0];
+}
+
+void puck_table_restitution_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        restitution_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], out[0] + i*4);
 }
 
 /* Shortest time to each surface at averaged full acceleration.
@@ -597,8 +742,8 @@ void puck_table_normal_hess(ptrdiff_t n, const double *const in[], const ptrdiff
 static inline void min_time_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min)
 {
     (void)q_c;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double q_1 = 0.5*(q_k[1] + q_kp1[1]);
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
+    const double q_1 = 0.5*q_k[1] + 0.5*q_kp1[1];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 2.0*a[0];
@@ -632,8 +777,8 @@ void puck_table_min_time(ptrdiff_t n, const double *const in[], const ptrdiff_t 
 static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D_y)
 {
     (void)q_c;
-    const double q_0 = 0.5*(q_k[0] + q_kp1[0]);
-    const double q_1 = 0.5*(q_k[1] + q_kp1[1]);
+    const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
+    const double q_1 = 0.5*q_k[1] + 0.5*q_kp1[1];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 2.0*q_0;

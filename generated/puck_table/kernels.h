@@ -30,6 +30,9 @@ dmoc_kernel puck_table_surface_hess;
 dmoc_kernel puck_table_normal;
 dmoc_kernel puck_table_normal_jac;
 dmoc_kernel puck_table_normal_hess;
+dmoc_kernel puck_table_restitution;
+dmoc_kernel puck_table_restitution_jac;
+dmoc_kernel puck_table_restitution_hess;
 dmoc_kernel puck_table_min_time;
 dmoc_kernel puck_table_min_time_jac;
 

@@ -11,10 +11,13 @@ def step(
     u_k: NDArray[np.float64],
     u_kp1: NDArray[np.float64],
     h: NDArray[np.float64],
+    t_k: NDArray[np.float64],
+    q_i: NDArray[np.float64],
     par: NDArray[np.float64],
     r_minus: NDArray[np.float64],
     r_plus: NDArray[np.float64],
     C_d: NDArray[np.float64],
+    r_i: NDArray[np.float64],
 ) -> None: ...
 
 def step_jac(
@@ -23,10 +26,13 @@ def step_jac(
     u_k: NDArray[np.float64],
     u_kp1: NDArray[np.float64],
     h: NDArray[np.float64],
+    t_k: NDArray[np.float64],
+    q_i: NDArray[np.float64],
     par: NDArray[np.float64],
     r_minus_D_z: NDArray[np.float64],
     r_plus_D_z: NDArray[np.float64],
     C_d_D_z: NDArray[np.float64],
+    r_i_D_z: NDArray[np.float64],
 ) -> None: ...
 
 def step_hess(
@@ -35,10 +41,13 @@ def step_hess(
     u_k: NDArray[np.float64],
     u_kp1: NDArray[np.float64],
     h: NDArray[np.float64],
+    t_k: NDArray[np.float64],
+    q_i: NDArray[np.float64],
     par: NDArray[np.float64],
     sigma: NDArray[np.float64],
     mu_minus: NDArray[np.float64],
     mu_plus: NDArray[np.float64],
+    mu_i: NDArray[np.float64],
     hess: NDArray[np.float64],
 ) -> None: ...
 
@@ -48,6 +57,8 @@ def impact(
     u_k: NDArray[np.float64],
     u_kp1: NDArray[np.float64],
     h: NDArray[np.float64],
+    t_k: NDArray[np.float64],
+    q_i: NDArray[np.float64],
     par: NDArray[np.float64],
     e_plus: NDArray[np.float64],
     e_minus: NDArray[np.float64],
@@ -59,6 +70,8 @@ def impact_jac(
     u_k: NDArray[np.float64],
     u_kp1: NDArray[np.float64],
     h: NDArray[np.float64],
+    t_k: NDArray[np.float64],
+    q_i: NDArray[np.float64],
     par: NDArray[np.float64],
     e_plus_D_z: NDArray[np.float64],
     e_minus_D_z: NDArray[np.float64],
@@ -70,6 +83,8 @@ def impact_hess(
     u_k: NDArray[np.float64],
     u_kp1: NDArray[np.float64],
     h: NDArray[np.float64],
+    t_k: NDArray[np.float64],
+    q_i: NDArray[np.float64],
     par: NDArray[np.float64],
     w_e: NDArray[np.float64],
     hess: NDArray[np.float64],
@@ -79,6 +94,7 @@ def dynamics(
     q: NDArray[np.float64],
     v: NDArray[np.float64],
     u: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     M: NDArray[np.float64],
     F: NDArray[np.float64],
@@ -88,6 +104,7 @@ def dynamics_jac(
     q: NDArray[np.float64],
     v: NDArray[np.float64],
     u: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     M_D_s: NDArray[np.float64],
     F_D_s: NDArray[np.float64],
@@ -97,6 +114,7 @@ def input_matrix(
     q: NDArray[np.float64],
     v: NDArray[np.float64],
     u: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     B: NDArray[np.float64],
 ) -> None: ...
@@ -105,13 +123,16 @@ def force(
     q: NDArray[np.float64],
     v: NDArray[np.float64],
     u: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     Q: NDArray[np.float64],
+    power: NDArray[np.float64],
 ) -> None: ...
 
 def legendre(
     q: NDArray[np.float64],
     v: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     p: NDArray[np.float64],
     E: NDArray[np.float64],
@@ -120,6 +141,7 @@ def legendre(
 def legendre_jac(
     q: NDArray[np.float64],
     v: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     p_D_s: NDArray[np.float64],
 ) -> None: ...
@@ -127,6 +149,7 @@ def legendre_jac(
 def legendre_hess(
     q: NDArray[np.float64],
     v: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     w: NDArray[np.float64],
     hess: NDArray[np.float64],
@@ -136,6 +159,7 @@ def running_cost(
     q: NDArray[np.float64],
     v: NDArray[np.float64],
     u: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     C: NDArray[np.float64],
     C_DD_u: NDArray[np.float64],
@@ -143,18 +167,21 @@ def running_cost(
 
 def surface(
     q: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     g: NDArray[np.float64],
 ) -> None: ...
 
 def surface_jac(
     q: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     g_D_q: NDArray[np.float64],
 ) -> None: ...
 
 def surface_hess(
     q: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     w: NDArray[np.float64],
     hess: NDArray[np.float64],
@@ -163,6 +190,7 @@ def surface_hess(
 def normal(
     q: NDArray[np.float64],
     lam: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     n: NDArray[np.float64],
 ) -> None: ...
@@ -170,6 +198,7 @@ def normal(
 def normal_jac(
     q: NDArray[np.float64],
     lam: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     n_D_ql: NDArray[np.float64],
 ) -> None: ...
@@ -177,8 +206,40 @@ def normal_jac(
 def normal_hess(
     q: NDArray[np.float64],
     lam: NDArray[np.float64],
+    t: NDArray[np.float64],
     par: NDArray[np.float64],
     mu: NDArray[np.float64],
+    hess: NDArray[np.float64],
+) -> None: ...
+
+def restitution(
+    q: NDArray[np.float64],
+    v: NDArray[np.float64],
+    lam: NDArray[np.float64],
+    t: NDArray[np.float64],
+    par: NDArray[np.float64],
+    e: NDArray[np.float64],
+    W: NDArray[np.float64],
+) -> None: ...
+
+def restitution_jac(
+    q: NDArray[np.float64],
+    v: NDArray[np.float64],
+    lam: NDArray[np.float64],
+    t: NDArray[np.float64],
+    par: NDArray[np.float64],
+    e: NDArray[np.float64],
+    W_D_s: NDArray[np.float64],
+) -> None: ...
+
+def restitution_hess(
+    q: NDArray[np.float64],
+    v: NDArray[np.float64],
+    lam: NDArray[np.float64],
+    t: NDArray[np.float64],
+    par: NDArray[np.float64],
+    e: NDArray[np.float64],
+    w_W: NDArray[np.float64],
     hess: NDArray[np.float64],
 ) -> None: ...
 

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dmoc.api import solve
+    from dmoc.api import sensitivities, solve
     from dmoc.errors import DmocError
     from dmoc.nlp.problem import Problem
     from dmoc.registry import build, load
@@ -30,6 +30,7 @@ __all__ = [
     "derive",
     "load",
     "search",
+    "sensitivities",
     "simulate",
     "solve",
     "verify",
@@ -44,6 +45,7 @@ _PLACES = {
     "derive": "dmoc.symbolic.derivation",
     "load": "dmoc.registry",
     "search": "dmoc.sequences.engine",
+    "sensitivities": "dmoc.api",
     "simulate": "dmoc.simulation.forward",
     "solve": "dmoc.api",
     "verify": "dmoc.simulation.check",

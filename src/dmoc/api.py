@@ -16,6 +16,8 @@ from dmoc.errors import ProblemError, SolutionFileError
 from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.motion import active_bounds, given_multipliers, named_multipliers, trajectory
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.sensitivity import Sensitivities
+from dmoc.nlp.sensitivity import sensitivities as find_sensitivities
 from dmoc.nlp.transcription import Transcription
 from dmoc.solution import Solution
 from dmoc.solvers import external, ipm, slsqp
@@ -129,6 +131,27 @@ def solve(
         return replace(solution, verification=summary, seconds=timings)
     message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
     return replace(solution, status="not_verified", message=message, verification=summary, seconds=timings)
+
+
+def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
+    """Derivatives of the optimal cost with respect to parameters, coefficients of restitution, positions of surfaces, final time, boundary values
+    and bounds, from the multipliers of a solution; see :class:`~dmoc.nlp.sensitivity.Sensitivities`.
+
+    Raises
+    ------
+    ProblemError
+        If the solution belongs to another problem, or is none.
+    """
+    nlp = Transcription(problem, minimal_times=False)
+    steps = tuple(p.steps for p in solution.phases)
+    sequence = tuple(c.surface for c in solution.collisions)
+    if (steps, sequence, len(solution.unknowns)) != (problem.phase_steps, tuple(problem.sequence), nlp.n):
+        raise ProblemError(
+            f"the solution has the sequence {list(sequence)} with {list(steps)} steps: give the problem that it solves ({list(problem.sequence)}, {list(problem.phase_steps)})."
+        )
+    if solution.status not in ("solved", "not_verified"):
+        raise ProblemError(f"the solution has the status {solution.status!r}: sensitivities need a minimum.")
+    return find_sensitivities(problem, solution.unknowns, *given_multipliers(nlp, solution.multipliers))
 
 
 @cache

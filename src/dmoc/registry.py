@@ -21,12 +21,15 @@ if TYPE_CHECKING:
 BACKENDS = ("auto", "compiled", "numpy")
 
 
-def build(system: MechanicalSystem, *, backend: str = "auto", force: bool = False) -> Kernels:
+def build(system: MechanicalSystem, *, order: int = 2, backend: str = "auto", force: bool = False) -> Kernels:
     """Derive, generate, compile and load the kernels of a system; cached by content.
 
     Parameters
     ----------
     system : MechanicalSystem
+    order : {2, 4}
+        Order of the discretisation: 2 is the midpoint rule; 4 takes quadratic steps with two Gauss points, which costs about twice as much a
+        step and needs far fewer of them.
     backend : {"auto", "compiled", "numpy"}
         "auto" compiles, and falls back to NumPy with a warning on a machine without a C compiler.
     force : bool
@@ -40,25 +43,28 @@ def build(system: MechanicalSystem, *, backend: str = "auto", force: bool = Fals
         If the compiler is missing (with backend="compiled") or fails.
     """
     from dmoc.codegen.text import c_files, manifest, numpy_text
+    from dmoc.symbolic.discrete import ORDERS
     from dmoc.symbolic.kernels import model_key, model_spec
 
+    if order not in ORDERS:
+        raise BuildError(f"order = {order!r}: expected one of {', '.join(map(str, ORDERS))}.")
     if backend not in BACKENDS:
         raise BuildError(f"backend = {backend!r}: expected one of {', '.join(BACKENDS)}.")
     if backend == "numpy":
-        model = model_spec(system)
+        model = model_spec(system, order)
         return numpy_kernels(manifest(model), numpy_text(model))
-    fallback = (lambda: numpy_text(model_spec(system))) if backend == "auto" else None
-    return build_cached(system.name, model_key(system), lambda: c_files(model_spec(system)), fallback, force)
+    fallback = (lambda: numpy_text(model_spec(system, order))) if backend == "auto" else None
+    return build_cached(system.name, model_key(system, order), lambda: c_files(model_spec(system, order)), fallback, force)
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A model named by the user, with the fields of the problem it comes with."""
+    """A model named by the user, with the fields of the problem it comes with; ``kernels`` takes the order of the discretisation."""
 
     name: str
     defaults: Mapping[str, Any]
     system: Callable[[], MechanicalSystem]
-    kernels: Callable[[], Kernels]
+    kernels: Callable[..., Kernels]
 
 
 def find(reference: str) -> Reference:
@@ -83,14 +89,25 @@ def find(reference: str) -> Reference:
         def no_system() -> MechanicalSystem:
             raise ModelError(f"{reference} is a Problem: name the MechanicalSystem to see its derivation.")
 
-        return Reference(where, defaults, no_system, lambda: kernels)
+        def of_order(order: int = 0) -> Kernels:
+            made_with = kernels.manifest["order"]
+            if order not in (0, made_with):
+                raise ModelError(
+                    f"{reference} is a Problem with kernels of order {made_with}: name the MechanicalSystem, or build it with order={order}."
+                )
+            return kernels
+
+        return Reference(where, defaults, no_system, of_order)
     system = made
-    return Reference(where, {}, lambda: system, lambda: build(system))
+    return Reference(where, {}, lambda: system, lambda order=0: build(system, order=order or 2))
 
 
-def load(reference: str) -> Kernels:
-    """Return the kernels of a shipped model, or of ``file.py:name``; needs no SymPy for an installed model."""
-    return find(reference).kernels()
+def load(reference: str, *, order: int = 0) -> Kernels:
+    """Return the kernels of a shipped model, or of ``file.py:name``; needs no SymPy for an installed model.
+
+    ``order`` is that of the discretisation, 2 or 4; 0 stands for what there is: 2, or that of a Problem in a file.
+    """
+    return find(reference).kernels(order)
 
 
 def _shipped(name: str) -> Reference:
@@ -102,8 +119,9 @@ def _shipped(name: str) -> Reference:
         raise ModelError(f"unknown model {name!r}: expected one of {known}, or a file as file.py:name.")
     model = entry.model
 
-    def kernels() -> Kernels:
-        return load_installed(f"dmoc.generated.{model}") or build(catalogue.system(model))
+    def kernels(order: int = 0) -> Kernels:
+        installed = load_installed(f"dmoc.generated.{model}") if order in (0, 2) else None
+        return installed or build(catalogue.system(model), order=order or 2)
 
     return Reference(name, dict(entry.problem or {}), lambda: catalogue.system(model), kernels)
 

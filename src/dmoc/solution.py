@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dmoc.codegen.kernels import Kernels
     from dmoc.simulation.check import Verification
 
-FILE_FORMAT = 2
+FILE_FORMAT = 3
 
 
 @dataclass(frozen=True)
@@ -173,6 +173,7 @@ class Solution:
             "inputs": list(t.inputs),
             "parameters": dict(t.parameters),
             "controls": t.controls,
+            "restitution": dict(t.restitution),
             "multipliers": list(self.multipliers),
         }
         arrays: dict[str, Array] = {
@@ -235,6 +236,7 @@ class Solution:
         trajectory = Trajectory(
             header["model"], header["fingerprint"], tuple(header["coordinates"]), tuple(header["inputs"]), header["parameters"], phases,
             collisions, header["controls"], arrays["input_bounds"], arrays["coordinate_bounds"],
+            header["restitution"],
         )  # fmt: skip
         multipliers = {name: arrays[f"multiplier_{i}"] for i, name in enumerate(header["multipliers"])}
         return cls(

@@ -9,6 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+GAUSS = 0.5 - 3**0.5 / 6  # place of the first Gauss point in a step of length 1; the second one is 1 - GAUSS
+
+
+def input_times(controls: str, t: Array) -> Array:
+    """Times that the rows of u of a phase with nodes at t stand for."""
+    if controls == "linear":
+        return t
+    middle = (t[:-1] + t[1:]) / 2
+    if controls == "constant":
+        return middle
+    away = (0.5 - GAUSS) * np.diff(t)
+    return np.stack([middle - away, middle + away], axis=1).ravel()
 
 
 @dataclass(frozen=True)
@@ -21,8 +33,8 @@ class Phase:
         Times of the nodes in seconds.
     q, p, v : arrays of shape (N + 1, nq)
         Coordinates, momenta and velocities at the nodes; at a collision those of this phase's side.
-    u : array of shape (N, nu) or (N + 1, nu)
-        Inputs of the steps (constant) or at the nodes (linear).
+    u : array of shape (N, nu), (N + 1, nu) or (2 N, nu)
+        Inputs of the steps (constant), at the nodes (linear), or at the two Gauss points of each step (stages).
     """
 
     t: Array
@@ -69,8 +81,10 @@ class Trajectory:
     phases : tuple of Phase
     collisions : tuple of Collision
         One between any two phases.
-    controls : {"constant", "linear"}
+    controls : {"constant", "linear", "stages"}
     input_bounds, coordinate_bounds : arrays of shape (nu, 2), (nq, 2)
+    restitution : mapping of str to float
+        Coefficient of each surface.
     """
 
     model: str
@@ -83,6 +97,17 @@ class Trajectory:
     controls: str
     input_bounds: Array
     coordinate_bounds: Array
+    restitution: Mapping[str, float]
+
+    def input_ends(self, phase: Phase) -> tuple[Array, Array]:
+        """Inputs at the start and at the end of every step of a phase, shape (N, nu) each; in between they are linear."""
+        if self.controls == "constant":
+            return phase.u, phase.u
+        if self.controls == "linear":
+            return phase.u[:-1], phase.u[1:]
+        first, second = phase.u[::2], phase.u[1::2]
+        beyond = GAUSS / (1 - 2 * GAUSS) * (second - first)
+        return first - beyond, second + beyond
 
     @property
     def final_time(self) -> float:

@@ -1,0 +1,119 @@
+"""Derivatives of the optimal cost with respect to what a problem is given, from the multipliers.
+
+At a regular minimum the derivative of the optimal cost with respect to a quantity theta is the partial derivative of the Lagrangian
+L = f + y . c - w . d - z . (x - bounds) with respect to theta at fixed x, y, w, z (the envelope theorem; Fiacco, "Introduction to Sensitivity and Stability
+Analysis in Nonlinear Programming", 1983).
+"""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Index
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.transcription import Transcription
+from dmoc.symbolic.names import momentum_name, velocity_name
+
+# Relative change of a parameter for differences of order 4: the error of the formula (1e-12) and that of rounding (1e-13 / 1e-3) are both small.
+CHANGE = 1e-3
+# Places and weights of the differences.
+DIFFERENCE = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
+
+
+class Sensitivities(TypedDict):
+    """dJ/d(theta) by kind and name.
+
+    Attributes
+    ----------
+    parameters : by parameter
+    restitution : by surface that is hit, with respect to its coefficient e
+    surfaces : by surface, with respect to moving it outwards by one unit of its gap
+    final_time : with respect to the final time or its active bound; 0 where it is free
+    start, goal : by state, with respect to the value or the active bound; velocities that are fixed all together count as momenta
+    bounds : by input or coordinate and side, with respect to the bound, as "F <="
+    """
+
+    parameters: dict[str, float]
+    restitution: dict[str, float]
+    surfaces: dict[str, float]
+    final_time: float
+    start: dict[str, float]
+    goal: dict[str, float]
+    bounds: dict[str, float]
+
+
+def sensitivities(problem: Problem, x: Array, y: Array, w: Array, z: Array) -> Sensitivities:
+    """Return the derivatives of the optimal cost at a minimum x with its multipliers (of the program without minimal times)."""
+    nlp = Transcription(problem, minimal_times=False)
+    values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
+
+    def change(name: str, value: float) -> float:
+        step = CHANGE * max(abs(value), 1e-2)
+        parts = [
+            c * _lagrangian(problem.unchecked(parameters=values | {name: value + k * step}), x, y, w, z) for k, c in DIFFERENCE
+        ]
+        return sum(parts) / step
+
+    def coefficient(surface: str) -> float:  # L is linear in e
+        high, low = ({**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.0))
+        return _lagrangian(problem.unchecked(restitution=high), x, y, w, z) - _lagrangian(
+            problem.unchecked(restitution=low), x, y, w, z
+        )
+
+    time = sum(-y[nlp.equality_rows("final time")]) + sum(w[nlp.inequality_rows("final time >=")])
+    lay = nlp.layout
+    return {
+        "parameters": {name: change(name, value) for name, value in values.items()},
+        "restitution": {s: coefficient(s) for s in dict.fromkeys(problem.sequence)},
+        "surfaces": _surfaces(nlp, y, w),
+        "final_time": float(time - sum(w[nlp.inequality_rows("final time <=")])),
+        "start": _ends(problem, z, (lay.index_q[0], lay.index_v_B, lay.index_p_B), nlp),
+        "goal": _ends(problem, z, (lay.index_q[-1], lay.index_v_E, lay.index_p_E), nlp),
+        "bounds": _bounds(nlp, z),
+    }
+
+
+def _lagrangian(problem: Problem, x: Array, y: Array, w: Array, z: Array) -> float:
+    nlp = Transcription(problem, minimal_times=False)
+    r = nlp.values(x)
+    bound = np.where(z > 0, nlp.lower, nlp.upper)
+    held = z != 0
+    return float(r[0] + r[1:] @ np.concatenate([y, -w]) - z[held] @ (x - bound)[held])
+
+
+def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
+    """g becomes g - delta: contacts c = g and gaps d = -g follow."""
+    names = nlp.problem.kernels.surfaces
+    contacts, gaps = y[nlp.equality_rows("contact")], w[nlp.inequality_rows("gap")]
+    return {
+        name: -float(contacts[nlp.surfaces == j].sum() + gaps[nlp.gap_constraints[1] == j].sum()) for j, name in enumerate(names)
+    }
+
+
+def _ends(problem: Problem, z: Array, places: tuple[Index, Index, Index], nlp: Transcription) -> dict[str, float]:
+    """Multipliers of the bounds of the states at one end, where there are bounds."""
+    found = {}
+    for index, name in zip(places, (str, velocity_name, momentum_name), strict=True):
+        for i, coordinate in zip(index, problem.kernels.coordinates, strict=False):
+            if nlp.lower[i] > -np.inf or nlp.upper[i] < np.inf:
+                found[name(coordinate)] = float(z[i])
+    return found
+
+
+def _bounds(nlp: Transcription, z: Array) -> dict[str, float]:
+    lay, kernels, problem = nlp.layout, nlp.problem.kernels, nlp.problem
+    found = {}
+    inner = np.vstack([lay.index_q[1:-1], lay.index_q_i.reshape(-1, lay.nq)])
+    for names, index, box in (
+        (kernels.inputs, lay.index_u, problem.input_bounds),
+        (kernels.coordinates, inner, problem.coordinate_bounds),
+    ):
+        for j, name in enumerate(names):
+            held = z[index[:, j]]
+            for sign, limit, value in (("<=", box[j, 1], held[held < 0].sum()), (">=", box[j, 0], held[held > 0].sum())):
+                if np.isfinite(limit):
+                    found[f"{name} {sign}"] = float(value)
+    return found

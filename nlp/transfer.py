@@ -1,0 +1,61 @@
+"""Unknowns along a motion that is already known, on another mesh or in another discretisation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Layout
+from dmoc.nlp.problem import Problem
+from dmoc.trajectory import Trajectory, input_times
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A phase to follow: times t of positions q and velocities v, times t_u of inputs u."""
+
+    t: Array
+    q: Array
+    v: Array
+    t_u: Array
+    u: Array
+
+
+def pieces_of(trajectory: Trajectory) -> list[Piece]:
+    return [Piece(p.t, p.q, p.v, input_times(trajectory.controls, p.t), p.u) for p in trajectory.phases]
+
+
+def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence[float]) -> Array:
+    """Return x along the pieces, one for each phase of the problem: positions by cubic, inputs by linear interpolation."""
+    lay = Layout.of(problem)
+    x = np.zeros(lay.size)
+    nodes, inside, inputs, times = [], [], [], []
+    for piece, steps in zip(pieces, lay.steps, strict=True):
+        curve = CubicHermiteSpline(piece.t, piece.q, piece.v)
+        t = np.linspace(piece.t[0], piece.t[-1], steps + 1)
+        nodes.append(curve(t))
+        inside.append(curve((t[:-1] + t[1:]) / 2))
+        times.append(t)
+        at = input_times(lay.controls, t)
+        columns = [np.interp(at, piece.t_u, u) for u in piece.u.T]
+        inputs.append(np.stack(columns, axis=1) if columns else np.zeros((len(at), 0)))
+    x[lay.index_h] = [(p.t[-1] - p.t[0]) / n for p, n in zip(pieces, lay.steps, strict=True)]
+    x[lay.index_q] = np.vstack([*(part[:-1] for part in nodes), nodes[-1][-1:]])
+    x[lay.index_u] = np.vstack(inputs)
+    x[lay.index_lam] = impulses
+    x[lay.index_v_c] = np.array([p.v[-1] for p in pieces[:-1]]).reshape(-1, lay.nq)
+    if lay.timed:
+        x[lay.index_t] = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
+    if lay.inside:
+        x[lay.index_q_i] = np.vstack(inside)
+    ends = ((pieces[0], 0, lay.index_p_B, lay.index_v_B), (pieces[-1], -1, lay.index_p_E, lay.index_v_E))
+    for piece, k, index_p, index_v in ends:
+        state = (piece.q[[k]], piece.v[[k]], piece.t[[k], None])
+        x[index_p] = problem.kernels.call("legendre", *(a.copy() for a in state), problem.parameter_values)[0][0]
+        if len(index_v):
+            x[index_v] = piece.v[k]
+    return x
