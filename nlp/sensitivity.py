@@ -1,12 +1,13 @@
 """Derivatives of the optimal cost with respect to what a problem is given, from the multipliers.
 
 At a regular minimum the derivative of the optimal cost with respect to a quantity theta is the partial derivative of the Lagrangian
-L = f + y . c - w . d - z . (x - bounds) with respect to theta at fixed x, y, w, z (the envelope theorem; Fiacco, "Introduction to Sensitivity and Stability
-Analysis in Nonlinear Programming", 1983).
+L = f + y . c - w . d - z . (x - bounds) with respect to theta at fixed x, y, w, z (the envelope theorem; A. V. Fiacco, "Introduction
+to Sensitivity and Stability Analysis in Nonlinear Programming", 1983).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TypedDict
 
 import numpy as np
@@ -48,6 +49,9 @@ class Sensitivities(TypedDict):
 def sensitivities(problem: Problem, x: Array, y: Array, w: Array, z: Array) -> Sensitivities:
     """Return the derivatives of the optimal cost at a minimum x with its multipliers (of the program without minimal times)."""
     nlp = Transcription(problem, minimal_times=False)
+    # Solvers leave out fixed unknowns: their multipliers make the Lagrangian stationary.
+    slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w
+    z = np.where(nlp.lower == nlp.upper, slope, z)
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
 
     def change(name: str, value: float) -> float:
@@ -55,7 +59,7 @@ def sensitivities(problem: Problem, x: Array, y: Array, w: Array, z: Array) -> S
         parts = [
             c * _lagrangian(problem.unchecked(parameters=values | {name: value + k * step}), x, y, w, z) for k, c in DIFFERENCE
         ]
-        return sum(parts) / step
+        return float(sum(parts) / step)
 
     def coefficient(surface: str) -> float:  # L is linear in e
         high, low = ({**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.0))
@@ -96,7 +100,8 @@ def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
 def _ends(problem: Problem, z: Array, places: tuple[Index, Index, Index], nlp: Transcription) -> dict[str, float]:
     """Multipliers of the bounds of the states at one end, where there are bounds."""
     found = {}
-    for index, name in zip(places, (str, velocity_name, momentum_name), strict=True):
+    namings: tuple[Callable[[str], str], ...] = (str, velocity_name, momentum_name)
+    for index, name in zip(places, namings, strict=True):
         for i, coordinate in zip(index, problem.kernels.coordinates, strict=False):
             if nlp.lower[i] > -np.inf or nlp.upper[i] < np.inf:
                 found[name(coordinate)] = float(z[i])

@@ -19,6 +19,7 @@ from dmoc.nlp.problem import Problem
 from dmoc.nlp.sensitivity import Sensitivities
 from dmoc.nlp.sensitivity import sensitivities as find_sensitivities
 from dmoc.nlp.transcription import Transcription
+from dmoc.refinement import refined
 from dmoc.solution import Solution
 from dmoc.solvers import external, ipm, slsqp
 from dmoc.solvers.diagnosis import diagnose
@@ -28,12 +29,15 @@ from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
 METHODS = ("slsqp", "ipm", "ipopt", "uno")
 Driver: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
 FORMS = ("condensed", "full")
+# A mesh is solved to the tolerance of a refinement, but not below what rounding allows.
+SHARPEST = 1e-8
 
 
 def solve(
     problem: Problem,
-    method: str = "slsqp",
+    method: str | None = None,
     *,
+    tolerance: float | None = None,
     form: str = "condensed",
     guess: Solution | Array | None = None,
     optimality: float = 1e-6,
@@ -51,7 +55,10 @@ def solve(
     problem : Problem
     method : {"slsqp", "ipm", "ipopt", "uno"}
         SciPy's sequential quadratic programming on the condensed program; the compiled interior-point method of dmoc; IPOPT; Uno.  The
-        last two are extras.
+        last two are extras.  The default is "slsqp", with a tolerance "ipm".
+    tolerance : float, optional
+        Refine the mesh, beginning with the problem's steps, until the estimated relative error of cost, durations and positions and the simulated
+        errors over segments are below it.  The solution has the estimate and the meshes.
     form : {"condensed", "full"}
         For slsqp: "condensed" eliminates coordinates by solving the discrete equations of motion; "full" leaves all unknowns to the
         solver, which is practical up to some tens of steps.  The other methods work on the full sparse program.
@@ -80,20 +87,34 @@ def solve(
     ProblemError
         If an argument does not fit.
     """
+    method = method or ("slsqp" if tolerance is None else "ipm")
     _check_choice("method", method, METHODS)
     _check_choice("form", form, FORMS)
-    for name, value in (("optimality", optimality), ("violation", violation)):
-        if not value > 0:
+    for name, value in (("optimality", optimality), ("violation", violation), ("tolerance", tolerance)):
+        if value is not None and not value > 0:
             raise ProblemError(f"{name} = {value!r}: expected a positive number.")
     if seconds is not None and not seconds > 0:
         raise ProblemError(f"seconds = {seconds!r}: expected a positive time limit, or None.")
     if iterations < 1:
         raise ProblemError(f"iterations = {iterations!r}: expected at least 1.")
-    if method == "slsqp":
-        _check_size(problem)
-    elif method != "ipm":
+    if method not in ("slsqp", "ipm"):
         external.require(method)
     options = Options(optimality, violation, iterations, seconds, progress)
+    if tolerance is None:
+        return _solve(problem, method, form, guess, options, verify, reference)
+    sharp = replace(options, optimality=min(optimality, max(tolerance, SHARPEST)))
+
+    def on_mesh(problem: Problem, x: Array | None) -> Solution:
+        return _solve(problem, method, form, guess if x is None else x, sharp, False, reference)
+
+    return refined(problem, tolerance, seconds, on_mesh, _checked)
+
+
+def _solve(
+    problem: Problem, method: str, form: str, guess: Solution | Array | None, options: Options, verify: bool, reference: str
+) -> Solution:
+    if method == "slsqp":
+        _check_size(problem)
     start = time.perf_counter()
     # Minimal times keep slsqp on the right track; they may limit no solution, and the other methods do without.
     nlp = Transcription(problem, None if method == "slsqp" else False)
@@ -113,10 +134,14 @@ def solve(
     solved = time.perf_counter()
     timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
     solution = _solution(problem, nlp, outcome, method, timings, reference, conflicts)
-    if not (verify and solution.solved):
-        return solution
+    return _checked(solution) if verify and solution.solved else solution
+
+
+def _checked(solution: Solution) -> Solution:
+    """The solution with the result of the independent simulation; one that it contradicts is not verified."""
+    start = time.perf_counter()
     check = solution.verify()
-    timings["verify"] = time.perf_counter() - solved
+    timings = {**solution.seconds, "verify": time.perf_counter() - start}
     summary = {
         "passed": check.passed,
         "terminal_error": check.terminal_error,
@@ -147,7 +172,8 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     sequence = tuple(c.surface for c in solution.collisions)
     if (steps, sequence, len(solution.unknowns)) != (problem.phase_steps, tuple(problem.sequence), nlp.n):
         raise ProblemError(
-            f"the solution has the sequence {list(sequence)} with {list(steps)} steps: give the problem that it solves ({list(problem.sequence)}, {list(problem.phase_steps)})."
+            f"the solution has the sequence {list(sequence)} with {list(steps)} steps, the problem {list(problem.sequence)} with "
+            f"{list(problem.phase_steps)}: give the problem that was solved."
         )
     if solution.status not in ("solved", "not_verified"):
         raise ProblemError(f"the solution has the status {solution.status!r}: sensitivities need a minimum.")

@@ -7,7 +7,7 @@ import json
 import os
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,34 @@ if TYPE_CHECKING:
     from dmoc.simulation.check import Verification
 
 FILE_FORMAT = 3
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """One mesh of a refinement.
+
+    Attributes
+    ----------
+    steps : tuple of int
+        Steps of each phase.
+    cost : float
+    iterations : int
+        Up to here.
+    estimate : float
+        Estimated error: the largest relative change of cost, durations and positions against the mesh before, extrapolated; infinite for the
+        first mesh.
+    simulated : float or None
+        Largest relative error over a tenth of a phase, by the independent simulation; None where it was not asked for.
+    difference : float or None
+        Difference to the finest mesh, measured like the change; None for the finest.  An honest estimate is of its size.
+    """
+
+    steps: tuple[int, ...]
+    cost: float
+    iterations: int
+    estimate: float
+    simulated: float | None
+    difference: float | None = None
 
 
 @dataclass(frozen=True)
@@ -59,6 +87,10 @@ class Solution:
         Result of the independent check, as in the command line's JSON.
     reference : str
         How the model was named: a shipped model or ``file.py:name``.
+    error_estimate : float or None
+        Where a tolerance was given: the larger of the estimated relative error of the mesh and of the simulated error.
+    meshes : tuple of Mesh
+        The meshes of the refinement.
     """
 
     status: str
@@ -76,6 +108,8 @@ class Solution:
     conflicts: tuple[str, ...] = ()
     verification: Mapping[str, Any] | None = None
     reference: str = ""
+    error_estimate: float | None = None
+    meshes: tuple[Mesh, ...] = ()
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -142,6 +176,8 @@ class Solution:
             "seconds": dict(self.seconds),
             "verification": None if self.verification is None else dict(self.verification),
             "conflicts": list(self.conflicts),
+            "error_estimate": self.error_estimate,
+            "meshes": [asdict(m) | {"estimate": m.estimate if np.isfinite(m.estimate) else None} for m in self.meshes],
         }
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -242,5 +278,6 @@ class Solution:
         return cls(
             header["status"], header["message"], header["method"], header["cost"], trajectory, multipliers, tuple(header["active_bounds"]),
             header["max_violation"], header["optimality"], header["iterations"], header["seconds"], arrays["unknowns"],
-            tuple(header["conflicts"]), header["verification"], header["reference"],
+            tuple(header["conflicts"]), header["verification"], header["reference"], header["error_estimate"],
+            tuple(Mesh(**m | {"steps": tuple(m["steps"]), "estimate": np.inf if m["estimate"] is None else m["estimate"]}) for m in header["meshes"]),
         )  # fmt: skip

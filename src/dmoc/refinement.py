@@ -1,0 +1,149 @@
+"""Mesh refinement: more steps until the estimated and the simulated error of the solution meet a tolerance."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.problem import MOST_STEPS, Problem
+from dmoc.nlp.transfer import pieces_of, unknowns_along
+from dmoc.solution import Mesh, Solution
+
+# The error of a mesh falls by this factor at least when the steps are halved, also where inputs switch between steps.
+SLOWEST_ORDER = 1.0
+# A quarter of the steps at once where the error is this far above the tolerance, else half of them.
+FAR = 100.0
+# A mesh too coarse to be solved is refined so often before the problem counts as unsolved.
+COARSE_FAILURES = 3
+
+Solve = Callable[[Problem, Array | None], Solution]
+Check = Callable[[Solution], Solution]
+
+
+def refined(problem: Problem, tolerance: float, seconds: float | None, solve: Solve, check: Check) -> Solution:
+    """Solve on finer and finer meshes, each from the motion of the one before.
+
+    The error of a mesh is the largest relative change, against the mesh before, of the cost, of the durations and of the positions at common nodes,
+    divided by r^p - 1 (Richardson; r is the ratio of the steps, p the order that the last three meshes show, at most that of the discretisation).
+    The mesh is fine enough when this estimate and the errors over segments found by the independent simulation meet the tolerance.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its steps are the first mesh.
+    tolerance : float
+    seconds : float, optional
+        Limit.
+    solve, check : callables
+        Solve a problem from unknowns or from an automatic guess; check a solution by simulation.
+    """
+    begin, meshes, failures = time.perf_counter(), list[Mesh](), 0
+    solved: list[Solution] = []
+    iterations, spent = 0, dict[str, float]()
+
+    def result(s: Solution, error: float, reason: str = "") -> Solution:
+        s = replace(s, meshes=_compared(meshes, solved), error_estimate=error, iterations=iterations)
+        if not reason:
+            return s
+        message = f"the estimated error {error:.2g} exceeds the tolerance {tolerance:g}: {reason}"
+        return replace(s if s.verification else check(s), status="not_verified", message=message)
+
+    error = np.inf
+    while True:
+        s = _from_coarse(problem, solved, solve)
+        iterations += s.iterations
+        spent = {k: spent.get(k, 0.0) + v for k, v in s.seconds.items()}
+        s = replace(s, seconds=spent)
+        if not s.solved:
+            if solved:
+                return result(
+                    solved[-1], error, f"the mesh of {max(problem.phase_steps)} steps a phase ended {s.status} ({s.message})"
+                )
+            failures += 1
+            if failures > COARSE_FAILURES or s.status in ("time_limit", "interrupted"):
+                return s
+            problem = problem.but(steps=[2 * n for n in problem.phase_steps])
+            continue
+        solved.append(s)
+        estimate = _estimate(solved, problem.order)
+        simulated = None
+        if estimate <= tolerance:
+            solved[-1] = s = check(s)
+            simulated = _simulated(s)
+        meshes.append(Mesh(problem.phase_steps, s.cost, iterations, estimate, simulated))
+        error = max(estimate, simulated or 0.0)
+        if simulated is not None and (simulated <= tolerance or not s.solved):
+            return result(s, error)
+        steps = [(4 if FAR * tolerance < error < np.inf else 2) * n for n in problem.phase_steps]
+        if max(steps) > MOST_STEPS:
+            return result(s, error, f"finer meshes than {MOST_STEPS} steps a phase are not tried")
+        if seconds is not None and time.perf_counter() - begin > seconds:
+            return result(s, error, "the time limit is reached")
+        problem = problem.but(steps=steps)
+
+
+def _from_coarse(problem: Problem, solved: list[Solution], solve: Solve) -> Solution:
+    """Solve from the motion of the last mesh, and where that leads nowhere from an automatic guess."""
+    if not solved:
+        return solve(problem, None)
+    last = solved[-1]
+    s = solve(problem, unknowns_along(problem, pieces_of(last.trajectory), [c.impulse for c in last.collisions]))
+    return solve(problem, None) if s.status in ("infeasible", "stalled") else s
+
+
+def _estimate(solved: list[Solution], order: int) -> float:
+    """Estimated error of the last solution; infinite for the first.  Two meshes show no order: half of the discretisation's is assumed."""
+    if len(solved) < 2:
+        return np.inf
+    ratio = _ratio(solved[-2], solved[-1])
+    change = _change(solved[-2], solved[-1])
+    shown = order / 2
+    if len(solved) > 2:
+        before = _change(solved[-3], solved[-2])
+        shown = _order(before / max(change, 1e-300), _ratio(solved[-3], solved[-2]), ratio, order)
+    return float(change / (ratio**shown - 1))
+
+
+def _order(quotient: float, first: float, second: float, order: int) -> float:
+    """The order p that two successive changes with a quotient show, (first^p - 1) second^p / (second^p - 1), by bisection."""
+    low, high = SLOWEST_ORDER, float(order)
+
+    def predicted(p: float) -> float:
+        return (first**p - 1) * second**p / (second**p - 1)
+
+    if quotient >= predicted(high):
+        return high
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if predicted(middle) < quotient else (low, middle)
+    return low
+
+
+def _ratio(coarse: Solution, fine: Solution) -> float:
+    return fine.phases[0].steps / coarse.phases[0].steps
+
+
+def _change(coarse: Solution, fine: Solution) -> float:
+    """Largest relative difference of cost, durations and positions at common nodes."""
+    step = round(_ratio(coarse, fine))
+    cost = abs(fine.cost - coarse.cost) / max(abs(fine.cost), 1e-12)
+    pairs = list(zip(coarse.phases, fine.phases, strict=True))
+    duration = max(abs(b.duration - a.duration) for a, b in pairs) / fine.final_time
+    spread = np.ptp(np.vstack([p.q for p in fine.phases]), axis=0)
+    scale = np.maximum(spread, 1e-6 * spread.max(initial=1e-300))
+    place = max(float((np.abs(b.q[::step] - a.q) / scale).max(initial=0.0)) for a, b in pairs)
+    return float(max(cost, duration, place))
+
+
+def _simulated(s: Solution) -> float:
+    return float(s.verification["max_segment_defect"]) if s.verification else np.inf
+
+
+def _compared(meshes: list[Mesh], solved: list[Solution]) -> tuple[Mesh, ...]:
+    """The meshes, each with its difference to the finest, which tells whether the estimates are honest."""
+    pairs = zip(meshes, solved, strict=True)
+    return tuple(replace(m, difference=_change(s, solved[-1]) if s is not solved[-1] else None) for m, s in pairs)
