@@ -24,6 +24,7 @@ from typing import Any
 
 import sympy as sp
 
+from dmoc.errors import ModelError
 from dmoc.symbolic.continuous import Continuous, dot
 
 ORDERS = (2, 4)
@@ -207,8 +208,14 @@ def step_element(f: Continuous, order: int, make: Callable[[str], Any], exact: C
     return StepElement(tuple(points), vector("q_k", n), vector("q_kp1", n), q_i, u_k, u_kp1, make("h"), make("t_k"))
 
 
+def check_order(order: int) -> None:
+    if order not in ORDERS:
+        raise ModelError(f"order = {order!r}: expected one of {', '.join(map(str, ORDERS))}.")
+
+
 def _rule(order: int) -> tuple[list[Any], list[Any], list[Any]]:
     """Gauss points and weights on [0, 1], and the Lobatto nodes: first, last, inside."""
+    check_order(order)
     half = sp.Rational(1, 2)
     if order == 2:
         return [half], [sp.S.One], [sp.S.Zero, sp.S.One]

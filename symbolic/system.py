@@ -6,7 +6,7 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 from sympy.core.function import AppliedUndef, UndefinedFunction
@@ -15,6 +15,9 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.errors import ModelError
 from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_name
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.interop import Imported
 
 
 @dataclass(frozen=True)
@@ -95,6 +98,49 @@ class MechanicalSystem:
         self._check_symbols()
         self._check_mass_matrix()
         self._check_relations()
+
+    @classmethod
+    def from_lagranges_method(cls, name: str, method: Any, parameters: Mapping[Any, float | None], **fields: Any) -> MechanicalSystem:
+        """Take over a ``sympy.physics.mechanics.LagrangesMethod``: its coordinates, Lagrangian and loads.
+
+        ``fields`` are those of MechanicalSystem beside them: inputs, surfaces, cost, ...; ``forces`` are added to the loads.
+
+        Raises
+        ------
+        ModelError
+            If the method has constraint equations, or for any of the reasons of MechanicalSystem.
+        """
+        from dmoc.symbolic.interop import from_lagranges_method
+
+        return cls._imported(name, from_lagranges_method(method), parameters, fields)
+
+    @classmethod
+    def from_joints(cls, name: str, model: Any, parameters: Mapping[Any, float | None], **fields: Any) -> MechanicalSystem:
+        """Take over a ``JointsMethod`` or a ``System`` of ``sympy.physics.mechanics``: bodies, joints, loads and actuators.
+
+        Generalised speeds may appear in ``fields`` (inputs, surfaces, cost, ...); they become velocities.
+
+        Raises
+        ------
+        ModelError
+            If the model has constraint equations, or for any of the reasons of MechanicalSystem.
+        """
+        from dmoc.symbolic.interop import from_joints
+
+        return cls._imported(name, from_joints(model), parameters, fields)
+
+    @classmethod
+    def _imported(cls, name: str, model: Imported, parameters: Mapping[Any, float | None], fields: dict[str, Any]) -> MechanicalSystem:
+        def replaced(value: Any) -> Any:
+            if isinstance(value, Mapping):
+                return {key: replaced(part) for key, part in value.items()}
+            return value.xreplace(model.speeds) if isinstance(value, sp.Basic) else value
+
+        given = {key: value if key in ("inputs", "title", "units") else replaced(value) for key, value in fields.items()}
+        forces = dict(model.forces)
+        for q, force in given.pop("forces", {}).items():
+            forces[q] = forces.get(q, sp.S.Zero) + force
+        return cls(name, model.coordinates, model.lagrangian, parameters, forces=forces, **given)
 
     # Symbols ---------------------------------------------------------------------------------------------------------
 
@@ -249,7 +295,7 @@ def _expression(value: Any, what: str) -> Any:
         expression = sp.sympify(value).doit()
     except (sp.SympifyError, AttributeError, TypeError):
         raise ModelError(f"{what} is not a SymPy expression: got {value!r}.") from None
-    if not isinstance(expression, sp.Expr):
+    if not isinstance(expression, sp.Expr) or expression.is_Matrix:
         raise ModelError(f"{what} is not a scalar SymPy expression: got {value!r}.")
     if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
         raise ModelError(f"{what} contains an infinite or undefined constant: {expression}.")

@@ -21,12 +21,14 @@ from dmoc.cli_input import (
     BAD_INPUT,
     NOT_SOLVED,
     BoundOption,
-    Controls,
+    ControlsOption,
     FinalTimeOption,
     GoalOption,
     JsonOption,
-    MethodOption,
     ModelArgument,
+    OrderOption,
+    PeriodicOption,
+    RestitutionOption,
     SetOption,
     StartOption,
     emit,
@@ -41,6 +43,7 @@ from dmoc.cli_search import search
 from dmoc.errors import DmocError, OutputError
 
 if TYPE_CHECKING:
+    from dmoc.nlp.sensitivity import Sensitivities
     from dmoc.simulation.check import Verification
     from dmoc.solution import Solution
     from dmoc.solvers.outcome import Iteration
@@ -84,13 +87,14 @@ def models() -> None:
 def derive(
     model: ModelArgument,
     format_: Annotated[TextFormat, typer.Option("--format", help="Readable text, or a LaTeX document.")] = TextFormat.text,
+    order: OrderOption = None,
     target: Annotated[Path | None, typer.Option("--out", help="Write to a file instead of standard output.")] = None,
 ) -> None:
     """Print every step of the derivation of a model."""
     from dmoc.registry import find
     from dmoc.symbolic.derivation import derive as derive_system
 
-    derivation = derive_system(find(model).system())
+    derivation = derive_system(find(model).system(), order or 2)
     text = derivation.latex() if format_ is TextFormat.latex else str(derivation)
     if target is None:
         sys.stdout.write(text)
@@ -104,6 +108,7 @@ def generate(
     target: Annotated[
         Path | None, typer.Option("--out", help="Folder for the sources; by default a folder of the model's name.")
     ] = None,
+    order: OrderOption = None,
 ) -> None:
     """Write the C and Cython sources of a model."""
     from dmoc.codegen.build import write_files
@@ -111,7 +116,7 @@ def generate(
     from dmoc.registry import find
     from dmoc.symbolic.kernels import model_spec
 
-    files = c_files(model_spec(find(model).system()))
+    files = c_files(model_spec(find(model).system(), order or 2))
     folder = target or Path(find(model).system().name)
     try:
         paths = write_files(folder, files)
@@ -124,12 +129,13 @@ def generate(
 @app.command()
 def build(
     model: ModelArgument,
+    order: OrderOption = None,
     force: Annotated[bool, typer.Option("--force", help="Build again even if the cache holds the kernels.")] = False,
 ) -> None:
     """Compile the kernels of a model into the cache."""
     from dmoc import registry
 
-    kernels = registry.build(registry.find(model).system(), backend="compiled", force=force)
+    kernels = registry.build(registry.find(model).system(), order=order or 2, backend="compiled", force=force)
     state = f"built in {kernels.seconds:.2f} s" if kernels.seconds else "found in the cache"
     out.print(f"{kernels.name}: {state}, {kernels.module.__file__}", highlight=False, soft_wrap=True)
 
@@ -142,15 +148,27 @@ def solve(
     ] = None,
     steps: Annotated[str | None, typer.Option(help="Steps of each phase, one number or one for each phase, as 100,50.")] = None,
     final_time: FinalTimeOption = None,
-    method: MethodOption = "slsqp",
+    method: Annotated[
+        str | None,
+        typer.Option(help="Solver: slsqp (default), ipm (compiled interior point; default with --tolerance), ipopt, uno."),
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help="Refine the mesh, from --steps on, until the relative error is below this.")
+    ] = None,
+    order: OrderOption = None,
     form: Annotated[
         Form, typer.Option(help="For slsqp: condensed, or the full program (small numbers of steps).")
     ] = Form.condensed,
-    controls: Annotated[Controls | None, typer.Option(help="Inputs constant in a step, or linear between nodes.")] = None,
+    controls: ControlsOption = None,
     set_: SetOption = None,
     bound: BoundOption = None,
     start: StartOption = None,
     goal: GoalOption = None,
+    restitution: RestitutionOption = None,
+    periodic: PeriodicOption = None,
+    sensitivities: Annotated[
+        bool, typer.Option("--sensitivities", help="Derivatives of the optimal cost with respect to what the problem is given.")
+    ] = False,
     iterations: Annotated[int, typer.Option(help="Iteration limit.")] = 1000,
     seconds: Annotated[float | None, typer.Option(help="Time limit of the solver in seconds.")] = None,
     guess: Annotated[
@@ -168,20 +186,27 @@ def solve(
 
     neighbour = None if guess is None else Solution.load(guess)
     reference = registry.find(model)
-    fields = problem_fields(reference.defaults, sequence, steps, final_time, controls, set_, bound, start, goal)
+    fields = problem_fields(
+        reference.defaults, sequence, steps, final_time, controls, set_, bound, start, goal, restitution, periodic
+    )
     prepare_folder(target)
     prepare_file(json_)
-    problem = Problem(reference.kernels(), **fields)
+    problem = Problem(reference.kernels(order or 0), **fields)
     quiet = json_ == "-"
     with _Live(quiet) as live:
         solution = api.solve(
-            problem, method, form=form.value, guess=neighbour, iterations=iterations, seconds=seconds, progress=live.show,
+            problem, method, tolerance=tolerance, form=form.value, guess=neighbour, iterations=iterations, seconds=seconds, progress=live.show,
             reference=reference.name,
         )  # fmt: skip
     files = _save(solution, target)
-    emit(solution.to_dict(), json_)
+    summary, derivatives = solution.to_dict(), None
+    if sensitivities and solution.status in ("solved", "not_verified"):
+        derivatives = api.sensitivities(problem.but(steps=[p.steps for p in solution.phases]), solution)
+        summary["sensitivities"] = derivatives
+    emit(summary, json_)
     if not quiet:
         _summary(solution, files)
+        _sensitivities(derivatives)
     raise typer.Exit(0 if solution.solved else NOT_SOLVED)
 
 
@@ -333,6 +358,14 @@ def _summary(solution: Solution, files: list[Path]) -> None:
     table.add_row("active bounds", ", ".join(solution.active_bounds) or "none")
     table.add_row("violation", f"{solution.max_violation:.1e}")
     table.add_row("optimality", f"{solution.optimality:.1e}")
+    for mesh in solution.meshes:
+        far = "" if mesh.difference is None else f", difference to the finest {mesh.difference:.1e}"
+        far += "" if mesh.simulated is None else f", simulated error {mesh.simulated:.1e}"
+        table.add_row(
+            f"{'+'.join(map(str, mesh.steps))} steps", f"cost {mesh.cost:.8g}, estimated error {mesh.estimate:.1e}{far}"
+        )
+    if solution.error_estimate is not None:
+        table.add_row("error estimate", f"{solution.error_estimate:.1e}, relative")
     table.add_row("iterations", str(solution.iterations))
     table.add_row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in solution.seconds.items()))
     if solution.verification:
@@ -342,6 +375,17 @@ def _summary(solution: Solution, files: list[Path]) -> None:
                       f"energy error {v['energy_error']:.1e}, contacts missed {len(v['missed_contacts'])}, extra {len(v['extra_contacts'])}")  # fmt: skip
     for path in files:
         table.add_row("written", str(path))
+    out.print(table, highlight=False)
+
+
+def _sensitivities(derivatives: Sensitivities | None) -> None:
+    if derivatives is None:
+        return
+    table = Table("dJ/d ...", "", "", box=None, header_style="bold")
+    for kind, found in derivatives.items():
+        named = found.items() if isinstance(found, dict) else [("", found)]
+        for name, value in named:
+            table.add_row(kind.replace("_", " "), name, f"{value:.6g}")
     out.print(table, highlight=False)
 
 

@@ -19,6 +19,13 @@ out = Console()
 err = Console(stderr=True)
 NOT_SOLVED, BAD_INPUT = 1, 2
 
+
+class Controls(StrEnum):
+    constant = "constant"
+    linear = "linear"
+    stages = "stages"
+
+
 ModelArgument = Annotated[str, typer.Argument(help="Name of a shipped model or problem, or file.py:name.", show_default=False)]
 JsonOption = Annotated[
     str | None,
@@ -36,12 +43,21 @@ StartOption = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME=VALUE", help="Start state: x, x_dot or p_x; a value, a range LOW:HIGH, or free; repeatable."),
 ]
+RestitutionOption = Annotated[
+    list[str] | None,
+    typer.Option(metavar="E|SURFACE=E", help="Coefficient of restitution, 0 to 1, of all surfaces or of one; repeatable."),
+]
+PeriodicOption = Annotated[
+    str | None, typer.Option(metavar="STATES", help="States that end as they start, as y,p_y; free at the start unless given.")
+]
+OrderOption = Annotated[int | None, typer.Option(help="Order of the discretisation: 2 (default) or 4.")]
+ControlsOption = Annotated[
+    Controls | None,
+    typer.Option(
+        help="Inputs constant in a step, linear between nodes (order 2), or at the two Gauss points of a step (order 4)."
+    ),
+]
 GoalOption = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Goal state, like --start; repeatable.")]
-
-
-class Controls(StrEnum):
-    constant = "constant"
-    linear = "linear"
 
 
 # Input ---------------------------------------------------------------------------------------------------------------
@@ -50,6 +66,7 @@ class Controls(StrEnum):
 def problem_fields(
     defaults: Mapping[str, Any], sequence: str | None, steps: str | None, final_time: str | None, controls: Controls | None,
     set_: list[str] | None, bound: list[str] | None, start: list[str] | None, goal: list[str] | None,
+    restitution: list[str] | None, periodic: str | None,
 ) -> dict[str, Any]:  # fmt: skip
     """Fields of a problem: a model's own, changed by options."""
     fields = dict(defaults)
@@ -64,6 +81,10 @@ def problem_fields(
         )
     if controls is not None:
         fields["controls"] = controls.value
+    if restitution:
+        fields["restitution"] = read_restitution(restitution)
+    if periodic is not None:
+        fields["periodic"] = tuple(s.strip() for s in periodic.split(",") if s.strip())
     for name, given in (("parameters", set_), ("bounds", bound), ("start", start), ("goal", goal)):
         option = {"parameters": "--set", "bounds": "--bound", "start": "--start", "goal": "--goal"}[name]
         pairs = dict(read_pair(text, option) for text in given or [])
@@ -79,6 +100,13 @@ def replace_rest(values: dict[str, Any], given: dict[str, Any]) -> None:
             values.pop(f"p_{name[:-4]}", None)
         if name.startswith("p_") and f"{name[2:]}_dot" not in given:
             values.pop(f"{name[2:]}_dot", None)
+
+
+def read_restitution(given: list[str]) -> float | dict[str, Any]:
+    """Read one number for all surfaces, or SURFACE=E for some."""
+    if len(given) == 1 and "=" not in given[0]:
+        return read_number(given[0], "--restitution")
+    return dict(read_pair(text, "--restitution") for text in given)
 
 
 def read_pair(text: str, option: str) -> tuple[str, Any]:

@@ -15,12 +15,15 @@ from rich.text import Text
 from dmoc.cli_input import (
     NOT_SOLVED,
     BoundOption,
-    Controls,
+    ControlsOption,
     FinalTimeOption,
     GoalOption,
     JsonOption,
     MethodOption,
     ModelArgument,
+    OrderOption,
+    PeriodicOption,
+    RestitutionOption,
     SetOption,
     StartOption,
     emit,
@@ -61,11 +64,14 @@ def search(
     steps: Annotated[int | None, typer.Option(help="Steps of each phase.")] = None,
     final_time: FinalTimeOption = None,
     method: MethodOption = "ipm",
-    controls: Annotated[Controls | None, typer.Option(help="Inputs constant in a step, or linear between nodes.")] = None,
+    order: OrderOption = None,
+    controls: ControlsOption = None,
     set_: SetOption = None,
     bound: BoundOption = None,
     start: StartOption = None,
     goal: GoalOption = None,
+    restitution: RestitutionOption = None,
+    periodic: PeriodicOption = None,
     shortest_phase: Annotated[
         float | None,
         typer.Option(help="Shortest duration of a phase in seconds; a hundredth of the largest final time by default."),
@@ -88,12 +94,22 @@ def search(
 
     reference = registry.find(model)
     fields = problem_fields(
-        reference.defaults, None, None if steps is None else str(steps), final_time, controls, set_, bound, start, goal
+        reference.defaults,
+        None,
+        None if steps is None else str(steps),
+        final_time,
+        controls,
+        set_,
+        bound,
+        start,
+        goal,
+        restitution,
+        periodic,
     )
     fields |= {"sequence": (), "durations": None}
     prepare_folder(target)
     prepare_file(json_)
-    problem = Problem(reference.kernels(), **fields)
+    problem = Problem(reference.kernels(order or 0), **fields)
     with _Board() as board:
         result = search_sequences(
             problem, max_collisions, surfaces=None if surfaces is None else [s.strip() for s in surfaces.split(",") if s.strip()], strategy=strategy.value,

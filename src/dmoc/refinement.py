@@ -113,7 +113,7 @@ def _order(quotient: float, first: float, second: float, order: int) -> float:
     low, high = SLOWEST_ORDER, float(order)
 
     def predicted(p: float) -> float:
-        return (first**p - 1) * second**p / (second**p - 1)
+        return float((first**p - 1) * second**p / (second**p - 1))
 
     if quotient >= predicted(high):
         return high

@@ -43,11 +43,10 @@ def build(system: MechanicalSystem, *, order: int = 2, backend: str = "auto", fo
         If the compiler is missing (with backend="compiled") or fails.
     """
     from dmoc.codegen.text import c_files, manifest, numpy_text
-    from dmoc.symbolic.discrete import ORDERS
+    from dmoc.symbolic.discrete import check_order
     from dmoc.symbolic.kernels import model_key, model_spec
 
-    if order not in ORDERS:
-        raise BuildError(f"order = {order!r}: expected one of {', '.join(map(str, ORDERS))}.")
+    check_order(order)
     if backend not in BACKENDS:
         raise BuildError(f"backend = {backend!r}: expected one of {', '.join(BACKENDS)}.")
     if backend == "numpy":

@@ -164,6 +164,7 @@ class Solution:
                     "surface": c.surface,
                     "time": c.time,
                     "impulse": c.impulse,
+                    "restitution": self.trajectory.restitution[c.surface],
                     "position": c.position.tolist(),
                     "momentum_before": c.momentum_before.tolist(),
                     "momentum_after": c.momentum_after.tolist(),

@@ -1,0 +1,89 @@
+"""From models of sympy.physics.mechanics to coordinates, Lagrangian and generalised forces.
+
+A LagrangesMethod has a Lagrangian in q and q'; JointsMethod and System describe bodies and joints with generalised speeds u, which the kinematic
+differential equations replace by q'.  Loads F at velocities v become generalised forces Q_i = F . dv/dq_i'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+from sympy.physics.mechanics import Lagrangian, Point, ReferenceFrame, dynamicsymbols
+
+from dmoc.errors import ModelError
+
+
+@dataclass(frozen=True)
+class Imported:
+    """Coordinates, Lagrangian, generalised forces by coordinate, and the generalised speeds in terms of q'."""
+
+    coordinates: list[Any]
+    lagrangian: Any
+    forces: dict[Any, Any]
+    speeds: dict[Any, Any]
+
+
+def from_lagranges_method(method: Any) -> Imported:
+    """Read a ``sympy.physics.mechanics.LagrangesMethod`` without constraints."""
+    missing = [name for name in ("_L", "q", "forcelist", "coneqs") if not hasattr(method, name)]
+    if missing:
+        raise ModelError(f"{type(method).__name__} is not a LagrangesMethod: expected one from sympy.physics.mechanics.")
+    if len(method.coneqs):
+        raise ModelError(
+            f"the LagrangesMethod has {len(method.coneqs)} constraint equations: expected independent coordinates; eliminate the dependent ones."
+        )
+    coordinates = list(method.q)
+    forces = _generalised_forces(coordinates, method.forcelist or (), method.inertial, {})
+    return Imported(coordinates, sp.Matrix([method._L])[0], forces, {})
+
+
+def from_joints(model: Any) -> Imported:
+    """Read a ``JointsMethod`` or a ``System`` of bodies and joints without constraints."""
+    missing = [name for name in ("bodies", "q", "u", "kdes", "loads", "frame") if not hasattr(model, name)]
+    if missing:
+        raise ModelError(f"{type(model).__name__} has no {missing[0]}: expected a JointsMethod or a System from sympy.physics.mechanics.")
+    constraints = [*getattr(model, "holonomic_constraints", ()), *getattr(model, "nonholonomic_constraints", ())]
+    if constraints:
+        raise ModelError(f"the model has {len(constraints)} constraint equations: expected a tree of joints with independent coordinates.")
+    coordinates = list(model.q)
+    speeds = _speeds(model)
+    loads = [*model.loads, *(load for actuator in getattr(model, "actuators", ()) for load in actuator.to_loads())]
+    lagrangian = _replaced(Lagrangian(model.frame, *model.bodies), speeds)
+    return Imported(coordinates, lagrangian, _generalised_forces(coordinates, loads, model.frame, speeds), speeds)
+
+
+def _speeds(model: Any) -> dict[Any, Any]:
+    """Generalised speeds in terms of q', from the kinematic differential equations."""
+    t = dynamicsymbols._t
+    rates = [q.diff(t) for q in model.q]
+    others = [u for u in model.u if u not in rates]
+    found = sp.solve(list(model.kdes), others, dict=True) if others else [{}]
+    if len(found) != 1 or set(found[0]) != set(others):
+        raise ModelError("the kinematic differential equations do not give the generalised speeds: expected one equation for each speed.")
+    return dict(found[0])
+
+
+def _replaced(expression: Any, speeds: dict[Any, Any]) -> Any:
+    t = dynamicsymbols._t
+    rates = {u.diff(t): value.diff(t) for u, value in speeds.items()}
+    return expression.xreplace(rates).xreplace(speeds)
+
+
+def _generalised_forces(coordinates: list[Any], loads: Iterable[Any], frame: ReferenceFrame, speeds: dict[Any, Any]) -> dict[Any, Any]:
+    t = dynamicsymbols._t
+    forces = dict.fromkeys(coordinates, sp.S.Zero)
+    for place, vector in loads:
+        if isinstance(place, Point):
+            velocity = place.vel(frame)
+        elif isinstance(place, ReferenceFrame):
+            velocity = place.ang_vel_in(frame)
+        else:
+            raise ModelError(f"the load on {place} acts on a {type(place).__name__}: expected a Point (force) or a ReferenceFrame (torque).")
+        matrix = velocity.to_matrix(frame).applyfunc(lambda e: _replaced(e, speeds))
+        load = vector.to_matrix(frame).applyfunc(lambda e: _replaced(e, speeds))
+        for q in coordinates:
+            forces[q] += sp.trigsimp((matrix.diff(q.diff(t)).T * load)[0])
+    return {q: Q for q, Q in forces.items() if Q != 0}
