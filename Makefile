@@ -8,7 +8,8 @@ INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 .PHONY: demo test check bench clean
 
 demo: $(VENV)/.installed-demo
-	@$(BIN)/python examples/swing_up.py demo
+	@$(BIN)/python examples/seed.py demo
+	@$(BIN)/python examples/hanging.py demo
 
 test: $(VENV)/.installed-test
 	$(BIN)/python -m pytest

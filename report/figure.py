@@ -22,7 +22,7 @@ GREY = "#8a8a8a"
 SNAPSHOTS = 8  # of each phase, equally spaced in time
 
 
-def plot(trajectory: Trajectory, path: str | os.PathLike[str] | None = None) -> Figure:
+def plot(trajectory: Trajectory, path: str | os.PathLike[str] | None = None, shape: Shape | None = None) -> Figure:
     """Draw a motion.
 
     Parameters
@@ -30,6 +30,8 @@ def plot(trajectory: Trajectory, path: str | os.PathLike[str] | None = None) -> 
     trajectory : Trajectory
     path : path, optional
         Where to write the figure; the ending decides the format (png, pdf, svg).
+    shape : callable, optional
+        Picture of a position, from (q, parameters), for snapshots of models that are not shipped.
 
     Returns
     -------
@@ -42,7 +44,7 @@ def plot(trajectory: Trajectory, path: str | os.PathLike[str] | None = None) -> 
     OutputError
         If the file cannot be written or its format is unknown.
     """
-    shape = shape_of(trajectory.model)
+    shape = shape or shape_of(trajectory.model)
     panels = 2 + bool(trajectory.inputs)
     rows = panels + (1 if shape else 0)
     figure = new_figure(7.0, 2.0 * panels + (2.8 if shape else 0.4))
@@ -121,25 +123,28 @@ def _inputs(axes: Axes, trajectory: Trajectory) -> None:
                 axes.stairs(phase.u[:, i], phase.t, baseline=None, color=colour, label=label, linewidth=1.5)
             else:
                 axes.plot(input_times(trajectory.controls, phase.t), phase.u[:, i], color=colour, label=label)
+        name = f"${symbol(name)}$ " if len(trajectory.inputs) > 1 else ""
         for bound in trajectory.input_bounds[i]:
             if np.isfinite(bound):
-                _bound(axes, bound, values[:, i], colour)
+                _bound(axes, bound, values, colour, name, i)
     _finish(axes, "inputs" if len(trajectory.inputs) > 1 else f"input ${symbol(trajectory.inputs[0])}$")
     if len(trajectory.inputs) > 1:
         axes.legend(loc="best", frameon=False)
 
 
-def _bound(axes: Axes, bound: float, values: Array, colour: str) -> None:
-    """A line where the bound is near the values, else a note of its value: a far one would flatten the curve."""
+def _bound(axes: Axes, bound: float, values: Array, colour: str, name: str, line: int) -> None:
+    """A line where the bound is near the values, else a note of its value: a far one would flatten the curves."""
     low, high = float(values.min()), float(values.max())
     span = max(high - low, 1e-12)
     if low - span <= bound <= high + span:
         axes.axhline(bound, color=colour, linestyle="--", linewidth=0.9)
         return
     above = bound > high
-    text = f"upper bound {bound:g} \u2191" if above else f"lower bound {bound:g} \u2193"
-    axes.annotate(text, (0.995, 0.97 if above else 0.03), xycoords="axes fraction", ha="right", va="top" if above else "bottom",
-                  fontsize=8, color=GREY)  # fmt: skip
+    text = f"{name}upper bound {bound:g} \u2191" if above else f"{name}lower bound {bound:g} \u2193"
+    place = 0.97 - 0.09 * line if above else 0.03 + 0.09 * line
+    axes.annotate(
+        text, (0.995, place), xycoords="axes fraction", ha="right", va="top" if above else "bottom", fontsize=8, color=GREY
+    )
 
 
 def _collision_lines(curves: list[Axes], trajectory: Trajectory) -> None:

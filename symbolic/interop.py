@@ -44,10 +44,14 @@ def from_joints(model: Any) -> Imported:
     """Read a ``JointsMethod`` or a ``System`` of bodies and joints without constraints."""
     missing = [name for name in ("bodies", "q", "u", "kdes", "loads", "frame") if not hasattr(model, name)]
     if missing:
-        raise ModelError(f"{type(model).__name__} has no {missing[0]}: expected a JointsMethod or a System from sympy.physics.mechanics.")
+        raise ModelError(
+            f"{type(model).__name__} has no {missing[0]}: expected a JointsMethod or a System from sympy.physics.mechanics."
+        )
     constraints = [*getattr(model, "holonomic_constraints", ()), *getattr(model, "nonholonomic_constraints", ())]
     if constraints:
-        raise ModelError(f"the model has {len(constraints)} constraint equations: expected a tree of joints with independent coordinates.")
+        raise ModelError(
+            f"the model has {len(constraints)} constraint equations: expected a tree of joints with independent coordinates."
+        )
     coordinates = list(model.q)
     speeds = _speeds(model)
     loads = [*model.loads, *(load for actuator in getattr(model, "actuators", ()) for load in actuator.to_loads())]
@@ -62,7 +66,9 @@ def _speeds(model: Any) -> dict[Any, Any]:
     others = [u for u in model.u if u not in rates]
     found = sp.solve(list(model.kdes), others, dict=True) if others else [{}]
     if len(found) != 1 or set(found[0]) != set(others):
-        raise ModelError("the kinematic differential equations do not give the generalised speeds: expected one equation for each speed.")
+        raise ModelError(
+            "the kinematic differential equations do not give the generalised speeds: expected one equation for each speed."
+        )
     return dict(found[0])
 
 
@@ -72,7 +78,9 @@ def _replaced(expression: Any, speeds: dict[Any, Any]) -> Any:
     return expression.xreplace(rates).xreplace(speeds)
 
 
-def _generalised_forces(coordinates: list[Any], loads: Iterable[Any], frame: ReferenceFrame, speeds: dict[Any, Any]) -> dict[Any, Any]:
+def _generalised_forces(
+    coordinates: list[Any], loads: Iterable[Any], frame: ReferenceFrame, speeds: dict[Any, Any]
+) -> dict[Any, Any]:
     t = dynamicsymbols._t
     forces = dict.fromkeys(coordinates, sp.S.Zero)
     for place, vector in loads:
@@ -81,7 +89,9 @@ def _generalised_forces(coordinates: list[Any], loads: Iterable[Any], frame: Ref
         elif isinstance(place, ReferenceFrame):
             velocity = place.ang_vel_in(frame)
         else:
-            raise ModelError(f"the load on {place} acts on a {type(place).__name__}: expected a Point (force) or a ReferenceFrame (torque).")
+            raise ModelError(
+                f"the load on {place} acts on a {type(place).__name__}: expected a Point (force) or a ReferenceFrame (torque)."
+            )
         matrix = velocity.to_matrix(frame).applyfunc(lambda e: _replaced(e, speeds))
         load = vector.to_matrix(frame).applyfunc(lambda e: _replaced(e, speeds))
         for q in coordinates:

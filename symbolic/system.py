@@ -100,7 +100,9 @@ class MechanicalSystem:
         self._check_relations()
 
     @classmethod
-    def from_lagranges_method(cls, name: str, method: Any, parameters: Mapping[Any, float | None], **fields: Any) -> MechanicalSystem:
+    def from_lagranges_method(
+        cls, name: str, method: Any, parameters: Mapping[Any, float | None], **fields: Any
+    ) -> MechanicalSystem:
         """Take over a ``sympy.physics.mechanics.LagrangesMethod``: its coordinates, Lagrangian and loads.
 
         ``fields`` are those of MechanicalSystem beside them: inputs, surfaces, cost, ...; ``forces`` are added to the loads.
@@ -130,7 +132,9 @@ class MechanicalSystem:
         return cls._imported(name, from_joints(model), parameters, fields)
 
     @classmethod
-    def _imported(cls, name: str, model: Imported, parameters: Mapping[Any, float | None], fields: dict[str, Any]) -> MechanicalSystem:
+    def _imported(
+        cls, name: str, model: Imported, parameters: Mapping[Any, float | None], fields: dict[str, Any]
+    ) -> MechanicalSystem:
         def replaced(value: Any) -> Any:
             if isinstance(value, Mapping):
                 return {key: replaced(part) for key, part in value.items()}

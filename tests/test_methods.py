@@ -109,10 +109,14 @@ def test_a_neighbouring_solution_saves_iterations(seed: dmoc.Problem) -> None:
     assert again.status == "solved" and again.iterations <= 5
 
 
-def test_a_solution_of_another_kind_is_no_guess(seed: dmoc.Problem) -> None:
+def test_a_solution_of_another_mesh_or_order_is_a_guess(seed: dmoc.Problem, block: Kernels) -> None:
     first = dmoc.solve(seed.but(steps=[10, 10]), method="ipm", verify=False)
-    with pytest.raises(ProblemError, match=r"guess has \(10, 10\) steps"):
-        dmoc.solve(seed.but(steps=[12, 8]), method="ipm", guess=first)
+    for problem in (seed.but(steps=[12, 8]), seed.but(kernels=dmoc.load("cart_pendulum", order=4), steps=12, controls=None)):
+        assert dmoc.solve(problem, method="ipm", guess=first, verify=False).status == "solved"
+    with pytest.raises(ProblemError, match="guess has 1 collisions: expected a motion with 2"):
+        dmoc.solve(seed.but(sequence=["left", "left"]), method="ipm", guess=first)
+    with pytest.raises(ProblemError, match="guess is a motion of alpha, x, F: expected one of the coordinates and inputs x, u"):
+        dmoc.solve(dmoc.Problem(block, start={"x": 0}, sequence=["wall"]), method="ipm", guess=first)
     other = dmoc.solve(seed.but(steps=[10, 10], sequence=["right"]), method="ipm", guess=first, verify=False)
     assert other.status == "solved"  # from its unknowns, without its multipliers
 

@@ -19,6 +19,7 @@ from dmoc.nlp.problem import Problem
 from dmoc.nlp.sensitivity import Sensitivities
 from dmoc.nlp.sensitivity import sensitivities as find_sensitivities
 from dmoc.nlp.transcription import Transcription
+from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.refinement import refined
 from dmoc.solution import Solution
 from dmoc.solvers import external, ipm, slsqp
@@ -63,8 +64,8 @@ def solve(
         For slsqp: "condensed" eliminates coordinates by solving the discrete equations of motion; "full" leaves all unknowns to the
         solver, which is practical up to some tens of steps.  The other methods work on the full sparse program.
     guess : Solution or array, optional
-        Where to start; by default an automatic guess.  A solution must have the same steps and the same number of collisions; its
-        multipliers serve too (not with slsqp).
+        Where to start; by default an automatic guess.  A solution must have the same number of collisions; one on another mesh
+        or of another order is interpolated, the multipliers of one with the same steps serve too (not with slsqp).
     optimality, violation : float
         Tolerances of the optimality residual and of the constraints.
     iterations : int
@@ -104,8 +105,8 @@ def solve(
         return _solve(problem, method, form, guess, options, verify, reference)
     sharp = replace(options, optimality=min(optimality, max(tolerance, SHARPEST)))
 
-    def on_mesh(problem: Problem, x: Array | None) -> Solution:
-        return _solve(problem, method, form, guess if x is None else x, sharp, False, reference)
+    def on_mesh(problem: Problem, coarse: Solution | None) -> Solution:
+        return _solve(problem, method, form, coarse or guess, sharp, False, reference)
 
     return refined(problem, tolerance, seconds, on_mesh, _checked)
 
@@ -196,13 +197,18 @@ def _check_size(problem: Problem) -> None:
 
 
 def _driver(method: str, form: str, nlp: Transcription, guess: Solution | Array | None) -> Driver:
-    """Return the method as a function of program, start and options; multipliers of another sequence do not serve."""
+    """Return the method as a function of program, start and options; multipliers of another mesh or sequence do not serve."""
     if method == "slsqp":
         segments = slsqp.SEGMENTS if form == "condensed" else 0
         return lambda nlp, x, options: slsqp.solve(nlp, x, options, segments)
     minimise = {"ipm": ipm.solve, "ipopt": external.solve_ipopt, "uno": external.solve_uno}[method]
-    same = isinstance(guess, Solution) and tuple(c.surface for c in guess.collisions) == nlp.problem.sequence
-    duals = Duals(*given_multipliers(nlp, guess.multipliers)) if isinstance(guess, Solution) and same else None
+    duals = None
+    if (
+        isinstance(guess, Solution)
+        and _same_mesh(nlp, guess)
+        and tuple(c.surface for c in guess.collisions) == nlp.problem.sequence
+    ):
+        duals = Duals(*given_multipliers(nlp, guess.multipliers))
     return lambda nlp, x, options: minimise(nlp, x, options, duals)
 
 
@@ -215,17 +221,35 @@ def _starting_points(problem: Problem, nlp: Transcription, guess: Solution | Arr
     if guess is None:
         return [g.x for g in initial_guesses(problem)]
     if isinstance(guess, Solution):
-        steps, controls = tuple(p.steps for p in guess.phases), guess.trajectory.controls
-        if steps != problem.phase_steps or controls != problem.controls:
-            raise ProblemError(
-                f"guess has {steps} steps and {controls} inputs: expected a solution with {problem.phase_steps} steps and {problem.controls} inputs."
-            )
-    x = np.array(guess.unknowns if isinstance(guess, Solution) else guess, dtype=float)
+        _check_motion(problem, guess)
+        if _same_mesh(nlp, guess):
+            return [guess.unknowns.copy()]
+        return [unknowns_along(problem, pieces_of(guess.trajectory), [c.impulse for c in guess.collisions])]
+    x = np.array(guess, dtype=float)
     if x.shape != (nlp.n,) or not np.isfinite(x).all():
         raise ProblemError(
             f"guess has shape {x.shape}: expected {nlp.n} finite unknowns, from a solution of the same model with the same steps."
         )
     return [x]
+
+
+def _check_motion(problem: Problem, guess: Solution) -> None:
+    names = [*problem.kernels.coordinates, *problem.kernels.inputs]
+    given = [*guess.trajectory.coordinates, *guess.trajectory.inputs]
+    if given != names:
+        raise ProblemError(
+            f"guess is a motion of {', '.join(given)}: expected one of the coordinates and inputs {', '.join(names)}."
+        )
+    if len(guess.phases) != problem.phases:
+        raise ProblemError(
+            f"guess has {len(guess.collisions)} collisions: expected a motion with {problem.phases - 1}, as the problem has."
+        )
+
+
+def _same_mesh(nlp: Transcription, guess: Solution) -> bool:
+    """Whether the unknowns and multipliers of a motion are those of the program."""
+    steps, controls = tuple(p.steps for p in guess.phases), guess.trajectory.controls
+    return steps == nlp.problem.phase_steps and controls == nlp.problem.controls and len(guess.unknowns) == nlp.n
 
 
 def _first_success(

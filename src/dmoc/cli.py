@@ -172,7 +172,7 @@ def solve(
     iterations: Annotated[int, typer.Option(help="Iteration limit.")] = 1000,
     seconds: Annotated[float | None, typer.Option(help="Time limit of the solver in seconds.")] = None,
     guess: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Start from a solution file with the same steps and number of collisions.")
+        Path | None, typer.Option(metavar="FILE", help="Start from a solution file with the same number of collisions.")
     ] = None,
     target: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Write solution.npz (and the figure) into this folder.")

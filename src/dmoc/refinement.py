@@ -8,9 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dmoc.codegen.kernels import Array
 from dmoc.nlp.problem import MOST_STEPS, Problem
-from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.solution import Mesh, Solution
 
 # The error of a mesh falls by this factor at least when the steps are halved, also where inputs switch between steps.
@@ -20,7 +18,7 @@ FAR = 100.0
 # A mesh too coarse to be solved is refined so often before the problem counts as unsolved.
 COARSE_FAILURES = 3
 
-Solve = Callable[[Problem, Array | None], Solution]
+Solve = Callable[[Problem, Solution | None], Solution]
 Check = Callable[[Solution], Solution]
 
 
@@ -39,7 +37,7 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
     seconds : float, optional
         Limit.
     solve, check : callables
-        Solve a problem from unknowns or from an automatic guess; check a solution by simulation.
+        Solve a problem from the motion of the mesh before or from an automatic guess; check a solution by simulation.
     """
     begin, meshes, failures = time.perf_counter(), list[Mesh](), 0
     solved: list[Solution] = []
@@ -90,8 +88,7 @@ def _from_coarse(problem: Problem, solved: list[Solution], solve: Solve) -> Solu
     """Solve from the motion of the last mesh, and where that leads nowhere from an automatic guess."""
     if not solved:
         return solve(problem, None)
-    last = solved[-1]
-    s = solve(problem, unknowns_along(problem, pieces_of(last.trajectory), [c.impulse for c in last.collisions]))
+    s = solve(problem, solved[-1])
     return solve(problem, None) if s.status in ("infeasible", "stalled") else s
 
 

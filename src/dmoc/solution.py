@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from dmoc.codegen.kernels import Kernels
+    from dmoc.report.shapes import Shape
     from dmoc.simulation.check import Verification
 
 FILE_FORMAT = 3
@@ -135,11 +136,14 @@ class Solution:
 
         return verify(self.trajectory, kernels or self._kernels())
 
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Draw positions, momenta, inputs and snapshots; write the figure if a path is given."""
+    def plot(self, path: str | os.PathLike[str] | None = None, shape: Shape | None = None) -> Figure:
+        """Draw positions, momenta, inputs and snapshots; write the figure if a path is given.
+
+        ``shape(q, parameters)`` returns a :class:`~dmoc.report.shapes.Picture` of a model that is not shipped.
+        """
         from dmoc.report.figure import plot
 
-        return plot(self.trajectory, path)
+        return plot(self.trajectory, path, shape)
 
     def _kernels(self) -> Kernels:
         if self.kernels is not None:

@@ -1,0 +1,50 @@
+"""Swing up a pole on a cart, after M. Kelly, "An Introduction to Trajectory Optimization" (2017): least int F^2 dt, 58.88 in Dymos' test.
+
+Run:  python examples/cart_pole.py [FOLDER]
+"""
+
+import numpy as np
+import sympy as sp
+from showing import show
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.report.shapes import Picture
+
+KNOWN = 58.88
+
+
+def system() -> dmoc.MechanicalSystem:
+    x, theta, F = dynamicsymbols("x theta F")  # theta = 0: hanging
+    m_c, m_p, l, g = sp.symbols("m_c m_p l g")
+    t = dynamicsymbols._t
+    tip = sp.Matrix([x + l * sp.sin(theta), -l * sp.cos(theta)])
+    velocity = tip.diff(t)
+    kinetic = m_c * x.diff(t) ** 2 / 2 + m_p * velocity.dot(velocity) / 2
+    return dmoc.MechanicalSystem(
+        "cart_pole", coordinates=[x, theta], inputs=[F], lagrangian=kinetic - m_p * g * tip[1], forces={x: F},
+        parameters={m_c: 1.0, m_p: 0.3, l: 0.5, g: 9.81}, cost=F**2, units={x: "m", theta: "rad", F: "N"},
+    )  # fmt: skip
+
+
+def problem(steps: int = 100, order: int = 2) -> dmoc.Problem:
+    return dmoc.Problem(
+        dmoc.build(system(), order=order), start={"x": 0.0, "theta": 0.0}, goal={"x": 1.0, "x_dot": 0.0, "theta": np.pi, "theta_dot": 0.0},
+        steps=steps, final_time=2.0, bounds={"F": (-20.0, 20.0), "x": (-2.0, 2.0)},
+    )  # fmt: skip
+
+
+def shape(q, parameters) -> Picture:
+    x, theta, l = q[0], q[1], parameters["l"]
+    tip = (x + l * np.sin(theta), -l * np.cos(theta))
+    cart = np.array([(x - 0.1, -0.05), (x + 0.1, -0.05), (x + 0.1, 0.05), (x - 0.1, 0.05), (x - 0.1, -0.05)])
+    return Picture((np.array([(x, 0.0), tip]),), (tip,), bodies=(cart,))
+
+
+def main() -> None:
+    rows = [(f"cost, order {order}", dmoc.solve(problem(order=order), "ipm").cost, KNOWN) for order in (2, 4)]
+    show("cart_pole", rows, dmoc.solve(problem(), "ipm"), shape)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""A disc is pushed so that it knocks another one into the origin, after Zhong, Han and Brikis, "Differentiable Physics Simulations with
+Contacts" (2022), task 3; several differentiable simulators miss the optimum, J = 1.39654216.
+
+The gap is one between two bodies, and its normal turns with them; the cost has a terminal part.
+
+Run:  python examples/two_discs.py [FOLDER]
+"""
+
+import numpy as np
+import sympy as sp
+from showing import show
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.report.shapes import Picture
+
+KNOWN = {"cost": 1.39654216, "time": 0.683220, "speed": 2.554109}
+RADIUS = 0.2
+
+
+def system() -> dmoc.MechanicalSystem:
+    x1, y1, x2, y2, f_x, f_y = dynamicsymbols("x1 y1 x2 y2 f_x f_y")
+    r = sp.Symbol("r")
+    t = dynamicsymbols._t
+    return dmoc.MechanicalSystem(
+        "two_discs",
+        coordinates=[x1, y1, x2, y2],
+        inputs=[f_x, f_y],
+        lagrangian=sum(q.diff(t) ** 2 for q in (x1, y1, x2, y2)) / 2,
+        forces={x1: f_x, y1: f_y},
+        surfaces={"contact": sp.sqrt((x1 - x2) ** 2 + (y1 - y2) ** 2) >= 2 * r},
+        parameters={r: RADIUS},
+        cost=(f_x**2 + f_y**2) / 10,
+        terminal_cost=x2**2 + y2**2,
+    )
+
+
+def problem(steps: int = 50, order: int = 2) -> dmoc.Problem:
+    return dmoc.Problem(
+        dmoc.build(system(), order=order), start={"x1": -2.0, "y1": -2.0, "x2": -1.0, "y2": -1.0}, sequence=["contact"], steps=steps,
+        final_time=1.0,
+    )  # fmt: skip
+
+
+def shape(q, parameters) -> Picture:
+    a = np.linspace(0, 2 * np.pi, 40)
+    circle = RADIUS * np.stack([np.cos(a), np.sin(a)], axis=1)
+    return Picture((circle + q[:2], circle + q[2:]), ((0.0, 0.0),))
+
+
+def main() -> None:
+    solution = dmoc.solve(problem(), "ipm")
+    collision = solution.collisions[0]
+    normal = collision.position[2:] - collision.position[:2]
+    speed = float(normal @ (collision.momentum_before[:2] - collision.momentum_before[2:]) / np.linalg.norm(normal))
+    rows = [
+        ("cost", solution.cost, KNOWN["cost"]),
+        ("time of the hit", collision.time, KNOWN["time"]),
+        ("normal speed", speed, KNOWN["speed"]),
+    ]
+    show("two_discs", rows, solution, shape)
+
+
+if __name__ == "__main__":
+    main()
