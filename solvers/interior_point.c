@@ -800,7 +800,9 @@ static int iterate(solver *s)
     if (good == 2 || s->patience > MOST_PATIENCE)
         return DMOC_SOLVED;
     const double least_mu = s->options->optimality/(KAPPA_EPS + 1)*(s->elastic ? 1 : s->fs);
-    while (s->mu > least_mu && barrier_error(s, s->mu) <= KAPPA_EPS*s->mu) {
+    /* A step below rounding errors ends the barrier problem too: only its multipliers could still gain, WB 3.9. */
+    while (s->mu > least_mu && (barrier_error(s, s->mu) <= KAPPA_EPS*s->mu || s->tiny > 0)) {
+        s->tiny = 0;
         set_barrier(s, max(least_mu, min(KAPPA_MU*s->mu, pow(s->mu, THETA_MU))));
         if (s->elastic)
             s->zeta = sqrt(s->mu);

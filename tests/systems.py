@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
@@ -63,3 +65,39 @@ def driven_system() -> dmoc.MechanicalSystem:
         terminal_cost=z**2 + a.diff(t) ** 2 * t,
         path_constraints={"push": u * a.diff(t) <= 3 + t},
     )
+
+
+def double_integrator(steps: int = 40, order: int = 2) -> dmoc.Problem:
+    """From 0 to 1 in 1 s, rest to rest, with the least int u^2: 12."""
+    system = replace(block_system("double_integrator"), cost=dynamicsymbols("u") ** 2)
+    kernels = dmoc.build(system, order=order)
+    return dmoc.Problem(kernels, start={"x": 0}, goal={"x": 1, "x_dot": 0}, steps=steps, final_time=1.0, parameters={"wall": 2.0})
+
+
+def bryson_denham(steps: int = 40, order: int = 2) -> dmoc.Problem:
+    """Turn round in 1 s without passing x = l = 1/9, with the least int u^2 / 2: 4 / (9 l)."""
+    kernels = dmoc.build(block_system(), order=order)
+    return dmoc.Problem(
+        kernels, start={"x": 0, "x_dot": 1}, goal={"x": 0, "x_dot": -1}, steps=steps, final_time=1.0, bounds={"x": (None, 1 / 9)}
+    )  # fmt: skip
+
+
+def bouncer_problem(e: float, steps: int = 40, order: int = 2, period: float = 0.5) -> tuple[dmoc.Problem, float]:
+    """A driven ball that bounces for ever, and its least cost: one flight from 0 to 0 whose speeds at both ends belong to one impact.
+
+    With the speed v at take-off and -v / e at landing the flight costs 6 d^2/T^3 - 6 d w/T^2 + 2 w^2/T with d = -v T + g T^2/2, w = -v/e - v + g T.
+    """
+    y, u = dynamicsymbols("y u")
+    g = sp.Symbol("g")
+    system = dmoc.MechanicalSystem(
+        "bouncer", coordinates=[y], inputs=[u], lagrangian=y.diff(dynamicsymbols._t) ** 2 / 2 - g * y, forces={y: u},
+        surfaces={"floor": y >= 0}, parameters={g: 9.81}, cost=u**2 / 2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), start={"y": 0.2}, sequence=["floor"], steps=steps, final_time=period, restitution=e,
+        periodic=["y", "y_dot"],
+    )  # fmt: skip
+    v, T = sp.Symbol("v"), sp.Float(period, 30)
+    d, w = -v * T + sp.Float("9.81", 30) * T**2 / 2, -v / sp.Float(e, 30) - v + sp.Float("9.81", 30) * T
+    cost = 6 * d**2 / T**3 - 6 * d * w / T**2 + 2 * w**2 / T
+    return problem, float(cost.subs(v, sp.solve(cost.diff(v), v)[0]))

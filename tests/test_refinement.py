@@ -1,0 +1,47 @@
+"""Mesh refinement: the estimate is honest, and what cannot be reached is said."""
+
+from __future__ import annotations
+
+import block_and_wall
+import pytest
+import seed as seed_example
+
+import dmoc
+from dmoc.errors import ProblemError
+
+
+@pytest.mark.parametrize(("order", "tolerance"), [(2, 1e-5), (4, 1e-8)])
+def test_the_estimate_bounds_the_error_against_the_closed_form(order: int, tolerance: float) -> None:
+    exact, time, _ = block_and_wall.known(0.8)
+    solution = dmoc.solve(block_and_wall.problem(0.8, 8, order), tolerance=tolerance)
+    assert solution.solved and solution.error_estimate is not None and solution.error_estimate <= tolerance
+    error = max(abs(solution.cost / exact - 1), abs(solution.collisions[0].time - time))
+    assert error <= 1.5 * solution.error_estimate + 1e-8  # the closed form is minimised to 1e-8
+    assert [m.steps[0] for m in solution.meshes] == sorted({m.steps[0] for m in solution.meshes})
+    for mesh in solution.meshes[1:-1]:
+        assert mesh.difference is not None and mesh.difference <= 2 * mesh.estimate
+    assert solution.meshes[-1].simulated is not None and solution.meshes[-1].simulated <= tolerance
+
+
+def test_seed_to_a_millionth() -> None:
+    solution = dmoc.solve(seed_example.problem(10, 4), tolerance=1e-6)
+    assert solution.solved and solution.cost == pytest.approx(seed_example.LIMIT, rel=1e-6)
+    first, *others, last = solution.meshes
+    assert last.iterations - others[-1].iterations < 15 and first.iterations > 10  # warm starts
+    again = dmoc.Solution.from_bytes(solution.to_bytes())
+    assert again.meshes == solution.meshes and again.error_estimate == solution.error_estimate
+
+
+def test_a_limit_ends_the_refinement_with_the_best_mesh() -> None:
+    solution = dmoc.solve(block_and_wall.problem(0.8, 10), tolerance=1e-9, seconds=0.05)
+    assert solution.status == "not_verified" and "exceeds the tolerance 1e-09" in solution.message
+    assert solution.max_violation < 1e-8
+
+
+def test_an_infeasible_problem_stays_infeasible() -> None:
+    assert dmoc.solve(block_and_wall.problem(0.8, 10).but(bounds={"u": (-1, 1)}), tolerance=1e-4).status == "infeasible"
+
+
+def test_wrong_tolerances_are_refused() -> None:
+    with pytest.raises(ProblemError, match="tolerance = 0"):
+        dmoc.solve(block_and_wall.problem(0.8, 10), tolerance=0)

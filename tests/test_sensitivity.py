@@ -1,0 +1,98 @@
+"""Sensitivities of the optimal cost against solving again with a changed value."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import block_and_wall
+import pytest
+from systems import driven_system
+
+import dmoc
+from dmoc.errors import ProblemError
+from dmoc.registry import find
+
+STEP = 1e-4
+
+
+def best(problem: dmoc.Problem, near: dmoc.Solution) -> float:
+    solution = dmoc.solve(problem, "ipm", guess=near, optimality=1e-8, verify=False)
+    assert solution.status == "solved"
+    return solution.cost
+
+
+def slope(problem: dmoc.Problem, near: dmoc.Solution, change: Any, low: float = -STEP, high: float = STEP) -> float:
+    """Difference of the optimal costs; ``change(d)`` returns the fields of the problem changed by d."""
+    return (best(problem.but(**change(high)), near) - best(problem.but(**change(low)), near)) / (high - low)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_block_and_wall(order: int) -> None:
+    problem = block_and_wall.problem(0.8, 40, order)
+    solution = dmoc.solve(problem, "ipm", optimality=1e-8)
+    found = dmoc.sensitivities(problem, solution)
+    assert found["restitution"]["wall"] == pytest.approx(slope(problem, solution, lambda d: {"restitution": 0.8 + d}), rel=1e-6)
+    for name in ("m", "wall"):
+        assert found["parameters"][name] == pytest.approx(
+            slope(problem, solution, lambda d, n=name: {"parameters": {n: 1 + d}}), rel=1e-6
+        )
+    assert found["surfaces"]["wall"] == pytest.approx(found["parameters"]["wall"], rel=1e-9)
+    assert found["final_time"] == pytest.approx(slope(problem, solution, lambda d: {"final_time": 1 + d}), rel=1e-6)
+    assert found["start"]["x"] == pytest.approx(slope(problem, solution, lambda d: {"start": {"x": d}}), rel=1e-6)
+    moving = lambda d: {"goal": {"x": 0, "x_dot": d}}  # noqa: E731  # the mass is 1: velocity and momentum are the same
+    assert found["goal"]["p_x"] == pytest.approx(slope(problem, solution, moving), rel=1e-6)
+
+
+@pytest.mark.parametrize("e", [1.0, 0.0])
+def test_ends_of_the_range_of_restitution(e: float) -> None:
+    problem = block_and_wall.problem(e, 40)
+    solution = dmoc.solve(problem, "ipm", optimality=1e-8)
+    inwards = (-2 * STEP, 0.0) if e == 1 else (0.0, 2 * STEP)
+    found = dmoc.sensitivities(problem, solution)["restitution"]["wall"]
+    assert found == pytest.approx(
+        slope(problem, solution, lambda d: {"restitution": e + d}, *inwards), rel=2e-3, abs=5e-3
+    )  # one-sided
+
+
+@pytest.mark.parametrize("method", ["ipm", "slsqp"])
+def test_pendulum_with_active_bounds(method: str) -> None:
+    reference = find("cart_pendulum")
+    problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 40, "bounds": {"F": (-26, 26)}})
+    solution = dmoc.solve(problem, method, verify=False)
+    found = dmoc.sensitivities(problem, solution)
+    values = reference.kernels().parameters
+    for name in ("m_p", "l", "g", "alpha_min"):
+        value = values[name]
+        assert value is not None
+        again = slope(problem, solution, lambda d, n=name, v=value: {"parameters": {n: v + d}})
+        assert found["parameters"][name] == pytest.approx(again, rel=1e-4)
+    assert found["bounds"]["F <="] == pytest.approx(
+        slope(problem, solution, lambda d: {"bounds": {"F": (-26, 26 + d)}}), rel=1e-4
+    )
+    assert found["final_time"] == pytest.approx(slope(problem, solution, lambda d: {"final_time": (None, 1 + d)}), rel=1e-4)
+
+
+def test_everything_that_depends_on_the_time() -> None:
+    problem = dmoc.Problem(
+        dmoc.build(driven_system()), start={"a": 0.0, "z": -0.5, "a_dot": 0.3}, goal={"a": 0.4}, sequence=["floor"], steps=20, final_time=1.5,
+        restitution={"floor": 0.6},
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", optimality=1e-8)
+    assert solution.solved, solution.message
+    found = dmoc.sensitivities(problem, solution)
+    for name, value in problem.kernels.parameters.items():
+        assert value is not None
+        again = slope(problem, solution, lambda d, n=name, v=value: {"parameters": {n: v + d}})
+        assert found["parameters"][name] == pytest.approx(again, rel=1e-5, abs=1e-7)
+    assert found["restitution"]["floor"] == pytest.approx(
+        slope(problem, solution, lambda d: {"restitution": {"floor": 0.6 + d}}), rel=1e-5
+    )
+
+
+def test_a_solution_of_another_problem_is_refused() -> None:
+    problem = block_and_wall.problem(0.8, 10)
+    solution = dmoc.solve(problem, "ipm")
+    with pytest.raises(ProblemError, match="give the problem that was solved"):
+        dmoc.sensitivities(problem.but(steps=12), solution)
+    with pytest.raises(ProblemError, match="sensitivities need a minimum"):
+        dmoc.sensitivities(problem, dmoc.solve(problem.but(bounds={"u": (-1, 1)}), "ipm"))
