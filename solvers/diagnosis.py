@@ -85,9 +85,10 @@ def diagnose(problem: Problem, x: Array, options: Options) -> Diagnosis:
 
 def _prices(nlp: Transcription) -> Array:
     price = np.full(nlp.n_eq + nlp.n_in, LIMITS)
-    price[nlp.equality_rows("goal")] = 1.0
+    for name in ("goal", "periodic"):
+        price[nlp.equality_rows(name)] = 1.0
     price[nlp.n_eq + nlp.inequality_rows("goal")] = 1.0
-    for name in ("momentum", "energy", "start velocity", "goal velocity"):
+    for name in ("momentum", "inside", "time", "approach", "energy", "start velocity", "goal velocity"):
         price[nlp.equality_rows(name)] = LAWS
     return price
 
@@ -116,6 +117,14 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
     for j, q in enumerate(kernels.coordinates):
         k = int(np.argmax(np.abs(c[rows[:, j]])))
         note(f"momentum {q}", abs(c[rows[k, j]]), f"the momentum of {q} jumps at node {k}", _unit(f"p_{q}", units))
+    steps = nlp.equality_rows("inside").reshape(nlp.layout.total, -1)
+    for j, k in enumerate(np.argmax(np.abs(c[steps]), axis=0)):
+        q = kernels.coordinates[j % nlp.layout.nq]
+        note(f"inside {q}", abs(c[steps[k, j]]), f"the equation of motion of {q} is violated in step {k}")
+    for name, text in (("time", "the time jumps"), ("approach", "the velocity before a collision does not fit its momentum")):
+        note(name, float(np.abs(c[nlp.equality_rows(name)]).max(initial=0.0)), text, "s" if name == "time" else "")
+    for row, name in zip(nlp.equality_rows("periodic"), problem.periodic, strict=True):
+        note(f"periodic {name}", abs(c[row]), f"{name} at the end misses its value at the start", _unit(name, units))
     for end in ("start", "goal"):
         for row, q in zip(nlp.equality_rows(f"{end} velocity"), kernels.coordinates, strict=False):
             note(
@@ -125,7 +134,7 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
                 _unit(f"p_{q}", units),
             )
     for i, row in enumerate(nlp.equality_rows("energy")):
-        note(f"energy {i}", abs(c[row]), f"collision {i + 1} ({problem.sequence[i]}) changes the energy")
+        note(f"energy {i}", abs(c[row]), f"collision {i + 1} ({problem.sequence[i]}) violates the balance of energy")
     for row in nlp.equality_rows("final time"):
         note("time", abs(c[row]), "the final time is missed", "s")
     for block in (b for b in nlp.inequalities if b.name != "goal"):
@@ -154,7 +163,7 @@ def _unit(name: str, units: dict[str, str]) -> str:
 def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
     """Phases whose estimated shortest time at full input exceeds what the bounds allow."""
     problem, lay = nlp.problem, nlp.layout
-    if not problem.nu or not np.isfinite(problem.input_bounds).all():
+    if not problem.nu or not np.isfinite(problem.input_bounds).all() or not problem.kernels.has("min_time"):
         return ()
     low, high = problem.duration_bounds.T
     found = []
