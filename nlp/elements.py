@@ -64,7 +64,7 @@ class Rows:
     momentum: Index
     inside: Index
     time: Index
-    approach: Index
+    departure: Index
     energy: Index
     contact: Index
     velocity_B: Index
@@ -106,12 +106,12 @@ class Elements:
             nodes = lay.collision_nodes
             found.append(Element("normal", self._normal, (Entries(rows.momentum[nodes], factors=-1.0),)))
             energy, nowhere = rows.energy[:, None], np.full((len(nodes), 1), NOWHERE)
-            found.append(Element("impact", self._beside(nodes - 1), (Entries(energy), Entries(nowhere))))
-            found.append(Element("impact", self._beside(nodes), (Entries(nowhere), Entries(energy, factors=-1.0))))
+            found.append(Element("impact", self._beside(nodes - 1), (Entries(energy, factors=self._share), Entries(nowhere))))
+            found.append(Element("impact", self._beside(nodes), (Entries(nowhere), Entries(energy, factors=-self._share))))
             found.append(Element("restitution", self._restitution, (Entries(energy, factors=-1.0),)))
-            # p before the collision is r_plus of the last step.
-            outputs = (rows.approach if place is places[1] else np.full_like(place[nodes - 1], NOWHERE) for place in places)
-            found.append(Element("step", self._beside(nodes - 1), tuple(map(Entries, outputs))))
+            # The momentum after the collision is -r_minus of the first step.
+            outputs = (rows.departure if place is places[0] else np.full_like(place[nodes], NOWHERE) for place in places)
+            found.append(Element("step", self._beside(nodes), tuple(Entries(place, factors=-1.0) for place in outputs)))
         if self.kernels.has("surface"):
             found.append(Element("surface", self._surface, (Entries(self._gap_rows, factors=self._gap_signs),)))
         if self.kernels.has("path"):
@@ -139,7 +139,7 @@ class Elements:
             block = self._block("normal_jac", "n_D_ql", rows.momentum[nodes], self._normal_columns, -1.0)
             found.append(Element("normal_jac", self._normal, (block,)))
             energy = rows.energy[:, None]
-            for at, sign, wanted in ((nodes - 1, 1.0, "e_plus_D_z"), (nodes, -1.0, "e_minus_D_z")):
+            for at, sign, wanted in ((nodes - 1, self._share, "e_plus_D_z"), (nodes, -self._share, "e_minus_D_z")):
                 blocks = tuple(
                     self._block("impact_jac", name, energy if name == wanted else np.full_like(energy, NOWHERE), z[at], sign)
                     for name in ("e_plus_D_z", "e_minus_D_z")
@@ -151,12 +151,13 @@ class Elements:
                 self._block(
                     "step_jac",
                     name,
-                    rows.approach if name == "r_plus_D_z" else np.full_like(row[nodes - 1], NOWHERE),
-                    z[nodes - 1],
+                    rows.departure if row is outputs[0][1] else np.full_like(row[nodes], NOWHERE),
+                    z[nodes],
+                    -1.0,
                 )
                 for name, row in outputs
             )
-            found.append(Element("step_jac", self._beside(nodes - 1), blocks))
+            found.append(Element("step_jac", self._beside(nodes), blocks))
         if self.kernels.has("surface"):
             r, _ = self.kernels.pattern("surface_jac", "g_D_q")
             block = self._block("surface_jac", "g_D_q", self._gap_rows, self._surface_columns, self._gap_signs[:, r])
@@ -180,14 +181,13 @@ class Elements:
         if len(self.surfaces):
             nodes = lay.collision_nodes
             energy, zero = self._multiplier(rows.energy)[:, None], np.full((len(nodes), 1), self.zero)
-            for at, sign, weights in ((nodes - 1, 1.0, (energy, zero)), (nodes, -1.0, (zero, energy))):
+            for at, sign, weights in ((nodes - 1, self._share, (energy, zero)), (nodes, -self._share, (zero, energy))):
                 found.append(self._curvature("impact_hess", (*self._beside(at), np.hstack(weights)), z[at], sign))
             found.append(self._curvature("normal_hess", (*self._normal, mu[nodes]), self._normal_columns, -1.0))
             found.append(self._curvature("restitution_hess", (*self._restitution, energy), self._restitution_columns, -1.0))
-            none, held = np.full((len(nodes), lay.nq), self.zero), self._multiplier(rows.approach)
-            inside = np.full((len(nodes), rows.inside.shape[1]), self.zero)
-            before = (np.full((1, 1), self.zero), none, held, inside)
-            found.append(self._curvature("step_hess", (*self._beside(nodes - 1), *before), z[nodes - 1]))
+            none, held = np.full((1, 1), self.zero), self._multiplier(rows.departure)
+            nothing = [np.full((len(nodes), size), self.zero) for size in (lay.nq, rows.inside.shape[1])]
+            found.append(self._curvature("step_hess", (*self._beside(nodes), none, held, *nothing), z[nodes], -1.0))
         found.append(self._curvature("step_hess", (*self._step, sigma, mu[:-1], mu[1:], self._multiplier(rows.inside)), z))
         if self.kernels.has("surface"):
             q, t, par = self._surface
@@ -270,15 +270,20 @@ class Elements:
         nodes = self.layout.collision_nodes
         return np.hstack([self.layout.index_q[nodes], self._impulse_columns, self.layout.time_columns[nodes]])
 
+    @property
+    def _share(self) -> Array:
+        """Coefficient of restitution of every collision, shape (collisions, 1): the share of the balance of energy in its law."""
+        return self.problem.restitution_values[self.surfaces][:, None]
+
     @cached_property
     def _restitution(self) -> tuple[Index, ...]:
-        """Positions of (q_c, v before, lam, t, parameters, e) of every collision."""
+        """Positions of (q_c, v after, lam, t, parameters, e) of every collision."""
         q, lam, t, par = self._normal
         return q, self.layout.index_v_c, lam, t, par, self.e
 
     @cached_property
     def _restitution_columns(self) -> Index:
-        """Unknowns (q_c, v before, lam, t) of each collision."""
+        """Unknowns (q_c, v after, lam, t) of each collision."""
         lay, nodes = self.layout, self.layout.collision_nodes
         return np.hstack([lay.index_q[nodes], lay.index_v_c, self._impulse_columns, lay.time_columns[nodes]])
 
@@ -306,7 +311,7 @@ class Elements:
         for row, node, v in (
             (self.rows.velocity_B[None], np.array([0]), lay.index_v_B[None]),
             (self.rows.velocity_E[None], np.array([lay.total]), lay.index_v_E[None]),
-            (self.rows.approach, lay.collision_nodes, lay.index_v_c),
+            (self.rows.departure, lay.collision_nodes, lay.index_v_c),
         ):
             if row.size:
                 q = lay.index_q[node]
@@ -335,7 +340,7 @@ class Elements:
         at = columns[:, c]
         return Entries(np.where(at == NOWHERE, NOWHERE, rows[:, r]), at, factors)
 
-    def _curvature(self, kernel: str, arguments: tuple[Index, ...], unknowns: Index, sign: float = 1.0) -> Element:
+    def _curvature(self, kernel: str, arguments: tuple[Index, ...], unknowns: Index, sign: Array | float = 1.0) -> Element:
         """Element of an upper triangle of second derivatives in local unknowns.
 
         Two local unknowns may be one unknown (inputs that are constant in a step): their mixed derivative counts twice on the diagonal.

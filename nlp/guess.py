@@ -73,7 +73,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Motion:
-    """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities before the collisions (collisions, nq), steps in
+    """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities after the collisions (collisions, nq), steps in
     windows, velocities at both ends, cost."""
 
     q: Array
@@ -339,12 +339,12 @@ def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion 
         )
         begin += plan.durations[i]
         if i < len(problem.sequence):
-            v_c.append(v)
             v, impulse = _reflect(problem, q, v, problem.sequence[i], begin)
+            v_c.append(v)
             lam.append(impulse)
-    before = np.array(v_c).reshape(len(v_c), problem.nq)
+    after = np.array(v_c).reshape(len(v_c), problem.nq)
     return Motion(
-        np.array(nodes), np.array(inputs).reshape(len(inputs), problem.nu), np.array(lam), before, free_steps, v_B, v, cost
+        np.array(nodes), np.array(inputs).reshape(len(inputs), problem.nu), np.array(lam), after, free_steps, v_B, v, cost
     )
 
 

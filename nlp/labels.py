@@ -47,7 +47,7 @@ def equality_blocks(problem: Problem, layout: Layout, goals: Sequence[Goal]) -> 
         ("momentum", [f"momentum of {q} at node {k}" for k in range(layout.total + 1) for q in names]),
         ("inside", [f"equation of motion of {q} in step {k}" for k in range(layout.total) for q in names * layout.inside]),
         ("time", [f"time of node {k + 1}" for k in range(layout.total) if layout.timed]),
-        ("approach", [f"velocity {velocity_name(q)} before {c}" for c in collisions for q in names]),
+        ("departure", [f"velocity {velocity_name(q)} after {c}" for c in collisions for q in names]),
         ("energy", [f"energy at {c}" for c in collisions]),
         ("contact", [f"contact at {c}" for c in collisions]),
         ("start velocity", [f"{momentum_name(q)} at the start" for q in names] if layout.velocity_at_start else []),
@@ -93,7 +93,7 @@ def unknown_names(problem: Problem, layout: Layout) -> list[str]:
     for end, velocities in (("start", layout.velocity_at_start), ("goal", layout.velocity_at_end)):
         names += [f"{velocity_name(c)} at the {end}" for c in q] if velocities else []
     collisions = [f"collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
-    names += [f"{velocity_name(c)} before {collision}" for collision in collisions for c in q]
+    names += [f"{velocity_name(c)} after {collision}" for collision in collisions for c in q]
     names += [f"time of node {k}" for k in range(layout.total + 1) if layout.timed]
     names += [f"{c} inside step {k}" for k in range(layout.total) for c in q * layout.inside]
     return names

@@ -4,7 +4,7 @@
 
 h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases; u: inputs, one row a step
 (constant), one row a node of each phase (linear), or two rows a step (stages); lam: impulses, one a collision; p_B, p_E: momenta at both
-ends; v_B, v_E: velocities at both ends, only where the problem needs them; v_c: velocities before the collisions; t: times of the
+ends; v_B, v_E: velocities at both ends, only where the problem needs them; v_c: velocities after the collisions; t: times of the
 nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps (order 4).
 """
 

@@ -5,8 +5,8 @@ Equality constraints (c = 0), node by node along the whole chain of steps::
     momentum   r_plus(k-1) + r_minus(k) - lam grad g(q_c) [+ p_B at the start, - p_E at the end] = 0
     inside     r_i(k) = 0                                                          in each step, at order 4
     time       t_kp1 - t_k - h = 0                                                 in each step, where the model depends on the time
-    approach   r_plus(last step before) - dL/dv(q_c, v_c) = 0                      at each collision
-    energy     e_plus(last step before) - e_minus(first step after) - W = 0        at each collision; W is what the surface gives
+    departure  r_minus(first step after) + dL/dv(q_c, v_c) = 0                     at each collision
+    energy     e (e_plus(last step before) - e_minus(first step after)) - W = 0    at each collision; e is its coefficient of restitution
     contact    g(q_c) = 0                                                          at each collision
     velocity   p_B - dL/dv(q_0, v_B) = 0, p_E - dL/dv(q_N, v_E) = 0                where velocities are needed
     final time t_E - value = 0                                                     where it is fixed
@@ -173,7 +173,7 @@ class Transcription:
             momentum=1 + self.equality_rows("momentum").reshape(lay.total + 1, lay.nq),
             inside=1 + self.equality_rows("inside").reshape(lay.total, lay.inside * lay.nq),
             time=1 + self.equality_rows("time"),
-            approach=1 + self.equality_rows("approach").reshape(len(nodes), lay.nq),
+            departure=1 + self.equality_rows("departure").reshape(len(nodes), lay.nq),
             energy=1 + self.equality_rows("energy"),
             contact=contact,
             velocity_B=1 + self.equality_rows("start velocity"),

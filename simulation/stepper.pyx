@@ -5,10 +5,10 @@ A step of size h is a chain of *legs*.  The first leg starts at a node with mome
 
     first leg     r_minus(q_0, q_1, s) + p_0 = 0
     later legs    p_minus + r_minus(q_c, q_1, s) - lam grad g(q_c, t_c) = 0
-                  e_plus(leg before) - e_minus(q_c, q_1, s) = W,    W = lam (dg/dt - (1 - e)/2 w)
+                  e (e_plus(leg before) - e_minus(q_c, q_1, s)) = lam (e dg/dt + (1 - e)/2 w)
 
-with unknowns q_1, or q_1 and lam, and the nodes inside the leg with their equations r_i = 0 at order 4; w is the rate of the gap before the collision
-and e the coefficient of restitution.  A leg that would cross a surface is shortened to the duration s = tau h at which g(q_1) = 0.
+with unknowns q_1, or q_1 and lam, and the nodes inside the leg with their equations r_i = 0 at order 4; e is the coefficient of restitution and w the rate
+of the gap after the collision, w = w(before) - lam grad g . M^-1 grad g.  A leg that would cross a surface is shortened to the duration s = tau h at which g(q_1) = 0.
 """
 from cpython.pycapsule cimport PyCapsule_GetPointer
 from libc.math cimport fabs, isfinite, sqrt
@@ -108,7 +108,7 @@ cdef class Stepper:
     cdef double[:, ::1] q_g, g, g_q, zero, mass, force, p_zero, energy, A
     cdef ptrdiff_t[::1] r_row, r_col, i_row, i_col, e_col, g_row, g_col
     cdef double[::1] b, p, normal, velocity, restitution
-    cdef double lam, e_before, given
+    cdef double lam, e_before, e, approach, inertia
     cdef bint after_impact
 
     def __init__(self, kernels, par, restitution):
@@ -220,12 +220,13 @@ cdef class Stepper:
                 for i in range(n):
                     self.b[i] -= self.lam * self.normal[i]
                     self.A[i, m] = -self.normal[i]
-                self.b[m] = self.e_before - self.e_minus[0, 0] - self.lam * self.given
-                self.A[m, m] = -self.given
+                self.b[m] = (self.e * (self.e_before - self.e_minus[0, 0] - self.lam * self.normal[n])
+                             - (1 - self.e) * self.lam / 2 * (self.approach - self.lam * self.inertia))
+                self.A[m, m] = -self.e * self.normal[n] - (1 - self.e) * (self.approach / 2 - self.lam * self.inertia)
                 for k in range(self.e_col.shape[0]):
                     j = self.column(self.e_col[k])
                     if j >= 0:
-                        self.A[m, j] = -self.e_minus_z[0, k]
+                        self.A[m, j] = -self.e * self.e_minus_z[0, k]
             if not _solve(self.A, self.b, size):
                 return 0
             change, scale = 0.0, 0.0
@@ -433,7 +434,7 @@ cdef class Stepper:
     cdef int start_collision(self, int j, double t, long number) except -1:
         """Begin a leg at the collision reached by the leg that was just solved."""
         cdef int i, k, n = self.nq
-        cdef double approach = 0.0, inertia = 0.0, e = self.restitution[j]
+        self.e = self.restitution[j]
         self.e_before = self.e_plus[0, 0]
         for i in range(n):
             self.p[i] = self.r_plus[0, i]
@@ -447,17 +448,17 @@ cdef class Stepper:
                 self.normal[self.g_col[k]] = self.g_q[0, k]
         # First guess: the impact law of the continuous theory.
         self.find_velocity(self.p)
-        approach = self.normal[n]
+        self.approach = self.normal[n]
         for i in range(n):
-            approach += self.normal[i] * self.velocity[i]
+            self.approach += self.normal[i] * self.velocity[i]
             self.b[i] = self.normal[i]
             for k in range(n):
                 self.A[i, k] = self.mass[0, i * n + k]
         _solve(self.A, self.b, n)
+        self.inertia = 0.0
         for i in range(n):
-            inertia += self.normal[i] * self.b[i]
-        self.lam = (1 + e) * max(approach, 0.0) / inertia
-        self.given = self.normal[n] - (1 - e) / 2 * approach
+            self.inertia += self.normal[i] * self.b[i]
+        self.lam = (1 + self.e) * max(self.approach, 0.0) / self.inertia
         for i in range(n):
             self.velocity[i] -= self.lam * self.b[i]
         self.after_impact = True

@@ -88,7 +88,7 @@ def _prices(nlp: Transcription) -> Array:
     for name in ("goal", "periodic"):
         price[nlp.equality_rows(name)] = 1.0
     price[nlp.n_eq + nlp.inequality_rows("goal")] = 1.0
-    for name in ("momentum", "inside", "time", "approach", "energy", "start velocity", "goal velocity"):
+    for name in ("momentum", "inside", "time", "departure", "energy", "start velocity", "goal velocity"):
         price[nlp.equality_rows(name)] = LAWS
     return price
 
@@ -121,7 +121,7 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
     for j, k in enumerate(np.argmax(np.abs(c[steps]), axis=0)):
         q = kernels.coordinates[j % nlp.layout.nq]
         note(f"inside {q}", abs(c[steps[k, j]]), f"the equation of motion of {q} is violated in step {k}")
-    for name, text in (("time", "the time jumps"), ("approach", "the velocity before a collision does not fit its momentum")):
+    for name, text in (("time", "the time jumps"), ("departure", "the velocity after a collision does not fit its momentum")):
         note(name, float(np.abs(c[nlp.equality_rows(name)]).max(initial=0.0)), text, "s" if name == "time" else "")
     for row, name in zip(nlp.equality_rows("periodic"), problem.periodic, strict=True):
         note(f"periodic {name}", abs(c[row]), f"{name} at the end misses its value at the start", _unit(name, units))
@@ -134,7 +134,7 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
                 _unit(f"p_{q}", units),
             )
     for i, row in enumerate(nlp.equality_rows("energy")):
-        note(f"energy {i}", abs(c[row]), f"collision {i + 1} ({problem.sequence[i]}) violates the balance of energy")
+        note(f"energy {i}", abs(c[row]), f"collision {i + 1} ({problem.sequence[i]}) violates its law of restitution")
     for row in nlp.equality_rows("final time"):
         note("time", abs(c[row]), "the final time is missed", "s")
     for block in (b for b in nlp.inequalities if b.name != "goal"):

@@ -2,7 +2,7 @@
 
 The order follows time, and the mechanics say what belongs together.  The momentum equation of node k determines q_{k+1}: both are one
 pivot of two, [[H_qq, A'], [A, .]], which is regular whatever H is, because A = d(momentum k)/d(q_{k+1}) is close to -M/h.  In the same way
-the contact determines the step size of the phase that ends in it, the momentum before a collision the velocity, and the energy equation
+the contact determines the step size of the phase that ends in it, the momentum after a collision the velocity, and the energy equation
 the impulse; the equations of the nodes inside a step come before its momentum equation.  Inequalities come before their
 unknowns, since eliminating a slack leaves their own pivot.  What the chain does not determine - free boundary values, the momentum equation
 of the last node, the last step size, constraints on the final time - is a small final group that is factorised densely.
@@ -75,7 +75,7 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     nodes = lay.collision_nodes
     surfaces = nlp.surfaces
     pairs.append((lay.index_h[:-1], row(rows.contact[nodes, surfaces]), key(nodes - 1, COLLISION)))
-    pairs.append((lay.index_v_c.ravel(), row(rows.approach).ravel(), np.repeat(key(nodes - 1, COLLISION), lay.nq)))
+    pairs.append((lay.index_v_c.ravel(), row(rows.departure).ravel(), np.repeat(key(nodes, COLLISION), lay.nq)))
     pairs.append((lay.index_lam, row(rows.energy), key(nodes, COLLISION)))
     pairs.append((lay.index_p_E, row(rows.momentum[-1]), key(np.full(lay.nq, last), STATE)))
     # An equation whose unknown is fixed keeps its place in the chain, where earlier pivots have filled its diagonal; that of the last node

@@ -157,14 +157,14 @@ def gap_rates(f: Continuous) -> list[Any]:
     return [dot(gradient(g, f.q), f.v) + g.diff(f.t) for g in f.g]
 
 
-def given_energy(f: Continuous, lam: Sequence[Any], e: Sequence[Any]) -> Any:
-    """Energy that the surfaces give in a collision: lam (dg/dt at fixed q - (1 - e)/2 w), with w the rate of the gap before it.
+def restitution_work(f: Continuous, lam: Sequence[Any], e: Sequence[Any]) -> Any:
+    """W = lam (e dg/dt + (1 - e)/2 w) with the rate w of the gap after the collision: what closes e (E+ - E-) = W.
 
-    Newton's law w+ = -e w and lam = m_n (w - w+) make this the loss m_n (1 - e^2) w^2 / 2 plus the work of a moving wall; written with the
-    impulse it has a simple root for every e, also for e = 0.
+    In the continuous theory E+ - E- = lam (dg/dt - (w- + w)/2), so that e (E+ - E-) - W = -lam (w + e w-)/2: Newton's law of restitution as the
+    mean of the balance of energy (e = 1) and of the plastic impact (e = 0), with a simple root for every e.
     """
     terms = [
-        s * (g.diff(f.t) - (1 - c) * w / 2) for s, c, g, w in zip(lam, e, f.g, gap_rates(f), strict=True)
+        s * (c * g.diff(f.t) + (1 - c) * w / 2) for s, c, g, w in zip(lam, e, f.g, gap_rates(f), strict=True)
     ]  # fmt: skip
     return sum(terms[1:], start=terms[0])
 

@@ -12,12 +12,12 @@ from dmoc.symbolic.continuous import (
     Continuous,
     dot,
     energy,
-    given_energy,
     gradient,
     input_matrix,
     mass_matrix,
     momenta,
     readable,
+    restitution_work,
     right_hand_side,
 )
 from dmoc.symbolic.discrete import StepElement, step_element
@@ -280,13 +280,13 @@ def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement)
     coefficients = [sp.Symbol(f"e_{n}") for n in system.surfaces]
     equations.append(Equation("e_plus", "e^+", e.e_plus))
     equations.append(Equation("e_minus", "e^-", e.e_minus))
-    equations.append(Equation("W", "W", given_energy(f, impulses, coefficients)))
+    equations.append(Equation("W", "W", restitution_work(f, impulses, coefficients)))
     yield Section(
         "Collision conditions",
         "At a collision node q_c: g(q_c) = 0; only the normal part of the momentum jumps, r_plus(before) + r_minus(after) = lam grad g, "
-        "or, without the impulse lam >= 0, its projection on the tangents vanishes; the energy changes by what the surface gives, "
-        "e_plus(before) - e_minus(after) = W with W = lam (dg/dt - (1 - e)/2 w) and the rate w = grad g . q' + dg/dt of the gap before the "
-        "collision; an elastic collision (e = 1) with a surface at rest has W = 0.",
+        "or, without the impulse lam >= 0, its projection on the tangents vanishes. With the coefficient of restitution e and the rate "
+        "w = grad g . q' + dg/dt of the gap after the collision, e (e_plus(before) - e_minus(after)) = W with W = lam (e dg/dt + (1 - e)/2 w): the mean "
+        "of the balance of energy (e = 1) and of the plastic impact w = 0 (e = 0), which is Newton's law w = -e w(before).",
         tuple(equations),
     )
 

@@ -17,12 +17,12 @@ from dmoc.symbolic.continuous import (
     Continuous,
     dot,
     energy,
-    given_energy,
     gradient,
     input_matrix,
     jacobian,
     mass_matrix,
     momenta,
+    restitution_work,
     right_hand_side,
 )
 from dmoc.symbolic.discrete import StepElement, step_element
@@ -160,14 +160,14 @@ def _inputs(f: Continuous) -> tuple[Input, Input, Input, Input, Input]:
 
 
 def _surface_kernels(f: Continuous) -> list[KernelSpec]:
-    """Kernels of the gaps g(q, t), of the normal impulse lam . grad g and of the energy that a surface gives."""
+    """Kernels of the gaps g(q, t), of the normal impulse lam . grad g and of the law of restitution."""
     if not f.g:
         return []
     q, v, _, t, par = _inputs(f)
     w, lam, mu = Input.vector("w", len(f.g)), Input.vector("lam", len(f.g)), Input.vector("mu", len(f.q))
     e, weight = Input.vector("e", len(f.g)), Input.vector("w_W", 1)
     normal = gradient(dot(lam.symbols, f.g), f.q)
-    given = given_energy(f, lam.symbols, e.symbols)
+    work = restitution_work(f, lam.symbols, e.symbols)
     place, unknowns = (*f.q, f.t), (*f.q, *lam.symbols, f.t)
     impact = (*f.q, *f.v, *lam.symbols, f.t)
     return [
@@ -181,12 +181,12 @@ def _surface_kernels(f: Continuous) -> list[KernelSpec]:
                    (Output.matrix("n_D_ql", jacobian(normal, unknowns), len(unknowns)),)),
         KernelSpec("normal_hess", "Second derivatives of mu . n with respect to (q, lam, t).", (q, lam, t, par, mu),
                    (_hessian(dot(mu.symbols, normal), unknowns),)),
-        KernelSpec("restitution", "Energy W that the surfaces give in a collision, with v before it and restitution e.",
-                   (q, v, lam, t, par, e), (Output.vector("W", [given]),)),
+        KernelSpec("restitution", "W in e (E+ - E-) = W at a collision, with v after it and the coefficients of restitution e.",
+                   (q, v, lam, t, par, e), (Output.vector("W", [work]),)),
         KernelSpec("restitution_jac", "First derivatives of W with respect to (q, v, lam, t).", (q, v, lam, t, par, e),
-                   (Output.matrix("W_D_s", jacobian([given], impact), len(impact)),)),
+                   (Output.matrix("W_D_s", jacobian([work], impact), len(impact)),)),
         KernelSpec("restitution_hess", "Second derivatives of w_W W with respect to (q, v, lam, t).", (q, v, lam, t, par, e, weight),
-                   (_hessian(weight.symbols[0] * given, impact),)),
+                   (_hessian(weight.symbols[0] * work, impact),)),
     ]  # fmt: skip
 
 

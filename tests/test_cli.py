@@ -68,6 +68,41 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     assert {"passed", "terminal_error", "max_defect", "energy_error", "missed_contacts"} <= set(found["verification"])
 
 
+def test_laws_order_and_tolerance_are_options(run: Run, file: Callable[[str], str]) -> None:
+    """A block between start and wall (here a floor, 1 below the start), and the bouncer that is driven for ever."""
+    model = file("s = make()")
+    block = ["--start", "y=1", "--goal", "y=1", "--goal", "y_dot=0", "--sequence", "floor", "--final-time", "1:1", "--set", "g=0"]
+    code, out, err = run("solve", model, *block, "--restitution", "0.8", "--order", "4", "--steps", "8", "--tolerance", "1e-6",
+                         "--sensitivities", "--json", "-")  # fmt: skip
+    assert code == 0, err
+    found = json.loads(out)
+    assert found["cost"] == pytest.approx(24.58630915, rel=1e-6)
+    assert found["error_estimate"] <= 1e-6 and len(found["meshes"]) >= 2
+    assert found["sensitivities"]["restitution"]["floor"] == pytest.approx(-6.45, rel=1e-3)
+    code, out, _ = run("solve", model, *block, "--restitution", "floor=0", "--method", "ipm", "--sensitivities")
+    assert code == 0 and "50.95" in out and "restitution" in out
+    code, out, _ = run("solve", model, "--start", "y=0.3", "--periodic", "y,y_dot", "--sequence", "floor", "--final-time", "0.5:0.5",
+                       "--restitution", "0.7", "--method", "ipm", "--json", "-")  # fmt: skip
+    assert code == 0 and json.loads(out)["cost"] == pytest.approx(2.0557, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--restitution", "1.5"], "expected a number from 0 (plastic) to 1 (elastic)"),
+        (["--restitution", "left=x"], "expected a number"),
+        (["--restitution", "lef=0.5"], "unknown surface, expected one of left, right"),
+        (["--order", "3"], "order = 3: expected one of 2, 4"),
+        (["--order", "4", "--controls", "linear"], "expected one of stages, constant with kernels of order 4"),
+        (["--periodic", "beta"], "unknown state 'beta' in periodic"),
+        (["--tolerance", "-1"], "expected a positive number"),
+    ],
+)
+def test_wrong_laws_are_one_sentence(run: Run, options: list[str], message: str) -> None:
+    code, _, err = run("solve", "cart_pendulum", *options)
+    assert code == 2 and message in err.replace("\n", " ")
+
+
 def test_solve_verify_and_plot_a_file(run: Run, tmp_path: Path) -> None:
     code, out, _ = run("solve", "cart_pendulum", "--set", "m_c=1.5", "--bound", "F=-60:60", "--goal", "x=-1:1", "--out", "result")
     assert code == 0 and "solved" in out

@@ -55,7 +55,12 @@ def test_block_and_wall(e: float) -> None:
         assert hit.momentum_after[0] == pytest.approx(-e * speed, abs=4 * speed * tolerance)
     assert errors[2, 40] < 2e-3 and errors[4, 20] < 3e-6
     assert 3.5 < errors[2, 20] / errors[2, 40] < 4.5
-    if e < 1:  # at order 4 the elastic motion is exact
+    if e in (
+        0.0,
+        1.0,
+    ):  # polynomials of degree 2 in the position before and after, and a law without discrete energies or with equal ones
+        assert errors[4, 10] < 1e-9
+    else:
         assert 12 < errors[4, 10] / errors[4, 20] < 20
 
 

@@ -571,7 +571,7 @@ void bouncing_pendulum_normal_hess(ptrdiff_t n, const double *const in[], const 
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* Energy W that the surfaces give in a collision, with v before it and restitution e.
+/* W in e (E+ - E-) = W at a collision, with v after it and the coefficients of restitution e.
  *   in  q[1]
  *   in  v[1]
  *   in  lam[1]
@@ -585,7 +585,7 @@ static inline void restitution_element(const double *restrict q, const double *r
     (void)q;
     (void)t;
     (void)par;
-    W[0] = 0.5*(1.0 - e[0])*lam[0]*v[0];
+    W[0] = -0.5*(1.0 - e[0])*lam[0]*v[0];
 }
 
 void bouncing_pendulum_restitution(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -609,8 +609,8 @@ static inline void restitution_jac_element(const double *restrict q, const doubl
     (void)t;
     (void)par;
     const double w0 = 0.5*(1.0 - e[0]);
-    W_D_s[0] = lam[0]*w0;
-    W_D_s[1] = v[0]*w0;
+    W_D_s[0] = -lam[0]*w0;
+    W_D_s[1] = -v[0]*w0;
 }
 
 void bouncing_pendulum_restitution_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -636,7 +636,7 @@ static inline void restitution_hess_element(const double *restrict q, const doub
     (void)lam;
     (void)t;
     (void)par;
-    hess[0] = 0.5*(1.0 - e[0])*w_W[0];
+    hess[0] = -0.5*(1.0 - e[0])*w_W[0];
 }
 
 void bouncing_pendulum_restitution_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])

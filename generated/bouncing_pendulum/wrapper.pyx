@@ -177,7 +177,7 @@ def normal_hess(q, lam, t, par, mu, hess):
 
 
 def restitution(q, v, lam, t, par, e, W):
-    """Energy W that the surfaces give in a collision, with v before it and restitution e."""
+    """W in e (E+ - E-) = W at a collision, with v after it and the coefficients of restitution e."""
     _run(bouncing_pendulum_restitution, ("q", "v", "lam", "t", "par", "e", "W",), (q, v, lam, t, par, e, W,), (1, 1, 1, 1, 4, 1, 1,), 6)
 
 

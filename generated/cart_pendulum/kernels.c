@@ -752,7 +752,7 @@ void cart_pendulum_normal_hess(ptrdiff_t n, const double *const in[], const ptrd
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* Energy W that the surfaces give in a collision, with v before it and restitution e.
+/* W in e (E+ - E-) = W at a collision, with v after it and the coefficients of restitution e.
  *   in  q[2]
  *   in  v[2]
  *   in  lam[2]
@@ -767,7 +767,7 @@ static inline void restitution_element(const double *restrict q, const double *r
     (void)t;
     (void)par;
     const double w0 = 0.5*v[0];
-    W[0] = (1.0 - e[0])*lam[0]*w0 - (1.0 - e[1])*lam[1]*w0;
+    W[0] = (1.0 - e[1])*lam[1]*w0 - (1.0 - e[0])*lam[0]*w0;
 }
 
 void cart_pendulum_restitution(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -793,9 +793,9 @@ static inline void restitution_jac_element(const double *restrict q, const doubl
     const double w0 = 1.0 - e[0];
     const double w1 = 1.0 - e[1];
     const double w2 = 0.5*v[0];
-    W_D_s[0] = 0.5*lam[0]*w0 - 0.5*lam[1]*w1;
-    W_D_s[1] = w0*w2;
-    W_D_s[2] = -w1*w2;
+    W_D_s[0] = 0.5*lam[1]*w1 - 0.5*lam[0]*w0;
+    W_D_s[1] = -w0*w2;
+    W_D_s[2] = w1*w2;
 }
 
 void cart_pendulum_restitution_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -821,8 +821,8 @@ static inline void restitution_hess_element(const double *restrict q, const doub
     (void)lam;
     (void)t;
     (void)par;
-    hess[0] = (0.5 - 0.5*e[0])*w_W[0];
-    hess[1] = (0.5*e[1] - 0.5)*w_W[0];
+    hess[0] = (0.5*e[0] - 0.5)*w_W[0];
+    hess[1] = (0.5 - 0.5*e[1])*w_W[0];
 }
 
 void cart_pendulum_restitution_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])

@@ -642,7 +642,7 @@ void puck_table_normal_hess(ptrdiff_t n, const double *const in[], const ptrdiff
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* Energy W that the surfaces give in a collision, with v before it and restitution e.
+/* W in e (E+ - E-) = W at a collision, with v after it and the coefficients of restitution e.
  *   in  q[2]
  *   in  v[2]
  *   in  lam[4]
@@ -658,7 +658,7 @@ static inline void restitution_element(const double *restrict q, const double *r
     (void)par;
     const double w0 = 0.5*v[1];
     const double w1 = 0.5*v[0];
-    W[0] = (1.0 - e[0])*lam[0]*w1 + (1.0 - e[2])*lam[2]*w0 - (1.0 - e[1])*lam[1]*w1 - (1.0 - e[3])*lam[3]*w0;
+    W[0] = (1.0 - e[1])*lam[1]*w1 + (1.0 - e[3])*lam[3]*w0 - (1.0 - e[0])*lam[0]*w1 - (1.0 - e[2])*lam[2]*w0;
 }
 
 void puck_table_restitution(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -687,12 +687,12 @@ static inline void restitution_jac_element(const double *restrict q, const doubl
     const double w3 = 1.0 - e[3];
     const double w4 = 0.5*v[0];
     const double w5 = 0.5*v[1];
-    W_D_s[0] = 0.5*lam[0]*w0 - 0.5*lam[1]*w1;
-    W_D_s[1] = 0.5*lam[2]*w2 - 0.5*lam[3]*w3;
-    W_D_s[2] = w0*w4;
-    W_D_s[3] = -w1*w4;
-    W_D_s[4] = w2*w5;
-    W_D_s[5] = -w3*w5;
+    W_D_s[0] = 0.5*lam[1]*w1 - 0.5*lam[0]*w0;
+    W_D_s[1] = 0.5*lam[3]*w3 - 0.5*lam[2]*w2;
+    W_D_s[2] = -w0*w4;
+    W_D_s[3] = w1*w4;
+    W_D_s[4] = -w2*w5;
+    W_D_s[5] = w3*w5;
 }
 
 void puck_table_restitution_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -718,10 +718,10 @@ static inline void restitution_hess_element(const double *restrict q, const doub
     (void)lam;
     (void)t;
     (void)par;
-    hess[0] = (0.5 - 0.5*e[0])*w_W[0];
-    hess[1] = (0.5*e[1] - 0.5)*w_W[0];
-    hess[2] = (0.5 - 0.5*e[2])*w_W[0];
-    hess[3] = (0.5*e[3] - 0.5)*w_W[0];
+    hess[0] = (0.5*e[0] - 0.5)*w_W[0];
+    hess[1] = (0.5 - 0.5*e[1])*w_W[0];
+    hess[2] = (0.5*e[2] - 0.5)*w_W[0];
+    hess[3] = (0.5 - 0.5*e[3])*w_W[0];
 }
 
 void puck_table_restitution_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])

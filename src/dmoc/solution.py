@@ -168,7 +168,6 @@ class Solution:
                     "surface": c.surface,
                     "time": c.time,
                     "impulse": c.impulse,
-                    "restitution": self.trajectory.restitution[c.surface],
                     "position": c.position.tolist(),
                     "momentum_before": c.momentum_before.tolist(),
                     "momentum_after": c.momentum_after.tolist(),
@@ -181,9 +180,13 @@ class Solution:
             "seconds": dict(self.seconds),
             "verification": None if self.verification is None else dict(self.verification),
             "conflicts": list(self.conflicts),
-            "error_estimate": self.error_estimate,
-            "meshes": [asdict(m) | {"estimate": m.estimate if np.isfinite(m.estimate) else None} for m in self.meshes],
-        }
+        } | self._refinement()
+
+    def _refinement(self) -> dict[str, Any]:
+        """What a tolerance adds to the summary."""
+        if not self.meshes:
+            return {}
+        return {"error_estimate": self.error_estimate, "meshes": [asdict(m) for m in self.meshes]}
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the solution to an .npz file.
@@ -216,6 +219,8 @@ class Solution:
             "controls": t.controls,
             "restitution": dict(t.restitution),
             "multipliers": list(self.multipliers),
+            "error_estimate": self.error_estimate,
+            "meshes": [asdict(m) for m in self.meshes],
         }
         arrays: dict[str, Array] = {
             "unknowns": self.unknowns,
@@ -284,5 +289,5 @@ class Solution:
             header["status"], header["message"], header["method"], header["cost"], trajectory, multipliers, tuple(header["active_bounds"]),
             header["max_violation"], header["optimality"], header["iterations"], header["seconds"], arrays["unknowns"],
             tuple(header["conflicts"]), header["verification"], header["reference"], header["error_estimate"],
-            tuple(Mesh(**m | {"steps": tuple(m["steps"]), "estimate": np.inf if m["estimate"] is None else m["estimate"]}) for m in header["meshes"]),
+            tuple(Mesh(**m | {"steps": tuple(m["steps"])}) for m in header["meshes"]),
         )  # fmt: skip
