@@ -46,7 +46,7 @@ class Layout:
             problem.nq,
             problem.nu,
             problem.phase_steps,
-            str(problem.controls),
+            problem.control_form,
             problem.start_bounds.needs_velocity or periodic,
             problem.goal_bounds.needs_velocity or periodic or bool(problem.kernels.manifest["terminal_velocity"]),
             problem.explicit_time,

@@ -48,8 +48,8 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
     return Trajectory(
         kernels.name, str(kernels.manifest["fingerprint"]), tuple(kernels.coordinates), tuple(kernels.inputs),
         dict(zip(kernels.parameters, map(float, problem.parameter_values[0]), strict=True)), tuple(phases), tuple(collisions),
-        str(problem.controls), problem.input_bounds, problem.coordinate_bounds,
-        dict(zip(kernels.surfaces, problem.restitution_values.tolist(), strict=True)),
+        problem.control_form, problem.input_bounds, problem.coordinate_bounds,
+        dict(zip(kernels.surfaces, problem.restitution_values.tolist(), strict=True)), problem.order,
     )  # fmt: skip
 
 

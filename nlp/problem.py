@@ -105,12 +105,9 @@ class Problem:
         put(self, "sequence", tuple(self.sequence))
         for surface in self.sequence:
             self._known(surface, self.kernels.surfaces, "surface", "in the sequence")
-        known = CONTROLS[self.order]
-        put(self, "controls", known[0] if self.controls is None else self.controls)
-        if self.controls not in known:
-            raise ProblemError(
-                f"controls = {self.controls!r}: expected one of {', '.join(known)} with kernels of order {self.order}."
-            )
+        if self.control_form not in CONTROLS[self.order]:
+            known = ", ".join(CONTROLS[self.order])
+            raise ProblemError(f"controls = {self.controls!r}: expected one of {known} with kernels of order {self.order}.")
         self._normalise_periodic()
         # The properties below check what they read.
         _ = (
@@ -161,6 +158,11 @@ class Problem:
     def explicit_time(self) -> bool:
         """Whether the model depends explicitly on the time."""
         return bool(self.kernels.manifest["explicit_time"])
+
+    @property
+    def control_form(self) -> str:
+        """The form of the inputs: ``controls``, or the default of the order."""
+        return CONTROLS[self.order][0] if self.controls is None else self.controls
 
     # Values ----------------------------------------------------------------------------------------------------------
 

@@ -408,7 +408,7 @@ def _identity(problem: Problem, surfaces: tuple[str, ...], method: str, starts: 
     """Digest of what the answer of a node depends on."""
     facts = [
         problem.kernels.manifest["fingerprint"], problem.start, problem.goal, problem.steps, problem.final_time_bounds, problem.bounds,
-        problem.parameter_values.tolist(), problem.restitution_values.tolist(), problem.periodic, problem.controls, problem.minimal_times,
+        problem.parameter_values.tolist(), problem.restitution_values.tolist(), problem.periodic, problem.control_form, problem.minimal_times,
         problem.kernels.backend, metadata.version("dmoc"), surfaces, method, starts, seed, shortest,
     ]  # fmt: skip
     return hashlib.sha256(repr(facts).encode()).hexdigest()

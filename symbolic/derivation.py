@@ -396,4 +396,9 @@ def _readable_element(system: MechanicalSystem, order: int) -> StepElement:
     )
     taken = {str(s) for s in system.parameters}
     table |= {"h": "h" if "h" not in taken else "h_step"}
-    return step_element(f, order, lambda name: sp.Symbol(table.get(name, name)), sp.sympify)
+
+    def make(name: str) -> sp.Symbol:
+        name = table.get(name, name)
+        return sp.Symbol(f"{name}_point" if name in taken else name)
+
+    return step_element(f, order, make, sp.sympify)

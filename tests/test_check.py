@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 
+import block_and_wall
 import numpy as np
 import pytest
 
@@ -80,3 +81,36 @@ def test_a_collision_exactly_at_a_node_is_met(block: Kernels) -> None:
     )
     assert solution.solved and solution.verification is not None
     assert solution.verification["terminal_error"] < 1e-9
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_wrong_law_of_restitution_is_found(order: int) -> None:
+    """The motion of a block that bounces with e = 0.8 does not pass as one of e = 0.7 or of an elastic one."""
+    solution = dmoc.solve(block_and_wall.problem(0.8, 50, order), "ipm")
+    assert solution.solved
+    for e in (1.0, 0.7, 0.0):
+        wrong = replace(solution.trajectory, restitution={"wall": e})
+        assert not dmoc.verify(wrong, dmoc.build(block_and_wall.system(), order=order)).passed
+
+
+def test_contact_that_lasts_after_a_plastic_impact() -> None:
+    """The simulation meets the wall a little early and is pushed into it until the inputs turn: it rests there instead of bouncing for ever."""
+    problem = block_and_wall.problem(0.0, 7)
+    solution = dmoc.solve(problem, "ipm")
+    late = solution.phases[0]
+    pushed = replace(late, u=late.u + 0.2)
+    check = dmoc.verify(replace(solution.trajectory, phases=(pushed, *solution.phases[1:])), problem.kernels)
+    assert len(check.contacts) == 1 and np.isfinite(check.terminal_error)
+
+
+def test_a_graze_is_no_contact_and_a_knock_is(block: Kernels) -> None:
+    """A motion that would pass the wall by a hair touches it in the simulation; one that passes it clearly collides."""
+    problem = dmoc.Problem(
+        block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, steps=40, final_time=2.0, parameters={"wall": 2.0}
+    )
+    solution = dmoc.solve(problem.but(bounds={"x": (None, 1.0)}, goal={"x": 0.0, "x_dot": -2.0}, steps=400), "ipm")
+    assert solution.solved
+    top = max(float(p.q.max()) for p in solution.phases)
+    for wall, passed in ((top - 1e-7, True), (top - 0.05, False)):
+        nearer = replace(solution.trajectory, parameters=dict(solution.trajectory.parameters) | {"wall": wall})
+        assert (not dmoc.verify(nearer, block).extra_contacts) is passed

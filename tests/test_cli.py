@@ -79,8 +79,14 @@ def test_laws_order_and_tolerance_are_options(run: Run, file: Callable[[str], st
     assert found["cost"] == pytest.approx(24.58630915, rel=1e-6)
     assert found["error_estimate"] <= 1e-6 and len(found["meshes"]) >= 2
     assert found["sensitivities"]["restitution"]["floor"] == pytest.approx(-6.45, rel=1e-3)
-    code, out, _ = run("solve", model, *block, "--restitution", "floor=0", "--method", "ipm", "--sensitivities")
+    code, out, _ = run(
+        "solve", model, *block, "--restitution", "floor=0", "--method", "ipm", "--order", "4", "--sensitivities", "--out", "soft"
+    )
     assert code == 0 and "50.95" in out and "restitution" in out
+    code, out, _ = run("verify", "soft/solution.npz")
+    assert code == 0 and "passed" in out
+    code, out, _ = run("solve", model, *block, "--restitution", "0.1", "--method", "ipm", "--guess", "soft/solution.npz")
+    assert code == 0
     code, out, _ = run("solve", model, "--start", "y=0.2", "--periodic", "y,y_dot", "--sequence", "floor", "--final-time", "0.5:0.5",
                        "--restitution", "0.7", "--method", "ipm", "--json", "-")  # fmt: skip
     assert code == 0 and json.loads(out)["cost"] == pytest.approx(2.0557, rel=1e-2)

@@ -150,6 +150,31 @@ def test_minimum_time(kind: str) -> None:
         assert cost(problem) == pytest.approx(2.0, rel=2e-3)
 
 
+def test_minimum_time_under_a_speed_limit() -> None:
+    """|u| <= 1 and v <= 1/2 from 0 to 1, rest to rest: 0.5 s to the limit, 1.5 s along it, 0.5 s to stop."""
+    x, u = dynamicsymbols("x u")
+    system = dmoc.MechanicalSystem(
+        "limited",
+        [x],
+        x.diff(T) ** 2 / 2,
+        {},
+        [u],
+        {x: u},
+        cost=sp.Integer(1),
+        path_constraints={"speed": x.diff(T) <= sp.Rational(1, 2)},
+    )
+    for order in (2, 4):
+        problem = dmoc.Problem(
+            dmoc.build(system, order=order),
+            start={"x": 0},
+            goal={"x": 1, "x_dot": 0},
+            steps=40,
+            final_time=(0.5, 5),
+            bounds={"u": (-1, 1)},
+        )
+        assert cost(problem) == pytest.approx(2.5, rel=2e-3)
+
+
 def test_terminal_cost_in_position_and_velocity() -> None:
     """J = int u^2 / 2 + s (x_E - 1)^2 / 2 + r v_E^2 / 2 over 1 s: linear-quadratic, so the optimum solves two linear equations."""
     x, u = dynamicsymbols("x u")

@@ -249,7 +249,7 @@ def _check_motion(problem: Problem, guess: Solution) -> None:
 def _same_mesh(nlp: Transcription, guess: Solution) -> bool:
     """Whether the unknowns and multipliers of a motion are those of the program."""
     steps, controls = tuple(p.steps for p in guess.phases), guess.trajectory.controls
-    return steps == nlp.problem.phase_steps and controls == nlp.problem.controls and len(guess.unknowns) == nlp.n
+    return steps == nlp.problem.phase_steps and controls == nlp.problem.control_form and len(guess.unknowns) == nlp.n
 
 
 def _first_success(

@@ -225,7 +225,7 @@ def verify(
 
     prepare_file(json_)
     loaded = Solution.load(solution)
-    kernels = registry.load(model or loaded.reference)
+    kernels = registry.load(model or loaded.reference, order=loaded.trajectory.order)
     api.check_same_model(loaded, kernels)
     check = loaded.verify(kernels)
     summary = {key: (value.tolist() if hasattr(value, "tolist") else value) for key, value in asdict(check).items()}

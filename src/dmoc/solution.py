@@ -150,7 +150,7 @@ class Solution:
             return self.kernels
         from dmoc.registry import load
 
-        return load(self.reference or self.trajectory.model)
+        return load(self.reference or self.trajectory.model, order=self.trajectory.order)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""
@@ -218,6 +218,7 @@ class Solution:
             "parameters": dict(t.parameters),
             "controls": t.controls,
             "restitution": dict(t.restitution),
+            "order": t.order,
             "multipliers": list(self.multipliers),
             "error_estimate": self.error_estimate,
             "meshes": [asdict(m) for m in self.meshes],
@@ -282,7 +283,7 @@ class Solution:
         trajectory = Trajectory(
             header["model"], header["fingerprint"], tuple(header["coordinates"]), tuple(header["inputs"]), header["parameters"], phases,
             collisions, header["controls"], arrays["input_bounds"], arrays["coordinate_bounds"],
-            header["restitution"],
+            header["restitution"], header["order"],
         )  # fmt: skip
         multipliers = {name: arrays[f"multiplier_{i}"] for i, name in enumerate(header["multipliers"])}
         return cls(

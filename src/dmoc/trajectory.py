@@ -85,6 +85,8 @@ class Trajectory:
     input_bounds, coordinate_bounds : arrays of shape (nu, 2), (nq, 2)
     restitution : mapping of str to float
         Coefficient of each surface.
+    order : int
+        Order of the discretisation that the motion comes from.
     """
 
     model: str
@@ -98,6 +100,7 @@ class Trajectory:
     input_bounds: Array
     coordinate_bounds: Array
     restitution: Mapping[str, float]
+    order: int
 
     def input_ends(self, phase: Phase) -> tuple[Array, Array]:
         """Inputs at the start and at the end of every step of a phase, shape (N, nu) each; in between they are linear."""
