@@ -32,6 +32,11 @@ def test_seed_to_a_millionth() -> None:
     assert again.meshes == solution.meshes and again.error_estimate == solution.error_estimate
 
 
+def test_rounding_errors_of_fine_meshes_do_not_end_the_refinement() -> None:
+    solution = dmoc.solve(seed_example.problem(20, 4), tolerance=1e-8)
+    assert solution.solved and solution.cost == pytest.approx(seed_example.LIMIT, rel=1e-7)
+
+
 def test_a_limit_ends_the_refinement_with_the_best_mesh() -> None:
     solution = dmoc.solve(block_and_wall.problem(0.8, 10), tolerance=1e-9, seconds=0.05)
     assert solution.status == "not_verified" and "exceeds the tolerance 1e-09" in solution.message

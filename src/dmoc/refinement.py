@@ -18,6 +18,10 @@ FAR = 100.0
 # A mesh too coarse to be solved is refined so often before the problem counts as unsolved.
 COARSE_FAILURES = 3
 
+# On fine meshes rounding errors end a solve before it is sharp.  A feasible point with this optimality residual counts as solved there: the cost is
+# wrong by the square of the residual only, and the estimate sees the rest.
+ROUNDED, FEASIBLE = 1e-5, 1e-9
+
 Solve = Callable[[Problem, Solution | None], Solution]
 Check = Callable[[Solution], Solution]
 
@@ -88,8 +92,13 @@ def _from_coarse(problem: Problem, solved: list[Solution], solve: Solve) -> Solu
     """Solve from the motion of the last mesh, and where that leads nowhere from an automatic guess."""
     if not solved:
         return solve(problem, None)
-    s = solve(problem, solved[-1])
-    return solve(problem, None) if s.status in ("infeasible", "stalled") else s
+    s = _rounded(solve(problem, solved[-1]))
+    return _rounded(solve(problem, None)) if s.status in ("infeasible", "stalled") else s
+
+
+def _rounded(s: Solution) -> Solution:
+    sharp = s.status == "stalled" and s.optimality <= ROUNDED and s.max_violation <= FEASIBLE
+    return replace(s, status="solved", message="a local minimum was found, to rounding errors") if sharp else s
 
 
 def _estimate(solved: list[Solution], order: int) -> float:
