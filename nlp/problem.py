@@ -100,9 +100,7 @@ class Problem:
             if not isinstance(value, Mapping):
                 raise ProblemError(f"{name} = {value!r}: expected a mapping from names to values.")
             put(self, name, {name_of(k): v for k, v in value.items()})
-        if isinstance(self.sequence, str):
-            raise ProblemError(f"sequence = {self.sequence!r}: expected a list of surfaces such as [{self.sequence!r}].")
-        put(self, "sequence", tuple(self.sequence))
+        put(self, "sequence", self._listed("sequence", "surfaces"))
         for surface in self.sequence:
             self._known(surface, self.kernels.surfaces, "surface", "in the sequence")
         if self.control_form not in CONTROLS[self.order]:
@@ -213,6 +211,8 @@ class Problem:
         """Bounds of the durations T_i, shape (I + 1, 2)."""
         if self.durations is None:
             return np.tile((0.0, np.inf), (self.phases, 1))
+        if not isinstance(self.durations, Sequence) or isinstance(self.durations, str):
+            raise ProblemError(f"durations = {self.durations!r}: expected a list of ranges, one for each phase.")
         if len(self.durations) != self.phases:
             raise ProblemError(f"durations has {len(self.durations)} entries: expected one for each of the {self.phases} phases.")
         bounds = np.array([_range(d, f"duration of phase {i}") for i, d in enumerate(self.durations)])
@@ -246,10 +246,16 @@ class Problem:
                 )
         return tuple(int(v) for v in values)
 
+    def _listed(self, field_name: str, what: str) -> tuple[Any, ...]:
+        value = getattr(self, field_name)
+        if isinstance(value, str):
+            raise ProblemError(f"{field_name} = {value!r}: expected a list of {what} such as [{value!r}].")
+        if not isinstance(value, Iterable):
+            raise ProblemError(f"{field_name} = {value!r}: expected a list of {what}; [] for none.")
+        return tuple(value)
+
     def _normalise_periodic(self) -> None:
-        if isinstance(self.periodic, str):
-            raise ProblemError(f"periodic = {self.periodic!r}: expected a list of states such as [{self.periodic!r}].")
-        object.__setattr__(self, "periodic", tuple(name_of(name) for name in self.periodic))
+        object.__setattr__(self, "periodic", tuple(name_of(name) for name in self._listed("periodic", "states")))
         for name in self.periodic:
             self._known(name, self.states, "state", "in periodic")
 
@@ -341,19 +347,38 @@ class Problem:
                 )
 
 
+def contact_coordinate(problem: Problem, surface: str, j: int) -> float:
+    """Value of the only coordinate j that a surface at rest contains where its gap is zero, by Newton's method."""
+    kernels, now, par = problem.kernels, np.zeros((1, 1)), problem.parameter_values
+    number = kernels.surfaces.index(surface)
+    rows, columns = kernels.pattern("surface_jac", "g_D_q")
+    q = np.zeros((1, problem.nq))
+    q[0, j] = np.clip(0.0, *problem.coordinate_bounds[j])
+    for _ in range(30):
+        gap = kernels.call("surface", q, now, par)[0][0, number]
+        slope = kernels.call("surface_jac", q, now, par)[0][0][(rows == number) & (columns == j)].sum()
+        if gap == 0 or slope == 0:
+            break
+        q[0, j] -= gap / slope
+    return float(q[0, j])
+
+
 def restitution_row(kernels: Kernels, given: Any) -> Array:
     """Read a coefficient of restitution for all surfaces, or coefficients by surface; return one for each surface, shape (nc,)."""
-    by_surface = dict(given) if isinstance(given, Mapping) else dict.fromkeys(kernels.surfaces, given)
     if not isinstance(given, Mapping):
-        by_surface = by_surface or {"": given}
-    for surface, value in by_surface.items():
-        what = f"restitution of {surface!r}" if isinstance(given, Mapping) else "restitution"
-        if surface not in ("", *kernels.surfaces):
+        return np.full(len(kernels.surfaces), _coefficient(given, "restitution"))
+    for surface in given:
+        if surface not in kernels.surfaces:
             known = f"expected one of {', '.join(kernels.surfaces)}" if kernels.surfaces else "the model has none"
-            raise ProblemError(f"{what}: unknown surface, {known}.")
-        if not 0 <= _finite(value, what) <= 1:
-            raise ProblemError(f"{what} = {value}: expected a number from 0 (plastic) to 1 (elastic).")
-    return np.array([float(by_surface.get(surface, 1.0)) for surface in kernels.surfaces])
+            raise ProblemError(f"restitution of {surface!r}: unknown surface, {known}.")
+    return np.array([_coefficient(given.get(surface, 1.0), f"restitution of {surface!r}") for surface in kernels.surfaces])
+
+
+def _coefficient(value: Any, what: str) -> float:
+    number = _finite(value, what)
+    if not 0 <= number <= 1:
+        raise ProblemError(f"{what} = {value}: expected a number from 0 (plastic) to 1 (elastic).")
+    return number
 
 
 def _finite(value: Any, what: str) -> float:

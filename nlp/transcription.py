@@ -30,7 +30,7 @@ from dmoc.nlp.elements import NOWHERE, Element, Elements, Rows
 from dmoc.nlp.feasibility import minimal_time
 from dmoc.nlp.labels import Block, Goal, equality_blocks, goal_limits, inequality_blocks
 from dmoc.nlp.layout import Index, Layout
-from dmoc.nlp.problem import Problem
+from dmoc.nlp.problem import SURFACE_TOLERANCE, Problem, contact_coordinate
 from dmoc.nlp.sparse import SparsePattern
 from dmoc.symbolic.names import momentum_name, velocity_name
 
@@ -97,9 +97,20 @@ class Transcription:
 
     @cached_property
     def gap_constraints(self) -> tuple[Index, Index]:
-        """Node and surface of each gap constraint: all but those that hold with equality at collisions."""
-        keep = np.ones((self.layout.total + 1, len(self.problem.kernels.surfaces)), dtype=bool)
-        keep[self.layout.collision_nodes, self.surfaces] = False
+        """Node and surface of each gap constraint.
+
+        Collisions hold with equality.  At an end whose position is fixed the gap is known and was checked; a constraint that cannot move would have
+        no interior where the position lies on the surface.
+        """
+        lay, kernels = self.layout, self.problem.kernels
+        keep = np.ones((lay.total + 1, len(kernels.surfaces)), dtype=bool)
+        keep[lay.collision_nodes, self.surfaces] = False
+        moving = kernels.manifest["moving_surfaces"]
+        for node in (0, -1):
+            fixed = self.lower[lay.index_q[node]] == self.upper[lay.index_q[node]]
+            for j, surface in enumerate(kernels.surfaces):
+                known = fixed[kernels.manifest["surface_coordinates"][surface]].all()
+                keep[node, j] &= not known or (node == -1 and surface in moving)
         return np.nonzero(keep)  # type: ignore[return-value]
 
     @cached_property
@@ -151,6 +162,8 @@ class Transcription:
             box[p] = boundary.momentum
             if len(v):
                 box[v] = boundary.velocity
+        for node, j in self._held_by_contact():
+            box[lay.index_q[node, j]] = (-np.inf, np.inf)
         box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
         box[lay.index_t[:1]] = 0.0
         for goal in self.goals:
@@ -158,6 +171,19 @@ class Transcription:
         if self.goals:
             box[lay.index_q[-1]] = problem.coordinate_bounds
         return box[:, 0].copy(), box[:, 1].copy()
+
+    def _held_by_contact(self) -> list[tuple[int, int]]:
+        """Collision nodes and coordinates whose bounds the contact implies: a limit at the surface itself would leave no interior."""
+        problem, found = self.problem, []
+        kernels = problem.kernels
+        for node, surface in zip(self.layout.collision_nodes, problem.sequence, strict=True):
+            involved = kernels.manifest["surface_coordinates"][surface]
+            if len(involved) == 1 and surface not in kernels.manifest["moving_surfaces"]:
+                low, high = problem.coordinate_bounds[involved[0]]
+                at = contact_coordinate(problem, surface, involved[0])
+                if low - SURFACE_TOLERANCE <= at <= high + SURFACE_TOLERANCE:
+                    found.append((int(node), int(involved[0])))
+        return found
 
     # The program -----------------------------------------------------------------------------------------------------
 

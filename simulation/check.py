@@ -16,6 +16,7 @@ from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq
 
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.errors import SimulationError
 from dmoc.trajectory import Trajectory
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-12  # far below the discretisation errors that are to be seen
@@ -28,6 +29,7 @@ SAME_CONTACT = 0.05
 GRAZING = 0.01
 SEGMENTS = 10  # of a phase, for the errors segment by segment
 INSIDE = (0.25, 0.5, 0.75)  # where between nodes penetration is looked for
+ON_SURFACE = 1e-6  # gap of a planned collision relative to how far the coordinates move it
 RELEASED = 1e-7  # approach speed below which a plastic contact has no impact
 TOUCH = 1e-9  # gap that counts as touching, not crossing
 MOST_CONTACTS = 10_000  # of an open-loop simulation
@@ -83,7 +85,17 @@ def verify(trajectory: Trajectory, kernels: Kernels) -> Verification:
 
     A motion passes if the open-loop simulation meets the planned collisions and no others, and if the errors of its terminal state, of
     every segment and of the energy balance stay below 25 %, 1 % and 2 % of the motion's ranges.
+
+    Raises
+    ------
+    SimulationError
+        If the kernels are not those of the motion's model.
     """
+    if kernels.manifest["fingerprint"] != trajectory.fingerprint:
+        raise SimulationError(
+            f"the motion of model {trajectory.model!r} was made with another version or order of it than the kernels of {kernels.name!r}: "
+            "give those it was made with."
+        )
     check = _Check(trajectory, kernels)
     ends, work, penetration = check.steps()
     defects = check.defects(ends)
@@ -92,7 +104,7 @@ def verify(trajectory: Trajectory, kernels: Kernels) -> Verification:
     terminal, contacts = check.open_loop()
     missed, extra = _compare(trajectory, contacts)
     worst_segment = float(segments.max(initial=0.0))
-    failures = []
+    failures = [f"the collision with {surface!r} is {gap:.3g} off it" for surface, gap in check.off_surface()]
     if missed:
         failures.append(f"the simulation misses {', '.join(missed)}")
     if extra:
@@ -207,6 +219,17 @@ class _Check:
             y = self.impact(y, float(before.t[-1]), self.kernels.surfaces.index(collision.surface))
             jumps.append(abs(after[0] - self.energy(y[None, : self.nq], y[None, self.nq :], before.t[-1:])[0]))
         return float(max([*balance, *jumps])) / scale
+
+    def off_surface(self) -> list[tuple[str, float]]:
+        """Planned collisions whose positions do not lie on their surfaces, with the gap."""
+        found = []
+        for c in self.trajectory.collisions:
+            j = self.kernels.surfaces.index(c.surface)
+            gap = float(self.gaps(c.position, np.array([c.time]))[0, j])
+            reach = float(np.abs(self.slopes(c.position, c.time)[j, : self.nq]) @ self.q_scale)
+            if not abs(gap) <= ON_SURFACE * max(reach, ON_SURFACE):
+                found.append((c.surface, gap))
+        return found
 
     def energy(self, q: Array, v: Array, t: Array) -> Array:
         return self.kernels.call("legendre", q.copy(), v.copy(), t[:, None].copy(), self.par)[1][:, 0]

@@ -88,6 +88,8 @@ def simulate(
     for name, number in (("steps", steps), ("every", every)):
         if not isinstance(number, (int, np.integer)) or number < 1:
             raise SimulationError(f"{name} = {number!r}: expected a whole number of at least 1.")
+    if not isinstance(parameters or {}, Mapping):
+        raise SimulationError(f"parameters = {parameters!r}: expected a mapping from names to values.")
     par = _parameters(kernels, parameters or {})
     q = _vector(position, kernels.coordinates, "position")
     v = _vector(np.zeros(nq) if velocity is None else velocity, kernels.coordinates, "velocity")
@@ -123,6 +125,8 @@ def velocities_of(kernels: Kernels, t: Array, q: Array, p: Array, par: Array) ->
 
 def _restitution(kernels: Kernels, given: float | Mapping[str, float]) -> Array:
     """Coefficients by surface, shape (nc,)."""
+    if not isinstance(given, Mapping) and not (isinstance(given, (int, float, np.number)) and 0 <= given <= 1):
+        raise SimulationError(f"restitution = {given!r}: expected a number from 0 (plastic) to 1 (elastic).")
     named = given if isinstance(given, Mapping) else dict.fromkeys(kernels.surfaces, given)
     for surface, e in named.items():
         if surface not in kernels.surfaces:
@@ -135,7 +139,11 @@ def _restitution(kernels: Kernels, given: float | Mapping[str, float]) -> Array:
 
 def _inputs(given: ArrayLike | None, steps: int, nu: int) -> Array:
     try:
-        u = np.zeros((steps, nu)) if given is None else np.array(np.broadcast_to(np.asarray(given, dtype=float), (steps, nu)))
+        u = (
+            np.zeros((steps, nu))
+            if given is None
+            else np.array(np.broadcast_to(np.asarray(given, dtype=float), (steps, nu)), order="C")
+        )
     except (TypeError, ValueError):
         raise SimulationError(f"inputs: expected numbers of shape ({steps}, {nu}) or ({nu},).") from None
     if not np.isfinite(u).all():

@@ -312,7 +312,7 @@ cdef class Stepper:
         cdef int k, side = 0
         high = s_high
         if not self.leg(high):
-            raise SimulationError(f"the collision step at t = {t:.6g} s has no solution: reduce the step size.")
+            raise SimulationError(f"the collision step at t = {t:.6g} s has no solution: reduce the step size, or stop before the motion comes to rest on a surface.")
         g_high = self.gap(1.0, j)
         g_low = 1.0
         for k in range(60):  # a start inside: shorter and shorter legs, because a leg may start on this surface
@@ -338,7 +338,7 @@ cdef class Stepper:
             if width <= 4e-16 * high:
                 break
             if not self.leg(s):
-                raise SimulationError(f"the collision step at t = {t:.6g} s has no solution: reduce the step size.")
+                raise SimulationError(f"the collision step at t = {t:.6g} s has no solution: reduce the step size, or stop before the motion comes to rest on a surface.")
             g = self.gap(1.0, j)
             if g == 0.0:
                 return s

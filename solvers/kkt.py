@@ -25,6 +25,18 @@ class Residuals:
     violation: float
 
 
+def duality_gap(nlp: Transcription, x: Array, duals: Duals) -> float:
+    """Sum of the products of inequalities and bounds with their multipliers: about what a barrier has left of the cost."""
+    z = np.where(nlp.lower < nlp.upper, duals.z, 0.0)
+    return float(np.abs(duals.w * nlp.inequality(x)).sum() + np.abs(z * _distance(nlp, x, z)).sum())
+
+
+def _distance(nlp: Transcription, x: Array, z: Array) -> Array:
+    """Distance from the bound that each multiplier belongs to."""
+    with np.errstate(invalid="ignore"):
+        return np.where(z > 0, x - nlp.lower, np.where(z < 0, nlp.upper - x, 0.0))
+
+
 def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
     """Return the residuals of L = f + y . c - w . d - z . x with bounds on x."""
     free = nlp.lower < nlp.upper
@@ -32,9 +44,7 @@ def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
     slope = np.where(free, _slope(nlp, x, duals.y, duals.w) - z, 0.0)
     # Steepness matters in proportion to how far an unknown can usefully move.
     reach = np.where(np.isin(np.arange(nlp.n), nlp.layout.index_h), np.abs(x), 1.0)
-    with np.errstate(invalid="ignore"):
-        distance = np.where(z > 0, x - nlp.lower, np.where(z < 0, nlp.upper - x, 0.0))
-    products = np.concatenate([duals.w * nlp.inequality(x), z * distance])
+    products = np.concatenate([duals.w * nlp.inequality(x), z * _distance(nlp, x, z)])
     multipliers = np.concatenate([duals.y, duals.w, z])
     scale = max(SCALE_FROM, float(np.abs(multipliers).mean())) / SCALE_FROM
     worst = max(float(np.abs(slope * reach).max(initial=0.0)), float(np.abs(products).max(initial=0.0))) / scale

@@ -209,7 +209,7 @@ def step_element(f: Continuous, order: int, make: Callable[[str], Any], exact: C
 
 
 def check_order(order: int) -> None:
-    if order not in ORDERS:
+    if order not in ORDERS or not isinstance(order, int):
         raise ModelError(f"order = {order!r}: expected one of {', '.join(map(str, ORDERS))}.")
 
 

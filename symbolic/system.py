@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -83,11 +83,11 @@ class MechanicalSystem:
     def __post_init__(self) -> None:
         put = object.__setattr__
         check_name(self.name, "model")
-        put(self, "coordinates", tuple(self.coordinates))
-        put(self, "inputs", tuple(self.inputs))
-        put(self, "parameters", dict(self.parameters))
-        put(self, "surfaces", dict(self.surfaces))
-        put(self, "path_constraints", dict(self.path_constraints))
+        for name in ("coordinates", "inputs"):
+            put(self, name, _sequence(getattr(self, name), name))
+        for name, example in (("parameters", "{m: 1.0}"), ("surfaces", '{"wall": x <= 1}'), ("path_constraints", '{"speed": v <= 1}'),
+                              ("forces", "{x: F}"), ("units", '{x: "m"}')):  # fmt: skip
+            put(self, name, _mapping(getattr(self, name), name, example))
         self._check_names()
         put(self, "units", self._named_units())
         put(self, "lagrangian", _expression(self.lagrangian, "the Lagrangian"))
@@ -140,9 +140,14 @@ class MechanicalSystem:
                 return {key: replaced(part) for key, part in value.items()}
             return value.xreplace(model.speeds) if isinstance(value, sp.Basic) else value
 
+        for key in fields:
+            if key not in cls.__dataclass_fields__ or key in ("name", "coordinates", "lagrangian", "parameters"):
+                raise ModelError(
+                    f"{key!r} cannot be given beside an imported model: expected fields such as inputs, surfaces, forces, cost."
+                )
         given = {key: value if key in ("inputs", "title", "units") else replaced(value) for key, value in fields.items()}
         forces = dict(model.forces)
-        for q, force in given.pop("forces", {}).items():
+        for q, force in _mapping(given.pop("forces", {}), "forces", "{x: F}").items():
             forces[q] = forces.get(q, sp.S.Zero) + force
         return cls(name, model.coordinates, model.lagrangian, parameters, forces=forces, **given)
 
@@ -233,7 +238,11 @@ class MechanicalSystem:
         for symbol, value in self.parameters.items():
             if not isinstance(symbol, sp.Symbol):
                 raise ModelError(f"parameter {symbol!r} is not a SymPy Symbol.")
-            if value is not None and not math.isfinite(float(value)):
+            try:
+                finite = value is None or math.isfinite(float(value))
+            except (TypeError, ValueError):
+                finite = False
+            if not finite:
                 raise ModelError(f"parameter {symbol} = {value}: a finite number was expected.")
 
     def _normalised_forces(self) -> dict[Any, Any]:
@@ -292,6 +301,18 @@ class MechanicalSystem:
         for name, gap in self.gaps.items():
             if not _atoms(gap) & set(self.coordinates):
                 raise ModelError(f"surface {name!r} contains no coordinate: expected a relation in {_listed(self.coordinates)}.")
+
+
+def _sequence(value: Any, what: str) -> tuple[Any, ...]:
+    if isinstance(value, (str, sp.Basic)) or not isinstance(value, Iterable):
+        raise ModelError(f"{what} = {value!r}: expected a list of dynamicsymbols, such as [x].")
+    return tuple(value)
+
+
+def _mapping(value: Any, what: str, example: str) -> dict[Any, Any]:
+    if not isinstance(value, Mapping):
+        raise ModelError(f"{what} = {value!r}: expected a mapping such as {example}.")
+    return dict(value)
 
 
 def _expression(value: Any, what: str) -> Any:

@@ -11,6 +11,7 @@ import pytest
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.errors import SimulationError
 from dmoc.trajectory import Trajectory
 
 
@@ -114,3 +115,18 @@ def test_a_graze_is_no_contact_and_a_knock_is(block: Kernels) -> None:
     for wall, passed in ((top - 1e-7, True), (top - 0.05, False)):
         nearer = replace(solution.trajectory, parameters=dict(solution.trajectory.parameters) | {"wall": wall})
         assert (not dmoc.verify(nearer, block).extra_contacts) is passed
+
+
+def test_kernels_of_another_model_are_refused(block: Kernels, puck: Kernels) -> None:
+    solution = dmoc.solve(block_and_wall.problem(0.8, 10), "ipm")
+    with pytest.raises(SimulationError, match="give those it was made with"):
+        dmoc.verify(solution.trajectory, puck)
+
+
+def test_a_collision_beside_its_surface_is_found() -> None:
+    """A wall that stands 1 % nearer than planned: the motion cannot have collided where it says."""
+    problem = block_and_wall.problem(0.8, 50)
+    solution = dmoc.solve(problem, "ipm")
+    nearer = replace(solution.trajectory, parameters=dict(solution.trajectory.parameters) | {"wall": 0.99})
+    check = dmoc.verify(nearer, problem.kernels)
+    assert not check.passed and "the collision with 'wall' is 0.01 off it" in check.message

@@ -346,3 +346,42 @@ def test_sources_compile_without_warnings(tmp_path: Path, source: str) -> None:
     assert compiler is not None
     flags = ["-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", "-I", str(ROOT / "nlp"), "-I", str(ROOT / "solvers")]
     subprocess.run([compiler, *flags, "-c", str(ROOT / source), "-o", str(tmp_path / "x.o")], check=True)
+
+
+@pytest.mark.parametrize("e", [0.0, 0.3])
+def test_a_goal_on_the_surface_that_is_hit(block: Kernels, e: float) -> None:
+    """The gap of a fixed goal is no constraint: it has no interior, and its multiplier would hide that the motion is no minimum."""
+    problem = dmoc.Problem(
+        block, start={"x": 0.0}, goal={"x": 1.0, "x_dot": 0.0}, sequence=["wall"], steps=20, final_time=1.0, restitution=e
+    )
+    costs = [dmoc.solve(problem, method).cost for method in ("ipm", "slsqp")]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_limit_at_the_surface_itself(order: int) -> None:
+    """A bound that a contact implies leaves no interior at the collision; one in front of the surface makes the problem infeasible."""
+    problem = dmoc.Problem(
+        dmoc.build(block_system(), order=order), start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=20,
+        final_time=1.0, restitution=0.5,
+    )  # fmt: skip
+    free = dmoc.solve(problem, "ipm")
+    for method in ("ipm", "slsqp"):
+        held = dmoc.solve(problem.but(bounds={"x": (None, 1.0)}), method)
+        assert held.solved and held.cost == pytest.approx(free.cost, rel=1e-6)
+    assert dmoc.solve(problem.but(bounds={"x": (None, 0.9)}), "ipm").status == "infeasible"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"tolerance": "a"}, "tolerance = 'a': expected a positive number"),
+        ({"seconds": "x"}, "seconds = 'x': expected a positive time limit"),
+        ({"iterations": None}, "iterations = None: expected at least 1"),
+        ({"progress": 3}, "progress = 3: expected a function"),
+        ({"guess": "a"}, "guess = 'a': expected a Solution"),
+    ],
+)
+def test_arguments_of_another_type_are_one_sentence(seed: dmoc.Problem, arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(ProblemError, match=message):
+        dmoc.solve(seed, **arguments)  # type: ignore[arg-type]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import block_and_wall
 import pytest
 import seed as seed_example
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.errors import ProblemError
@@ -50,3 +52,22 @@ def test_an_infeasible_problem_stays_infeasible() -> None:
 def test_wrong_tolerances_are_refused() -> None:
     with pytest.raises(ProblemError, match="tolerance = 0"):
         dmoc.solve(block_and_wall.problem(0.8, 10), tolerance=0)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_the_estimate_is_honest_where_inputs_switch(order: int) -> None:
+    """Least time against a wall with |u| <= 1 and e = 0.5: sqrt(2) + 2 sqrt(5/4) - sqrt(2)/2; the switches fall between the nodes."""
+    x, u = dynamicsymbols("x u")
+    T = dynamicsymbols._t
+    system = dmoc.MechanicalSystem(
+        "fast_block", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, surfaces={"wall": x <= 1}, cost=sp.Integer(1)
+    )  # fmt: skip
+    exact = 2**0.5 + 2 * 1.25**0.5 - 2**0.5 / 2
+    problem = dmoc.Problem(
+        dmoc.build(system, order=order), start={"x": 0}, goal={"x": 0, "x_dot": 0}, sequence=["wall"], steps=10, final_time=(None, 10),
+        bounds={"u": (-1, 1)}, restitution=0.5,
+    )  # fmt: skip
+    for tolerance in (1e-4, 1e-5):
+        solution = dmoc.solve(problem, tolerance=tolerance)
+        assert solution.solved and solution.error_estimate is not None
+        assert abs(solution.cost / exact - 1) <= solution.error_estimate <= tolerance

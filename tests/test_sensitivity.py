@@ -94,5 +94,13 @@ def test_a_solution_of_another_problem_is_refused() -> None:
     solution = dmoc.solve(problem, "ipm")
     with pytest.raises(ProblemError, match="give the problem that was solved"):
         dmoc.sensitivities(problem.but(steps=12), solution)
+    for other in (
+        problem.but(restitution=0.5),
+        problem.but(parameters={"wall": 2.0}),
+        problem.but(goal={"x": -1.0}),
+        problem.but(final_time=2.0),
+    ):
+        with pytest.raises(ProblemError, match="is no minimum of this problem"):
+            dmoc.sensitivities(other, solution)
     with pytest.raises(ProblemError, match="sensitivities need a minimum"):
         dmoc.sensitivities(problem, dmoc.solve(problem.but(bounds={"u": (-1, 1)}), "ipm"))

@@ -167,3 +167,10 @@ def test_a_collision_exactly_at_a_node_is_a_collision(block: Kernels, h: float) 
 def test_a_motion_that_starts_on_a_surface_outwards_bounces(block: Kernels) -> None:
     run = dmoc.simulate(block, {"x": 1.0}, {"x": 1.0}, step_size=0.1, steps=5)
     assert len(run.collisions) == 1 and run.q[-1, 0] == pytest.approx(0.5)
+
+
+def test_constant_inputs_of_a_system_with_two(puck: Kernels) -> None:
+    """A force of (1, 2) for half a second moves a unit mass by (1, 2)/8; rows in any memory order serve."""
+    for inputs in ([1.0, 2.0], np.asfortranarray(np.tile([1.0, 2.0], (5, 1)))):
+        run = dmoc.simulate(puck, [0.0, -1.0], step_size=0.1, steps=5, inputs=inputs)
+        np.testing.assert_allclose(run.q[-1], [0.125, -0.75], atol=1e-12)

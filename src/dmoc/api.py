@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
@@ -24,14 +24,16 @@ from dmoc.refinement import refined
 from dmoc.solution import Solution
 from dmoc.solvers import external, ipm, slsqp
 from dmoc.solvers.diagnosis import diagnose
-from dmoc.solvers.kkt import residuals
+from dmoc.solvers.kkt import duality_gap, residuals
 from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
 
 METHODS = ("slsqp", "ipm", "ipopt", "uno")
 Driver: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
 FORMS = ("condensed", "full")
-# A mesh is solved to the tolerance of a refinement, but not below what rounding allows.
-SHARPEST = 1e-8
+# A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier may be driven further down.
+SHARP, SHARPEST = 1e-8, 1e-11
+# Residuals above this are those of another problem.
+OTHER_PROBLEM = 1e-4
 
 
 def solve(
@@ -91,21 +93,24 @@ def solve(
     method = method or ("slsqp" if tolerance is None else "ipm")
     _check_choice("method", method, METHODS)
     _check_choice("form", form, FORMS)
-    for name, value in (("optimality", optimality), ("violation", violation), ("tolerance", tolerance)):
-        if value is not None and not value > 0:
-            raise ProblemError(f"{name} = {value!r}: expected a positive number.")
-    if seconds is not None and not seconds > 0:
-        raise ProblemError(f"seconds = {seconds!r}: expected a positive time limit, or None.")
-    if iterations < 1:
-        raise ProblemError(f"iterations = {iterations!r}: expected at least 1.")
+    for name, value in (("optimality", optimality), ("violation", violation)):
+        _check_number(name, value, "expected a positive number")
+    if tolerance is not None:
+        _check_number("tolerance", tolerance, "expected a positive number, or None")
+    if seconds is not None:
+        _check_number("seconds", seconds, "expected a positive time limit, or None")
+    _check_number("iterations", iterations, "expected at least 1")
+    if progress is not None and not callable(progress):
+        raise ProblemError(f"progress = {progress!r}: expected a function of one argument, or None.")
     if method not in ("slsqp", "ipm"):
         external.require(method)
     options = Options(optimality, violation, iterations, seconds, progress)
     if tolerance is None:
         return _solve(problem, method, form, guess, options, verify, reference)
-    sharp = replace(options, optimality=min(optimality, max(tolerance, SHARPEST)))
+    base = min(optimality, max(tolerance, SHARP))
 
-    def on_mesh(problem: Problem, coarse: Solution | None) -> Solution:
+    def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
+        sharp = replace(options, optimality=base if sharper is None else max(sharper, SHARPEST))
         return _solve(problem, method, form, coarse or guess, sharp, False, reference)
 
     return refined(problem, tolerance, seconds, on_mesh, _checked)
@@ -130,7 +135,8 @@ def _solve(
                 nlp, outcome, conflicts = _explained(problem, nlp, outcome, points[0], _remaining(options, guessed), driver)
     except np.linalg.LinAlgError as error:
         raise ProblemError(
-            f"the equations of motion become singular or overflow on the way ({error}): check the parameters and the bounds."
+            f"the equations become singular or overflow on the way ({error}): check the parameters and the bounds, and leave a start that lies "
+            "on the surface to be hit some room; or try method 'ipm'."
         ) from None
     solved = time.perf_counter()
     timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
@@ -178,7 +184,15 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
         )
     if solution.status not in ("solved", "not_verified"):
         raise ProblemError(f"the solution has the status {solution.status!r}: sensitivities need a minimum.")
-    return find_sensitivities(problem, solution.unknowns, *given_multipliers(nlp, solution.multipliers))
+    check_same_model(solution, problem.kernels)
+    y, w, z = given_multipliers(nlp, solution.multipliers)
+    found = residuals(nlp, solution.unknowns, Duals(y, w, z))
+    if found.violation > OTHER_PROBLEM or found.optimality > OTHER_PROBLEM:
+        raise ProblemError(
+            f"the solution is no minimum of this problem (violation {found.violation:.1e}, optimality {found.optimality:.1e}): "
+            "give the problem that was solved."
+        )
+    return find_sensitivities(problem, solution.unknowns, y, w, z)
 
 
 @cache
@@ -212,6 +226,11 @@ def _driver(method: str, form: str, nlp: Transcription, guess: Solution | Array 
     return lambda nlp, x, options: minimise(nlp, x, options, duals)
 
 
+def _check_number(name: str, value: Any, expected: str) -> None:
+    if not isinstance(value, (int, float, np.number)) or not value > 0:
+        raise ProblemError(f"{name} = {value!r}: {expected}.")
+
+
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     if value not in choices:
         raise ProblemError(f"{name} = {value!r}: expected one of {', '.join(choices)}.")
@@ -225,7 +244,10 @@ def _starting_points(problem: Problem, nlp: Transcription, guess: Solution | Arr
         if _same_mesh(nlp, guess):
             return [guess.unknowns.copy()]
         return [unknowns_along(problem, pieces_of(guess.trajectory), [c.impulse for c in guess.collisions])]
-    x = np.array(guess, dtype=float)
+    try:
+        x = np.array(guess, dtype=float)
+    except (TypeError, ValueError):
+        raise ProblemError(f"guess = {guess!r}: expected a Solution, or an array of {nlp.n} unknowns.") from None
     if x.shape != (nlp.n,) or not np.isfinite(x).all():
         raise ProblemError(
             f"guess has shape {x.shape}: expected {nlp.n} finite unknowns, from a solution of the same model with the same steps."
@@ -333,6 +355,7 @@ def _solution(
         unknowns=outcome.x,
         reference=reference or problem.kernels.name,
         conflicts=conflicts,
+        duality_gap=duality_gap(nlp, outcome.x, outcome.duals),
         kernels=problem.kernels,
     )
 

@@ -87,14 +87,14 @@ def models() -> None:
 def derive(
     model: ModelArgument,
     format_: Annotated[TextFormat, typer.Option("--format", help="Readable text, or a LaTeX document.")] = TextFormat.text,
-    order: OrderOption = None,
+    order: Annotated[int, typer.Option(help="Order of the discretisation: 2 or 4.")] = 2,
     target: Annotated[Path | None, typer.Option("--out", help="Write to a file instead of standard output.")] = None,
 ) -> None:
     """Print every step of the derivation of a model."""
     from dmoc.registry import find
     from dmoc.symbolic.derivation import derive as derive_system
 
-    derivation = derive_system(find(model).system(), order or 2)
+    derivation = derive_system(find(model).system(), order)
     text = derivation.latex() if format_ is TextFormat.latex else str(derivation)
     if target is None:
         sys.stdout.write(text)
@@ -108,7 +108,7 @@ def generate(
     target: Annotated[
         Path | None, typer.Option("--out", help="Folder for the sources; by default a folder of the model's name.")
     ] = None,
-    order: OrderOption = None,
+    order: Annotated[int, typer.Option(help="Order of the discretisation: 2 or 4.")] = 2,
 ) -> None:
     """Write the C and Cython sources of a model."""
     from dmoc.codegen.build import write_files
@@ -116,7 +116,7 @@ def generate(
     from dmoc.registry import find
     from dmoc.symbolic.kernels import model_spec
 
-    files = c_files(model_spec(find(model).system(), order or 2))
+    files = c_files(model_spec(find(model).system(), order))
     folder = target or Path(find(model).system().name)
     try:
         paths = write_files(folder, files)
@@ -129,13 +129,13 @@ def generate(
 @app.command()
 def build(
     model: ModelArgument,
-    order: OrderOption = None,
+    order: Annotated[int, typer.Option(help="Order of the discretisation: 2 or 4.")] = 2,
     force: Annotated[bool, typer.Option("--force", help="Build again even if the cache holds the kernels.")] = False,
 ) -> None:
     """Compile the kernels of a model into the cache."""
     from dmoc import registry
 
-    kernels = registry.build(registry.find(model).system(), order=order or 2, backend="compiled", force=force)
+    kernels = registry.build(registry.find(model).system(), order=order, backend="compiled", force=force)
     state = f"built in {kernels.seconds:.2f} s" if kernels.seconds else "found in the cache"
     out.print(f"{kernels.name}: {state}, {kernels.module.__file__}", highlight=False, soft_wrap=True)
 
@@ -191,7 +191,7 @@ def solve(
     )
     prepare_folder(target)
     prepare_file(json_)
-    problem = Problem(reference.kernels(order or 0), **fields)
+    problem = Problem(reference.kernels(order), **fields)
     quiet = json_ == "-"
     with _Live(quiet) as live:
         solution = api.solve(

@@ -104,8 +104,13 @@ def replace_rest(values: dict[str, Any], given: dict[str, Any]) -> None:
 
 def read_restitution(given: list[str]) -> float | dict[str, Any]:
     """Read one number for all surfaces, or SURFACE=E for some."""
-    if len(given) == 1 and "=" not in given[0]:
-        return read_number(given[0], "--restitution")
+    numbers = [text for text in given if "=" not in text]
+    if numbers and len(given) > 1:
+        raise ProblemError(
+            f"--restitution {numbers[0]} stands beside others: give one number for all surfaces, or SURFACE=E for each."
+        )
+    if numbers:
+        return read_number(numbers[0], "--restitution", "expected a number from 0 to 1, or SURFACE=E")
     return dict(read_pair(text, "--restitution") for text in given)
 
 
@@ -126,11 +131,11 @@ def read_value(text: str, what: str) -> Any:
     return read_number(text, what)
 
 
-def read_number(text: str, what: str) -> float:
+def read_number(text: str, what: str, expected: str = "expected a number such as 0.5, or a range such as -1:1") -> float:
     try:
         return float(text)
     except ValueError:
-        raise ProblemError(f"{what} = {text!r}: expected a number such as 0.5, or a range such as -1:1.") from None
+        raise ProblemError(f"{what} = {text!r}: {expected}.") from None
 
 
 def read_whole(text: str, what: str) -> int:

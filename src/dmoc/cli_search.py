@@ -109,7 +109,7 @@ def search(
     fields |= {"sequence": (), "durations": None}
     prepare_folder(target)
     prepare_file(json_)
-    problem = Problem(reference.kernels(order or 0), **fields)
+    problem = Problem(reference.kernels(order), **fields)
     with _Board() as board:
         result = search_sequences(
             problem, max_collisions, surfaces=None if surfaces is None else [s.strip() for s in surfaces.split(",") if s.strip()], strategy=strategy.value,

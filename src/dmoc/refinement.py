@@ -13,8 +13,13 @@ from dmoc.solution import Mesh, Solution
 
 # The error of a mesh falls by this factor at least when the steps are halved, also where inputs switch between steps.
 SLOWEST_ORDER = 1.0
+LIMITED_ORDER = 2
 # A quarter of the steps at once where the error is this far above the tolerance, else half of them.
 FAR = 100.0
+# Share of the tolerance that the barrier may take; beyond it a mesh is solved once more, sharper.
+BARRIER = 0.25
+# Meshes in a row without a smaller estimate that end the refinement.
+PATIENCE = 2
 # A mesh too coarse to be solved is refined so often before the problem counts as unsolved.
 COARSE_FAILURES = 3
 
@@ -22,7 +27,7 @@ COARSE_FAILURES = 3
 # wrong by the square of the residual only, and the estimate sees the rest.
 ROUNDED, FEASIBLE = 1e-5, 1e-9
 
-Solve = Callable[[Problem, Solution | None], Solution]
+Solve = Callable[[Problem, Solution | None, float | None], Solution]
 Check = Callable[[Solution], Solution]
 
 
@@ -30,8 +35,10 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
     """Solve on finer and finer meshes, each from the motion of the one before.
 
     The error of a mesh is the largest relative change, against the mesh before, of the cost, of the durations and of the positions at common nodes,
-    divided by r^p - 1 (Richardson; r is the ratio of the steps, p the order that the last three meshes show, at most that of the discretisation).
-    The mesh is fine enough when this estimate and the errors over segments found by the independent simulation meet the tolerance.
+    divided by r^p - 1 (Richardson; r is the ratio of the steps, p the order that the last three meshes show, at most that of the
+    discretisation).  Where limits hold inputs or the motion, a switch falls between two nodes and the changes are irregular: p is then 2 at
+    most, and no estimate falls faster from mesh to mesh than by r^p.  None is below what the solver's barrier has left of the cost.  The mesh is
+    fine enough when this estimate and the errors over segments found by the independent simulation meet the tolerance.
 
     Parameters
     ----------
@@ -41,7 +48,8 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
     seconds : float, optional
         Limit.
     solve, check : callables
-        Solve a problem from the motion of the mesh before or from an automatic guess; check a solution by simulation.
+        Solve a problem from the motion of the mesh before or from an automatic guess, to the usual optimality or to a given one; check a solution
+        by simulation.
     """
     begin, meshes, failures = time.perf_counter(), list[Mesh](), 0
     solved: list[Solution] = []
@@ -58,6 +66,10 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
     while True:
         s = _from_coarse(problem, solved, solve)
         iterations += s.iterations
+        if s.solved and _barrier(s) > BARRIER * tolerance:
+            sharper = _from_coarse(problem, solved, solve, BARRIER * tolerance / _barrier(s) / 2 * s.optimality)
+            iterations += sharper.iterations
+            s = sharper if sharper.solved else s
         spent = {k: spent.get(k, 0.0) + v for k, v in s.seconds.items()}
         s = replace(s, seconds=spent)
         if not s.solved:
@@ -71,7 +83,7 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
             problem = problem.but(steps=[2 * n for n in problem.phase_steps])
             continue
         solved.append(s)
-        estimate = _estimate(solved, problem.order)
+        estimate = _estimate(solved, meshes, problem.order)
         simulated = None
         if estimate <= tolerance:
             solved[-1] = s = check(s)
@@ -81,6 +93,8 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         if simulated is not None and (simulated <= tolerance or not s.solved):
             return result(s, error)
         steps = [(4 if FAR * tolerance < error < np.inf else 2) * n for n in problem.phase_steps]
+        if len(meshes) > PATIENCE and estimate >= max(m.estimate for m in meshes[-1 - PATIENCE : -1]):
+            return result(s, error, "finer meshes do not make it smaller, rounding errors or the solver's tolerance outweigh it")
         if max(steps) > MOST_STEPS:
             return result(s, error, f"finer meshes than {MOST_STEPS} steps a phase are not tried")
         if seconds is not None and time.perf_counter() - begin > seconds:
@@ -88,12 +102,12 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         problem = problem.but(steps=steps)
 
 
-def _from_coarse(problem: Problem, solved: list[Solution], solve: Solve) -> Solution:
+def _from_coarse(problem: Problem, solved: list[Solution], solve: Solve, optimality: float | None = None) -> Solution:
     """Solve from the motion of the last mesh, and where that leads nowhere from an automatic guess."""
     if not solved:
-        return solve(problem, None)
-    s = _rounded(solve(problem, solved[-1]))
-    return _rounded(solve(problem, None)) if s.status in ("infeasible", "stalled") else s
+        return _rounded(solve(problem, None, optimality))
+    s = _rounded(solve(problem, solved[-1], optimality))
+    return _rounded(solve(problem, None, optimality)) if s.status in ("infeasible", "stalled") else s
 
 
 def _rounded(s: Solution) -> Solution:
@@ -101,17 +115,30 @@ def _rounded(s: Solution) -> Solution:
     return replace(s, status="solved", message="a local minimum was found, to rounding errors") if sharp else s
 
 
-def _estimate(solved: list[Solution], order: int) -> float:
+def _estimate(solved: list[Solution], meshes: list[Mesh], order: int) -> float:
     """Estimated error of the last solution; infinite for the first.  Two meshes show no order: half of the discretisation's is assumed."""
     if len(solved) < 2:
         return np.inf
     ratio = _ratio(solved[-2], solved[-1])
     change = _change(solved[-2], solved[-1])
+    limited = _limited(solved[-1])
+    order = min(order, LIMITED_ORDER) if limited else order
     shown = order / 2
     if len(solved) > 2:
         before = _change(solved[-3], solved[-2])
         shown = _order(before / max(change, 1e-300), _ratio(solved[-3], solved[-2]), ratio, order)
-    return float(change / (ratio**shown - 1))
+    fastest = meshes[-1].estimate / ratio**order if limited and np.isfinite(meshes[-1].estimate) else 0.0
+    return float(max(change / (ratio**shown - 1), fastest, _barrier(solved[-1])))
+
+
+def _barrier(s: Solution) -> float:
+    """What the solver's barrier has left of the cost, relative to it."""
+    return s.duality_gap / max(abs(s.cost), 1e-12)
+
+
+def _limited(s: Solution) -> bool:
+    """Whether limits hold inputs or the motion along the way, and not only the times."""
+    return any(b.endswith((" step", " steps", " node", " nodes")) for b in s.active_bounds)
 
 
 def _order(quotient: float, first: float, second: float, order: int) -> float:

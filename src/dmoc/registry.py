@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
@@ -79,7 +80,7 @@ def find(reference: str) -> Reference:
     path, _, name = reference.rpartition(":")
     if not path:
         return _shipped(reference)
-    made = _from_file(Path(path), name)
+    made = _from_file(Path(path).resolve(), name)
     where = f"{Path(path).resolve()}:{name}"
     if isinstance(made, Problem):
         defaults = {f.name: getattr(made, f.name) for f in fields(Problem) if f.name != "kernels"}
@@ -88,9 +89,9 @@ def find(reference: str) -> Reference:
         def no_system() -> MechanicalSystem:
             raise ModelError(f"{reference} is a Problem: name the MechanicalSystem to see its derivation.")
 
-        def of_order(order: int = 0) -> Kernels:
+        def of_order(order: int | None = None) -> Kernels:
             made_with = kernels.manifest["order"]
-            if order not in (0, made_with):
+            if order not in (None, made_with):
                 raise ModelError(
                     f"{reference} is a Problem with kernels of order {made_with}: name the MechanicalSystem, or build it with order={order}."
                 )
@@ -98,13 +99,13 @@ def find(reference: str) -> Reference:
 
         return Reference(where, defaults, no_system, of_order)
     system = made
-    return Reference(where, {}, lambda: system, lambda order=0: build(system, order=order or 2))
+    return Reference(where, {}, lambda: system, lambda order=None: build(system, order=2 if order is None else order))
 
 
-def load(reference: str, *, order: int = 0) -> Kernels:
+def load(reference: str, *, order: int | None = None) -> Kernels:
     """Return the kernels of a shipped model, or of ``file.py:name``; needs no SymPy for an installed model.
 
-    ``order`` is that of the discretisation, 2 or 4; 0 stands for what there is: 2, or that of a Problem in a file.
+    ``order`` is that of the discretisation, 2 or 4; None stands for what there is: 2, or that of a Problem in a file.
     """
     return find(reference).kernels(order)
 
@@ -118,9 +119,9 @@ def _shipped(name: str) -> Reference:
         raise ModelError(f"unknown model {name!r}: expected one of {known}, or a file as file.py:name.")
     model = entry.model
 
-    def kernels(order: int = 0) -> Kernels:
-        installed = load_installed(f"dmoc.generated.{model}") if order in (0, 2) else None
-        return installed or build(catalogue.system(model), order=order or 2)
+    def kernels(order: int | None = None) -> Kernels:
+        installed = load_installed(f"dmoc.generated.{model}") if order in (None, 2) else None
+        return installed or build(catalogue.system(model), order=2 if order is None else order)
 
     return Reference(name, dict(entry.problem or {}), lambda: catalogue.system(model), kernels)
 
@@ -136,6 +137,7 @@ def _from_file(path: Path, name: str) -> Any:
     if spec is None or spec.loader is None:
         raise ModelError(f"{path} is not a Python file: expected a name ending in .py.")
     module = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(path.parent))  # as if the file were run: what lies beside it can be imported
     try:
         spec.loader.exec_module(module)
     except SyntaxError as error:
@@ -145,6 +147,8 @@ def _from_file(path: Path, name: str) -> Any:
     except Exception as error:
         line = next((f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == str(path)), "?")
         raise ModelError(f"{path} cannot be loaded: {type(error).__name__} in line {line}: {error}; correct the file.") from error
+    finally:
+        sys.path.remove(str(path.parent))
     made = getattr(module, name, None)
     if made is None:
         raise ModelError(f"{path} defines no {name!r}: expected a MechanicalSystem, a Problem, or a function that returns one.")

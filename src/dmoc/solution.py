@@ -92,6 +92,8 @@ class Solution:
         Where a tolerance was given: the larger of the estimated relative error of the mesh and of the simulated error.
     meshes : tuple of Mesh
         The meshes of the refinement.
+    duality_gap : float
+        Sum of the products of inequalities and bounds with their multipliers: what the cost may still lose to the solver's tolerance.
     """
 
     status: str
@@ -111,6 +113,7 @@ class Solution:
     reference: str = ""
     error_estimate: float | None = None
     meshes: tuple[Mesh, ...] = ()
+    duality_gap: float = 0.0
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -222,6 +225,7 @@ class Solution:
             "multipliers": list(self.multipliers),
             "error_estimate": self.error_estimate,
             "meshes": [asdict(m) for m in self.meshes],
+            "duality_gap": self.duality_gap,
         }
         arrays: dict[str, Array] = {
             "unknowns": self.unknowns,
@@ -290,5 +294,5 @@ class Solution:
             header["status"], header["message"], header["method"], header["cost"], trajectory, multipliers, tuple(header["active_bounds"]),
             header["max_violation"], header["optimality"], header["iterations"], header["seconds"], arrays["unknowns"],
             tuple(header["conflicts"]), header["verification"], header["reference"], header["error_estimate"],
-            tuple(Mesh(**m | {"steps": tuple(m["steps"])}) for m in header["meshes"]),
+            tuple(Mesh(**m | {"steps": tuple(m["steps"])}) for m in header["meshes"]), header["duality_gap"],
         )  # fmt: skip
