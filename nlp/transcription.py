@@ -37,6 +37,8 @@ from dmoc.symbolic.names import momentum_name, velocity_name
 Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
 # The smallest step that is distinguishable from none: shorter steps divide rounding errors by h^2.
 SMALLEST_STEP = 1e-7
+# A fixed end counts as lying on a surface up to this gap.
+TOUCHING = 1e-6
 # Where collisions would rather merge, a phase between them shrinks to nothing and its equations with it: share of the largest final time
 # (or of its own longest duration) that each phase of a motion with collisions keeps, unless the problem says otherwise.
 SHORTEST_PHASE = 1e-3
@@ -99,18 +101,21 @@ class Transcription:
     def gap_constraints(self) -> tuple[Index, Index]:
         """Node and surface of each gap constraint.
 
-        Collisions hold with equality.  At an end whose position is fixed the gap is known and was checked; a constraint that cannot move would have
-        no interior where the position lies on the surface.
+        Collisions hold with equality.  At an end that is fixed on a surface the gap is known and was checked: a constraint that cannot move would
+        have no interior there.
         """
         lay, kernels = self.layout, self.problem.kernels
         keep = np.ones((lay.total + 1, len(kernels.surfaces)), dtype=bool)
         keep[lay.collision_nodes, self.surfaces] = False
         moving = kernels.manifest["moving_surfaces"]
-        for node in (0, -1):
-            fixed = self.lower[lay.index_q[node]] == self.upper[lay.index_q[node]]
+        for node in (0, -1) if kernels.surfaces else ():
+            at = lay.index_q[node]
+            fixed = self.lower[at] == self.upper[at]
+            q = np.where(fixed, self.lower[at], 0.0)[None]
+            gaps = kernels.call("surface", q, np.zeros((1, 1)), self.par)[0][0]
             for j, surface in enumerate(kernels.surfaces):
-                known = fixed[kernels.manifest["surface_coordinates"][surface]].all()
-                keep[node, j] &= not known or (node == -1 and surface in moving)
+                known = fixed[kernels.manifest["surface_coordinates"][surface]].all() and not (node == -1 and surface in moving)
+                keep[node, j] &= not (known and gaps[j] > -TOUCHING)
         return np.nonzero(keep)  # type: ignore[return-value]
 
     @cached_property

@@ -51,16 +51,13 @@ def partition(nlp: Transcription, segments: int) -> Partition:
             used.append(np.arange(start, b - 1))
     nodes = np.concatenate([*eliminated, np.zeros(0, dtype=int)]).astype(np.intp)
     rows = np.concatenate([*used, np.zeros(0, dtype=int)]).astype(np.intp)
-    # Step by step, so that the matrix is banded: the node inside step k, node k + 1 and its time.
-    gone = np.hstack(
-        [layout.index_q_i[rows], layout.index_q[nodes], *([layout.index_t[nodes][:, None]] if layout.timed else [])]
-    ).ravel()
-    used_rows = (
-        np.hstack(
-            [rows_of.inside[rows], rows_of.momentum[rows], *([rows_of.time[rows][:, None]] if layout.timed else [])]
-        ).ravel()
-        - 1
-    )
+    # Step by step, so that the matrix is banded: the node inside step k, node k + 1 and its time; then the velocities after the collisions.
+    timed = [layout.index_t[nodes][:, None]] if layout.timed else []
+    clocks = [rows_of.time[rows][:, None]] if layout.timed else []
+    after = layout.index_v_c.ravel() if segments else layout.index_v_c[:0].ravel()
+    departure = rows_of.departure.ravel() if segments else rows_of.departure[:0].ravel()
+    gone = np.concatenate([np.hstack([layout.index_q_i[rows], layout.index_q[nodes], *timed]).ravel(), after])
+    used_rows = np.concatenate([np.hstack([rows_of.inside[rows], rows_of.momentum[rows], *clocks]).ravel(), departure]) - 1
     free = np.ones(nlp.n, dtype=bool)
     free[gone] = False
     free[nlp.lower == nlp.upper] = False
