@@ -74,9 +74,7 @@ def _solve(task: Task) -> Node:
         if left <= 0:
             tried.append(Start(name, "time_limit", None))
             break
-        found = solve(task.problem, task.method, guess=x, iterations=ITERATIONS, seconds=left, verify=False)
-        if found.status == "interrupted":  # a solve keeps its best iterate; a search wants to know
-            raise KeyboardInterrupt
+        found = _solve_from(task, x, left)
         tried.append(Start(name, found.status, found.cost if found.solved else None))
         if found.solved:
             solved.append(found)
@@ -88,6 +86,14 @@ def _solve(task: Task) -> Node:
     if node is None or isinstance(node, Solution):
         node = _confirmed(task, solved)
     return replace(node, starts=tuple(tried), minima=_minima(solved), attempts=task.attempts, seconds=time.perf_counter() - begin)
+
+
+def _solve_from(task: Task, x: Array, seconds: float) -> Solution:
+    """Solve; an interrupted solve keeps its best iterate, but a search wants to know."""
+    found = solve(task.problem, task.method, guess=x, iterations=ITERATIONS, seconds=seconds, verify=False)
+    if found.status == "interrupted":
+        raise KeyboardInterrupt
+    return found
 
 
 def _starts(task: Task) -> Iterator[tuple[str, Array]]:
@@ -173,7 +179,7 @@ def _unsolved(task: Task, tried: list[Start]) -> Node | Solution:
         return nothing
     whole = _least(problem, task.seconds)
     if whole.violation <= INFEASIBLE:
-        found = solve(problem, task.method, guess=whole.x, iterations=ITERATIONS, seconds=task.seconds, verify=False)
+        found = _solve_from(task, whole.x, task.seconds)
         return found if found.solved else nothing
     if problem.sequence:
         # Only the collisions, and as much time as there is: what happens after them is another matter.

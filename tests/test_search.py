@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -425,6 +426,25 @@ def test_ctrl_c_ends_the_command_with_the_best_so_far(tmp_path: Path) -> None:
         result = json.loads(out)
         assert running.returncode == 0, err
         assert not result["complete"] and "interrupted" in result["notes"][0] and 4 <= len(result["nodes"]) < 200
+
+
+def test_ctrl_c_in_the_solve_after_a_diagnosis_ends_the_search(puck: dmoc.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every solve of a node passes an interrupt on, also the one that starts from the motion of least violation."""
+    from dmoc.sequences import inner
+    from dmoc.solvers.diagnosis import Diagnosis
+
+    problem = puck.but(sequence=["east"], steps=10)
+    failed = replace(dmoc.solve(problem, "ipm", verify=False), status="infeasible")
+    diagnosed: list[bool] = []
+
+    def no_violation(_: dmoc.Problem, x: np.ndarray, __: object) -> Diagnosis:
+        diagnosed.append(True)
+        return Diagnosis(x, 0.0, True, (), (), ())
+
+    monkeypatch.setattr(inner, "diagnose", no_violation)
+    monkeypatch.setattr(inner, "solve", lambda *_, **__: replace(failed, status="interrupted") if diagnosed else failed)
+    with pytest.raises(KeyboardInterrupt):
+        inner.solve_node(inner.Task(problem, None, "ipm", 0, 0, 10.0))
 
 
 def test_a_journal_of_another_problem_is_refused(puck: dmoc.Problem, tmp_path: Path) -> None:
