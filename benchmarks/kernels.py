@@ -84,8 +84,9 @@ def compare(quick: bool) -> Section:
 
 def _own(kernels: Kernels, kernel: str, s: dict[str, np.ndarray], repeats: int) -> float:
     par = np.array([[1.0, 1.0, 0.5, 10.0, np.pi / 10, 9 * np.pi / 10]])
-    arguments = [s["a"], s["b"], s["u"], s["u"], s["h"], par]
-    arguments += [s["s"], s["mm"], s["mp"]] if kernel == "step_hess" else []
+    time, nothing = np.zeros((1, 1)), np.zeros((1, 0))  # the model does not depend on the time, and its steps have no node inside
+    arguments = [s["a"], s["b"], s["u"], s["u"], s["h"], time, nothing, par]
+    arguments += [s["s"], s["mm"], s["mp"], nothing] if kernel == "step_hess" else []
     outputs = kernels.manifest["kernels"][kernel]["outputs"]
     results = [np.empty((STEPS, len(o["rows"]) if "rows" in o else o["shape"][0])) for o in outputs]
     function = getattr(kernels.module, kernel)

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 import dmoc
 from dmoc.nlp.motion import trajectory
-from dmoc.nlp.transcription import Transcription
+from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.simulation.check import verify
 from dmoc.solvers.outcome import Options, Status
 
@@ -86,25 +86,12 @@ def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
         return True
     for factor in (4, 16):
         fine = program(p.but(steps=p.steps * factor))
-        _, outcome = solve(fine, refined(coarse, fine, x, factor), "ipm", Options(iterations=300, seconds=SECONDS))
+        start = unknowns_along(fine.problem, pieces_of(trajectory(coarse, x)), x[coarse.layout.index_lam])
+        _, outcome = solve(fine, start, "ipm", Options(iterations=300, seconds=SECONDS))
         near = outcome.status is Status.SOLVED and abs(fine.cost(outcome.x) - coarse.cost(x)) < CLOSE * fine.cost(outcome.x)
         if near and verify(trajectory(fine, outcome.x), p.kernels).passed:
             return True
     return False
-
-
-def refined(coarse: Transcription, fine: Transcription, x: np.ndarray, factor: int) -> np.ndarray:
-    """The same motion with more steps: coordinates interpolated, inputs repeated."""
-    a, b = coarse.layout, fine.layout
-    y = np.zeros(fine.n)
-    y[b.index_h] = x[a.index_h] / factor
-    nodes = np.arange(b.total + 1) / factor
-    for column in range(a.nq):
-        y[b.index_q[:, column]] = np.interp(nodes, np.arange(a.total + 1), x[a.index_q[:, column]])
-    y[b.index_u] = np.repeat(x[a.index_u], factor, axis=0)
-    for name in ("index_lam", "index_p_B", "index_p_E"):
-        y[getattr(b, name)] = x[getattr(a, name)]
-    return y
 
 
 def _peer(instance: int, p: dmoc.Problem, x: np.ndarray) -> Result:
