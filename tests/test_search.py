@@ -12,6 +12,7 @@ import threading
 import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -417,7 +418,9 @@ def test_ctrl_c_ends_the_command_with_the_best_so_far(tmp_path: Path) -> None:
     for workers in ("1", "2"):
         journal = tmp_path / f"journal{workers}.sqlite"
         arguments = command("--max-collisions", "5", "--workers", workers, "--journal", str(journal), "--json", "-")
-        running = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        # A shell that starts the tests in the background has its children ignore the signal.
+        listening = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+        running = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=listening)
         deadline = time.monotonic() + 120
         while time.monotonic() < deadline and _count(journal) < 4:
             time.sleep(0.02)
