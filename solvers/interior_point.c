@@ -19,6 +19,7 @@ static const double KAPPA_W_LESS = 1.0/3, KAPPA_W_MORE = 8, KAPPA_W_FIRST = 100,
 static const double S_MAX = 100, G_MAX = 100, Y_MAX = 1e3;                                   /* scalings, WB (6), 3.8; multipliers, 3.6 */
 static const double RHO = 1000, KAPPA_RESTO = 0.9;                                         /* restoration, WB (29), 3.3 */
 static const double SHORTEST_STEP = 1e-14;
+static const double ROUNDING = 1e-10; /* relative step that counts as one */
 static const double TINY_PIVOT = 1e-20, GOOD_RESIDUAL = 1e-10, BAD_RESIDUAL = 1e-5;         /* linear system */
 enum { MOST_SOC = 4, MOST_REFINEMENTS = 8, MOST_FILTER = 400, MOST_PATIENCE = 3, MOST_TINY = 2 };
 
@@ -607,6 +608,12 @@ static int line_search(solver *s)
         if (!(accepted == 1 && switching))
             filter_add(&s->front, theta, s->now.phi);
         take_dual_step(s, dy, length, alpha_z);
+        exchange_points(s);
+        return 1;
+    }
+    /* A step this small that no length of makes acceptable fails on rounding errors too. */
+    if (change < ROUNDING && theta <= 1e-2*s->options->violation && ++s->tiny <= MOST_TINY && try_step(s, s->dv, alpha_max)) {
+        take_dual_step(s, s->dy, alpha_max, alpha_z);
         exchange_points(s);
         return 1;
     }
