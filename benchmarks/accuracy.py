@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
+# The problems are those of the examples and tests, which are folders of scripts and no packages.
 sys.path[:0] = [str(ROOT / "examples"), str(ROOT / "tests")]
 
 import block_and_wall  # noqa: E402

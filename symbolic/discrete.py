@@ -137,8 +137,10 @@ class StepElement:
         return self._sum(lambda p: p.start.L)
 
     def _force(self, node: int, side: Callable[[Point], Continuous]) -> list[Any]:
-        n = len(self.q_k)
-        return [self._sum(lambda p, j=j: p.phi[node] * side(p).Q[j]) for j in range(n)]  # type: ignore[misc]
+        def component(j: int) -> Any:
+            return self._sum(lambda p: p.phi[node] * side(p).Q[j])
+
+        return [component(j) for j in range(len(self.q_k))]
 
     @cached_property
     def fd_minus(self) -> list[Any]:

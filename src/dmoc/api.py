@@ -107,10 +107,10 @@ def solve(
     options = Options(optimality, violation, iterations, seconds, progress)
     if tolerance is None:
         return _solve(problem, method, form, guess, options, verify, reference)
-    base = min(optimality, max(tolerance, SHARP))
+    begin, base = time.perf_counter(), min(optimality, max(tolerance, SHARP))
 
     def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
-        sharp = replace(options, optimality=base if sharper is None else max(sharper, SHARPEST))
+        sharp = replace(_remaining(options, begin), optimality=base if sharper is None else max(sharper, SHARPEST))
         return _solve(problem, method, form, coarse or guess, sharp, False, reference)
 
     return refined(problem, tolerance, seconds, on_mesh, _checked)

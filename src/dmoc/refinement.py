@@ -13,6 +13,7 @@ from dmoc.solution import Mesh, Solution
 
 # The error of a mesh falls by this factor at least when the steps are halved, also where inputs switch between steps.
 SLOWEST_ORDER = 1.0
+# The order that counts on where limits hold inputs or the motion.
 LIMITED_ORDER = 2
 # A quarter of the steps at once where the error is this far above the tolerance, else half of them.
 FAR = 100.0
