@@ -324,9 +324,9 @@ class Elements:
         lay = self.layout
         known = len(lay.index_v_E) > 0
         v = lay.index_v_E[None] if known else np.full((1, lay.nq), NOWHERE)
-        columns = (lay.index_q[-1:], v, lay.time_columns[-1:])
-        state = tuple(np.where(c == NOWHERE, self.zero, c) for c in columns)
-        return state, np.hstack(columns)  # type: ignore[return-value]
+        q, t = lay.index_q[-1:], lay.time_columns[-1:]
+        state = (q, np.where(v == NOWHERE, self.zero, v), np.where(t == NOWHERE, self.zero, t))
+        return state, np.hstack([q, v, t])
 
     def _multiplier(self, rows: Index) -> Index:
         """Position of the multiplier of a row of r, of a zero where there is no row."""

@@ -19,6 +19,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Boundary, Problem
+from dmoc.nlp.surfaces import gap_to, onto_surface
 from dmoc.nlp.transcription import Transcription
 
 # Smallest singular value, relative to the rows and with inertia scaled to one, below which controllability counts as lost.
@@ -183,29 +184,6 @@ def _inside(bounds: Array, default: Array) -> Array:
     return np.where(finite, middle, np.clip(default, bounds[:, 0], bounds[:, 1]))
 
 
-def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Array:
-    """Move a point onto g = 0 at time t by Newton steps along the gradient."""
-    q = q.copy()
-    for _ in range(30):
-        gap, slope, _ = _gap(problem, q, surface, t)
-        square = slope @ slope
-        if abs(gap) < 1e-12 or square == 0:
-            break
-        q -= gap / square * slope
-    return q
-
-
-def _gap(problem: Problem, q: Array, surface: str, t: float) -> tuple[float, Array, float]:
-    """Gap to a surface, its gradient, and its partial derivative with respect to the time."""
-    kernels, par, now = problem.kernels, problem.parameter_values, np.array([[t]])
-    j = kernels.surfaces.index(surface)
-    rows, columns = kernels.pattern("surface_jac", "g_D_q")
-    slope = np.zeros(problem.nq + 1)
-    values = kernels.call("surface_jac", q[None], now, par)[0][0]
-    slope[columns[rows == j]] = values[rows == j]
-    return float(kernels.call("surface", q[None], now, par)[0][0, j]), slope[:-1], float(slope[-1])
-
-
 def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> Plan:
     """Durations in proportion to the distances, and velocities that continue smoothly in the mirror image behind each surface."""
     points = _via_positions(problem, final_time)
@@ -220,7 +198,7 @@ def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> P
     velocities[0] = _end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
     slowest = lengths.sum() / final_time / 2
     for i, surface in enumerate(problem.sequence):
-        _, slope, _ = _gap(problem, points[i + 1], surface, float(durations[: i + 1].sum()))
+        _, slope, _ = gap_to(problem, points[i + 1], surface, float(durations[: i + 1].sum()))
         e = max(_coefficient(problem, surface), SOFTEST_MIRROR)
         before, after = legs[i] / durations[i], legs[i + 1] / durations[i + 1]
         square = slope @ slope
@@ -373,7 +351,7 @@ def _coefficient(problem: Problem, surface: str) -> float:
 
 def _reflect(problem: Problem, q: Array, v: Array, surface: str, t: float) -> tuple[Array, float]:
     """Velocity after an impact, and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n) with n = grad g."""
-    _, normal, moving = _gap(problem, q, surface, t)
+    _, normal, moving = gap_to(problem, q, surface, t)
     response = np.linalg.solve(_Dynamics(problem, q, v, t).mass, normal)
     inertia, approach = float(normal @ response), float(normal @ v) + moving
     impulse = max((1 + _coefficient(problem, surface)) * approach / inertia, 0.0) if inertia > 0 else 0.0

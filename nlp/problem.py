@@ -347,22 +347,6 @@ class Problem:
                 )
 
 
-def contact_coordinate(problem: Problem, surface: str, j: int) -> float:
-    """Value of the only coordinate j that a surface at rest contains where its gap is zero, by Newton's method."""
-    kernels, now, par = problem.kernels, np.zeros((1, 1)), problem.parameter_values
-    number = kernels.surfaces.index(surface)
-    rows, columns = kernels.pattern("surface_jac", "g_D_q")
-    q = np.zeros((1, problem.nq))
-    q[0, j] = np.clip(0.0, *problem.coordinate_bounds[j])
-    for _ in range(30):
-        gap = kernels.call("surface", q, now, par)[0][0, number]
-        slope = kernels.call("surface_jac", q, now, par)[0][0][(rows == number) & (columns == j)].sum()
-        if gap == 0 or slope == 0:
-            break
-        q[0, j] -= gap / slope
-    return float(q[0, j])
-
-
 def restitution_row(kernels: Kernels, given: Any) -> Array:
     """Read a coefficient of restitution for all surfaces, or coefficients by surface; return one for each surface, shape (nc,)."""
     if not isinstance(given, Mapping):

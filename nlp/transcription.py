@@ -30,8 +30,9 @@ from dmoc.nlp.elements import NOWHERE, Element, Elements, Rows
 from dmoc.nlp.feasibility import minimal_time
 from dmoc.nlp.labels import Block, Goal, equality_blocks, goal_limits, inequality_blocks
 from dmoc.nlp.layout import Index, Layout
-from dmoc.nlp.problem import SURFACE_TOLERANCE, Problem, contact_coordinate
+from dmoc.nlp.problem import SURFACE_TOLERANCE, Problem
 from dmoc.nlp.sparse import SparsePattern
+from dmoc.nlp.surfaces import onto_surface
 from dmoc.symbolic.names import momentum_name, velocity_name
 
 Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
@@ -185,7 +186,7 @@ class Transcription:
             involved = kernels.manifest["surface_coordinates"][surface]
             if len(involved) == 1 and surface not in kernels.manifest["moving_surfaces"]:
                 low, high = problem.coordinate_bounds[involved[0]]
-                at = contact_coordinate(problem, surface, involved[0])
+                at = onto_surface(problem, np.zeros(problem.nq), surface)[involved[0]]
                 if low - SURFACE_TOLERANCE <= at <= high + SURFACE_TOLERANCE:
                     found.append((int(node), int(involved[0])))
         return found

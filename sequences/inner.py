@@ -10,9 +10,10 @@ import numpy as np
 
 from dmoc.api import solve
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.guess import initial_guesses, onto_surface
+from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.surfaces import onto_surface
 from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.sequences.nodes import Node, Start, Verdict

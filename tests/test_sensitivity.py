@@ -39,7 +39,9 @@ def test_block_and_wall(order: int) -> None:
     assert found["surfaces"]["wall"] == pytest.approx(found["parameters"]["wall"], rel=1e-9)
     assert found["final_time"] == pytest.approx(slope(problem, solution, lambda d: {"final_time": 1 + d}), rel=1e-6)
     assert found["start"]["x"] == pytest.approx(slope(problem, solution, lambda d: {"start": {"x": d}}), rel=1e-6)
-    again = slope(problem, solution, lambda d: {"goal": {"x": 0, "x_dot": d}})  # the mass is 1: velocity and momentum are the same
+    again = slope(
+        problem, solution, lambda d: {"goal": {"x": 0, "x_dot": d}}
+    )  # the mass is 1: velocity and momentum are the same
     assert found["goal"]["p_x"] == pytest.approx(again, rel=1e-6)
 
 
