@@ -13,6 +13,7 @@ class Program:
         bounds: tuple[Array, Array],
         equalities: int,
         m: int,
+        unit: Array,
         par: Array,
         passes: Sequence[Any],
         jacobian: tuple[Any, Any],

@@ -36,6 +36,7 @@ cdef extern from "passes.h" nogil:
         ptrdiff_t n, m, equalities
         const double *lower
         const double *upper
+        const double *unit
         double *pool
         dmoc_pass values, slopes, curvatures
         const int *row_start
@@ -44,6 +45,7 @@ cdef extern from "passes.h" nogil:
         const int *hess_column
     ptrdiff_t dmoc_scratch_size(const dmoc_pass *p)
     void dmoc_assemble(const dmoc_pass *p, const double *pool, double *target)
+    void dmoc_put(const dmoc_program *program, const double *x)
 
 
 cdef class Pass:
@@ -135,15 +137,19 @@ cdef class Pass:
 
 
 cdef class Program:
-    """The program of :mod:`dmoc.nlp.transcription`; positions and patterns come from there."""
+    """The program of :mod:`dmoc.nlp.transcription`; positions, patterns and units come from there.
+
+    ``unit`` holds the sizes of the unknowns, the inverse sizes of the constraints and that of the cost: what x, y and sigma are multiplied by.
+    """
     cdef dmoc_program c
     cdef Pass _values, _slopes, _curvatures
-    cdef double[::1] pool, lower, upper
+    cdef double[::1] pool, lower, upper, unit
     cdef int[::1] row_start, column, hess_start, hess_column
     cdef readonly bint compiled
 
-    def __init__(self, kernels, bounds, equalities, m, par, passes, jacobian, hessian):
+    def __init__(self, kernels, bounds, equalities, m, unit, par, passes, jacobian, hessian):
         self.lower, self.upper = (np.append(b, 0.0) for b in bounds)
+        self.unit = np.ascontiguousarray(unit, dtype=np.float64)
         self._values, self._slopes, self._curvatures = (Pass(kernels, *p) for p in passes)
         self.row_start, self.column = (np.append(a, 0).astype(np.intc) for a in jacobian)
         self.hess_start, self.hess_column = (np.append(a, 0).astype(np.intc) for a in hessian)
@@ -151,7 +157,7 @@ cdef class Program:
         self.pool = np.concatenate([np.zeros(n + m + 2), par, [0.0]])
         self.compiled = kernels.backend == "compiled"
         self.c.n, self.c.m, self.c.equalities = n, m, equalities
-        self.c.lower, self.c.upper, self.c.pool = &self.lower[0], &self.upper[0], &self.pool[0]
+        self.c.lower, self.c.upper, self.c.pool, self.c.unit = &self.lower[0], &self.upper[0], &self.pool[0], &self.unit[0]
         self.c.values, self.c.slopes, self.c.curvatures = self._values.c, self._slopes.c, self._curvatures.c
         self.c.row_start, self.c.column = &self.row_start[0], &self.column[0]
         self.c.hess_start, self.c.hess_column = &self.hess_start[0], &self.hess_column[0]
@@ -160,19 +166,30 @@ cdef class Program:
         """Return a capsule named "dmoc_program"; it is valid as long as this object."""
         return PyCapsule_New(&self.c, "dmoc_program", NULL)
 
+    cdef int _put(self, const double[::1] x) except -1:
+        if x.shape[0] != self.c.n:
+            raise ValueError(f"expected {self.c.n} unknowns")
+        if self.c.n:
+            dmoc_put(&self.c, &x[0])
+        return 0
+
     def values(self, const double[::1] x):
         """r(x) = (f | c | d), shape (1 + m,)."""
-        self.pool[: self.c.n] = x
+        self._put(x)
         return self._values.run(self.pool)
 
     def slopes(self, const double[::1] x):
         """The gradient of f, shape (n,), followed by the entries of d(c | d)/dx."""
-        self.pool[: self.c.n] = x
+        self._put(x)
         return self._slopes.run(self.pool)
 
     def curvatures(self, const double[::1] x, const double[::1] y, double sigma):
         """The entries of the upper triangle of the Hessian of sigma f + y . (c | d)."""
-        self.pool[: self.c.n] = x
-        self.pool[self.c.n : self.c.n + self.c.m] = y
-        self.pool[self.c.n + self.c.m] = sigma
+        cdef ptrdiff_t r
+        self._put(x)
+        if y.shape[0] != self.c.m:
+            raise ValueError(f"expected {self.c.m} multipliers")
+        for r in range(self.c.m):
+            self.pool[self.c.n + r] = self.unit[self.c.n + r] * y[r]
+        self.pool[self.c.n + self.c.m] = self.unit[self.c.n + self.c.m] * sigma
         return self._curvatures.run(self.pool)

@@ -16,11 +16,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Index, Layout
 from dmoc.nlp.problem import Problem
 
+Bools = NDArray[np.bool_]
 # Row or column of a result that is not wanted.
 NOWHERE = -1
 
@@ -64,12 +66,16 @@ class Rows:
     momentum: Index
     inside: Index
     time: Index
+    arrival: Index
     departure: Index
     energy: Index
+    approach: Index
+    separation: Index
     contact: Index
     velocity_B: Index
     velocity_E: Index
     gap: Index
+    gap_inside: Index
     path: Index
 
 
@@ -86,8 +92,8 @@ class Linear:
 class Elements:
     """The elements of a problem's values, first and second derivatives."""
 
-    def __init__(self, problem: Problem, layout: Layout, rows: Rows, m: int) -> None:
-        self.problem, self.layout, self.rows = problem, layout, rows
+    def __init__(self, problem: Problem, layout: Layout, rows: Rows, m: int, touching: Bools) -> None:
+        self.problem, self.layout, self.rows, self.touching = problem, layout, rows, touching
         self.kernels = problem.kernels
         self.y = layout.size  # first multiplier in the pool
         self.sigma = self.y + m
@@ -108,17 +114,21 @@ class Elements:
             energy, nowhere = rows.energy[:, None], np.full((len(nodes), 1), NOWHERE)
             found.append(Element("impact", self._beside(nodes - 1), (Entries(energy, factors=self._share), Entries(nowhere))))
             found.append(Element("impact", self._beside(nodes), (Entries(nowhere), Entries(energy, factors=-self._share))))
-            found.append(Element("restitution", self._restitution, (Entries(energy, factors=-1.0),)))
-            # The momentum after the collision is -r_minus of the first step.
-            outputs = (rows.departure if place is places[0] else np.full_like(place[nodes], NOWHERE) for place in places)
-            found.append(Element("step", self._beside(nodes), tuple(Entries(place, factors=-1.0) for place in outputs)))
+            found.append(Element("restitution", self._restitution, (Entries(energy, factors=-self._work),)))
+            for at, place, wanted in self._momenta_beside:
+                results = (Entries(place if i == wanted else np.full_like(p[at], NOWHERE)) for i, p in enumerate(places))
+                found.append(Element("step", self._beside(at), tuple(results)))
+            for state, _, row, sign in self._rates:
+                found.append(Element("gap_rate", (*state, self.par), (Entries(row, factors=sign),)))
         if self.kernels.has("surface"):
             found.append(Element("surface", self._surface, (Entries(self._gap_rows, factors=self._gap_signs),)))
+        if rows.gap_inside.size:
+            found.append(Element("surface", self._surface_inside, (Entries(rows.gap_inside, factors=-1.0),)))
         if self.kernels.has("path"):
             found.append(Element("path", self._step, (Entries(rows.path),)))
-        for row, state, _ in self._legendre:
+        for row, state, _, sign in self._legendre:
             energy_out = np.full((len(row), 1), NOWHERE)
-            found.append(Element("legendre", (*state, self.par), (Entries(row, factors=-1.0), Entries(energy_out))))
+            found.append(Element("legendre", (*state, self.par), (Entries(row, factors=sign), Entries(energy_out))))
         if self.kernels.has("terminal_cost"):
             found.append(Element("terminal_cost", (*self._terminal[0], self.par), (Entries(cost[:1]),)))
         return found
@@ -145,27 +155,28 @@ class Elements:
                     for name in ("e_plus_D_z", "e_minus_D_z")
                 )
                 found.append(Element("impact_jac", self._beside(at), blocks))
-            block = self._block("restitution_jac", "W_D_s", energy, self._restitution_columns, -1.0)
+            block = self._block("restitution_jac", "W_D_s", energy, self._restitution_columns, -self._work)
             found.append(Element("restitution_jac", self._restitution, (block,)))
-            blocks = tuple(
-                self._block(
-                    "step_jac",
-                    name,
-                    rows.departure if row is outputs[0][1] else np.full_like(row[nodes], NOWHERE),
-                    z[nodes],
-                    -1.0,
+            for at, place, wanted in self._momenta_beside:
+                blocks = tuple(
+                    self._block("step_jac", name, place if i == wanted else np.full_like(row[at], NOWHERE), z[at])
+                    for i, (name, row) in enumerate(outputs)
                 )
-                for name, row in outputs
-            )
-            found.append(Element("step_jac", self._beside(nodes), blocks))
+                found.append(Element("step_jac", self._beside(at), blocks))
+            for state, columns, row, sign in self._rates:
+                block = self._block("gap_rate_jac", "w_D_s", row, columns, sign)
+                found.append(Element("gap_rate_jac", (*state, self.par), (block,)))
         if self.kernels.has("surface"):
             r, _ = self.kernels.pattern("surface_jac", "g_D_q")
             block = self._block("surface_jac", "g_D_q", self._gap_rows, self._surface_columns, self._gap_signs[:, r])
             found.append(Element("surface_jac", self._surface, (block,)))
+        if rows.gap_inside.size:
+            block = self._block("surface_jac", "g_D_q", rows.gap_inside, self._columns_inside, -1.0)
+            found.append(Element("surface_jac", self._surface_inside, (block,)))
         if self.kernels.has("path"):
             found.append(Element("path_jac", self._step, (self._block("path_jac", "r_d_D_z", rows.path, z),)))
-        for row, state, columns in self._legendre:
-            block = self._block("legendre_jac", "p_D_s", row, columns, -1.0)
+        for row, state, columns, sign in self._legendre:
+            block = self._block("legendre_jac", "p_D_s", row, columns, sign)
             found.append(Element("legendre_jac", (*state, self.par), (block,)))
         if self.kernels.has("terminal_cost"):
             end, columns = self._terminal
@@ -184,10 +195,14 @@ class Elements:
             for at, sign, weights in ((nodes - 1, self._share, (energy, zero)), (nodes, -self._share, (zero, energy))):
                 found.append(self._curvature("impact_hess", (*self._beside(at), np.hstack(weights)), z[at], sign))
             found.append(self._curvature("normal_hess", (*self._normal, mu[nodes]), self._normal_columns, -1.0))
-            found.append(self._curvature("restitution_hess", (*self._restitution, energy), self._restitution_columns, -1.0))
-            none, held = np.full((1, 1), self.zero), self._multiplier(rows.departure)
-            nothing = [np.full((len(nodes), size), self.zero) for size in (lay.nq, rows.inside.shape[1])]
-            found.append(self._curvature("step_hess", (*self._beside(nodes), none, held, *nothing), z[nodes], -1.0))
+            found.append(self._curvature("restitution_hess", (*self._restitution, energy), self._restitution_columns, -self._work))
+            none = np.full((1, 1), self.zero)
+            for at, place, wanted in self._momenta_beside:
+                weights_of = [np.full((len(at), size), self.zero) for size in (lay.nq, lay.nq, rows.inside.shape[1])]
+                weights_of[wanted] = self._multiplier(place)
+                found.append(self._curvature("step_hess", (*self._beside(at), none, *weights_of), z[at]))
+            for state, columns, row, sign in self._rates:
+                found.append(self._curvature("gap_rate_hess", (*state, self.par, self._multiplier(row)), columns, sign))
         found.append(self._curvature("step_hess", (*self._step, sigma, mu[:-1], mu[1:], self._multiplier(rows.inside)), z))
         if self.kernels.has("surface"):
             q, t, par = self._surface
@@ -197,10 +212,13 @@ class Elements:
                 at = lay.collision_nodes
                 held = self._multiplier(rows.contact[at])
                 found.append(self._curvature("surface_hess", (q[at], self._at(t, at), par, held), columns[at]))
+        if rows.gap_inside.size:
+            weights = (*self._surface_inside, self._multiplier(rows.gap_inside))
+            found.append(self._curvature("surface_hess", weights, self._columns_inside, -1.0))
         if self.kernels.has("path"):
             found.append(self._curvature("path_hess", (*self._step, self._multiplier(rows.path)), z))
-        for row, state, columns in self._legendre:
-            found.append(self._curvature("legendre_hess", (*state, self.par, self._multiplier(row)), columns, -1.0))
+        for row, state, columns, sign in self._legendre:
+            found.append(self._curvature("legendre_hess", (*state, self.par, self._multiplier(row)), columns, sign))
         if self.kernels.has("terminal_cost"):
             end, columns = self._terminal
             found.append(self._curvature("terminal_cost_hess", (*end, self.par, sigma), columns))
@@ -270,10 +288,37 @@ class Elements:
         nodes = self.layout.collision_nodes
         return np.hstack([self.layout.index_q[nodes], self._impulse_columns, self.layout.time_columns[nodes]])
 
-    @property
+    @cached_property
     def _share(self) -> Array:
-        """Coefficient of restitution of every collision, shape (collisions, 1): the share of the balance of energy in its law."""
-        return self.problem.restitution_values[self.surfaces][:, None]
+        """Share of the balance of energy in the law of every collision, shape (collisions, 1): its coefficient of restitution, 0 for a touch."""
+        return np.where(self.touching, 0.0, self.problem.restitution_values[self.surfaces])[:, None]
+
+    @property
+    def _work(self) -> Array:
+        """Share of W in the law of every collision: plastic impacts and touches state w = 0 after it without the factor lam."""
+        return np.where(self._share > 0, 1.0, 0.0)
+
+    @property
+    def _momenta_beside(self) -> list[tuple[Index, Index, int]]:
+        """Steps before and after each collision, the rows that their momenta at it enter, and which output of the step they are."""
+        nodes, rows = self.layout.collision_nodes, self.rows
+        return [(nodes - 1, rows.arrival, 1), (nodes, rows.departure, 0)]
+
+    @cached_property
+    def _rates(self) -> list[tuple[tuple[Index, ...], Index, Index, float]]:
+        """Where rates of gaps at collisions enter: positions of (q_c, v, t), their unknowns, rows by surface, and the factor."""
+        lay, nodes, found = self.layout, self.layout.collision_nodes, []
+        q, t, hit = lay.index_q[nodes], self._at(self._times, nodes), (np.arange(len(nodes)), self.surfaces)
+        plastic = np.where(self._work[:, 0] > 0, NOWHERE, self.rows.energy)
+        for v, rows, sign in (
+            (lay.index_v_a, self.rows.approach, 1.0),
+            (lay.index_v_c, self.rows.separation, -1.0),
+            (lay.index_v_c, plastic, 1.0),
+        ):
+            row = np.full((len(nodes), len(self.kernels.surfaces)), NOWHERE)
+            row[hit] = rows
+            found.append(((q, v, t), np.hstack([q, v, lay.time_columns[nodes]]), row, sign))
+        return found
 
     @cached_property
     def _restitution(self) -> tuple[Index, ...]:
@@ -295,6 +340,16 @@ class Elements:
     def _surface_columns(self) -> Index:
         return np.hstack([self.layout.index_q, self.layout.time_columns])
 
+    @property
+    def _surface_inside(self) -> tuple[Index, Index, Index]:
+        """Arguments of the gaps inside the steps, to surfaces that stand still."""
+        return self.layout.index_q_i.reshape(-1, self.layout.nq), np.full((1, 1), self.zero), self.par
+
+    @property
+    def _columns_inside(self) -> Index:
+        q_i = self.layout.index_q_i.reshape(-1, self.layout.nq)
+        return np.hstack([q_i, np.full((len(q_i), 1), NOWHERE)])
+
     @cached_property
     def _gap_rows(self) -> Index:
         return np.maximum(self.rows.gap, self.rows.contact)
@@ -305,17 +360,19 @@ class Elements:
         return np.where(self.rows.contact == NOWHERE, -1.0, 1.0)
 
     @cached_property
-    def _legendre(self) -> list[tuple[Index, tuple[Index, Index, Index], Index]]:
-        """Rows of p - dL/dv(q, v, t) = 0, positions of (q, v, t) and their unknowns: at each end and collision whose velocities are unknowns."""
+    def _legendre(self) -> list[tuple[Index, tuple[Index, Index, Index], Index, float]]:
+        """Where dL/dv(q, v, t) enters: rows, positions of (q, v, t), their unknowns, and the factor, at each end and collision whose
+        velocities are unknowns."""
         lay, found = self.layout, []
-        for row, node, v in (
-            (self.rows.velocity_B[None], np.array([0]), lay.index_v_B[None]),
-            (self.rows.velocity_E[None], np.array([lay.total]), lay.index_v_E[None]),
-            (self.rows.departure, lay.collision_nodes, lay.index_v_c),
+        for row, node, v, sign in (
+            (self.rows.velocity_B[None], np.array([0]), lay.index_v_B[None], -1.0),
+            (self.rows.velocity_E[None], np.array([lay.total]), lay.index_v_E[None], -1.0),
+            (self.rows.arrival, lay.collision_nodes, lay.index_v_a, -1.0),
+            (self.rows.departure, lay.collision_nodes, lay.index_v_c, 1.0),
         ):
             if row.size:
                 q = lay.index_q[node]
-                found.append((row, (q, v, self._at(self._times, node)), np.hstack([q, v, lay.time_columns[node]])))
+                found.append((row, (q, v, self._at(self._times, node)), np.hstack([q, v, lay.time_columns[node]]), sign))
         return found
 
     @cached_property

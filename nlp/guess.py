@@ -18,8 +18,9 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Layout
-from dmoc.nlp.problem import Boundary, Problem
-from dmoc.nlp.surfaces import gap_to, onto_surface
+from dmoc.nlp.problem import Boundary, Problem, midpoints
+from dmoc.nlp.scaling import scale_of
+from dmoc.nlp.surfaces import crossings, gap_to, onto_surface
 from dmoc.nlp.transcription import Transcription
 
 # Smallest singular value, relative to the rows and with inertia scaled to one, below which controllability counts as lost.
@@ -28,8 +29,16 @@ WINDOW = 0.15
 TIME_RATIO = 1.2
 COARSE_STEPS = 80
 FEWEST_STEPS = 8
-# Violation of the discrete equations above which a guess that obeys the equations of motion has drifted off its goal.
-DRIFTED = 100.0
+# Violation of the discrete equations, relative to the momenta, above which a guess that obeys the equations of motion has drifted off its goal.
+DRIFTED = 30.0
+# Speed, in reaches of the coordinates per final time, above which a motion counts as growing without bound.
+RUNAWAY = 1e6
+# Final time where neither the problem nor its dynamics say anything about it, and the range of times that is tried around what they say.
+NO_TIME, AROUND = 10.0, 10.0
+# Steps of a phase that a guess is marched with; finer meshes interpolate it.
+MOST_MARCHED = 100
+# Shares of a reach to which distances of contact points count as equal.
+EQUALLY_FAR = 1e-6
 # Share of the latest final time below which a guess that takes all the time is a further start.
 MUCH_SHORTER = 0.5
 # A plastic impact has no mirror image: coefficient of restitution that the plan assumes at least.
@@ -74,12 +83,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Motion:
-    """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities after the collisions (collisions, nq), steps in
+    """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities before and after the collisions (collisions, nq), steps in
     windows, velocities at both ends, cost."""
 
     q: Array
     u: Array
     lam: Array
+    v_a: Array
     v_c: Array
     free_steps: int
     v_B: Array
@@ -123,8 +133,8 @@ def initial_guesses(problem: Problem) -> tuple[Guess, ...]:
         plan = _plan(problem, prescribed, final_time)
         motion = _resting(problem, plan)
         guesses.append(Guess(_unknowns(problem, plan, motion), final_time, (), 0, 0.0))
-    nlp = Transcription(problem)
-    errors = [float(np.abs(nlp.equality(np.clip(g.x, nlp.lower, nlp.upper))).max()) for g in guesses]
+    nlp = Transcription(problem, scale_of(problem, guesses[-1].x), minimal_times=False)
+    errors = [float(np.abs(nlp.equality(np.clip(nlp.scaled(g.x), nlp.lower, nlp.upper))).max()) for g in guesses]
     drifted = errors[0] > DRIFTED and min(errors[1:], default=np.inf) < errors[0]
     return tuple(guesses[1:] + guesses[:1] if drifted else guesses)
 
@@ -143,10 +153,27 @@ def _final_times(problem: Problem) -> list[float]:
     low, high = max(low, durations[0]), min(high, durations[1])
     if low == high:
         return [low]
-    top = high if np.isfinite(high) else max(10.0, 10.0 * low)
+    natural = _natural_time(problem)
+    top = high if np.isfinite(high) else AROUND * max(natural, low)
     bottom = max(low, top / 50)
     count = int(np.ceil(np.log(top / bottom) / np.log(TIME_RATIO))) + 1
     return list(np.geomspace(bottom, top, max(count, 2)))
+
+
+def _natural_time(problem: Problem) -> float:
+    """Time that the reaches take at the speeds of the start, at the forces at rest, or at full input."""
+    reach = problem.reach
+    q, zero = problem.start_position, np.zeros((1, problem.nq))
+    boundary = problem.start_bounds
+    v = _end_velocity(problem, boundary, q, zero[0])
+    box = problem.input_bounds
+    full = [np.where(np.isfinite(side), side, 0.0) for side in box.T]
+    times = [reach[i] / abs(v[i]) for i in range(problem.nq) if v[i] != 0]
+    for u in (np.zeros(problem.nu), *full):
+        mass, force = problem.kernels.call("dynamics", q[None], zero, u[None].copy(), np.zeros((1, 1)), problem.parameter_values)
+        a = np.abs(np.linalg.solve(mass.reshape(problem.nq, problem.nq), force[0]))
+        times += [float(np.sqrt(2 * reach[i] / a[i])) for i in range(problem.nq) if np.isfinite(a[i]) and a[i] > 0]
+    return float(np.median(times)) if times else NO_TIME / AROUND
 
 
 def _prescribed(problem: Problem) -> tuple[int, ...]:
@@ -167,28 +194,36 @@ def _prescribed(problem: Problem) -> tuple[int, ...]:
 
 def _via_positions(problem: Problem, final_time: float) -> Array:
     """Positions at the start, at the collisions and at the goal, shape (phases + 1, nq); the collisions are spread over the time."""
-    start = _inside(problem.start_bounds.position, np.zeros(problem.nq))
-    goal = _inside(problem.goal_bounds.position, start)
+    start = problem.start_position
+    goal = midpoints(problem.goal_bounds.position, start)
     share = np.linspace(0.0, 1.0, problem.phases + 1)[:, None]
     points = (1 - share) * start + share * goal
     for i, surface in enumerate(problem.sequence):
-        points[i + 1] = onto_surface(problem, points[i + 1], surface, float(share[i + 1, 0]) * final_time)
+        points[i + 1] = contact_point(problem, points[i + 1], points[i], surface, float(share[i + 1, 0]) * final_time)
     return points
 
 
-def _inside(bounds: Array, default: Array) -> Array:
-    """A value for each coordinate: the middle of two finite bounds, else the default moved within the bounds."""
-    finite = np.isfinite(bounds).all(axis=1)
-    with np.errstate(invalid="ignore"):
-        middle = bounds.mean(axis=1)
-    return np.where(finite, middle, np.clip(default, bounds[:, 0], bounds[:, 1]))
+def contact_point(problem: Problem, q: Array, before: Array, surface: str, t: float) -> Array:
+    """A point of the surface near q; of several that are equally near the one nearest to the point before.  q itself where none is found.
+
+    A surface of one coordinate is met at its first root on either side of q.
+    """
+    found = crossings(problem, q, surface, t) or [p for p in [onto_surface(problem, q, surface, t)] if p is not None]
+
+    def far(p: Array) -> tuple[float, float]:
+        away, back = (float(np.linalg.norm((p - other) / problem.reach)) for other in (q, before))
+        return round(away / EQUALLY_FAR), back
+
+    return min(found, key=far, default=q)
 
 
 def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> Plan:
     """Durations in proportion to the distances, and velocities that continue smoothly in the mirror image behind each surface."""
     points = _via_positions(problem, final_time)
     legs = np.diff(points, axis=0)
-    lengths = np.linalg.norm(legs[:, list(prescribed)], axis=1)
+    mass = _Dynamics(problem, points[0], np.zeros(problem.nq), 0.0).mass
+    inertia = mass[np.ix_(prescribed, prescribed)]
+    lengths = np.sqrt(np.einsum("ki,ij,kj->k", legs[:, list(prescribed)], inertia, legs[:, list(prescribed)]))
     # Between two collisions with one surface the motion leaves and returns: such a phase gets an average share.
     flights = lengths <= 1e-6 * lengths.sum()
     lengths = np.where(flights, lengths.sum() / max((~flights).sum(), 1) or 1.0, lengths)
@@ -201,12 +236,13 @@ def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> P
         _, slope, _ = gap_to(problem, points[i + 1], surface, float(durations[: i + 1].sum()))
         e = max(_coefficient(problem, surface), SOFTEST_MIRROR)
         before, after = legs[i] / durations[i], legs[i + 1] / durations[i + 1]
-        square = slope @ slope
-        mirrored = after - (1 + 1 / e) * (slope @ after) / square * slope if square > 0 else after
+        response = np.linalg.solve(_Dynamics(problem, points[i + 1], np.zeros(problem.nq), 0.0).mass, slope)
+        square = float(slope @ response)
+        mirrored = after - (1 + 1 / e) * (slope @ after) / square * response if square > 0 else after
         velocity = (durations[i + 1] * before + durations[i] * mirrored) / (durations[i] + durations[i + 1])
         if square > 0:  # arrive with some speed, or there is no collision
             normal = slope @ velocity / np.sqrt(square)
-            velocity += (max(normal, slowest) - normal) * slope / np.sqrt(square)
+            velocity += (max(normal, slowest) - normal) * response / np.sqrt(square)
         velocities[i + 1] = velocity
     natural = 1.5 * legs[-1] / durations[-1] - 0.5 * velocities[-2] if problem.phases == 1 else legs[-1] / durations[-1]
     velocities[-1] = _end_velocity(problem, problem.goal_bounds, points[-1], natural)
@@ -217,10 +253,10 @@ def _end_velocity(problem: Problem, boundary: Boundary, q: Array, default: Array
     """Velocity at an end: what the bounds fix, as velocity or as momentum, else the default."""
     if np.isfinite(boundary.momentum).all():
         zero = np.zeros((1, problem.nq))
-        p = _inside(boundary.momentum, np.zeros(problem.nq))
+        p = midpoints(boundary.momentum, np.zeros(problem.nq))
         offset = problem.kernels.call("legendre", q[None], zero, np.zeros((1, 1)), problem.parameter_values)[0][0]
         return np.asarray(np.linalg.solve(_Dynamics(problem, q, zero[0], 0.0).mass, p - offset))
-    return _inside(boundary.velocity, np.where(np.isfinite(boundary.momentum).any(axis=1), 0.0, default))
+    return midpoints(boundary.velocity, np.where(np.isfinite(boundary.momentum).any(axis=1), 0.0, default))
 
 
 # Motion --------------------------------------------------------------------------------------------------------------
@@ -235,7 +271,7 @@ class _Dynamics:
         mass, force = problem.kernels.call("dynamics", *at)
         self.mass, self.force = mass.reshape(nq, nq), force[0]
         self.inputs = problem.kernels.call("input_matrix", *at)[0].reshape(nq, nu)
-        self.rest, self.inverse = _rows_of_inputs(self.inputs.tobytes(), nq, nu)
+        self.rest, self.inverse = _rows_of_inputs(self.inputs.tobytes(), problem.inertia.tobytes(), nq, nu)
 
     def reach(self, prescribed: tuple[int, ...]) -> float:
         """Smallest singular value of the matrix that gives the other accelerations, relative to its rows; 1 if there are no others."""
@@ -243,7 +279,7 @@ class _Dynamics:
         if not others:
             return 1.0
         scale = 1 / np.sqrt(np.diag(self.mass))
-        rows = (self.rest / scale) @ (self.mass * scale[:, None] * scale)
+        rows = self.rest @ (self.mass * scale)
         rows /= np.sqrt((rows * rows).sum(axis=1, keepdims=True))
         if len(others) == len(rows) == 1:
             return abs(float(rows[0, others[0]]))
@@ -268,11 +304,17 @@ class _Dynamics:
 
 
 @lru_cache(maxsize=64)
-def _rows_of_inputs(inputs: bytes, nq: int, nu: int) -> tuple[Array, Array]:
-    """An orthonormal basis of the rows that no input enters, and the pseudoinverse of B; B is the same in most states."""
-    B = np.frombuffer(inputs).reshape(nq, nu)
-    rest = np.linalg.svd(B, full_matrices=True)[0][:, nu:].T if nu else np.eye(nq)
-    return np.asarray(rest), np.asarray(np.linalg.pinv(B) if nu else np.zeros((0, nq)))
+def _rows_of_inputs(inputs: bytes, inertia: bytes, nq: int, nu: int) -> tuple[Array, Array]:
+    """A basis of the rows that no input enters, orthonormal where forces count by the roots of the inertias, and the inverse of B by least
+    squares in the same measure; B is the same in most states."""
+    root = np.sqrt(np.frombuffer(inertia))
+    B = np.frombuffer(inputs).reshape(nq, nu) / root[:, None]
+    if not nu:
+        return np.diag(1 / root), np.zeros((0, nq))
+    size = np.linalg.norm(B, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    rest = np.linalg.svd(B / size, full_matrices=True)[0][:, nu:].T
+    return rest / root, np.asarray(np.linalg.pinv(B / size) / size[:, None] / root)
 
 
 def _least_squares(A: Array, b: Array) -> Array:
@@ -284,8 +326,9 @@ def _least_squares(A: Array, b: Array) -> Array:
 def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion | None:
     """Follow a plan by the explicit midpoint rule; None where the motion grows without bound."""
     q, v = plan.positions[0].copy(), plan.velocities[0].copy()
-    nodes, inputs, lam, v_c, free_steps = [q.copy()], [], [], [], 0
+    nodes, inputs, lam, v_a, v_c, free_steps = [q.copy()], [], [], [], [], 0
     v_B, cost, begin = v.copy(), 0.0, 0.0
+    fastest = RUNAWAY * np.maximum(problem.reach, np.abs(plan.positions).max(axis=0)) / plan.durations.sum()
     for i, steps in enumerate(problem.phase_steps):
         h = plan.durations[i] / steps
         target = (plan.positions[i + 1], plan.velocities[i + 1])
@@ -305,7 +348,7 @@ def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion 
             if not free:  # stay on the spline: sums of steps drift
                 s = list(prescribed)
                 q[s], v[s] = spline.position(t + h)[s], spline.velocity(t + h)[s]
-            if not (np.isfinite(q).all() and np.abs(v).max() < 1e6):
+            if not (np.isfinite(q).all() and (np.abs(v) < fastest).all()):
                 return None
             free_steps += free
             nodes.append(q.copy())
@@ -317,12 +360,13 @@ def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion 
         )
         begin += plan.durations[i]
         if i < len(problem.sequence):
+            v_a.append(v)
             v, impulse = _reflect(problem, q, v, problem.sequence[i], begin)
             v_c.append(v)
             lam.append(impulse)
-    after = np.array(v_c).reshape(len(v_c), problem.nq)
+    before, after = (np.array(found).reshape(len(lam), problem.nq) for found in (v_a, v_c))
     return Motion(
-        np.array(nodes), np.array(inputs).reshape(len(inputs), problem.nu), np.array(lam), after, free_steps, v_B, v, cost
+        np.array(nodes), np.array(inputs).reshape(len(inputs), problem.nu), np.array(lam), before, after, free_steps, v_B, v, cost
     )
 
 
@@ -365,9 +409,9 @@ def _resting(problem: Problem, plan: Plan) -> Motion:
         for a, b, n in zip(plan.positions, plan.positions[1:], problem.phase_steps, strict=False)
     ]
     q = np.vstack([*pieces, plan.positions[-1:]])
-    u = np.tile(_inside(problem.input_bounds, np.zeros(problem.nu)), (len(q) - 1, 1))
+    u = np.tile(midpoints(problem.input_bounds, np.zeros(problem.nu)), (len(q) - 1, 1))
     return Motion(
-        q, u, np.zeros(len(problem.sequence)), plan.velocities[1:-1], 0, plan.velocities[0], plan.velocities[-1], np.inf
+        q, u, np.zeros(len(problem.sequence)), plan.velocities[1:-1], plan.velocities[1:-1], 0, plan.velocities[0], plan.velocities[-1], np.inf
     )
 
 
@@ -389,7 +433,7 @@ def _unknowns(problem: Problem, plan: Plan, motion: Motion) -> Array:
     x[lay.index_q] = motion.q
     u = _to_nodes(motion.u, problem.phase_steps) if lay.linear else motion.u[lay.step_of_input]
     x[lay.index_u] = np.clip(u, *problem.input_bounds.T)
-    x[lay.index_lam], x[lay.index_v_c] = motion.lam, motion.v_c
+    x[lay.index_lam], x[lay.index_v_a], x[lay.index_v_c] = motion.lam, motion.v_a, motion.v_c
     times = lay.times(x)
     x[lay.index_t] = times[: len(lay.index_t)]
     x[lay.index_q_i] = np.tile((motion.q[:-1] + motion.q[1:]) / 2, (1, lay.inside))

@@ -47,6 +47,7 @@ def equality_blocks(problem: Problem, layout: Layout, goals: Sequence[Goal]) -> 
         ("momentum", [f"momentum of {q} at node {k}" for k in range(layout.total + 1) for q in names]),
         ("inside", [f"equation of motion of {q} in step {k}" for k in range(layout.total) for q in names * layout.inside]),
         ("time", [f"time of node {k + 1}" for k in range(layout.total) if layout.timed]),
+        ("arrival", [f"velocity {velocity_name(q)} before {c}" for c in collisions for q in names]),
         ("departure", [f"velocity {velocity_name(q)} after {c}" for c in collisions for q in names]),
         ("energy", [f"energy at {c}" for c in collisions]),
         ("contact", [f"contact at {c}" for c in collisions]),
@@ -60,20 +61,27 @@ def equality_blocks(problem: Problem, layout: Layout, goals: Sequence[Goal]) -> 
 
 
 def inequality_blocks(
-    problem: Problem, layout: Layout, gaps: tuple[Index, Index], goals: Sequence[Goal], timed: Sequence[int]
-) -> list[Block]:
+    problem: Problem, layout: Layout, gaps: tuple[Index, Index, Index], goals: Sequence[Goal], timed: Sequence[int],
+    sides: tuple[Index, Index],
+) -> list[Block]:  # fmt: skip
     """Blocks of d, in the order of its rows.
 
-    ``gaps`` are node and surface of each gap, ``goals`` those that are constraints, ``timed`` the phases with a minimal time.
+    ``gaps`` are node and surface of each gap, and the surfaces whose gaps inside the steps count, ``goals`` those that are constraints, ``timed`` the phases with a minimal time, ``sides`` the
+    collisions that must be approached and those after which the gap must open.
     """
     low, high = problem.final_time_bounds
-    names = problem.kernels.manifest["path_constraints"]
+    names, surfaces = problem.kernels.manifest["path_constraints"], problem.kernels.surfaces
+    approach, separation = ([f"collision {i + 1} ({problem.sequence[i]})" for i in side] for side in sides)
+    *at, still = gaps
     groups = [
-        ("gap", [f"gap to {problem.kernels.surfaces[j]} at node {k}" for k, j in zip(*gaps, strict=True)]),
+        ("gap", [f"gap to {surfaces[j]} at node {k}" for k, j in zip(*at, strict=True)]),
+        ("gap inside", [f"gap to {surfaces[j]} inside step {k}" for k in range(layout.total * layout.inside) for j in still]),
         ("path", [f"path constraint {n} in step {k}" for k in range(layout.total) for n in names * (layout.inside + 1)]),
         ("final time >=", [f"final time >= {low:g} s"] if 0 < low < high else []),
         ("final time <=", [f"final time <= {high:g} s"] if low < high < np.inf else []),
         ("goal", [f"goal of {g.name} {'>=' if sign > 0 else '<='} {value:g}" for g, sign, value in goal_limits(goals)]),
+        ("approach", [f"approach of {c}" for c in approach]),
+        ("separation", [f"separation after {c}" for c in separation]),
         ("minimal time", [f"minimal time of phase {i} -> {problem.sequence[i]}" for i in timed]),
     ]
     return _blocks(groups)
@@ -93,7 +101,7 @@ def unknown_names(problem: Problem, layout: Layout) -> list[str]:
     for end, velocities in (("start", layout.velocity_at_start), ("goal", layout.velocity_at_end)):
         names += [f"{velocity_name(c)} at the {end}" for c in q] if velocities else []
     collisions = [f"collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
-    names += [f"{velocity_name(c)} after {collision}" for collision in collisions for c in q]
+    names += [f"{velocity_name(c)} {side} {at}" for side in ("before", "after") for at in collisions for c in q]
     names += [f"time of node {k}" for k in range(layout.total + 1) if layout.timed]
     names += [f"{c} inside step {k}" for k in range(layout.total) for c in q * layout.inside]
     return names

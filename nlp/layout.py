@@ -1,11 +1,11 @@
 """The order of the unknowns, the only place that knows it.
 
-    x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_c | t | q_i)
+    x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i)
 
 h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases; u: inputs, one row a step
-(constant), one row a node of each phase (linear), or two rows a step (stages); lam: impulses, one a collision; p_B, p_E: momenta at both
-ends; v_B, v_E: velocities at both ends, only where the problem needs them; v_c: velocities after the collisions; t: times of the
-nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps (order 4).
+(constant), one row a node of each phase (linear), or two rows a step, its ends (stages); lam: impulses, one a collision; p_B, p_E: momenta
+at both ends; v_B, v_E: velocities at both ends, only where the problem needs them; v_a, v_c: velocities before and after the collisions;
+t: times of the nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps (order 4).
 """
 
 from __future__ import annotations
@@ -100,6 +100,7 @@ class Layout:
             self.nq * self.velocity_at_start,
             self.nq * self.velocity_at_end,
             (self.phases - 1) * self.nq,
+            (self.phases - 1) * self.nq,
             (self.total + 1) * self.timed,
             self.total * self.nq * self.inside,
         ]
@@ -144,27 +145,31 @@ class Layout:
         return self._block(7, -1)
 
     @cached_property
-    def index_v_c(self) -> Index:
+    def index_v_a(self) -> Index:
         return self._block(8, -1, self.nq)
 
     @cached_property
+    def index_v_c(self) -> Index:
+        return self._block(9, -1, self.nq)
+
+    @cached_property
     def index_t(self) -> Index:
-        return self._block(9, -1)
+        return self._block(10, -1)
 
     @cached_property
     def index_q_i(self) -> Index:
         """Shape (total, inside * nq)."""
-        return self._block(10, self.total, self.inside * self.nq)
+        return self._block(11, self.total, self.inside * self.nq)
 
     @cached_property
     def row_u_k(self) -> Index:
-        """Row of u at the start of each step, or at its first Gauss point."""
+        """Row of u at the start of each step."""
         steps = np.arange(self.total)
         return 2 * steps if self.controls == "stages" else steps + (self.phase_of_step if self.linear else 0)
 
     @cached_property
     def row_u_kp1(self) -> Index:
-        """Row of u at the end of each step, or at its second Gauss point: the same row for inputs constant in a step."""
+        """Row of u at the end of each step: the same row for inputs constant in a step."""
         return self.row_u_k + (0 if self.controls == "constant" else 1)
 
     @cached_property

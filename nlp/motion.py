@@ -15,16 +15,18 @@ from dmoc.trajectory import Collision, Phase, Trajectory
 # A multiplier this small holds nothing back, and an impulse this small is none.
 NO_FORCE = 1e-7
 NO_IMPULSE = 1e-6
+# A collision that changes no momentum by more than this share of its size has no effect.
+NO_EFFECT = 1e-3
 
 
 def trajectory(nlp: Transcription, x: Array) -> Trajectory:
-    """Return the motion of the unknowns x: times, coordinates, momenta, velocities, inputs, collisions."""
+    """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities, inputs, collisions."""
     lay, problem = nlp.layout, nlp.problem
-    h, q = x[lay.index_h], x[lay.index_q]
     p_start, p_end = nlp.momenta(x)
-    u = x[lay.index_u]
+    x = nlp.physical(x)
+    h, q, u = x[lay.index_h], x[lay.index_q], x[lay.index_u]
     phases, collisions = [], []
-    begin = 0.0
+    begin, largest = 0.0, np.maximum(np.abs(p_start).max(axis=0), np.abs(p_end).max(axis=0))
     for i, steps in enumerate(lay.steps):
         first, last = int(lay.ends[i]), int(lay.ends[i + 1])
         t = begin + h[i] * np.arange(steps + 1)
@@ -42,6 +44,8 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                     float(x[lay.index_lam[i]]),
                     p_end[last - 1].copy(),
                     p_start[last].copy(),
+                    *_rates(nlp, x, i, begin),
+                    bool(_without_effect(p_end[last - 1], p_start[last], largest)),
                 )
             )
     kernels = problem.kernels
@@ -51,6 +55,20 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         problem.control_form, problem.input_bounds, problem.coordinate_bounds,
         dict(zip(kernels.surfaces, problem.restitution_values.tolist(), strict=True)), problem.order,
     )  # fmt: skip
+
+
+def _rates(nlp: Transcription, x: Array, i: int, t: float) -> tuple[float, float]:
+    """Rates of the gap before and after collision i, from the unknowns in units of the problem."""
+    lay, j = nlp.layout, int(nlp.surfaces[i])
+    q = x[lay.index_q[lay.collision_nodes[[i]]]]
+    at = np.array([[t]])
+    sides = [nlp.problem.kernels.call("gap_rate", q, x[v[[i]]], at, nlp.par)[0][0, j] for v in (lay.index_v_a, lay.index_v_c)]
+    return float(sides[0]), float(sides[1])
+
+
+def _without_effect(before: Array, after: Array, largest: Array) -> bool:
+    """Whether a collision changes no momentum by a share of its size that counts."""
+    return bool((np.abs(after - before) <= NO_EFFECT * largest).all())
 
 
 def _velocities(nlp: Transcription, t: Array, q: Array, p: Array) -> Array:
@@ -82,8 +100,8 @@ def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[str
     ends = []
     with np.errstate(invalid="ignore"):
         free = nlp.lower < nlp.upper
-        ends.append((">=", nlp.lower, free & (z > np.maximum(x - nlp.lower, NO_FORCE))))
-        ends.append(("<=", nlp.upper, free & (-z > np.maximum(nlp.upper - x, NO_FORCE))))
+        ends.append((">=", nlp.limits[0], free & (z > np.maximum(x - nlp.lower, NO_FORCE))))
+        ends.append(("<=", nlp.limits[1], free & (-z > np.maximum(nlp.upper - x, NO_FORCE))))
     for i, k in enumerate(lay.index_h):
         found += [f"duration of phase {i} {sign} {at[k] * lay.steps[i]:g} s" for sign, at, active in ends if active[k]]
     for index, names, what in ((lay.index_u, problem.kernels.inputs, "step"), (lay.index_q, problem.kernels.coordinates, "node")):
@@ -99,7 +117,10 @@ def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[str
 
 
 def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[str, Array]:
-    """Multipliers by kind of constraint; those of the momentum equations in the shape (nodes, nq), "bounds" those of the unknowns."""
+    """Multipliers by kind of constraint, in units of the problem; those of the momentum equations in the shape (nodes, nq), "bounds" those
+    of the unknowns."""
+    units = _units_of_multipliers(nlp)
+    y, w, z = y * units[0], w * units[1], z * units[2]
     named = {block.name: y[block.rows] for block in nlp.equalities if len(block.rows)}
     named["momentum"] = named["momentum"].reshape(-1, nlp.layout.nq)
     return named | {block.name: w[block.rows] for block in nlp.inequalities if len(block.rows)} | {"bounds": z}
@@ -114,4 +135,13 @@ def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[A
         return np.concatenate([*fitting, np.zeros(0)])
 
     z = np.asarray(named.get("bounds", ()))
-    return collected(nlp.equalities), collected(nlp.inequalities), z if len(z) == nlp.n else np.zeros(nlp.n)
+    units = _units_of_multipliers(nlp)
+    z = z if len(z) == nlp.n else np.zeros(nlp.n)
+    return collected(nlp.equalities) / units[0], collected(nlp.inequalities) / units[1], z / units[2]
+
+
+def _units_of_multipliers(nlp: Transcription) -> tuple[Array, Array, Array]:
+    """Units of y, w and z: that of the cost by those of constraints and unknowns."""
+    timed = len(nlp.inequality_rows("minimal time"))
+    rows = np.concatenate([nlp.row_unit[1:], np.full(timed, nlp.scale.time)])
+    return nlp.scale.cost / rows[: nlp.n_eq], nlp.scale.cost / rows[nlp.n_eq :], nlp.scale.cost / nlp.unit

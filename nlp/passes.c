@@ -64,3 +64,9 @@ void dmoc_assemble(const dmoc_pass *pass, const double *pool, double *target)
     for (ptrdiff_t e = 0; e < pass->elements; ++e)
         add_element(&pass->element[e], pool, pass->scratch, target);
 }
+
+void dmoc_put(const dmoc_program *program, const double *x)
+{
+    for (ptrdiff_t i = 0; i < program->n; ++i)
+        program->pool[i] = program->unit[i]*x[i];
+}

@@ -40,13 +40,14 @@ typedef struct {
 } dmoc_pass;
 
 /* A nonlinear program: minimise f subject to c = 0, d >= 0, lower <= x <= upper, with r = (f | c | d) and m = number of (c | d).
- *   pool = (x[n] | y[m] | sigma | 0 | parameters)
+ *   pool = (x[n] | y[m] | sigma | 0 | parameters), each of the first n + m + 1 multiplied by its unit[n + m + 1]: dmoc_put
  *   values: r[1 + m];  slopes: gradient[n], then the entries of d(c | d)/dx by rows: row_start[m + 1], column[entries];
  *   curvatures: the entries of the upper triangle of the Hessian of sigma f + y . (c | d), by rows: hess_start[n + 1], hess_column[].
  */
 typedef struct {
     ptrdiff_t n, m, equalities;
     const double *lower, *upper;
+    const double *unit;
     double *pool;
     dmoc_pass values, slopes, curvatures;
     const int *row_start, *column;
@@ -54,6 +55,8 @@ typedef struct {
 } dmoc_program;
 
 ptrdiff_t dmoc_scratch_size(const dmoc_pass *pass);
+/* Put scaled unknowns into the pool. */
+void dmoc_put(const dmoc_program *program, const double *x);
 void dmoc_assemble(const dmoc_pass *pass, const double *pool, double *target);
 
 #endif

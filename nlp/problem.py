@@ -16,8 +16,12 @@ from dmoc.errors import ProblemError
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 
 CONTROLS = {2: ("constant", "linear"), 4: ("stages", "constant")}  # by order; the first is the default
-# A start or goal on a surface is admissible; rounding of its coordinates must not make it inadmissible.
+# A start or goal on a surface is admissible; rounding of its coordinates must not make it inadmissible: share of the gap's own size.
 SURFACE_TOLERANCE = 1e-12
+# Relative change of a coordinate or parameter that tells how much of a gap comes from it.
+NUDGE = 1e-3
+# Share of the gap's largest possible rate below which a state on a surface does not move into it.
+MOVING_INTO = 1e-9
 
 MOST_STEPS = 100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
 
@@ -182,6 +186,42 @@ class Problem:
         return restitution_row(self.kernels, self.restitution)
 
     @cached_property
+    def start_position(self) -> Array:
+        """The position at the start: fixed values, middles of ranges, and for free ones what their bounds have nearest to zero."""
+        return midpoints(self.start_bounds.position, np.zeros(self.nq))
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Diagonal of the mass matrix at the start, shape (nq,)."""
+        zero, inputs = np.zeros((1, self.nq)), np.zeros((1, self.nu))
+        mass = self.kernels.call("dynamics", self.start_position[None], zero, inputs, np.zeros((1, 1)), self.parameter_values)[0]
+        return np.diagonal(mass.reshape(self.nq, self.nq)).copy()
+
+    @cached_property
+    def reach(self) -> Array:
+        """How far each coordinate may be expected to move: to the goal, to zero, to the surfaces of the sequence, or, where that says nothing, what the
+        inertias make of the reach of the others, shape (nq,)."""
+        start, goal = self.start_position, midpoints(self.goal_bounds.position, self.start_position)
+        known = np.max(np.abs([goal - start, start, goal]), axis=0)
+        if self.kernels.surfaces:
+            rows, columns = self.kernels.pattern("surface_jac", "g_D_q")
+            slope = np.zeros((len(self.kernels.surfaces), self.nq + 1))
+            now = np.zeros((1, 1))
+            slope[rows, columns] = self.kernels.call("surface_jac", start[None], now, self.parameter_values)[0][0]
+            gaps = np.abs(self.kernels.call("surface", start[None], now, self.parameter_values)[0][0])
+            for j in {self.kernels.surfaces.index(s) for s in self.sequence}:
+                size = np.abs(slope[j, :-1])
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    away = np.where(size > 0, gaps[j] / size, 0.0)
+                known = np.where((known == 0) & np.isfinite(away), away, known)
+        box = self.coordinate_bounds
+        width = np.where(np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0)
+        known = np.where(known > 0, known, width)
+        root = np.sqrt(np.abs(self.inertia))
+        known = np.where(known > 0, known, (known * root).max() / np.where(root > 0, root, 1.0))
+        return np.where(known > 0, known, 1.0)
+
+    @cached_property
     def start_bounds(self) -> Boundary:
         return self._boundary("start", self.start)
 
@@ -335,16 +375,70 @@ class Problem:
         if not self.kernels.surfaces or not fixed.any():
             return
         at = np.where(fixed, boundary.position[:, 0], 0.0)
-        gaps = self.kernels.call("surface", at[None], np.zeros((1, 1)), self.parameter_values)[0][0]
-        for surface, gap in zip(self.kernels.surfaces, gaps, strict=True):
+        par = self.parameter_values
+        gaps = self.kernels.call("surface", at[None], np.zeros((1, 1)), par)[0][0]
+        ends = [np.where(b[:, 0] == b[:, 1], b[:, 0], 0.0) for b in (self.start_bounds.position, self.goal_bounds.position)]
+        sizes = np.max([gap_sizes(self.kernels, q, par) for q in (at, *ends)], axis=0)
+        for j, surface in enumerate(self.kernels.surfaces):
             if end == "goal" and surface in self.kernels.manifest["moving_surfaces"]:
                 continue
             involved = self.kernels.manifest["surface_coordinates"][surface]
-            if fixed[involved].all() and not gap <= SURFACE_TOLERANCE:
-                state = ", ".join(f"{self.kernels.coordinates[i]}={at[i]:g}" for i in involved)
+            state = ", ".join(f"{self.kernels.coordinates[i]}={at[i]:g}" for i in involved)
+            if fixed[involved].all() and not gaps[j] <= SURFACE_TOLERANCE * sizes[j]:
                 raise ProblemError(
-                    f"the {end} ({state}) lies behind surface {surface!r}, {gap:g} outside the admissible set g <= 0: move the {end} or the surface."
+                    f"the {end} ({state}) lies behind surface {surface!r}, {gaps[j]:g} outside the admissible set g <= 0: move the {end} or the surface."
                 )
+            if end == "start" and fixed.all() and gaps[j] >= -SURFACE_TOLERANCE * sizes[j]:
+                self._check_leaving(at, j, state)
+
+    def _check_leaving(self, q: Array, j: int, state: str) -> None:
+        """Refuse a start on a surface with a fixed velocity that moves into it."""
+        v = self._fixed_velocity(q)
+        if v is None:
+            return
+        here, now = (q[None].copy(), v[None].copy()), np.zeros((1, 1))
+        rate = float(self.kernels.call("gap_rate", *here, now, self.parameter_values)[0][0, j])
+        rows, columns = self.kernels.pattern("surface_jac", "g_D_q")
+        slope = np.zeros(self.nq + 1)
+        slope[columns[rows == j]] = self.kernels.call("surface_jac", here[0], now, self.parameter_values)[0][0][rows == j]
+        if rate > MOVING_INTO * float(np.abs(slope) @ np.append(np.abs(v), 1.0)):
+            raise ProblemError(
+                f"the start ({state}) lies on surface {self.kernels.surfaces[j]!r} and moves into it (the gap changes by {rate:g} per second): "
+                "give a velocity that leaves it, or leave the velocity free."
+            )
+
+    def _fixed_velocity(self, q: Array) -> Array | None:
+        """The velocity at the start where it is fixed, by itself or by momenta."""
+        velocity, momentum = self.start_bounds.velocity, self.start_bounds.momentum
+        if (velocity[:, 0] == velocity[:, 1]).all():
+            return velocity[:, 0]
+        if not (momentum[:, 0] == momentum[:, 1]).all():
+            return None
+        zero, now, par = np.zeros((1, self.nq)), np.zeros((1, 1)), self.parameter_values
+        offset = self.kernels.call("legendre", q[None], zero, now, par)[0][0]
+        mass = self.kernels.call("dynamics", q[None], zero, np.zeros((1, self.nu)), now, par)[0].reshape(self.nq, self.nq)
+        return np.asarray(np.linalg.solve(mass, momentum[:, 0] - offset))
+
+
+def midpoints(bounds: Array, default: Array) -> Array:
+    """A value for each pair of bounds: the middle of two finite ones, else the default moved within them."""
+    finite = np.isfinite(bounds).all(axis=1)
+    with np.errstate(invalid="ignore"):
+        middle = bounds.mean(axis=1)
+    return np.where(finite, middle, np.clip(default, bounds[:, 0], bounds[:, 1]))
+
+
+def gap_sizes(kernels: Kernels, q: Array, par: Array, t: float = 0.0) -> Array:
+    """Sizes of the gaps at a point, shape (nc,): the sum of what each coordinate and each parameter contributes, |dg/ds s|.
+
+    Rounding errors of a gap are about 1e-16 of its size, whatever its unit.
+    """
+    nudges = 1 + NUDGE * np.vstack([np.zeros(q.size + par.size), np.eye(q.size + par.size)])
+    changed = nudges * np.concatenate([q, par[0]])
+    n = len(changed)
+    now = np.full((n, 1), t)
+    gaps = kernels.call("surface", changed[:, : q.size].copy(), now, changed[:, q.size :].copy())[0]
+    return np.asarray(np.abs(gaps[1:] - gaps[0]).sum(axis=0) / NUDGE)
 
 
 def restitution_row(kernels: Kernels, given: Any) -> Array:

@@ -1,23 +1,89 @@
-"""Gaps of a problem's surfaces at a point, and the point of a surface that is near another one."""
+"""Gaps of a problem's surfaces at a point, their own sizes, and the point of a surface that is near another one."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import brentq
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.problem import Problem
+from dmoc.nlp.problem import Problem, gap_sizes
+
+# A point lies on a surface up to this share of the gap's size.
+ON_SURFACE = 1e-9
+# Newton steps towards a surface, and how often one is halved.
+STEPS, HALVINGS = 60, 40
+# Where a surface is looked for along a coordinate, in reaches: how far, at how many places, and where searches begin again.
+FARTHEST, SAMPLES = 4.0, 257
+OUTWARD = (0.1, -0.1, 0.3, -0.3, 1.0, -1.0, 2.0, -2.0)
 
 
-def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Array:
-    """Move a point onto g = 0 at time t by Newton steps along the gradient."""
-    q = q.copy()
-    for _ in range(30):
-        gap, slope, _ = gap_to(problem, q, surface, t)
-        square = slope @ slope
-        if abs(gap) < 1e-12 or square == 0:
-            break
-        q -= gap / square * slope
-    return q
+def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Array | None:
+    """Return a point of g = 0 at time t near q, or None where none was found.
+
+    Newton steps along the gradient in the metric of the problem's reach, each at most one reach long and shortened until the gap gets smaller.  Where that ends
+    beside the surface, at a point of least distance, they begin again from places to both sides of q along each coordinate.
+    """
+    involved = problem.kernels.manifest["surface_coordinates"][surface]
+    sides = [d * problem.reach * (np.arange(problem.nq) == j) for d in (0.0, *OUTWARD) for j in involved]
+    for away in sides:
+        found = _newton(problem, q + away, surface, t)
+        if found is not None:
+            return found
+    return None
+
+
+def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[Array]:
+    """The first points of a surface of one coordinate to both sides of q, up to four reaches away; none for other surfaces."""
+    involved = problem.kernels.manifest["surface_coordinates"][surface]
+    if len(involved) > 1:
+        return []
+    j, found = int(involved[0]), []
+
+    def gap(s: float) -> float:
+        return gap_to(problem, q + s * (np.arange(problem.nq) == j), surface, t)[0]
+
+    if on_surface(problem, q, surface, t):
+        return [q]
+    for sign in (1.0, -1.0):
+        places = sign * problem.reach[j] * np.linspace(0.0, FARTHEST, SAMPLES)
+        gaps = [gap(s) for s in places]
+        k = next((k for k in range(1, SAMPLES) if gaps[k] * gaps[0] <= 0), None)
+        if k is not None:
+            root = float(brentq(gap, places[k - 1], places[k], xtol=1e-15 * problem.reach[j], rtol=1e-14))
+            found.append(q + root * (np.arange(problem.nq) == j))
+    return found
+
+
+def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:
+    q, reach = q.copy(), problem.reach
+    gap, slope, _ = gap_to(problem, q, surface, t)
+    for _ in range(STEPS):
+        if abs(gap) <= 1e-3 * ON_SURFACE * _size(problem, q, surface, t):
+            return q
+        weighted = slope * reach
+        square = weighted @ weighted
+        if not (np.isfinite(gap) and square > 0):
+            return None
+        step = -gap / square * weighted * reach
+        step /= max(1.0, float(np.abs(step / reach).max()))
+        for _ in range(HALVINGS):
+            trial, at, _ = gap_to(problem, q + step, surface, t)
+            if abs(trial) < abs(gap):
+                break
+            step /= 2
+        else:
+            return q if abs(gap) <= ON_SURFACE * _size(problem, q, surface, t) else None
+        q, gap, slope = q + step, trial, at
+    return None
+
+
+def on_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> bool:
+    """Whether a point lies on a surface, up to rounding errors of the gap's own size."""
+    return abs(gap_to(problem, q, surface, t)[0]) <= ON_SURFACE * _size(problem, q, surface, t)
+
+
+def _size(problem: Problem, q: Array, surface: str, t: float) -> float:
+    return float(gap_sizes(problem.kernels, q, problem.parameter_values, t)[problem.kernels.surfaces.index(surface)])
 
 
 def gap_to(problem: Problem, q: Array, surface: str, t: float) -> tuple[float, Array, float]:

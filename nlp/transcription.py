@@ -5,19 +5,25 @@ Equality constraints (c = 0), node by node along the whole chain of steps::
     momentum   r_plus(k-1) + r_minus(k) - lam grad g(q_c) [+ p_B at the start, - p_E at the end] = 0
     inside     r_i(k) = 0                                                          in each step, at order 4
     time       t_kp1 - t_k - h = 0                                                 in each step, where the model depends on the time
+    arrival    r_plus(last step before) - dL/dv(q_c, v_a) = 0                      at each collision
     departure  r_minus(first step after) + dL/dv(q_c, v_c) = 0                     at each collision
     energy     e (e_plus(last step before) - e_minus(first step after)) - W = 0    at each collision; e is its coefficient of restitution
+               w(q_c, v_c) = 0                                                     instead where e = 0, and where a collision only touches
     contact    g(q_c) = 0                                                          at each collision
     velocity   p_B - dL/dv(q_0, v_B) = 0, p_E - dL/dv(q_N, v_E) = 0                where velocities are needed
     final time t_E - value = 0                                                     where it is fixed
     periodic   state at the end - state at the start = 0
 
-Inequality constraints (d >= 0): gaps -g(q_k) at every node, path constraints r_d of every step, bounds of the final time, and
-T_i - T_min of each phase before a collision.
+Inequality constraints (d >= 0): gaps -g(q_k) at every node (and inside the steps at order 4), path constraints r_d of every step, bounds of
+the final time, approach w(q_c, v_a) >= 0 and separation -w(q_c, v_c) >= 0 at each collision, and T_i - T_min of each phase before one.
+
+Everything here works on scaled unknowns and returns scaled values (:mod:`dmoc.nlp.scaling`): x of :class:`Transcription` is x divided by
+``unit``, a row of r is divided by ``row_unit``.  :meth:`Transcription.physical` and :meth:`Transcription.scaled` convert.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -30,16 +36,17 @@ from dmoc.nlp.elements import NOWHERE, Element, Elements, Rows
 from dmoc.nlp.feasibility import minimal_time
 from dmoc.nlp.labels import Block, Goal, equality_blocks, goal_limits, inequality_blocks
 from dmoc.nlp.layout import Index, Layout
-from dmoc.nlp.problem import SURFACE_TOLERANCE, Problem
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.scaling import Scale
 from dmoc.nlp.sparse import SparsePattern
-from dmoc.nlp.surfaces import onto_surface
+from dmoc.nlp.surfaces import on_surface
 from dmoc.symbolic.names import momentum_name, velocity_name
 
 Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
-# The smallest step that is distinguishable from none: shorter steps divide rounding errors by h^2.
-SMALLEST_STEP = 1e-7
-# A fixed end counts as lying on a surface up to this gap.
-TOUCHING = 1e-6
+# The smallest step that is distinguishable from none, relative to the final time: shorter steps divide rounding errors by h^2.
+SMALLEST_STEP = 1e-8
+# A bound that lies on the surface to be hit gives way by this share of the coordinate's size.
+GIVES_WAY = 1e-3
 # Where collisions would rather merge, a phase between them shrinks to nothing and its equations with it: share of the largest final time
 # (or of its own longest duration) that each phase of a motion with collisions keeps, unless the problem says otherwise.
 SHORTEST_PHASE = 1e-3
@@ -52,25 +59,104 @@ class Transcription:
     ----------
     layout : Layout
     lower, upper : arrays of shape (n,)
-        Bounds of the unknowns.
+        Bounds of the scaled unknowns; ``limits`` are those of the unknowns.
+    scale : Scale
+        Sizes; none by default, so that x and r are in units of the problem.
+    touching : array of bool
+        Collisions that touch their surface without an impulse.
     equalities, inequalities : lists of Block
     goal_as_rows : bool
         Values of the goal are constraints instead of bounds of the unknowns, so that they can be missed by some amount.
     """
 
-    def __init__(self, problem: Problem, minimal_times: bool | None = None, goal_as_rows: bool = False) -> None:
+    def __init__(
+        self, problem: Problem, scale: Scale | None = None, minimal_times: bool | None = None, goal_as_rows: bool = False,
+        touching: Sequence[int] = (),
+    ) -> None:  # fmt: skip
         self.problem = problem
         self.goal_as_rows = goal_as_rows
         self.layout = Layout.of(problem)
         self.par = problem.parameter_values
         self.minimal_times = problem.minimal_times if minimal_times is None else minimal_times
         self.surfaces = np.array([problem.kernels.surfaces.index(s) for s in problem.sequence], dtype=np.intp)
-        self.lower, self.upper = self._bounds()
+        self.touching = np.isin(np.arange(len(self.surfaces)), touching)
+        self.scale = Scale.none(problem) if scale is None else scale
+        self.unit = self.scale.unknowns(self.layout, self.surfaces)
+        self.limits = self._bounds()
+        self.lower, self.upper = (limit / self.unit for limit in self.limits)
         none = np.zeros(0)
         self._last_values, self._last_slopes = (none, none), (none, none)
         self._last_times: dict[int, tuple[Array, float, Array]] = {}
 
     # Constraints by name ---------------------------------------------------------------------------------------------
+
+    def physical(self, x: Array) -> Array:
+        """Unknowns in units of the problem; what lies at a limit up to rounding lies at it."""
+        y = x * self.unit
+        for limit in self.limits:
+            close = 4 * np.finfo(float).eps * np.where(np.isfinite(limit), np.abs(limit), 0.0)
+            y = np.where(np.abs(y - limit) <= close, limit, y)
+        return np.asarray(y)
+
+    def scaled(self, y: Array) -> Array:
+        return np.asarray(y / self.unit)
+
+    @cached_property
+    def row_unit(self) -> Array:
+        """Size of the cost and of every constraint, in the order of r without the minimal times."""
+        s, lay = self.scale, self.layout
+        hit = self.surfaces
+        states = {**self._sizes_of_states}
+        law = np.where(self.plain_laws, s.rate[hit], s.energy)
+        by_name = {
+            "momentum": np.tile(s.p, lay.total + 1),
+            "inside": np.tile(s.p, lay.total * lay.inside),
+            "arrival": np.tile(s.p, len(hit)),
+            "departure": np.tile(s.p, len(hit)),
+            "energy": law,
+            "contact": s.gap[hit],
+            "start velocity": s.p[: len(lay.index_v_B)],
+            "goal velocity": s.p[: len(lay.index_v_E)],
+            "periodic": np.array([states[name] for name in self.problem.periodic]),
+            "gap": s.gap[self.gap_constraints[1]],
+            "gap inside": np.tile(s.gap[self.still], lay.total * lay.inside),
+            "path": np.tile(s.path, lay.total * (lay.inside + 1)),
+            "approach": s.rate[hit[self.approaching]],
+            "separation": s.rate[hit[self.separating]],
+        }
+        sizes = [np.array([s.cost])]
+        for blocks, goals in ((self.equalities, self._fixed_goals), (self.inequalities, [g for g, _, _ in goal_limits(self.goals)])):
+            for block in blocks:
+                if block.name == "goal":
+                    sizes.append(np.array([states[g.name] for g in goals]))
+                elif block.name != "minimal time":
+                    sizes.append(by_name.get(block.name, np.full(len(block.rows), s.time)))
+        return np.concatenate(sizes)
+
+    @property
+    def _fixed_goals(self) -> list[Goal]:
+        return [g for g in self.goals if g.low == g.high]
+
+    @property
+    def _sizes_of_states(self) -> dict[str, float]:
+        names, s = self.problem.kernels.coordinates, self.scale
+        pairs = [(name(q), size[i]) for name, size in ((str, s.q), (velocity_name, s.v), (momentum_name, s.p)) for i, q in enumerate(names)]
+        return {name: float(size) for name, size in pairs}
+
+    @property
+    def plain_laws(self) -> Any:
+        """Collisions whose law says w = 0 after them: plastic ones and touches."""
+        return self.touching | (self.problem.restitution_values[self.surfaces] == 0)
+
+    @property
+    def approaching(self) -> Index:
+        """Collisions that must be approached: all but touches, whose rate is known."""
+        return np.flatnonzero(~self.touching)
+
+    @property
+    def separating(self) -> Index:
+        """Collisions after which the gap must open: those whose rate the law does not fix."""
+        return np.flatnonzero(~self.plain_laws)
 
     @cached_property
     def equalities(self) -> list[Block]:
@@ -78,7 +164,10 @@ class Transcription:
 
     @cached_property
     def inequalities(self) -> list[Block]:
-        return inequality_blocks(self.problem, self.layout, self.gap_constraints, self.goals, self._timed)
+        return inequality_blocks(
+            self.problem, self.layout, (*self.gap_constraints, self.still), self.goals, self._timed,
+            (self.approaching, self.separating),
+        )  # fmt: skip
 
     @property
     def n(self) -> int:
@@ -102,22 +191,25 @@ class Transcription:
     def gap_constraints(self) -> tuple[Index, Index]:
         """Node and surface of each gap constraint.
 
-        Collisions hold with equality.  At an end that is fixed on a surface the gap is known and was checked: a constraint that cannot move would
-        have no interior there.
+        Collisions hold with equality.  At a fixed end the gap is known and was checked: a constraint that cannot move would have no interior.
         """
         lay, kernels = self.layout, self.problem.kernels
         keep = np.ones((lay.total + 1, len(kernels.surfaces)), dtype=bool)
         keep[lay.collision_nodes, self.surfaces] = False
-        moving = kernels.manifest["moving_surfaces"]
-        for node in (0, -1) if kernels.surfaces else ():
+        for node in (0, -1):
             at = lay.index_q[node]
-            fixed = self.lower[at] == self.upper[at]
-            q = np.where(fixed, self.lower[at], 0.0)[None]
-            gaps = kernels.call("surface", q, np.zeros((1, 1)), self.par)[0][0]
+            fixed = self.limits[0][at] == self.limits[1][at]
             for j, surface in enumerate(kernels.surfaces):
-                known = fixed[kernels.manifest["surface_coordinates"][surface]].all() and not (node == -1 and surface in moving)
-                keep[node, j] &= not (known and gaps[j] > -TOUCHING)
+                moves = node == -1 and surface in kernels.manifest["moving_surfaces"]
+                keep[node, j] &= moves or not fixed[kernels.manifest["surface_coordinates"][surface]].all()
         return np.nonzero(keep)  # type: ignore[return-value]
+
+    @property
+    def still(self) -> Index:
+        """Surfaces that do not move: their gaps inside the steps are constraints too (order 4)."""
+        kernels = self.problem.kernels
+        names = [s for s in kernels.surfaces if s not in kernels.manifest["moving_surfaces"]]
+        return np.array([kernels.surfaces.index(s) for s in names], dtype=np.intp)
 
     @cached_property
     def _timed(self) -> list[int]:
@@ -154,7 +246,7 @@ class Transcription:
         shortest = SHORTEST_PHASE * latest if len(problem.sequence) and np.isfinite(latest) else 0.0
         low, high = problem.duration_bounds.T
         low = np.where(low > 0, low, np.minimum(shortest, SHORTEST_PHASE * high))  # a bound that was given counts
-        box[lay.index_h] = np.maximum(np.stack([low, high], axis=1) / np.array(lay.steps)[:, None], SMALLEST_STEP)
+        box[lay.index_h] = np.maximum(np.stack([low, high], axis=1) / np.array(lay.steps)[:, None], SMALLEST_STEP * self.scale.time)
         box[lay.index_q] = problem.coordinate_bounds
         box[lay.index_u] = problem.input_bounds
         box[lay.index_lam, 0] = 0.0
@@ -168,8 +260,8 @@ class Transcription:
             box[p] = boundary.momentum
             if len(v):
                 box[v] = boundary.velocity
-        for node, j in self._held_by_contact():
-            box[lay.index_q[node, j]] = (-np.inf, np.inf)
+        for unknown, side, limit in self._at_contacts(box):
+            box[unknown, side] = limit
         box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
         box[lay.index_t[:1]] = 0.0
         for goal in self.goals:
@@ -178,17 +270,22 @@ class Transcription:
             box[lay.index_q[-1]] = problem.coordinate_bounds
         return box[:, 0].copy(), box[:, 1].copy()
 
-    def _held_by_contact(self) -> list[tuple[int, int]]:
-        """Collision nodes and coordinates whose bounds the contact implies: a limit at the surface itself would leave no interior."""
+    def _at_contacts(self, box: Array) -> list[tuple[int, int, float]]:
+        """Limits of coordinates at collision nodes that lie on the surface itself, which leaves no interior: unknown, side, and a limit that
+        gives way a little; the contact keeps the coordinate where it was."""
         problem, found = self.problem, []
         kernels = problem.kernels
         for node, surface in zip(self.layout.collision_nodes, problem.sequence, strict=True):
             involved = kernels.manifest["surface_coordinates"][surface]
-            if len(involved) == 1 and surface not in kernels.manifest["moving_surfaces"]:
-                low, high = problem.coordinate_bounds[involved[0]]
-                at = onto_surface(problem, np.zeros(problem.nq), surface)[involved[0]]
-                if low - SURFACE_TOLERANCE <= at <= high + SURFACE_TOLERANCE:
-                    found.append((int(node), int(involved[0])))
+            if len(involved) > 1 or surface in kernels.manifest["moving_surfaces"]:
+                continue
+            j = int(involved[0])
+            for side, sign in enumerate((-1.0, 1.0)):
+                q = np.zeros(problem.nq)
+                q[j] = box[self.layout.index_q[node, j], side]
+                if np.isfinite(q[j]) and on_surface(problem, q, surface):
+                    size = max(abs(q[j]), self.scale.q[j])
+                    found.append((int(self.layout.index_q[node, j]), side, float(q[j] + sign * GIVES_WAY * size)))
         return found
 
     # The program -----------------------------------------------------------------------------------------------------
@@ -205,14 +302,29 @@ class Transcription:
             momentum=1 + self.equality_rows("momentum").reshape(lay.total + 1, lay.nq),
             inside=1 + self.equality_rows("inside").reshape(lay.total, lay.inside * lay.nq),
             time=1 + self.equality_rows("time"),
+            arrival=1 + self.equality_rows("arrival").reshape(len(nodes), lay.nq),
             departure=1 + self.equality_rows("departure").reshape(len(nodes), lay.nq),
             energy=1 + self.equality_rows("energy"),
             contact=contact,
             velocity_B=1 + self.equality_rows("start velocity"),
             velocity_E=1 + self.equality_rows("goal velocity"),
             gap=gap,
+            gap_inside=self._rows_inside(),
             path=1 + self.n_eq + self.inequality_rows("path").reshape(lay.total, -1),
+            approach=self._rows_of_collisions("approach", self.approaching),
+            separation=self._rows_of_collisions("separation", self.separating),
         )
+
+    def _rows_inside(self) -> Index:
+        count = self.layout.total * self.layout.inside
+        rows = np.full((count, len(self.problem.kernels.surfaces)), NOWHERE)
+        rows[:, self.still] = 1 + self.n_eq + self.inequality_rows("gap inside").reshape(count, len(self.still))
+        return rows
+
+    def _rows_of_collisions(self, name: str, kept: Index) -> Index:
+        rows = np.full(len(self.surfaces), NOWHERE)
+        rows[kept] = 1 + self.n_eq + self.inequality_rows(name)
+        return rows
 
     @property
     def _periodic(self) -> list[tuple[int, int]]:
@@ -239,8 +351,8 @@ class Transcription:
         pairs = zip(self.equality_rows("periodic"), self._periodic, strict=True)
         rows += [(1 + row, np.array(ends), np.array([-1.0, 1.0]), 0.0) for row, ends in pairs]
         one = np.ones(1)
-        fixed = [g for g in self.goals if g.low == g.high]
-        rows += [(1 + row, np.array([g.unknown]), one, -g.low) for row, g in zip(self.equality_rows("goal"), fixed, strict=True)]
+        goals = zip(self.equality_rows("goal"), self._fixed_goals, strict=True)
+        rows += [(1 + row, np.array([g.unknown]), one, -g.low) for row, g in goals]
         limits = zip(self.inequality_rows("goal"), goal_limits(self.goals), strict=True)
         return rows + [
             (1 + self.n_eq + row, np.array([g.unknown]), sign * one, -sign * value) for row, (g, sign, value) in limits
@@ -250,34 +362,31 @@ class Transcription:
     def program(self) -> Program:
         """Values and derivatives of (f | c | d), without the minimal times."""
         m = self.n_eq + self.n_in - len(self._timed)
-        elements = Elements(self.problem, self.layout, self.rows, m)
+        elements = Elements(self.problem, self.layout, self.rows, m, self.touching)
         linear = elements.linear(self._linear_rows)
         values, slopes, curvatures = elements.values(), elements.slopes(), elements.curvatures()
+        column, row = self.unit, 1 / self.row_unit
         none = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
         constants = np.zeros(1 + m)
         constants[list(linear.constants)] = list(linear.constants.values())
-        passes = [
-            (
-                constants,
-                (linear.rows, linear.columns, linear.factors),
-                _prepared(values, [e.rows for v in values for e in v.results]),
-            )
-        ]
+        factors = linear.factors * row[linear.rows]
+        places = [e.rows for v in values for e in v.results]
+        passes = [(constants * row, (linear.rows, linear.columns, factors), _prepared(values, places, [row[p] for p in places]))]
         # The gradient of f first, dense, then the entries of the Jacobian.
         groups = [(rows - 1, columns) for s in slopes for rows, columns in (e.cells for e in s.results)]
         self.jacobian_pattern = SparsePattern((m, self.n), [*groups, (linear.rows - 1, linear.columns)])
         *slots, linear_slots = self.jacobian_pattern.slots
         constants = np.zeros(self.n + self.jacobian_pattern.size)
-        constants[self.n + linear_slots] = linear.factors
-        slots = [np.where(row == -1, c, np.where(s >= 0, self.n + s, NOWHERE)) for s, (row, c) in zip(slots, groups, strict=True)]
-        passes.append((constants, none, _prepared(slopes, slots)))
+        constants[self.n + linear_slots] = factors * column[linear.columns]
+        slots = [np.where(r == -1, c, np.where(s >= 0, self.n + s, NOWHERE)) for s, (r, c) in zip(slots, groups, strict=True)]
+        passes.append((constants, none, _prepared(slopes, slots, [row[r + 1] * column[c] for r, c in groups])))
         groups = [e.cells for c in curvatures for e in c.results]
         self.hessian_pattern = SparsePattern((self.n, self.n), [*groups, *self._time_groups])
-        passes.append(
-            (np.zeros(self.hessian_pattern.size), none, _prepared(curvatures, self.hessian_pattern.slots[: len(groups)]))
-        )
+        slots = self.hessian_pattern.slots[: len(groups)]
+        constants = np.zeros(self.hessian_pattern.size)
+        passes.append((constants, none, _prepared(curvatures, slots, [column[i] * column[j] for i, j in groups])))
         return Program(
-            self.problem.kernels, (self.lower, self.upper), self.n_eq, m,
+            self.problem.kernels, (self.lower, self.upper), self.n_eq, m, np.concatenate([column, row[1:], row[:1]]),
             np.concatenate([self.par[0], self.problem.restitution_values]), passes,
             (self.jacobian_pattern.indptr, self.jacobian_pattern.indices), (self.hessian_pattern.indptr, self.hessian_pattern.indices),
         )  # fmt: skip
@@ -356,8 +465,8 @@ class Transcription:
         return self.hessian_pattern.matrix(values)
 
     def momenta(self, x: Array) -> tuple[Array, Array]:
-        """Return p at the start and at the end of every step, shape (total, nq) each."""
-        r_minus, r_plus, _, _ = self.problem.kernels.call("step", *self.layout.step_inputs(x), self.par)
+        """Return p at the start and at the end of every step in units of the problem, shape (total, nq) each."""
+        r_minus, r_plus, _, _ = self.problem.kernels.call("step", *self.layout.step_inputs(self.physical(x)), self.par)
         return -r_minus, r_plus
 
     # Minimal times ---------------------------------------------------------------------------------------------------
@@ -377,11 +486,16 @@ class Transcription:
         )
 
     def phase_minimal_time(self, x: Array, i: int) -> float:
-        return self.minimal_time(x[self._time_unknowns(i)], i)[0]
+        """T_min of phase i in seconds."""
+        return self.minimal_time(self._time_arguments(x, i), i)[0]
+
+    def _time_arguments(self, x: Array, i: int) -> Array:
+        at = self._time_unknowns(i)
+        return np.asarray(x[at] * self.unit[at])
 
     def _time_reserve(self, x: Array, i: int) -> tuple[float, Array]:
-        """T_i - T_min and its gradient with respect to y; without an estimate nothing is demanded.  The last point is remembered."""
-        y = x[self._time_unknowns(i)]
+        """T_i - T_min and its gradient with respect to the scaled y; without an estimate nothing is demanded.  The last point is remembered."""
+        y = self._time_arguments(x, i)
         known = self._last_times.get(i)
         if known is not None and np.array_equal(known[0], y):
             return known[1], known[2]
@@ -389,7 +503,8 @@ class Transcription:
         steps = self.layout.steps[i]
         slope = -slope
         slope[2 * self.layout.nq] += steps
-        reserve = float(steps * y[2 * self.layout.nq] - (shortest if np.isfinite(shortest) else 0.0))
+        reserve = float(steps * y[2 * self.layout.nq] - (shortest if np.isfinite(shortest) else 0.0)) / self.scale.time
+        slope = slope * self.unit[self._time_unknowns(i)] / self.scale.time
         self._last_times[i] = (y, reserve, slope)
         return reserve, slope
 
@@ -406,26 +521,24 @@ class Transcription:
 
     def _time_hessian(self, x: Array, i: int) -> Array:
         """Second derivative of T_i - T_min by central differences of its gradient: one small row, and rarely active."""
-        y = x[self._time_unknowns(i)]
+        y, unit = self._time_arguments(x, i), self.unit[self._time_unknowns(i)]
         hessian = np.empty((len(y), len(y)))
         for j in range(len(y)):
-            step = 1e-6 * max(abs(y[j]), 1e-3)
+            step = 1e-6 * max(abs(y[j]), 1e-3 * unit[j])
             ends = [y.copy(), y.copy()]
             ends[0][j] -= step
             ends[1][j] += step
             below, above = (self.minimal_time(e, i)[1] for e in ends)
             hessian[j] = -(above - below) / (2 * step)
-        return (hessian + hessian.T) / 2
+        return np.asarray((hessian + hessian.T) / 2 * np.outer(unit, unit) / self.scale.time)
 
 
-def _prepared(elements: list[Element], slots: list[Index]) -> list[tuple[str, tuple[Index, ...], tuple[Any, ...]]]:
-    """Elements as a pass takes them: kernel, arguments, and for each result its slots and factors."""
-    remaining = iter(slots)
+def _prepared(
+    elements: list[Element], slots: list[Index], units: list[Array]
+) -> list[tuple[str, tuple[Index, ...], tuple[Any, ...]]]:
+    """Elements as a pass takes them: kernel, arguments, and for each result its slots and factors, with the units of its entries."""
+    remaining = iter(zip(slots, units, strict=True))
     return [
-        (
-            e.kernel,
-            e.arguments,
-            tuple((s, np.broadcast_to(r.factors, s.shape)) for r, s in zip(e.results, remaining, strict=False)),
-        )
+        (e.kernel, e.arguments, tuple((s, np.broadcast_to(r.factors, s.shape) * unit) for r, (s, unit) in zip(e.results, remaining, strict=False)))
         for e in elements
-    ]
+    ]  # fmt: skip

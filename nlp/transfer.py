@@ -47,6 +47,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     x[lay.index_q] = np.vstack([*(part[:-1] for part in nodes), nodes[-1][-1:]])
     x[lay.index_u] = np.vstack(inputs)
     x[lay.index_lam] = impulses
+    x[lay.index_v_a] = np.array([p.v[-1] for p in pieces[:-1]]).reshape(-1, lay.nq)
     x[lay.index_v_c] = np.array([p.v[0] for p in pieces[1:]]).reshape(-1, lay.nq)
     if lay.timed:
         x[lay.index_t] = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])

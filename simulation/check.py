@@ -1,47 +1,42 @@
 """The independent check of a motion: continuous equations of motion, event detection and impact law.
 
-Nothing here is shared with the discrete equations of the optimiser: SciPy's DOP853 integrates M q'' = F(q, q', u) with the motion's inputs,
-surfaces are found by root finding on its dense output, and an impact changes the velocities by the law of the continuous theory,
-v+ = v- - (1 + e) (n . v- + dg/dt) / (n . M^-1 n) M^-1 n with n = grad g and the coefficient of restitution e.  After a plastic impact the
-contact holds for as long as the forces push into the surface.
+Nothing here is shared with the discrete equations of the optimiser (:mod:`dmoc.simulation.flow`).  A motion is compared with the flow in four ways: step by step
+and segment by segment, each from its own states; at its collisions, with the law of impact; and from the start to the end in one open-loop run.  An
+unstable motion amplifies every error on the way, so that the end of the open-loop run says nothing about it: it is weighed with the amplification of the
+linearised flow.  Where the motion itself lies on a surface, contacts of the simulation are those of the motion.
 """
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.integrate import DOP853, solve_ivp
-from scipy.optimize import brentq
 
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
-from dmoc.trajectory import Trajectory
+from dmoc.simulation.flow import PLACES, Contact, Flow, Lost, Sizes, _quintic
+from dmoc.trajectory import GRAZING, Collision, Trajectory
 
-RELATIVE, ABSOLUTE = 1e-10, 1e-12  # far below the discretisation errors that are to be seen
-# What a motion may miss, relative to the ranges of its coordinates and momenta, and still count as confirmed.  An open-loop simulation of an
-# unstable motion amplifies every discretisation error, so that its end is judged more leniently than segments and energy.
-PASSING = {"terminal error": 0.25, "segment error": 0.01, "energy error": 0.02}
+# What a motion may miss and still count as confirmed.  Errors of states are relative to the ranges of coordinates and momenta, energies to the
+# kinetic energy, penetration and excess of soft limits to the ranges, the law of impact to the largest rate of the gap.
+PASSING = {
+    "segment error": 0.01, "energy error": 0.02, "penetration": 0.01, "excess of a limit": 0.01, "excess of an input": 1e-6,
+    "error of the law of impact": 0.02,
+}  # fmt: skip
+# The end of the open-loop run: its error as it is, or divided by the motion's amplification, where segments are right to the last share.
+TERMINAL, WEIGHED, UNSTABLE_SEGMENT = 0.25, 0.01, 0.002
 # A contact belongs to a planned collision if it happens within this share of the final time from it.
 SAME_CONTACT = 0.05
-# A contact that changes the momenta by less than this share of their size grazes: the motion touches a surface without colliding.
-GRAZING = 0.01
-SEGMENTS = 10  # of a phase, for the errors segment by segment
-INSIDE = (0.25, 0.5, 0.75)  # where between nodes penetration is looked for
+# A node within this share of the gap's size lies on the surface; a contact there may change a momentum by the second share.
+ON_ARC, KNOCK = 1e-4, 0.05
+SEGMENTS = 10  # of a phase
 ON_SURFACE = 1e-6  # gap of a planned collision relative to how far the coordinates move it
-RELEASED = 1e-7  # approach speed below which a plastic contact has no impact
-TOUCH = 1e-9  # gap that counts as touching, not crossing
-MOST_CONTACTS = 10_000  # of an open-loop simulation
+PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
 
 
-@dataclass(frozen=True)
-class Contact:
-    """A contact met by the open-loop simulation; ``jump`` is its largest change of a momentum relative to the largest momentum."""
-
-    surface: str
-    time: float
-    jump: float
+class OutOfTime(SimulationError):
+    """The check was not finished in its time."""
 
 
 @dataclass(frozen=True)
@@ -52,344 +47,381 @@ class Verification:
     ----------
     passed : bool
     message : str
-        The reason if it did not pass.
+        What contradicts the motion, or, where it passed, why its open-loop end does not count.
     terminal_error : float
         Error of the state at the end of an open-loop simulation with the motion's inputs.
+    amplification : float
+        Largest ratio by which the linearised flow, through the collisions, carries a small error from a segment's start to the end.
     max_defect : float
         Largest error over a single step, started at its first node.
     segment_defects : array
         Error over each of ten segments a phase, started at its first node.
     energy_error : float
-        Largest |E(end) - E(start) - work| of a phase, or jump of the energy at a collision, relative to the range of kinetic energies.
+        Largest |E(end) - E(start) - work| of a phase, or jump of the energy at a collision, relative to the largest kinetic energy.
+    impact_error : float
+        Largest error of the law of impact: of the rate of the gap after a collision, and of its impulse, both relative to the largest rate.
     missed_contacts, extra_contacts : tuples of str
         Planned collisions that the simulation does not meet, and contacts that were not planned and change a momentum by more than 1 %.
     penetration : float
-        Largest gap g > 0 between nodes, in the units of g.
+        Largest gap g > 0 between nodes, relative to how far the motion's ranges move the gap.
+    limit_excess : float
+        Largest excess of an input or a coordinate over its bounds, between nodes too, relative to its range.
     contacts : tuple of Contact
+        Of the open-loop simulation.
     """
 
     passed: bool
     message: str
     terminal_error: float
+    amplification: float
     max_defect: float
     segment_defects: Array
     energy_error: float
+    impact_error: float
     missed_contacts: tuple[str, ...]
     extra_contacts: tuple[str, ...]
     penetration: float
+    limit_excess: float
     contacts: tuple[Contact, ...]
 
 
-def verify(trajectory: Trajectory, kernels: Kernels) -> Verification:
+def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = None) -> Verification:
     """Simulate a motion independently and compare.
 
-    A motion passes if the open-loop simulation meets the planned collisions and no others, and if the errors of its terminal state, of
-    every segment and of the energy balance stay below 25 %, 1 % and 2 % of the motion's ranges.
+    A motion passes if every tenth of a phase is right to 1 % of the motion's ranges, the energy to 2 %, its collisions obey the law of impact, it keeps its limits
+    and surfaces between nodes, the simulation meets the planned collisions and no others, and the end of an open-loop run is right to 25 %.
+    The last does not count for an unstable motion, whose amplification explains the end; its segments must be right to 0.2 %.
 
     Raises
     ------
     SimulationError
-        If the kernels are not those of the motion's model.
+        If the kernels are not those of the motion's model, or the time of ``seconds`` is used up.
     """
     if kernels.manifest["fingerprint"] != trajectory.fingerprint:
         raise SimulationError(
             f"the motion of model {trajectory.model!r} was made with another version or order of it than the kernels of {kernels.name!r}: "
             "give those it was made with."
         )
-    check = _Check(trajectory, kernels)
-    ends, work, penetration = check.steps()
-    defects = check.defects(ends)
-    segments = check.segments()
-    energy = check.energy_error(work)
-    terminal, contacts = check.open_loop()
-    missed, extra = _compare(trajectory, contacts)
-    worst_segment = float(segments.max(initial=0.0))
-    failures = [f"the collision with {surface!r} is {gap:.3g} off it" for surface, gap in check.off_surface()]
-    if missed:
-        failures.append(f"the simulation misses {', '.join(missed)}")
-    if extra:
-        failures.append(f"the simulation meets {', '.join(extra)}")
-    for name, value in (("terminal error", terminal), ("segment error", worst_segment), ("energy error", energy)):
-        if not value <= PASSING[name]:
-            failures.append(f"{name} {value:.3g} exceeds {PASSING[name]:g}")
-    message = "; ".join(failures) + (": take more steps" if failures else "")
-    return Verification(
-        not failures,
-        message,
-        terminal,
-        float(defects.max(initial=0.0)),
-        segments,
-        energy,
-        missed,
-        extra,
-        penetration,
-        tuple(contacts),
-    )
+    with np.errstate(all="ignore"):
+        return _Check(trajectory, kernels, seconds).result()
 
 
 class _Check:
-    def __init__(self, trajectory: Trajectory, kernels: Kernels) -> None:
+    def __init__(self, trajectory: Trajectory, kernels: Kernels, seconds: float | None) -> None:
         self.trajectory, self.kernels = trajectory, kernels
-        self.par = trajectory.parameter_row
         self.nq = len(trajectory.coordinates)
-        q = np.vstack([p.q for p in trajectory.phases])
-        momentum = np.abs(np.vstack([p.p for p in trajectory.phases])).max(axis=0)
-        spread = np.ptp(q, axis=0)
-        self.q_scale = _scale(spread)
-        self.p_scale = _scale(momentum)
+        self.deadline = np.inf if seconds is None else time.perf_counter() + seconds
+        self.flow = Flow(kernels, trajectory.parameter_row, _sizes(trajectory, kernels), self._softness, self._check_time)
+        self.sizes = self.flow.sizes
+        self.arcs = self._arcs()
 
-    # Equations of motion ---------------------------------------------------------------------------------------------
+    def _check_time(self) -> None:
+        if time.perf_counter() > self.deadline:
+            raise OutOfTime("the time for the check was used up: raise it, or take fewer steps.")
 
-    def acceleration(self, q: Array, v: Array, u: Array, t: Array) -> Array:
-        mass, force = self.kernels.call("dynamics", q, v, u, t, self.par)
-        return np.asarray(np.linalg.solve(mass.reshape(-1, self.nq, self.nq), force[:, :, None])[:, :, 0])
+    def _softness(self, j: int, t: float) -> float:
+        """Coefficient of restitution; contacts where the motion itself lies on the surface are plastic."""
+        on = any(surface == j and begin <= t <= end for surface, begin, end in self.arcs)
+        return 0.0 if on else float(self.trajectory.restitution[self.kernels.surfaces[j]])
 
-    def batch(self, q: Array, v: Array, t0: Array, h: Array, u0: Array, u1: Array) -> tuple[Array, Array, Array, Array]:
-        """Integrate rows of states over one step each; return q, v, what changes the energy, and q inside, shape (len(INSIDE), n, nq)."""
-        n, nq = q.shape
-        span = h[:, None]
+    def _arcs(self) -> list[tuple[int, float, float]]:
+        """Times in which the motion lies on a surface without a planned collision: surface, begin, end."""
+        found: list[tuple[int, float, float]] = []
+        if not self.kernels.has("surface"):
+            return found
+        hits = [(self.kernels.surfaces.index(c.surface), c.time) for c in self.trajectory.collisions if not c.grazes]
+        for phase in self.trajectory.phases:
+            gaps, h = self.flow.gaps(phase.q, phase.t), phase.step_size
+            for k, j in zip(*np.nonzero(gaps >= -ON_ARC * self.sizes.gap), strict=True):
+                t = float(phase.t[k])
+                if not any(surface == j and abs(t - at) <= 2.5 * h for surface, at in hits):
+                    found.append((int(j), t - h, t + h))
+        return found
 
-        def slope(s: float, y: Array) -> Array:
-            state = y.reshape(n, 2 * nq + 1)
-            at, rate = state[:, :nq].copy(), state[:, nq : 2 * nq].copy()
-            u, t = (1 - s) * u0 + s * u1, t0[:, None] + s * span
-            power = self.kernels.call("force", at, rate, u, t, self.par)[1]
-            return np.asarray(np.hstack([rate, self.acceleration(at, rate, u, t), power]) * span).ravel()
+    def result(self) -> Verification:
+        defects, work, penetration, excess = self.steps()
+        energy, law = self.energy_error(work), self.impact_error()
+        segments, met = self.segments()
+        amplification = self.amplification()
+        terminal, contacts = self.open_loop()
+        missed, extra = self.compare(contacts)
+        failures = [f"the collision with {surface!r} is {gap:.3g} off it" for surface, gap in self.off_surface()]
+        worst, inputs = float(segments.max(initial=0.0)), self.input_excess()
+        measured = {
+            "segment error": worst, "energy error": energy, "error of the law of impact": law, "penetration": penetration,
+            "excess of a limit": excess, "excess of an input": inputs,
+        }  # fmt: skip
+        failures += [f"{name} {value:.3g} exceeds {PASSING[name]:g}" for name, value in measured.items() if not value <= PASSING[name]]
+        note = ""
+        if missed or extra or not terminal <= TERMINAL:
+            lost = [f"the simulation misses {', '.join(missed)}"] * bool(missed)
+            lost += [f"the simulation meets {', '.join(extra)}"] * bool(extra)
+            lost += [f"terminal error {terminal:.3g} exceeds {TERMINAL:g}"] * (not terminal <= TERMINAL)
+            missed_on_way, extra_on_way = self.compare(met)
+            followed = not (failures or missed_on_way or extra_on_way) and worst <= UNSTABLE_SEGMENT
+            if followed and amplification * WEIGHED >= min(terminal, 1.0):
+                note = (
+                    f"the motion is unstable: it amplifies errors {amplification:.3g} times, so that an open-loop run leaves it "
+                    f"({'; '.join(lost)}), while every segment is right to {worst:.1g}"
+                )
+                missed, extra = missed_on_way, extra_on_way
+            else:
+                failures = lost + failures
+        unstable = f" (the motion amplifies errors {amplification:.3g} times)" if amplification * WEIGHED > 1 else ""
+        message = "; ".join(failures) + f": too coarse{unstable}, take more steps" if failures else note
+        return Verification(
+            not failures, message, terminal, amplification, float(defects.max(initial=0.0)), segments, energy, law, missed, extra,
+            penetration, max(excess, inputs), tuple(contacts),
+        )  # fmt: skip
 
-        start = np.hstack([q, v, np.zeros((n, 1))]).ravel()
-        done = solve_ivp(slope, (0.0, 1.0), start, "DOP853", t_eval=[*INSIDE, 1.0], rtol=RELATIVE, atol=ABSOLUTE)
-        if not done.success:
-            return np.full_like(q, np.nan), np.full_like(v, np.nan), np.full(n, np.nan), np.full((len(INSIDE), n, nq), np.nan)
-        states = done.y.T.reshape(len(INSIDE) + 1, n, 2 * nq + 1)
-        last = states[-1]
-        return last[:, :nq].copy(), last[:, nq : 2 * nq].copy(), last[:, -1], states[:-1, :, :nq].copy()
+    # Step by step ----------------------------------------------------------------------------------------------------
 
-    # Step by step and segment by segment -----------------------------------------------------------------------------
-
-    def steps(self) -> tuple[list[tuple[Array, Array]], list[Array], float]:
-        """Integrate every step from its first node; return end states and work of each phase, and the largest penetration."""
-        ends, work, penetration = [], [], 0.0
+    def steps(self) -> tuple[Array, list[float], float, float]:
+        """Integrate every step from its first node; return errors, the work of each phase, and the largest penetration and excess of a bound
+        of a coordinate between nodes, relative to the ranges."""
+        defects, work, penetration, excess = [], [], 0.0, 0.0
+        low, high = self.trajectory.coordinate_bounds.T
         for phase in self.trajectory.phases:
             u0, u1 = self.trajectory.input_ends(phase)
-            q, v, w, inside = self.batch(phase.q[:-1], phase.v[:-1], phase.t[:-1], np.diff(phase.t), u0, u1)
-            ends.append((q, v))
-            work.append(w)
-            if self.kernels.has("surface"):
-                t = phase.t[:-1] + np.outer(INSIDE, np.diff(phase.t))
-                gaps = self.gaps(inside.reshape(-1, self.nq), t.ravel())
-                penetration = max(penetration, float(gaps.max(initial=0.0)))
-        return ends, work, penetration
+            q0, v0, t0, h = phase.q[:-1], phase.v[:-1], phase.t[:-1], np.diff(phase.t)
+            q, v, w = self.flow.advance(q0, v0, t0, h, u0, u1)
+            defects.append(self.error(q, v, phase.t[1:], phase.q[1:], phase.p[1:]))
+            work.append(float(w.sum()))
+            a0 = self.flow.acceleration(q0.copy(), v0.copy(), np.ascontiguousarray(u0), t0[:, None].copy())
+            a1 = self.flow.acceleration(q, v, np.ascontiguousarray(u1), phase.t[1:, None].copy())
+            path = _quintic(q0, v0, a0, q, v, a1, h[:, None])  # type: ignore[arg-type]
+            for s in PLACES[1:-1]:
+                between = path(s)
+                gaps = self.flow.gaps(between, t0 + s * h) / self.sizes.gap
+                penetration = max(penetration, float(np.nan_to_num(gaps, nan=np.inf).max(initial=0.0)))
+                excess = max(excess, float((np.maximum(low - between, between - high) / self.sizes.q).max(initial=0.0)))
+        return np.concatenate(defects), work, penetration, excess
+
+    def input_excess(self) -> float:
+        """Largest excess of an input over its bounds in any step, relative to the range of the bounds."""
+        low, high = self.trajectory.input_bounds.T
+        width = np.where(np.isfinite(high - low) & (high > low), high - low, np.maximum(np.abs(low), np.abs(high)))
+        width = np.where(np.isfinite(width) & (width > 0), width, 1.0)
+        ends = [u for phase in self.trajectory.phases for u in self.trajectory.input_ends(phase)]
+        return max((float((np.maximum(low - u, u - high) / width).max(initial=0.0)) for u in ends), default=0.0)
 
     def error(self, q: Array, v: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
         """Largest relative error of each row's state."""
-        p = self.kernels.call("legendre", q, v, t[:, None].copy(), self.par)[0]
-        parts = np.hstack([np.abs(q - q_wanted) / self.q_scale, np.abs(p - p_wanted) / self.p_scale])
+        p = self.flow.momentum(q, v, t)
+        parts = np.hstack([np.abs(q - q_wanted) / self.sizes.q, np.abs(p - p_wanted) / self.sizes.p])
         return np.asarray(np.nan_to_num(parts.max(axis=1), nan=np.inf))
 
-    def defects(self, ends: list[tuple[Array, Array]]) -> Array:
-        pairs = zip(self.trajectory.phases, ends, strict=True)
-        return np.concatenate([self.error(q, v, phase.t[1:], phase.q[1:], phase.p[1:]) for phase, (q, v) in pairs])
-
-    def segments(self) -> Array:
-        """Errors over segments, all segments of a phase integrated side by side."""
-        errors = []
-        for phase in self.trajectory.phases:
-            cuts = np.unique(np.linspace(0, phase.steps, SEGMENTS + 1).round().astype(int))
-            first, last = cuts[:-1], cuts[1:]
-            q, v = phase.q[first], phase.v[first]
-            u0, u1 = self.trajectory.input_ends(phase)
-            h = np.diff(phase.t)
-            for j in range(int((last - first).max())):
-                on = first + j < last
-                k = first[on] + j
-                q[on], v[on], _, _ = self.batch(q[on], v[on], phase.t[k], h[k], u0[k], u1[k])
-            errors.append(self.error(q, v, phase.t[last], phase.q[last], phase.p[last]))
-        return np.concatenate(errors)
-
-    def energy_error(self, work: list[Array]) -> float:
-        """Largest imbalance of a phase or jump at a collision, relative to the range of the kinetic energies."""
+    def energy_error(self, work: list[float]) -> float:
+        """Largest imbalance of a phase or jump at a collision, relative to the largest kinetic energy."""
         phases = self.trajectory.phases
-        energies = [self.energy(p.q, p.v, p.t) for p in phases]
-        rest = [self.energy(p.q, np.zeros_like(p.v), p.t) for p in phases]
-        scale = max(float(np.abs(e - r).max()) for e, r in zip(energies, rest, strict=True)) or 1.0
-        balance = [abs(e[-1] - e[0] - w.sum()) for e, w in zip(energies, work, strict=True)]
-        jumps = []
+        energies = [self.flow.energy(p.q, p.v, p.t) for p in phases]
+        found = [abs(e[-1] - e[0] - w) for e, w in zip(energies, work, strict=True)]
         for collision, before, after in zip(self.trajectory.collisions, phases, energies[1:], strict=False):
-            y = np.concatenate([before.q[-1], before.v[-1]])
-            y = self.impact(y, float(before.t[-1]), self.kernels.surfaces.index(collision.surface))
-            jumps.append(abs(after[0] - self.energy(y[None, : self.nq], y[None, self.nq :], before.t[-1:])[0]))
-        return float(max([*balance, *jumps])) / scale
+            v = self._after(collision, before.q[-1], before.v[-1])[0]
+            found.append(abs(after[0] - self.flow.energy(before.q[-1:], v[None], before.t[-1:])[0]))
+        return float(np.nan_to_num(max(found), nan=np.inf)) / self.sizes.energy
+
+    # Collisions ------------------------------------------------------------------------------------------------------
+
+    def _after(self, collision: Collision, q: Array, v: Array) -> tuple[Array, float, float]:
+        """The law of impact; a planned collision that grazes has none."""
+        j = self.kernels.surfaces.index(collision.surface)
+        if collision.grazes:
+            return v, 0.0, 0.0
+        try:
+            return self.flow.impact(q, v, collision.time, j, self.trajectory.restitution[collision.surface])
+        except Lost:
+            return np.full_like(v, np.nan), np.nan, np.nan
+
+    def impact_error(self) -> float:
+        """Errors of the rate after a collision, of the impulse, and rates that approach after it or leave before it, relative to the largest rate."""
+        worst = 0.0
+        for c, before, after in zip(self.trajectory.collisions, self.trajectory.phases, self.trajectory.phases[1:], strict=False):
+            j, q, t = self.kernels.surfaces.index(c.surface), before.q[-1], c.time
+            slope = self.flow.slopes(q, t)[j]
+            w = [float(slope[: self.nq] @ v + slope[self.nq]) for v in (before.v[-1], after.v[0])]
+            _, impulse, _ = self._after(c, q, before.v[-1])
+            e = 0.0 if c.grazes else self.trajectory.restitution[c.surface]
+            n = slope[: self.nq]
+            try:
+                inertia = float(n @ self.flow.response(q, before.v[-1], t, n))
+            except Lost:
+                return np.inf
+            errors = [abs(w[1] + e * w[0]), abs(impulse - c.impulse) * inertia, max(-w[0], 0.0), max(w[1], 0.0)]
+            worst = max(worst, *(x / self.sizes.rate[j] for x in errors))
+        return float(np.nan_to_num(worst, nan=np.inf))
 
     def off_surface(self) -> list[tuple[str, float]]:
         """Planned collisions whose positions do not lie on their surfaces, with the gap."""
         found = []
         for c in self.trajectory.collisions:
             j = self.kernels.surfaces.index(c.surface)
-            gap = float(self.gaps(c.position, np.array([c.time]))[0, j])
-            reach = float(np.abs(self.slopes(c.position, c.time)[j, : self.nq]) @ self.q_scale)
-            if not abs(gap) <= ON_SURFACE * max(reach, ON_SURFACE):
+            gap = float(self.flow.gaps(c.position, np.array([c.time]))[0, j])
+            if not abs(gap) <= ON_SURFACE * self.sizes.gap[j]:
                 found.append((c.surface, gap))
         return found
 
-    def energy(self, q: Array, v: Array, t: Array) -> Array:
-        return self.kernels.call("legendre", q.copy(), v.copy(), t[:, None].copy(), self.par)[1][:, 0]
+    # Segments and amplification --------------------------------------------------------------------------------------
+
+    def _cuts(self, steps: int) -> Array:
+        return np.unique(np.linspace(0, steps, SEGMENTS + 1).round().astype(int))
+
+    def segments(self) -> tuple[Array, list[Contact]]:
+        """Errors over segments, each from the motion's own state, and the contacts met on the way; a segment that ends in a planned
+        collision goes on until it is met."""
+        errors, contacts = [], list[Contact]()
+        for i, phase in enumerate(self.trajectory.phases):
+            u0, u1 = self.trajectory.input_ends(phase)
+            cuts = self._cuts(phase.steps)
+            for first, last in zip(cuts[:-1], cuts[1:], strict=True):
+                q, v = phase.q[first].copy(), phase.v[first].copy()
+                free = list[Contact]()
+                try:
+                    for k in range(first, last):
+                        at = len(free)
+                        before = q, v
+                        q, v = self.flow.through_contacts(q, v, (float(phase.t[k]), float(phase.t[k + 1])), u0[k], u1[k], free)
+                        if len(free) > at and self._planned(free[at], i, phase.t[last]) and last == phase.steps:
+                            # Met a little early: the error at the end is that of the motion without the impact.
+                            span = (phase.t[[k]], phase.t[[k + 1]] - phase.t[[k]])
+                            found = self.flow.advance(before[0][None], before[1][None], *span, u0[[k]], u1[[k]])
+                            q, v, free = found[0][0], found[1][0], free[: at + 1]
+                            break
+                    contacts += free
+                    end = np.array([phase.t[last]])
+                    errors.append(float(self.error(q[None].copy(), v[None].copy(), end, phase.q[[last]], phase.p[[last]])[0]))
+                    if last == phase.steps and i < len(self.trajectory.collisions):
+                        contacts += self._late(i, q, v, float(phase.t[last]), u1[last - 1], free)
+                except Lost:
+                    errors.append(np.inf)
+        return np.array(errors), contacts
+
+    def _planned(self, contact: Contact, i: int, end: float) -> bool:
+        collisions = self.trajectory.collisions
+        window = SAME_CONTACT * self.sizes.time
+        return i < len(collisions) and contact.surface == collisions[i].surface and abs(contact.time - end) <= window
+
+    def _late(self, i: int, q: Array, v: Array, t: float, u: Array, met: list[Contact]) -> list[Contact]:
+        """The planned collision where a segment ends just before it: by the rate of the gap."""
+        collision = self.trajectory.collisions[i]
+        if any(self._planned(c, i, t) for c in met):
+            return []
+        j = self.kernels.surfaces.index(collision.surface)
+        slope = self.flow.slopes(q, t)[j]
+        rate, gap = float(slope[: self.nq] @ v + slope[self.nq]), float(self.flow.gaps(q, np.array([t]))[0, j])
+        if rate > 0 and -gap <= SAME_CONTACT * self.sizes.time * rate:
+            return [Contact(collision.surface, t, 1.0)]
+        return []
+
+    def amplification(self) -> float:
+        """Largest ratio of an error at the end to one at a segment's start, by the linearised flow in sizes of positions and velocities."""
+        n, nq = 2 * self.nq, self.nq
+        unit = np.concatenate([self.sizes.q, self.sizes.v])
+        product, worst = np.eye(n), 1.0
+        for i in reversed(range(len(self.trajectory.phases))):
+            phase = self.trajectory.phases[i]
+            if i < len(self.trajectory.collisions):
+                product = product @ self._saltation(i, unit)
+            u0, u1 = self.trajectory.input_ends(phase)
+            cuts = self._cuts(phase.steps)
+            first, last = cuts[:-1], cuts[1:]
+            rows = np.hstack([phase.q[first], phase.v[first]])[:, None, :] + PERTURBED * np.vstack([np.eye(n), -np.eye(n)]) * unit
+            y, h = rows.reshape(-1, n), np.diff(phase.t)
+            for j in range(int((last - first).max())):
+                k = np.minimum(first + j, last - 1).repeat(2 * n)
+                on = (first + j < last).repeat(2 * n)
+                q, v, _ = self.flow.advance(y[:, :nq].copy(), y[:, nq:].copy(), phase.t[k], h[k], u0[k], u1[k])
+                y = np.where(on[:, None], np.hstack([q, v]), y)
+            ends = y.reshape(len(first), 2, n, n)
+            for s in reversed(range(len(first))):
+                product = product @ ((ends[s, 0] - ends[s, 1]).T / (2 * PERTURBED * unit[:, None]))
+                if not np.isfinite(product).all():
+                    return float("inf")
+                worst = max(worst, float(np.linalg.norm(product, 2)))
+        return worst
+
+    def _saltation(self, i: int, unit: Array) -> Array:
+        """Derivative of the state after a collision, at its planned time, with respect to the state before it, in sizes."""
+        c, before, after = self.trajectory.collisions[i], self.trajectory.phases[i], self.trajectory.phases[i + 1]
+        j, nq, t = self.kernels.surfaces.index(c.surface), self.nq, c.time
+        slope = self.flow.slopes(before.q[-1], t)[j]
+        rate = float(slope[:nq] @ before.v[-1] + slope[nq])
+        if c.grazes or not rate > 0:
+            return np.eye(2 * nq)
+        now = np.array([[t]])
+        ends = ((before, -1, self.trajectory.input_ends(before)[1][-1:]), (after, 0, self.trajectory.input_ends(after)[0][:1]))
+        a = [self.flow.acceleration(p.q[[k]].copy(), p.v[[k]].copy(), np.ascontiguousarray(u), now)[0] for p, k, u in ends]
+
+        def through(y: Array) -> Array:
+            q, v = y[:nq], y[nq:]
+            late = -float(slope[:nq] @ (q - before.q[-1])) / rate  # until the surface is met
+            q, v = q + late * v, v + late * a[0]
+            v = self._after(c, q, v)[0]
+            return np.concatenate([q - late * v, v - late * a[1]])
+
+        y = np.concatenate([before.q[-1], before.v[-1]])
+        changes = [(through(y + d) - through(y - d)) / (2 * PERTURBED * unit) for d in PERTURBED * np.diag(unit)]
+        return np.array(changes).T
 
     # Open loop -------------------------------------------------------------------------------------------------------
 
     def open_loop(self) -> tuple[float, list[Contact]]:
         """Simulate from the start with the motion's inputs; return the terminal error and the contacts."""
         phases = self.trajectory.phases
-        y = np.concatenate([phases[0].q[0], phases[0].v[0]])
+        q, v = phases[0].q[0].copy(), phases[0].v[0].copy()
         contacts: list[Contact] = []
-        for phase in phases:
-            u0, u1 = self.trajectory.input_ends(phase)
-            for k in range(phase.steps):
-                try:
-                    y = self.step_with_contacts(y, phase.t[k], phase.t[k + 1], u0[k], u1[k], contacts)
-                except FloatingPointError:
-                    return np.inf, contacts
+        try:
+            for phase in phases:
+                u0, u1 = self.trajectory.input_ends(phase)
+                for k in range(phase.steps):
+                    q, v = self.flow.through_contacts(q, v, (float(phase.t[k]), float(phase.t[k + 1])), u0[k], u1[k], contacts)
+        except Lost:
+            return np.inf, contacts
         last = phases[-1]
-        q, v = y[None, : self.nq].copy(), y[None, self.nq :].copy()
-        return float(self.error(q, v, last.t[-1:], last.q[-1:], last.p[-1:])[0]), contacts
+        return float(self.error(q[None].copy(), v[None].copy(), last.t[-1:], last.q[-1:], last.p[-1:])[0]), contacts
 
-    def step_with_contacts(self, y: Array, t0: float, t1: float, u0: Array, u1: Array, contacts: list[Contact]) -> Array:
-        nq = self.nq
+    def compare(self, contacts: list[Contact]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Match contacts with planned collisions by surface and time; of the others those count that do not merely graze, or knock where the
+        motion itself lies on the surface."""
+        left, missed = list(contacts), []
+        for planned in self.trajectory.collisions:
+            window = SAME_CONTACT * self.sizes.time
+            match = next((c for c in left if c.surface == planned.surface and abs(c.time - planned.time) <= window), None)
+            if match is not None:
+                left.remove(match)
+            elif not planned.grazes:
+                missed.append(f"the collision with {planned.surface!r} at {planned.time:.4g} s")
 
-        def slope(t: float, state: Array, held: int | None) -> Array:
-            share = (t - t0) / (t1 - t0)
-            u = ((1 - share) * u0 + share * u1)[None]
-            at, rate = state[None, :nq].copy(), state[None, nq:].copy()
-            a = self.acceleration(at, rate, u, np.array([[t]]))[0]
-            return np.concatenate([rate[0], a if held is None else self.on_surface(state, a, t, held)[0]])
+        def counts(c: Contact) -> bool:
+            j = self.kernels.surfaces.index(c.surface)
+            on = any(surface == j and begin <= c.time <= end for surface, begin, end in self.arcs)
+            return c.jump > (KNOCK if on else GRAZING)
 
-        t = t0
-        for _ in range(100):  # impacts within one step
-            held = self.resting(y, t, slope(t, y, None)[nq:])
-            solver = DOP853(
-                lambda s, state, j=held: slope(s, state, j), t, y, t1, rtol=RELATIVE, atol=ABSOLUTE, first_step=t1 - t
-            )
-            hit = None
-            while solver.status == "running" and hit is None:
-                solver.step()
-                if not np.isfinite(solver.y).all() or solver.status == "failed":
-                    raise FloatingPointError
-                hit = self.first_hit(solver, held)
-            if hit is None:
-                return np.asarray(solver.y)
-            t, y, surface = hit
-            after = self.impact(y, t, surface)
-            contacts.append(Contact(self.kernels.surfaces[surface], t, self.jump(y, after, t)))
-            y = after
-            if len(contacts) > MOST_CONTACTS:
-                raise FloatingPointError
-            if t1 - t <= 1e-12 * max(1.0, t1):
-                return y
-        raise FloatingPointError
-
-    def jump(self, before: Array, after: Array, t: float) -> float:
-        states = np.stack([before, after])
-        p = self.kernels.call("legendre", states[:, : self.nq].copy(), states[:, self.nq :].copy(), np.array([[t]]), self.par)[0]
-        return float((np.abs(p[1] - p[0]) / self.p_scale).max())
-
-    def gaps(self, q: Array, t: Array) -> Array:
-        return self.kernels.call("surface", np.atleast_2d(q).copy(), t[:, None].copy(), self.par)[0]
-
-    def slopes(self, q: Array, t: float) -> Array:
-        """Derivatives of the gaps with respect to (q, t), shape (nc, nq + 1)."""
-        found = np.zeros((len(self.kernels.surfaces), self.nq + 1))
-        found[self.kernels.pattern("surface_jac", "g_D_q")] = self.kernels.call(
-            "surface_jac", q[None].copy(), np.array([[t]]), self.par
-        )[0][0]
-        return found
-
-    def resting(self, y: Array, t: float, a: Array) -> int | None:
-        """A plastic surface that the state touches without approaching it, while the acceleration pushes into it."""
-        if not self.kernels.has("surface"):
-            return None
-        nq = self.nq
-        gaps = self.gaps(y[:nq], np.array([t]))[0]
-        for j, surface in enumerate(self.kernels.surfaces):
-            if self.trajectory.restitution[surface] > 0 or abs(gaps[j]) > TOUCH:
-                continue
-            slope = self.slopes(y[:nq], t)[j]
-            if abs(slope[:nq] @ y[nq:] + slope[nq]) < RELEASED and self.on_surface(y, a, t, j)[1] > 0:
-                return j
-        return None
-
-    def on_surface(self, y: Array, a: Array, t: float, j: int) -> tuple[Array, float]:
-        """The acceleration that keeps the rate of a gap, and the second derivative of the gap without the contact."""
-        nq, q, v, small = self.nq, y[: self.nq], y[self.nq :], 1e-6
-        ahead, behind = (self.slopes(q + s * v, t + s)[j] for s in (small, -small))
-        n = self.slopes(q, t)[j, :nq]
-        turning = (ahead - behind) / (2 * small)
-        second = float(n @ a + turning[:nq] @ v + turning[nq])
-        response = self.response(q, v, t, n)
-        return a - second / (n @ response) * response, second
-
-    def response(self, q: Array, v: Array, t: float, n: Array) -> Array:
-        """M^-1 n."""
-        zero = np.zeros((1, len(self.kernels.inputs)))
-        mass = self.kernels.call("dynamics", q[None].copy(), v[None].copy(), zero, np.array([[t]]), self.par)[0]
-        return np.asarray(np.linalg.solve(mass.reshape(self.nq, self.nq), n))
-
-    def first_hit(self, solver: Any, held: int | None) -> tuple[float, Array, int] | None:
-        """Look for the first crossing within the step that the integrator has just taken; the surface that holds the motion is not crossed."""
-        if not self.kernels.has("surface"):
-            return None
-        nq = self.nq
-        reach = np.abs(self.slopes(solver.y[:nq], solver.t)) @ np.append(np.abs(solver.y[nq:]), 1.0)
-        if (self.gaps(solver.y[:nq], np.array([solver.t]))[0] < -3 * reach * (solver.t - solver.t_old) - 1e-3).all():
-            return None
-        dense = solver.dense_output()
-        times = np.linspace(solver.t_old, solver.t, 9)
-        gaps = self.gaps(np.array([dense(t)[:nq] for t in times]), times)
-        first: tuple[float, Array, int] | None = None
-        for j in range(gaps.shape[1]):
-            if j == held:
-                continue
-            over = np.flatnonzero(gaps[:, j] > TOUCH)
-            if not len(over):
-                continue
-            k = int(over[0])
-            low = times[max(k - 1, 0)]
-            if gaps[max(k - 1, 0), j] >= -TOUCH:  # starts on the surface: look for the last moment inside
-                inside = [s for s in np.linspace(low, times[k], 33) if self.gaps(dense(s)[:nq], np.array([s]))[0, j] < -TOUCH]
-                if not inside:  # leaves the admissible set at once: the contact is where the step starts
-                    return float(solver.t_old), np.asarray(dense(solver.t_old)), j
-                low = inside[-1]
-
-            def gap(s: float, j: int = j) -> float:
-                return float(self.gaps(dense(s)[:nq], np.array([s]))[0, j])
-
-            at = float(brentq(gap, low, times[k], xtol=1e-14, rtol=1e-14))
-            if first is None or at < first[0]:
-                first = at, np.asarray(dense(at)), j
-        return first
-
-    def impact(self, y: Array, t: float, surface: int) -> Array:
-        nq = self.nq
-        q, v = y[:nq], y[nq:]
-        *normal, moving = self.slopes(q, t)[surface]
-        n = np.array(normal)
-        response = self.response(q, v, t, n)
-        e = self.trajectory.restitution[self.kernels.surfaces[surface]]
-        return np.concatenate([q, v - (1 + e) * (n @ v + moving) / (n @ response) * response])
+        return tuple(missed), tuple(f"a contact with {c.surface!r} at {c.time:.4g} s" for c in left if counts(c))
 
 
-def _scale(ranges: Array) -> Array:
-    """Ranges to compare errors with; what does not move is compared with a millionth of what does, so that roundings stay small."""
-    return np.maximum(ranges, 1e-6 * ranges.max()) if ranges.max() > 0 else np.ones_like(ranges)
-
-
-def _compare(trajectory: Trajectory, contacts: list[Contact]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Match contacts with planned collisions by surface and time; of the others those count that do not merely graze."""
-    left = list(contacts)
-    missed = []
-    for planned in trajectory.collisions:
-        window = SAME_CONTACT * trajectory.final_time
-        match = next((c for c in left if c.surface == planned.surface and abs(c.time - planned.time) <= window), None)
-        if match is None:
-            missed.append(f"the collision with {planned.surface!r} at {planned.time:.4g} s")
-        else:
-            left.remove(match)
-    return tuple(missed), tuple(f"a contact with {c.surface!r} at {c.time:.4g} s" for c in left if c.jump > GRAZING)
+def _sizes(trajectory: Trajectory, kernels: Kernels) -> Sizes:
+    """Ranges of a motion; what does not move counts by a small share of what its energy could make of it, so that roundings stay small."""
+    q = np.vstack([p.q for p in trajectory.phases])
+    v, p = (np.abs(np.vstack([getattr(phase, name) for phase in trajectory.phases])).max(axis=0) for name in "vp")
+    t, par = np.concatenate([phase.t for phase in trajectory.phases]), trajectory.parameter_row
+    rest, now, none = np.zeros_like(q), t[:, None].copy(), np.zeros((1, len(kernels.inputs)))
+    M = kernels.call("dynamics", q, rest, none, now, par)[0].reshape(len(q), q.shape[1], q.shape[1])
+    inertia = np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0)
+    speeds = np.vstack([phase.v for phase in trajectory.phases])
+    kinetic = float(np.einsum("ki,kij,kj->k", speeds, M, speeds).max()) / 2
+    time = trajectory.final_time
+    spread = np.ptp(q, axis=0)
+    little = 1e-6 * np.sqrt(2 * kinetic / inertia)
+    size_q = np.maximum(spread, little * time)
+    size_q = np.where(size_q > 0, size_q, np.where(np.abs(q).max(axis=0) > 0, np.abs(q).max(axis=0), 1.0))
+    size_v = np.maximum(np.maximum(v, little), 1e-6 * size_q / time)
+    size_p = np.maximum(p, inertia * size_v * 1e-6)
+    gap, rate = np.ones(0), np.ones(0)
+    if kernels.has("surface"):
+        slope = np.zeros((len(kernels.surfaces), q.shape[1] + 1))
+        rows, columns = kernels.pattern("surface_jac", "g_D_q")
+        slope[rows, columns] = np.abs(kernels.call("surface_jac", q, now, par)[0]).max(axis=0)
+        gap, rate = slope @ np.append(size_q, time), slope @ np.append(size_v, 1.0)
+    largest = kinetic if kinetic > 0 else float(size_p @ size_v)
+    return Sizes(size_q, size_v, np.where(size_p > 0, size_p, 1.0), gap, rate, time, largest if largest > 0 else 1.0)

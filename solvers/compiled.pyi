@@ -26,6 +26,7 @@ def interior_point(
     optimality: float,
     demanded: float,
     violation: float,
+    least_cost: float,
     infeasible: float,
     mu: float,
     warm: bool,

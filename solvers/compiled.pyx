@@ -20,7 +20,7 @@ cdef extern from "interior_point.h" nogil:
     enum: DMOC_NO_MEMORY
     ctypedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu, int restoring) noexcept nogil
     ctypedef struct dmoc_options:
-        double optimality, demanded, violation, infeasible, mu, seconds
+        double optimality, demanded, violation, least_cost, infeasible, mu, seconds
         int warm, iterations, least_violation
         const double *price
         dmoc_report *report
@@ -65,7 +65,7 @@ cdef const int *_address(int[::1] array) noexcept:
 
 def interior_point(program, system, double[::1] size, double[::1] stretch, double[::1] x, double[::1] y, double[::1] z_lower, double[::1] z_upper, *,
                    double[::1] price=None, bint least_violation=False,
-                   double optimality, double demanded, double violation, double infeasible, double mu, bint warm, int iterations, double seconds, report):
+                   double optimality, double demanded, double violation, double least_cost, double infeasible, double mu, bint warm, int iterations, double seconds, report):
     """Minimise from x, in place; returns the fields of ``dmoc_result`` as a dictionary."""
     cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
     cdef dmoc_options options
@@ -79,7 +79,7 @@ def interior_point(program, system, double[::1] size, double[::1] stretch, doubl
         raise ValueError(f"expected {c.m} prices")
     listener.report = report
     options.optimality, options.demanded, options.violation = optimality, demanded, violation
-    options.infeasible, options.mu = infeasible, mu
+    options.least_cost, options.infeasible, options.mu = least_cost, infeasible, mu
     options.warm, options.iterations, options.seconds = warm, iterations, seconds
     options.price, options.least_violation = &price[0] if price is not None and c.m else NULL, least_violation
     options.report, options.user = _report, <void *>listener

@@ -41,23 +41,22 @@ class Partition:
 def partition(nlp: Transcription, segments: int) -> Partition:
     """Cut every phase into at most ``segments`` segments; segments = 0 eliminates nothing."""
     layout, rows_of = nlp.layout, nlp.rows
-    eliminated, used = [], []
-    for first, last in pairwise(layout.ends):
+    gone_parts, used_parts = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
+    for i, (first, last) in enumerate(pairwise(layout.ends) if segments else ()):
         pieces = min(segments, max(1, (last - first) // SHORTEST_SEGMENT))
-        cuts: Any = np.linspace(first, last, pieces + 1).round().astype(int) if segments else []
+        cuts: Any = np.linspace(first, last, pieces + 1).round().astype(int)
         for a, b in pairwise(cuts):
             start = a if a == 0 else a + 1  # the first node's momentum equation starts the chain
-            eliminated.append(np.arange(start + 1, b))
-            used.append(np.arange(start, b - 1))
-    nodes = np.concatenate([*eliminated, np.zeros(0, dtype=int)]).astype(np.intp)
-    rows = np.concatenate([*used, np.zeros(0, dtype=int)]).astype(np.intp)
-    # Step by step, so that the matrix is banded: the node inside step k, node k + 1 and its time; then the velocities after the collisions.
-    timed = [layout.index_t[nodes][:, None]] if layout.timed else []
-    clocks = [rows_of.time[rows][:, None]] if layout.timed else []
-    after = layout.index_v_c.ravel() if segments else layout.index_v_c[:0].ravel()
-    departure = rows_of.departure.ravel() if segments else rows_of.departure[:0].ravel()
-    gone = np.concatenate([np.hstack([layout.index_q_i[rows], layout.index_q[nodes], *timed]).ravel(), after])
-    used_rows = np.concatenate([np.hstack([rows_of.inside[rows], rows_of.momentum[rows], *clocks]).ravel(), departure]) - 1
+            nodes, rows = np.arange(start + 1, b), np.arange(start, b - 1)
+            # Step by step, so that the matrix is banded: the node inside step k, node k + 1 and its time.
+            timed = [layout.index_t[nodes][:, None]] if layout.timed else []
+            clocks = [rows_of.time[rows][:, None]] if layout.timed else []
+            gone_parts.append(np.hstack([layout.index_q_i[rows], layout.index_q[nodes], *timed]).ravel())
+            used_parts.append(np.hstack([rows_of.inside[rows], rows_of.momentum[rows], *clocks]).ravel())
+        if i < layout.phases - 1:  # the velocities beside the collision
+            gone_parts += [layout.index_v_a[i], layout.index_v_c[i]]
+            used_parts += [rows_of.arrival[i], rows_of.departure[i]]
+    gone, used_rows = np.concatenate(gone_parts), np.concatenate(used_parts) - 1
     free = np.ones(nlp.n, dtype=bool)
     free[gone] = False
     free[nlp.lower == nlp.upper] = False
@@ -129,14 +128,14 @@ class Elimination:
         x[self.parts.kept] = y
         if not self.size:
             return x
-        previous, scale = np.inf, 0.0
+        previous, scale = np.inf, 1.0
         for _ in range(NEWTON_LIMIT):
             with np.errstate(all="ignore"):
                 residual = self.nlp.equality(x)[self.parts.used_rows]
                 error = float(np.abs(residual).max())
                 if not np.isfinite(error):
                     return None
-                scale = scale or 1.0 + float(np.abs(self.nlp.momenta(x)[1]).max())
+                scale = max(scale, float(np.abs(self.nlp.momenta(x)[1] / self.nlp.scale.p).max()))
             if error <= NEWTON_TOLERANCE * scale or (error <= 1e4 * NEWTON_TOLERANCE * scale and error > 0.3 * previous):
                 return x
             previous = error

@@ -7,17 +7,20 @@ and the bounds that then carry multipliers are those that stand against it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.labels import goal_limits
+from dmoc.nlp.layout import Index
 from dmoc.nlp.motion import active_bounds
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.ipm import INFEASIBLE, least_violation
-from dmoc.solvers.outcome import Options, Status
+from dmoc.nlp.scaling import Scale
+from dmoc.solvers.ipm import least_violation
+from dmoc.solvers.outcome import INFEASIBLE, Options, Status
 
 # Prices of a violation relative to that of missing the goal: of what limits the motion, and of the laws of motion.
 LIMITS = 10.0
@@ -61,12 +64,12 @@ class Diagnosis:
         return tuple(parts)
 
 
-def diagnose(problem: Problem, x: Array, options: Options) -> Diagnosis:
-    """Seek the motion of least violation from x and say what it misses; needs compiled kernels.
+def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diagnosis:
+    """Seek the motion of least violation from the scaled unknowns x and say what it misses; needs compiled kernels.
 
     x is best an initial guess: where a solver has given up, the motion may have left what the user had in mind.
     """
-    nlp = Transcription(problem, minimal_times=False, goal_as_rows=True)
+    nlp = Transcription(problem, scale, minimal_times=False, goal_as_rows=True)
     limits = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
     outcome = least_violation(nlp, x, limits, _prices(nlp))
     if outcome.status is Status.INTERRUPTED:
@@ -88,7 +91,7 @@ def _prices(nlp: Transcription) -> Array:
     for name in ("goal", "periodic"):
         price[nlp.equality_rows(name)] = 1.0
     price[nlp.n_eq + nlp.inequality_rows("goal")] = 1.0
-    for name in ("momentum", "inside", "time", "departure", "energy", "start velocity", "goal velocity"):
+    for name in ("momentum", "inside", "time", "arrival", "departure", "energy", "start velocity", "goal velocity"):
         price[nlp.equality_rows(name)] = LAWS
     return price
 
@@ -98,55 +101,63 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
     problem, kernels = nlp.problem, nlp.problem.kernels
     units = kernels.manifest["units"]
     c, d = nlp.equality(x), nlp.inequality(x)
+    size = nlp.row_unit[1:]
+    size_c, size_d = size[: nlp.n_eq], size[nlp.n_eq :]
     worst: dict[str, tuple[float, str]] = {}
 
-    def note(kind: str, amount: float, text: str, unit: str = "") -> None:
-        if amount > max(INFEASIBLE, worst.get(kind, (0.0, ""))[0]):
-            worst[kind] = (amount, f"{text} by {amount:.3g}{' ' + unit if unit else ''}")
+    def note(kind: str, rows: Index, labels: Sequence[str], unit: str = "", inequality: bool = False) -> None:
+        """Keep the most violated row of a kind; amounts are compared by size and told in units."""
+        if not len(rows):
+            return
+        amounts = -d[rows] if inequality else np.abs(c[rows])
+        k = int(np.argmax(amounts))
+        if amounts[k] > max(INFEASIBLE, worst.get(kind, (0.0, ""))[0]):
+            amount = amounts[k] * (size_d if inequality else size_c)[rows[k]]
+            worst[kind] = (float(amounts[k]), f"{labels[k]} by {amount:.3g}{' ' + unit if unit else ''}")
 
     fixed = [g for g in nlp.goals if g.low == g.high]
-    goals = [(abs(c[row]), g.name) for row, g in zip(nlp.equality_rows("goal"), fixed, strict=True)]
-    goals += [(-d[row], g.name) for row, (g, _, _) in zip(nlp.inequality_rows("goal"), goal_limits(nlp.goals), strict=True)]
-    for amount, name in goals:
-        note(f"goal {name}", float(amount), f"the goal of {name} is missed", _unit(name, units))
+    goals = [(row, g.name, False) for row, g in zip(nlp.equality_rows("goal"), fixed, strict=True)]
+    goals += [(row, g.name, True) for row, (g, _, _) in zip(nlp.inequality_rows("goal"), goal_limits(nlp.goals), strict=True)]
+    for row, name, one_sided in goals:
+        note(f"goal {name}", np.array([row]), [f"the goal of {name} is missed"], _unit(name, units), one_sided)
     for i, (row, surface) in enumerate(zip(nlp.equality_rows("contact"), problem.sequence, strict=True)):
         involved = [kernels.coordinates[j] for j in kernels.manifest["surface_coordinates"][surface]]
         unit = _unit(involved[0], units) if len(involved) == 1 else ""
-        note(f"contact {i}", abs(c[row]), f"collision {i + 1} misses {surface!r}", unit)
+        note(f"contact {i}", np.array([row]), [f"collision {i + 1} misses {surface!r}"], unit)
     rows = nlp.equality_rows("momentum").reshape(-1, nlp.layout.nq)
     for j, q in enumerate(kernels.coordinates):
-        k = int(np.argmax(np.abs(c[rows[:, j]])))
-        note(f"momentum {q}", abs(c[rows[k, j]]), f"the momentum of {q} jumps at node {k}", _unit(f"p_{q}", units))
+        labels = [f"the momentum of {q} jumps at node {k}" for k in range(len(rows))]
+        note(f"momentum {q}", rows[:, j], labels, _unit(f"p_{q}", units))
     steps = nlp.equality_rows("inside").reshape(nlp.layout.total, -1)
-    for j, k in enumerate(np.argmax(np.abs(c[steps]), axis=0)):
+    for j in range(steps.shape[1]):
         q = kernels.coordinates[j % nlp.layout.nq]
-        note(f"inside {q}", abs(c[steps[k, j]]), f"the equation of motion of {q} is violated in step {k}")
-    for name, text in (("time", "the time jumps"), ("departure", "the velocity after a collision does not fit its momentum")):
-        note(name, float(np.abs(c[nlp.equality_rows(name)]).max(initial=0.0)), text, "s" if name == "time" else "")
+        note(f"inside {q}", steps[:, j], [f"the equation of motion of {q} is violated in step {k}" for k in range(len(steps))])
+    for name, text in (
+        ("time", "the time jumps"),
+        ("arrival", "the velocity before a collision does not fit its momentum"),
+        ("departure", "the velocity after a collision does not fit its momentum"),
+        ("final time", "the final time is missed"),
+    ):
+        rows = nlp.equality_rows(name)
+        note(name, rows, [text] * len(rows), "s" if name in ("time", "final time") else "")
     for row, name in zip(nlp.equality_rows("periodic"), problem.periodic, strict=True):
-        note(f"periodic {name}", abs(c[row]), f"{name} at the end misses its value at the start", _unit(name, units))
+        note(f"periodic {name}", np.array([row]), [f"{name} at the end misses its value at the start"], _unit(name, units))
     for end in ("start", "goal"):
         for row, q in zip(nlp.equality_rows(f"{end} velocity"), kernels.coordinates, strict=False):
-            note(
-                f"{end} velocity",
-                abs(c[row]),
-                f"the momentum of {q} at the {end} does not fit the velocity",
-                _unit(f"p_{q}", units),
-            )
+            text = f"the momentum of {q} at the {end} does not fit the velocity"
+            note(f"{end} velocity", np.array([row]), [text], _unit(f"p_{q}", units))
     for i, row in enumerate(nlp.equality_rows("energy")):
-        note(f"energy {i}", abs(c[row]), f"collision {i + 1} ({problem.sequence[i]}) violates its law of restitution")
-    for row in nlp.equality_rows("final time"):
-        note("time", abs(c[row]), "the final time is missed", "s")
+        note(f"energy {i}", np.array([row]), [f"collision {i + 1} ({problem.sequence[i]}) violates its law of restitution"])
     for block in (b for b in nlp.inequalities if b.name != "goal"):
-        for i, row in enumerate(block.rows):
-            time = block.name.startswith("final time")
-            kind = block.name if block.name != "gap" else f"gap {nlp.gap_constraints[1][i]}"
-            text = (
-                f"{block.labels[i]} is violated"
-                if block.name != "gap"
-                else f"the motion passes {block.labels[i].removeprefix('gap to ')}"
-            )
-            note(kind, float(-d[row]), text, "s" if time else "")
+        if block.name == "gap":
+            of = nlp.gap_constraints[1]
+            for j, surface in enumerate(kernels.surfaces):
+                at = np.flatnonzero(of == j)
+                labels = [f"the motion passes {block.labels[i].removeprefix('gap to ')}" for i in at]
+                note(f"gap {surface}", block.rows[at], labels, inequality=True)
+        else:
+            unit = "s" if block.name.startswith("final time") else ""
+            note(block.name, block.rows, [f"{label} is violated" for label in block.labels], unit, True)
     found = sorted(worst.values(), reverse=True)
     return [(amount, text) for amount, text in found if amount > NEGLIGIBLE * found[0][0]]
 

@@ -93,7 +93,7 @@ static double aux_sign(const solver *s, int i) { return i - s->n < s->slacks + s
 static void evaluate_values(solver *s, const double *x)
 {
     const double t = now_seconds();
-    memcpy(s->program->pool, x, sizeof(double)*(size_t)s->n);
+    dmoc_put(s->program, x);
     dmoc_assemble(&s->program->values, s->program->pool, s->values);
     s->result.seconds_kernels += now_seconds() - t;
 }
@@ -148,7 +148,7 @@ static double violation(const solver *s)
 static void evaluate_slopes(solver *s)
 {
     const double t = now_seconds();
-    memcpy(s->program->pool, s->now.v, sizeof(double)*(size_t)s->n);
+    dmoc_put(s->program, s->now.v);
     dmoc_assemble(&s->program->slopes, s->program->pool, s->slopes);
     s->result.seconds_kernels += now_seconds() - t;
     double *jac = s->slopes + s->n;
@@ -165,10 +165,11 @@ static void evaluate_curvatures(solver *s)
 {
     const double t = now_seconds();
     double *pool = s->program->pool;
-    memcpy(pool, s->now.v, sizeof(double)*(size_t)s->n);
+    const double *unit = s->program->unit;
+    dmoc_put(s->program, s->now.v);
     for (int r = 0; r < s->m; ++r)
-        pool[s->n + r] = s->fs_rows[r]*s->now.y[r];
-    pool[s->n + s->m] = s->elastic ? 0 : s->fs;
+        pool[s->n + r] = unit[s->n + r]*s->fs_rows[r]*s->now.y[r];
+    pool[s->n + s->m] = s->elastic ? 0 : unit[s->n + s->m]*s->fs;
     dmoc_assemble(&s->program->curvatures, pool, s->hess);
     s->result.seconds_kernels += now_seconds() - t;
 }
@@ -229,13 +230,17 @@ static double barrier_error(const solver *s, double mu)
     return max(worst, max(e.dual/(max(S_MAX, e.mean_y)/S_MAX), e.complementarity/(max(S_MAX, e.mean_z)/S_MAX)));
 }
 
+/* Size that stationarity and complementarity are compared with: the cost's, not below a share of its first one. */
+static double cost_size(const solver *s) { return max(fabs(s->values[0]), s->options->least_cost); }
+
 /* Whether the point meets the tolerances: 2 the sharp one, 1 the demanded one, 0 none. */
 static int converged(const solver *s)
 {
     const errors e = optimality(s, 0);
-    const double unit = s->elastic ? 1 : s->fs;
-    const double dual = e.dual/unit/(max(S_MAX, e.mean_y/unit)/S_MAX);
-    const double complementarity = e.complementarity/unit/(max(S_MAX, e.mean_z/unit)/S_MAX);
+    const double unit = s->elastic ? 1 : s->fs*cost_size(s);
+    const double fs = s->elastic ? 1 : s->fs;
+    const double dual = e.dual/unit/(max(S_MAX, e.mean_y/fs)/S_MAX);
+    const double complementarity = e.complementarity/unit/(max(S_MAX, e.mean_z/fs)/S_MAX);
     const double left = max(dual, complementarity);
     if (left > s->options->demanded)
         return 0;
@@ -806,7 +811,7 @@ static int iterate(solver *s)
     s->patience = good ? s->patience + 1 : 0;
     if (good == 2 || s->patience > MOST_PATIENCE)
         return DMOC_SOLVED;
-    const double least_mu = s->options->optimality/(KAPPA_EPS + 1)*(s->elastic ? 1 : s->fs);
+    const double least_mu = s->options->optimality/(KAPPA_EPS + 1)*(s->elastic ? 1 : s->fs*min(cost_size(s), 1));
     /* A step below rounding errors ends the barrier problem too: only its multipliers could still gain, WB 3.9. */
     while (s->mu > least_mu && (barrier_error(s, s->mu) <= KAPPA_EPS*s->mu || s->tiny > 0)) {
         s->tiny = 0;

@@ -31,6 +31,7 @@ typedef struct {
     double optimality;  /* stationarity and complementarity to aim at, scaled as in WB (5) */
     double demanded;    /* the same, of a solution that rounding errors keep from getting sharper */
     double violation;   /* largest violation of a solution, in the units of the constraints */
+    double least_cost;  /* a smaller cost counts as this much where stationarity and complementarity are compared with it */
     double infeasible;  /* a larger least violation means infeasible, a smaller one stalled */
     double mu;          /* first barrier parameter */
     int warm;           /* y, z_lower, z_upper are given */

@@ -12,8 +12,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.errors import ProblemError
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.compiled import interior_point
-from dmoc.solvers.kkt import residuals
-from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
+from dmoc.solvers.kkt import LEAST_COST, residuals
+from dmoc.solvers.outcome import INFEASIBLE, Duals, Iteration, Options, Outcome, Status
 from dmoc.solvers.system import System, system
 
 Report: TypeAlias = Callable[[int, float, float, float, bool], None]
@@ -25,8 +25,6 @@ SHARPEST = 1e-8
 # Largest ratio of a step size in two iterates: on 200 random pendulums, 1.25 took 23 iterations on average and 1.1 took 25; 2 took 33, and
 # without a limit 6 failed and the others took 77.
 STRETCH = 1.25
-# A least violation above this counts as infeasible.
-INFEASIBLE = 1e-6
 
 
 def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
@@ -97,7 +95,8 @@ def _minimise(
     """Call the compiled method, which works on x and the multipliers in place."""
     return interior_point(
         nlp.program, prepared, sizes(nlp, x), _stretches(nlp), x, y, z_lower, z_upper, price=price, least_violation=price is not None,
-        optimality=min(options.optimality, SHARPEST), demanded=options.optimality, violation=options.violation, infeasible=INFEASIBLE,
+        optimality=min(options.optimality, SHARPEST), demanded=options.optimality, violation=options.violation,
+        least_cost=LEAST_COST, infeasible=INFEASIBLE,
         mu=WARM if warm else COLD, warm=warm, iterations=options.iterations,
         seconds=np.inf if options.seconds is None else options.seconds, report=report,
     )  # fmt: skip

@@ -15,20 +15,23 @@ from dmoc.solvers.outcome import Duals
 SCALE_FROM = 100.0
 # Distance to a bound, relative to its size, at which it counts as active.
 ACTIVE = 1e-8
+# A scaled cost below it counts as this much where residuals are compared with the cost: one that vanishes sets no measure.
+LEAST_COST = 1e-2
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Optimality: scaled stationarity and complementarity. Violation: largest |c|, -d or excess over a bound."""
+    """Optimality: stationarity and complementarity relative to the cost. Violation: largest |c|, -d or excess over a bound, relative to the
+    size of the constraint or unknown."""
 
     optimality: float
     violation: float
 
 
 def duality_gap(nlp: Transcription, x: Array, duals: Duals) -> float:
-    """Sum of the products of inequalities and bounds with their multipliers: about what a barrier has left of the cost."""
+    """Sum of the products of inequalities and bounds with their multipliers, in units of the cost: about what a barrier has left of it."""
     z = np.where(nlp.lower < nlp.upper, duals.z, 0.0)
-    return float(np.abs(duals.w * nlp.inequality(x)).sum() + np.abs(z * _distance(nlp, x, z)).sum())
+    return nlp.scale.cost * float(np.abs(duals.w * nlp.inequality(x)).sum() + np.abs(z * _distance(nlp, x, z)).sum())
 
 
 def _distance(nlp: Transcription, x: Array, z: Array) -> Array:
@@ -47,6 +50,7 @@ def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
     products = np.concatenate([duals.w * nlp.inequality(x), z * _distance(nlp, x, z)])
     multipliers = np.concatenate([duals.y, duals.w, z])
     scale = max(SCALE_FROM, float(np.abs(multipliers).mean())) / SCALE_FROM
+    scale *= max(abs(nlp.cost(x)), LEAST_COST)
     worst = max(float(np.abs(slope * reach).max(initial=0.0)), float(np.abs(products).max(initial=0.0))) / scale
     return Residuals(worst if np.isfinite(worst) else np.inf, violation(nlp, x))
 

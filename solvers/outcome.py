@@ -9,6 +9,10 @@ from dataclasses import dataclass
 from dmoc.codegen.kernels import Array
 
 
+# A least violation above it, relative to the sizes of the constraints, counts as infeasible, whatever the method.
+INFEASIBLE = 1e-6
+
+
 class Status(enum.Enum):
     """How a solve ended; the values are texts that say what happened and what helps."""
 
@@ -36,9 +40,9 @@ class Options:
     Attributes
     ----------
     optimality : float
-        Largest scaled stationarity and complementarity residual of a solution.
+        Largest residual of stationarity and complementarity of a solution, relative to the cost.
     violation : float
-        Largest violation of a constraint or bound of a solution, in the units of the constraint.
+        Largest violation of a constraint or bound of a solution, relative to the size of the constraint or unknown.
     iterations : int
         Iteration limit.
     seconds : float or None

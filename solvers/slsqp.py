@@ -23,7 +23,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Reduced, partition
 from dmoc.solvers.kkt import Residuals, residuals, violation, with_bounds, worst_constraints
-from dmoc.solvers.outcome import Options, Outcome, Status
+from dmoc.solvers.outcome import INFEASIBLE, Options, Outcome, Status
 from dmoc.solvers.polish import polish
 from dmoc.solvers.runs import (
     EQUATION_TOLERANCE,
@@ -52,7 +52,6 @@ RESTORATIONS = 2
 RESTORATION_LIMIT = 60
 # Violation that a least-squares search must reach to count as feasible; the runs after it reach the demanded one.
 FEASIBLE = 1e-6
-INFEASIBLE = 1e-3  # a smaller remainder may be the search's own, so that it says nothing about the problem
 # Violation below which a converged run is close enough for Newton's method.
 POLISH_FROM = 1e-6
 # Relative change of the cost in a run below which Newton's method is tried, and curvature below which its end is a saddle.
@@ -90,7 +89,7 @@ class Driver:
         rows = nlp.inequality_rows("gap")
         for c, s in zip(lay.collision_nodes, nlp.surfaces, strict=True):
             self.watched_rows[rows[(np.abs(nodes - c) <= 2) & (surfaces == s)]] = True
-        for name in ("final time >=", "final time <=", "minimal time"):
+        for name in ("final time >=", "final time <=", "minimal time", "approach", "separation"):
             self.watched_rows[nlp.inequality_rows(name)] = True
         for index in (lay.index_h, lay.index_lam):
             self.watched_lower[index] = np.isfinite(nlp.lower[index])
@@ -106,12 +105,13 @@ class Driver:
         scale[lay.index_h] = x[lay.index_h] / 10
         scale[lay.index_lam] = np.maximum(np.abs(x[lay.index_lam]), 1.0) / 3
         if lay.nu:
-            q_k, _, u, _, h, t_k, _ = lay.step_inputs(x)
+            q_k, _, u, _, h, t_k, _ = lay.step_inputs(nlp.physical(x))
             curvature = nlp.problem.kernels.call("running_cost", q_k, np.zeros_like(q_k), u, t_k, nlp.par)[1]
-            box = nlp.problem.input_bounds
+            curvature = h * curvature * nlp.scale.u**2 / nlp.scale.cost
+            box = nlp.problem.input_bounds / nlp.scale.u[:, None]
             width = np.where(np.isfinite(box[:, 1] - box[:, 0]), box[:, 1] - box[:, 0], 1.0) / 4
             with np.errstate(divide="ignore"):
-                size = np.where(curvature > 0, 1 / np.sqrt(h * np.maximum(curvature, 1e-300)), width)
+                size = np.where(curvature > 0, 1 / np.sqrt(np.maximum(curvature, 1e-300)), width)
             scale[lay.index_u[lay.row_u_kp1]] = size
             scale[lay.index_u[lay.row_u_k]] = size
         return scale

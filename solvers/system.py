@@ -2,7 +2,7 @@
 
 The order follows time, and the mechanics say what belongs together.  The momentum equation of node k determines q_{k+1}: both are one
 pivot of two, [[H_qq, A'], [A, .]], which is regular whatever H is, because A = d(momentum k)/d(q_{k+1}) is close to -M/h.  In the same way
-the contact determines the step size of the phase that ends in it, the momentum after a collision the velocity, and the energy equation
+the contact determines the step size of the phase that ends in it, the momenta beside a collision the velocities, and the energy equation
 the impulse; the equations of the nodes inside a step come before its momentum equation.  Inequalities come before their
 unknowns, since eliminating a slack leaves their own pivot.  What the chain does not determine - free boundary values, the momentum equation
 of the last node, the last step size, constraints on the final time - is a small final group that is factorised densely.
@@ -67,13 +67,18 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     singles.append((row(rows.gap[node, surface]), key(node - 1, INEQUALITY)))
     steps = np.arange(lay.total)
     singles.append((row(rows.path).ravel(), np.repeat(key(steps - 1, INEQUALITY), rows.path.shape[1])))
+    inside, surface = np.nonzero(rows.gap_inside >= 0)
+    singles.append((row(rows.gap_inside[inside, surface]), key(inside // max(lay.inside, 1) - 1, INEQUALITY)))
+    for at in (rows.approach, rows.separation):
+        singles.append((row(at[at >= 0]), key(lay.collision_nodes[at >= 0] - 1, INEQUALITY)))
     singles.append((lay.index_u.ravel(), np.repeat(key(lay.step_of_input, INPUT), lay.nu)))
-    inside = np.repeat(key(steps, INSIDE), rows.inside.shape[1])
-    pairs.append((lay.index_q_i.ravel(), row(rows.inside).ravel(), inside))
+    between = np.repeat(key(steps, INSIDE), rows.inside.shape[1])
+    pairs.append((lay.index_q_i.ravel(), row(rows.inside).ravel(), between))
     pairs.append((lay.index_q[1:].ravel(), row(rows.momentum[:-1]).ravel(), np.repeat(key(steps, STATE), lay.nq)))
     pairs.append((lay.index_t[1:], row(rows.time), key(steps[: len(rows.time)], STATE)))
     nodes = lay.collision_nodes
     surfaces = nlp.surfaces
+    pairs.append((lay.index_v_a.ravel(), row(rows.arrival).ravel(), np.repeat(key(nodes - 1, COLLISION), lay.nq)))
     pairs.append((lay.index_h[:-1], row(rows.contact[nodes, surfaces]), key(nodes - 1, COLLISION)))
     pairs.append((lay.index_v_c.ravel(), row(rows.departure).ravel(), np.repeat(key(nodes, COLLISION), lay.nq)))
     pairs.append((lay.index_lam, row(rows.energy), key(nodes, COLLISION)))

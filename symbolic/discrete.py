@@ -12,7 +12,8 @@ quadrature with points c_i and weights b_i.  With the shape functions phi_a of t
 
 d = 1 with one point is the midpoint rule (Kern & Gross 2018), of order 2; its forces and cost take the input u_k at the start and u_kp1 at the end of the
 step, fd_minus = h/2 Q(u_k), fd_plus = h/2 Q(u_kp1), C_d = h/2 (C(u_k) + C(u_kp1)), so that inputs linear in a step have no null space.  d = 2 with
-Lobatto nodes (start, middle, end) and two points is of order 4; u_k and u_kp1 are then the inputs at the first and second point.
+Lobatto nodes (start, middle, end) and two points is of order 4; inputs are linear in the step, from u_k at its start to u_kp1 at its end, so that limits
+of both hold everywhere in between.
 """
 
 from __future__ import annotations
@@ -200,9 +201,11 @@ def step_element(f: Continuous, order: int, make: Callable[[str], Any], exact: C
     points = []
     for i, (c, b) in enumerate(zip(places, weights, strict=True)):
         here = f if len(places) == 1 else _renamed(f, i + 1, make)
-        inputs = (u_k, u_kp1) if len(places) == 1 else ((u_k, u_kp1)[i],) * 2
-        start = _with_inputs(here, inputs[0])
-        end = start if inputs[0] == inputs[1] else _with_inputs(here, inputs[1])
+        if len(places) == 1:
+            start, end = _with_inputs(here, u_k), _with_inputs(here, u_kp1)
+        else:
+            between = tuple(exact(1 - c) * a + exact(c) * b for a, b in zip(u_k, u_kp1, strict=True))
+            start = end = _with_inputs(here, between)
         phi = tuple(exact(s) for s in _shapes(nodes, c))
         slope = tuple(exact(s) for s in _shapes(nodes, c, 1))
         points.append(Point(exact(c), exact(b), phi, slope, start, end))

@@ -17,6 +17,7 @@ from dmoc.symbolic.continuous import (
     Continuous,
     dot,
     energy,
+    gap_rates,
     gradient,
     input_matrix,
     jacobian,
@@ -30,7 +31,7 @@ from dmoc.symbolic.names import name_of
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem
 
-FORMAT = 3  # of the facts and the kernel list; a manifest of another format is refused
+FORMAT = 4  # of the facts and the kernel list; a manifest of another format is refused
 
 
 def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
@@ -165,10 +166,10 @@ def _surface_kernels(f: Continuous) -> list[KernelSpec]:
         return []
     q, v, _, t, par = _inputs(f)
     w, lam, mu = Input.vector("w", len(f.g)), Input.vector("lam", len(f.g)), Input.vector("mu", len(f.q))
-    e, weight = Input.vector("e", len(f.g)), Input.vector("w_W", 1)
+    e, weight, rate_weight = Input.vector("e", len(f.g)), Input.vector("w_W", 1), Input.vector("w_w", len(f.g))
     normal = gradient(dot(lam.symbols, f.g), f.q)
-    work = restitution_work(f, lam.symbols, e.symbols)
-    place, unknowns = (*f.q, f.t), (*f.q, *lam.symbols, f.t)
+    work, rates = restitution_work(f, lam.symbols, e.symbols), gap_rates(f)
+    place, unknowns, state = (*f.q, f.t), (*f.q, *lam.symbols, f.t), (*f.q, *f.v, f.t)
     impact = (*f.q, *f.v, *lam.symbols, f.t)
     return [
         KernelSpec("surface", "Gaps g <= 0.", (q, t, par), (Output.vector("g", f.g),)),
@@ -176,6 +177,11 @@ def _surface_kernels(f: Continuous) -> list[KernelSpec]:
                    (Output.matrix("g_D_q", jacobian(f.g, place), len(place)),)),
         KernelSpec("surface_hess", "Second derivatives of w . g with respect to (q, t).", (q, t, par, w),
                    (_hessian(dot(w.symbols, f.g), place),)),
+        KernelSpec("gap_rate", "Rates w of the gaps.", (q, v, t, par), (Output.vector("w", rates),)),
+        KernelSpec("gap_rate_jac", "First derivatives of the rates with respect to (q, v, t).", (q, v, t, par),
+                   (Output.matrix("w_D_s", jacobian(rates, state), len(state)),)),
+        KernelSpec("gap_rate_hess", "Second derivatives of w_w . w with respect to (q, v, t).", (q, v, t, par, rate_weight),
+                   (_hessian(dot(rate_weight.symbols, rates), state),)),
         KernelSpec("normal", "Normal impulse n = sum_j lam_j grad g_j.", (q, lam, t, par), (Output.vector("n", normal),)),
         KernelSpec("normal_jac", "First derivatives of n with respect to (q, lam, t).", (q, lam, t, par),
                    (Output.matrix("n_D_ql", jacobian(normal, unknowns), len(unknowns)),)),

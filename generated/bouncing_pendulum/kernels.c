@@ -505,6 +505,72 @@ void bouncing_pendulum_surface_hess(ptrdiff_t n, const double *const in[], const
     (void)n, (void)in, (void)stride, (void)out;
 }
 
+/* Rates w of the gaps.
+ *   in  q[1]
+ *   in  v[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   out w[1]
+ */
+static inline void gap_rate_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w)
+{
+    (void)q;
+    (void)t;
+    (void)par;
+    w[0] = -v[0];
+}
+
+void bouncing_pendulum_gap_rate(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        gap_rate_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
+}
+
+/* First derivatives of the rates with respect to (q, v, t).
+ *   in  q[1]
+ *   in  v[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   out w_D_s[1], entries of a 1 x 3 matrix: (0,1)
+ */
+static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w_D_s)
+{
+    (void)q;
+    (void)v;
+    (void)t;
+    (void)par;
+    w_D_s[0] = -1.0;
+}
+
+void bouncing_pendulum_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        gap_rate_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
+}
+
+/* Second derivatives of w_w . w with respect to (q, v, t).
+ *   in  q[1]
+ *   in  v[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   in  w_w[1]
+ *   out hess[0]
+ */
+static inline void gap_rate_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_w, double *restrict hess)
+{
+    (void)q;
+    (void)v;
+    (void)t;
+    (void)par;
+    (void)w_w;
+    (void)hess;
+}
+
+void bouncing_pendulum_gap_rate_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    (void)n, (void)in, (void)stride, (void)out;
+}
+
 /* Normal impulse n = sum_j lam_j grad g_j.
  *   in  q[1]
  *   in  lam[1]

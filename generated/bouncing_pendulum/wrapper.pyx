@@ -26,6 +26,9 @@ cdef extern from "kernels.h" nogil:
     dmoc_kernel bouncing_pendulum_surface
     dmoc_kernel bouncing_pendulum_surface_jac
     dmoc_kernel bouncing_pendulum_surface_hess
+    dmoc_kernel bouncing_pendulum_gap_rate
+    dmoc_kernel bouncing_pendulum_gap_rate_jac
+    dmoc_kernel bouncing_pendulum_gap_rate_hess
     dmoc_kernel bouncing_pendulum_normal
     dmoc_kernel bouncing_pendulum_normal_jac
     dmoc_kernel bouncing_pendulum_normal_hess
@@ -161,6 +164,21 @@ def surface_hess(q, t, par, w, hess):
     _run(bouncing_pendulum_surface_hess, ("q", "t", "par", "w", "hess",), (q, t, par, w, hess,), (1, 1, 4, 1, 0,), 4)
 
 
+def gap_rate(q, v, t, par, w):
+    """Rates w of the gaps."""
+    _run(bouncing_pendulum_gap_rate, ("q", "v", "t", "par", "w",), (q, v, t, par, w,), (1, 1, 1, 4, 1,), 4)
+
+
+def gap_rate_jac(q, v, t, par, w_D_s):
+    """First derivatives of the rates with respect to (q, v, t)."""
+    _run(bouncing_pendulum_gap_rate_jac, ("q", "v", "t", "par", "w_D_s",), (q, v, t, par, w_D_s,), (1, 1, 1, 4, 1,), 4)
+
+
+def gap_rate_hess(q, v, t, par, w_w, hess):
+    """Second derivatives of w_w . w with respect to (q, v, t)."""
+    _run(bouncing_pendulum_gap_rate_hess, ("q", "v", "t", "par", "w_w", "hess",), (q, v, t, par, w_w, hess,), (1, 1, 1, 4, 1, 0,), 5)
+
+
 def normal(q, lam, t, par, n):
     """Normal impulse n = sum_j lam_j grad g_j."""
     _run(bouncing_pendulum_normal, ("q", "lam", "t", "par", "n",), (q, lam, t, par, n,), (1, 1, 1, 4, 1,), 4)
@@ -237,6 +255,12 @@ def capsule(str kernel):
         return PyCapsule_New(<void *>bouncing_pendulum_surface_jac, "dmoc_kernel", NULL)
     if kernel == "surface_hess":
         return PyCapsule_New(<void *>bouncing_pendulum_surface_hess, "dmoc_kernel", NULL)
+    if kernel == "gap_rate":
+        return PyCapsule_New(<void *>bouncing_pendulum_gap_rate, "dmoc_kernel", NULL)
+    if kernel == "gap_rate_jac":
+        return PyCapsule_New(<void *>bouncing_pendulum_gap_rate_jac, "dmoc_kernel", NULL)
+    if kernel == "gap_rate_hess":
+        return PyCapsule_New(<void *>bouncing_pendulum_gap_rate_hess, "dmoc_kernel", NULL)
     if kernel == "normal":
         return PyCapsule_New(<void *>bouncing_pendulum_normal, "dmoc_kernel", NULL)
     if kernel == "normal_jac":

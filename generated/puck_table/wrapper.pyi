@@ -187,6 +187,31 @@ def surface_hess(
     hess: NDArray[np.float64],
 ) -> None: ...
 
+def gap_rate(
+    q: NDArray[np.float64],
+    v: NDArray[np.float64],
+    t: NDArray[np.float64],
+    par: NDArray[np.float64],
+    w: NDArray[np.float64],
+) -> None: ...
+
+def gap_rate_jac(
+    q: NDArray[np.float64],
+    v: NDArray[np.float64],
+    t: NDArray[np.float64],
+    par: NDArray[np.float64],
+    w_D_s: NDArray[np.float64],
+) -> None: ...
+
+def gap_rate_hess(
+    q: NDArray[np.float64],
+    v: NDArray[np.float64],
+    t: NDArray[np.float64],
+    par: NDArray[np.float64],
+    w_w: NDArray[np.float64],
+    hess: NDArray[np.float64],
+) -> None: ...
+
 def normal(
     q: NDArray[np.float64],
     lam: NDArray[np.float64],

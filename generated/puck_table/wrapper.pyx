@@ -26,6 +26,9 @@ cdef extern from "kernels.h" nogil:
     dmoc_kernel puck_table_surface
     dmoc_kernel puck_table_surface_jac
     dmoc_kernel puck_table_surface_hess
+    dmoc_kernel puck_table_gap_rate
+    dmoc_kernel puck_table_gap_rate_jac
+    dmoc_kernel puck_table_gap_rate_hess
     dmoc_kernel puck_table_normal
     dmoc_kernel puck_table_normal_jac
     dmoc_kernel puck_table_normal_hess
@@ -161,6 +164,21 @@ def surface_hess(q, t, par, w, hess):
     _run(puck_table_surface_hess, ("q", "t", "par", "w", "hess",), (q, t, par, w, hess,), (2, 1, 3, 4, 0,), 4)
 
 
+def gap_rate(q, v, t, par, w):
+    """Rates w of the gaps."""
+    _run(puck_table_gap_rate, ("q", "v", "t", "par", "w",), (q, v, t, par, w,), (2, 2, 1, 3, 4,), 4)
+
+
+def gap_rate_jac(q, v, t, par, w_D_s):
+    """First derivatives of the rates with respect to (q, v, t)."""
+    _run(puck_table_gap_rate_jac, ("q", "v", "t", "par", "w_D_s",), (q, v, t, par, w_D_s,), (2, 2, 1, 3, 4,), 4)
+
+
+def gap_rate_hess(q, v, t, par, w_w, hess):
+    """Second derivatives of w_w . w with respect to (q, v, t)."""
+    _run(puck_table_gap_rate_hess, ("q", "v", "t", "par", "w_w", "hess",), (q, v, t, par, w_w, hess,), (2, 2, 1, 3, 4, 0,), 5)
+
+
 def normal(q, lam, t, par, n):
     """Normal impulse n = sum_j lam_j grad g_j."""
     _run(puck_table_normal, ("q", "lam", "t", "par", "n",), (q, lam, t, par, n,), (2, 4, 1, 3, 2,), 4)
@@ -237,6 +255,12 @@ def capsule(str kernel):
         return PyCapsule_New(<void *>puck_table_surface_jac, "dmoc_kernel", NULL)
     if kernel == "surface_hess":
         return PyCapsule_New(<void *>puck_table_surface_hess, "dmoc_kernel", NULL)
+    if kernel == "gap_rate":
+        return PyCapsule_New(<void *>puck_table_gap_rate, "dmoc_kernel", NULL)
+    if kernel == "gap_rate_jac":
+        return PyCapsule_New(<void *>puck_table_gap_rate_jac, "dmoc_kernel", NULL)
+    if kernel == "gap_rate_hess":
+        return PyCapsule_New(<void *>puck_table_gap_rate_hess, "dmoc_kernel", NULL)
     if kernel == "normal":
         return PyCapsule_New(<void *>puck_table_normal, "dmoc_kernel", NULL)
     if kernel == "normal_jac":

@@ -14,8 +14,10 @@ from threadpoolctl import ThreadpoolController
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import ProblemError, SolutionFileError
 from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.layout import Layout
 from dmoc.nlp.motion import active_bounds, given_multipliers, named_multipliers, trajectory
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.sensitivity import Sensitivities
 from dmoc.nlp.sensitivity import sensitivities as find_sensitivities
 from dmoc.nlp.transcription import Transcription
@@ -25,7 +27,7 @@ from dmoc.solution import Solution
 from dmoc.solvers import external, ipm, slsqp
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.kkt import duality_gap, residuals
-from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
+from dmoc.solvers.outcome import INFEASIBLE, Duals, Iteration, Options, Outcome, Status
 
 METHODS = ("slsqp", "ipm", "ipopt", "uno")
 Driver: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
@@ -122,26 +124,31 @@ def _solve(
     if method == "slsqp":
         _check_size(problem)
     start = time.perf_counter()
-    # Minimal times keep slsqp on the right track; they may limit no solution, and the other methods do without.
-    nlp = Transcription(problem, None if method == "slsqp" else False)
-    driver = _driver(method, form, nlp, guess)
-    try:
-        with _thread_pools().limit(limits=1):  # the matrices are small: several threads would wait for each other
-            points = _starting_points(problem, nlp, guess)
-            guessed = time.perf_counter()
-            nlp, outcome = _first_success(problem, nlp, points, options, driver)
-            conflicts: tuple[str, ...] = ()
-            if outcome.status is Status.INFEASIBLE and nlp.program.compiled:
-                nlp, outcome, conflicts = _explained(problem, nlp, outcome, points[0], _remaining(options, guessed), driver)
-    except np.linalg.LinAlgError as error:
-        raise ProblemError(
-            f"the equations become singular or overflow on the way ({error}): check the parameters and the bounds, and leave a start that lies "
-            "on the surface to be hit some room; or try method 'ipm'."
-        ) from None
+    with _thread_pools().limit(limits=1):  # the matrices are small: several threads would wait for each other
+        points = _starting_points(problem, guess)
+        guessed = time.perf_counter()
+        scale = scale_of(problem, points[0])
+        # Minimal times keep slsqp on the right track; they may limit no solution, and the other methods do without.
+        nlp = Transcription(problem, scale, None if method == "slsqp" else False)
+        options = replace(_remaining(options, start), progress=_in_units(options.progress, scale.cost))
+        driver = _driver(method, form, nlp, guess)
+        nlp, outcome = _first_success(nlp, [nlp.scaled(x) for x in points], options, driver)
+        conflicts: tuple[str, ...] = ()
+        if outcome.status is Status.INFEASIBLE and nlp.program.compiled:
+            left = _remaining(options, guessed)
+            nlp, outcome, conflicts = _explained(nlp, outcome, nlp.scaled(points[0]), left, driver)
     solved = time.perf_counter()
     timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
-    solution = _solution(problem, nlp, outcome, method, timings, reference, conflicts)
+    solution = _solution(nlp, outcome, method, timings, reference, conflicts)
     return _checked(solution) if verify and solution.solved else solution
+
+
+def _in_units(progress: Callable[[Iteration], None] | None, cost: float) -> Callable[[Iteration], None] | None:
+    """Iterations with costs in units of the problem."""
+    if progress is None:
+        return None
+    tell = progress
+    return lambda i: tell(replace(i, cost=i.cost * cost))
 
 
 def _checked(solution: Solution) -> Solution:
@@ -174,10 +181,10 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     ProblemError
         If the solution belongs to another problem, or is none.
     """
-    nlp = Transcription(problem, minimal_times=False)
     steps = tuple(p.steps for p in solution.phases)
     sequence = tuple(c.surface for c in solution.collisions)
-    if (steps, sequence, len(solution.unknowns)) != (problem.phase_steps, tuple(problem.sequence), nlp.n):
+    size = Layout.of(problem).size
+    if (steps, sequence, len(solution.unknowns)) != (problem.phase_steps, tuple(problem.sequence), size):
         raise ProblemError(
             f"the solution has the sequence {list(sequence)} with {list(steps)} steps, the problem {list(problem.sequence)} with "
             f"{list(problem.phase_steps)}: give the problem that was solved."
@@ -185,14 +192,15 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     if solution.status not in ("solved", "not_verified"):
         raise ProblemError(f"the solution has the status {solution.status!r}: sensitivities need a minimum.")
     check_same_model(solution, problem.kernels)
-    y, w, z = given_multipliers(nlp, solution.multipliers)
-    found = residuals(nlp, solution.unknowns, Duals(y, w, z))
+    nlp = Transcription(problem, scale_of(problem, solution.unknowns), minimal_times=False)
+    found = residuals(nlp, nlp.scaled(solution.unknowns), Duals(*given_multipliers(nlp, solution.multipliers)))
     if found.violation > OTHER_PROBLEM or found.optimality > OTHER_PROBLEM:
         raise ProblemError(
             f"the solution is no minimum of this problem (violation {found.violation:.1e}, optimality {found.optimality:.1e}): "
             "give the problem that was solved."
         )
-    return find_sensitivities(problem, solution.unknowns, y, w, z)
+    plain = Transcription(problem, minimal_times=False)
+    return find_sensitivities(problem, solution.unknowns, *given_multipliers(plain, solution.multipliers))
 
 
 @cache
@@ -219,7 +227,7 @@ def _driver(method: str, form: str, nlp: Transcription, guess: Solution | Array 
     duals = None
     if (
         isinstance(guess, Solution)
-        and _same_mesh(nlp, guess)
+        and _same_mesh(nlp.problem, guess)
         and tuple(c.surface for c in guess.collisions) == nlp.problem.sequence
     ):
         duals = Duals(*given_multipliers(nlp, guess.multipliers))
@@ -236,21 +244,23 @@ def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
         raise ProblemError(f"{name} = {value!r}: expected one of {', '.join(choices)}.")
 
 
-def _starting_points(problem: Problem, nlp: Transcription, guess: Solution | Array | None) -> list[Array]:
+def _starting_points(problem: Problem, guess: Solution | Array | None) -> list[Array]:
+    """Unknowns to start from, in units of the problem."""
     if guess is None:
         return [g.x for g in initial_guesses(problem)]
+    size = Layout.of(problem).size
     if isinstance(guess, Solution):
         _check_motion(problem, guess)
-        if _same_mesh(nlp, guess):
+        if _same_mesh(problem, guess):
             return [guess.unknowns.copy()]
         return [unknowns_along(problem, pieces_of(guess.trajectory), [c.impulse for c in guess.collisions])]
     try:
         x = np.array(guess, dtype=float)
     except (TypeError, ValueError):
-        raise ProblemError(f"guess = {guess!r}: expected a Solution, or an array of {nlp.n} unknowns.") from None
-    if x.shape != (nlp.n,) or not np.isfinite(x).all():
+        raise ProblemError(f"guess = {guess!r}: expected a Solution, or an array of {size} unknowns.") from None
+    if x.shape != (size,) or not np.isfinite(x).all():
         raise ProblemError(
-            f"guess has shape {x.shape}: expected {nlp.n} finite unknowns, from a solution of the same model with the same steps."
+            f"guess has shape {x.shape}: expected {size} finite unknowns, from a solution of the same model with the same steps."
         )
     return [x]
 
@@ -268,20 +278,21 @@ def _check_motion(problem: Problem, guess: Solution) -> None:
         )
 
 
-def _same_mesh(nlp: Transcription, guess: Solution) -> bool:
-    """Whether the unknowns and multipliers of a motion are those of the program."""
+def _same_mesh(problem: Problem, guess: Solution) -> bool:
+    """Whether the unknowns and multipliers of a motion are those of the problem."""
     steps, controls = tuple(p.steps for p in guess.phases), guess.trajectory.controls
-    return steps == nlp.problem.phase_steps and controls == nlp.problem.control_form and len(guess.unknowns) == nlp.n
+    size = Layout.of(problem).size
+    return steps == problem.phase_steps and controls == problem.control_form and len(guess.unknowns) == size
 
 
 def _first_success(
-    problem: Problem, nlp: Transcription, points: list[Array], options: Options, driver: Driver
+    nlp: Transcription, points: list[Array], options: Options, driver: Driver
 ) -> tuple[Transcription, Outcome]:
     """Solve from one starting point after the other until one succeeds or a limit is reached; else return the least violation."""
     tried: list[tuple[float, Transcription, Outcome]] = []
     count, begin = 0, time.perf_counter()
     for x in points:
-        used, outcome = _minimise(problem, nlp, x, _remaining(options, begin, count), driver)
+        used, outcome = _minimise(nlp, x, _remaining(options, begin, count), driver)
         count += outcome.iterations
         outcome = replace(outcome, iterations=count)
         if outcome.status not in (Status.INFEASIBLE, Status.STALLED) or count >= options.iterations:
@@ -298,22 +309,22 @@ def _remaining(options: Options, begin: float, iterations: int = 0) -> Options:
 
 
 def _explained(
-    problem: Problem, nlp: Transcription, outcome: Outcome, x: Array, options: Options, driver: Driver
+    nlp: Transcription, outcome: Outcome, x: Array, options: Options, driver: Driver
 ) -> tuple[Transcription, Outcome, tuple[str, ...]]:
     """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve from."""
     begin = time.perf_counter()
     try:
-        diagnosis = diagnose(problem, x, options)
+        diagnosis = diagnose(nlp.problem, nlp.scale, x, options)
     except KeyboardInterrupt:
         return nlp, replace(outcome, status=Status.INTERRUPTED), ()
-    if diagnosis.violation <= ipm.INFEASIBLE and outcome.iterations < options.iterations:
+    if diagnosis.violation <= INFEASIBLE and outcome.iterations < options.iterations:
         again = driver(nlp, diagnosis.x, _remaining(options, begin, outcome.iterations))
         if again.status is not Status.INFEASIBLE:
             return nlp, replace(again, iterations=outcome.iterations + again.iterations), ()
     return nlp, outcome, diagnosis.sentences
 
 
-def _minimise(problem: Problem, nlp: Transcription, x: Array, options: Options, driver: Driver) -> tuple[Transcription, Outcome]:
+def _minimise(nlp: Transcription, x: Array, options: Options, driver: Driver) -> tuple[Transcription, Outcome]:
     """Solve; an estimated minimal time that limits the solution is dropped, because the dynamics decide and not the estimate."""
     begin = time.perf_counter()
     outcome = driver(nlp, x, options)
@@ -323,13 +334,12 @@ def _minimise(problem: Problem, nlp: Transcription, x: Array, options: Options, 
         limited = bool((nlp.inequality(outcome.x)[timed] < options.violation).any())
     if not limited:
         return nlp, outcome
-    free = Transcription(problem, minimal_times=False)
+    free = Transcription(nlp.problem, nlp.scale, minimal_times=False, touching=np.flatnonzero(nlp.touching))
     again = driver(free, outcome.x, _remaining(options, begin, outcome.iterations))
     return free, replace(again, iterations=outcome.iterations + again.iterations)
 
 
 def _solution(
-    problem: Problem,
     nlp: Transcription,
     outcome: Outcome,
     method: str,
@@ -337,14 +347,14 @@ def _solution(
     reference: str,
     conflicts: tuple[str, ...],
 ) -> Solution:
-    found = residuals(nlp, outcome.x, outcome.duals)
+    problem, found = nlp.problem, residuals(nlp, outcome.x, outcome.duals)
     detail = f" ({outcome.detail})" if outcome.detail else ""
     message = outcome.status.value + (": " + "; ".join(conflicts) if conflicts else detail)
     return Solution(
         status=outcome.status.name.lower(),
         message=message,
         method=method,
-        cost=nlp.cost(outcome.x),
+        cost=nlp.cost(outcome.x) * nlp.scale.cost,
         trajectory=trajectory(nlp, outcome.x),
         multipliers=named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z),
         active_bounds=active_bounds(nlp, outcome.x, outcome.duals.w, outcome.duals.z),
@@ -352,7 +362,8 @@ def _solution(
         optimality=found.optimality,
         iterations=outcome.iterations,
         seconds=timings,
-        unknowns=outcome.x,
+        unknowns=nlp.physical(outcome.x),
+        scale=nlp.scale.named(problem),
         reference=reference or problem.kernels.name,
         conflicts=conflicts,
         duality_gap=duality_gap(nlp, outcome.x, outcome.duals),

@@ -74,9 +74,9 @@ class Solution:
     active_bounds : tuple of str
         Bounds and inequalities that hold with equality and carry a multiplier.
     max_violation : float
-        Largest violation of any constraint or bound.
+        Largest violation of any constraint or bound, relative to its size.
     optimality : float
-        Scaled residual of the optimality conditions.
+        Residual of the optimality conditions, relative to the cost.
     iterations : int
     seconds : mapping of str to float
         Times of build, guess, solve and verification.
@@ -94,6 +94,8 @@ class Solution:
         The meshes of the refinement.
     duality_gap : float
         Sum of the products of inequalities and bounds with their multipliers: what the cost may still lose to the solver's tolerance.
+    scale : mapping of str to float
+        Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off the start.
     """
 
     status: str
@@ -114,6 +116,7 @@ class Solution:
     error_estimate: float | None = None
     meshes: tuple[Mesh, ...] = ()
     duality_gap: float = 0.0
+    scale: Mapping[str, float] = field(default_factory=dict)
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -226,6 +229,7 @@ class Solution:
             "error_estimate": self.error_estimate,
             "meshes": [asdict(m) for m in self.meshes],
             "duality_gap": self.duality_gap,
+            "scale": dict(self.scale),
         }
         arrays: dict[str, Array] = {
             "unknowns": self.unknowns,
@@ -294,5 +298,5 @@ class Solution:
             header["status"], header["message"], header["method"], header["cost"], trajectory, multipliers, tuple(header["active_bounds"]),
             header["max_violation"], header["optimality"], header["iterations"], header["seconds"], arrays["unknowns"],
             tuple(header["conflicts"]), header["verification"], header["reference"], header["error_estimate"],
-            tuple(Mesh(**m | {"steps": tuple(m["steps"])}) for m in header["meshes"]), header["duality_gap"],
+            tuple(Mesh(**m | {"steps": tuple(m["steps"])}) for m in header["meshes"]), header["duality_gap"], header["scale"],
         )  # fmt: skip

@@ -9,18 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-GAUSS = 0.5 - 3**0.5 / 6  # place of the first Gauss point in a step of length 1; the second one is 1 - GAUSS
+# A contact that changes no momentum by more than this share of its size grazes: the motion touches a surface without colliding.
+GRAZING = 0.01
 
 
 def input_times(controls: str, t: Array) -> Array:
     """Times that the rows of u of a phase with nodes at t stand for."""
     if controls == "linear":
         return t
-    middle = (t[:-1] + t[1:]) / 2
     if controls == "constant":
-        return middle
-    away = (0.5 - GAUSS) * np.diff(t)
-    return np.stack([middle - away, middle + away], axis=1).ravel()
+        return (t[:-1] + t[1:]) / 2
+    return np.stack([t[:-1], t[1:]], axis=1).ravel()
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ class Phase:
     q, p, v : arrays of shape (N + 1, nq)
         Coordinates, momenta and velocities at the nodes; at a collision those of this phase's side.
     u : array of shape (N, nu), (N + 1, nu) or (2 N, nu)
-        Inputs of the steps (constant), at the nodes (linear), or at the two Gauss points of each step (stages).
+        Inputs of the steps (constant), at the nodes (linear), or at the two ends of each step, where they may jump (stages).
     """
 
     t: Array
@@ -58,7 +57,11 @@ class Phase:
 
 @dataclass(frozen=True)
 class Collision:
-    """A collision: surface, time (s), position, impulse lam >= 0 along grad g, momenta before and after."""
+    """A collision: surface, time (s), position, impulse lam >= 0 along grad g, momenta before and after.
+
+    ``rate_before`` >= 0 >= ``rate_after`` are the rates of the gap on both sides; a collision that ``grazes`` has no effect: the motion touches
+    the surface and goes on as if it were not there.
+    """
 
     surface: str
     time: float
@@ -66,6 +69,9 @@ class Collision:
     impulse: float
     momentum_before: Array
     momentum_after: Array
+    rate_before: float = 0.0
+    rate_after: float = 0.0
+    grazes: bool = False
 
 
 @dataclass(frozen=True)
@@ -108,9 +114,7 @@ class Trajectory:
             return phase.u, phase.u
         if self.controls == "linear":
             return phase.u[:-1], phase.u[1:]
-        first, second = phase.u[::2], phase.u[1::2]
-        beyond = GAUSS / (1 - 2 * GAUSS) * (second - first)
-        return first - beyond, second + beyond
+        return phase.u[::2], phase.u[1::2]
 
     @property
     def final_time(self) -> float:

@@ -1,0 +1,186 @@
+"""Sizes of a problem's quantities, read off a first motion, so that no result depends on units.
+
+Solvers and judges see unknowns divided by their sizes, constraints divided by theirs, and the cost divided by its own.  Each size follows from
+others of the same kind, never from a number of ours, so that a problem stated in other units has the same scaled program.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Layout
+from dmoc.nlp.problem import Problem
+from dmoc.symbolic.names import momentum_name, velocity_name
+
+# What hardly moves counts by this share of what it could do with the kinetic energy that others have.
+STILL = 0.1
+# Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at least.
+FLAT = 1e-3
+# Scaled cost of the first motion: what constraints of size 1 are weighed against in merit functions and barriers.
+FIRST_COST = 100.0
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,); gaps, their rates and impulses (nc,); path
+    constraints; step sizes (phases,)."""
+
+    time: float
+    cost: float
+    energy: float
+    q: Array
+    v: Array
+    p: Array
+    u: Array
+    gap: Array
+    rate: Array
+    lam: Array
+    path: Array
+    h: Array
+
+    @classmethod
+    def none(cls, problem: Problem) -> Scale:
+        """Everything counts in its own unit."""
+        kernels = problem.kernels
+        nq, nu, nc = (np.ones(len(names)) for names in (kernels.coordinates, kernels.inputs, kernels.surfaces))
+        path = np.ones(len(kernels.manifest["path_constraints"]))
+        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, path, np.ones(problem.phases))
+
+    def named(self, problem: Problem) -> dict[str, float]:
+        """Sizes by name, as results show them."""
+        kernels = problem.kernels
+        found = {"time": self.time, "cost": self.cost}
+        for name, sizes in ((str, self.q), (velocity_name, self.v), (momentum_name, self.p)):
+            found |= dict(zip(map(name, kernels.coordinates), sizes.tolist(), strict=True))
+        found |= dict(zip(kernels.inputs, self.u.tolist(), strict=True))
+        found |= {f"gap to {s}": size for s, size in zip(kernels.surfaces, self.gap.tolist(), strict=True)}
+        return found
+
+    def unknowns(self, lay: Layout, surfaces: Array) -> Array:
+        """Size of every unknown; ``surfaces`` are those of the collisions."""
+        size = np.ones(lay.size)
+        size[lay.index_h] = self.h
+        size[lay.index_q] = self.q
+        size[lay.index_u] = self.u
+        size[lay.index_lam] = self.lam[surfaces]
+        for index in (lay.index_p_B, lay.index_p_E):
+            size[index] = self.p
+        for index in (lay.index_v_B, lay.index_v_E):
+            size[index] = self.v[: len(index)]
+        size[lay.index_v_a] = size[lay.index_v_c] = self.v
+        size[lay.index_t] = self.time
+        size[lay.index_q_i] = np.tile(self.q, lay.inside)
+        return size
+
+
+def scale_of(problem: Problem, x: Array) -> Scale:
+    """Read sizes off the unknowns x of a motion: ranges, velocities, momenta, inputs, gaps; the cost with its slopes and curvatures."""
+    lay, kernels = Layout.of(problem), problem.kernels
+    par, h = problem.parameter_values, x[lay.index_h]
+    time = float(h @ np.array(lay.steps))
+    q, t = x[lay.index_q], lay.times(x)
+    steps = h[lay.phase_of_step][:, None]
+    rates = np.diff(q, axis=0) / steps
+    middle, now = (q[:-1] + q[1:]) / 2, ((t[:-1] + t[1:]) / 2)[:, None]
+    none = np.zeros((1, lay.nu))
+    with np.errstate(all="ignore"):
+        M, F = kernels.call("dynamics", middle, rates, none, now, par)
+        mass = M.reshape(-1, lay.nq, lay.nq)
+        inertia = _finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0)
+        kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
+        size_q = _ranges(problem, q, time, inertia, float(kinetic), _finite(np.abs(F).max(axis=0), 0.0))
+        size_v = np.maximum(np.abs(rates).max(axis=0), size_q / time)
+        p = kernels.call("legendre", middle, rates, now, par)[0]
+        size_p = np.maximum(_finite(np.abs(p).max(axis=0), 0.0), inertia * size_q / time)
+        size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), size_p / time)
+        gap, rate = _gaps(problem, q, t[:, None], (size_q, size_v, time))
+        energy = float(size_p @ size_v) / 2
+        path = np.ones(len(kernels.manifest["path_constraints"]))
+        scale = Scale(time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, path, h.copy())
+        sizes = scale.unknowns(lay, np.zeros(lay.phases - 1, dtype=np.intp))
+        return replace(scale, cost=_cost(problem, lay, x, sizes, size_v), path=_path(problem, lay, x, sizes))
+
+
+def _finite(values: Array, otherwise: float) -> Array:
+    return np.where(np.isfinite(values), values, otherwise)
+
+
+def _ranges(problem: Problem, q: Array, time: float, inertia: Array, kinetic: float, force: Array) -> Array:
+    """Ranges of the coordinates; one that hardly moves by its share of the energy, and where nothing moves by what there is to go by."""
+    spread = np.maximum(np.ptp(q, axis=0), STILL * time * np.sqrt(2 * kinetic / inertia))
+    box = problem.coordinate_bounds
+    width = np.where(np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0)
+    for other in (np.abs(q).max(axis=0), width, force * time**2 / inertia):
+        spread = np.where(spread > 0, spread, other)
+    return np.where(spread > 0, spread, 1.0)
+
+
+def _inputs(problem: Problem, u: Array, state: tuple[Array, Array, Array], force: Array) -> Array:
+    """Sizes of the inputs: of their values and of what changes a momentum by its size, at most their bounds."""
+    q, v, t = state
+    zero = np.zeros((1, problem.nu))
+    B = problem.kernels.call("input_matrix", q, v, zero, t, problem.parameter_values)[0].reshape(-1, problem.nq, problem.nu)
+    reach = np.abs(B).max(axis=0)
+    needed = np.where(reach > 0, force[:, None] / np.where(reach > 0, reach, 1.0), np.inf).min(axis=0)
+    size = np.maximum(np.abs(u).max(axis=0, initial=0.0), _finite(needed, 0.0))
+    box = problem.input_bounds
+    limit = np.abs(box).max(axis=1)
+    size = np.where(np.isfinite(limit) & (limit > 0), np.minimum(size, limit), size)
+    return np.where(size > 0, size, 1.0)
+
+
+def _gaps(problem: Problem, q: Array, t: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Array]:
+    """Sizes of gaps and of their rates: how far coordinates, velocities and a time of their sizes move them."""
+    kernels, (size_q, size_v, time) = problem.kernels, sizes
+    if not kernels.surfaces:
+        return np.ones(0), np.ones(0)
+    rows, columns = kernels.pattern("surface_jac", "g_D_q")
+    values = np.abs(_finite(kernels.call("surface_jac", q, t, problem.parameter_values)[0], 0.0)).max(axis=0)
+    slope = np.zeros((len(kernels.surfaces), problem.nq + 1))
+    slope[rows, columns] = values
+    gap = slope @ np.append(size_q, time)
+    rate = slope @ np.append(size_v, 1.0)
+    return np.where(gap > 0, gap, 1.0), np.where(rate > 0, rate, 1.0)
+
+
+def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) -> float:
+    """Size of the cost: its value, at least a small share of what its slopes and curvatures make of the sizes of the unknowns."""
+    kernels, par = problem.kernels, problem.parameter_values
+    arguments = (*lay.step_inputs(x), par)
+    local = np.where(lay.index_z < 0, 0.0, sizes[lay.index_z])
+    value = float(kernels.call("step", *arguments)[2].sum())
+    _, columns = kernels.pattern("step_jac", "C_d_D_z")
+    slope = np.abs(kernels.call("step_jac", *arguments)[2] * local[:, columns]).sum()
+    weights = (np.ones((1, 1)), *(np.zeros((1, size)) for size in (lay.nq, lay.nq, lay.nq * lay.inside)))
+    r, c = kernels.pattern("step_hess", "hess")
+    bend = np.abs(kernels.call("step_hess", *arguments, *weights)[0] * local[:, r] * local[:, c])[:, r == c].sum() / 2
+    if kernels.has("terminal_cost"):
+        v_E = x[lay.index_v_E] if len(lay.index_v_E) else np.zeros(lay.nq)
+        state = (x[lay.index_q[-1:]], v_E[None], lay.times(x)[-1:, None])
+        value += float(kernels.call("terminal_cost", *(a.copy() for a in state), par)[0].sum())
+        _, columns = kernels.pattern("terminal_cost_jac", "Phi_D_s")
+        around = np.concatenate([sizes[lay.index_q[-1]], speeds, [float(np.sum(x[lay.index_h] * lay.steps))]])
+        slope += np.abs(kernels.call("terminal_cost_jac", *(a.copy() for a in state), par)[0] * around[columns]).sum()
+    flat = FLAT * float(slope + bend)
+    size = max(abs(value), flat if np.isfinite(flat) else 0.0)
+    return size / FIRST_COST if np.isfinite(size) and size > 0 else 1.0
+
+
+def _path(problem: Problem, lay: Layout, x: Array, sizes: Array) -> Array:
+    """Sizes of the path constraints: the largest change that an unknown of its size makes in any step."""
+    kernels = problem.kernels
+    names = kernels.manifest["path_constraints"]
+    if not names:
+        return np.ones(0)
+    arguments = (*lay.step_inputs(x), problem.parameter_values)
+    r, c = kernels.pattern("path_jac", "r_d_D_z")
+    local = np.where(lay.index_z < 0, 0.0, sizes[lay.index_z])
+    changes = _finite(np.abs(kernels.call("path_jac", *arguments)[0] * local[:, c]), 0.0).max(axis=0)
+    size = np.zeros(len(names))
+    np.maximum.at(size, r % len(names), changes)
+    values = _finite(np.abs(kernels.call("path", *arguments)[0]), 0.0).max(axis=0).reshape(-1, len(names)).max(axis=0)
+    size = np.where(size > 0, size, values)
+    return np.where(size > 0, size, 1.0)

@@ -1,0 +1,274 @@
+"""The continuous equations of motion of a model, integrated independently of every discretisation: flow, contacts, impacts.
+
+SciPy's coefficients of the Dormand-Prince method of order 8 integrate M q'' = F(q, q', u, t), many states side by side, with as many equal steps as its error
+estimate asks for.  Nothing depends on units: tolerances are shares of the sizes of the motion that is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import DOP853
+from scipy.optimize import brentq
+
+from dmoc.codegen.kernels import Array, Kernels
+
+# Error of an integration over a step, as a share of the sizes, far below the discretisation errors that are to be seen; most steps in one.
+ACCURACY, MOST_STEPS = 1e-11, 1024
+# Gap that counts as touching, and approach speed below which a contact has no impact, as shares of the sizes of gap and rate.
+TOUCH, RELEASED = 1e-9, 1e-7
+# Where in a step crossings are looked for.
+PLACES = np.linspace(0.0, 1.0, 9)
+MOST_IMPACTS = 100  # within one step
+A, B, C, E3, E5 = DOP853.A, DOP853.B, DOP853.C, DOP853.E3, DOP853.E5
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of a motion: ranges of the coordinates, largest velocities and momenta (nq,), gaps and their rates (nc,), final time, and the
+    largest kinetic energy."""
+
+    q: Array
+    v: Array
+    p: Array
+    gap: Array
+    rate: Array
+    time: float
+    energy: float
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A contact met by a simulation; ``jump`` is its largest change of a momentum relative to the largest momentum."""
+
+    surface: str
+    time: float
+    jump: float
+
+
+class Lost(Exception):  # noqa: N818 - it is caught where the simulation began
+    """A simulation that cannot go on: states that are not finite, or contacts without end."""
+
+
+class Flow:
+    """Equations of motion with fixed parameters.
+
+    ``softness(j, t)`` is the coefficient of restitution of surface j at time t; ``check_time`` is called in long loops and may raise.
+    """
+
+    def __init__(
+        self, kernels: Kernels, par: Array, sizes: Sizes, softness: Callable[[int, float], float], check_time: Callable[[], None]
+    ) -> None:
+        self.kernels, self.par, self.sizes, self.softness, self.check_time = kernels, par, sizes, softness, check_time
+        self.nq = len(kernels.coordinates)
+
+    # Smooth motion ---------------------------------------------------------------------------------------------------
+
+    def acceleration(self, q: Array, v: Array, u: Array, t: Array) -> Array:
+        """M^-1 F for rows of states; not a number where M is singular."""
+        mass, force = self.kernels.call("dynamics", q, v, u, t, self.par)
+        try:
+            return np.asarray(np.linalg.solve(mass.reshape(-1, self.nq, self.nq), force[:, :, None])[:, :, 0])
+        except np.linalg.LinAlgError:
+            return np.full_like(force, np.nan)
+
+    def advance(
+        self, q: Array, v: Array, t0: Array, h: Array, u0: Array, u1: Array, held: int | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Integrate rows of states over one step each, inputs linear from u0 to u1; return q, v and the work done."""
+        size = np.concatenate([self.sizes.q, self.sizes.v, [self.sizes.energy]])
+        start = np.hstack([q, v, np.zeros((len(q), 1))])
+        count = 1
+        with np.errstate(all="ignore"):
+            while True:
+                self.check_time()
+                y, worst = self._integrate(start, (t0, h, u0, u1), count, held, size)
+                if not worst > ACCURACY or count >= MOST_STEPS:
+                    break
+                count = min(MOST_STEPS, 2 * max(count, int(count * (worst / ACCURACY) ** (1 / 8))))
+        return y[:, : self.nq].copy(), y[:, self.nq : 2 * self.nq].copy(), y[:, -1]
+
+    def _integrate(
+        self, y: Array, step: tuple[Array, Array, Array, Array], count: int, held: int | None, size: Array
+    ) -> tuple[Array, float]:
+        """End states after ``count`` equal steps, and the method's error estimate relative to the sizes (Hairer, Norsett, Wanner, II.10)."""
+        t0, h, u0, u1 = step
+        part, worst = h[:, None] / count, 0.0
+        for k in range(count):
+            stages = np.zeros((len(B) + 1, *y.shape))
+            for s in range(len(B)):
+                share = (k + C[s]) / count
+                at = y + part * np.tensordot(A[s, :s], stages[:s], 1)
+                stages[s] = self._slope(at, t0 + share * h, (1 - share) * u0 + share * u1, held)
+            y = y + part * np.tensordot(B, stages[:-1], 1)
+            share = (k + 1) / count
+            stages[-1] = self._slope(y, t0 + share * h, (1 - share) * u0 + share * u1, held)
+            fifth, third = (np.abs(part * np.tensordot(e, stages, 1) / size).max(axis=1) for e in (E5, E3))
+            error = fifth**2 / np.sqrt(fifth**2 + 0.01 * third**2 + 1e-300)
+            worst = max(worst, float(error.max(initial=0.0)))
+        return y, worst
+
+    def _slope(self, y: Array, t: Array, u: Array, held: int | None) -> Array:
+        q, v = y[:, : self.nq].copy(), y[:, self.nq : 2 * self.nq].copy()
+        now, u = t[:, None].copy(), np.ascontiguousarray(u)
+        a = self.acceleration(q, v, u, now)
+        if held is not None:
+            a = np.array([self.on_surface(q[i], v[i], a[i], float(t[i]), held)[0] for i in range(len(q))])
+        return np.hstack([v, a, self.kernels.call("force", q, v, u, now, self.par)[1]])
+
+    def energy(self, q: Array, v: Array, t: Array) -> Array:
+        return self.kernels.call("legendre", q.copy(), v.copy(), t[:, None].copy(), self.par)[1][:, 0]
+
+    def momentum(self, q: Array, v: Array, t: Array) -> Array:
+        return self.kernels.call("legendre", q.copy(), v.copy(), t[:, None].copy(), self.par)[0]
+
+    # Surfaces --------------------------------------------------------------------------------------------------------
+
+    def gaps(self, q: Array, t: Array) -> Array:
+        """Gaps of rows of positions, shape (n, nc)."""
+        if not self.kernels.has("surface"):
+            return np.zeros((len(np.atleast_2d(q)), 0))
+        return self.kernels.call("surface", np.atleast_2d(q).copy(), t[:, None].copy(), self.par)[0]
+
+    def slopes(self, q: Array, t: float) -> Array:
+        """Derivatives of the gaps with respect to (q, t), shape (nc, nq + 1)."""
+        found = np.zeros((len(self.kernels.surfaces), self.nq + 1))
+        rows, columns = self.kernels.pattern("surface_jac", "g_D_q")
+        found[rows, columns] = self.kernels.call("surface_jac", q[None].copy(), np.array([[t]]), self.par)[0][0]
+        return found
+
+    def response(self, q: Array, v: Array, t: float, n: Array) -> Array:
+        """M^-1 n."""
+        zero = np.zeros((1, len(self.kernels.inputs)))
+        mass = self.kernels.call("dynamics", q[None].copy(), v[None].copy(), zero, np.array([[t]]), self.par)[0]
+        try:
+            return np.asarray(np.linalg.solve(mass.reshape(self.nq, self.nq), n))
+        except np.linalg.LinAlgError:
+            raise Lost from None
+
+    def impact(self, q: Array, v: Array, t: float, j: int, e: float) -> tuple[Array, float, float]:
+        """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) w / (n . M^-1 n); the impulse lam and the rate w before it."""
+        *normal, moving = self.slopes(q, t)[j]
+        n = np.array(normal)
+        response = self.response(q, v, t, n)
+        rate = float(n @ v + moving)
+        impulse = (1 + e) * rate / float(n @ response)
+        return v - impulse * response, impulse, rate
+
+    def on_surface(self, q: Array, v: Array, a: Array, t: float, j: int) -> tuple[Array, float]:
+        """The acceleration that keeps the rate of a gap, and the second derivative of the gap without the contact."""
+        small = 1e-6 * self.sizes.time
+        ahead, behind = (self.slopes(q + s * v, t + s)[j] for s in (small, -small))
+        n = self.slopes(q, t)[j, : self.nq]
+        turning = (ahead - behind) / (2 * small)
+        second = float(n @ a + turning[: self.nq] @ v + turning[self.nq])
+        response = self.response(q, v, t, n)
+        return a - second / float(n @ response) * response, second
+
+    # With contacts ---------------------------------------------------------------------------------------------------
+
+    def through_contacts(
+        self, q: Array, v: Array, span: tuple[float, float], u0: Array, u1: Array, contacts: list[Contact]
+    ) -> tuple[Array, Array]:
+        """Integrate one state over a step, through the contacts that it meets, which are added to ``contacts``."""
+        t0, t1 = span
+
+        def inputs(t: float) -> Array:
+            share = (t - t0) / (t1 - t0)
+            return ((1 - share) * u0 + share * u1)[None]
+
+        t = t0
+        for _ in range(MOST_IMPACTS):
+            held = self._resting(q, v, t, inputs(t))
+
+            def until(end: float, begin: float = t, q: Array = q, v: Array = v, held: int | None = held) -> tuple[Array, Array]:
+                span = (np.array([begin]), np.array([end - begin]))
+                found = self.advance(q[None], v[None], *span, inputs(begin), inputs(end), held)
+                return found[0][0], found[1][0]
+
+            q1, v1 = until(t1)
+            if not (np.isfinite(q1).all() and np.isfinite(v1).all()):
+                raise Lost
+            hit = self._first_hit((q, v), (q1, v1), (t, t1), inputs, until, held)
+            if hit is None:
+                return q1, v1
+            at, j = hit
+            q, v = until(at) if at > t else (q, v)
+            t = at
+            after, _, rate = self.impact(q, v, t, j, self.softness(j, t))
+            if rate <= 0:  # leaves by itself
+                after = v
+            contacts.append(Contact(self.kernels.surfaces[j], t, self._jump(q, v, after, t)))
+            v = after
+            if t1 - t <= 1e-12 * self.sizes.time:
+                return q, v
+        raise Lost
+
+    def _jump(self, q: Array, before: Array, after: Array, t: float) -> float:
+        p = self.momentum(np.stack([q, q]), np.stack([before, after]), np.array([t, t]))
+        return float((np.abs(p[1] - p[0]) / self.sizes.p).max())
+
+    def _resting(self, q: Array, v: Array, t: float, u: Array) -> int | None:
+        """A plastic surface that the state touches without approaching it, while the acceleration pushes into it."""
+        if not self.kernels.has("surface"):
+            return None
+        gaps = self.gaps(q, np.array([t]))[0]
+        near = [j for j in np.flatnonzero(np.abs(gaps) <= 10 * TOUCH * self.sizes.gap) if self.softness(int(j), t) == 0]
+        if not near:
+            return None
+        slopes, a = self.slopes(q, t), self.acceleration(q[None], v[None], u, np.array([[t]]))[0]
+        for j in map(int, near):
+            rate = slopes[j, : self.nq] @ v + slopes[j, self.nq]
+            if abs(rate) < RELEASED * self.sizes.rate[j] and self.on_surface(q, v, a, t, j)[1] > 0:
+                return j
+        return None
+
+    def _first_hit(
+        self, start: tuple[Array, Array], end: tuple[Array, Array], span: tuple[float, float], inputs: Callable[[float], Array],
+        until: Callable[[float], tuple[Array, Array]], held: int | None,
+    ) -> tuple[float, int] | None:  # fmt: skip
+        """Time and surface of the first crossing in a step; the surface that holds the motion is not crossed."""
+        if not self.kernels.has("surface"):
+            return None
+        t, t1 = span
+        a = [self.acceleration(q[None], v[None], inputs(s), np.array([[s]]))[0] for (q, v), s in ((start, t), (end, t1))]
+        path = _quintic(*start, a[0], *end, a[1], t1 - t)
+        times = t + PLACES * (t1 - t)
+        gaps = self.gaps(np.array([path(s) for s in PLACES]), times)
+        touch = TOUCH * self.sizes.gap
+        first: tuple[float, int] | None = None
+
+        def gap(s: float, j: int) -> float:
+            return float(self.gaps(until(s)[0] if s > t else start[0], np.array([s]))[0, j])
+
+        for j in range(gaps.shape[1]):
+            over = np.flatnonzero(gaps[:, j] > touch[j])
+            if j == held or not len(over):
+                continue
+            k = int(over[0])
+            if k == 0 or gaps[k - 1, j] >= -touch[j]:  # starts on the surface: look for the last moment inside
+                inside = [s for s in np.linspace(times[max(k - 1, 0)], times[k], 17)[1:-1] if k and gap(s, j) < -touch[j]]
+                if not inside:  # leaves the admissible set at once: the contact is where the step starts
+                    return t if k <= 1 else float(times[k - 1]), j
+                low = float(inside[-1])
+            else:
+                low = float(times[k - 1])
+            if gap(low, j) >= 0 or gap(float(times[k]), j) <= 0:  # the path between the nodes was only close
+                continue
+            at = float(brentq(gap, low, float(times[k]), args=(j,), xtol=1e-14 * self.sizes.time, rtol=1e-14))
+            if first is None or at < first[0]:
+                first = at, j
+        return first
+
+
+def _quintic(q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, a1: Array, h: float) -> Callable[[float], Array]:
+    """The polynomial of degree 5 with given positions, velocities and accelerations at both ends of a step."""
+    d, s, c = q1 - q0 - h * v0 - h * h / 2 * a0, h * (v1 - v0 - h * a0), h * h * (a1 - a0)
+    c3, c4, c5 = 10 * d - 4 * s + c / 2, -15 * d + 7 * s - c, 6 * d - 3 * s + c / 2
+
+    def at(x: float) -> Array:
+        return np.asarray(q0 + x * h * v0 + (x * h) ** 2 / 2 * a0 + x**3 * (c3 + x * (c4 + x * c5)))
+
+    return at
