@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.report.canvas import new_figure, symbol, write
-from dmoc.report.shapes import Shape, shape_of
+from dmoc.report.shapes import Shape
 from dmoc.trajectory import Array, Phase, Trajectory, input_times
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def plot(trajectory: Trajectory, path: str | os.PathLike[str] | None = None, sha
     path : path, optional
         Where to write the figure; the ending decides the format (png, pdf, svg).
     shape : callable, optional
-        Picture of a position, from (q, parameters), for snapshots of models that are not shipped.
+        Picture of a position, from (q, parameters), for snapshots.
 
     Returns
     -------
@@ -44,7 +44,6 @@ def plot(trajectory: Trajectory, path: str | os.PathLike[str] | None = None, sha
     OutputError
         If the file cannot be written or its format is unknown.
     """
-    shape = shape or shape_of(trajectory.model)
     panels = 2 + bool(trajectory.inputs)
     rows = panels + (1 if shape else 0)
     figure = new_figure(7.0, 2.0 * panels + (2.8 if shape else 0.4))

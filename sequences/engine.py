@@ -64,6 +64,10 @@ class SearchResult:
     notes : tuple of str
         What limits the answer: budgets, shortest phases, the depth.
     seconds : float
+    problem : Problem
+    broken : str
+        What broke the search off, other than its caller and its budgets: a journal that could not be written, an executor that took no more
+        work; empty where nothing did.
     """
 
     nodes: tuple[Node, ...]
@@ -72,6 +76,7 @@ class SearchResult:
     notes: tuple[str, ...]
     seconds: float
     problem: Problem
+    broken: str = ""
 
     @property
     def counts(self) -> dict[str, int]:
@@ -216,7 +221,7 @@ def search(
             processes = Processes(workers)
             stack.callback(processes.stop)
             run = processes
-        stopped = ""
+        stopped = broken = ""
         try:
             for round_ in tree.rounds(strategy, beam):
                 for _ in tree.solve(round_, run, max_nodes, deadline):
@@ -233,10 +238,10 @@ def search(
         except KeyboardInterrupt:
             stopped = "the search was interrupted"
         except NoMoreWork as error:
-            stopped = f"the executor takes no more work ({error})"
+            stopped = broken = f"the executor takes no more work ({error})"
         except sqlite3.Error as error:
-            stopped = f"journal {journal} could not be written ({error})"
-    return _result(problem, tree, stopped, max_collisions, strategy, time.perf_counter() - begin)
+            stopped = broken = f"journal {journal} could not be written ({error})"
+    return replace(_result(problem, tree, stopped, max_collisions, strategy, time.perf_counter() - begin), broken=broken)
 
 
 class _Tree:
@@ -284,9 +289,10 @@ class _Tree:
                 yield self._add(self.known[s])
         tasks = [self._task(s) for s in sequences if s not in self.nodes]
         for node in run(tasks, deadline):
+            self._add(node)
             if self.journal is not None:
                 self.journal.add(node)
-            yield self._add(node)
+            yield node
 
     def _add(self, node: Node) -> Node:
         self.nodes[node.sequence] = node

@@ -9,9 +9,14 @@ from pathlib import Path
 from types import TracebackType
 
 from dmoc.errors import SearchError, SolutionFileError
+from dmoc.schema import Refused
 from dmoc.sequences.nodes import Node
 
-FORMAT = "1"
+FORMAT = "2"
+TABLES = {
+    "about": "CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT)",
+    "nodes": "CREATE TABLE nodes (sequence TEXT PRIMARY KEY, summary TEXT, solution BLOB)",
+}
 
 
 class Journal:
@@ -28,40 +33,58 @@ class Journal:
     Raises
     ------
     SearchError
-        If the file is no journal, belongs to another problem, exists without ``resume``, or cannot be written.
+        If the file is no journal, is damaged, belongs to another problem, exists without ``resume``, or cannot be written.  It is left
+        as it was.
     """
 
     def __init__(self, path: str | os.PathLike[str], identity: str, resume: bool) -> None:
         self.path = Path(path)
-        exists = self.path.exists() and self.path.stat().st_size > 0  # a search that was killed at once leaves an empty file
-        if exists and not resume:
-            raise SearchError(f"journal {self.path} exists: resume it, or name another file.")
-        if resume and not self.path.exists():
-            raise SearchError(f"journal {self.path} does not exist: nothing can be resumed from it.")
         try:
+            filled = self.path.exists() and self.path.stat().st_size > 0  # a search that was killed at once leaves an empty file
+            if self.path.exists() and not self.path.is_file():
+                raise SearchError(f"journal {self.path} is a folder or a device: name another file.")
+            if filled and not resume:
+                raise SearchError(f"journal {self.path} exists: resume it, or name another file.")
+            if resume and not self.path.exists():
+                raise SearchError(f"journal {self.path} does not exist: nothing can be resumed from it.")
             self.database = sqlite3.connect(self.path, isolation_level=None)
-            tables = {name for (name,) in self.database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-            if tables and tables != {"about", "nodes"}:
-                raise SearchError(f"{self.path} is the database of something else: name another file.")
-            if not tables:
-                # All at once: a journal is complete or empty.
-                self.database.execute("BEGIN IMMEDIATE")
-                self.database.execute("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT)")
-                self.database.execute("CREATE TABLE nodes (sequence TEXT PRIMARY KEY, summary TEXT, solution BLOB)")
-                self.database.executemany("INSERT INTO about VALUES (?, ?)", [("format", FORMAT), ("identity", identity)])
-                self.database.execute("COMMIT")
-            known = dict(self.database.execute("SELECT name, value FROM about"))
-        except sqlite3.Error as error:
+        except (OSError, sqlite3.Error) as error:
             raise SearchError(f"{self.path} cannot be used as a journal ({error}): name another file.") from None
-        if known.get("format") != FORMAT or known.get("identity") != identity:
+        try:
+            if filled:
+                self._check(identity)
+            else:
+                self._make(identity)
+        except (SearchError, sqlite3.Error) as error:
             self.close()
+            if isinstance(error, SearchError):
+                raise
+            raise SearchError(f"{self.path} cannot be used as a journal ({error}): name another file.") from None
+
+    def _make(self, identity: str) -> None:
+        """All at once: a journal is complete or empty."""
+        self.database.execute("BEGIN IMMEDIATE")
+        for table in TABLES.values():
+            self.database.execute(table)
+        self.database.executemany("INSERT INTO about VALUES (?, ?)", [("format", FORMAT), ("identity", identity)])
+        self.database.execute("COMMIT")
+
+    def _check(self, identity: str) -> None:
+        """Look at everything before anything is written."""
+        expected = {("table", name, sql) for name, sql in TABLES.items()}
+        expected |= {("index", f"sqlite_autoindex_{name}_1", None) for name in TABLES}
+        if set(self.database.execute("SELECT type, name, sql FROM sqlite_master")) != expected:
+            raise SearchError(f"{self.path} is the database of something else: name another file.")
+        if list(self.database.execute("PRAGMA quick_check(1)")) != [("ok",)]:
+            raise SearchError(f"journal {self.path} is damaged: start anew with another file.")
+        if set(self.database.execute("SELECT name, value FROM about")) != {("format", FORMAT), ("identity", identity)}:
             raise SearchError(f"journal {self.path} belongs to another problem or to other settings: name another file.")
 
     def finished(self) -> Mapping[tuple[str, ...], Node]:
         try:
-            rows = self.database.execute("SELECT summary, solution FROM nodes").fetchall()
-            nodes = [Node.from_row(summary, data) for summary, data in rows]
-        except (sqlite3.Error, ValueError, KeyError, SolutionFileError):
+            rows = self.database.execute("SELECT sequence, summary, solution FROM nodes")
+            nodes = [Node.from_row(*row) for row in rows]
+        except (sqlite3.Error, Refused, SolutionFileError):
             raise SearchError(f"journal {self.path} is damaged: start anew with another file.") from None
         return {n.sequence: n for n in nodes}
 

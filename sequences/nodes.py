@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import enum
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from dmoc.schema import Choice, Context, Either, Listed, Name, Nothing, Number, Record, Refused, Text, Whole, dumped, plain
 from dmoc.solution import Solution
 
 Sequence = tuple[str, ...]
@@ -90,22 +90,54 @@ class Node:
             "seconds": self.seconds,
         }
 
-    @classmethod
-    def from_dict(cls, given: Mapping[str, Any], solution: Solution | None) -> Node:
-        return cls(
-            tuple(given["sequence"]), Verdict(given["verdict"]), given["cost"], tuple(given["phases"]), tuple(given["evidence"]),
-            tuple(Start(s["name"], s["status"], s["cost"]) for s in given["starts"]), tuple(given["minima"]), tuple(given["shortest"]),
-            given["attempts"], given["seconds"], solution,
-        )  # fmt: skip
-
     def to_row(self) -> tuple[str, str, bytes | None]:
         """Sequence, summary and solution, as the journal keeps them."""
         data = None if self.solution is None else self.solution.to_bytes()
-        return json.dumps(list(self.sequence)), json.dumps(self.to_dict()), data
+        return json.dumps(list(self.sequence)), dumped(NODE, self), data
 
     @classmethod
-    def from_row(cls, summary: str, data: bytes | None) -> Node:
-        return cls.from_dict(json.loads(summary), None if data is None else Solution.from_bytes(data))
+    def from_row(cls, sequence: object, summary: object, data: object) -> Node:
+        """Return the node of a row; raise Refused or SolutionFileError if it is none."""
+        if not (isinstance(sequence, str) and isinstance(summary, str) and isinstance(data, (bytes, type(None)))):
+            raise Refused("a row has other types")
+        node: Node = NODE.read(plain(summary), "", Context())
+        if json.dumps(list(node.sequence)) != sequence:
+            raise Refused("a row is that of another sequence")
+        node = replace(node, solution=None if data is None else Solution.from_bytes(data))
+        wrong = _wrong(node)
+        if wrong:
+            raise Refused(wrong)
+        return node
 
     def judged(self, verdict: Verdict) -> Node:
         return replace(self, verdict=verdict)
+
+
+def _wrong(node: Node) -> str | None:
+    """What of a node and its solution does not fit together."""
+    s = node.solution
+    if (s is None) != (node.cost is None) or (s is None) != (node.verdict not in WITH_MOTION):
+        return "a verdict, its cost and its motion do not fit together"
+    if s is not None and (s.cost != node.cost or tuple(c.surface for c in s.collisions) != node.sequence):
+        return "a motion is that of another node"
+    return None
+
+
+WITH_MOTION = (Verdict.OPTIMAL, Verdict.FEASIBLE, Verdict.UNVERIFIED)
+# One line for each field in a row of the journal.
+START = Record(Start, {"name": Text(), "status": Text(), "cost": Either(Nothing(), Number(special=True))})
+NODE = Record(
+    Node,
+    {
+        "sequence": Listed(Name()),
+        "verdict": Choice(tuple(Verdict)),
+        "cost": Either(Nothing(), Number()),
+        "phases": Listed(Number()),
+        "evidence": Listed(Text()),
+        "starts": Listed(START),
+        "minima": Listed(Number()),
+        "shortest": Listed(Text()),
+        "attempts": Whole(1),
+        "seconds": Number(),
+    },
+)

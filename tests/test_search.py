@@ -485,8 +485,8 @@ def test_what_failed_gets_another_chance(puck: dmoc.Problem, tmp_path: Path) -> 
 
 def test_nodes_survive_the_journal(found: SearchResult) -> None:
     for node in found.nodes[:6]:
-        _, summary, data = node.to_row()
-        again = Node.from_row(summary, data)
+        sequence, summary, data = node.to_row()
+        again = Node.from_row(sequence, summary, data)
         assert again.to_dict() == node.to_dict()
         if node.solution is not None:
             assert again.solution is not None

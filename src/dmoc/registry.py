@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import inspect
+import os
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+import types
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +20,7 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.errors import BuildError, DmocError, ModelError
 from dmoc.models import catalogue
 from dmoc.nlp.problem import Problem
+from dmoc.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -110,6 +116,33 @@ def load(reference: str, *, order: int | None = None) -> Kernels:
     return find(reference).kernels(order)
 
 
+def load_for_file(reference: str, order: int) -> Kernels:
+    """Return the kernels of the model that a data file names: a shipped one, because what else a file may name is not run."""
+    if reference not in catalogue.ENTRIES:
+        raise ModelError(
+            f"the solution was made with {reference!r}, and a file may name shipped models only: if you trust that model, name it yourself "
+            "with --model file.py:name, or in Python give its kernels."
+        )
+    return load(reference, order=order)
+
+
+def is_shipped(motion: Trajectory) -> bool:
+    """Whether a motion is one of the shipped model of its name, and not of another model of that name."""
+    if motion.model not in catalogue.models():
+        return False
+    installed = load_installed(f"dmoc.generated.{motion.model}") if motion.order == 2 else None
+    if installed is not None:
+        key, names = installed.manifest["fingerprint"], (installed.coordinates, installed.parameters)
+    else:
+        from dmoc.symbolic.kernels import model_key
+        from dmoc.symbolic.names import name_of
+
+        system = catalogue.system(motion.model)
+        key = model_key(system, motion.order)
+        names = [name_of(q) for q in system.coordinates], {name_of(s): None for s in system.parameters}
+    return motion.fingerprint == key and (list(motion.coordinates), list(motion.parameters)) == (names[0], list(names[1]))
+
+
 def _shipped(name: str) -> Reference:
     entry = catalogue.ENTRIES.get(name)
     if entry is None and name.endswith(".py"):
@@ -127,33 +160,62 @@ def _shipped(name: str) -> Reference:
 
 
 def _from_file(path: Path, name: str) -> Any:
+    """Run a model file as if it were imported, and return the system or the problem that it names."""
     from dmoc.symbolic.system import MechanicalSystem
 
-    if not path.is_file():
-        raise ModelError(
-            f"{path} does not exist: name a Python file and an object in it, as file.py:name (for a solution whose model has moved: --model file.py:name)."
-        )
-    spec = importlib.util.spec_from_file_location(f"dmoc_user_{path.stem}", path)
+    if not os.path.isfile(path):
+        raise ModelError(f"{path} does not exist: name a Python file and an object in it, as file.py:name.")
+    spec = importlib.util.spec_from_file_location(f"_dmoc_model_{uuid.uuid4().hex}", path)
     if spec is None or spec.loader is None:
         raise ModelError(f"{path} is not a Python file: expected a name ending in .py.")
     module = importlib.util.module_from_spec(spec)
-    sys.path.insert(0, str(path.parent))  # as if the file were run: what lies beside it can be imported
-    try:
+    sys.modules[spec.name] = module  # dataclasses look their module up there, some of them later
+    with _paths_kept(), _as_sentences(path):
+        sys.path.insert(0, str(path.parent))  # as if the file were run: what lies beside it can be imported
         spec.loader.exec_module(module)
-    except SyntaxError as error:
-        raise ModelError(f"{path} cannot be read: {error.msg} in line {error.lineno}.") from None
-    except DmocError:
-        raise
-    except Exception as error:
-        line = next((f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == str(path)), "?")
-        raise ModelError(f"{path} cannot be loaded: {type(error).__name__} in line {line}: {error}; correct the file.") from error
-    finally:
-        sys.path.remove(str(path.parent))
-    made = getattr(module, name, None)
-    if made is None:
-        raise ModelError(f"{path} defines no {name!r}: expected a MechanicalSystem, a Problem, or a function that returns one.")
-    if callable(made):
-        made = made()
+        made = _made(module, path, name)
     if not isinstance(made, (MechanicalSystem, Problem)):
         raise ModelError(f"{name} in {path} is a {type(made).__name__}: expected a MechanicalSystem or a Problem.")
     return made
+
+
+def _made(module: types.ModuleType, path: Path, name: str) -> Any:
+    made = getattr(module, name, None)
+    if made is None:
+        raise ModelError(f"{path} defines no {name!r}: expected a MechanicalSystem, a Problem, or a function that returns one.")
+    if not callable(made):
+        return made
+    given = inspect.signature(made).parameters.values()
+    needed = [p.name for p in given if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+    if needed:
+        raise ModelError(f"{name} in {path} needs the arguments {', '.join(needed)}: expected a function that needs none.")
+    return made()
+
+
+@contextmanager
+def _paths_kept() -> Iterator[None]:
+    """Leave the places of modules as they were, whatever is done to them."""
+    paths, places = sys.path, list(sys.path)
+    try:
+        yield
+    finally:
+        sys.path, sys.path[:] = paths, places
+
+
+@contextmanager
+def _as_sentences(path: Path) -> Iterator[None]:
+    """Say in one sentence what goes wrong in a model file, whatever it is."""
+    try:
+        yield
+    except (DmocError, KeyboardInterrupt):
+        raise
+    except SyntaxError as error:
+        raise ModelError(f"{path} cannot be read: {error.msg} in line {error.lineno}.") from None
+    except SystemExit:
+        raise ModelError(f"{path} ends the program: a model file must not call sys.exit.") from None
+    except BaseException as error:  # also what derives from nothing else
+        text = " ".join("".join(traceback.format_exception_only(error)).split()).partition(": ")[2]
+        line = next((f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == str(path)), "?")
+        raise ModelError(
+            f"{path} cannot be loaded: {type(error).__name__} in line {line}: {text or 'no message'}; correct the file."
+        ) from error

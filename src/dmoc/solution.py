@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import io
-import json
 import os
-import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from dmoc.errors import OutputError, SolutionFileError
+from dmoc.errors import SolutionFileError
 from dmoc.trajectory import Array, Collision, Phase, Trajectory
+from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,8 +18,6 @@ if TYPE_CHECKING:
     from dmoc.codegen.kernels import Kernels
     from dmoc.report.shapes import Shape
     from dmoc.simulation.check import Verification
-
-FILE_FORMAT = 3
 
 
 @dataclass(frozen=True)
@@ -137,26 +131,40 @@ class Solution:
         return self.trajectory.final_time
 
     def verify(self, kernels: Kernels | None = None) -> Verification:
-        """Check the motion by an independent simulation; see :func:`dmoc.simulation.check.verify`."""
+        """Check the motion by an independent simulation; see :func:`dmoc.simulation.check.verify`.
+
+        Raises
+        ------
+        ModelError
+            If the solution comes from a file, names a model that is not shipped, and no kernels are given.
+        SolutionFileError
+            If the solution names other states, parameters or surfaces than its model.
+        """
         from dmoc.simulation.check import verify
 
-        return verify(self.trajectory, kernels or self._kernels())
+        kernels = kernels or self._kernels()
+        _check_names(self.trajectory, kernels)
+        return verify(self.trajectory, kernels)
 
     def plot(self, path: str | os.PathLike[str] | None = None, shape: Shape | None = None) -> Figure:
         """Draw positions, momenta, inputs and snapshots; write the figure if a path is given.
 
         ``shape(q, parameters)`` returns a :class:`~dmoc.report.shapes.Picture` of a model that is not shipped.
         """
+        from dmoc.registry import is_shipped
         from dmoc.report.figure import plot
+        from dmoc.report.shapes import shape_of
 
+        if shape is None and is_shipped(self.trajectory):
+            shape = shape_of(self.trajectory.model)
         return plot(self.trajectory, path, shape)
 
     def _kernels(self) -> Kernels:
         if self.kernels is not None:
             return self.kernels
-        from dmoc.registry import load
+        from dmoc.registry import load_for_file
 
-        return load(self.reference or self.trajectory.model, order=self.trajectory.order)
+        return load_for_file(self.reference or self.trajectory.model, self.trajectory.order)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""
@@ -202,46 +210,14 @@ class Solution:
         OutputError
             If the file cannot be written; an existing file is then left as it was.
         """
-        target = Path(path)
-        partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
-        try:
-            partial.write_bytes(self.to_bytes())
-            partial.replace(target)
-        except OSError as error:
-            partial.unlink(missing_ok=True)
-            raise OutputError(f"{target} cannot be written ({error.strerror}): choose a writable place.") from None
-        return target
+        write_whole(Path(path), self.to_bytes())
+        return Path(path)
 
     def to_bytes(self) -> bytes:
         """Return the content of an .npz file."""
-        t = self.trajectory
-        header = self.to_dict() | {
-            "format": FILE_FORMAT,
-            "reference": self.reference,
-            "fingerprint": t.fingerprint,
-            "coordinates": list(t.coordinates),
-            "inputs": list(t.inputs),
-            "parameters": dict(t.parameters),
-            "controls": t.controls,
-            "restitution": dict(t.restitution),
-            "order": t.order,
-            "multipliers": list(self.multipliers),
-            "error_estimate": self.error_estimate,
-            "meshes": [asdict(m) for m in self.meshes],
-            "duality_gap": self.duality_gap,
-            "scale": dict(self.scale),
-        }
-        arrays: dict[str, Array] = {
-            "unknowns": self.unknowns,
-            "input_bounds": t.input_bounds,
-            "coordinate_bounds": t.coordinate_bounds,
-        }
-        for i, phase in enumerate(t.phases):
-            arrays |= {f"phase_{i}_{name}": getattr(phase, name) for name in "tqpvu"}
-        arrays |= {f"multiplier_{i}": value for i, value in enumerate(self.multipliers.values())}
-        stream = io.BytesIO()
-        np.savez_compressed(stream, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
-        return stream.getvalue()
+        from dmoc.solution_file import content_of
+
+        return content_of(self)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Solution:
@@ -250,53 +226,32 @@ class Solution:
         Raises
         ------
         SolutionFileError
-            If the file is missing, truncated, or no solution file.
+            If the file is missing, damaged, too large, or no solution file.
         """
-        try:
-            content = Path(path).read_bytes()
-        except FileNotFoundError:
-            raise SolutionFileError(f"{path} does not exist: give a file that `dmoc solve --out` has written.") from None
-        except OSError:
-            raise SolutionFileError(f"{path} is damaged or no solution file: write it again with `dmoc solve --out`.") from None
-        return cls.from_bytes(content, str(path))
+        from dmoc.solution_file import bytes_of
+
+        return cls.from_bytes(bytes_of(Path(path)), str(path))
 
     @classmethod
     def from_bytes(cls, content: bytes, name: str = "the data") -> Solution:
         """Read a solution from the content of an .npz file; ``name`` is what errors call it."""
-        try:
-            with np.load(io.BytesIO(content), allow_pickle=False) as data:
-                header = json.loads(str(data["header"]))
-                if header["format"] != FILE_FORMAT:
-                    raise SolutionFileError(
-                        f"{name} has format {header['format']}, expected {FILE_FORMAT}: solve the problem again."
-                    )
-                return cls._from_file(header, {key: data[key] for key in data.files if key != "header"})
-        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile):
-            raise SolutionFileError(f"{name} is damaged or no solution file: write it again with `dmoc solve --out`.") from None
+        from dmoc.solution_file import solution_in
 
-    @classmethod
-    def _from_file(cls, header: Mapping[str, Any], arrays: Mapping[str, Array]) -> Solution:
-        phases = tuple(Phase(*(arrays[f"phase_{i}_{name}"] for name in "tqpvu")) for i in range(len(header["phases"])))
-        collisions = tuple(
-            Collision(
-                c["surface"],
-                c["time"],
-                np.array(c["position"]),
-                c["impulse"],
-                np.array(c["momentum_before"]),
-                np.array(c["momentum_after"]),
+        return solution_in(content, name)
+
+
+def _check_names(motion: Trajectory, kernels: Kernels) -> None:
+    """Refuse a motion of the model of some kernels that has other names than the model."""
+    if motion.fingerprint != kernels.manifest["fingerprint"]:
+        return  # the check of a motion says so
+    for what, given, expected in (
+        ("coordinates", motion.coordinates, kernels.coordinates),
+        ("inputs", motion.inputs, kernels.inputs),
+        ("parameters", motion.parameters, kernels.parameters),
+        ("surfaces", motion.restitution, kernels.surfaces),
+    ):
+        if list(given) != list(expected):
+            raise SolutionFileError(
+                f"the solution has the {what} {', '.join(given) or 'none'}, its model {kernels.name!r} {', '.join(expected) or 'none'}: "
+                "the file is damaged, solve again."
             )
-            for c in header["collisions"]
-        )
-        trajectory = Trajectory(
-            header["model"], header["fingerprint"], tuple(header["coordinates"]), tuple(header["inputs"]), header["parameters"], phases,
-            collisions, header["controls"], arrays["input_bounds"], arrays["coordinate_bounds"],
-            header["restitution"], header["order"],
-        )  # fmt: skip
-        multipliers = {name: arrays[f"multiplier_{i}"] for i, name in enumerate(header["multipliers"])}
-        return cls(
-            header["status"], header["message"], header["method"], header["cost"], trajectory, multipliers, tuple(header["active_bounds"]),
-            header["max_violation"], header["optimality"], header["iterations"], header["seconds"], arrays["unknowns"],
-            tuple(header["conflicts"]), header["verification"], header["reference"], header["error_estimate"],
-            tuple(Mesh(**m | {"steps": tuple(m["steps"])}) for m in header["meshes"]), header["duality_gap"], header["scale"],
-        )  # fmt: skip

@@ -1,0 +1,207 @@
+"""What a solution file holds, field by field, and how it is written and read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dmoc.archive import LARGEST, Archive, pack
+from dmoc.errors import SolutionFileError
+from dmoc.schema import (
+    Choice,
+    Context,
+    Either,
+    Flag,
+    Listed,
+    Mapped,
+    Name,
+    Nothing,
+    Number,
+    Numbers,
+    Record,
+    Refused,
+    Stored,
+    Text,
+    Whole,
+    dumped,
+    plain,
+    said,
+)
+from dmoc.solution import Mesh, Solution
+from dmoc.solvers.outcome import Status
+from dmoc.trajectory import Array, Collision, Phase, Trajectory, input_times
+
+FILE_FORMAT = 4
+SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
+REMEDY = "give one that `dmoc solve --out` has written"
+
+
+def content_of(solution: Solution) -> bytes:
+    """Return the content of a solution file."""
+    arrays: dict[str, Array] = {}
+    text = dumped(FILE, {"format": FILE_FORMAT, "solution": solution}, arrays.__setitem__)
+    return pack(text, arrays)
+
+
+def bytes_of(path: Path) -> bytes:
+    """Return the content of a file that may be a solution file."""
+    try:
+        if not path.exists():
+            raise SolutionFileError(f"{path} does not exist: {REMEDY}.")
+        if not path.is_file():
+            raise SolutionFileError(f"{path} is a folder or a device: {REMEDY}.")
+        if path.stat().st_size > LARGEST:
+            raise SolutionFileError(f"{path} is larger than any solution file: {REMEDY}.")
+        return path.read_bytes()
+    except OSError as error:
+        raise SolutionFileError(f"{path} cannot be read ({error.strerror}): give a file that you may read.") from None
+
+
+def solution_in(content: bytes, name: str) -> Solution:
+    """Read a solution from the content of a solution file that errors call ``name``."""
+    try:
+        archive = Archive(content)
+        header = plain(archive.text())
+        version = header.get("format") if isinstance(header, dict) else None
+        if isinstance(version, int) and version != FILE_FORMAT:
+            raise SolutionFileError(f"{name} has format {said(version)}, expected {FILE_FORMAT}: solve the problem again.")
+        solution: Solution = FILE.read(header, "", Context(archive.array))["solution"]
+        archive.close()
+    except Refused as error:
+        raise SolutionFileError(
+            f"{name} is damaged or no solution file ({error}): write it again with `dmoc solve --out`."
+        ) from None
+    return solution
+
+
+def _wrong_motion(motion: Trajectory) -> str | None:
+    """What of a motion does not fit together."""
+    if not motion.coordinates:
+        return "the motion has no coordinate"
+    if len(motion.collisions) != len(motion.phases) - 1:
+        return f"the motion has {len(motion.phases)} phases and {len(motion.collisions)} collisions"
+    for bounds in (motion.input_bounds, motion.coordinate_bounds):
+        if not (bounds[:, 0] <= bounds[:, 1]).all():
+            return "the motion has a lower bound above the upper one"
+    begin = 0.0
+    for i, phase in enumerate(motion.phases):
+        if len(phase.t) < 2 or not (np.diff(phase.t) > 0).all():
+            return f"the times of phase {i} do not increase"
+        if not np.isclose(phase.t[0], begin, rtol=0.0, atol=SAME_TIME * motion.final_time):
+            return f"phase {i} does not begin where the time before it ends"
+        if len(phase.u) != len(input_times(motion.controls, phase.t)):
+            return f"phase {i} has {len(phase.u)} rows of inputs for {phase.steps} steps"
+        begin = float(phase.t[-1])
+    for phase, collision in zip(motion.phases, motion.collisions, strict=False):
+        if collision.surface not in motion.restitution:
+            return f"surface {collision.surface!r} has no coefficient of restitution"
+        if not np.isclose(collision.time, phase.t[-1], rtol=0.0, atol=SAME_TIME * motion.final_time):
+            return f"the collision with {collision.surface!r} is not where its phase ends"
+    return None
+
+
+def _wrong_solution(solution: Solution) -> str | None:
+    """What of a solution does not fit together."""
+    numbers = [solution.cost, solution.max_violation, solution.optimality]
+    values = np.concatenate([numbers, *(a.ravel() for a in solution.multipliers.values())])
+    if solution.status in ("solved", "not_verified") and not np.isfinite(values).all():
+        return f"the status is {solution.status!r}, and a cost, residual or multiplier is not finite"
+    return None
+
+
+def _summary(**values: Any) -> dict[str, Any]:
+    """The result of the check, in the types that JSON has."""
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+
+
+# One line for each field; N nodes, nq coordinates, nu inputs.
+PHASE = Record(
+    Phase,
+    {
+        "t": Stored("N"),
+        "q": Stored("N", "nq"),
+        "p": Stored("N", "nq"),
+        "v": Stored("N", "nq"),
+        "u": Stored(None, "nu"),
+    },
+)
+COLLISION = Record(
+    Collision,
+    {
+        "surface": Name(),
+        "time": Number(),
+        "position": Numbers("nq"),
+        "impulse": Number(),
+        "momentum_before": Numbers("nq"),
+        "momentum_after": Numbers("nq"),
+    },
+)
+TRAJECTORY = Record(
+    Trajectory,
+    {
+        "model": Name(),
+        "fingerprint": Text(),
+        "coordinates": Listed(Name(), "nq"),
+        "inputs": Listed(Name(), "nu"),
+        "parameters": Mapped(Number(), names=Name()),
+        "phases": Listed(PHASE),
+        "collisions": Listed(COLLISION),
+        "controls": Choice(("constant", "linear", "stages")),
+        "input_bounds": Stored("nu", 2, special=True),
+        "coordinate_bounds": Stored("nq", 2, special=True),
+        "restitution": Mapped(Number(0.0, 1.0), names=Name()),
+        "order": Choice((2, 4)),
+    },
+    _wrong_motion,
+)
+MESH = Record(
+    Mesh,
+    {
+        "steps": Listed(Whole(1)),
+        "cost": Number(),
+        "iterations": Whole(),
+        "estimate": Number(special=True),
+        "simulated": Either(Nothing(), Number(special=True)),
+        "difference": Either(Nothing(), Number(special=True)),
+    },
+)
+VERIFICATION = Record(
+    _summary,
+    {
+        "passed": Flag(),
+        "terminal_error": Number(special=True),
+        "max_defect": Number(special=True),
+        "max_segment_defect": Number(special=True),
+        "energy_error": Number(special=True),
+        "missed_contacts": Listed(Text()),
+        "extra_contacts": Listed(Text()),
+        "penetration": Number(special=True),
+    },
+)
+SOLUTION = Record(
+    Solution,
+    {
+        "status": Choice((*(s.name.lower() for s in Status), "not_verified")),
+        "message": Text(),
+        "method": Name(),
+        "cost": Number(special=True),
+        "trajectory": TRAJECTORY,
+        "multipliers": Mapped(Stored(special=True)),
+        "active_bounds": Listed(Text()),
+        "max_violation": Number(special=True),
+        "optimality": Number(special=True),
+        "iterations": Whole(),
+        "seconds": Mapped(Number()),
+        "unknowns": Stored(None),
+        "conflicts": Listed(Text()),
+        "verification": Either(Nothing(), VERIFICATION),
+        "reference": Text(),
+        "error_estimate": Either(Nothing(), Number(special=True)),
+        "meshes": Listed(MESH),
+        "duality_gap": Number(special=True),
+    },
+    _wrong_solution,
+)
+FILE = Record(dict, {"format": Choice((FILE_FORMAT,)), "solution": SOLUTION})
