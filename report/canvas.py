@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dmoc.errors import MissingExtraError, OutputError
+from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +25,7 @@ def new_figure(width: float, height: float) -> Figure:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
-        raise MissingExtraError("Matplotlib is needed to plot: install it with `pip install dmoc[plot]`.") from None
+        raise MissingExtraError("Matplotlib is needed to plot: install it with `pip install 'dmoc[plot]'`.") from None
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -31,12 +33,12 @@ def new_figure(width: float, height: float) -> Figure:
 
 def write(figure: Figure, path: Path) -> None:
     """Write a figure; the ending of the path decides the format."""
-    try:
-        figure.savefig(path, dpi=200)
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written ({error.strerror}): choose a writable place.") from None
-    except ValueError:
-        raise OutputError(f"{path} has no known format: end it in .png, .pdf or .svg.") from None
+    ending = path.suffix[1:].lower()
+    if ending not in figure.canvas.get_supported_filetypes():
+        raise OutputError(f"{path} has no known format: end it in .png, .pdf or .svg.")
+    content = io.BytesIO()
+    figure.savefig(content, dpi=200, format=ending)
+    write_whole(path, content.getvalue())
 
 
 def symbol(name: str) -> str:
@@ -47,4 +49,5 @@ def symbol(name: str) -> str:
     def letter(text: str) -> str:
         return f"\\{text}" if text in greek else (text if len(text) == 1 else f"\\mathrm{{{text}}}")
 
-    return letter(head) + (f"_{{{','.join(letter(part) for part in tail.split('_'))}}}" if tail else "")
+    parts = [letter(part) for part in tail.split("_") if part]
+    return letter(head) + (f"_{{{','.join(parts)}}}" if parts else "")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.report.canvas import new_figure, symbol, write
-from dmoc.trajectory import Trajectory
+from dmoc.trajectory import Trajectory, input_times
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,10 +128,10 @@ def plot_motions(motions: Sequence[tuple[str, float, Trajectory]], path: str | o
             for phase in trajectory.phases:
                 if row < nq:
                     axes.plot(phase.t, phase.q[:, row], color="#0072B2")
-                elif len(phase.u) == len(phase.t):
-                    axes.plot(phase.t, phase.u[:, row - nq], color="#D55E00")
+                elif trajectory.controls == "constant":
+                    axes.stairs(phase.u[:, row - nq], phase.t, baseline=None, color="#D55E00")
                 else:
-                    axes.step(phase.t, np.append(phase.u[:, row - nq], phase.u[-1:, row - nq]), where="post", color="#D55E00")
+                    axes.plot(input_times(trajectory.controls, phase.t), phase.u[:, row - nq], color="#D55E00")
             for c in trajectory.collisions:
                 axes.axvline(c.time, color="0.6", lw=0.8, ls=":")
             axes.margins(x=0)

@@ -5,6 +5,7 @@ Exit status: 0 solved and verified, 1 not solved, 2 wrong use or bad input.
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import warnings
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from dmoc.cli_input import (
     BAD_INPUT,
@@ -31,16 +33,19 @@ from dmoc.cli_input import (
     RestitutionOption,
     SetOption,
     StartOption,
+    draw,
     emit,
     err,
+    in_turn,
     out,
-    prepare_file,
-    prepare_folder,
+    prepare,
+    print_text,
     problem_fields,
-    write_text,
+    written,
 )
 from dmoc.cli_search import search
 from dmoc.errors import DmocError, OutputError
+from dmoc.writing import REMEDY, write_whole
 
 if TYPE_CHECKING:
     from dmoc.nlp.sensitivity import Sensitivities
@@ -97,9 +102,9 @@ def derive(
     derivation = derive_system(find(model).system(), order)
     text = derivation.latex() if format_ is TextFormat.latex else str(derivation)
     if target is None:
-        sys.stdout.write(text)
+        print_text(text)
     else:
-        write_text(target, text)
+        write_whole(target, text.encode())
 
 
 @app.command()
@@ -123,7 +128,7 @@ def generate(
     except OSError as error:
         raise OutputError(f"{folder} cannot be written ({error.strerror}): choose a writable folder.") from None
     for path in paths:
-        out.print(str(path), highlight=False, soft_wrap=True)
+        out.print(str(path), soft_wrap=True)
 
 
 @app.command()
@@ -137,7 +142,7 @@ def build(
 
     kernels = registry.build(registry.find(model).system(), order=order, backend="compiled", force=force)
     state = f"built in {kernels.seconds:.2f} s" if kernels.seconds else "found in the cache"
-    out.print(f"{kernels.name}: {state}, {kernels.module.__file__}", highlight=False, soft_wrap=True)
+    out.print(f"{kernels.name}: {state}, {kernels.module.__file__}", soft_wrap=True)
 
 
 @app.command()
@@ -189,8 +194,7 @@ def solve(
     fields = problem_fields(
         reference.defaults, sequence, steps, final_time, controls, set_, bound, start, goal, restitution, periodic
     )
-    prepare_folder(target)
-    prepare_file(json_)
+    prepare(target, json_)
     problem = Problem(reference.kernels(order), **fields)
     quiet = json_ == "-"
     with _Live(quiet) as live:
@@ -198,15 +202,25 @@ def solve(
             problem, method, tolerance=tolerance, form=form.value, guess=neighbour, iterations=iterations, seconds=seconds, progress=live.show,
             reference=reference.name,
         )  # fmt: skip
-    files = _save(solution, target)
-    summary, derivatives = solution.to_dict(), None
-    if sensitivities and solution.status in ("solved", "not_verified"):
-        derivatives = api.sensitivities(problem.but(steps=[p.steps for p in solution.phases]), solution)
-        summary["sensitivities"] = derivatives
-    emit(summary, json_)
-    if not quiet:
-        _summary(solution, files)
-        _sensitivities(derivatives)
+    derivatives: list[Sensitivities] = []
+
+    def differentiate() -> None:
+        if sensitivities and solution.status in ("solved", "not_verified"):
+            derivatives.append(api.sensitivities(problem.but(steps=[p.steps for p in solution.phases]), solution))
+
+    def tell() -> None:
+        if not quiet:
+            _summary(solution)
+            for found in derivatives:
+                _sensitivities(found)
+
+    in_turn(
+        lambda: _save(solution, target, quiet),
+        differentiate,
+        lambda: emit(solution.to_dict() | ({"sensitivities": derivatives[0]} if derivatives else {}), json_),
+        tell,
+        lambda: None if target is None else draw(target / "solution.png", solution.plot, quiet),
+    )
     raise typer.Exit(0 if solution.solved else NOT_SOLVED)
 
 
@@ -216,16 +230,17 @@ app.command()(search)
 @app.command()
 def verify(
     solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
-    model: Annotated[str | None, typer.Option(help="Model of the solution, if it has moved: file.py:name.")] = None,
+    model: Annotated[str | None, typer.Option(help="Model of the solution, if it is not shipped: file.py:name.")] = None,
     json_: JsonOption = None,
 ) -> None:
     """Check a solution by an independent simulation."""
     from dmoc import api, registry
     from dmoc.solution import Solution
 
-    prepare_file(json_)
+    prepare(None, json_)
     loaded = Solution.load(solution)
-    kernels = registry.load(model or loaded.reference, order=loaded.trajectory.order)
+    order = loaded.trajectory.order
+    kernels = registry.load(model, order=order) if model else registry.load_for_file(loaded.reference, order)
     api.check_same_model(loaded, kernels)
     check = loaded.verify(kernels)
     summary = {key: (value.tolist() if hasattr(value, "tolist") else value) for key, value in asdict(check).items()}
@@ -268,7 +283,7 @@ def doctor() -> None:
     try:
         table.add_row("C compiler", " ".join(compiler()))
     except BuildError as error:
-        table.add_row("C compiler", f"[red]missing[/]: {error}")
+        table.add_row("C compiler", Text.assemble(_verdict(False, "missing"), f": {error}"))
         healthy = False
     cache = cache_directory()
     try:
@@ -279,7 +294,9 @@ def doctor() -> None:
     entries = len([p for p in cache.iterdir() if p.is_dir()]) if cache.is_dir() else 0
     table.add_row(
         "kernel cache",
-        f"{cache}, {entries} models" if writable else f"{cache} [red]cannot be written[/]: set DMOC_CACHE to a writable folder",
+        f"{cache}, {entries} models"
+        if writable
+        else Text.assemble(f"{cache} ", _verdict(False, "cannot be written"), ": set DMOC_CACHE to a writable folder"),
     )
     healthy = healthy and writable
     for name in catalogue.models():
@@ -292,7 +309,7 @@ def doctor() -> None:
         try:
             table.add_row(name, metadata.version(name))
         except metadata.PackageNotFoundError:
-            table.add_row(name, f"not installed: `pip install dmoc[{extra}]` to {what}")
+            table.add_row(name, f"not installed: `pip install 'dmoc[{extra}]'` to {what}")
     out.print(table)
     raise typer.Exit(0 if healthy else BAD_INPUT)
 
@@ -300,18 +317,10 @@ def doctor() -> None:
 # Output --------------------------------------------------------------------------------------------------------------
 
 
-def _save(solution: Solution, folder: Path | None) -> list[Path]:
+def _save(solution: Solution, folder: Path | None, quiet: bool) -> None:
     if folder is None:
-        return []
-    from dmoc.errors import MissingExtraError
-
-    files = [solution.save(folder / "solution.npz")]
-    try:
-        solution.plot(folder / "solution.png")
-        files.append(folder / "solution.png")
-    except MissingExtraError as error:
-        err.print(f"no figure: {error}", highlight=False)
-    return files
+        return
+    written(solution.save(folder / "solution.npz"), quiet)
 
 
 class _Live:
@@ -342,11 +351,14 @@ class _Live:
         return update
 
 
-def _summary(solution: Solution, files: list[Path]) -> None:
+def _verdict(good: bool, word: str) -> Text:
+    return Text(word, style="green" if good else "red")
+
+
+def _summary(solution: Solution) -> None:
     table = Table(show_header=False, box=None)
-    colour = "green" if solution.solved else "red"
     message = solution.message.removesuffix(": " + "; ".join(solution.conflicts)) if solution.conflicts else solution.message
-    table.add_row("status", f"[{colour}]{solution.status}[/]: {message}")
+    table.add_row("status", Text.assemble(_verdict(solution.solved, solution.status), f": {message}"))
     for conflict in solution.conflicts:
         table.add_row("conflict", conflict)
     table.add_row("cost", f"{solution.cost:.7g}")
@@ -370,28 +382,26 @@ def _summary(solution: Solution, files: list[Path]) -> None:
     table.add_row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in solution.seconds.items()))
     if solution.verification:
         v = solution.verification
-        state = "[green]passed[/]" if v["passed"] else "[red]failed[/]"
-        table.add_row("simulation", f"{state}: terminal error {v['terminal_error']:.1e}, segment error {v['max_segment_defect']:.1e}, "
-                      f"energy error {v['energy_error']:.1e}, contacts missed {len(v['missed_contacts'])}, extra {len(v['extra_contacts'])}")  # fmt: skip
-    for path in files:
-        table.add_row("written", str(path))
-    out.print(table, highlight=False)
+        state = _verdict(v["passed"], "passed" if v["passed"] else "failed")
+        text = f": terminal error {v['terminal_error']:.1e}, segment error {v['max_segment_defect']:.1e}, energy error {v['energy_error']:.1e}, "
+        text += f"contacts missed {len(v['missed_contacts'])}, extra {len(v['extra_contacts'])}"
+        table.add_row("simulation", Text.assemble(state, text))
+    out.print(table)
 
 
-def _sensitivities(derivatives: Sensitivities | None) -> None:
-    if derivatives is None:
-        return
+def _sensitivities(derivatives: Sensitivities) -> None:
     table = Table("dJ/d ...", "", "", box=None, header_style="bold")
     for kind, found in derivatives.items():
         named = found.items() if isinstance(found, dict) else [("", found)]
         for name, value in named:
             table.add_row(kind.replace("_", " "), name, f"{value:.6g}")
-    out.print(table, highlight=False)
+    out.print(table)
 
 
 def _verification(check: Verification) -> None:
     table = Table(show_header=False, box=None)
-    table.add_row("simulation", "[green]passed[/]" if check.passed else f"[red]failed[/]: {check.message}")
+    reason = "" if check.passed else f": {check.message}"
+    table.add_row("simulation", Text.assemble(_verdict(check.passed, "passed" if check.passed else "failed"), reason))
     table.add_row("terminal error", f"{check.terminal_error:.3e} of the motion's range (open loop)")
     table.add_row("largest defect", f"{check.max_defect:.3e} per step, {check.segment_defects.max(initial=0.0):.3e} per segment")
     table.add_row("energy error", f"{check.energy_error:.3e}")
@@ -399,7 +409,7 @@ def _verification(check: Verification) -> None:
     table.add_row("contacts", contacts or "none")
     table.add_row("missed, extra", f"{len(check.missed_contacts)}, {len(check.extra_contacts)}")
     table.add_row("penetration", f"{check.penetration:.1e} between nodes")
-    out.print(table, highlight=False)
+    out.print(table)
 
 
 def main() -> None:
@@ -408,13 +418,16 @@ def main() -> None:
     if debug:
         sys.argv.remove("--debug")  # so that it may stand anywhere
     else:
-        warnings.showwarning = lambda message, *_, **__: err.print(f"warning: {message}", highlight=False, soft_wrap=True)
+        warnings.showwarning = lambda message, *_, **__: err.print(f"warning: {message}", soft_wrap=True)
     try:
         app()
-    except DmocError as error:
+    except (DmocError, OSError) as error:
         if debug:
             raise
-        err.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
+        what = error if isinstance(error, DmocError) else f"standard output cannot be written ({error.strerror}): {REMEDY}."
+        err.print(f"error: {what}", style="red", soft_wrap=True)
+        if isinstance(error, OSError):
+            sys.stdout = io.StringIO()  # Python would try once more, and complain, when it ends
         sys.exit(BAD_INPUT)
     except KeyboardInterrupt:
         err.print("interrupted")

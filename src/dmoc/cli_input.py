@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,10 +12,12 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from dmoc.errors import OutputError, ProblemError
+from dmoc.errors import DmocError, ProblemError
+from dmoc.writing import check_file, check_folder, write_whole
 
-out = Console()
-err = Console(stderr=True)
+# What is printed is never read as markup: names, units and messages have brackets and colons of their own.  Colours are Text objects.
+out = Console(markup=False, emoji=False, highlight=False)
+err = Console(markup=False, emoji=False, highlight=False, stderr=True)
 NOT_SOLVED, BAD_INPUT = 1, 2
 
 
@@ -32,7 +33,7 @@ JsonOption = Annotated[
     typer.Option("--json", metavar="FILE|-", help="Write the result as JSON; with - standard output is the JSON alone."),
 ]
 FinalTimeOption = Annotated[
-    str | None, typer.Option("--final-time", help="Largest final time in seconds, or its range, as 0.5:1.")
+    str | None, typer.Option("--final-time", help="Final time in seconds, or its range, as 0.5:1, or :1 for at most 1.")
 ]
 MethodOption = Annotated[str, typer.Option(help="Solver: slsqp, ipm (compiled interior point), ipopt, uno.")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter value; repeatable.")]
@@ -76,9 +77,7 @@ def problem_fields(
         numbers = [read_whole(part, "--steps") for part in steps.split(",")]
         fields["steps"] = numbers[0] if len(numbers) == 1 else numbers
     if final_time is not None:
-        fields["final_time"] = (
-            read_value(final_time, "--final-time") if ":" in final_time else (None, read_number(final_time, "--final-time"))
-        )
+        fields["final_time"] = read_value(final_time, "--final-time")
     if controls is not None:
         fields["controls"] = controls.value
     if restitution:
@@ -148,46 +147,20 @@ def read_whole(text: str, what: str) -> int:
 # Output --------------------------------------------------------------------------------------------------------------
 
 
-def prepare_folder(folder: Path | None) -> None:
+def prepare(folder: Path | None, json_: str | None) -> None:
     """Fail before a long solve rather than after it."""
-    if folder is None:
-        return
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".dmoc-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise OutputError(f"{folder} cannot be written ({error.strerror}): choose a writable folder.") from None
-
-
-def prepare_file(name: str | None) -> None:
-    if name in (None, "-"):
-        return
-    path = Path(str(name))
-    try:
-        existed = path.exists()
-        with path.open("a", encoding="utf-8"):
-            pass
-        if not existed:
-            path.unlink()
-    except OSError as error:
-        raise OutputError(f"{name} cannot be written ({error.strerror}): choose a file in a writable folder.") from None
-
-
-def write_text(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written ({error.strerror}): choose a writable place.") from None
+    if folder is not None:
+        check_folder(folder)
+    if json_ not in (None, "-"):
+        check_file(Path(str(json_)))
 
 
 def emit(summary: dict[str, Any], target: str | None) -> None:
     text = json.dumps(finite(summary), indent=2) + "\n"
     if target == "-":
-        sys.stdout.write(text)
+        print_text(text)
     elif target is not None:
-        write_text(Path(target), text)
+        write_whole(Path(target), text.encode())
 
 
 def finite(value: Any) -> Any:
@@ -199,3 +172,37 @@ def finite(value: Any) -> Any:
     if isinstance(value, float) and value - value != 0.0:
         return None
     return value
+
+
+def in_turn(*actions: Callable[[], None]) -> None:
+    """Do all of them, so that the failure of one loses nothing of the others; then raise the first error."""
+    errors = []
+    for action in actions:
+        try:
+            action()
+        except (DmocError, OSError) as error:
+            errors.append(error)
+    if errors:
+        raise errors[0]
+
+
+def draw(path: Path, figure: Callable[[Path], object], quiet: bool) -> None:
+    """Draw a figure of a result that is kept already: what goes wrong is a note."""
+    try:
+        figure(path)
+    except Exception as error:
+        text = str(error) if isinstance(error, DmocError) else f"{type(error).__name__}: {error}"
+        err.print(f"note: {path} was not drawn: {text}", soft_wrap=True)
+    else:
+        written(path, quiet)
+
+
+def written(path: Path, quiet: bool) -> None:
+    """Tell of a file, unless standard output is for something else."""
+    if not quiet:
+        out.print(f"written: {path}", soft_wrap=True)
+
+
+def print_text(text: str) -> None:
+    sys.stdout.write(text)
+    sys.stdout.flush()  # where the room is used up this fails here, not when Python ends

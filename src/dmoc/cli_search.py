@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,13 +27,16 @@ from dmoc.cli_input import (
     RestitutionOption,
     SetOption,
     StartOption,
+    draw,
     emit,
     err,
+    in_turn,
     out,
-    prepare_file,
-    prepare_folder,
+    prepare,
     problem_fields,
+    written,
 )
+from dmoc.errors import SearchError
 
 if TYPE_CHECKING:
     from dmoc.sequences.engine import Progress, SearchResult
@@ -107,8 +111,7 @@ def search(
         periodic,
     )
     fields |= {"sequence": (), "durations": None}
-    prepare_folder(target)
-    prepare_file(json_)
+    prepare(target, json_)
     problem = Problem(reference.kernels(order), **fields)
     with _Board() as board:
         result = search_sequences(
@@ -116,10 +119,14 @@ def search(
             beam=beam, starts=starts, seed=seed, method=method, workers=workers, seconds=seconds, node_seconds=node_seconds, max_nodes=max_nodes,
             shortest_phase=shortest_phase, journal=journal, resume=resume, progress=board.show,
         )  # fmt: skip
-    files = _save(result, target, reference.name)
-    emit(result.to_dict(), json_)
-    if json_ != "-":
-        _report(result, files)
+    quiet = json_ == "-"
+    in_turn(
+        lambda: _save(result, target, reference.name, quiet),
+        lambda: emit(result.to_dict(), json_),
+        lambda: None if quiet else _report(result),
+        lambda: _draw(result, target, quiet),
+        lambda: _complain(result),
+    )
     raise typer.Exit(0 if result.best is not None else NOT_SOLVED)
 
 
@@ -146,26 +153,25 @@ class _Board:
         self._live.update(Group(counts, Text(f"best {best}   waiting {p.waiting}   {p.seconds:.0f} s")))
 
 
-def _save(result: SearchResult, folder: Path | None, reference: str) -> list[Path]:
-    if folder is None:
-        return []
-    from dataclasses import replace
-
-    from dmoc.errors import MissingExtraError
-
-    files = []
-    if result.best is not None and result.best.solution is not None:
-        files.append(replace(result.best.solution, reference=reference).save(folder / "solution.npz"))
-    try:
-        for name, draw in (("tree.png", result.plot), ("best.png", result.plot_best)):
-            draw(folder / name)
-            files.append(folder / name)
-    except MissingExtraError as error:
-        err.print(f"no figures: {error}", highlight=False)
-    return files
+def _save(result: SearchResult, folder: Path | None, reference: str, quiet: bool) -> None:
+    if folder is None or result.best is None or result.best.solution is None:
+        return
+    written(replace(result.best.solution, reference=reference).save(folder / "solution.npz"), quiet)
 
 
-def _report(result: SearchResult, files: list[Path]) -> None:
+def _draw(result: SearchResult, folder: Path | None, quiet: bool) -> None:
+    if folder is not None:
+        draw(folder / "tree.png", result.plot, quiet)
+        draw(folder / "best.png", result.plot_best, quiet)
+
+
+def _complain(result: SearchResult) -> None:
+    """A search that something broke off has its answer so far, and is no success."""
+    if result.broken:
+        raise SearchError(f"{result.broken}: the result is that of a search that was broken off.")
+
+
+def _report(result: SearchResult) -> None:
     table = Table("sequence", "verdict", "cost", "phases [s]", "minima", "evidence", box=None, header_style="bold")
     nodes = sorted(result.nodes, key=lambda n: (n.cost is None, n.cost or 0.0, len(n.sequence)))
     for n in nodes[:MOST_ROWS]:
@@ -173,13 +179,11 @@ def _report(result: SearchResult, files: list[Path]) -> None:
             n.name, Text(n.verdict.value, style=COLOURS[n.verdict.value]), "" if n.cost is None else f"{n.cost:.6g}",
             " ".join(f"{t:.4g}" for t in n.phases), str(len(n.minima) or ""), "; ".join(n.evidence[:2]),
         )  # fmt: skip
-    out.print(table, highlight=False)
+    out.print(table)
     if len(nodes) > MOST_ROWS:
-        out.print(f"... and {len(nodes) - MOST_ROWS} more: --json FILE has all of them", highlight=False)
+        out.print(f"... and {len(nodes) - MOST_ROWS} more: --json FILE has all of them")
     for note in result.notes:
-        out.print(f"note: {note}", highlight=False)
+        out.print(f"note: {note}")
     best = "no confirmed motion" if result.best is None else f"best: {result.best.name}, cost {result.best.cost:.6g}"
     rate = len(result.nodes) / max(result.seconds, 1e-9)
-    out.print(f"{best}; {len(result.nodes)} sequences in {result.seconds:.1f} s ({rate:.1f} a second)", highlight=False)
-    for path in files:
-        out.print(f"written: {path}", highlight=False, soft_wrap=True)
+    out.print(f"{best}; {len(result.nodes)} sequences in {result.seconds:.1f} s ({rate:.1f} a second)")
