@@ -197,7 +197,7 @@ class NumPyPrinter(Printer):
 
 
 def listing(spec: KernelSpec, printer: type[Printer], component: str) -> Listing:
-    """Print a kernel: definitions, shared subexpressions as ``w0, w1, ...``, outputs.
+    """Print a kernel: definitions, shared subexpressions as ``w0, w1, ...``, outputs; nothing that no output needs.
 
     ``component`` is the format of an input component, for instance ``"{name}[{i}]"``.
     """
@@ -206,22 +206,33 @@ def listing(spec: KernelSpec, printer: type[Printer], component: str) -> Listing
     }
     wanted = [e for output in spec.outputs for e in output.expressions]
     shared, reduced = se.cse(wanted) if wanted else ([], [])
-    used = set().union(set(), *(e.free_symbols for e in [*reduced, *(e for _, e in shared)]))
-    write = printer(names)
+    defined = {symbol for symbol, _ in spec.definitions}
     assignments: list[tuple[str, str]] = []
-    for symbol, expression in spec.definitions:
-        if symbol in used:
-            assignments.append((str(symbol), write.text(expression)))
-        names[str(symbol)] = str(symbol)
-    first = len(assignments)
-    for symbol, expression in shared:
+    temporaries = 0
+    for symbol, expression in _needed([*spec.definitions, *shared], reduced):
         write = printer(names)
         if type(expression).__name__ in CONDITIONS:  # a condition has no local of its own
             names[str(symbol)] = write.condition(expression)
             continue
-        names[str(symbol)] = f"w{len(assignments) - first}"
-        assignments.append((names[str(symbol)], write.text(expression)))
+        text = write.text(expression)
+        if symbol in defined:
+            names[str(symbol)] = str(symbol)
+        else:
+            names[str(symbol)] = f"w{temporaries}"
+            temporaries += 1
+        assignments.append((names[str(symbol)], text))
     write = printer(names)
     values = iter(reduced)
     outputs = tuple((o.name, tuple(write.text(next(values)) for _ in o.expressions)) for o in spec.outputs)
     return Listing(tuple(assignments), outputs)
+
+
+def _needed(steps: Sequence[tuple[Any, Any]], results: Sequence[Any]) -> list[tuple[Any, Any]]:
+    """The assignments that results depend on: terms that cancel leave others behind."""
+    live = set().union(set(), *(e.free_symbols for e in results))
+    needed = []
+    for symbol, expression in reversed(steps):
+        if symbol in live:
+            live |= expression.free_symbols
+            needed.append((symbol, expression))
+    return needed[::-1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from importlib import resources
 from typing import Any
 
@@ -86,8 +87,9 @@ def _common(spec: KernelSpec) -> dict[str, Any]:
 
 def _c_kernel(spec: KernelSpec) -> dict[str, Any]:
     code = listing(spec, CPrinter, "{name}[{i}]")
-    body = "\n".join(value for _, value in code.locals) + "\n".join(v for _, values in code.outputs for v in values)
-    unused = [a.name for a in spec.inputs if f"{a.name}[" not in body]
+    texts = [value for _, value in code.locals] + [v for _, values in code.outputs for v in values]
+    read = {name for text in texts for name in re.findall(r"(\w+)\[", text)}
+    unused = [a.name for a in spec.inputs if a.name not in read]
     unused += [name for name, values in code.outputs if not values]
     pointers = [f"const double *restrict {a.name}" for a in spec.inputs]
     pointers += [f"double *restrict {o.name}" for o in spec.outputs]
