@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -11,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from dmoc.arguments import LONGEST_TEXT, Range, flag, interval, limits, listed, names, number, shown, whole
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.codegen.system import kernels_of
 from dmoc.errors import ProblemError
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 
@@ -23,9 +24,12 @@ NUDGE = 1e-3
 # Share of the gap's largest possible rate below which a state on a surface does not move into it.
 MOVING_INTO = 1e-9
 
-MOST_STEPS = 100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
+IN_PHASE = " steps in each phase"
+BOX = "expected a pair (lower, upper) such as (-5, 5) or (None, 5), where (5, 5) holds the value 5"
 
-Range = tuple[float, float]
+MOST_STEPS = 100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
+# Unknowns of all steps; the compiled method takes some 2.5 kB for each of them, 5 GB for so many.
+MOST_UNKNOWNS = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,11 @@ class Boundary:
     position: Array
     velocity: Array
     momentum: Array
+
+    @property
+    def middle(self) -> Array:
+        """Middle of the bounds of the position, a missing bound taken as 0; shape (nq,)."""
+        return np.asarray((np.where(np.isfinite(self.position), self.position, 0.0) / 2).sum(axis=1))
 
     @property
     def needs_velocity(self) -> bool:
@@ -47,8 +56,8 @@ class Problem:
 
     Parameters
     ----------
-    kernels : Kernels
-        The model's kernels, from :func:`dmoc.build` or :func:`dmoc.load`.
+    kernels : Kernels or MechanicalSystem
+        The model's kernels, from :func:`dmoc.build` or :func:`dmoc.load`; those of a system are built, of order 2.
     start, goal : mapping
         State at both ends by name: a coordinate ("alpha"), a velocity ("alpha_dot") or a momentum ("p_alpha"); SymPy symbols serve as
         names.  A number fixes a value, a pair bounds it (None for no bound), None leaves it free.  Every position must be given at the
@@ -62,7 +71,7 @@ class Problem:
     durations : sequence of pairs, optional
         Bounds of the duration T_i of each phase in seconds.
     bounds : mapping, optional
-        Bounds (lower, upper) of inputs and coordinates by name, at all times.
+        Bounds (lower, upper) of inputs and coordinates by name, at all times; None for no bound.
     parameters : mapping, optional
         Parameter values that replace the model's.
     controls : {"constant", "linear", "stages"}, optional
@@ -84,7 +93,7 @@ class Problem:
     """
 
     kernels: Kernels
-    start: Mapping[Any, Any]
+    start: Mapping[Any, Any] = field(default_factory=dict)
     goal: Mapping[Any, Any] = field(default_factory=dict)
     sequence: Sequence[str] = ()
     steps: int | Sequence[int] = 100
@@ -99,21 +108,22 @@ class Problem:
 
     def __post_init__(self) -> None:
         put = object.__setattr__
+        put(self, "kernels", kernels_of(self.kernels))
         for name in ("start", "goal", "bounds", "parameters"):
-            value = getattr(self, name)
-            if not isinstance(value, Mapping):
-                raise ProblemError(f"{name} = {value!r}: expected a mapping from names to values.")
-            put(self, name, {name_of(k): v for k, v in value.items()})
-        put(self, "sequence", self._listed("sequence", "surfaces"))
+            put(self, name, _by_name(getattr(self, name), name))
+        put(self, "sequence", tuple(names(self.sequence, "sequence", "surfaces")))
         for surface in self.sequence:
             self._known(surface, self.kernels.surfaces, "surface", "in the sequence")
-        if self.control_form not in CONTROLS[self.order]:
+        if not isinstance(self.control_form, str) or self.control_form not in CONTROLS[self.order]:
             known = ", ".join(CONTROLS[self.order])
-            raise ProblemError(f"controls = {self.controls!r}: expected one of {known} with kernels of order {self.order}.")
+            raise ProblemError(f"controls = {shown(self.controls)}: expected one of {known} with kernels of order {self.order}.")
+        put(self, "minimal_times", flag(self.minimal_times, "minimal_times"))
+        self._normalise_steps()
         self._normalise_periodic()
+        if self.durations is not None:
+            put(self, "durations", tuple(listed(self.durations, "durations", "ranges, one for each phase")))
         # The properties below check what they read.
         _ = (
-            self.phase_steps,
             self.parameter_values,
             self.restitution_values,
             self.input_bounds,
@@ -174,7 +184,7 @@ class Problem:
         values = self.kernels.parameters
         for name, value in self.parameters.items():
             self._known(name, values, "parameter", "")
-            values[name] = _finite(value, f"parameter {name}")
+            values[name] = number(value, f"parameter {name}")
         for name, given in values.items():
             if given is None:
                 raise ProblemError(f"parameter {name} of model {self.kernels.name!r} has no value: set it ({name}=...).")
@@ -241,63 +251,58 @@ class Problem:
 
     @cached_property
     def final_time_bounds(self) -> Range:
-        low, high = _range(self.final_time, "final time")
-        if high <= 0:
-            raise ProblemError(f"final time <= {high:g} s: expected a positive time.")
-        return max(low, 0.0), high
+        return _duration(self.final_time, "final_time")
 
     @cached_property
     def duration_bounds(self) -> Array:
         """Bounds of the durations T_i, shape (I + 1, 2)."""
         if self.durations is None:
             return np.tile((0.0, np.inf), (self.phases, 1))
-        if not isinstance(self.durations, Sequence) or isinstance(self.durations, str):
-            raise ProblemError(f"durations = {self.durations!r}: expected a list of ranges, one for each phase.")
         if len(self.durations) != self.phases:
             raise ProblemError(f"durations has {len(self.durations)} entries: expected one for each of the {self.phases} phases.")
-        bounds = np.array([_range(d, f"duration of phase {i}") for i, d in enumerate(self.durations)])
-        if (bounds[:, 1] <= 0).any():
-            raise ProblemError(f"durations = {list(self.durations)!r}: expected positive upper bounds.")
-        return np.asarray(np.maximum(bounds, 0.0))
+        return np.array([_duration(d, f"durations of phase {i}") for i, d in enumerate(self.durations)])
 
     # Checks ----------------------------------------------------------------------------------------------------------
 
-    def _known(self, name: str, names: Iterable[str], what: str, where: str) -> None:
-        known = list(names)
+    def _known(self, name: str, among: Iterable[str], what: str, where: str) -> None:
+        known = list(among)
         if name not in known:
-            close = difflib.get_close_matches(str(name), known, 1)
+            close = difflib.get_close_matches(name[:LONGEST_TEXT], known, 1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
             listed = f"expected one of {', '.join(known)}" if known else "the model has none"
-            raise ProblemError(f"unknown {what} {name!r}{' ' + where if where else ''}: {listed}{hint}.")
+            raise ProblemError(f"unknown {what} {shown(name)}{' ' + where if where else ''}: {listed}{hint}.")
 
-    @cached_property
-    def phase_steps(self) -> tuple[int, ...]:
-        """Steps N_i of each phase."""
+    def _normalise_steps(self) -> None:
         given = self.steps
-        values = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given] * self.phases
-        if len(values) != self.phases:
-            raise ProblemError(f"steps = {given!r}: expected one number, or one for each of the {self.phases} phases.")
-        for value in values:
-            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 2:
-                raise ProblemError(f"steps = {value!r}: expected a whole number of at least 2 steps in each phase.")
-            if value > MOST_STEPS:
-                raise ProblemError(
-                    f"steps = {value}: expected at most {MOST_STEPS} steps in each phase; accuracy does not gain from more."
-                )
-        return tuple(int(v) for v in values)
-
-    def _listed(self, field_name: str, what: str) -> tuple[Any, ...]:
-        value = getattr(self, field_name)
-        if isinstance(value, str):
-            raise ProblemError(f"{field_name} = {value!r}: expected a list of {what} such as [{value!r}].")
-        if not isinstance(value, Iterable):
-            raise ProblemError(f"{field_name} = {value!r}: expected a list of {what}; [] for none.")
-        return tuple(value)
+        if isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, (str, bytes)):
+            values = tuple(
+                whole(n, f"steps of phase {i}", 2, MOST_STEPS, unit=IN_PHASE)
+                for i, n in enumerate(listed(given, "steps", "numbers"))
+            )
+            if len(values) != self.phases:
+                raise ProblemError(f"steps = {shown(given)}: expected one number, or one for each of the {self.phases} phases.")
+            object.__setattr__(self, "steps", values)
+        else:
+            object.__setattr__(self, "steps", whole(given, "steps", 2, MOST_STEPS, unit=IN_PHASE))
+        unknowns = sum(self.phase_steps) * (self.nq + self.nu) * (self.order // 2)
+        if unknowns > MOST_UNKNOWNS:
+            raise ProblemError(
+                f"steps = {shown(given)} makes {unknowns} unknowns in {self.phases} phases: expected at most {MOST_UNKNOWNS}, more would not fit "
+                "in memory; take fewer steps."
+            )
 
     def _normalise_periodic(self) -> None:
-        object.__setattr__(self, "periodic", tuple(name_of(name) for name in self._listed("periodic", "states")))
-        for name in self.periodic:
+        states = [name_of(name) for name in listed(self.periodic, "periodic", "states")]
+        for i, name in enumerate(states):
             self._known(name, self.states, "state", "in periodic")
+            if name in states[:i]:
+                raise ProblemError(f"periodic names {name!r} twice: give it once.")
+        object.__setattr__(self, "periodic", tuple(states))
+
+    @property
+    def phase_steps(self) -> tuple[int, ...]:
+        """Steps N_i of each phase."""
+        return tuple(self.steps) if isinstance(self.steps, Sequence) else (self.steps,) * self.phases
 
     @property
     def states(self) -> list[str]:
@@ -308,7 +313,7 @@ class Problem:
     def _boxes(self, names: Sequence[str]) -> Array:
         for name in self.bounds:
             self._known(name, [*self.kernels.inputs, *self.kernels.coordinates], "input or coordinate", "in the bounds")
-        boxes = [_range(self.bounds.get(name, (None, None)), f"bound of {name}") for name in names]
+        boxes = [limits(self.bounds.get(name), f"bounds of {name}", BOX) for name in names]
         return np.array(boxes, dtype=float).reshape(len(names), 2)
 
     def _boundary(self, end: str, given: Mapping[str, Any]) -> Boundary:
@@ -317,15 +322,15 @@ class Problem:
         momenta = [momentum_name(q) for q in coordinates]
         for name in given:
             self._known(name, self.states, "state", f"at the {end}")
-        free = (None, None)
+        free = None
         position, velocity, momentum = [], [], []
         for q, v, p in zip(coordinates, velocities, momenta, strict=True):
             if end == "start" and q not in given and q not in self.periodic:
                 raise ProblemError(f"the start of {q} is not given: give a number, a range, or None to leave it free.")
             rest = 0.0 if end == "start" and not {v, p} & {*given, *self.periodic} else free
-            position.append(_range(given.get(q, free), f"{end} of {q}"))
-            velocity.append(_range(given.get(v, rest), f"{end} of {v}"))
-            momentum.append(_range(given.get(p, free), f"{end} of {p}"))
+            position.append(interval(given.get(q, free), f"{end} of {q}"))
+            velocity.append(interval(given.get(v, rest), f"{end} of {v}"))
+            momentum.append(interval(given.get(p, free), f"{end} of {p}"))
         for q, v, p in zip(coordinates, velocities, momenta, strict=True):
             if all(isinstance(given.get(n), (int, float, np.number)) for n in (v, p)):
                 raise ProblemError(f"the {end} of {q} has a fixed velocity ({v}) and a fixed momentum ({p}): give one of them.")
@@ -348,7 +353,7 @@ class Problem:
         fixed = bool((boundary.position[:, 0] == boundary.position[:, 1]).all())
         if not fixed and velocity.any():
             return boundary
-        at = np.where(np.isfinite(boundary.position), boundary.position, 0.0).mean(axis=1)
+        at = boundary.middle
         zero = np.zeros((1, 1))
         momentum = self.kernels.call("legendre", at[None], velocity[None, :, 0].copy(), zero, self.parameter_values)[0][0]
         if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
@@ -356,7 +361,7 @@ class Problem:
         return Boundary(boundary.position, np.full_like(velocity, (-np.inf, np.inf)), np.repeat(momentum[:, None], 2, axis=1))
 
     def _check_mass_matrix(self) -> None:
-        at = np.where(np.isfinite(self.start_bounds.position), self.start_bounds.position, 0.0).mean(axis=1)
+        at = self.start_bounds.middle
         zero, inputs = np.zeros((1, self.nq)), np.zeros((1, self.nu))
         mass, force = self.kernels.call("dynamics", at[None], zero, inputs, np.zeros((1, 1)), self.parameter_values)
         matrix = mass.reshape(self.nq, self.nq)
@@ -445,41 +450,36 @@ def restitution_row(kernels: Kernels, given: Any) -> Array:
     """Read a coefficient of restitution for all surfaces, or coefficients by surface; return one for each surface, shape (nc,)."""
     if not isinstance(given, Mapping):
         return np.full(len(kernels.surfaces), _coefficient(given, "restitution"))
-    for surface in given:
+    named = _by_name(given, "restitution")
+    for surface in named:
         if surface not in kernels.surfaces:
             known = f"expected one of {', '.join(kernels.surfaces)}" if kernels.surfaces else "the model has none"
-            raise ProblemError(f"restitution of {surface!r}: unknown surface, {known}.")
-    return np.array([_coefficient(given.get(surface, 1.0), f"restitution of {surface!r}") for surface in kernels.surfaces])
+            raise ProblemError(f"restitution of {shown(surface)}: unknown surface, {known}.")
+    return np.array([_coefficient(named.get(surface, 1.0), f"restitution of {surface!r}") for surface in kernels.surfaces])
 
 
 def _coefficient(value: Any, what: str) -> float:
-    number = _finite(value, what)
-    if not 0 <= number <= 1:
-        raise ProblemError(f"{what} = {value}: expected a number from 0 (plastic) to 1 (elastic).")
-    return number
+    e = number(value, what)
+    if not 0 <= e <= 1:
+        raise ProblemError(f"{what} = {shown(value)}: expected a number from 0 (plastic) to 1 (elastic).")
+    return e
 
 
-def _finite(value: Any, what: str) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ProblemError(f"{what} = {value!r}: expected a number.") from None
-    if not math.isfinite(number):
-        raise ProblemError(f"{what} = {number}: expected a finite number.")
-    return number
+def _duration(value: Any, what: str) -> Range:
+    low, high = interval(value, what)
+    if high <= 0 or -np.inf < low < 0:
+        raise ProblemError(f"{what} = {shown(value)}: expected a positive time in seconds, or a range such as (0.1, None).")
+    return max(low, 0.0), high
 
 
-def _range(value: Any, what: str) -> Range:
-    """Read a number, a pair with None for no bound, or None for free."""
-    if value is None:
-        return -math.inf, math.inf
-    if isinstance(value, (tuple, list)):
-        if len(value) != 2:
-            raise ProblemError(f"{what} = {value!r}: expected a number or a pair (lower, upper).")
-        low = -math.inf if value[0] in (None, -math.inf) else _finite(value[0], what)
-        high = math.inf if value[1] in (None, math.inf) else _finite(value[1], what)
-        if low > high:
-            raise ProblemError(f"{what}: the lower bound {low:g} exceeds the upper bound {high:g}; exchange them.")
-        return low, high
-    number = _finite(value, what)
-    return number, number
+def _by_name(given: Any, what: str) -> dict[str, Any]:
+    """Read a mapping from names, as texts or symbols, to values."""
+    if not isinstance(given, Mapping):
+        raise ProblemError(f"{what} = {shown(given)}: expected a mapping from names to values.")
+    named: dict[str, Any] = {}
+    for key, value in given.items():
+        name = name_of(key)
+        if name in named:
+            raise ProblemError(f"{what} gives {shown(name)} twice, as a text and as a symbol: give it once.")
+        named[name] = value
+    return named

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dmoc.api import METHODS
+from dmoc.arguments import choice, flag, function, names, number, positive, shown, whole
 from dmoc.errors import SearchError
 from dmoc.nlp.problem import Problem
 from dmoc.sequences.inner import Task
@@ -36,6 +37,7 @@ ROUND = 8
 # energy without limit (Zeno).
 SHORTEST = 0.01
 DEEPEST = 12
+MOST, MOST_WORKERS = 2**31 - 1, 1000  # of what is counted, of processes
 CONFIRMED = (Verdict.OPTIMAL, Verdict.FEASIBLE)
 
 
@@ -183,13 +185,13 @@ def search(
     SearchError
         If an argument does not fit.
     """
-    if isinstance(surfaces, str):
-        raise SearchError(f"surfaces = {surfaces!r}: expected a list such as [{surfaces!r}].")
-    names = tuple(surfaces) if surfaces is not None else tuple(problem.kernels.surfaces)
+    if not isinstance(problem, Problem):
+        raise SearchError(f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., ...) states it.")
+    chosen = tuple(problem.kernels.surfaces if surfaces is None else names(surfaces, "surfaces", "surfaces", SearchError))
     shortest = _shortest(problem, shortest_phase)
     _check(
         problem,
-        names,
+        chosen,
         max_collisions,
         strategy,
         beam,
@@ -197,19 +199,21 @@ def search(
         seed,
         method,
         workers,
+        executor,
         seconds,
         node_seconds,
         max_nodes,
         resume,
         journal,
+        progress,
     )
     begin = time.perf_counter()
     deadline = np.inf if seconds is None else time.monotonic() + seconds
     base = partial(Task, method=method, starts=starts, seed=seed, seconds=node_seconds)
-    tree = _Tree(problem, names, max_collisions, shortest, base)
+    tree = _Tree(problem, chosen, max_collisions, shortest, base)
     with ExitStack() as stack:
         if journal is not None:
-            record = stack.enter_context(Journal(journal, _identity(problem, names, method, starts, seed, shortest), resume))
+            record = stack.enter_context(Journal(journal, _identity(problem, chosen, method, starts, seed, shortest), resume))
             tree.journal = record
             tree.known = {
                 s: n for s, n in record.finished().items() if n.verdict is not Verdict.FAILED
@@ -358,44 +362,48 @@ def _shortest(problem: Problem, given: float | None) -> float:
     latest = problem.final_time_bounds[1]
     if given is None:
         return SHORTEST * latest if np.isfinite(latest) else 0.0
-    if not 0 <= given < np.inf:
-        raise SearchError(f"shortest_phase = {given!r}: expected a duration in seconds, 0 or more.")
-    return float(given)
+    shortest = number(given, "shortest_phase", SearchError)
+    if shortest < 0:
+        raise SearchError(f"shortest_phase = {shown(given)}: expected a duration in seconds, 0 or more.")
+    return shortest
 
 
 def _check(
     problem: Problem, surfaces: tuple[str, ...], depth: int, strategy: str, beam: int, starts: int, seed: int, method: str, workers: int,
-    seconds: float | None, node_seconds: float, max_nodes: int | None, resume: bool, journal: object,
+    executor: object, seconds: float | None, node_seconds: float, max_nodes: int | None, resume: bool, journal: object, progress: object,
 ) -> None:  # fmt: skip
     known = problem.kernels.surfaces
     if not known:
         raise SearchError(f"model {problem.kernels.name!r} has no surfaces: there are no sequences to search.")
     for name in surfaces:
         if name not in known:
-            raise SearchError(f"unknown surface {name!r}: expected some of {', '.join(known)}.")
+            raise SearchError(f"unknown surface {shown(name)} in surfaces: expected some of {', '.join(known)}.")
     if not surfaces or len(set(surfaces)) < len(surfaces):
         raise SearchError(
             f"surfaces = {', '.join(surfaces) or 'none'}: expected each surface once, and at least one of {', '.join(known)}."
         )
-    for name, value, choices in (("strategy", strategy, STRATEGIES), ("method", method, METHODS)):
-        if value not in choices:
-            raise SearchError(f"{name} = {value!r}: expected one of {', '.join(choices)}.")
-    for what, number, least in (
-        ("max_collisions", depth, 0),
-        ("beam", beam, 1),
-        ("starts", starts, 0),
-        ("seed", seed, 0),
-        ("workers", workers, 1),
+    choice(strategy, "strategy", STRATEGIES, SearchError)
+    choice(method, "method", METHODS, SearchError)
+    # The tree grows with the power of the depth.
+    for what, given, least, most in (
+        ("max_collisions", depth, 0, DEEPEST),
+        ("beam", beam, 1, MOST),
+        ("starts", starts, 0, MOST),
+        ("seed", seed, 0, MOST),
+        ("workers", workers, 1, MOST_WORKERS),
     ):
-        if not isinstance(number, int) or number < least:
-            raise SearchError(f"{what} = {number!r}: expected a whole number of at least {least}.")
-    if depth > DEEPEST:
-        raise SearchError(f"max_collisions = {depth}: expected at most {DEEPEST}; the tree grows with the power of the depth.")
-    if max_nodes is not None and (not isinstance(max_nodes, int) or max_nodes < 1):
-        raise SearchError(f"max_nodes = {max_nodes!r}: expected a whole number of at least 1.")
-    for what, time_ in (("seconds", seconds), ("node_seconds", node_seconds)):
-        if time_ is not None and not time_ > 0:
-            raise SearchError(f"{what} = {time_!r}: expected a positive time.")
+        whole(given, what, least, most, SearchError)
+    if max_nodes is not None:
+        whole(max_nodes, "max_nodes", 1, MOST, SearchError)
+    if seconds is not None:
+        positive(seconds, "seconds", "expected a positive time, or None", SearchError)
+    positive(node_seconds, "node_seconds", "expected a positive time", SearchError)
+    flag(resume, "resume", SearchError)
+    function(progress, "progress", SearchError)
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise SearchError(f"executor = {shown(executor)}: expected a concurrent.futures.Executor, or None.")
+    if journal is not None and (not isinstance(journal, (str, os.PathLike)) or "\0" in str(journal)):
+        raise SearchError(f"journal = {shown(journal)}: expected the path of a file, or None.")
     if method in ("ipopt", "uno"):
         external.require(method)
     if method == "slsqp" and isinstance(problem.steps, int) and (depth + 1) * problem.steps * problem.nu > slsqp.MOST_INPUTS:
@@ -406,6 +414,7 @@ def _check(
         raise SearchError(f"steps = {problem.steps!r}: expected one number for every phase, because sequences differ in length.")
     if problem.durations is not None:
         raise SearchError("the problem bounds the durations of its phases, whose number differs in a search: use shortest_phase.")
+    problem.but(sequence=surfaces[:1] * depth)  # the longest sequence must be a problem too
     if resume and journal is None:
         raise SearchError("resume needs the journal of the search that shall go on: name it.")
 

@@ -25,6 +25,7 @@ from typing import Any
 
 import sympy as sp
 
+from dmoc.arguments import shown
 from dmoc.errors import ModelError
 from dmoc.symbolic.continuous import Continuous, dot
 
@@ -214,8 +215,8 @@ def step_element(f: Continuous, order: int, make: Callable[[str], Any], exact: C
 
 
 def check_order(order: int) -> None:
-    if order not in ORDERS or not isinstance(order, int):
-        raise ModelError(f"order = {order!r}: expected one of {', '.join(map(str, ORDERS))}.")
+    if not isinstance(order, int) or order not in ORDERS:
+        raise ModelError(f"order = {shown(order)}: expected one of {', '.join(map(str, ORDERS))}.")
 
 
 def _rule(order: int) -> tuple[list[Any], list[Any], list[Any]]:

@@ -10,6 +10,8 @@ from dmoc.errors import ModelError
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _LONGEST = 64
+# What SymPy prints for alpha(t) and for its first derivative; of a sum or a second derivative nothing is the name.
+_APPLIED, _RATE = re.compile(r"([^()\s]+)\(\w+\)"), re.compile(r"Derivative\((.+), \w+\)")
 _C_KEYWORDS = frozenset(
     """alignas alignof auto bool break case char const constexpr continue default do double else enum
     extern false float for goto if inline int long nullptr register restrict return short signed sizeof
@@ -24,9 +26,11 @@ def name_of(symbol: Any) -> str:
     ``alpha(t)`` is "alpha", ``Derivative(alpha(t), t)`` is "alpha_dot", a text stays as it is.
     """
     text = str(symbol)
-    if text.startswith("Derivative("):
-        return name_of(text[len("Derivative(") :].split(",", 1)[0]) + "_dot"
-    return text[: text.index("(")] if text.endswith(")") and "(" in text else text
+    rate = _RATE.fullmatch(text)
+    if rate:
+        return name_of(rate[1]) + "_dot"
+    applied = _APPLIED.fullmatch(text)
+    return applied[1] if applied else text
 
 
 def velocity_name(coordinate: str) -> str:

@@ -377,7 +377,7 @@ def test_a_limit_at_the_surface_itself(order: int) -> None:
     [
         ({"tolerance": "a"}, "tolerance = 'a': expected a positive number"),
         ({"seconds": "x"}, "seconds = 'x': expected a positive time limit"),
-        ({"iterations": None}, "iterations = None: expected at least 1"),
+        ({"iterations": None}, "iterations = None: expected a whole number of at least 1"),
         ({"progress": 3}, "progress = 3: expected a function"),
         ({"guess": "a"}, "guess = 'a': expected a Solution"),
     ],

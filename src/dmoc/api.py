@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
+from dmoc.arguments import choice, flag, function, positive, shown, text, whole
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import ProblemError, SolutionFileError
 from dmoc.nlp.guess import initial_guesses
@@ -36,6 +37,7 @@ FORMS = ("condensed", "full")
 SHARP, SHARPEST = 1e-8, 1e-11
 # Residuals above this are those of another problem.
 OTHER_PROBLEM = 1e-4
+MOST_ITERATIONS = 2**31 - 1  # what the compiled method can count
 
 
 def solve(
@@ -92,18 +94,17 @@ def solve(
     ProblemError
         If an argument does not fit.
     """
-    method = method or ("slsqp" if tolerance is None else "ipm")
-    _check_choice("method", method, METHODS)
-    _check_choice("form", form, FORMS)
-    for name, value in (("optimality", optimality), ("violation", violation)):
-        _check_number(name, value, "expected a positive number")
-    if tolerance is not None:
-        _check_number("tolerance", tolerance, "expected a positive number, or None")
-    if seconds is not None:
-        _check_number("seconds", seconds, "expected a positive time limit, or None")
-    _check_number("iterations", iterations, "expected at least 1")
-    if progress is not None and not callable(progress):
-        raise ProblemError(f"progress = {progress!r}: expected a function of one argument, or None.")
+    _check_problem(problem)
+    method = choice(("slsqp" if tolerance is None else "ipm") if method is None else method, "method", METHODS)
+    choice(form, "form", FORMS)
+    optimality = positive(optimality, "optimality", "expected a positive number")
+    violation = positive(violation, "violation", "expected a positive number")
+    tolerance = None if tolerance is None else positive(tolerance, "tolerance", "expected a positive number, or None")
+    seconds = None if seconds is None else positive(seconds, "seconds", "expected a positive time limit, or None")
+    iterations = whole(iterations, "iterations", 1, MOST_ITERATIONS)
+    function(progress, "progress")
+    flag(verify, "verify")
+    text(reference, "reference")
     if method not in ("slsqp", "ipm"):
         external.require(method)
     options = Options(optimality, violation, iterations, seconds, progress)
@@ -181,6 +182,9 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     ProblemError
         If the solution belongs to another problem, or is none.
     """
+    _check_problem(problem)
+    if not isinstance(solution, Solution):
+        raise ProblemError(f"solution = {shown(solution)}: expected the Solution of the problem.")
     steps = tuple(p.steps for p in solution.phases)
     sequence = tuple(c.surface for c in solution.collisions)
     size = Layout.of(problem).size
@@ -234,14 +238,9 @@ def _driver(method: str, form: str, nlp: Transcription, guess: Solution | Array 
     return lambda nlp, x, options: minimise(nlp, x, options, duals)
 
 
-def _check_number(name: str, value: Any, expected: str) -> None:
-    if not isinstance(value, (int, float, np.number)) or not value > 0:
-        raise ProblemError(f"{name} = {value!r}: {expected}.")
-
-
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ProblemError(f"{name} = {value!r}: expected one of {', '.join(choices)}.")
+def _check_problem(problem: Any) -> None:
+    if not isinstance(problem, Problem):
+        raise ProblemError(f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., ...) states it.")
 
 
 def _starting_points(problem: Problem, guess: Solution | Array | None) -> list[Array]:
@@ -255,9 +254,12 @@ def _starting_points(problem: Problem, guess: Solution | Array | None) -> list[A
             return [guess.unknowns.copy()]
         return [unknowns_along(problem, pieces_of(guess.trajectory), [c.impulse for c in guess.collisions])]
     try:
-        x = np.array(guess, dtype=float)
-    except (TypeError, ValueError):
-        raise ProblemError(f"guess = {guess!r}: expected a Solution, or an array of {size} unknowns.") from None
+        given = np.array(guess)
+    except (TypeError, ValueError):  # rows of different lengths
+        given = np.array(None)
+    if given.dtype.kind not in "iuf":
+        raise ProblemError(f"guess = {shown(guess)}: expected a Solution, or an array of {size} unknowns.")
+    x = given.astype(float)
     if x.shape != (size,) or not np.isfinite(x).all():
         raise ProblemError(
             f"guess has shape {x.shape}: expected {size} finite unknowns, from a solution of the same model with the same steps."

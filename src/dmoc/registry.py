@@ -15,9 +15,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dmoc.codegen.build import build_cached, load_installed, numpy_kernels
+from dmoc.arguments import shown
+from dmoc.codegen.build import load_installed
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import BuildError, DmocError, ModelError
+from dmoc.codegen.system import build as build
+from dmoc.errors import DmocError, ModelError
 from dmoc.models import catalogue
 from dmoc.nlp.problem import Problem
 from dmoc.trajectory import Trajectory
@@ -25,42 +27,8 @@ from dmoc.trajectory import Trajectory
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
 
-BACKENDS = ("auto", "compiled", "numpy")
 
-
-def build(system: MechanicalSystem, *, order: int = 2, backend: str = "auto", force: bool = False) -> Kernels:
-    """Derive, generate, compile and load the kernels of a system; cached by content.
-
-    Parameters
-    ----------
-    system : MechanicalSystem
-    order : {2, 4}
-        Order of the discretisation: 2 is the midpoint rule; 4 takes quadratic steps with two Gauss points, which costs about twice as much a
-        step and needs far fewer of them.
-    backend : {"auto", "compiled", "numpy"}
-        "auto" compiles, and falls back to NumPy with a warning on a machine without a C compiler.
-    force : bool
-        Build again even if the cache holds the kernels.
-
-    Raises
-    ------
-    GenerationError
-        If an expression cannot be turned into C.
-    BuildError
-        If the compiler is missing (with backend="compiled") or fails.
-    """
-    from dmoc.codegen.text import c_files, manifest, numpy_text
-    from dmoc.symbolic.discrete import check_order
-    from dmoc.symbolic.kernels import model_key, model_spec
-
-    check_order(order)
-    if backend not in BACKENDS:
-        raise BuildError(f"backend = {backend!r}: expected one of {', '.join(BACKENDS)}.")
-    if backend == "numpy":
-        model = model_spec(system, order)
-        return numpy_kernels(manifest(model), numpy_text(model))
-    fallback = (lambda: numpy_text(model_spec(system, order))) if backend == "auto" else None
-    return build_cached(system.name, model_key(system, order), lambda: c_files(model_spec(system, order)), fallback, force)
+LONGEST_PATH = 4096  # that an operating system takes
 
 
 @dataclass(frozen=True)
@@ -83,6 +51,8 @@ def find(reference: str) -> Reference:
     ModelError
         If there is no such model, file or name, or it is of another kind.
     """
+    if not isinstance(reference, str) or "\0" in reference or len(reference) > LONGEST_PATH:
+        raise ModelError(f"model = {shown(reference)}: expected the name of a shipped model, or file.py:name, as a text.")
     path, _, name = reference.rpartition(":")
     if not path:
         return _shipped(reference)
@@ -113,6 +83,8 @@ def load(reference: str, *, order: int | None = None) -> Kernels:
 
     ``order`` is that of the discretisation, 2 or 4; None stands for what there is: 2, or that of a Problem in a file.
     """
+    if order is not None and (isinstance(order, bool) or not isinstance(order, int)):
+        raise ModelError(f"order = {shown(order)}: expected 2 or 4, or None for what there is.")
     return find(reference).kernels(order)
 
 
@@ -149,7 +121,7 @@ def _shipped(name: str) -> Reference:
         raise ModelError(f"{name} names a file without an object in it: expected {name}:name.")
     if entry is None:
         known = ", ".join(sorted(catalogue.ENTRIES))
-        raise ModelError(f"unknown model {name!r}: expected one of {known}, or a file as file.py:name.")
+        raise ModelError(f"unknown model {shown(name)}: expected one of {known}, or a file as file.py:name.")
     model = entry.model
 
     def kernels(order: int | None = None) -> Kernels:

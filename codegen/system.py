@@ -1,0 +1,68 @@
+"""Kernels of a mechanical system: derived, generated, compiled and loaded."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from dmoc.arguments import choice, flag, shown
+from dmoc.codegen.build import build_cached, numpy_kernels
+from dmoc.codegen.kernels import Kernels
+from dmoc.errors import BuildError, ModelError, ProblemError
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
+
+BACKENDS = ("auto", "compiled", "numpy")
+
+
+def build(system: MechanicalSystem, *, order: int = 2, backend: str = "auto", force: bool = False) -> Kernels:
+    """Derive, generate, compile and load the kernels of a system; cached by content.
+
+    Parameters
+    ----------
+    system : MechanicalSystem
+    order : {2, 4}
+        Order of the discretisation: 2 is the midpoint rule; 4 takes quadratic steps with two Gauss points, which costs about twice as much a
+        step and needs far fewer of them.
+    backend : {"auto", "compiled", "numpy"}
+        "auto" compiles, and falls back to NumPy with a warning on a machine without a C compiler.
+    force : bool
+        Build again even if the cache holds the kernels.
+
+    Raises
+    ------
+    ModelError
+        If there is no system, or the order is another one.
+    GenerationError
+        If an expression cannot be turned into C.
+    BuildError
+        If the compiler is missing (with backend="compiled") or fails.
+    """
+    from dmoc.codegen.text import c_files, manifest, numpy_text
+    from dmoc.symbolic.discrete import check_order
+    from dmoc.symbolic.kernels import model_key, model_spec
+    from dmoc.symbolic.system import MechanicalSystem
+
+    if not isinstance(system, MechanicalSystem):
+        raise ModelError(f"system = {shown(system)}: expected a MechanicalSystem.")
+    check_order(order)
+    choice(backend, "backend", BACKENDS, BuildError)
+    flag(force, "force", BuildError)
+    if backend == "numpy":
+        model = model_spec(system, order)
+        return numpy_kernels(manifest(model), numpy_text(model))
+    fallback = (lambda: numpy_text(model_spec(system, order))) if backend == "auto" else None
+    return build_cached(system.name, model_key(system, order), lambda: c_files(model_spec(system, order)), fallback, force)
+
+
+def kernels_of(model: Any) -> Kernels:
+    """Kernels as they are, or those of a system, of order 2; what is neither is a ProblemError."""
+    if isinstance(model, Kernels):
+        return model
+    from dmoc.symbolic.system import MechanicalSystem
+
+    if isinstance(model, MechanicalSystem):
+        return build(model)
+    raise ProblemError(
+        f"kernels = {shown(model)}: expected the kernels of a model (dmoc.build, dmoc.load), or a MechanicalSystem."
+    )

@@ -1,0 +1,150 @@
+"""What users pass, read at the border: numbers, ranges, lists and mappings; what does not fit is an error of one sentence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Set
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from dmoc.errors import DmocError, ProblemError
+
+LONGEST_TEXT = 60  # of a value shown in a message
+MOST_ENTRIES = 10_000  # of a list: beyond it a generator without an end is more likely than a meaning
+
+Range = tuple[float, float]
+Kind = type[DmocError]
+
+
+def shown(value: Any) -> str:
+    """A value as a message shows it: in one line and not longer than a line."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # an integer of more than 4300 digits, or a foreign class: the message must come all the same
+        text = f"a value of type {type(value).__name__}"
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + "…"
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is one real number: a truth value, a text, a complex number or an array with a shape is none."""
+    if isinstance(value, (bool, np.bool_, str, bytes, complex, np.complexfloating)):
+        return False
+    if isinstance(value, np.ndarray):
+        return value.ndim == 0 and value.dtype.kind in "iuf"
+    return hasattr(value, "__float__") or hasattr(value, "__index__")
+
+
+def number(value: Any, what: str, error: Kind = ProblemError) -> float:
+    """Read a finite number."""
+    result = _float(value)
+    if result is None or not math.isfinite(result):
+        raise error(f"{what} = {shown(value)}: expected a {'' if result is None else 'finite '}number.")
+    return result
+
+
+def positive(value: Any, what: str, expected: str, error: Kind = ProblemError) -> float:
+    """Read a positive finite number."""
+    result = _float(value)
+    if result is None or not 0 < result < math.inf:
+        raise error(f"{what} = {shown(value)}: {expected}.")
+    return result
+
+
+def whole(value: Any, what: str, least: int, most: int, error: Kind = ProblemError, unit: str = "") -> int:
+    """Read a whole number from a range."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise error(f"{what} = {shown(value)}: expected a whole number of at least {least}{unit}.")
+    if value > most:
+        raise error(f"{what} = {shown(value)}: expected at most {most}{unit}.")
+    return int(value)
+
+
+def flag(value: Any, what: str, error: Kind = ProblemError) -> bool:
+    """Read a truth value; a text such as "no" would count as true."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise error(f"{what} = {shown(value)}: expected True or False.")
+    return bool(value)
+
+
+def choice(value: Any, what: str, choices: Iterable[str], error: Kind = ProblemError) -> str:
+    """Read one of several texts."""
+    known = list(choices)
+    if not isinstance(value, str) or value not in known:
+        raise error(f"{what} = {shown(value)}: expected one of {', '.join(known)}.")
+    return str(value)
+
+
+def text(value: Any, what: str, error: Kind = ProblemError) -> str:
+    if not isinstance(value, str):
+        raise error(f"{what} = {shown(value)}: expected a text.")
+    return str(value)
+
+
+def function(value: Any, what: str, error: Kind = ProblemError) -> None:
+    """Check a function of one argument, or None."""
+    if value is not None and not callable(value):
+        raise error(f"{what} = {shown(value)}: expected a function of one argument, or None.")
+
+
+def interval(value: Any, what: str) -> Range:
+    """Read a number, a pair with None for no bound, or None for free."""
+    if is_number(value):
+        fixed = number(value, what)
+        return fixed, fixed
+    return limits(value, what, "expected a number or a pair (lower, upper)")
+
+
+def limits(value: Any, what: str, expected: str) -> Range:
+    """Read a pair with None for no bound, or None for free."""
+    if value is None:
+        return -math.inf, math.inf
+    row = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim == 1)
+    if not row or len(value) != 2:
+        raise ProblemError(f"{what} = {shown(value)}: {expected}.")
+    low, high = _bound(value[0], what, -math.inf), _bound(value[1], what, math.inf)
+    if low > high:
+        raise ProblemError(f"{what}: the lower bound {low:g} exceeds the upper bound {high:g}; exchange them.")
+    return low, high
+
+
+def listed(value: Any, what: str, of: str, error: Kind = ProblemError) -> list[Any]:
+    """Read a list, or anything else that has an order; the order of a set is none, and a mapping's values would be ignored."""
+    if isinstance(value, (str, bytes)):
+        raise error(f"{what} = {shown(value)}: expected a list of {of} such as [{shown(value)}].")
+    if isinstance(value, (Mapping, Set)):
+        kind = "mapping" if isinstance(value, Mapping) else "set"
+        raise error(f"{what} = {shown(value)}: expected a list of {of}, not a {kind}.")
+    if not isinstance(value, Iterable) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        raise error(f"{what} = {shown(value)}: expected a list of {of}; [] for none.")
+    entries = list(islice(value, MOST_ENTRIES + 1))
+    if len(entries) > MOST_ENTRIES:
+        raise error(f"{what} has more than {MOST_ENTRIES} entries: expected a list of {of}, with fewer of them.")
+    return entries
+
+
+def names(value: Any, what: str, of: str, error: Kind = ProblemError) -> list[str]:
+    """Read a list of texts."""
+    entries = listed(value, what, of, error)
+    for entry in entries:
+        if not isinstance(entry, str):
+            raise error(f"{what} has the entry {shown(entry)}: expected {of} by name, as texts.")
+    return [str(entry) for entry in entries]
+
+
+def _bound(value: Any, what: str, none: float) -> float:
+    """One bound of a pair; None and the infinity on its side stand for no bound."""
+    return none if value is None or _float(value) == none else number(value, what)
+
+
+def _float(value: Any) -> float | None:
+    """A number as a float, NaN beyond the largest one; None for what is no number."""
+    if not is_number(value):
+        return None
+    try:
+        return float(value)
+    except (TypeError, ValueError):  # a symbol
+        return None
+    except OverflowError:
+        return math.nan
