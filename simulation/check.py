@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.arguments import shown
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
 from dmoc.simulation.flow import PLACES, Contact, Flow, Lost, Sizes, _quintic
@@ -97,6 +98,10 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
     SimulationError
         If the kernels are not those of the motion's model, or the time of ``seconds`` is used up.
     """
+    if not isinstance(trajectory, Trajectory):
+        raise SimulationError(f"trajectory = {shown(trajectory)}: expected that of a solution, solution.trajectory.")
+    if not isinstance(kernels, Kernels):
+        raise SimulationError(f"kernels = {shown(kernels)}: expected the kernels of the motion's model.")
     if kernels.manifest["fingerprint"] != trajectory.fingerprint:
         raise SimulationError(
             f"the motion of model {trajectory.model!r} was made with another version or order of it than the kernels of {kernels.name!r}: "

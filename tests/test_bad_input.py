@@ -18,7 +18,8 @@ from systems import block_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import BuildError, ModelError, ProblemError, SearchError
+from dmoc.errors import BuildError, ModelError, ProblemError, SearchError, SimulationError
+from dmoc.trajectory import Phase, Trajectory
 
 X, U = dynamicsymbols("x u")
 T = dynamicsymbols._t
@@ -293,6 +294,16 @@ def search_cases() -> Iterator[Case]:
     yield Case("steps", with_steps(2000, method="slsqp"), SearchError, "steps")
 
 
+def resting() -> Trajectory:
+    """A motion of one step in which nothing moves."""
+    still, one = np.zeros((2, 1)), np.zeros((1, 1))
+    phase = Phase(np.array([0.0, 1.0]), still, still, still, one)
+    free = np.array([[-INF, INF]])
+    return Trajectory(
+        "block", "", ("x",), ("u",), {"m": 1.0, "wall": 1.0}, (phase,), (), "constant", free, free, {"wall": 1.0}, 2
+    )
+
+
 def model_cases() -> Iterator[Case]:
     for value in NO_PROBLEMS:
         yield Case("system", lambda _, __, value=value: dmoc.build(value), ModelError, "system")
@@ -307,6 +318,9 @@ def model_cases() -> Iterator[Case]:
         yield Case("backend", lambda _, __, value=value: dmoc.build(block_system(), backend=value), BuildError, "backend")
     for value in NO_FLAGS:
         yield Case("force", lambda _, __, value=value: dmoc.build(block_system(), force=value), BuildError, "force")
+    for value in (None, 5, "x", {}, np.zeros(3), object()):
+        yield Case("trajectory", lambda kernels, _, value=value: dmoc.verify(value, kernels), SimulationError, "trajectory")
+        yield Case("kernels", lambda _, problem, value=value: dmoc.verify(resting(), value), SimulationError, "kernels")
 
 
 CASES = [*problem_cases(), *solve_cases(), *search_cases(), *model_cases()]
