@@ -414,6 +414,35 @@ def losing() -> Kernels:
     )
 
 
+ENDS = {"solved", "not_verified", "infeasible", "iteration_limit", "time_limit", "stalled", "interrupted"}
+
+
+@pytest.mark.parametrize("method", ["slsqp", "ipm"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"goal": {"x": 2.0}},
+        {"goal": {"x": 1.0, "x_dot": 0.0}},
+        {"goal": {"x": 2.0, "x_dot": 0.0}, "bounds": {"u": (-1.0, 1.0)}},
+        {"start": {"x": 0.999999}, "goal": {"x": 1.5}},
+        {"start": {"x": 0.0, "x_dot": 5.0}, "goal": {"x": 3.0}, "sequence": ["wall"]},
+        {"start": {"x": 0.0, "x_dot": 5.0}, "sequence": ["wall"], "restitution": 0.0},
+        {"parameters": {"m": 1e-300}, "goal": {"x": 0.5}},
+        {"parameters": {"m": 1e300}, "goal": {"x": 0.5}},
+    ],
+)
+def test_a_mass_that_vanishes_on_the_way_ends_in_a_status_or_a_sentence(
+    losing: Kernels, method: str, changes: dict[str, Any]
+) -> None:
+    problem = dmoc.Problem(losing, **{"start": {"x": 0.0}, "steps": 6, "final_time": 1.0} | changes)
+    try:
+        status = dmoc.solve(problem, method, iterations=60).status
+    except ProblemError as error:
+        assert is_one_sentence(str(error)), str(error)
+    else:
+        assert status in ENDS
+
+
 def test_a_mass_that_is_nothing_at_the_start_is_refused(losing: Kernels) -> None:
     for x in (1.0, 2.0):
         with pytest.raises(ProblemError, match="mass matrix is not positive definite at the start"):
