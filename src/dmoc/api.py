@@ -159,16 +159,21 @@ def _checked(solution: Solution) -> Solution:
     timings = {**solution.seconds, "verify": time.perf_counter() - start}
     summary = {
         "passed": check.passed,
+        "message": check.message,
         "terminal_error": check.terminal_error,
+        "amplification": check.amplification,
         "max_defect": check.max_defect,
         "max_segment_defect": float(check.segment_defects.max(initial=0.0)),
         "energy_error": check.energy_error,
+        "impact_error": check.impact_error,
         "missed_contacts": list(check.missed_contacts),
         "extra_contacts": list(check.extra_contacts),
         "penetration": check.penetration,
+        "limit_excess": check.limit_excess,
     }
     if check.passed:
-        return replace(solution, verification=summary, seconds=timings)
+        message = f"{solution.message}; {check.message}" if check.message else solution.message
+        return replace(solution, message=message, verification=summary, seconds=timings)
     message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
     return replace(solution, status="not_verified", message=message, verification=summary, seconds=timings)
 

@@ -185,6 +185,9 @@ class Solution:
                     "position": c.position.tolist(),
                     "momentum_before": c.momentum_before.tolist(),
                     "momentum_after": c.momentum_after.tolist(),
+                    "rate_before": c.rate_before,
+                    "rate_after": c.rate_after,
+                    "grazes": c.grazes,
                 }
                 for c in self.collisions
             ],

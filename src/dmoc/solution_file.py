@@ -136,6 +136,9 @@ COLLISION = Record(
         "impulse": Number(),
         "momentum_before": Numbers("nq"),
         "momentum_after": Numbers("nq"),
+        "rate_before": Number(),
+        "rate_after": Number(),
+        "grazes": Flag(),
     },
 )
 TRAJECTORY = Record(
@@ -171,13 +174,17 @@ VERIFICATION = Record(
     _summary,
     {
         "passed": Flag(),
+        "message": Text(),
         "terminal_error": Number(special=True),
+        "amplification": Number(special=True),
         "max_defect": Number(special=True),
         "max_segment_defect": Number(special=True),
         "energy_error": Number(special=True),
+        "impact_error": Number(special=True),
         "missed_contacts": Listed(Text()),
         "extra_contacts": Listed(Text()),
         "penetration": Number(special=True),
+        "limit_excess": Number(special=True),
     },
 )
 SOLUTION = Record(
@@ -201,6 +208,7 @@ SOLUTION = Record(
         "error_estimate": Either(Nothing(), Number(special=True)),
         "meshes": Listed(MESH),
         "duality_gap": Number(special=True),
+        "scale": Mapped(Number()),
     },
     _wrong_solution,
 )
