@@ -7,13 +7,14 @@ to Sensitivity and Stability Analysis in Nonlinear Programming", 1983).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypedDict
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Index
+from dmoc.nlp.motion import given_multipliers
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.transcription import Transcription
 from dmoc.symbolic.names import momentum_name, velocity_name
@@ -46,26 +47,29 @@ class Sensitivities(TypedDict):
     bounds: dict[str, float]
 
 
-def sensitivities(problem: Problem, x: Array, y: Array, w: Array, z: Array) -> Sensitivities:
-    """Return the derivatives of the optimal cost at a minimum x with its multipliers (of the program without minimal times)."""
+def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) -> Sensitivities:
+    """Return the derivatives of the optimal cost at a minimum x with its multipliers by kind (of the program without minimal times)."""
     nlp = Transcription(problem, minimal_times=False)
+    y, w, z = given_multipliers(nlp, multipliers)
     # Solvers leave out fixed unknowns: their multipliers make the Lagrangian stationary.
     slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w
     z = np.where(nlp.lower == nlp.upper, slope, z)
+    named = {**multipliers, "bounds": z}
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
 
     def change(name: str, value: float) -> float:
-        step = CHANGE * max(abs(value), 1e-2)
+        step = CHANGE * (abs(value) or 1.0)
         parts = [
-            c * _lagrangian(problem.unchecked(parameters=values | {name: value + k * step}), x, y, w, z) for k, c in DIFFERENCE
+            c * _lagrangian(problem.unchecked(parameters=values | {name: value + k * step}), x, named) for k, c in DIFFERENCE
         ]
         return float(sum(parts) / step)
 
-    def coefficient(surface: str) -> float:  # L is linear in e
-        high, low = ({**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.0))
-        return _lagrangian(problem.unchecked(restitution=high), x, y, w, z) - _lagrangian(
-            problem.unchecked(restitution=low), x, y, w, z
-        )
+    def coefficient(surface: str) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
+        law = np.asarray(named.get("energy", np.zeros(0)))
+        law = law * np.where(nlp.plain_laws, -2 / np.maximum(x[nlp.layout.index_lam], 1e-300), 1.0)
+        high, low = ({**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.5))
+        ends = [_lagrangian(problem.unchecked(restitution=e), x, {**named, "energy": law}) for e in (high, low)]
+        return 2 * (ends[0] - ends[1])
 
     time = sum(-y[nlp.equality_rows("final time")]) + sum(w[nlp.inequality_rows("final time >=")])
     lay = nlp.layout
@@ -80,8 +84,9 @@ def sensitivities(problem: Problem, x: Array, y: Array, w: Array, z: Array) -> S
     }
 
 
-def _lagrangian(problem: Problem, x: Array, y: Array, w: Array, z: Array) -> float:
+def _lagrangian(problem: Problem, x: Array, multipliers: Mapping[str, Array]) -> float:
     nlp = Transcription(problem, minimal_times=False)
+    y, w, z = given_multipliers(nlp, multipliers)
     r = nlp.values(x)
     bound = np.where(z > 0, nlp.lower, nlp.upper)
     held = z != 0
@@ -92,9 +97,12 @@ def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
     """g becomes g - delta: contacts c = g and gaps d = -g follow."""
     names = nlp.problem.kernels.surfaces
     contacts, gaps = y[nlp.equality_rows("contact")], w[nlp.inequality_rows("gap")]
-    return {
-        name: -float(contacts[nlp.surfaces == j].sum() + gaps[nlp.gap_constraints[1] == j].sum()) for j, name in enumerate(names)
-    }
+    inside = w[nlp.inequality_rows("gap inside")].reshape(-1, len(nlp.still))
+    found = {}
+    for j, name in enumerate(names):
+        parts = (contacts[nlp.surfaces == j], gaps[nlp.gap_constraints[1] == j], inside[:, nlp.still == j])
+        found[name] = -float(sum(part.sum() for part in parts))
+    return found
 
 
 def _ends(problem: Problem, z: Array, places: tuple[Index, Index, Index], nlp: Transcription) -> dict[str, float]:

@@ -250,6 +250,7 @@ class Transcription:
         box[lay.index_q] = problem.coordinate_bounds
         box[lay.index_u] = problem.input_bounds
         box[lay.index_lam, 0] = 0.0
+        box[lay.index_lam[self.touching], 1] = 0.0
         for node, boundary, p, v in (
             (0, problem.start_bounds, lay.index_p_B, lay.index_v_B),
             (-1, problem.goal_bounds, lay.index_p_E, lay.index_v_E),

@@ -28,6 +28,11 @@ class Residuals:
     violation: float
 
 
+def cost_size(nlp: Transcription, x: Array) -> float:
+    """What residuals are compared with."""
+    return max(abs(nlp.cost(x)), LEAST_COST)
+
+
 def duality_gap(nlp: Transcription, x: Array, duals: Duals) -> float:
     """Sum of the products of inequalities and bounds with their multipliers, in units of the cost: about what a barrier has left of it."""
     z = np.where(nlp.lower < nlp.upper, duals.z, 0.0)
@@ -50,7 +55,7 @@ def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
     products = np.concatenate([duals.w * nlp.inequality(x), z * _distance(nlp, x, z)])
     multipliers = np.concatenate([duals.y, duals.w, z])
     scale = max(SCALE_FROM, float(np.abs(multipliers).mean())) / SCALE_FROM
-    scale *= max(abs(nlp.cost(x)), LEAST_COST)
+    scale *= cost_size(nlp, x)
     worst = max(float(np.abs(slope * reach).max(initial=0.0)), float(np.abs(products).max(initial=0.0))) / scale
     return Residuals(worst if np.isfinite(worst) else np.inf, violation(nlp, x))
 

@@ -29,6 +29,7 @@ from dmoc.solvers import external, ipm, slsqp
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.kkt import duality_gap, residuals
 from dmoc.solvers.outcome import INFEASIBLE, Duals, Iteration, Options, Outcome, Status
+from dmoc.solvers.touching import pays, pushed, suspects, touches
 
 METHODS = ("slsqp", "ipm", "ipopt", "uno")
 Driver: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
@@ -141,7 +142,7 @@ def _solve(
     solved = time.perf_counter()
     timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
     solution = _solution(nlp, outcome, method, timings, reference, conflicts)
-    return _checked(solution) if verify and solution.solved else solution
+    return _checked(solution) if verify and solution.status in ("solved", "grazes") else solution
 
 
 def _in_units(progress: Callable[[Iteration], None] | None, cost: float) -> Callable[[Iteration], None] | None:
@@ -198,7 +199,7 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
             f"the solution has the sequence {list(sequence)} with {list(steps)} steps, the problem {list(problem.sequence)} with "
             f"{list(problem.phase_steps)}: give the problem that was solved."
         )
-    if solution.status not in ("solved", "not_verified"):
+    if solution.status not in ("solved", "grazes", "not_verified"):
         raise ProblemError(f"the solution has the status {solution.status!r}: sensitivities need a minimum.")
     check_same_model(solution, problem.kernels)
     nlp = Transcription(problem, scale_of(problem, solution.unknowns), minimal_times=False)
@@ -208,8 +209,7 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
             f"the solution is no minimum of this problem (violation {found.violation:.1e}, optimality {found.optimality:.1e}): "
             "give the problem that was solved."
         )
-    plain = Transcription(problem, minimal_times=False)
-    return find_sensitivities(problem, solution.unknowns, *given_multipliers(plain, solution.multipliers))
+    return find_sensitivities(problem, solution.unknowns, solution.multipliers)
 
 
 @cache
@@ -332,18 +332,38 @@ def _explained(
 
 
 def _minimise(nlp: Transcription, x: Array, options: Options, driver: Driver) -> tuple[Transcription, Outcome]:
-    """Solve; an estimated minimal time that limits the solution is dropped, because the dynamics decide and not the estimate."""
+    """Solve; an estimated minimal time that limits the solution is dropped, because the dynamics decide and not the estimate, and collisions
+    that have no effect become touches."""
     begin = time.perf_counter()
     outcome = driver(nlp, x, options)
     timed = nlp.inequality_rows("minimal time")
     limited = outcome.status is Status.SOLVED and bool((outcome.duals.w[timed] > 0).any())
     if outcome.status is Status.INFEASIBLE and len(timed):
         limited = bool((nlp.inequality(outcome.x)[timed] < options.violation).any())
-    if not limited:
+    if limited:
+        free = Transcription(nlp.problem, nlp.scale, minimal_times=False)
+        nlp, outcome = free, _continued(free, outcome, _remaining(options, begin, outcome.iterations), driver)
+    at = suspects(nlp, outcome.x) if outcome.status in (Status.SOLVED, Status.INFEASIBLE, Status.STALLED) else ()
+    if not len(at):
         return nlp, outcome
-    free = Transcription(nlp.problem, nlp.scale, minimal_times=False, touching=np.flatnonzero(nlp.touching))
-    again = driver(free, outcome.x, _remaining(options, begin, outcome.iterations))
-    return free, replace(again, iterations=outcome.iterations + again.iterations)
+    touching = touches(nlp, at)
+    touched = _continued(touching, outcome, _remaining(options, begin, outcome.iterations), driver)
+    if touched.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
+        return nlp, replace(outcome, status=touched.status)
+    if touched.status is not Status.SOLVED:
+        return nlp, replace(outcome, iterations=touched.iterations)
+    if not pays(touching, touched):
+        return touching, touched
+    hit = replace(touched, x=pushed(nlp, touched.x, at))
+    again = _continued(nlp, hit, _remaining(options, begin, hit.iterations), driver)
+    better = again.status is Status.SOLVED and (outcome.status is not Status.SOLVED or nlp.cost(again.x) <= nlp.cost(outcome.x))
+    return nlp, again if better else replace(outcome, iterations=again.iterations)
+
+
+def _continued(nlp: Transcription, outcome: Outcome, options: Options, driver: Driver) -> Outcome:
+    """Solve another program of the same unknowns from where one has ended."""
+    again = driver(nlp, outcome.x, options)
+    return replace(again, iterations=outcome.iterations + again.iterations)
 
 
 def _solution(
@@ -357,12 +377,17 @@ def _solution(
     problem, found = nlp.problem, residuals(nlp, outcome.x, outcome.duals)
     detail = f" ({outcome.detail})" if outcome.detail else ""
     message = outcome.status.value + (": " + "; ".join(conflicts) if conflicts else detail)
+    motion, status = trajectory(nlp, outcome.x), outcome.status.name.lower()
+    grazing = [f"{i + 1} ({c.surface})" for i, c in enumerate(motion.collisions) if c.grazes]
+    if outcome.status is Status.SOLVED and grazing:
+        status = "grazes"
+        message += f"; collision {' and '.join(grazing)} has no effect: the motion touches the surface without an impulse"
     return Solution(
-        status=outcome.status.name.lower(),
+        status=status,
         message=message,
         method=method,
         cost=nlp.cost(outcome.x) * nlp.scale.cost,
-        trajectory=trajectory(nlp, outcome.x),
+        trajectory=motion,
         multipliers=named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z),
         active_bounds=active_bounds(nlp, outcome.x, outcome.duals.w, outcome.duals.z),
         max_violation=found.violation,

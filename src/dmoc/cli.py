@@ -205,7 +205,7 @@ def solve(
     derivatives: list[Sensitivities] = []
 
     def differentiate() -> None:
-        if sensitivities and solution.status in ("solved", "not_verified"):
+        if sensitivities and solution.status in ("solved", "grazes", "not_verified"):
             derivatives.append(api.sensitivities(problem.but(steps=[p.steps for p in solution.phases]), solution))
 
     def tell() -> None:

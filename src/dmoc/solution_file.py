@@ -106,7 +106,7 @@ def _wrong_solution(solution: Solution) -> str | None:
     """What of a solution does not fit together."""
     numbers = [solution.cost, solution.max_violation, solution.optimality]
     values = np.concatenate([numbers, *(a.ravel() for a in solution.multipliers.values())])
-    if solution.status in ("solved", "not_verified") and not np.isfinite(values).all():
+    if solution.status in ("solved", "grazes", "not_verified") and not np.isfinite(values).all():
         return f"the status is {solution.status!r}, and a cost, residual or multiplier is not finite"
     return None
 
@@ -190,7 +190,7 @@ VERIFICATION = Record(
 SOLUTION = Record(
     Solution,
     {
-        "status": Choice((*(s.name.lower() for s in Status), "not_verified")),
+        "status": Choice((*(s.name.lower() for s in Status), "grazes", "not_verified")),
         "message": Text(),
         "method": Name(),
         "cost": Number(special=True),

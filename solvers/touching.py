@@ -1,0 +1,75 @@
+"""Collisions without effect: where the best motion would rather not collide, it touches the surface without an impulse.
+
+The law of impact, e (E+ - E-) - W = -lam (w+ + e w-)/2, has no slope in any unknown at a touch, lam = w- = w+ = 0, so that a solver ends beside it or not at
+all.  Stated as g = 0, w = 0, lam = 0 a touch is regular; its multipliers tell whether a real collision would cost less.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Index
+from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.kkt import cost_size
+from dmoc.solvers.outcome import Outcome
+
+# A collision whose rate of approach or impulse is below this share of its size is suspected of being none.
+SUSPECT = 1e-3
+# Slope of the cost along a real collision, relative to the cost, below which it would pay.
+PAYS = 1e-6
+# Scaled impulse to begin with where a collision pays.
+PUSH = 0.05
+
+
+def suspects(nlp: Transcription, x: Array) -> Index:
+    """Collisions that hardly approach their surface, or hardly push it."""
+    lay, nodes = nlp.layout, nlp.layout.collision_nodes
+    if not len(nodes):
+        return np.zeros(0, dtype=np.intp)
+    y = nlp.physical(x)
+    hit = (np.arange(len(nodes)), nlp.surfaces)
+    t = lay.times(y)[nodes][:, None].copy()
+    before = nlp.problem.kernels.call("gap_rate", y[lay.index_q[nodes]], y[lay.index_v_a], t, nlp.par)[0][hit]
+    faint = (before <= SUSPECT * nlp.scale.rate[nlp.surfaces]) | (x[lay.index_lam] <= SUSPECT)
+    return np.flatnonzero(faint & ~nlp.touching)
+
+
+def touches(nlp: Transcription, at: Index) -> Transcription:
+    """The program in which some more collisions only touch."""
+    return Transcription(
+        nlp.problem, nlp.scale, nlp.minimal_times, nlp.goal_as_rows, [*np.flatnonzero(nlp.touching), *at]
+    )  # fmt: skip
+
+
+def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
+    """A touch with some impulse, to look for a collision from."""
+    x = x.copy()
+    x[nlp.layout.index_lam[at]] = PUSH
+    return x
+
+
+def pays(nlp: Transcription, outcome: Outcome) -> bool:
+    """Whether the cost of a minimum that touches falls where a touch becomes a collision.
+
+    A collision with the rate of approach s has w+ = -e s and lam = (1 + e) s / (n . M^-1 n), so that dJ/ds = e y + (1 + e) dL/dlam / (n . M^-1 n) with the multiplier
+    y of w = 0.
+    """
+    lay, x, duals = nlp.layout, outcome.x, outcome.duals
+    slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ duals.y - nlp.inequality_jacobian(x).T @ duals.w
+    y, kernels = nlp.physical(x), nlp.problem.kernels
+    times = lay.times(y)
+    for i in np.flatnonzero(nlp.touching):
+        node, j = lay.collision_nodes[i], int(nlp.surfaces[i])
+        q, v, t = y[lay.index_q[[node]]], y[lay.index_v_a[[i]]], times[[node], None].copy()
+        rows, columns = kernels.pattern("surface_jac", "g_D_q")
+        n = np.zeros(lay.nq + 1)
+        n[columns[rows == j]] = kernels.call("surface_jac", q, t, nlp.par)[0][0][rows == j]
+        M = kernels.call("dynamics", q, v, np.zeros((1, lay.nu)), t, nlp.par)[0].reshape(lay.nq, lay.nq)
+        inertia = float(n[:-1] @ np.linalg.solve(M, n[:-1]))
+        e = float(nlp.problem.restitution_values[j])
+        response = (1 + e) / inertia * nlp.scale.rate[j] / nlp.scale.lam[j]
+        gain = e * duals.y[nlp.equality_rows("energy")[i]] + response * slope[lay.index_lam[i]]
+        if gain < -PAYS * cost_size(nlp, x):
+            return True
+    return False
