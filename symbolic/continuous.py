@@ -47,11 +47,11 @@ class Continuous:
         table |= dict(zip(system.coordinates, q, strict=True))
         table |= dict(zip(system.inputs, u, strict=True))
         table |= dict(zip(system.parameters, par, strict=True))
+        table[dynamicsymbols._t] = t
 
         def rewrite(expression: Any) -> Any:
-            # Derivatives first: they contain the coordinates; the time last, because the coordinates contain it.
-            velocities = {k: s for k, s in table.items() if isinstance(k, sp.Derivative)}
-            return expression.xreplace(velocities).xreplace(table).xreplace({dynamicsymbols._t: t})
+            # All at once, from the outside: a velocity contains its coordinate, that the time, and a symbol of the model may look like a given one.
+            return expression.xreplace(table)
 
         return cls(
             tuple(q),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy as sp
@@ -21,11 +21,13 @@ from dmoc.symbolic.continuous import (
     right_hand_side,
 )
 from dmoc.symbolic.discrete import StepElement, step_element
+from dmoc.symbolic.display import MARK, DisplayNames, latex_symbol
 from dmoc.symbolic.kernels import approach, first_root
 from dmoc.symbolic.names import name_of, velocity_name
 from dmoc.symbolic.system import MechanicalSystem
 
 LATEX_WIDTH = 220  # characters of source in a line of an equation, about the width of a page
+LEFT = "left side"  # what a name stands for
 WIDTH = 110  # of a line of text; wider equations are printed on one logical line, without two-dimensional layout
 
 
@@ -104,7 +106,7 @@ BODY
 def _escape(text: str) -> str:
     for character in "&%#_":
         text = text.replace(character, f"\\{character}")
-    return text.replace("^", r"\^{}").replace("<=", r"$\le$").replace(">=", r"$\ge$")
+    return text.replace("^", r"\^{}").replace("~", r"\~{}").replace("<=", r"$\le$").replace(">=", r"$\ge$")
 
 
 def _latex_equation(equation: Equation) -> str:
@@ -129,23 +131,6 @@ def _latex(expression: Any) -> str:
     return str(sp.latex(expression, symbol_names=names))
 
 
-def latex_symbol(name: str) -> str:
-    """Write a name of the derivation as mathematics: alpha_dot_kp1 is \\dot{\\alpha}_{k+1}, r_plus_x is r^+_{x}."""
-    head, *rest = name.split("_")
-    letter = sp.latex(sp.Symbol("lambda" if head == "lam" else head))
-    if len(head) > 1 and letter == head:
-        letter = f"\\mathrm{{{head}}}"
-    above, below = "", []
-    for part in rest:
-        if part in ("dot", "ddot", "bar"):
-            letter = f"\\{part}{{{letter}}}"
-        elif part in ("plus", "minus"):
-            above = "^+" if part == "plus" else "^-"
-        else:
-            below.append({"kp1": "k+1"}.get(part) or sp.latex(sp.Symbol(part)))
-    return f"{letter}{above}" + (f"_{{{','.join(below)}}}" if below else "")
-
-
 def _text(equation: Equation) -> str:
     pretty = sp.pretty(equation.right, use_unicode=False, wrap_line=False, num_columns=10_000)
     lines = pretty.split("\n")
@@ -161,18 +146,23 @@ def _text(equation: Equation) -> str:
 def derive(system: MechanicalSystem, order: int = 2) -> Derivation:
     """Derive a system from its Lagrangian to the derivatives of its discrete equations, in the discretisation of the given order.
 
-    The result prints as text, gives a LaTeX document by ``latex()``, and displays itself in notebooks.
+    The result prints as text, gives a LaTeX document by ``latex()``, and displays itself in notebooks.  A quantity of the derivation whose usual
+    name the model uses itself is marked: ``h~``.
     """
     f = readable(system)
-    element = _readable_element(system, order)
+    names = DisplayNames.beside(system)
+    element = _readable_element(system, order, names)
     sections = [
-        *_continuous_sections(system, f),
-        *_discrete_sections(system, element),
-        *_collision_sections(system, f, element),
-        *_cost_sections(system, f, element),
-        *_feasibility_section(system, f),
-        *_derivative_sections(element),
+        *_continuous_sections(system, f, names),
+        *_discrete_sections(system, element, names),
+        *_collision_sections(system, f, element, names),
+        *_cost_sections(system, f, element, names),
+        *_feasibility_section(system, f, names),
+        *_derivative_sections(element, names),
     ]
+    if names.marked:
+        note = f" {', '.join(names.marked)} with {MARK} are quantities of the derivation: the name without it is taken."
+        sections[0] = replace(sections[0], text=sections[0].text + note)
     return Derivation(f"Derivation of the model {system.name}", tuple(sections))
 
 
@@ -190,19 +180,19 @@ def tangents(normal: Sequence[Any]) -> list[list[Any]]:
     return vectors
 
 
-def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Section]:
+def _continuous_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Iterable[Section]:
     names = [str(q) for q in f.q]
     tex = [latex_symbol(str(q)) for q in f.q]
-    accelerations = [sp.Symbol(f"{n}_ddot") for n in names]
+    accelerations = [own.symbol(f"{n}_ddot", "acceleration") for n in names]
     time = ", t" if f.L.has(f.t) else ""
     yield Section(
-        "Lagrangian", f"L(q, q'{time}) with the coordinates q = (" + ", ".join(names) + ").", (Equation("L", "L", f.L),)
+        "Lagrangian", f"L(q, q'{time}) with the coordinates q = (" + ", ".join(names) + ").", (_equation(own, "L", "L", f.L),)
     )
-    yield Section("Momenta", "p = dL/dq'.", tuple(_each("p", names, tex, momenta(f))))
-    yield Section("Mass matrix", "M = d2L/dq'2.", (Equation("M", "M", sp.Matrix(mass_matrix(f))),))
-    yield Section("Energy", "E = p . q' - L.", (Equation("E", "E", sp.expand(energy(f))),))
-    work = dot(f.Q, [sp.Symbol(f"delta_{n}") for n in names])
-    forces = [Equation("delta W", r"\delta W", work), *_each("Q", names, tex, f.Q)]
+    yield Section("Momenta", "p = dL/dq'.", tuple(_each(own, "p", names, tex, momenta(f))))
+    yield Section("Mass matrix", "M = d2L/dq'2.", (_equation(own, "M", "M", sp.Matrix(mass_matrix(f))),))
+    yield Section("Energy", "E = p . q' - L.", (_equation(own, "E", "E", sp.expand(energy(f))),))
+    work = dot(f.Q, [own.symbol(f"delta_{n}", "variation") for n in names])
+    forces = [Equation("delta W", r"\delta W", work), *_each(own, "Q", names, tex, f.Q)]
     if f.u:
         forces.append(Equation("dQ/du", r"\partial Q / \partial u", sp.Matrix(input_matrix(f))))
     yield Section("Virtual work and generalised forces", "delta W = Q . delta q.", tuple(forces))
@@ -213,7 +203,7 @@ def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Se
     if f.g:
         equations = []
         for name, g in zip(system.surfaces, f.g, strict=True):
-            equations.append(Equation(f"g_{name}", f"g_{{\\mathrm{{{_escape(name)}}}}}", g))
+            equations.append(_equation(own, f"g_{name}", f"g_{{\\mathrm{{{_escape(name)}}}}}", g))
             equations.append(
                 Equation(f"grad g_{name}", f"\\nabla g_{{\\mathrm{{{_escape(name)}}}}}", sp.Matrix([gradient(g, f.q)]))
             )
@@ -222,7 +212,7 @@ def _continuous_sections(system: MechanicalSystem, f: Continuous) -> Iterable[Se
         yield Section("Unilateral constraints", "g <= 0; the gradient points out of the admissible set.", tuple(equations))
 
 
-def _discrete_sections(system: MechanicalSystem, e: StepElement) -> Iterable[Section]:
+def _discrete_sections(system: MechanicalSystem, e: StepElement, own: DisplayNames) -> Iterable[Section]:
     n = len(e.q_k)
     names = [name_of(q) for q in system.coordinates]
     tex = [latex_symbol(x) for x in names]
@@ -240,32 +230,32 @@ def _discrete_sections(system: MechanicalSystem, e: StepElement) -> Iterable[Sec
     slots = [e.D(e.L_d, i) for i in range(2 * n)]
     yield Section(
         "Discrete Lagrangian", "L_d, the quadrature of L over the step, with its derivatives in the first, second and third slot.",
-        (Equation("L_d", "L_d", e.L_d), *_each("D1_Ld", names, tex, slots[:n], "D_1 L_d"), *_each("D2_Ld", names, tex, slots[n:], "D_2 L_d"),
-         Equation("D3_Ld", "D_3 L_d", e.D(e.L_d, e.at_h))),
+        (_equation(own, "L_d", "L_d", e.L_d), *_each(own, "D1_Ld", names, tex, slots[:n], "D_1 L_d"),
+         *_each(own, "D2_Ld", names, tex, slots[n:], "D_2 L_d"), _equation(own, "D3_Ld", "D_3 L_d", e.D(e.L_d, e.at_h))),
     )  # fmt: skip
     yield Section(
         "Discrete forces",
         "fd_minus = h/2 Q with the input u_k, fd_plus = h/2 Q with the input u_kp1." if middle else
         "The virtual work of Q at the quadrature points on the first and the last node; u_k and u_kp1 are the inputs at the two points.",
-        (*_each("fd_minus", names, tex, e.fd_minus, "f_d^-"), *_each("fd_plus", names, tex, e.fd_plus, "f_d^+")),
+        (*_each(own, "fd_minus", names, tex, e.fd_minus, "f_d^-"), *_each(own, "fd_plus", names, tex, e.fd_plus, "f_d^+")),
     )  # fmt: skip
     inside = "" if middle else " Node inside the step: r_i = 0."
     yield Section(
         "Discrete Euler-Lagrange equations",
         "r_minus = D1_Ld + fd_minus is -p at the step's start, r_plus = D2_Ld + fd_plus is p at its end. "
         f"Interior nodes: r_plus(k-1) + r_minus(k) = 0. Start: r_minus(0) + p_B = 0. End: r_plus(N-1) - p_E = 0.{inside}",
-        (*_each("r_minus", names, tex, e.r_minus, "r^-"), *_each("r_plus", names, tex, e.r_plus, "r^+"),
-         *(_each("r_i", names, tex, e.r_i, "r^i") if e.r_i else ())),
+        (*_each(own, "r_minus", names, tex, e.r_minus, "r^-"), *_each(own, "r_plus", names, tex, e.r_plus, "r^+"),
+         *(_each(own, "r_i", names, tex, e.r_i, "r^i") if e.r_i else ())),
     )  # fmt: skip
 
 
-def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement) -> Iterable[Section]:
+def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement, own: DisplayNames) -> Iterable[Section]:
     if not f.g:
         return
     names = [str(q) for q in f.q]
-    before = [sp.Symbol(f"r_plus_{n}") for n in names]
-    after = [sp.Symbol(f"r_minus_{n}") for n in names]
-    lam = sp.Symbol("lam")
+    before = [own.symbol(f"r_plus_{n}", LEFT) for n in names]
+    after = [own.symbol(f"r_minus_{n}", LEFT) for n in names]
+    lam = own.symbol("lam", "impulse")
     equations = []
     for name, g in zip(system.surfaces, f.g, strict=True):
         normal = gradient(g, f.q)
@@ -276,11 +266,11 @@ def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement)
         for t in tangents(normal):
             total = [a + b for a, b in zip(before, after, strict=True)]
             equations.append(Equation(f"0 (tangential momentum, {name})", f"0_{{{tag}}}", dot(t, total)))
-    impulses = [sp.Symbol(f"lam_{n}") for n in system.surfaces]
-    coefficients = [sp.Symbol(f"e_{n}") for n in system.surfaces]
-    equations.append(Equation("e_plus", "e^+", e.e_plus))
-    equations.append(Equation("e_minus", "e^-", e.e_minus))
-    equations.append(Equation("W", "W", restitution_work(f, impulses, coefficients)))
+    impulses = [own.symbol(f"lam_{n}", "impulse") for n in system.surfaces]
+    coefficients = [own.symbol(f"e_{n}", "restitution") for n in system.surfaces]
+    equations.append(_equation(own, "e_plus", "e^+", e.e_plus))
+    equations.append(_equation(own, "e_minus", "e^-", e.e_minus))
+    equations.append(_equation(own, "W", "W", restitution_work(f, impulses, coefficients)))
     yield Section(
         "Collision conditions",
         "At a collision node q_c: g(q_c) = 0; only the normal part of the momentum jumps, r_plus(before) + r_minus(after) = lam grad g, "
@@ -291,31 +281,33 @@ def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement)
     )
 
 
-def _cost_sections(system: MechanicalSystem, f: Continuous, e: StepElement) -> Iterable[Section]:
+def _cost_sections(system: MechanicalSystem, f: Continuous, e: StepElement, own: DisplayNames) -> Iterable[Section]:
     middle = len(e.points) == 1
     text = (
         "C_d = h/2 (C with u_k + C with u_kp1) at the midpoint."
         if middle
         else "C_d = h/2 (C at the first point + C at the second)."
     )
-    yield Section("Discrete cost", text, (Equation("C_d", "C_d", e.C_d),))
+    yield Section("Discrete cost", text, (_equation(own, "C_d", "C_d", e.C_d),))
     if f.Phi != 0:
-        yield Section("Terminal cost", "Phi at the final time is added to the cost.", (Equation("Phi", r"\Phi", f.Phi),))
+        yield Section("Terminal cost", "Phi at the final time is added to the cost.", (_equation(own, "Phi", r"\Phi", f.Phi),))
     if e.r_d:
         names = list(system.path_constraints) * len(e.points)
-        paths = [Equation(f"r_{n}", f"r_{{\\mathrm{{{_escape(n)}}}}}", r) for n, r in zip(names, e.r_d, strict=True)]
+        paths = [
+            _equation(own, f"r_{n}", f"r_{{\\mathrm{{{_escape(n)}}}}}", r, "path") for n, r in zip(names, e.r_d, strict=True)
+        ]
         yield Section("Path constraints", "r_d >= 0 in every step.", tuple(paths))
 
 
-def _feasibility_section(system: MechanicalSystem, f: Continuous) -> Iterable[Section]:
+def _feasibility_section(system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Iterable[Section]:
     if not f.g or any(g.has(f.t) for g in f.g):
         return
-    a = [sp.Symbol(f"{q}_ddot_bar") for q in f.q]
-    half_way = {q: sp.Symbol(f"{q}_bar") for q in f.q}
+    a = [own.symbol(f"{q}_ddot_bar", "averaged") for q in f.q]
+    half_way = {q: own.symbol(f"{q}_bar", "half-way") for q in f.q}
     equations = []
     for name, g in zip(system.surfaces, f.g, strict=True):
         tag = f"\\mathrm{{{_escape(name)}}}"
-        equations.append(Equation(f"T_min_{name}", f"T_{{\\min,{tag}}}", first_root(*approach(g, f, a, half_way))))
+        equations.append(_equation(own, f"T_min_{name}", f"T_{{\\min,{tag}}}", first_root(*approach(g, f, a, half_way))))
     yield Section(
         "Minimal collision time",
         "First root of g + g' t + g'' t^2/2. The accelerations (_ddot_bar) are constant: M q'' = F at averaged coefficients, half-way (_bar) between "
@@ -324,7 +316,7 @@ def _feasibility_section(system: MechanicalSystem, f: Continuous) -> Iterable[Se
     )
 
 
-def _derivative_sections(e: StepElement) -> Iterable[Section]:
+def _derivative_sections(e: StepElement, own: DisplayNames) -> Iterable[Section]:
     n = len(e.q_k)
     rows = {f"r_minus_{i}": r for i, r in enumerate(e.r_minus)} | {f"r_plus_{i}": r for i, r in enumerate(e.r_plus)}
     rows |= {f"r_i_{i}": r for i, r in enumerate(e.r_i)}
@@ -341,9 +333,9 @@ def _derivative_sections(e: StepElement) -> Iterable[Section]:
     yield Section(
         "First derivatives", f"Columns {columns}; x marks what is not identically zero.", tuple(equations), tuple(pattern)
     )
-    mu = [sp.Symbol(f"mu_minus_{i}") for i in range(n)], [sp.Symbol(f"mu_plus_{i}") for i in range(n)]
-    mu_i = [sp.Symbol(f"mu_i_{i}") for i in range(len(e.r_i))]
-    sigma, w_plus, w_minus = sp.symbols("sigma w_plus w_minus")
+    mu = [own.symbol(f"mu_minus_{i}", "weight") for i in range(n)], [own.symbol(f"mu_plus_{i}", "weight") for i in range(n)]
+    mu_i = [own.symbol(f"mu_i_{i}", "weight") for i in range(len(e.r_i))]
+    sigma, w_plus, w_minus = (own.symbol(name, "weight") for name in ("sigma", "w_plus", "w_minus"))
     weighted = [
         ("step", sigma * e.C_d + dot(mu[0], e.r_minus) + dot(mu[1], e.r_plus) + dot(mu_i, e.r_i)),
         ("energy", w_plus * e.e_plus + w_minus * e.e_minus),
@@ -368,37 +360,40 @@ def _row_tex(name: str) -> str:
     )
 
 
+def _equation(own: DisplayNames, name: str, latex: str, right: Any, meaning: str = LEFT) -> Equation:
+    """An equation whose left side has a name of its own."""
+    given = own(name, meaning)
+    marks = len(given) - len(name)
+    return Equation(given, "\\tilde{" * marks + latex + "}" * marks, right)
+
+
 def _each(
-    letter: str, names: Sequence[str], tex: Sequence[str], values: Sequence[Any], latex: str | None = None
+    own: DisplayNames, letter: str, names: Sequence[str], tex: Sequence[str], values: Sequence[Any], latex: str | None = None
 ) -> list[Equation]:
     """One equation for each coordinate."""
     head = latex or letter
     return [
-        Equation(f"{letter}_{n}", f"{head}{{}}_{{{t}}}" if latex else f"{letter}_{{{t}}}", v)
+        _equation(own, f"{letter}_{n}", f"{head}{{}}_{{{t}}}" if latex else f"{letter}_{{{t}}}", v)
         for n, t, v in zip(names, tex, values, strict=True)
     ]
 
 
-def _readable_element(system: MechanicalSystem, order: int) -> StepElement:
+def _readable_element(system: MechanicalSystem, order: int, own: DisplayNames) -> StepElement:
     """The step element in symbols with the user's names: alpha_k, alpha_kp1, alpha_m (midpoint) or alpha_1, alpha_2, F_k, F_kp1, h."""
     names = [name_of(q) for q in system.coordinates]
     inputs = [name_of(u) for u in system.inputs]
     table = {f"{part}_{i}": f"{n}_{part[2:]}" for part in ("q_k", "q_kp1", "q_i") for i, n in enumerate(names)}
     table |= {f"{part}_{i}": f"{n}_{part[2:]}" for part in ("u_k", "u_kp1") for i, n in enumerate(inputs)}
-    middle = "_m" if order == 2 else ""
+
+    def point(name: str) -> Any:
+        return own.symbol(f"{name}_m", "midpoint") if order == 2 else sp.Symbol(name)
+
     f = Continuous.of(
         system,
-        [sp.Symbol(f"{n}{middle}") for n in names],
-        [sp.Symbol(f"{velocity_name(n)}{middle}") for n in names],
-        [sp.Symbol(f"{n}_free") for n in inputs],
-        sp.Symbol(f"t{middle}"),
+        [point(n) for n in names],
+        [point(velocity_name(n)) for n in names],
+        [own.symbol(f"{n}_free", "input") for n in inputs],
+        point("t"),
         list(system.parameters),
     )
-    taken = {str(s) for s in system.parameters}
-    table |= {"h": "h" if "h" not in taken else "h_step"}
-
-    def make(name: str) -> sp.Symbol:
-        name = table.get(name, name)
-        return sp.Symbol(f"{name}_point" if name in taken else name)
-
-    return step_element(f, order, make, sp.sympify)
+    return step_element(f, order, lambda name: own.symbol(table.get(name, name), name), sp.sympify)

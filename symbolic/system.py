@@ -228,9 +228,8 @@ class MechanicalSystem:
             check_name(name_of(symbol), role)
             if name_of(symbol) == "t":
                 raise ModelError(f"the {role} 't' has the name of the time: choose another name.")
-        for group in (("coordinate", "input", "parameter"), ("surface", "path constraint")):
-            _check_distinct([(name_of(s), role) for s, role in roles if role in group])
-        derived = [(name_of(q), "coordinate") for q in self.coordinates] + [(name_of(u), "input") for u in self.inputs]
+        _check_distinct([(name_of(s), role) for s, role in roles if role in ("surface", "path constraint")])
+        derived = [(name_of(s), role) for s, role in roles if role in ("coordinate", "input", "parameter")]
         for q in self.coordinates:
             derived.append((velocity_name(name_of(q)), f"velocity of {name_of(q)}"))
             derived.append((momentum_name(name_of(q)), f"momentum of {name_of(q)}"))
@@ -350,6 +349,10 @@ def _unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:
         return f"{where} contains {symbol}: only coordinates and their first derivatives may appear there."
     if isinstance(symbol, AppliedUndef) and isinstance(symbol.func, UndefinedFunction) and symbol not in known:
         return f"{where} contains {symbol}, which is neither a coordinate nor an input: declare it or remove it."
+    if symbol.name == "t":
+        return f"{where} contains a symbol t of its own: the time is dynamicsymbols._t of sympy.physics.mechanics."
+    if symbol not in known and str(symbol) in {str(s) for s in known}:
+        return f"{where} contains the symbol {symbol}, and the model one of the same name with other assumptions: use one symbol."
     role = "may not appear there" if symbol in known else "is unknown: list it in `parameters` with its value"
     return f"{where} contains the symbol {symbol}, which {role}."
 

@@ -10,6 +10,7 @@ import dmoc
 from dmoc.models import catalogue
 from dmoc.symbolic.continuous import dot, energy, gradient, mass_matrix, momenta, readable, right_hand_side
 from dmoc.symbolic.derivation import _readable_element, tangents
+from dmoc.symbolic.display import DisplayNames
 
 
 def zero(expression: sp.Expr) -> bool:
@@ -50,7 +51,7 @@ def test_energy_is_kinetic_plus_potential() -> None:
 
 def test_slot_derivatives_equal_direct_differentiation() -> None:
     for system, order in ((catalogue.system("cart_pendulum"), 2), (driven_system(), 2), (block_system(), 4)):
-        e = _readable_element(system, order)
+        e = _readable_element(system, order, DisplayNames.beside(system))
         explicit = dict(e.definitions)
         for expression in (e.L_d, e.e_plus, e.C_d, *e.r_plus, *e.r_i):
             for i, z in enumerate(e.z):
@@ -59,7 +60,7 @@ def test_slot_derivatives_equal_direct_differentiation() -> None:
 
 def test_third_slot_derivative_is_minus_the_energy_of_the_midpoint() -> None:
     system = catalogue.system("cart_pendulum")
-    e, f = _readable_element(system, 2), readable(system)
+    e, f = _readable_element(system, 2, DisplayNames.beside(system)), readable(system)
     middle = e.points[0].start
     names = dict(zip((*f.q, *f.v), (*middle.q, *middle.v), strict=True))
     assert zero(e.D(e.L_d, e.at_h) + energy(f).subs(names))
