@@ -20,11 +20,11 @@ from dmoc.symbolic.continuous import (
     restitution_work,
     right_hand_side,
 )
-from dmoc.symbolic.discrete import StepElement, step_element
+from dmoc.symbolic.discrete import StepElement, check_order, step_element
 from dmoc.symbolic.display import MARK, DisplayNames, latex_symbol
 from dmoc.symbolic.kernels import approach, first_root
 from dmoc.symbolic.names import name_of, velocity_name
-from dmoc.symbolic.system import MechanicalSystem
+from dmoc.symbolic.system import MechanicalSystem, check_system
 
 LATEX_WIDTH = 220  # characters of source in a line of an equation, about the width of a page
 LEFT = "left side"  # what a name stands for
@@ -149,6 +149,8 @@ def derive(system: MechanicalSystem, order: int = 2) -> Derivation:
     The result prints as text, gives a LaTeX document by ``latex()``, and displays itself in notebooks.  A quantity of the derivation whose usual
     name the model uses itself is marked: ``h~``.
     """
+    check_system(system)
+    check_order(order)
     f = readable(system)
     names = DisplayNames.beside(system)
     element = _readable_element(system, order, names)

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import sympy as sp
-from sympy.physics.mechanics import Lagrangian, Point, ReferenceFrame, dynamicsymbols
+from sympy.physics.mechanics import JointsMethod, LagrangesMethod, Lagrangian, Point, ReferenceFrame, System, dynamicsymbols
 
 from dmoc.errors import ModelError
+from dmoc.symbolic.names import shown
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,8 @@ class Imported:
 
 def from_lagranges_method(method: Any) -> Imported:
     """Read a ``sympy.physics.mechanics.LagrangesMethod`` without constraints."""
-    missing = [name for name in ("_L", "q", "forcelist", "coneqs") if not hasattr(method, name)]
-    if missing:
-        raise ModelError(f"{type(method).__name__} is not a LagrangesMethod: expected one from sympy.physics.mechanics.")
+    if not isinstance(method, LagrangesMethod):
+        raise ModelError(f"{shown(method)} is not a LagrangesMethod: expected one from sympy.physics.mechanics.")
     if len(method.coneqs):
         raise ModelError(
             f"the LagrangesMethod has {len(method.coneqs)} constraint equations: expected independent coordinates; eliminate the dependent ones."
@@ -42,11 +42,8 @@ def from_lagranges_method(method: Any) -> Imported:
 
 def from_joints(model: Any) -> Imported:
     """Read a ``JointsMethod`` or a ``System`` of bodies and joints without constraints."""
-    missing = [name for name in ("bodies", "q", "u", "kdes", "loads", "frame") if not hasattr(model, name)]
-    if missing:
-        raise ModelError(
-            f"{type(model).__name__} has no {missing[0]}: expected a JointsMethod or a System from sympy.physics.mechanics."
-        )
+    if not isinstance(model, (JointsMethod, System)):
+        raise ModelError(f"{shown(model)} is no model: expected a JointsMethod or a System from sympy.physics.mechanics.")
     constraints = [*getattr(model, "holonomic_constraints", ()), *getattr(model, "nonholonomic_constraints", ())]
     if constraints:
         raise ModelError(

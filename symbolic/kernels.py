@@ -26,16 +26,18 @@ from dmoc.symbolic.continuous import (
     restitution_work,
     right_hand_side,
 )
-from dmoc.symbolic.discrete import StepElement, step_element
+from dmoc.symbolic.discrete import StepElement, check_order, step_element
 from dmoc.symbolic.names import name_of
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
-from dmoc.symbolic.system import MechanicalSystem
+from dmoc.symbolic.system import MechanicalSystem, check_system
 
 FORMAT = 4  # of the facts and the kernel list; a manifest of another format is refused
 
 
 def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     """Derive all kernels of ``system`` for the discretisation of the given order."""
+    check_system(system)
+    check_order(order)
     nq, nu, npar = len(system.coordinates), len(system.inputs), len(system.parameters)
 
     def symbols(name: str, size: int) -> tuple[Any, ...]:
@@ -50,6 +52,8 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
 
 def model_key(system: MechanicalSystem, order: int = 2) -> str:
     """Return the key of the kernels of ``system``: its content, its units, the order and the format of the kernel list."""
+    check_system(system)
+    check_order(order)
     units = "".join(f"\n{name} {unit}" for name, unit in system.units.items())
     return hashlib.sha256(f"{FORMAT}\n{order}\n{system.fingerprint()}{units}".encode()).hexdigest()
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import numbers
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +15,14 @@ from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, Stri
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.errors import ModelError
-from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_name
+from dmoc.symbolic.names import check_name, momentum_name, name_of, shown, velocity_name
 
 if TYPE_CHECKING:
     from dmoc.symbolic.interop import Imported
+
+# Constants of an expression must be numbers of C; a parameter or a mass is also multiplied by itself.
+LARGEST = sp.Integer(10) ** 307
+LARGEST_PARAMETER = 1e100
 
 
 @dataclass(frozen=True)
@@ -62,8 +67,8 @@ class MechanicalSystem:
 
     Notes
     -----
-    Signs and letters follow Kern & Gross, "A Variational Approach to Optimal Control of Underactuated Mechanical Systems with
-    Collisions" (2018).
+    Expressions are SymPy expressions or real numbers; text is refused, because SymPy would run it as Python.  Signs and letters follow
+    Kern & Gross, "A Variational Approach to Optimal Control of Underactuated Mechanical Systems with Collisions" (2018).
     """
 
     name: str
@@ -89,7 +94,10 @@ class MechanicalSystem:
                               ("forces", "{x: F}"), ("units", '{x: "m"}')):  # fmt: skip
             put(self, name, _mapping(getattr(self, name), name, example))
         self._check_names()
+        put(self, "parameters", {s: _parameter_value(s, value) for s, value in self.parameters.items()})
         put(self, "units", self._named_units())
+        if not isinstance(self.title, str) or not self.title.isprintable():
+            raise ModelError(f"title = {shown(self.title)}: expected one line of text.")
         put(self, "lagrangian", _expression(self.lagrangian, "the Lagrangian"))
         put(self, "cost", _expression(self.cost, "the cost"))
         put(self, "dissipation", _expression(self.dissipation, "the dissipation"))
@@ -148,7 +156,7 @@ class MechanicalSystem:
         given = {key: value if key in ("inputs", "title", "units") else replaced(value) for key, value in fields.items()}
         forces = dict(model.forces)
         for q, force in _mapping(given.pop("forces", {}), "forces", "{x: F}").items():
-            forces[q] = forces.get(q, sp.S.Zero) + force
+            forces[q] = forces.get(q, sp.S.Zero) + _expression(force, f"the force on {shown(q)}")
         return cls(name, model.coordinates, model.lagrangian, parameters, forces=forces, **given)
 
     # Symbols ---------------------------------------------------------------------------------------------------------
@@ -202,25 +210,36 @@ class MechanicalSystem:
 
     def _named_units(self) -> dict[str, str]:
         names = [name_of(s) for s in (*self.coordinates, *self.inputs)]
-        units = {name_of(symbol): unit for symbol, unit in dict(self.units).items()}
-        for name, unit in units.items():
+        units = {}
+        for symbol, unit in self.units.items():
+            name = name_of(symbol) if isinstance(symbol, (str, sp.Basic)) else ""
             if name not in names:
-                raise ModelError(f"unit of {name!r}: expected a coordinate or an input, one of {', '.join(names)}.")
+                raise ModelError(f"unit of {shown(symbol)}: expected a coordinate or an input, one of {', '.join(names)}.")
             if not isinstance(unit, str) or not unit.isprintable() or not 0 < len(unit) <= 16:
-                raise ModelError(f"unit of {name} = {unit!r}: expected a short text such as 'rad', 'm' or 'N'.")
+                raise ModelError(f"unit of {name} = {shown(unit)}: expected a short text such as 'rad', 'm' or 'N'.")
+            units[name] = unit
         return units
 
     def _check_names(self) -> None:
         if not self.coordinates:
             raise ModelError(f"model {self.name!r} has no coordinates: give at least one dynamicsymbol.")
         for q in self.coordinates:
-            if not isinstance(q, AppliedUndef):
+            if not _is_function_of_time(q):
                 raise ModelError(
-                    f"coordinate {q!r} is not a function of time: make it with sympy.physics.mechanics.dynamicsymbols."
+                    f"coordinate {shown(q)} is not a function of time: make it with sympy.physics.mechanics.dynamicsymbols."
                 )
         for u in self.inputs:
-            if not isinstance(u, (AppliedUndef, sp.Symbol)):
-                raise ModelError(f"input {u!r} is not a dynamicsymbol or a Symbol.")
+            if not isinstance(u, sp.Symbol) and not _is_function_of_time(u):
+                raise ModelError(f"input {shown(u)} is not a dynamicsymbol or a Symbol.")
+        for symbol in self.parameters:
+            if not isinstance(symbol, sp.Symbol):
+                raise ModelError(f"parameter {shown(symbol)} is not a SymPy Symbol.")
+            if symbol.is_extended_real is False or not symbol.is_commutative:
+                raise ModelError(
+                    f"the symbol of parameter {symbol} is assumed not to be a real number: make it as Symbol({symbol.name!r})."
+                )
+        for name in (*self.surfaces, *self.path_constraints):
+            check_name(name, "surface" if name in self.surfaces else "path constraint")
         roles = [(q, "coordinate") for q in self.coordinates] + [(u, "input") for u in self.inputs]
         roles += [(s, "parameter") for s in self.parameters] + [(s, "surface") for s in self.surfaces]
         roles += [(s, "path constraint") for s in self.path_constraints]
@@ -234,21 +253,14 @@ class MechanicalSystem:
             derived.append((velocity_name(name_of(q)), f"velocity of {name_of(q)}"))
             derived.append((momentum_name(name_of(q)), f"momentum of {name_of(q)}"))
         _check_distinct(derived)
-        for symbol, value in self.parameters.items():
-            if not isinstance(symbol, sp.Symbol):
-                raise ModelError(f"parameter {symbol!r} is not a SymPy Symbol.")
-            try:
-                finite = value is None or math.isfinite(float(value))
-            except (TypeError, ValueError):
-                finite = False
-            if not finite:
-                raise ModelError(f"parameter {symbol} = {value}: a finite number was expected.")
 
     def _normalised_forces(self) -> dict[Any, Any]:
         forces = {}
         for q, expression in dict(self.forces).items():
             if q not in self.coordinates:
-                raise ModelError(f"the force on {q} belongs to no coordinate: expected one of {_listed(self.coordinates)}.")
+                raise ModelError(
+                    f"the force on {shown(q)} belongs to no coordinate: expected one of {_listed(self.coordinates)}."
+                )
             forces[q] = _expression(expression, f"the force on {name_of(q)}")
         return forces
 
@@ -288,6 +300,11 @@ class MechanicalSystem:
                     f"the kinetic energy does not contain the velocity of coordinate {name_of(q)}: the mass matrix would be "
                     "singular; give the coordinate inertia or remove it."
                 )
+        for entry in mass:
+            if entry.is_number and entry != 0 and not 1 / LARGEST_PARAMETER <= abs(entry) <= LARGEST_PARAMETER:
+                raise ModelError(
+                    f"the mass matrix of model {self.name!r} contains {shown(entry)}: expected masses from 1e-100 to 1e100; use other units."
+                )
         if any(_atoms(entry) & set(self.velocities) for entry in mass):
             raise ModelError("the kinetic energy is not quadratic in the velocities: the mass matrix depends on them.")
         if _is_singular(mass):
@@ -303,27 +320,80 @@ class MechanicalSystem:
 
 
 def _sequence(value: Any, what: str) -> tuple[Any, ...]:
-    if isinstance(value, (str, sp.Basic)) or not isinstance(value, Iterable):
-        raise ModelError(f"{what} = {value!r}: expected a list of dynamicsymbols, such as [x].")
+    if isinstance(value, (str, bytes, sp.Basic, Mapping, Set)) or not isinstance(value, Iterable):
+        raise ModelError(f"{what} = {shown(value)}: expected a list of dynamicsymbols, such as [x].")
     return tuple(value)
 
 
 def _mapping(value: Any, what: str, example: str) -> dict[Any, Any]:
     if not isinstance(value, Mapping):
-        raise ModelError(f"{what} = {value!r}: expected a mapping such as {example}.")
+        raise ModelError(f"{what} = {shown(value)}: expected a mapping such as {example}.")
     return dict(value)
 
 
 def _expression(value: Any, what: str) -> Any:
-    try:
-        expression = sp.sympify(value).doit()
-    except (sp.SympifyError, AttributeError, TypeError):
-        raise ModelError(f"{what} is not a SymPy expression: got {value!r}.") from None
+    expression = _number(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else value
     if not isinstance(expression, sp.Expr) or expression.is_Matrix:
-        raise ModelError(f"{what} is not a scalar SymPy expression: got {value!r}.")
+        remedy = "write it with SymPy's symbols" if isinstance(value, str) else "give one, or a number"
+        raise ModelError(f"{what} is not a scalar SymPy expression: got {shown(value)}; {remedy}.")
+    expression = expression.doit()
+    if not isinstance(expression, sp.Expr) or expression.is_commutative is False:
+        raise ModelError(f"{what} is not a scalar SymPy expression: got {shown(value)}; give one, or a number.")
     if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
-        raise ModelError(f"{what} contains an infinite or undefined constant: {expression}.")
+        raise ModelError(f"{what} contains an infinite or undefined constant: {shown(expression)}.")
+    if expression.has(sp.I):
+        raise ModelError(f"{what} contains the imaginary unit: {shown(expression)}; expected a real expression.")
+    for constant in expression.atoms(sp.Number):
+        if not _fits_in_c(constant):
+            raise ModelError(f"{what} contains the constant {shown(constant)}: expected 0 or a magnitude from 1e-307 to 1e307.")
     return expression
+
+
+def _number(value: Any) -> Any:
+    """A real number as one of SymPy, exactly; nothing that the number says of itself is asked."""
+    if isinstance(value, numbers.Integral):
+        return sp.Integer(int(value))
+    if isinstance(value, numbers.Rational):
+        return sp.Rational(int(value.numerator), int(value.denominator))
+    return sp.Float(float(value))
+
+
+def _fits_in_c(constant: Any) -> bool:
+    if isinstance(constant, sp.Rational):
+        return bool(max(abs(constant.p), constant.q) <= LARGEST)
+    return bool(constant == 0 or 1 / LARGEST <= abs(constant) <= LARGEST)
+
+
+def _parameter_value(symbol: Any, value: Any) -> float | None:
+    """The default value of a parameter as a float that its symbol may have."""
+    if value is None:
+        return None
+    number = math.nan
+    if not isinstance(value, bool) and (isinstance(value, numbers.Real) or (isinstance(value, sp.Expr) and value.is_comparable)):
+        try:
+            number = float(value)
+        except (OverflowError, ValueError, TypeError):
+            number = math.inf
+    if not math.isfinite(number):
+        raise ModelError(f"parameter {symbol} = {shown(value)}: a finite number was expected.")
+    if value != 0 and not 1 / LARGEST_PARAMETER <= abs(number) <= LARGEST_PARAMETER:
+        raise ModelError(f"parameter {symbol} = {shown(value)}: expected 0 or a magnitude from 1e-100 to 1e100; use other units.")
+    for fact in ("positive", "negative", "nonnegative", "nonpositive", "nonzero"):
+        if getattr(symbol, f"is_{fact}") and getattr(sp.Float(number), f"is_{fact}") is False:
+            raise ModelError(
+                f"parameter {symbol} = {shown(value)}: its symbol is assumed to be {fact}; give such a value, or make the symbol without it."
+            )
+    return number
+
+
+def _is_function_of_time(symbol: Any) -> bool:
+    return isinstance(symbol, AppliedUndef) and symbol.args == (dynamicsymbols._t,)
+
+
+def check_system(system: Any) -> None:
+    """Raise ModelError unless the argument of a function is a system."""
+    if not isinstance(system, MechanicalSystem):
+        raise ModelError(f"{shown(system)} is a {type(system).__name__}: expected a MechanicalSystem.")
 
 
 def _slack(relation: Any, what: str) -> Any:
@@ -332,7 +402,7 @@ def _slack(relation: Any, what: str) -> Any:
         return _expression(relation.lhs - relation.rhs, what)
     if isinstance(relation, (LessThan, StrictLessThan)):
         return _expression(relation.rhs - relation.lhs, what)
-    raise ModelError(f"{what} is not an inequality: expected a relation such as `alpha >= a_min`, got {relation!r}.")
+    raise ModelError(f"{what} is not an inequality: expected a relation such as `alpha >= a_min`, got {shown(relation)}.")
 
 
 def _atoms(expression: Any) -> set[Any]:
@@ -363,8 +433,9 @@ def _is_singular(mass: sp.Matrix) -> bool:
     for shift in (0.0, 1.7, 4.1):
         point = {s: sp.Float(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0, 30) for i, s in enumerate(symbols)}
         matrix = mass.xreplace(point).evalf(30)
-        scale = max(abs(entry) for entry in matrix) ** matrix.rows
-        if abs(matrix.det()) > scale * sp.Float("1e-20"):
+        scale = sp.Max(*(abs(entry) for entry in matrix)) ** matrix.rows
+        determinant = abs(matrix.det())
+        if determinant.is_comparable and scale.is_comparable and determinant > scale * sp.Float("1e-20"):
             return False
     return True
 

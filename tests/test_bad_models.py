@@ -1,0 +1,153 @@
+"""Bad descriptions of a model: each is refused in one sentence, and no text is evaluated."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
+from systems import block_system
+
+import dmoc
+from dmoc.errors import DmocError, ModelError
+from dmoc.symbolic.kernels import model_key, model_spec
+
+T = dynamicsymbols._t
+x, u = dynamicsymbols("x u")
+m, k = sp.symbols("m k")
+HUGE = 10**400
+ENDLESS = 10**5000  # Python refuses to write it
+CODE = '__import__("builtins").evaluated.append(1)'
+
+
+class Hostile:
+    """An object that SymPy would ask what it is."""
+
+    def _sympy_(self) -> Any:
+        raise AssertionError("an object of another kind was asked for an expression")
+
+    def __repr__(self) -> str:
+        return "several\nlines " + "and so on " * 100
+
+
+def make(**fields: Any) -> dmoc.MechanicalSystem:
+    given = {
+        "name": "bad", "coordinates": [x], "inputs": [u], "lagrangian": m * x.diff(T) ** 2 / 2, "forces": {x: u}, "parameters": {m: 1.0},
+        "cost": u**2, **fields,
+    }  # fmt: skip
+    return dmoc.MechanicalSystem(**given)
+
+
+WRONG = [CODE, "", b"x", None, True, HUGE, ENDLESS, -HUGE, 1j, complex("nan"), float("nan"), float("inf"), [], {}, object(), Hostile(), Hostile,
+         np.ones(2), sp.I, sp.oo, sp.nan, sp.zoo, sp.Matrix([x]), sp.true, x <= 1, sp.Float("1e-400"), sp.Rational(1, HUGE),
+         sp.Symbol("A", commutative=False) * sp.Symbol("B", commutative=False)]  # fmt: skip
+SCALARS = ("lagrangian", "cost", "dissipation", "terminal_cost")
+CASES: list[dict[str, Any]] = [{field: value} for field in SCALARS for value in WRONG]
+CASES += [{"forces": {x: value}} for value in WRONG]
+CASES += [{field: {"s": value}} for field in ("surfaces", "path_constraints") for value in WRONG if not isinstance(value, sp.Rel)]
+CASES += [{"parameters": {m: value}} for value in WRONG if value is not None]
+CASES += [{"parameters": {m: value}} for value in ("1.0", 1e-300, 1e300, sp.Symbol("a"), np.array([1.0]), np.bool_(True))]
+CASES += [{"lagrangian": value * x.diff(T) ** 2 / 2, "parameters": {}} for value in (1e-300, sp.Float("1e300"), HUGE, 0, -sp.I)]
+CASES += [{field: value} for field in ("coordinates", "inputs", "parameters", "forces", "surfaces", "path_constraints", "units")
+          for value in (CODE, None, 1, ENDLESS, x, Hostile(), [CODE], [None], [ENDLESS], [1], {CODE: 1}, {None: 1}, {ENDLESS: 1}, {u: CODE}, {1.5: x})
+          if not (field in ("parameters", "units") and value == {u: CODE})]  # fmt: skip
+CASES += [{"coordinates": {x}}, {"inputs": {u}}]
+CASES += [{"name": value} for value in (None, 1, ENDLESS, b"m", "", "a b", "../m", "x" * 65, "while", ["m"])]
+CASES += [{"title": value} for value in (None, 1, b"t", "two\nlines", ["t"])]
+CASES += [{"units": {x: value}} for value in (None, 1, "", "x" * 17, "a\nb", ENDLESS)]
+CASES += [
+    {"coordinates": [value], "forces": {}, "inputs": [], "cost": 0} for value in (sp.Function("f")(m), sp.Symbol("x"), x.diff(T))
+]
+CASES += [{"parameters": {sp.Symbol("m", **facts): value}, "lagrangian": sp.Symbol("m", **facts) * x.diff(T) ** 2}
+          for facts, value in (({"positive": True}, -1.0), ({"negative": True}, 1.0), ({"nonzero": True}, 0.0), ({"imaginary": True}, 1.0),
+                               ({"commutative": False}, 1.0))]  # fmt: skip
+
+
+@pytest.fixture
+def evaluated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """What text that is run as Python would change."""
+    import builtins
+
+    found: list[int] = []
+    monkeypatch.setattr(builtins, "evaluated", found, raising=False)
+    return found
+
+
+def sentence(error: DmocError) -> str:
+    text = str(error)
+    assert "\n" not in text and len(text) < 500 and text.endswith(".")
+    return text
+
+
+def label(case: dict[str, Any]) -> str:
+    (field, value), *_ = case.items()
+    inner = next(iter(value.values())) if isinstance(value, dict) and value else value
+    return f"{field} {type(inner).__name__}"
+
+
+@pytest.mark.parametrize("case", CASES, ids=label)
+def test_a_bad_description_is_refused_in_one_sentence(case: dict[str, Any], evaluated: list[int]) -> None:
+    with pytest.raises(ModelError) as error:
+        make(**case)
+    sentence(error.value)
+    assert evaluated == []
+
+
+@pytest.mark.parametrize("field", SCALARS)
+def test_text_is_no_expression(field: str) -> None:
+    with pytest.raises(ModelError, match="write it with SymPy's symbols"):
+        make(**{field: "x**2"})
+
+
+def test_imported_models_take_no_text_either(evaluated: list[int]) -> None:
+    method = LagrangesMethod(m * x.diff(T) ** 2 / 2, [x])
+    values = {m: 1.0}
+    for fields in (
+        {"forces": {x: CODE}},
+        {"cost": CODE},
+        {"surfaces": {"s": CODE}},
+        {"forces": {CODE: u}},
+        {"forces": CODE},
+        {"title": 1},
+    ):
+        with pytest.raises(ModelError) as error:
+            dmoc.MechanicalSystem.from_lagranges_method("m", method, values, **fields)
+        sentence(error.value)
+    for other in (CODE, None, 1, Hostile(), block_system()):
+        for take in (dmoc.MechanicalSystem.from_lagranges_method, dmoc.MechanicalSystem.from_joints):
+            with pytest.raises(ModelError) as error:
+                take("m", other, values)
+            sentence(error.value)
+    assert evaluated == []
+
+
+@pytest.mark.parametrize(
+    "other", [None, CODE, 1, ENDLESS, block_system, Hostile(), dmoc.MechanicalSystem], ids=lambda o: type(o).__name__
+)
+def test_only_a_system_is_derived(other: Any) -> None:
+    for use in (dmoc.derive, model_spec, model_key):
+        with pytest.raises(ModelError, match="expected a MechanicalSystem") as error:
+            use(other)
+        sentence(error.value)
+
+
+@pytest.mark.parametrize(
+    "order", [None, "2", 3, 0, -2, 2.0, True, ENDLESS, [2], np.array([2, 4]), Hostile()], ids=lambda o: type(o).__name__
+)
+def test_only_the_orders_that_exist_are_derived(order: Any) -> None:
+    for use in (dmoc.derive, model_spec):
+        with pytest.raises(ModelError, match=r"order = .*: expected one of 2, 4") as error:
+            use(block_system(), order)
+        sentence(error.value)
+
+
+@pytest.mark.parametrize(
+    "value", [2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(4, 2), sp.Integer(2), sp.Float(2), sp.sqrt(4)]
+)
+def test_numbers_of_any_kind_are_numbers(value: Any) -> None:
+    system = make(cost=value, terminal_cost=value, forces={x: u * 1 + sp.S.Zero}, parameters={m: value})
+    assert float(system.cost) == float(system.terminal_cost) == 2.0
+    assert system.parameters == {m: 2.0} and type(system.parameters[m]) is float
