@@ -5,11 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from dmoc.arguments import choice, flag, function, positive, shown, text, whole
 from dmoc.codegen.kernels import Array, Kernels
@@ -29,6 +27,7 @@ from dmoc.solvers import external, ipm, slsqp
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.kkt import duality_gap, residuals
 from dmoc.solvers.outcome import INFEASIBLE, Duals, Iteration, Options, Outcome, Status
+from dmoc.solvers.threads import ONE_THREAD
 from dmoc.solvers.touching import pays, pushed, suspects, touches
 
 METHODS = ("slsqp", "ipm", "ipopt", "uno")
@@ -126,7 +125,7 @@ def _solve(
     if method == "slsqp":
         _check_size(problem)
     start = time.perf_counter()
-    with _thread_pools().limit(limits=1):  # the matrices are small: several threads would wait for each other
+    with ONE_THREAD:
         points = _starting_points(problem, guess)
         guessed = time.perf_counter()
         scale = scale_of(problem, points[0])
@@ -210,12 +209,6 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
             "give the problem that was solved."
         )
     return find_sensitivities(problem, solution.unknowns, solution.multipliers)
-
-
-@cache
-def _thread_pools() -> ThreadpoolController:
-    """Looking for thread pools takes longer than a solve of the compiled method."""
-    return ThreadpoolController()
 
 
 def _check_size(problem: Problem) -> None:
