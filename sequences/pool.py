@@ -12,7 +12,9 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import replace
+from multiprocessing import resource_tracker
 from typing import TypeAlias
 
 from dmoc.sequences.inner import Task, lost, solve_node
@@ -134,7 +136,8 @@ class Processes:
         source = suspects if alone else waiting
         while source and len(running) < (1 if alone else self.workers):
             try:
-                running[self._workers().submit(solve_node, source[0])] = (source[0], time.monotonic())
+                with _interrupts_wait():  # also for ever in the worker processes that are started here
+                    running[self._workers().submit(solve_node, source[0])] = (source[0], time.monotonic())
             except BrokenProcessPool:  # a worker died between two nodes
                 return True
             source.popleft()
@@ -154,6 +157,17 @@ class Processes:
             for process in processes:
                 process.kill()
             self.pool = None
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Hold Ctrl-C back from this thread until the end, and from processes and threads that it starts meanwhile."""
+    resource_tracker.ensure_running()  # it is started with the first worker, and until Python 3.12 that lets Ctrl-C through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _prepare() -> None:

@@ -1,5 +1,6 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, binding=False
 """Entry to the interior-point method in C (interior_point.h), and to its factorisation for tests."""
+from cpython.exc cimport PyErr_CheckSignals
 from cpython.pycapsule cimport PyCapsule_GetPointer
 
 import numpy as np
@@ -52,6 +53,7 @@ cdef int _report(void *user, int iteration, double cost, double violation, doubl
     with gil:
         listener = <_Listener>user
         try:
+            PyErr_CheckSignals()
             listener.report(iteration, cost, violation, mu, bool(restoring))
         except BaseException as error:
             listener.raised = error

@@ -37,7 +37,8 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
     """
     outcome = _run(nlp, x, options, duals)
     left = residuals(nlp, outcome.x, outcome.duals)
-    if left.optimality <= options.optimality and left.violation <= options.violation:
+    meets = left.optimality <= options.optimality and left.violation <= options.violation
+    if meets and outcome.status is not Status.INTERRUPTED:  # who has interrupted wants to know, whatever the iterate is worth
         return replace(outcome, status=Status.SOLVED)
     status = Status.STALLED if outcome.status is Status.SOLVED else outcome.status
     return replace(outcome, status=status, detail=f"optimality {left.optimality:.1e}, violation {left.violation:.1e}")

@@ -70,16 +70,18 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         if s.solved and _barrier(s) > BARRIER * tolerance:
             sharper = _from_coarse(problem, solved, solve, BARRIER * tolerance / _barrier(s) / 2 * s.optimality)
             iterations += sharper.iterations
-            s = sharper if sharper.solved else s
+            s = sharper if sharper.solved or sharper.status == "interrupted" else s
         spent = {k: spent.get(k, 0.0) + v for k, v in s.seconds.items()}
         s = replace(s, seconds=spent)
+        if s.status == "interrupted":
+            return replace(result(solved[-1], error), status=s.status, message=s.message) if solved else s
         if not s.solved:
             if solved:
                 return result(
                     solved[-1], error, f"the mesh of {max(problem.phase_steps)} steps a phase ended {s.status} ({s.message})"
                 )
             failures += 1
-            if failures > COARSE_FAILURES or s.status in ("time_limit", "interrupted"):
+            if failures > COARSE_FAILURES or s.status == "time_limit":
                 return s
             problem = problem.but(steps=[2 * n for n in problem.phase_steps])
             continue
