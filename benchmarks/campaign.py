@@ -37,6 +37,7 @@ MOST = {
     "segment": 0.02,  # of the motion's extent and speed, in the metric of the mass matrix, over a tenth of a phase
     "law": 0.05,  # of the speed of approach
     "impulse": 0.05,  # of (1 + e) w / (n . M^-1 n)
+    "gap": 1e-6,  # at a collision, of the gap's range
     "limit": 1e-6,  # of the range of an input, between nodes
     "penetration": 0.01,  # of the range of the gap
     "boundary": 1e-6,  # of the motion's range

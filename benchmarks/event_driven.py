@@ -1,4 +1,4 @@
-"""An event-driven simulation that shares no code with dmoc: SymPy derives the equations of motion, SciPy's DOP853 finds events, the law of impact is its own.
+"""An event-driven simulation that shares no code with dmoc: equations of motion by SymPy, events by SciPy's DOP853, an own law of impact.
 
 M q'' = F(q, q', u, t) with M = d^2 L/dq'^2 and F = Q + dL/dq - (d^2 L/dq' dq) q' - d^2 L/dq' dt.  A surface is a gap g(q, t) <= 0 with the normal
 n = dg/dq and the speed of approach w = n . q' + dg/dt; an impact is the impulse -lam n with lam = (1 + e) w / (n . M^-1 n), so that w becomes -e w.
