@@ -149,9 +149,9 @@ class Elements:
             block = self._block("normal_jac", "n_D_ql", rows.momentum[nodes], self._normal_columns, -1.0)
             found.append(Element("normal_jac", self._normal, (block,)))
             energy = rows.energy[:, None]
-            for at, sign, wanted in ((nodes - 1, self._share, "e_plus_D_z"), (nodes, -self._share, "e_minus_D_z")):
+            for at, share, side in ((nodes - 1, self._share, "e_plus_D_z"), (nodes, -self._share, "e_minus_D_z")):
                 blocks = tuple(
-                    self._block("impact_jac", name, energy if name == wanted else np.full_like(energy, NOWHERE), z[at], sign)
+                    self._block("impact_jac", name, energy if name == side else np.full_like(energy, NOWHERE), z[at], share)
                     for name in ("e_plus_D_z", "e_minus_D_z")
                 )
                 found.append(Element("impact_jac", self._beside(at), blocks))
@@ -192,10 +192,12 @@ class Elements:
         if len(self.surfaces):
             nodes = lay.collision_nodes
             energy, zero = self._multiplier(rows.energy)[:, None], np.full((len(nodes), 1), self.zero)
-            for at, sign, weights in ((nodes - 1, self._share, (energy, zero)), (nodes, -self._share, (zero, energy))):
-                found.append(self._curvature("impact_hess", (*self._beside(at), np.hstack(weights)), z[at], sign))
+            for at, share, weights in ((nodes - 1, self._share, (energy, zero)), (nodes, -self._share, (zero, energy))):
+                found.append(self._curvature("impact_hess", (*self._beside(at), np.hstack(weights)), z[at], share))
             found.append(self._curvature("normal_hess", (*self._normal, mu[nodes]), self._normal_columns, -1.0))
-            found.append(self._curvature("restitution_hess", (*self._restitution, energy), self._restitution_columns, -self._work))
+            found.append(
+                self._curvature("restitution_hess", (*self._restitution, energy), self._restitution_columns, -self._work)
+            )
             none = np.full((1, 1), self.zero)
             for at, place, wanted in self._momenta_beside:
                 weights_of = [np.full((len(at), size), self.zero) for size in (lay.nq, lay.nq, rows.inside.shape[1])]
@@ -213,8 +215,8 @@ class Elements:
                 held = self._multiplier(rows.contact[at])
                 found.append(self._curvature("surface_hess", (q[at], self._at(t, at), par, held), columns[at]))
         if rows.gap_inside.size:
-            weights = (*self._surface_inside, self._multiplier(rows.gap_inside))
-            found.append(self._curvature("surface_hess", weights, self._columns_inside, -1.0))
+            inside = (*self._surface_inside, self._multiplier(rows.gap_inside))
+            found.append(self._curvature("surface_hess", inside, self._columns_inside, -1.0))
         if self.kernels.has("path"):
             found.append(self._curvature("path_hess", (*self._step, self._multiplier(rows.path)), z))
         for row, state, columns, sign in self._legendre:
@@ -307,7 +309,8 @@ class Elements:
     @cached_property
     def _rates(self) -> list[tuple[tuple[Index, ...], Index, Index, float]]:
         """Where rates of gaps at collisions enter: positions of (q_c, v, t), their unknowns, rows by surface, and the factor."""
-        lay, nodes, found = self.layout, self.layout.collision_nodes, []
+        lay, nodes = self.layout, self.layout.collision_nodes
+        found: list[tuple[tuple[Index, ...], Index, Index, float]] = []
         q, t, hit = lay.index_q[nodes], self._at(self._times, nodes), (np.arange(len(nodes)), self.surfaces)
         plastic = np.where(self._work[:, 0] > 0, NOWHERE, self.rows.energy)
         for v, rows, sign in (

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.nlp.algebra import solved
 
 
 def averaged_accelerations(
@@ -42,16 +43,16 @@ def averaged_accelerations(
     gradient = np.zeros(nq)
     values = kernels.call("surface_jac", at, now, par)[0][0]
     gradient[columns[rows == surface]] = values[rows == surface]  # a surface with a minimal time stands still
-    push = np.linalg.solve(mass, inputs).T @ gradient
+    push = solved(mass, inputs).T @ gradient
     full = np.where(push > 0, bounds[:, 1], bounds[:, 0])[None]
     force = kernels.call("dynamics", at, rate, full, now, par)[1][0]
-    a = np.linalg.solve(mass, force)
+    a = solved(mass, force)
     mass_s, force_s = kernels.call("dynamics_jac", at, rate, full, now, par)
     M_D_s, F_D_s = np.zeros((nq * nq, 2 * nq)), np.zeros((nq, 2 * nq))
     M_D_s[kernels.pattern("dynamics_jac", "M_D_s")] = mass_s[0]
     F_D_s[kernels.pattern("dynamics_jac", "F_D_s")] = force_s[0]
     change = F_D_s - np.einsum("ijs,j->is", M_D_s.reshape(nq, nq, 2 * nq), a)
-    return a, np.linalg.solve(mass, change)
+    return a, solved(mass, change)
 
 
 def minimal_time(

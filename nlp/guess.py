@@ -10,18 +10,21 @@ The final time is varied until the inputs keep their bounds.
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.algebra import least_squares, solved
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Boundary, Problem, midpoints
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.surfaces import crossings, gap_to, onto_surface
 from dmoc.nlp.transcription import Transcription
+from dmoc.nlp.transfer import on_finer
 
 # Smallest singular value, relative to the rows and with inertia scaled to one, below which controllability counts as lost.
 WINDOW = 0.15
@@ -97,17 +100,28 @@ class Motion:
     cost: float
 
 
-def initial_guesses(problem: Problem) -> tuple[Guess, ...]:
+def initial_guesses(problem: Problem, deadline: float = np.inf) -> tuple[Guess, ...]:
     """Return guesses for all unknowns of ``problem``, the better one first.
 
     The final times that are tried keep the problem's bounds; among those that keep the bounds of the inputs the one of least cost is taken, and if
-    there is none, the one that violates them least.
+    there is none, the one that violates them least.  After the ``deadline``, a time of ``time.perf_counter``, no further one is tried.
+    Phases of very many steps are marched with fewer and interpolated.
     """
+    if max(problem.phase_steps) > MOST_MARCHED:
+        few = problem.but(steps=[min(n, MOST_MARCHED) for n in problem.phase_steps])
+        return tuple(replace(g, x=on_finer(problem, few, g.x)) for g in initial_guesses(few, deadline))
+    with np.errstate(all="ignore"):
+        return _guesses(problem, deadline)
+
+
+def _guesses(problem: Problem, deadline: float) -> tuple[Guess, ...]:
     prescribed = _prescribed(problem)
     few = max(COARSE_STEPS // problem.phases, FEWEST_STEPS)
     coarse = problem.but(steps=[min(n, few) for n in problem.phase_steps])
     best: tuple[float, float, float] | None = None
     for final_time in _final_times(problem):
+        if time.perf_counter() > deadline:
+            break
         motion = _march(coarse, _plan(coarse, prescribed, final_time), prescribed)
         if motion is None:
             continue
@@ -123,12 +137,14 @@ def initial_guesses(problem: Problem) -> tuple[Guess, ...]:
     latest = problem.final_time_bounds[1]
     if np.isfinite(latest) and final_time < MUCH_SHORTER * latest:  # a hurried guess says little about what there is time for
         choices.append((choices[-1][0], latest))
-    for choice, time in choices:
-        plan = _plan(problem, choice, time)
+    for choice, length in choices:
+        if time.perf_counter() > deadline:
+            break
+        plan = _plan(problem, choice, length)
         motion = _march(problem, plan, choice)
         if motion is not None:
             x = _unknowns(problem, plan, motion)
-            guesses.append(Guess(x, time, _names(problem, choice), motion.free_steps, _excess(problem, motion.u)))
+            guesses.append(Guess(x, length, _names(problem, choice), motion.free_steps, _excess(problem, motion.u)))
     if not guesses:
         plan = _plan(problem, prescribed, final_time)
         motion = _resting(problem, plan)
@@ -171,7 +187,7 @@ def _natural_time(problem: Problem) -> float:
     times = [reach[i] / abs(v[i]) for i in range(problem.nq) if v[i] != 0]
     for u in (np.zeros(problem.nu), *full):
         mass, force = problem.kernels.call("dynamics", q[None], zero, u[None].copy(), np.zeros((1, 1)), problem.parameter_values)
-        a = np.abs(np.linalg.solve(mass.reshape(problem.nq, problem.nq), force[0]))
+        a = np.abs(solved(mass.reshape(problem.nq, problem.nq), force[0]))
         times += [float(np.sqrt(2 * reach[i] / a[i])) for i in range(problem.nq) if np.isfinite(a[i]) and a[i] > 0]
     return float(np.median(times)) if times else NO_TIME / AROUND
 
@@ -236,7 +252,7 @@ def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> P
         _, slope, _ = gap_to(problem, points[i + 1], surface, float(durations[: i + 1].sum()))
         e = max(_coefficient(problem, surface), SOFTEST_MIRROR)
         before, after = legs[i] / durations[i], legs[i + 1] / durations[i + 1]
-        response = np.linalg.solve(_Dynamics(problem, points[i + 1], np.zeros(problem.nq), 0.0).mass, slope)
+        response = solved(_Dynamics(problem, points[i + 1], np.zeros(problem.nq), 0.0).mass, slope)
         square = float(slope @ response)
         mirrored = after - (1 + 1 / e) * (slope @ after) / square * response if square > 0 else after
         velocity = (durations[i + 1] * before + durations[i] * mirrored) / (durations[i] + durations[i + 1])
@@ -255,7 +271,7 @@ def _end_velocity(problem: Problem, boundary: Boundary, q: Array, default: Array
         zero = np.zeros((1, problem.nq))
         p = midpoints(boundary.momentum, np.zeros(problem.nq))
         offset = problem.kernels.call("legendre", q[None], zero, np.zeros((1, 1)), problem.parameter_values)[0][0]
-        return np.asarray(np.linalg.solve(_Dynamics(problem, q, zero[0], 0.0).mass, p - offset))
+        return solved(_Dynamics(problem, q, zero[0], 0.0).mass, p - offset)
     return midpoints(boundary.velocity, np.where(np.isfinite(boundary.momentum).any(axis=1), 0.0, default))
 
 
@@ -283,7 +299,7 @@ class _Dynamics:
         rows /= np.sqrt((rows * rows).sum(axis=1, keepdims=True))
         if len(others) == len(rows) == 1:
             return abs(float(rows[0, others[0]]))
-        return float(np.linalg.svd(rows[:, others], compute_uv=False)[-1])
+        return float(np.linalg.svd(rows[:, others], compute_uv=False)[-1]) if np.isfinite(rows).all() else 0.0
 
     def accelerations(self, prescribed: tuple[int, ...], wanted: Array, free: bool) -> Array:
         """Return q'': the prescribed ones as wanted and the others from the rows without inputs, or the reverse in free motion."""
@@ -309,8 +325,8 @@ def _rows_of_inputs(inputs: bytes, inertia: bytes, nq: int, nu: int) -> tuple[Ar
     squares in the same measure; B is the same in most states."""
     root = np.sqrt(np.frombuffer(inertia))
     B = np.frombuffer(inputs).reshape(nq, nu) / root[:, None]
-    if not nu:
-        return np.diag(1 / root), np.zeros((0, nq))
+    if not (nu and np.isfinite(B).all()):
+        return np.diag(1 / root), np.zeros((nu, nq))
     size = np.linalg.norm(B, axis=0)
     size = np.where(size > 0, size, 1.0)
     rest = np.linalg.svd(B / size, full_matrices=True)[0][:, nu:].T
@@ -320,7 +336,7 @@ def _rows_of_inputs(inputs: bytes, inertia: bytes, nq: int, nu: int) -> tuple[Ar
 def _least_squares(A: Array, b: Array) -> Array:
     if A.shape == (1, 1) and A[0, 0] != 0:
         return np.asarray(b / A[0, 0])
-    return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
+    return least_squares(A, b)
 
 
 def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion | None:
@@ -361,7 +377,7 @@ def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion 
         begin += plan.durations[i]
         if i < len(problem.sequence):
             v_a.append(v)
-            v, impulse = _reflect(problem, q, v, problem.sequence[i], begin)
+            v, impulse = reflected(problem, q, v, problem.sequence[i], begin)
             v_c.append(v)
             lam.append(impulse)
     before, after = (np.array(found).reshape(len(lam), problem.nq) for found in (v_a, v_c))
@@ -375,7 +391,7 @@ class _Spline:
 
     def __init__(self, q: Array, v: Array, q1: Array, v1: Array, duration: float) -> None:
         self.q, self.v = q.copy(), v.copy()
-        T = max(duration, 1e-9)
+        T = duration if duration > 0 else 1.0
         self.c2 = (3 * (q1 - q) / T - 2 * v - v1) / T
         self.c3 = (2 * (q - q1) / T + v + v1) / T**2
 
@@ -393,10 +409,10 @@ def _coefficient(problem: Problem, surface: str) -> float:
     return float(problem.restitution_values[problem.kernels.surfaces.index(surface)])
 
 
-def _reflect(problem: Problem, q: Array, v: Array, surface: str, t: float) -> tuple[Array, float]:
+def reflected(problem: Problem, q: Array, v: Array, surface: str, t: float) -> tuple[Array, float]:
     """Velocity after an impact, and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n) with n = grad g."""
     _, normal, moving = gap_to(problem, q, surface, t)
-    response = np.linalg.solve(_Dynamics(problem, q, v, t).mass, normal)
+    response = solved(_Dynamics(problem, q, v, t).mass, normal)
     inertia, approach = float(normal @ response), float(normal @ v) + moving
     impulse = max((1 + _coefficient(problem, surface)) * approach / inertia, 0.0) if inertia > 0 else 0.0
     return v - impulse * response, impulse
@@ -411,7 +427,15 @@ def _resting(problem: Problem, plan: Plan) -> Motion:
     q = np.vstack([*pieces, plan.positions[-1:]])
     u = np.tile(midpoints(problem.input_bounds, np.zeros(problem.nu)), (len(q) - 1, 1))
     return Motion(
-        q, u, np.zeros(len(problem.sequence)), plan.velocities[1:-1], plan.velocities[1:-1], 0, plan.velocities[0], plan.velocities[-1], np.inf
+        q,
+        u,
+        np.zeros(len(problem.sequence)),
+        plan.velocities[1:-1],
+        plan.velocities[1:-1],
+        0,
+        plan.velocities[0],
+        plan.velocities[-1],
+        np.inf,
     )
 
 
@@ -419,8 +443,9 @@ def _excess(problem: Problem, u: Array) -> float:
     """Largest violation of an input bound relative to the bound's range."""
     low, high = problem.input_bounds.T
     over = np.maximum(np.maximum(low - u, u - high), 0.0)
-    scale = np.where(np.isfinite(high - low), np.maximum(high - low, 1e-12), 1.0)
-    return float((over / scale).max(initial=0.0))
+    sizes = [np.where(np.isfinite(limit), np.abs(limit), 0.0) for limit in (low, high)]
+    scale = np.where(np.isfinite(high - low) & (high > low), high - low, np.maximum(*sizes))
+    return float((over / np.where(scale > 0, scale, 1.0)).max(initial=0.0))
 
 
 # Unknowns ------------------------------------------------------------------------------------------------------------

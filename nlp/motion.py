@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.algebra import solved
 from dmoc.nlp.labels import Block
 from dmoc.nlp.transcription import Transcription
 from dmoc.trajectory import Collision, Phase, Trajectory
@@ -78,7 +79,7 @@ def _velocities(nlp: Transcription, t: Array, q: Array, p: Array) -> Array:
     mass = kernels.call("dynamics", q, rest, np.zeros((1, nlp.problem.nu)), at, nlp.par)[0].reshape(
         len(q), q.shape[1], q.shape[1]
     )
-    return np.ascontiguousarray(np.linalg.solve(mass, (p - offset)[:, :, None])[:, :, 0])
+    return np.ascontiguousarray(solved(mass, p - offset))
 
 
 def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[str, ...]:

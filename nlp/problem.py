@@ -14,6 +14,7 @@ from dmoc.arguments import LONGEST_TEXT, Range, flag, interval, limits, listed, 
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.codegen.system import kernels_of
 from dmoc.errors import ProblemError
+from dmoc.nlp.algebra import solved
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 
 CONTROLS = {2: ("constant", "linear"), 4: ("stages", "constant")}  # by order; the first is the default
@@ -422,7 +423,7 @@ class Problem:
         zero, now, par = np.zeros((1, self.nq)), np.zeros((1, 1)), self.parameter_values
         offset = self.kernels.call("legendre", q[None], zero, now, par)[0][0]
         mass = self.kernels.call("dynamics", q[None], zero, np.zeros((1, self.nu)), now, par)[0].reshape(self.nq, self.nq)
-        return np.asarray(np.linalg.solve(mass, momentum[:, 0] - offset))
+        return solved(mass, momentum[:, 0] - offset)
 
 
 def midpoints(bounds: Array, default: Array) -> Array:

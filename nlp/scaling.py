@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.layout import Layout
+from dmoc.nlp.layout import Index, Layout
 from dmoc.nlp.problem import Problem
 from dmoc.symbolic.names import momentum_name, velocity_name
 
@@ -59,7 +59,7 @@ class Scale:
         found |= {f"gap to {s}": size for s, size in zip(kernels.surfaces, self.gap.tolist(), strict=True)}
         return found
 
-    def unknowns(self, lay: Layout, surfaces: Array) -> Array:
+    def unknowns(self, lay: Layout, surfaces: Index) -> Array:
         """Size of every unknown; ``surfaces`` are those of the collisions."""
         size = np.ones(lay.size)
         size[lay.index_h] = self.h

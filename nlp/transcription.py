@@ -125,7 +125,10 @@ class Transcription:
             "separation": s.rate[hit[self.separating]],
         }
         sizes = [np.array([s.cost])]
-        for blocks, goals in ((self.equalities, self._fixed_goals), (self.inequalities, [g for g, _, _ in goal_limits(self.goals)])):
+        for blocks, goals in (
+            (self.equalities, self._fixed_goals),
+            (self.inequalities, [g for g, _, _ in goal_limits(self.goals)]),
+        ):
             for block in blocks:
                 if block.name == "goal":
                     sizes.append(np.array([states[g.name] for g in goals]))
@@ -140,7 +143,11 @@ class Transcription:
     @property
     def _sizes_of_states(self) -> dict[str, float]:
         names, s = self.problem.kernels.coordinates, self.scale
-        pairs = [(name(q), size[i]) for name, size in ((str, s.q), (velocity_name, s.v), (momentum_name, s.p)) for i, q in enumerate(names)]
+        pairs = [
+            (name(q), size[i])
+            for name, size in ((str, s.q), (velocity_name, s.v), (momentum_name, s.p))
+            for i, q in enumerate(names)
+        ]
         return {name: float(size) for name, size in pairs}
 
     @property
@@ -246,7 +253,9 @@ class Transcription:
         shortest = SHORTEST_PHASE * latest if len(problem.sequence) and np.isfinite(latest) else 0.0
         low, high = problem.duration_bounds.T
         low = np.where(low > 0, low, np.minimum(shortest, SHORTEST_PHASE * high))  # a bound that was given counts
-        box[lay.index_h] = np.maximum(np.stack([low, high], axis=1) / np.array(lay.steps)[:, None], SMALLEST_STEP * self.scale.time)
+        box[lay.index_h] = np.maximum(
+            np.stack([low, high], axis=1) / np.array(lay.steps)[:, None], SMALLEST_STEP * self.scale.time
+        )
         box[lay.index_q] = problem.coordinate_bounds
         box[lay.index_u] = problem.input_bounds
         box[lay.index_lam, 0] = 0.0

@@ -13,6 +13,9 @@ from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.trajectory import Trajectory, input_times
 
+# How far inside of its step an input at a node counts where inputs may jump there, as a share of the step.
+INSIDE = 1e-6
+
 
 @dataclass(frozen=True)
 class Piece:
@@ -26,7 +29,7 @@ class Piece:
 
 
 def pieces_of(trajectory: Trajectory) -> list[Piece]:
-    return [Piece(p.t, p.q, p.v, input_times(trajectory.controls, p.t), p.u) for p in trajectory.phases]
+    return [Piece(p.t, p.q, p.v, _times_of_inputs(trajectory.controls, p.t), p.u) for p in trajectory.phases]
 
 
 def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence[float]) -> Array:
@@ -40,7 +43,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
         nodes.append(curve(t))
         inside.append(curve((t[:-1] + t[1:]) / 2))
         times.append(t)
-        at = input_times(lay.controls, t)
+        at = _times_of_inputs(lay.controls, t)
         columns = [np.interp(at, piece.t_u, u) for u in piece.u.T]
         inputs.append(np.stack(columns, axis=1) if columns else np.zeros((len(at), 0)))
     x[lay.index_h] = [(p.t[-1] - p.t[0]) / n for p, n in zip(pieces, lay.steps, strict=True)]
@@ -60,3 +63,28 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
         if len(index_v):
             x[index_v] = piece.v[k]
     return x
+
+
+def on_finer(problem: Problem, few: Problem, x: Array) -> Array:
+    """Unknowns of a problem from those x of the same problem with fewer steps."""
+    lay = Layout.of(few)
+    t, q, h = lay.times(x), x[lay.index_q], x[lay.index_h]
+    pieces = []
+    for i in range(lay.phases):
+        first, last = int(lay.ends[i]), int(lay.ends[i + 1])
+        nodes, at = np.ascontiguousarray(q[first : last + 1]), t[first : last + 1]
+        v = np.gradient(nodes, h[i], axis=0)
+        rows = slice(lay.row_u_k[first], lay.row_u_kp1[last - 1] + 1)
+        pieces.append(Piece(at, nodes, v, _times_of_inputs(lay.controls, at), x[lay.index_u][rows]))
+    for index, side, k in ((lay.index_v_a, pieces[:-1], -1), (lay.index_v_c, pieces[1:], 0)):
+        for known, piece in zip(x[index], side, strict=True):
+            piece.v[k] = known
+    return unknowns_along(problem, pieces, list(x[lay.index_lam]))
+
+
+def _times_of_inputs(controls: str, t: Array) -> Array:
+    """Times of the rows of u; where inputs may jump at the nodes, a little inside of the steps."""
+    times = input_times(controls, t)
+    if controls == "stages":
+        times = times + np.tile((INSIDE, -INSIDE), len(t) - 1) * np.repeat(np.diff(t), 2)
+    return times

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 COLOURS = {
     "optimal": "#009E73",
     "feasible": "#56B4E9",
+    "grazes": "#F0E442",
     "unverified": "#E69F00",
     "infeasible": "#BBBBBB",
     "unreachable": "#D55E00",

@@ -10,17 +10,17 @@ import numpy as np
 
 from dmoc.api import solve
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.guess import initial_guesses, reflected
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.surfaces import onto_surface
 from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.sequences.nodes import Node, Start, Verdict
 from dmoc.solution import Solution
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
-from dmoc.solvers.ipm import INFEASIBLE
-from dmoc.solvers.outcome import Options
+from dmoc.solvers.outcome import INFEASIBLE, Options
 
 # Relative difference of two costs that belong to the same minimum.
 SAME = 1e-5
@@ -30,8 +30,6 @@ SPREAD_TIME, SPREAD_PLACE = 0.4, 0.3
 SPARE = "spare"
 # Iterations of a start: a motion that needs more is hardly ever a good one.
 ITERATIONS = 200
-# A first impulse where a motion is bent to touch a surface; the solver finds the right one.
-FIRST_IMPULSE = 0.1
 
 
 @dataclass(frozen=True)
@@ -76,14 +74,14 @@ def _solve(task: Task) -> Node:
             tried.append(Start(name, "time_limit", None))
             break
         found = _solve_from(task, x, left)
-        tried.append(Start(name, found.status, found.cost if found.solved else None))
-        if found.solved:
+        tried.append(Start(name, found.status, found.cost if found.minimum else None))
+        if found.minimum:
             solved.append(found)
     node = None if solved else _unsolved(task, tried)
     if isinstance(node, Solution):
         tried.append(Start("least violation", node.status, node.cost))
         solved.append(node)
-    solved.sort(key=lambda s: s.cost)
+    solved.sort(key=lambda s: (s.status != "solved", s.cost))
     if node is None or isinstance(node, Solution):
         node = _confirmed(task, solved)
     return replace(node, starts=tuple(tried), minima=_minima(solved), attempts=task.attempts, seconds=time.perf_counter() - begin)
@@ -119,13 +117,15 @@ def extended(parent: Solution, problem: Problem) -> Array:
     gaps = problem.kernels.call("surface", last.q, last.t[:, None].copy(), problem.parameter_values)[0][:, j]
     inner = slice(max(1, steps // 10), steps - max(1, steps // 10) + 1)
     k = int(np.argmax(gaps[inner])) + inner.start
-    bend = onto_surface(problem, last.q[k], surface, float(last.t[k])) - last.q[k]
+    met = onto_surface(problem, last.q[k], surface, float(last.t[k]))
+    bend = np.zeros(problem.nq) if met is None else met - last.q[k]
     share = np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, 0, steps - k + 1)[1:]])
     q = last.q + share[:, None] * bend
     rates = [last.v[part] + sign * bend / np.ptp(last.t[part]) for part, sign in ((slice(k + 1), 1), (slice(k, None), -1))]
     before = replace(last, t=last.t[: k + 1], q=q[: k + 1], v=rates[0])
     after = replace(last, t=last.t[k:], q=q[k:], v=rates[1])
-    return unknowns_along(problem, [*earlier, before, after], [*(c.impulse for c in parent.collisions), FIRST_IMPULSE])
+    _, impulse = reflected(problem, q[k], rates[0][-1], surface, float(last.t[k]))
+    return unknowns_along(problem, [*earlier, before, after], [*(c.impulse for c in parent.collisions), impulse])
 
 
 def shaken(problem: Problem, x: Array, rng: np.random.Generator) -> Array:
@@ -138,15 +138,15 @@ def shaken(problem: Problem, x: Array, rng: np.random.Generator) -> Array:
     x[lay.index_h] *= min(max(total, low), high) / total
     q = x[lay.index_q]
     wave = np.sin(np.outer(np.linspace(0, 1, len(q)), np.pi * np.arange(1, 4)))
-    spread = SPREAD_PLACE * np.maximum(np.ptp(q, axis=0), 0.1)
+    spread = SPREAD_PLACE * np.maximum(np.ptp(q, axis=0), problem.reach / 10)
     x[lay.index_q] = q + (wave @ rng.normal(size=(3, lay.nq))) * spread
     return x
 
 
 def _minima(solved: list[Solution]) -> tuple[float, ...]:
     costs: list[float] = []
-    for s in solved:
-        if not costs or s.cost > costs[-1] + SAME * max(1.0, abs(costs[-1])):
+    for s in sorted(solved, key=lambda s: s.cost):
+        if not costs or s.cost > costs[-1] + SAME * max(s.scale.get("cost", 1.0), abs(costs[-1])):
             costs.append(s.cost)
     return tuple(costs)
 
@@ -157,6 +157,8 @@ def _confirmed(task: Task, solved: list[Solution]) -> Node:
     for s in solved:
         check = s.verify()
         if check.passed:
+            if s.status == "grazes":
+                return _node(task, s, Verdict.GRAZES, (f"cost {s.cost:.6g}, and {s.message.partition('; ')[2]}",))
             evidence: tuple[str, ...] = (f"cost {s.cost:.6g}, confirmed by simulation",)
             if s is not solved[0]:
                 evidence += (f"a motion of cost {solved[0].cost:.6g} was not confirmed: {first}",)
@@ -181,7 +183,7 @@ def _unsolved(task: Task, tried: list[Start]) -> Node | Solution:
     whole = _least(problem, task.seconds)
     if whole.violation <= INFEASIBLE:
         found = _solve_from(task, whole.x, task.seconds)
-        return found if found.solved else nothing
+        return found if found.minimum else nothing
     if problem.sequence:
         # Only the collisions, and as much time as there is: what happens after them is another matter.
         start = dict.fromkeys(problem.periodic) | dict(problem.start)
@@ -196,7 +198,7 @@ def _least(problem: Problem, seconds: float) -> Diagnosis:
     """The least violation from any of the automatic guesses."""
     found: list[Diagnosis] = []
     for guess in initial_guesses(problem):
-        found.append(diagnose(problem, guess.x, Options(seconds=seconds)))
+        found.append(diagnose(problem, scale_of(problem, guess.x), guess.x, Options(seconds=seconds)))
         if found[-1].violation <= INFEASIBLE:
             return found[-1]
     return min(found, key=lambda d: (not d.least, d.violation))

@@ -71,7 +71,7 @@ class Journal:
 
     def _check(self, identity: str) -> None:
         """Look at everything before anything is written."""
-        expected = {("table", name, sql) for name, sql in TABLES.items()}
+        expected: set[tuple[str, str, str | None]] = {("table", name, sql) for name, sql in TABLES.items()}
         expected |= {("index", f"sqlite_autoindex_{name}_1", None) for name in TABLES}
         if set(self.database.execute("SELECT type, name, sql FROM sqlite_master")) != expected:
             raise SearchError(f"{self.path} is the database of something else: name another file.")

@@ -18,6 +18,7 @@ class Verdict(enum.StrEnum):
 
     OPTIMAL = "optimal"  # the best of the tree
     FEASIBLE = "feasible"
+    GRAZES = "grazes"  # the best motion touches a surface of the sequence without colliding: no motion of this sequence
     UNVERIFIED = "unverified"  # solved, and the simulation contradicts it
     INFEASIBLE = "infeasible"  # its collisions can be made, the goal cannot be reached after them
     UNREACHABLE = "unreachable"  # its last collision cannot be made: no sequence that begins with it is looked at
@@ -123,7 +124,7 @@ def _wrong(node: Node) -> str | None:
     return None
 
 
-WITH_MOTION = (Verdict.OPTIMAL, Verdict.FEASIBLE, Verdict.UNVERIFIED)
+WITH_MOTION = (Verdict.OPTIMAL, Verdict.FEASIBLE, Verdict.GRAZES, Verdict.UNVERIFIED)
 # One line for each field in a row of the journal.
 START = Record(Start, {"name": Text(), "status": Text(), "cost": Either(Nothing(), Number(special=True))})
 NODE = Record(

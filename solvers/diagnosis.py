@@ -17,8 +17,8 @@ from dmoc.nlp.labels import goal_limits
 from dmoc.nlp.layout import Index
 from dmoc.nlp.motion import active_bounds
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.scaling import Scale
+from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.ipm import least_violation
 from dmoc.solvers.outcome import INFEASIBLE, Options, Status
 
@@ -42,7 +42,7 @@ MOMENTUM_UNITS = {"m": "kg m/s", "rad": "kg m2/s"}
 class Diagnosis:
     """Least violation of a problem.
 
-    ``x`` are its unknowns, ``violation`` the largest violation, ``least`` whether the search for it ended at a minimum, ``missed`` what is not
+    ``x`` are its unknowns, ``violation`` the largest violation relative to the size of the constraint, ``least`` whether the search for it ended at a minimum, ``missed`` what is not
     met and by how much, ``against`` the bounds and constraints that hold it there, ``times`` what the shortest collision times say.
     """
 
@@ -65,13 +65,13 @@ class Diagnosis:
 
 
 def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diagnosis:
-    """Seek the motion of least violation from the scaled unknowns x and say what it misses; needs compiled kernels.
+    """Seek the motion of least violation from the unknowns x and say what it misses; needs compiled kernels.
 
     x is best an initial guess: where a solver has given up, the motion may have left what the user had in mind.
     """
     nlp = Transcription(problem, scale, minimal_times=False, goal_as_rows=True)
     limits = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
-    outcome = least_violation(nlp, x, limits, _prices(nlp))
+    outcome = least_violation(nlp, nlp.scaled(x), limits, _prices(nlp))
     if outcome.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     missed = _missed(nlp, outcome.x)
@@ -83,7 +83,7 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
     against = active_bounds(nlp, outcome.x, w, z) if outcome.status is Status.INFEASIBLE else ()
     amount = max((value for value, _ in missed), default=0.0)
     least = outcome.status in (Status.SOLVED, Status.INFEASIBLE)
-    return Diagnosis(outcome.x, amount, least, tuple(text for _, text in missed), against, _times(nlp, outcome.x))
+    return Diagnosis(nlp.physical(outcome.x), amount, least, tuple(text for _, text in missed), against, _times(nlp, outcome.x))
 
 
 def _prices(nlp: Transcription) -> Array:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from dmoc.codegen.kernels import Array
 
-
 # A least violation above it, relative to the sizes of the constraints, counts as infeasible, whatever the method.
 INFEASIBLE = 1e-6
 

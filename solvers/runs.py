@@ -11,6 +11,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.algebra import least_squares, solved
 from dmoc.nlp.layout import Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Partition, Reduced
@@ -296,8 +297,7 @@ class Progress:
 def solve_linear(A: Array, b: Array) -> Array:
     """Solve A x = b, in the sense of least squares where A is singular or not square."""
     if A.shape[0] == A.shape[1]:
-        try:
-            return np.asarray(np.linalg.solve(A, b))
-        except np.linalg.LinAlgError:
-            pass
-    return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
+        found = solved(A, b)
+        if np.isfinite(found).all():
+            return found
+    return least_squares(A, b)

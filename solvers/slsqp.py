@@ -20,6 +20,7 @@ import scipy.optimize
 import scipy.sparse
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.algebra import least_squares
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Reduced, partition
 from dmoc.solvers.kkt import Residuals, residuals, violation, with_bounds, worst_constraints
@@ -153,7 +154,7 @@ class Driver:
         self._complete_multipliers(x, reduced)
         D = self.scale[self.parts.kept]
         H = self._hessian(x, reduced, D)
-        if not np.isfinite(H).all():
+        if not (np.isfinite(H).all() and np.isfinite(reduced.equality).all()):
             return None
         move, null = _split(reduced.equality * D)
         values, V = np.linalg.eigh(null.T @ H @ null)
@@ -170,6 +171,8 @@ class Driver:
         D = self.scale[self.parts.kept]
         fixed = np.flatnonzero(np.isin(self.parts.kept, bounds))
         held = np.vstack([reduced.equality, reduced.inequality, reduced.unknowns, np.eye(len(D))[fixed]]) * D
+        if not np.isfinite(held).all():
+            return False
         null = _split(held)[1]
         H = self._hessian(x, reduced, D)
         if not np.isfinite(H).all():
@@ -200,7 +203,7 @@ class Driver:
         """Least-squares multipliers of the kept equations."""
         D = self.scale[self.parts.kept]
         if len(reduced.equality):
-            self.y[self.parts.kept_rows] = -np.linalg.lstsq((reduced.equality * D).T, reduced.cost * D, rcond=None)[0]
+            self.y[self.parts.kept_rows] = -np.nan_to_num(least_squares((reduced.equality * D).T, reduced.cost * D))
 
     def _complete_multipliers(self, x: Array, reduced: Reduced) -> None:
         """Multipliers of the eliminated equations, which make the Lagrangian stationary in the eliminated unknowns."""
@@ -231,7 +234,7 @@ class Driver:
             if reduced is None or not np.isfinite(reduced.equality).all():
                 break
             c = self.nlp.equality(x)[self.parts.kept_rows]
-            step = D * np.linalg.lstsq(reduced.equality * D, -c, rcond=None)[0]
+            step = D * least_squares(reduced.equality * D, -c)
             share, better = 1.0, None
             while share > SHORTEST_SHARE and better is None:
                 trial = self.elimination.complete(x, self._within_times(x, x[self.parts.kept] + share * step))
@@ -313,6 +316,14 @@ def solve(nlp: Transcription, x: Array, options: Options, segments: int = SEGMEN
         return _outcome(driver, stop.status, "", x if progress.best is None else progress.best, progress)
     except KeyboardInterrupt:
         return _outcome(driver, Status.INTERRUPTED, "", x if progress.best is None else progress.best, progress)
+    except (np.linalg.LinAlgError, FloatingPointError, ZeroDivisionError) as error:
+        return _outcome(
+            driver,
+            Status.STALLED,
+            f"the equations become singular on the way: {error}",
+            x if progress.best is None else progress.best,
+            progress,
+        )
 
 
 class _Watch:

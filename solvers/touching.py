@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.algebra import solved
 from dmoc.nlp.layout import Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt import cost_size
@@ -66,7 +67,7 @@ def pays(nlp: Transcription, outcome: Outcome) -> bool:
         n = np.zeros(lay.nq + 1)
         n[columns[rows == j]] = kernels.call("surface_jac", q, t, nlp.par)[0][0][rows == j]
         M = kernels.call("dynamics", q, v, np.zeros((1, lay.nu)), t, nlp.par)[0].reshape(lay.nq, lay.nq)
-        inertia = float(n[:-1] @ np.linalg.solve(M, n[:-1]))
+        inertia = float(n[:-1] @ solved(M, n[:-1]))
         e = float(nlp.problem.restitution_values[j])
         response = (1 + e) / inertia * nlp.scale.rate[j] / nlp.scale.lam[j]
         gain = e * duals.y[nlp.equality_rows("energy")[i]] + response * slope[lay.index_lam[i]]

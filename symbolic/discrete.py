@@ -28,7 +28,6 @@ import sympy as sp
 from dmoc.arguments import shown
 from dmoc.errors import ModelError
 from dmoc.symbolic.continuous import Continuous, dot
-from dmoc.symbolic.names import shown
 
 ORDERS = (2, 4)
 

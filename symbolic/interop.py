@@ -13,8 +13,8 @@ from typing import Any
 import sympy as sp
 from sympy.physics.mechanics import JointsMethod, LagrangesMethod, Lagrangian, Point, ReferenceFrame, System, dynamicsymbols
 
+from dmoc.arguments import shown
 from dmoc.errors import ModelError
-from dmoc.symbolic.names import shown
 
 
 @dataclass(frozen=True)

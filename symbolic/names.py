@@ -6,11 +6,11 @@ import keyword
 import re
 from typing import Any
 
+from dmoc.arguments import shown
 from dmoc.errors import ModelError
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _LONGEST = 64
-_LONGEST_SHOWN = 80
 # What SymPy prints for alpha(t) and for its first derivative; of a sum or a second derivative nothing is the name.
 _APPLIED, _RATE = re.compile(r"([^()\s]+)\(\w+\)"), re.compile(r"Derivative\((.+), \w+\)")
 _C_KEYWORDS = frozenset(
@@ -40,15 +40,6 @@ def velocity_name(coordinate: str) -> str:
 
 def momentum_name(coordinate: str) -> str:
     return f"p_{coordinate}"
-
-
-def shown(value: Any) -> str:
-    """Write any value for a message: on one line, not long, whatever its ``repr`` does."""
-    try:
-        text = " ".join(repr(value).split())
-    except Exception:  # an integer of thousands of digits, for one
-        return f"a value of type {type(value).__name__}"
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
 def check_name(name: Any, role: str) -> str:

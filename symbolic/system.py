@@ -14,8 +14,9 @@ from sympy.core.function import AppliedUndef, UndefinedFunction
 from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
 from sympy.physics.mechanics import dynamicsymbols
 
+from dmoc.arguments import shown
 from dmoc.errors import ModelError
-from dmoc.symbolic.names import check_name, momentum_name, name_of, shown, velocity_name
+from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_name
 
 if TYPE_CHECKING:
     from dmoc.symbolic.interop import Imported

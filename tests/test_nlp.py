@@ -69,7 +69,9 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
 
 def test_every_unknown_has_one_place(nlp: Transcription) -> None:
     lay = nlp.layout
-    blocks = [getattr(lay, f"index_{n}").ravel() for n in ("h", "q", "u", "lam", "p_B", "p_E", "v_B", "v_E", "v_a", "v_c", "t", "q_i")]
+    blocks = [
+        getattr(lay, f"index_{n}").ravel() for n in ("h", "q", "u", "lam", "p_B", "p_E", "v_B", "v_E", "v_a", "v_c", "t", "q_i")
+    ]
     assert np.array_equal(np.sort(np.concatenate(blocks)), np.arange(lay.size))
     assert len(unknown_names(nlp.problem, lay)) == lay.size == nlp.n
     assert lay.index_z.shape == (lay.total, (2 + lay.inside) * lay.nq + 2 * lay.nu + 2)

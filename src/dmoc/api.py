@@ -22,6 +22,7 @@ from dmoc.nlp.sensitivity import sensitivities as find_sensitivities
 from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.refinement import refined
+from dmoc.simulation.check import OutOfTime
 from dmoc.solution import Solution
 from dmoc.solvers import external, ipm, slsqp
 from dmoc.solvers.diagnosis import diagnose
@@ -116,7 +117,10 @@ def solve(
         sharp = replace(_remaining(options, begin), optimality=base if sharper is None else max(sharper, SHARPEST))
         return _solve(problem, method, form, coarse or guess, sharp, False, reference)
 
-    return refined(problem, tolerance, seconds, on_mesh, _checked)
+    def check(solution: Solution) -> Solution:
+        return _checked(solution, _remaining(options, begin).seconds)
+
+    return refined(problem, tolerance, seconds, on_mesh, check)
 
 
 def _solve(
@@ -125,23 +129,27 @@ def _solve(
     if method == "slsqp":
         _check_size(problem)
     start = time.perf_counter()
-    with ONE_THREAD:
-        points = _starting_points(problem, guess)
+    deadline = np.inf if options.seconds is None else start + options.seconds
+    with ONE_THREAD, np.errstate(all="ignore"):
+        points = _starting_points(problem, guess, deadline)
         guessed = time.perf_counter()
         scale = scale_of(problem, points[0])
         # Minimal times keep slsqp on the right track; they may limit no solution, and the other methods do without.
         nlp = Transcription(problem, scale, None if method == "slsqp" else False)
-        options = replace(_remaining(options, start), progress=_in_units(options.progress, scale.cost))
         driver = _driver(method, form, nlp, guess)
-        nlp, outcome = _first_success(nlp, [nlp.scaled(x) for x in points], options, driver)
+        options = replace(options, progress=_in_units(options.progress, scale.cost))
+        left = _remaining(options, start)
+        nlp, outcome = _first_success(nlp, [nlp.scaled(x) for x in points], left, driver)
         conflicts: tuple[str, ...] = ()
         if outcome.status is Status.INFEASIBLE and nlp.program.compiled:
-            left = _remaining(options, guessed)
-            nlp, outcome, conflicts = _explained(nlp, outcome, nlp.scaled(points[0]), left, driver)
-    solved = time.perf_counter()
-    timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
-    solution = _solution(nlp, outcome, method, timings, reference, conflicts)
-    return _checked(solution) if verify and solution.status in ("solved", "grazes") else solution
+            left = _remaining(options, start, outcome.iterations)
+            nlp, outcome, conflicts = _explained(nlp, outcome, points[0], left, driver)
+        solved = time.perf_counter()
+        timings = {"build": problem.kernels.seconds, "guess": guessed - start, "solve": solved - guessed}
+        solution = _solution(nlp, outcome, method, timings, reference, conflicts)
+    if not (verify and solution.minimum):
+        return solution
+    return _checked(solution, None if options.seconds is None else max(deadline - time.perf_counter(), 0.0))
 
 
 def _in_units(progress: Callable[[Iteration], None] | None, cost: float) -> Callable[[Iteration], None] | None:
@@ -152,10 +160,15 @@ def _in_units(progress: Callable[[Iteration], None] | None, cost: float) -> Call
     return lambda i: tell(replace(i, cost=i.cost * cost))
 
 
-def _checked(solution: Solution) -> Solution:
+def _checked(solution: Solution, seconds: float | None = None) -> Solution:
     """The solution with the result of the independent simulation; one that it contradicts is not verified."""
     start = time.perf_counter()
-    check = solution.verify()
+    try:
+        check = solution.verify(seconds=seconds)
+    except OutOfTime:
+        timings = {**solution.seconds, "verify": time.perf_counter() - start}
+        message = f"{solution.message}, but the time limit was reached before the simulation had checked it: raise it"
+        return replace(solution, status="time_limit", message=message, seconds=timings)
     timings = {**solution.seconds, "verify": time.perf_counter() - start}
     summary = {
         "passed": check.passed,
@@ -241,10 +254,10 @@ def _check_problem(problem: Any) -> None:
         raise ProblemError(f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., ...) states it.")
 
 
-def _starting_points(problem: Problem, guess: Solution | Array | None) -> list[Array]:
+def _starting_points(problem: Problem, guess: Solution | Array | None, deadline: float) -> list[Array]:
     """Unknowns to start from, in units of the problem."""
     if guess is None:
-        return [g.x for g in initial_guesses(problem)]
+        return [g.x for g in initial_guesses(problem, deadline)]
     size = Layout.of(problem).size
     if isinstance(guess, Solution):
         _check_motion(problem, guess)
@@ -285,9 +298,7 @@ def _same_mesh(problem: Problem, guess: Solution) -> bool:
     return steps == problem.phase_steps and controls == problem.control_form and len(guess.unknowns) == size
 
 
-def _first_success(
-    nlp: Transcription, points: list[Array], options: Options, driver: Driver
-) -> tuple[Transcription, Outcome]:
+def _first_success(nlp: Transcription, points: list[Array], options: Options, driver: Driver) -> tuple[Transcription, Outcome]:
     """Solve from one starting point after the other until one succeeds or a limit is reached; else return the least violation."""
     tried: list[tuple[float, Transcription, Outcome]] = []
     count, begin = 0, time.perf_counter()
@@ -318,7 +329,7 @@ def _explained(
     except KeyboardInterrupt:
         return nlp, replace(outcome, status=Status.INTERRUPTED), ()
     if diagnosis.violation <= INFEASIBLE and outcome.iterations < options.iterations:
-        again = driver(nlp, diagnosis.x, _remaining(options, begin, outcome.iterations))
+        again = driver(nlp, nlp.scaled(diagnosis.x), _remaining(options, begin, outcome.iterations))
         if again.status is not Status.INFEASIBLE:
             return nlp, replace(again, iterations=outcome.iterations + again.iterations), ()
     return nlp, outcome, diagnosis.sentences
@@ -336,8 +347,8 @@ def _minimise(nlp: Transcription, x: Array, options: Options, driver: Driver) ->
     if limited:
         free = Transcription(nlp.problem, nlp.scale, minimal_times=False)
         nlp, outcome = free, _continued(free, outcome, _remaining(options, begin, outcome.iterations), driver)
-    at = suspects(nlp, outcome.x) if outcome.status in (Status.SOLVED, Status.INFEASIBLE, Status.STALLED) else ()
-    if not len(at):
+    at = suspects(nlp, outcome.x)
+    if not len(at) or outcome.status not in (Status.SOLVED, Status.INFEASIBLE, Status.STALLED):
         return nlp, outcome
     touching = touches(nlp, at)
     touched = _continued(touching, outcome, _remaining(options, begin, outcome.iterations), driver)

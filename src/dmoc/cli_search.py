@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from dmoc.sequences.engine import Progress, SearchResult
 
 COLOURS = {
-    "optimal": "bold green", "feasible": "green", "unverified": "yellow", "infeasible": "dim", "unreachable": "red", "failed": "magenta",
+    "optimal": "bold green", "feasible": "green", "grazes": "cyan", "unverified": "yellow", "infeasible": "dim", "unreachable": "red", "failed": "magenta",
 }  # fmt: skip
 # Rows of the table on a terminal; the JSON has all nodes.
 MOST_ROWS = 40

@@ -67,7 +67,7 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
     while True:
         s = _from_coarse(problem, solved, solve)
         iterations += s.iterations
-        if s.solved and _barrier(s) > BARRIER * tolerance:
+        if s.minimum and _barrier(s) > BARRIER * tolerance:
             sharper = _from_coarse(problem, solved, solve, BARRIER * tolerance / _barrier(s) / 2 * s.optimality)
             iterations += sharper.iterations
             s = sharper if sharper.solved or sharper.status == "interrupted" else s
@@ -75,7 +75,7 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         s = replace(s, seconds=spent)
         if s.status == "interrupted":
             return replace(result(solved[-1], error), status=s.status, message=s.message) if solved else s
-        if not s.solved:
+        if not s.minimum:
             if solved:
                 return result(
                     solved[-1], error, f"the mesh of {max(problem.phase_steps)} steps a phase ended {s.status} ({s.message})"
@@ -93,7 +93,7 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
             simulated = _simulated(s)
         meshes.append(Mesh(problem.phase_steps, s.cost, iterations, estimate, simulated))
         error = max(estimate, simulated or 0.0)
-        if simulated is not None and (simulated <= tolerance or not s.solved):
+        if simulated is not None and (simulated <= tolerance or not s.minimum):
             return result(s, error)
         steps = [(4 if FAR * tolerance < error < np.inf else 2) * n for n in problem.phase_steps]
         if len(meshes) > PATIENCE and estimate >= max(m.estimate for m in meshes[-1 - PATIENCE : -1]):
@@ -136,7 +136,12 @@ def _estimate(solved: list[Solution], meshes: list[Mesh], order: int) -> float:
 
 def _barrier(s: Solution) -> float:
     """What the solver's barrier has left of the cost, relative to it."""
-    return s.duality_gap / max(abs(s.cost), 1e-12)
+    return s.duality_gap / max(abs(s.cost), _little(s))
+
+
+def _little(s: Solution) -> float:
+    """A cost that is next to none."""
+    return 1e-10 * s.scale.get("cost", 1.0)
 
 
 def _limited(s: Solution) -> bool:
@@ -166,11 +171,11 @@ def _ratio(coarse: Solution, fine: Solution) -> float:
 def _change(coarse: Solution, fine: Solution) -> float:
     """Largest relative difference of cost, durations and positions at common nodes."""
     step = round(_ratio(coarse, fine))
-    cost = abs(fine.cost - coarse.cost) / max(abs(fine.cost), 1e-12)
+    cost = abs(fine.cost - coarse.cost) / max(abs(fine.cost), _little(fine))
     pairs = list(zip(coarse.phases, fine.phases, strict=True))
     duration = max(abs(b.duration - a.duration) for a, b in pairs) / fine.final_time
     spread = np.ptp(np.vstack([p.q for p in fine.phases]), axis=0)
-    scale = np.maximum(spread, 1e-6 * spread.max(initial=1e-300))
+    scale = np.maximum(spread, 1e-6 * np.array([fine.scale.get(name, 1.0) for name in fine.trajectory.coordinates]))
     place = max(float((np.abs(b.q[::step] - a.q) / scale).max(initial=0.0)) for a, b in pairs)
     return float(max(cost, duration, place))
 

@@ -8,8 +8,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from dmoc.errors import SolutionFileError
 from dmoc.trajectory import Array, Collision, Phase, Trajectory
 from dmoc.writing import write_whole
@@ -121,6 +119,11 @@ class Solution:
         return self.status == "solved"
 
     @property
+    def minimum(self) -> bool:
+        """Whether a local minimum was found, in which a collision may have no effect, and the check confirmed it."""
+        return self.status in ("solved", "grazes")
+
+    @property
     def phases(self) -> tuple[Phase, ...]:
         return self.trajectory.phases
 
@@ -132,8 +135,8 @@ class Solution:
     def final_time(self) -> float:
         return self.trajectory.final_time
 
-    def verify(self, kernels: Kernels | None = None) -> Verification:
-        """Check the motion by an independent simulation; see :func:`dmoc.simulation.check.verify`.
+    def verify(self, kernels: Kernels | None = None, seconds: float | None = None) -> Verification:
+        """Check the motion by an independent simulation, within a time limit if one is given; see :func:`dmoc.simulation.check.verify`.
 
         Raises
         ------
@@ -146,8 +149,7 @@ class Solution:
 
         kernels = kernels or self._kernels()
         _check_names(self.trajectory, kernels)
-        with np.errstate(all="ignore"):  # a motion from a file may overflow: that is an error of the motion, which the check measures
-            return verify(self.trajectory, kernels)
+        return verify(self.trajectory, kernels, seconds)
 
     def plot(self, path: str | os.PathLike[str] | None = None, shape: Shape | None = None) -> Figure:
         """Draw positions, momenta, inputs and snapshots; write the figure if a path is given.

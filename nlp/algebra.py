@@ -1,0 +1,31 @@
+"""Small linear systems that never raise and never let LAPACK write: what has no finite solution is not a number."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+
+
+def solved(A: Array, b: Array) -> Array:
+    """A^-1 b for a matrix, or row by row for stacks of matrices and vectors; not a number where A is singular or not finite."""
+    stacked = b.ndim == A.ndim - 1 and A.ndim > 2
+    right = b[..., None] if stacked else b
+    if not (np.isfinite(A).all() and np.isfinite(b).all()):
+        return np.full(b.shape, np.nan)
+    try:
+        found = np.linalg.solve(A, right)
+    except np.linalg.LinAlgError:
+        return np.full(b.shape, np.nan)
+    return np.asarray(found[..., 0] if stacked else found)
+
+
+def least_squares(A: Array, b: Array) -> Array:
+    """The shortest x of least |A x - b|; not a number where A or b is not finite or the decomposition fails."""
+    nothing = np.full((A.shape[1], *b.shape[1:]), np.nan)
+    if not (np.isfinite(A).all() and np.isfinite(b).all()):
+        return nothing
+    try:
+        return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
+    except np.linalg.LinAlgError:
+        return nothing
