@@ -53,8 +53,8 @@ def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
 def pays(nlp: Transcription, outcome: Outcome) -> bool:
     """Whether the cost of a minimum that touches falls where a touch becomes a collision.
 
-    A collision with the rate of approach s has w+ = -e s and lam = (1 + e) s / (n . M^-1 n), so that dJ/ds = e y + (1 + e) dL/dlam / (n . M^-1 n) with the multiplier
-    y of w = 0.
+    A collision with the rate of approach s has w+ = -e s and lam = (1 + e) s / (n . M^-1 n), so that dJ/ds = e y + (1 + e) dL/dlam / (n . M^-1 n) with
+    the multiplier y of w = 0.
     """
     lay, x, duals = nlp.layout, outcome.x, outcome.duals
     slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ duals.y - nlp.inequality_jacobian(x).T @ duals.w

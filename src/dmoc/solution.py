@@ -55,7 +55,8 @@ class Solution:
     Attributes
     ----------
     status : str
-        "solved", "grazes" (solved, but a collision has no effect), "not_verified", "infeasible", "iteration_limit", "time_limit", "stalled" or "interrupted".
+        "solved", "grazes" (solved, but a collision has no effect), "not_verified", "infeasible", "iteration_limit", "time_limit",
+        "stalled" or "interrupted".
     message : str
         What happened, and what helps.
     method : str
