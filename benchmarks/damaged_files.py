@@ -365,7 +365,6 @@ def table(number: int, seed: int) -> bool:
     signal.signal(signal.SIGALRM, hangs)
     ends: dict[str, Counter[str]] = defaultdict(Counter)
     tracebacks = []
-    signal.alarm(HANGS)
     for kind, ended in damaged(number, seed):
         signal.alarm(HANGS)
         if ended not in ENDS:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -109,6 +112,25 @@ def test_wrong_laws_are_one_sentence(run: Run, options: list[str], message: str)
     assert code == 2 and message in err.replace("\n", " ")
 
 
+def test_a_final_time_is_fixed_and_a_range_bounds_it(run: Run, file: Callable[[str], str]) -> None:
+    """A ball that falls and comes back needs no input if it may take as long as it wants."""
+    fall = [
+        "solve",
+        file("s = make()"),
+        *"--start y=0.5 --goal y=0.5 --goal y_dot=0 --sequence floor --method ipm --steps 20".split(),
+    ]
+
+    def final_time(option: str) -> float:
+        code, out, err = run(*fall, "--final-time", option, "--json", "-")
+        assert code == 0, err
+        return float(json.loads(out)["final_time"])
+
+    free = 2 * (2 * 0.5 / 9.81) ** 0.5
+    assert final_time("1") == pytest.approx(1.0, abs=1e-9)
+    assert final_time(":1") == pytest.approx(free, rel=1e-4) == final_time("0:1")
+    assert final_time("0.8:1") == pytest.approx(0.8, abs=1e-6)
+
+
 def test_solve_verify_and_plot_a_file(run: Run, tmp_path: Path) -> None:
     code, out, _ = run("solve", "cart_pendulum", "--set", "m_c=1.5", "--bound", "F=-60:60", "--goal", "x=-1:1", "--out", "result")
     assert code == 0 and "solved" in out
@@ -158,8 +180,6 @@ def test_derive_generate_build_models_and_doctor(run: Run, tmp_path: Path, file:
 
 
 def test_module_runs_as_a_program() -> None:
-    import subprocess
-
     done = subprocess.run([sys.executable, "-m", "dmoc", "--help"], capture_output=True, text=True, check=True)
     for command in "models derive generate build solve verify plot doctor".split():
         assert command in done.stdout
@@ -263,6 +283,150 @@ def test_damaged_and_foreign_solutions_are_refused(
         assert code == 2 and "damaged or no solution file" in err and err.count("\n") == 1
     code, _, err = run("verify", "s.npz", "--model", file("s = make()"))
     assert code == 2 and "was made for another version of model 'cart_pendulum'" in err
+
+
+# Model files ---------------------------------------------------------------------------------------------------------
+
+FAILURES = {
+    "import sys; sys.exit(0)": "ends the program: a model file must not call sys.exit",
+    "def s(): raise SystemExit": "ends the program",
+    "def s(): return 1 / 0": "cannot be loaded: ZeroDivisionError in line",
+    "def s(): raise ValueError('[red]two\\nlines[/x]')": "[red]two lines[/x]; correct the file",
+    "class Own(BaseException): pass\ndef s(): raise Own": "cannot be loaded: Own in line",
+    "def s(name, more=1): return make()": "s in {folder}/system.py needs the arguments name",
+    "def s(): return s()": "cannot be loaded: RecursionError in line",
+    "def s(): return None": "is a NoneType: expected a MechanicalSystem or a Problem",
+    "import sys; sys.path = []; del sys.path[:]; raise KeyError": "cannot be loaded: KeyError in line",
+    "import sys; sys.path.clear(); s = 3": "is a int: expected a MechanicalSystem or a Problem",
+}
+
+
+@pytest.mark.parametrize(("line", "message"), FAILURES.items())
+def test_what_a_model_file_does_wrong_is_one_sentence(
+    run: Run, file: Callable[[str], str], tmp_path: Path, line: str, message: str
+) -> None:
+    paths, places = sys.path, list(sys.path)
+    code, out, err = run("derive", file(line))
+    assert code == 2 and message.format(folder=tmp_path) in err
+    assert err.count("\n") == 1 and "Traceback" not in err and not out
+    assert sys.path is paths and sys.path == places
+
+
+def test_a_model_file_may_hold_dataclasses_and_import_its_neighbours(run: Run, tmp_path: Path) -> None:
+    """A dataclass with postponed annotations looks its module up; both modules are called like ones that are loaded already."""
+    (tmp_path / "beside_the_model.py").write_text("mass = 2.0\n")
+    head = "from __future__ import annotations\nimport dataclasses, beside_the_model\n"
+    body = "@dataclasses.dataclass\nclass Arm:\n    length: float = 1.0\ndef s(): return make(parameters={m: beside_the_model.mass, g: Arm().length})\n"
+    (tmp_path / "json.py").write_text(head + SYSTEM + body)
+    code, out, err = run("derive", "json.py:s")
+    assert code == 0 and "mass" in out, err
+    assert sys.modules["json"] is json
+    del sys.modules["beside_the_model"]
+
+
+def test_a_file_that_names_a_model_file_asks_for_it(run: Run, file: Callable[[str], str], tmp_path: Path) -> None:
+    model = file("import pathlib; p = pathlib.Path('ran'); p.write_text(p.read_text() + 'x' if p.exists() else 'x'); s = make()")
+    command = "--start y=0.5 --goal y=0.2 --final-time 1 --steps 10 --method ipm --out o".split()
+    assert run("solve", model, *command)[0] == 0
+    ran = (tmp_path / "ran").read_text()
+    code, _, err = run("verify", "o/solution.npz")
+    assert code == 2 and "a file may name shipped models only" in err and "--model file.py:name" in err and err.count("\n") == 1
+    assert run("plot", "o/solution.npz")[0] == 0
+    assert (tmp_path / "ran").read_text() == ran
+    assert run("verify", "o/solution.npz", "--model", model)[0] == 0
+
+
+def test_a_model_that_is_called_like_a_shipped_one_is_drawn_as_itself(run: Run, file: Callable[[str], str]) -> None:
+    model = file("s = make(name='cart_pendulum')")
+    code, _, err = run("solve", model, *"--start y=0.5 --goal y=0.2 --final-time 1 --steps 10 --method ipm --out o".split())
+    assert code == 0 and not err
+    assert len(dmoc.Solution.load("o/solution.npz").plot().axes) == 3
+
+
+# What is printed -----------------------------------------------------------------------------------------------------
+
+HOSTILE = "x[/y]:warning:[bold]"
+
+
+def test_names_are_printed_as_they_are(run: Run, file: Callable[[str], str]) -> None:
+    code, out, _ = run("solve", "cart_pendulum", "--method", "ipm", "--steps", "20", "--final-time", "1", "--out", HOSTILE)
+    assert code in (0, 1) and f"written: {HOSTILE}/solution.npz\n" in out and f"written: {HOSTILE}/solution.png\n" in out
+    code, out, _ = run("plot", f"{HOSTILE}/solution.npz", "--out", f"{HOSTILE}/[red].png")
+    assert code == 0 and out == f"{HOSTILE}/[red].png\n"
+    code, out, _ = run("generate", "cart_pendulum", "--out", HOSTILE)
+    assert code == 0 and f"{HOSTILE}/kernels.c\n" in out
+    code, out, _ = run("solve", file("s = make(units={'y': '[/m]'})"), *"--start y=1 --goal y=3 --final-time 1".split(),
+                       "--bound", "u=-1:1", "--method", "ipm", "--steps", "10")  # fmt: skip
+    assert code == 1 and "[/m]" in out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["solve", HOSTILE],
+        ["solve", f"{HOSTILE}.py:s"],
+        ["solve", "cart_pendulum", "--sequence", HOSTILE],
+        ["solve", "cart_pendulum", "--set", f"{HOSTILE}=1"],
+        ["solve", "cart_pendulum", "--steps", HOSTILE],
+        ["solve", "cart_pendulum", f"--{HOSTILE}"],
+        ["solve", "cart_pendulum", "--out", f"/proc/{HOSTILE}"],
+        ["solve", "cart_pendulum", "--json", f"/proc/{HOSTILE}"],
+        ["verify", HOSTILE],
+        ["plot", HOSTILE],
+        [HOSTILE],
+    ],
+)
+def test_errors_say_names_as_they_are(run: Run, arguments: list[str]) -> None:
+    code, _, err = run(*arguments)
+    said = "".join(err.replace("│", " ").split())  # the frame of a wrong option breaks lines
+    assert code == 2 and "x[/y]:warning" in said and "Traceback" not in err
+
+
+def test_the_remedy_for_a_missing_extra_is_whole(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("matplotlib.figure", "matplotlib.backends.backend_agg"):
+        monkeypatch.setitem(sys.modules, name, None)
+    code, out, err = run("solve", "cart_pendulum", *SHORT, "--out", "o")
+    assert code == 0 and "status" in out and "o/solution.npz" in out and "png" not in out
+    assert (
+        err == "note: o/solution.png was not drawn: Matplotlib is needed to plot: install it with `pip install 'dmoc[plot]'`.\n"
+    )
+
+
+# Nothing is lost -----------------------------------------------------------------------------------------------------
+
+SHORT = "--method ipm --final-time 1".split()
+
+
+def full(*_: object) -> None:
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize("drawing", ["dmoc.report.figure._positions", "dmoc.report.canvas.write_whole"])
+def test_a_figure_that_fails_loses_nothing(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, drawing: str) -> None:
+    monkeypatch.setattr(drawing, full)
+    code, out, err = run("solve", "cart_pendulum", *SHORT, "--out", "o", "--json", "o/j.json")
+    assert code == 0 and "cost" in out and "written: o/solution.npz" in out
+    assert err.startswith("note: o/solution.png was not drawn: ") and "No space left on device" in err and err.count("\n") == 1
+    assert sorted(p.name for p in (tmp_path / "o").iterdir()) == ["j.json", "solution.npz"]
+
+
+def test_a_full_disk_keeps_the_summary(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(os, "fsync", full)
+    code, out, err = run("solve", "cart_pendulum", *SHORT, "--out", "o", "--json", "j.json")
+    assert code == 2 and "cost" in out and "written" not in out
+    assert "error: o/solution.npz cannot be written (No space left on device)" in err and "Traceback" not in err
+    assert not list((tmp_path / "o").iterdir()) and not (tmp_path / "j.json").exists()
+
+
+def test_standard_output_without_room_is_one_sentence() -> None:
+    for command in (["models"], ["derive", "puck_table"], ["solve", "cart_pendulum", *SHORT, "--json", "-"]):
+        with open("/dev/full", "w") as nowhere:
+            done = subprocess.run(
+                [sys.executable, "-m", "dmoc", *command], stdout=nowhere, stderr=subprocess.PIPE, text=True, check=False
+            )
+        assert done.returncode == 2
+        assert done.stderr.startswith("error: standard output cannot be written (No space left on device)")
+        assert done.stderr.count("\n") == 1
 
 
 def test_no_compiler_is_one_sentence(

@@ -202,7 +202,12 @@ def solve(
             problem, method, tolerance=tolerance, form=form.value, guess=neighbour, iterations=iterations, seconds=seconds, progress=live.show,
             reference=reference.name,
         )  # fmt: skip
+    files: list[Path] = []
     derivatives: list[Sensitivities] = []
+
+    def save() -> None:
+        if target is not None:
+            files.append(solution.save(target / "solution.npz"))
 
     def differentiate() -> None:
         if sensitivities and solution.status in ("solved", "grazes", "not_verified"):
@@ -213,9 +218,10 @@ def solve(
             _summary(solution)
             for found in derivatives:
                 _sensitivities(found)
+            written(*files)
 
     in_turn(
-        lambda: _save(solution, target, quiet),
+        save,
         differentiate,
         lambda: emit(solution.to_dict() | ({"sensitivities": derivatives[0]} if derivatives else {}), json_),
         tell,
@@ -315,12 +321,6 @@ def doctor() -> None:
 
 
 # Output --------------------------------------------------------------------------------------------------------------
-
-
-def _save(solution: Solution, folder: Path | None, quiet: bool) -> None:
-    if folder is None:
-        return
-    written(solution.save(folder / "solution.npz"), quiet)
 
 
 class _Live:

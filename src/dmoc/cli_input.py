@@ -194,12 +194,12 @@ def draw(path: Path, figure: Callable[[Path], object], quiet: bool) -> None:
         text = str(error) if isinstance(error, DmocError) else f"{type(error).__name__}: {error}"
         err.print(f"note: {path} was not drawn: {text}", soft_wrap=True)
     else:
-        written(path, quiet)
+        if not quiet:
+            written(path)
 
 
-def written(path: Path, quiet: bool) -> None:
-    """Tell of a file, unless standard output is for something else."""
-    if not quiet:
+def written(*paths: Path) -> None:
+    for path in paths:
         out.print(f"written: {path}", soft_wrap=True)
 
 

@@ -120,10 +120,21 @@ def search(
             shortest_phase=shortest_phase, journal=journal, resume=resume, progress=board.show,
         )  # fmt: skip
     quiet = json_ == "-"
+    files: list[Path] = []
+
+    def save() -> None:
+        if target is not None and result.best is not None and result.best.solution is not None:
+            files.append(replace(result.best.solution, reference=reference.name).save(target / "solution.npz"))
+
+    def tell() -> None:
+        if not quiet:
+            _report(result)
+            written(*files)
+
     in_turn(
-        lambda: _save(result, target, reference.name, quiet),
+        save,
         lambda: emit(result.to_dict(), json_),
-        lambda: None if quiet else _report(result),
+        tell,
         lambda: _draw(result, target, quiet),
         lambda: _complain(result),
     )
@@ -151,12 +162,6 @@ class _Board:
         counts = Text("  ").join(Text(f"{v} {n}", style=COLOURS[v]) for v, n in p.counts.items())
         best = "none yet" if p.best is None else f"{p.best.cost:.6g} ({p.best.name})"
         self._live.update(Group(counts, Text(f"best {best}   waiting {p.waiting}   {p.seconds:.0f} s")))
-
-
-def _save(result: SearchResult, folder: Path | None, reference: str, quiet: bool) -> None:
-    if folder is None or result.best is None or result.best.solution is None:
-        return
-    written(replace(result.best.solution, reference=reference).save(folder / "solution.npz"), quiet)
 
 
 def _draw(result: SearchResult, folder: Path | None, quiet: bool) -> None:
