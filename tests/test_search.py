@@ -6,6 +6,7 @@ import itertools
 import json
 import multiprocessing
 import signal
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -18,14 +19,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from systems import block_system
 
 import dmoc
+from dmoc.cli import main
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SearchError
 from dmoc.registry import find
 from dmoc.sequences.engine import Progress, SearchResult
 from dmoc.sequences.inner import extended
+from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node, Verdict
+from dmoc.trajectory import input_times
 
 ROOT = Path(__file__).parent.parent
 
@@ -403,8 +408,6 @@ def _count(journal: Path) -> int:
 
 
 def _seconds(journal: Path) -> dict[tuple[str, ...], float]:
-    import sqlite3
-
     try:
         database = sqlite3.connect(journal)
         rows = [json.loads(r) for (r,) in database.execute("SELECT summary FROM nodes")]
@@ -461,8 +464,6 @@ def test_a_journal_of_another_problem_is_refused(puck: dmoc.Problem, tmp_path: P
         dmoc.search(puck, 0, starts=1, journal=path, resume=True)
     with pytest.raises(SearchError, match="does not exist"):
         dmoc.search(puck, 0, journal=tmp_path / "none", resume=True)
-    import sqlite3
-
     with sqlite3.connect(tmp_path / "foreign") as foreign:
         foreign.execute("CREATE TABLE foreign_data (a)")
     with pytest.raises(SearchError, match="something else"):
@@ -511,3 +512,68 @@ def test_the_command_writes_and_tells(tmp_path: Path) -> None:
     assert dmoc.Solution.load(tmp_path / "out" / "solution.npz").verify().passed
     wrong = subprocess.run(command("--strategy", "beam", "--beam", "0"), capture_output=True, text=True)
     assert wrong.returncode == 2 and "beam = 0" in wrong.stderr and "Traceback" not in wrong.stderr
+
+
+def in_process(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["dmoc", "search", "puck_table", "--steps", "20", "--max-collisions", "1", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    return int(end.value.code or 0)
+
+
+def test_inputs_of_order_4_are_drawn_at_their_times(tmp_path: Path) -> None:
+    kernels = dmoc.build(block_system(), order=4)
+    problem = dmoc.Problem(kernels, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, steps=6, final_time=1.0)
+    result = dmoc.search(problem, 1)
+    figure = result.plot_best(tmp_path / "best.png")
+    assert result.best is not None and result.best.solution is not None
+    motion = result.best.solution.trajectory
+    inputs = next(a for a in figure.axes if a.get_ylabel() == "$u$")
+    drawn = [line.get_xydata() for line in inputs.lines if line.get_color() == "#D55E00"]
+    assert len(drawn) == len(motion.phases)
+    for line, phase in zip(drawn, motion.phases, strict=True):
+        np.testing.assert_array_equal(line, np.column_stack([input_times(motion.controls, phase.t), phase.u[:, 0]]))
+    assert (tmp_path / "best.png").stat().st_size > 1000
+
+
+def test_a_search_keeps_its_result_where_a_figure_fails(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("no [room]")
+
+    monkeypatch.setattr("dmoc.report.tree.plot_motions", fail)
+    assert in_process(monkeypatch, "--out", str(tmp_path / "o")) == 0
+    out, err = capsys.readouterr()
+    assert "best: " in out and "written: " in out
+    assert err.endswith("best.png was not drawn: ValueError: no [room]\n") and err.count("\n") == 1
+    assert {p.name for p in (tmp_path / "o").iterdir()} == {"solution.npz", "tree.png"}
+
+
+def test_a_search_that_a_full_disk_breaks_off_is_no_success(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was found is told and written, the node whose row had no room included."""
+    add, added = Journal.add, []
+
+    def full(journal: Journal, node: Node) -> None:
+        if added:
+            raise sqlite3.OperationalError("database or disk is full")
+        added.append(node)
+        add(journal, node)
+
+    monkeypatch.setattr(Journal, "add", full)
+    journal = tmp_path / "journal"
+    assert (
+        in_process(monkeypatch, "--journal", str(journal), "--out", str(tmp_path / "o"), "--json", str(tmp_path / "j.json")) == 2
+    )
+    out, err = capsys.readouterr()
+    assert "best: " in out and "2 sequences" in out and "note: journal" in out
+    assert (
+        err
+        == f"error: journal {journal} could not be written (database or disk is full): the result is that of a search that was broken off.\n"
+    )
+    assert len(json.loads((tmp_path / "j.json").read_text())["nodes"]) == 2
+    assert (tmp_path / "o" / "solution.npz").exists()
+    monkeypatch.undo()
+    assert in_process(monkeypatch, "--journal", str(journal), "--resume") == 0
