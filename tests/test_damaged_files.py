@@ -123,6 +123,29 @@ def test_unfinished_solves_keep_what_is_not_finite(solution: dmoc.Solution) -> N
         dmoc.Solution.from_bytes(replace(stalled, status="solved").to_bytes())
 
 
+def test_motions_that_do_not_fit_together_are_refused(solution: dmoc.Solution) -> None:
+    t = solution.trajectory
+    first, last = t.phases
+    (hit,) = t.collisions
+    none = Phase(*(a[:0] for a in (last.t, last.q, last.p, last.v, last.u)))
+    for wrong, change in {
+        "2 phases and 0 collisions": {"collisions": ()},
+        "0 phases and 1 collisions": {"phases": ()},
+        "the times of phase 1 do not increase": {"phases": (first, none)},
+        "the times of phase 0 do not increase": {"phases": (replace(first, t=first.t[::-1]), last)},
+        "phase 1 does not begin where the time before it ends": {"phases": (first, replace(last, t=last.t + 0.1))},
+        "is not where its phase ends": {"collisions": (replace(hit, time=0.9),)},
+        "has no coefficient of restitution": {"collisions": (replace(hit, surface="ceiling"),)},
+        "phase 0 has 99 rows of inputs for 100 steps": {"phases": (replace(first, u=first.u[1:]), last)},
+        "a lower bound above the upper one": {"input_bounds": t.input_bounds[:, ::-1]},
+        r"phases\.1\.q has 100 entries, expected 101": {"phases": (first, replace(last, q=last.q[1:]))},
+        r"momentum_after has 1 entries, expected 2": {"collisions": (replace(hit, momentum_after=hit.momentum_after[1:]),)},
+    }.items():
+        content = replace(solution, trajectory=replace(t, **change)).to_bytes()
+        with pytest.raises(SolutionFileError, match=wrong):
+            dmoc.Solution.from_bytes(content)
+
+
 def test_a_file_with_other_names_than_its_model_is_refused(solution: dmoc.Solution) -> None:
     t = solution.trajectory
     for change in (

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 import dmoc
 from dmoc.errors import OutputError, SolutionFileError
+from dmoc.writing import write_whole
 
 
 def test_a_saved_solution_comes_back_whole(solution: dmoc.Solution, tmp_path: Path) -> None:
@@ -57,6 +60,34 @@ def test_an_unwritable_place_leaves_the_old_file(
     with pytest.raises(OutputError, match="No space left on device"):
         solution.save(old)
     assert old.read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["s.npz"]
+
+
+def test_a_file_keeps_its_link_and_its_mode_and_a_device_stays_one(tmp_path: Path) -> None:
+    kept, link = tmp_path / "kept", tmp_path / "link"
+    kept.write_text("old")
+    kept.chmod(0o640)
+    link.symlink_to(kept)
+    write_whole(link, b"new")
+    assert link.is_symlink() and kept.read_bytes() == b"new" and kept.stat().st_mode & 0o777 == 0o640
+    write_whole(Path(os.devnull), b"new")
+    assert Path(os.devnull).is_char_device()
+
+
+def test_nobody_can_lay_a_trap_where_a_file_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The temporary name is taken: what stands there is neither followed nor changed."""
+    monkeypatch.setattr(secrets, "token_hex", lambda _: "foreseen")
+    (tmp_path / "victim").write_text("old")
+    (tmp_path / ".dmoc-foreseen").symlink_to(tmp_path / "victim")
+    with pytest.raises(OutputError, match="File exists"):
+        write_whole(tmp_path / "s.npz", b"new")
+    assert (tmp_path / "victim").read_text() == "old" and (tmp_path / ".dmoc-foreseen").is_symlink()
+
+
+@pytest.mark.parametrize("name", ["alpha", "x_1", "q_", "a__b", "theta_l_1", "l" * 64])
+def test_every_name_of_a_model_can_be_drawn(solution: dmoc.Solution, name: str) -> None:
+    t = solution.trajectory
+    renamed = replace(t, coordinates=(name, "x"), inputs=(f"u_{name}",), model="other")
+    replace(solution, trajectory=renamed).plot().canvas.draw()
 
 
 def test_figure_shows_positions_momenta_with_jump_inputs_and_snapshots(solution: dmoc.Solution, tmp_path: Path) -> None:

@@ -76,6 +76,7 @@ def solution_in(content: bytes, name: str) -> Solution:
     return solution
 
 
+@np.errstate(all="ignore")
 def _wrong_motion(motion: Trajectory) -> str | None:
     """What of a motion does not fit together."""
     if not motion.coordinates:
@@ -85,19 +86,25 @@ def _wrong_motion(motion: Trajectory) -> str | None:
     for bounds in (motion.input_bounds, motion.coordinate_bounds):
         if not (bounds[:, 0] <= bounds[:, 1]).all():
             return "the motion has a lower bound above the upper one"
-    begin = 0.0
     for i, phase in enumerate(motion.phases):
         if len(phase.t) < 2 or not (np.diff(phase.t) > 0).all():
             return f"the times of phase {i} do not increase"
-        if not np.isclose(phase.t[0], begin, rtol=0.0, atol=SAME_TIME * motion.final_time):
-            return f"phase {i} does not begin where the time before it ends"
         if len(phase.u) != len(input_times(motion.controls, phase.t)):
             return f"phase {i} has {len(phase.u)} rows of inputs for {phase.steps} steps"
-        begin = float(phase.t[-1])
-    for phase, collision in zip(motion.phases, motion.collisions, strict=False):
+    return _wrong_joints(motion)
+
+
+def _wrong_joints(motion: Trajectory) -> str | None:
+    """Where the phases of a motion and its collisions do not meet in time."""
+    near = SAME_TIME * motion.final_time
+    ends = [0.0, *(float(phase.t[-1]) for phase in motion.phases)]
+    for i, (phase, end) in enumerate(zip(motion.phases, ends, strict=False)):
+        if not abs(phase.t[0] - end) <= near:
+            return f"phase {i} does not begin where the time before it ends"
+    for collision, end in zip(motion.collisions, ends[1:], strict=False):
         if collision.surface not in motion.restitution:
             return f"surface {collision.surface!r} has no coefficient of restitution"
-        if not np.isclose(collision.time, phase.t[-1], rtol=0.0, atol=SAME_TIME * motion.final_time):
+        if not abs(collision.time - end) <= near:
             return f"the collision with {collision.surface!r} is not where its phase ends"
     return None
 
