@@ -1,8 +1,10 @@
 """Write, compile and load: generated text becomes a module, kept in a cache by the content it was made from.
 
-A cache entry is a folder ``<model>-<key>`` with the sources, the extension and ``build.json``, which holds the digest of every
+A cache entry is a folder ``<model>-<key>`` with the sources, the extension and ``build.json``, which holds the key and the digest of every
 other file.  An entry is made in a folder of its own and renamed into place under a lock, so that processes building at once
-do not see half an entry; an entry whose digests do not match is made again.
+do not see half an entry; an entry that is not whole is made again.  The digests find damage; against others stand the rights of the folder, the
+entries and the files: what others could have written is not loaded.  The compiled module holds the digest of its sources, as its manifest does, so
+that a module and a manifest of different sources never meet.
 """
 
 from __future__ import annotations
@@ -30,7 +32,9 @@ import filelock
 import platformdirs
 
 from dmoc.codegen.kernels import COMPILED, NUMPY, Kernels
+from dmoc.codegen.private import is_private, make_folder, remove, safe_folder, write_whole
 from dmoc.errors import BuildError
+from dmoc.symbolic.names import check_name
 
 # The kernels decide the speed of a solve; the wrapper is called once per loop, so it is compiled quickly instead.  Contraction into
 # fused operations stays off so that results are the same on every machine.  A warning is no reason to refuse a user's model.
@@ -93,9 +97,9 @@ def build_cached(
     BuildError
         If there is no compiler and no fallback, the compiler fails, or the cache cannot be written.
     """
-    entry = cache_directory() / f"{name}-{_entry_key(key)}"
+    cache, digest = cache_directory(), _entry_key(key)
     if not force:
-        kernels = _load_entry(entry)
+        kernels = _found(cache, name, digest)
         if kernels is not None:
             return kernels
     start = time.perf_counter()
@@ -108,30 +112,53 @@ def build_cached(
         files = texts()
         return numpy_kernels(json.loads(files["manifest.json"]), fallback())
     try:
-        entry.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(cache)
+        entry = _entry(safe_folder(cache), name, digest)
         lock = filelock.FileLock(entry.parent / f"{entry.name}.lock")
         with lock:
-            kernels = None if force else _load_entry(entry)
+            kernels = None if force else _load_entry(entry, digest)
             if kernels is None:
-                _make_entry(entry, texts(), command)
-                kernels = _load_entry(entry)
+                _make_entry(entry, digest, texts(), command)
+                kernels = _load_entry(entry, digest)
     except OSError as error:
         raise BuildError(
-            f"the kernel cache {entry.parent} cannot be written ({error.strerror}): set DMOC_CACHE to a writable folder."
+            f"the kernel cache {cache} cannot be written ({error.strerror}): set DMOC_CACHE to a writable folder."
         ) from None
     if kernels is None:
-        raise BuildError(f"the kernels in {entry} were built and cannot be loaded: remove that folder and try again.")
+        raise BuildError(
+            f"the kernels in {entry} were built and cannot be loaded, or are not those of their manifest: remove that folder and try again."
+        )
     return Kernels(kernels.manifest, kernels.module, COMPILED, time.perf_counter() - start)
 
 
 def load_installed(package: str) -> Kernels | None:
-    """Return the kernels of an installed package of generated code, or None if its extension was not compiled."""
+    """Return the kernels of an installed package of generated code, or None if its extension was not compiled.
+
+    Raises
+    ------
+    BuildError
+        If the extension was compiled from other sources than those beside it.
+    """
     try:
         module = import_module(f"{package}.{WRAPPER}")
     except ModuleNotFoundError:
         return None
-    text = resources.files(package).joinpath("manifest.json").read_text(encoding="utf-8")
-    return Kernels(json.loads(text), module, COMPILED)
+    manifest = json.loads(_installed_manifest(package))
+    if not _belong_together(module, manifest):
+        raise BuildError(
+            f"the compiled kernels of model {manifest['name']!r} were made from other sources than those installed: install dmoc again (in a checkout: "
+            "pip install -e .)."
+        )
+    return Kernels(manifest, module, COMPILED)
+
+
+def _installed_manifest(package: str) -> str:
+    return resources.files(package).joinpath("manifest.json").read_text(encoding="utf-8")
+
+
+def _belong_together(module: types.ModuleType, manifest: Mapping[str, Any]) -> bool:
+    """Whether a module was compiled from the sources that a manifest describes: sizes of other sources reach beyond its arrays."""
+    return bool(getattr(module, "CODE", None) == manifest.get("code", ""))
 
 
 def sources(kernels: Kernels) -> dict[str, str]:
@@ -143,13 +170,33 @@ def sources(kernels: Kernels) -> dict[str, str]:
 
 
 def arrived(manifest: Mapping[str, Any], backend: str, files: Mapping[str, str]) -> Kernels:
-    """Return kernels that come from another process: those installed or in the cache here, or built once more from their sources."""
+    """Return kernels that come from another process: those installed or in the cache here, or built once more from their sources.
+
+    What is here serves if it has the same manifest, digest of its sources included.  What is built gets the key of its texts, whatever they say
+    of themselves, so that it is never taken for a model of the user.
+
+    Raises
+    ------
+    BuildError
+        If the texts are not those of one model.
+    """
     if backend == NUMPY:
         return numpy_kernels(manifest, files[NUMPY_TEXT])
-    installed = load_installed(f"dmoc.generated.{manifest['name']}")
-    if installed is not None and installed.manifest["fingerprint"] == manifest["fingerprint"]:
-        return installed
-    return build_cached(str(manifest["name"]), str(manifest["fingerprint"]), lambda: files)
+    if sorted(files) != sorted(SOURCES):
+        raise BuildError(
+            f"the kernels that arrived hold the files {', '.join(sorted(files))}: expected {', '.join(sorted(SOURCES))}."
+        )
+    described = json.loads(files["manifest.json"])
+    name = check_name(described["name"], "model")
+    installed = f"dmoc.generated.{name}"
+    if importlib.util.find_spec(installed) is not None and _installed_manifest(installed) == files["manifest.json"]:
+        kernels = load_installed(installed)
+    else:
+        kernels = _found(cache_directory(), name, _entry_key(f"{described['fingerprint']}\n{described['title']}"))
+    if kernels is not None and kernels.manifest == described:
+        return kernels
+    text = json.dumps(dict(files), sort_keys=True)
+    return build_cached(name, f"arrived {hashlib.sha256(text.encode()).hexdigest()}", lambda: files)
 
 
 def numpy_kernels(manifest: Mapping[str, Any], text: str) -> Kernels:
@@ -161,13 +208,13 @@ def numpy_kernels(manifest: Mapping[str, Any], text: str) -> Kernels:
 
 
 def write_files(directory: Path, files: Mapping[str, str]) -> list[Path]:
-    """Write generated files into ``directory`` and return their paths."""
+    """Write generated files into ``directory``, each whole or not at all, and return their paths."""
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, text in sorted(files.items()):
         path = directory / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
-            path.write_text(text, encoding="utf-8")
+            write_whole(path, text)
         paths.append(path)
     return paths
 
@@ -180,7 +227,7 @@ def _entry_key(key: str) -> str:
             digest.update(path.read_bytes())
     digest.update(repr((KERNEL_FLAGS, WRAPPER_FLAGS, os.environ.get("CC"))).encode())
     digest.update(f"{sysconfig.get_config_var('EXT_SUFFIX')} {sys.version}".encode())
-    return digest.hexdigest()[:24]
+    return digest.hexdigest()
 
 
 def _sources(package: str) -> list[Path]:
@@ -191,15 +238,26 @@ def _sources(package: str) -> list[Path]:
     return [p for p in root.rglob("*") if p.suffix in (".py", ".jinja")]
 
 
-def _make_entry(entry: Path, files: Mapping[str, str], command: list[str]) -> None:
+def _entry(folder: Path, name: str, digest: str) -> Path:
+    return folder / f"{name}-{digest[:24]}"
+
+
+def _found(cache: Path, name: str, digest: str) -> Kernels | None:
+    """Return kernels from the cache folder, if it exists and holds them."""
+    return _load_entry(_entry(safe_folder(cache), name, digest), digest) if os.path.isdir(cache) else None
+
+
+def _make_entry(entry: Path, digest: str, files: Mapping[str, str], command: list[str]) -> None:
     with tempfile.TemporaryDirectory(prefix=f".{entry.name}-", dir=entry.parent) as work:
         folder = Path(work) / entry.name
+        folder.mkdir(mode=0o700)
         write_files(folder, files)
         compile_extension(folder, command)
         digests = {p.name: _digest(p) for p in sorted(folder.iterdir())}
-        (folder / BUILD_RECORD).write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
-        if entry.exists():
-            shutil.rmtree(entry)
+        write_whole(folder / BUILD_RECORD, json.dumps({"key": digest, "files": digests}, indent=1) + "\n")
+        for path in folder.iterdir():
+            path.chmod(0o600)  # also where the user's files are open to a group
+        remove(entry)
         folder.rename(entry)
 
 
@@ -230,17 +288,21 @@ def _run(command: list[str], folder: Path) -> None:
         raise BuildError(f"the compiler failed.\n  command: {shlex.join(command)}\n  output: {done.stderr.strip()}")
 
 
-def _load_entry(entry: Path) -> Kernels | None:
-    """Load an entry if it is complete and undamaged."""
+def _load_entry(entry: Path, digest: str) -> Kernels | None:
+    """Load an entry if it is complete, undamaged, of this key, and nobody else could have written it."""
+    extension = entry / f"{WRAPPER}{sysconfig.get_config_var('EXT_SUFFIX')}"
     try:
-        digests = json.loads((entry / BUILD_RECORD).read_text(encoding="utf-8"))
-        if any(_digest(entry / name) != digest for name, digest in digests.items()):
+        if not all(is_private(path) for path in (entry, *entry.iterdir())):
             return None
-        extension = entry / f"{WRAPPER}{sysconfig.get_config_var('EXT_SUFFIX')}"
+        record = json.loads((entry / BUILD_RECORD).read_text(encoding="utf-8"))
+        digests = {name: _digest(entry / name) for name in (*SOURCES, extension.name)}
+        if record != {"key": digest, "files": digests}:
+            return None
         manifest = json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
-        return Kernels(manifest, _load_extension(extension, f"dmoc_built.{entry.name}.{WRAPPER}"), COMPILED)
-    except (OSError, ValueError, AttributeError, ImportError):
+        module = _load_extension(extension, f"dmoc_built.{entry.name}.{WRAPPER}")
+    except (OSError, ValueError, ImportError):
         return None
+    return Kernels(manifest, module, COMPILED) if _belong_together(module, manifest) else None
 
 
 def _load_extension(path: Path, name: str) -> types.ModuleType:

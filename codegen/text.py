@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from importlib import resources
@@ -27,10 +28,20 @@ def c_files(model: ModelSpec) -> dict[str, str]:
         "powers": powers,
         "most": max(len(k["names"]) for k in kernels),
     }
-    files = {name: _render(name, facts) for name in ("kernels.h", "kernels.c", "wrapper.pyx", "wrapper.pyi")}
+    return _files(model, facts, _digest(_files(model, facts, "")))
+
+
+def _files(model: ModelSpec, facts: dict[str, Any], code: str) -> dict[str, str]:
+    """The files with the digest of their content, which manifest and wrapper hold."""
+    names = ("kernels.h", "kernels.c", "wrapper.pyx", "wrapper.pyi")
+    files = {name: _render(name, facts | {"code": code}) for name in names}
     files["__init__.py"] = f'"""Generated kernels of the model {model.name}."""\n'
-    files["manifest.json"] = json.dumps(manifest(model), indent=1) + "\n"
+    files["manifest.json"] = json.dumps({"code": code, **manifest(model)}, indent=1) + "\n"
     return files
+
+
+def _digest(files: dict[str, str]) -> str:
+    return hashlib.sha256(json.dumps(files, sort_keys=True).encode()).hexdigest()
 
 
 def numpy_text(model: ModelSpec) -> str:

@@ -47,15 +47,24 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     f = Continuous.of(system, symbols("q", nq), symbols("v", nq), symbols("u", nu), t, symbols("par", npar)).to_symengine()
     e = step_element(f, order, se.Symbol, se.sympify)
     kernels = [*_step_kernels(f, e), *_state_kernels(f), *_surface_kernels(f), *_terminal_kernels(f), *_feasibility_kernels(f)]
-    return ModelSpec(system.name, model_key(system, order), _facts(system, f, order), tuple(kernels))
+    return ModelSpec(system.name, _fingerprint(system, order), _facts(system, f, order), tuple(kernels))
 
 
 def model_key(system: MechanicalSystem, order: int = 2) -> str:
-    """Return the key of the kernels of ``system``: its content, its units, the order and the format of the kernel list."""
+    """Return the key of the kernels of ``system`` in a cache: the fingerprint and the title, which the manifest holds."""
     check_system(system)
     check_order(order)
+    return f"{_fingerprint(system, order)}\n{_title(system)}"
+
+
+def _fingerprint(system: MechanicalSystem, order: int) -> str:
+    """What solutions depend on: the content of ``system``, its units, the order and the format of the kernel list."""
     units = "".join(f"\n{name} {unit}" for name, unit in system.units.items())
     return hashlib.sha256(f"{FORMAT}\n{order}\n{system.fingerprint()}{units}".encode()).hexdigest()
+
+
+def _title(system: MechanicalSystem) -> str:
+    return system.title or system.name
 
 
 def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any]:
@@ -68,7 +77,7 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
         "format": FORMAT,
         "order": order,
         "explicit_time": any(f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r)),
-        "title": system.title or system.name,
+        "title": _title(system),
         "coordinates": [name_of(q) for q in system.coordinates],
         "inputs": [name_of(u) for u in system.inputs],
         "units": dict(system.units),

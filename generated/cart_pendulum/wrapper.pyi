@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+CODE: str
+
 def step(
     q_k: NDArray[np.float64],
     q_kp1: NDArray[np.float64],

@@ -38,6 +38,8 @@ cdef extern from "kernels.h" nogil:
     dmoc_kernel cart_pendulum_min_time
     dmoc_kernel cart_pendulum_min_time_jac
 
+CODE = "445ce832c70d110cf735e3a694e0f0fc60cfd25fb71bd925d261c004534fa3bf"  # the digest of the sources, which the manifest holds too
+
 cdef enum:
     MOST = 13
 

@@ -38,6 +38,8 @@ cdef extern from "kernels.h" nogil:
     dmoc_kernel puck_table_min_time
     dmoc_kernel puck_table_min_time_jac
 
+CODE = "c33acff6ba13ce9e8b1bf09529fde245427b1b63a614624d2077c660a92bd5d8"  # the digest of the sources, which the manifest holds too
+
 cdef enum:
     MOST = 13
 
