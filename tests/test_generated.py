@@ -1,15 +1,13 @@
-"""The committed sources of the shipped models, and the package map."""
+"""The committed sources of the shipped models."""
 
 from __future__ import annotations
 
 import difflib
-import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-import setuptools
 
 from dmoc.codegen.build import write_files
 from dmoc.codegen.text import c_files
@@ -33,27 +31,6 @@ def test_committed_sources_are_what_is_generated(name: str, request: pytest.Fixt
             difflib.unified_diff(found.splitlines(True), text.splitlines(True), f"committed {file}", f"generated {file}")
         )
         assert not difference, difference
-
-
-def test_package_map_names_every_folder(monkeypatch: pytest.MonkeyPatch) -> None:
-    """setup.py maps each folder with an __init__.py, and each layer has its link for type checkers."""
-    seen: dict[str, dict[str, str]] = {}
-    monkeypatch.setattr(setuptools, "setup", lambda **arguments: seen.update(arguments))
-    monkeypatch.chdir(ROOT)
-    import Cython.Build
-
-    monkeypatch.setattr(Cython.Build, "cythonize", lambda extensions, **_: extensions)
-    runpy.run_path(str(ROOT / "setup.py"))
-    ignored = {".venv", "build", "tests", "examples", "benchmarks", "docs", "dist"}
-    folders = {
-        str(p.parent.relative_to(ROOT))
-        for p in ROOT.rglob("__init__.py")
-        if p.relative_to(ROOT).parts[0] not in ignored and not any(q.is_symlink() for q in p.parents)
-    }
-    assert set(seen["package_dir"].values()) == folders
-    for package, folder in seen["package_dir"].items():
-        if package.count(".") == 1:
-            assert (ROOT / "src" / "dmoc" / folder).resolve() == ROOT / folder
 
 
 def test_solving_with_built_kernels_imports_no_sympy() -> None:
