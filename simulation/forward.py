@@ -14,6 +14,13 @@ from dmoc.simulation.stepper import Stepper
 from dmoc.symbolic.names import name_of
 from dmoc.trajectory import Collision
 
+# Steps of a run: more take weeks.
+MOST_STEPS = 10**12
+# Memory for the recorded nodes.
+MOST_BYTES = 4 * 10**9
+# Letters of a wrong value in a sentence.
+MOST_SHOWN = 80
+
 
 @dataclass(frozen=True)
 class Simulation:
@@ -54,7 +61,8 @@ def simulate(
 
     Each step solves r_minus(q_k, q_{k+1}) + p_k = 0.  A step that crosses a surface is split at the collision: first
     (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam) from the balance of energy and the conservation of
-    tangential momentum.  Several collisions in one step are handled one after the other.
+    tangential momentum.  Several collisions in one step are handled one after the other; impacts on several surfaces at the same moment too,
+    see :func:`dmoc.simulation.contacts.simultaneous`.  Ctrl-C ends a run, which leaves the interpreter to other threads.
 
     Parameters
     ----------
@@ -80,78 +88,132 @@ def simulate(
     Raises
     ------
     SimulationError
-        If an argument does not fit, a step has no solution, the motion comes to rest on a surface, or collisions accumulate.
+        If an argument does not fit, a step has no solution, the mass matrix becomes singular, the motion stays on a surface (lasting
+        contact), or collisions accumulate (Zeno).
     """
+    if not isinstance(kernels, Kernels):
+        raise SimulationError(
+            f"kernels = {kernels!r}: expected the kernels of a model, from dmoc.build(system) or dmoc.load(name)."
+        )
     nq, nu = len(kernels.coordinates), len(kernels.inputs)
-    if not (isinstance(step_size, (int, float, np.number)) and np.isfinite(step_size) and step_size > 0):
-        raise SimulationError(f"step_size = {step_size!r}: expected a positive number of seconds.")
-    for name, number in (("steps", steps), ("every", every)):
-        if not isinstance(number, (int, np.integer)) or number < 1:
-            raise SimulationError(f"{name} = {number!r}: expected a whole number of at least 1.")
-    if not isinstance(parameters or {}, Mapping):
-        raise SimulationError(f"parameters = {parameters!r}: expected a mapping from names to values.")
-    par = _parameters(kernels, parameters or {})
+    steps, every = _whole(steps, "steps"), _whole(every, "every")
+    h = _number(step_size)
+    if not (0 < h < np.inf and h * steps < np.inf):
+        raise SimulationError(
+            f"step_size = {_shown(step_size)}: expected a positive number of seconds, and a finite time of all steps."
+        )
+    _check_room(steps, every, nq)
+    par = _parameters(kernels, parameters)
     q = _vector(position, kernels.coordinates, "position")
     v = _vector(np.zeros(nq) if velocity is None else velocity, kernels.coordinates, "velocity")
     u = _inputs(inputs, steps, nu)
-    start, e = np.zeros((1, 1)), _restitution(kernels, restitution)
-    if kernels.has("surface"):
-        gaps = kernels.call("surface", q[None], start, par)[0][0]
-        if (gaps > 1e-12).any():
-            worst = int(np.argmax(gaps))
-            raise SimulationError(
-                f"position lies behind surface {kernels.surfaces[worst]!r} by {gaps[worst]:g}: move it inside g <= 0."
-            )
-    p = kernels.call("legendre", q[None], v[None], start, par)[0][0]
-    stepper = Stepper(kernels, par, e)
-    t, positions, momenta = stepper.run(q, p, u, float(step_size), every)
+    stepper = Stepper(kernels, par, _restitution(kernels, restitution))
+    with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
+        p = kernels.call("legendre", q[None], v[None], np.zeros((1, 1)), par)[0][0]
+        t, positions, momenta = stepper.run(q, p, u, h, every)
+        velocities = _velocities(kernels, t, positions, momenta, par)
+        energy = kernels.call("legendre", positions, velocities, t[:, None].copy(), par)[1][:, 0]
     collisions = tuple(
         Collision(kernels.surfaces[j], time, at, float(lam), before, after)
         for _, time, j, lam, at, before, after in stepper.collisions
     )
-    velocities = velocities_of(kernels, t, positions, momenta, par)
-    energy = kernels.call("legendre", positions, velocities, t[:, None].copy(), par)[1][:, 0]
     return Simulation(t, positions, momenta, energy, collisions)
 
 
-def velocities_of(kernels: Kernels, t: Array, q: Array, p: Array, par: Array) -> Array:
+def _velocities(kernels: Kernels, t: Array, q: Array, p: Array, par: Array) -> Array:
     """Return v = M(q, t)^-1 (p - dL/dv(q, 0, t)) for rows of states, shape (n, nq)."""
     nq = q.shape[1]
     rest, at = np.zeros_like(q), t[:, None].copy()
     offset = kernels.call("legendre", q, rest, at, par)[0]
     mass = kernels.call("dynamics", q, rest, np.zeros((1, len(kernels.inputs))), at, par)[0].reshape(-1, nq, nq)
-    return np.ascontiguousarray(np.linalg.solve(mass, (p - offset)[:, :, None])[:, :, 0])
+    try:
+        return np.ascontiguousarray(np.linalg.solve(mass, (p - offset)[:, :, None])[:, :, 0])
+    except np.linalg.LinAlgError:
+        raise SimulationError(
+            "the mass matrix is singular where the motion ends: check the parameters, and stop before it."
+        ) from None
+
+
+# What a user gives ---------------------------------------------------------------------------------------------------
+
+
+def _number(given: object) -> float:
+    """A real number as a float; NaN for everything else."""
+    if isinstance(given, bool) or not isinstance(given, (int, float, np.integer, np.floating)):
+        return np.nan
+    try:
+        return float(given)
+    except OverflowError:
+        return np.inf if given > 0 else -np.inf
+
+
+def _shown(given: object) -> str:
+    """A wrong value in a sentence, cut where it is long."""
+    text = f"{given:.6e}" if isinstance(given, int) and abs(given) > MOST_STEPS and _number(given) < np.inf else ""
+    try:
+        text = text or repr(given)
+    except ValueError:  # integers of thousands of digits
+        text = f"a {type(given).__name__} too long to show"
+    return text if len(text) <= MOST_SHOWN else text[:MOST_SHOWN] + "..."
+
+
+def _whole(given: object, name: str) -> int:
+    if isinstance(given, bool) or not isinstance(given, (int, np.integer)) or not 1 <= given <= MOST_STEPS:
+        raise SimulationError(f"{name} = {_shown(given)}: expected a whole number of at least 1 and at most {MOST_STEPS:.0e}.")
+    return int(given)
+
+
+def _check_room(steps: int, every: int, nq: int) -> None:
+    """Refuse what the recorded nodes, their mass matrices among it, would not fit into, before anything is allocated."""
+    size = 8 * (steps // every + 1) * (2 + 6 * nq + nq * nq)
+    if size > MOST_BYTES:
+        raise SimulationError(
+            f"steps = {steps} with every = {every}: recording {steps // every + 1} nodes needs {size / 1e9:.3g} GB of memory, at most "
+            f"{MOST_BYTES / 1e9:.3g} GB are used; record fewer nodes, with every = {-(-every * size // MOST_BYTES)} or more."
+        )
 
 
 def _restitution(kernels: Kernels, given: float | Mapping[str, float]) -> Array:
     """Coefficients by surface, shape (nc,)."""
-    if not isinstance(given, Mapping) and not (isinstance(given, (int, float, np.number)) and 0 <= given <= 1):
-        raise SimulationError(f"restitution = {given!r}: expected a number from 0 (plastic) to 1 (elastic).")
+    if not isinstance(given, Mapping) and not 0 <= _number(given) <= 1:
+        raise SimulationError(f"restitution = {_shown(given)}: expected a number from 0 (plastic) to 1 (elastic).")
     named = given if isinstance(given, Mapping) else dict.fromkeys(kernels.surfaces, given)
     for surface, e in named.items():
         if surface not in kernels.surfaces:
             known = ", ".join(kernels.surfaces) or "none, the model has no surface"
-            raise SimulationError(f"restitution names {surface!r}: expected one of {known}.")
-        if not isinstance(e, (int, float, np.number)) or not 0 <= e <= 1:
-            raise SimulationError(f"restitution of {surface!r} = {e!r}: expected a number from 0 (plastic) to 1 (elastic).")
+            raise SimulationError(f"restitution names {_shown(surface)}: expected one of {known}.")
+        if not 0 <= _number(e) <= 1:
+            raise SimulationError(f"restitution of {surface!r} = {_shown(e)}: expected a number from 0 (plastic) to 1 (elastic).")
     return np.array([float(named.get(surface, 1.0)) for surface in kernels.surfaces])
 
 
 def _inputs(given: ArrayLike | None, steps: int, nu: int) -> Array:
+    """One row for every step; a row that serves all steps is not copied."""
+    if given is None:
+        return np.broadcast_to(np.zeros(nu), (steps, nu))
     try:
-        u = (
-            np.zeros((steps, nu))
-            if given is None
-            else np.array(np.broadcast_to(np.asarray(given, dtype=float), (steps, nu)), order="C")
-        )
-    except (TypeError, ValueError):
-        raise SimulationError(f"inputs: expected numbers of shape ({steps}, {nu}) or ({nu},).") from None
+        u = _floats(given)
+    except (TypeError, ValueError, OverflowError):
+        u = np.empty((0, 0, 0))  # a shape that never fits
+    if u.shape not in ((nu,), (steps, nu)):
+        raise SimulationError(f"inputs: expected numbers of shape ({steps}, {nu}) or ({nu},).")
     if not np.isfinite(u).all():
         raise SimulationError("inputs contain a value that is not finite: expected finite numbers.")
-    return u
+    return np.broadcast_to(u, (steps, nu))
+
+
+def _floats(given: object) -> Array:
+    """An array of floats; text and complex numbers are no numbers here.  Raises TypeError, ValueError or OverflowError."""
+    raw = np.asarray(given)
+    if raw.dtype.kind not in "iufO":
+        raise TypeError
+    if raw.dtype.kind == "O" and np.isnan([_number(value) for value in raw.ravel()]).any():
+        raise TypeError
+    return np.asarray(raw, dtype=float)
 
 
 def _vector(given: Mapping[str, float] | ArrayLike, names: list[str], what: str) -> Array:
+    shown = _shown(given)
     if isinstance(given, Mapping):
         given = {name_of(n): value for n, value in given.items()}
         unknown = [n for n in given if n not in names]
@@ -159,22 +221,26 @@ def _vector(given: Mapping[str, float] | ArrayLike, names: list[str], what: str)
             raise SimulationError(f"{what} names {unknown[0]!r}: expected coordinates out of {', '.join(names)}.")
         given = [given.get(n, 0.0) for n in names]
     try:
-        vector = np.array(given, dtype=float)
-    except (TypeError, ValueError):
-        raise SimulationError(f"{what} = {given!r}: expected {len(names)} numbers ({', '.join(names)}).") from None
+        vector = np.array(_floats(given))
+    except (TypeError, ValueError, OverflowError):
+        raise SimulationError(f"{what} = {shown}: expected {len(names)} finite numbers ({', '.join(names)}).") from None
     if vector.shape != (len(names),) or not np.isfinite(vector).all():
-        raise SimulationError(f"{what} = {given!r}: expected {len(names)} finite numbers ({', '.join(names)}).")
+        raise SimulationError(f"{what} = {shown}: expected {len(names)} finite numbers ({', '.join(names)}).")
     return vector
 
 
-def _parameters(kernels: Kernels, changes: Mapping[str, float]) -> Array:
+def _parameters(kernels: Kernels, changes: Mapping[str, float] | None) -> Array:
+    if not (changes is None or isinstance(changes, Mapping)):
+        raise SimulationError(f"parameters = {_shown(changes)}: expected a mapping from names to values.")
     values = kernels.parameters
-    for symbol, value in changes.items():
+    for symbol, value in (changes or {}).items():
         name = name_of(symbol)
         if name not in values:
-            raise SimulationError(f"unknown parameter {name!r}: expected one of {', '.join(values)}.")
-        if not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
-            raise SimulationError(f"parameter {name} = {value!r}: expected a finite number.")
+            raise SimulationError(
+                f"unknown parameter {name!r}: expected one of {', '.join(values) or 'none, the model has no parameter'}."
+            )
+        if not np.isfinite(_number(value)):
+            raise SimulationError(f"parameter {name} = {_shown(value)}: expected a finite number.")
         values[name] = float(value)
     missing = [n for n, value in values.items() if value is None]
     if missing:

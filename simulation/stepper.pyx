@@ -9,13 +9,21 @@ A step of size h is a chain of *legs*.  The first leg starts at a node with mome
 
 with unknowns q_1, or q_1 and lam, and the nodes inside the leg with their equations r_i = 0 at order 4; e is the coefficient of restitution and w the rate
 of the gap after the collision, w = w(before) - lam grad g . M^-1 grad g.  A leg that would cross a surface is shortened to the duration s = tau h at which g(q_1) = 0.
+
+A leg shorter than ``SHORTEST_LEG`` of a step, an impact on several surfaces at once, and one whose flight is too short for the equations above
+(bounces that die away within a step) take their limit instead: lam = (1 + e) w / (grad g . M^-1 grad g).
+
+Nothing depends on units: coordinates are measured by the masses, sqrt(M_ii) q_i, and gaps and their rates by their slopes.
 """
+from cpython.exc cimport PyErr_CheckSignals
 from cpython.pycapsule cimport PyCapsule_GetPointer
 from libc.math cimport fabs, isfinite, sqrt
+from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
 import numpy as np
 
 from dmoc.errors import SimulationError
+from dmoc.simulation.contacts import NOISE, simultaneous
 
 ctypedef void dmoc_kernel(ptrdiff_t n, const double *const *args, const ptrdiff_t *stride, double *const *results) noexcept nogil
 
@@ -24,10 +32,16 @@ cdef enum:
     NEWTON_LIMIT = 50
     ROOT_LIMIT = 200
     MOST_HITS = 100     # collisions within one step before the motion counts as Zeno
+    ATTENTION = 20      # looks for Ctrl-C in a second of computing
 
-cdef double TOLERANCE = 1e-14      # of a Newton step relative to the coordinates
-cdef double GAP_TOLERANCE = 1e-13  # a gap above it counts as crossed
-cdef double SHORTEST_LEG = 1e-9    # share of a step below which a leg is replaced by its limit: its equations divide by s
+cdef double TOLERANCE = 1e-14        # of a Newton step relative to the coordinates
+cdef double ROUNDING = 1e-10         # the same, where Newton's method makes no progress any more
+cdef double GAP_TOLERANCE = 1e-13    # a gap above it, relative to its slopes and the coordinates, counts as crossed
+cdef double START_TOLERANCE = 1e-12  # the same for the first position, which a user has computed
+cdef double RATE_TOLERANCE = NOISE   # a rate of a gap below it, relative to its slopes and the velocities, is a rounding error
+cdef double SHORTEST_LEG = 1e-9      # share of a step below which a leg is replaced by its limit: its equations divide by s
+cdef double ROUNDED_FLIGHTS = 1e-2  # share of a step in which three bounces are so short that rounding errors decide which is shortest
+cdef double SINGULAR = 1e-15         # a pivot of the mass matrix below it, relative to the diagonal, is none
 
 
 cdef class _Call:
@@ -55,15 +69,16 @@ cdef class _Call:
             view = outputs[a]
             self.results[a] = &view[0, 0] if view.shape[1] else NULL
 
-    cdef int run(self) except -1:
+    cdef int run(self) except -1 nogil:
         if self.kernel != NULL:
             self.kernel(1, self.args, self.stride, self.results)
         else:
-            self.function(*self.arrays)
+            with gil:
+                self.function(*self.arrays)
         return 0
 
 
-cdef bint _solve(double[:, ::1] A, double[::1] b, int n) noexcept:
+cdef bint _solve(double[:, ::1] A, double[::1] b, int n) noexcept nogil:
     """Solve A x = b in place by elimination with partial pivoting; False if A is singular."""
     cdef int i, j, k, best
     cdef double factor, swap
@@ -91,6 +106,37 @@ cdef bint _solve(double[:, ::1] A, double[::1] b, int n) noexcept:
     return True
 
 
+cdef bint _factor(double[:, ::1] M, int n) noexcept nogil:
+    """Cholesky factor of M in its lower triangle; False if M is not clearly positive definite."""
+    cdef int i, j, k
+    cdef double diagonal
+    for j in range(n):
+        diagonal = M[j, j]
+        for k in range(j):
+            M[j, j] -= M[j, k] * M[j, k]
+        if not (isfinite(diagonal) and M[j, j] > SINGULAR * fabs(diagonal)):
+            return False
+        M[j, j] = sqrt(M[j, j])
+        for i in range(j + 1, n):
+            for k in range(j):
+                M[i, j] -= M[i, k] * M[j, k]
+            M[i, j] /= M[j, j]
+    return True
+
+
+cdef void _solve_factored(double[:, ::1] L, double[::1] b, int n) noexcept nogil:
+    """Solve L L^T x = b in place."""
+    cdef int i, k
+    for i in range(n):
+        for k in range(i):
+            b[i] -= L[i, k] * b[k]
+        b[i] /= L[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= L[k, i] * b[k]
+        b[i] /= L[i, i]
+
+
 cdef class Stepper:
     """Steps one model with given parameters.
 
@@ -105,11 +151,12 @@ cdef class Stepper:
     cdef object names
     cdef _Call step, step_jac, impact, impact_jac, surface, slope, dynamics, legendre
     cdef double[:, ::1] q_a, q_b, q_i, t, now, r_i, r_i_z, u, h, r_minus, r_plus, C_d, r_minus_z, r_plus_z, C_d_z, e_plus, e_minus, e_plus_z, e_minus_z
-    cdef double[:, ::1] q_g, g, g_q, zero, mass, force, p_zero, energy, A
+    cdef double[:, ::1] q_g, g, g_q, v_g, mass, force, p_zero, energy, A, L
     cdef ptrdiff_t[::1] r_row, r_col, i_row, i_col, e_col, g_row, g_col
-    cdef double[::1] b, p, normal, velocity, restitution
-    cdef double lam, e_before, e, approach, inertia
+    cdef double[::1] b, p, normal, velocity, restitution, weight, tolerance, rates, rate_size, start_gap, rates_before
+    cdef double lam, lam_limit, e_before, e, approach, inertia, reach, fastest, full
     cdef bint after_impact
+    cdef clock_t heard
 
     def __init__(self, kernels, par, restitution):
         cdef int nq = len(kernels.coordinates), nu = len(kernels.inputs), nc = len(kernels.surfaces)
@@ -145,7 +192,8 @@ cdef class Stepper:
         self.e_plus_z = block(len(stored("impact_jac", "e_plus_D_z")[0]))
         self.e_minus_z = block(len(self.e_col))
         self.impact_jac = _Call(kernels, "impact_jac", inputs, tuple(map(np.asarray, (self.e_plus_z, self.e_minus_z))))
-        self.q_g, self.zero = block(nq), block(nq)
+        self.q_g = block(nq)
+        self.v_g = block(nq)
         if nc:
             self.g = block(nc)
             self.g_row, self.g_col = stored("surface_jac", "g_D_q")
@@ -154,49 +202,139 @@ cdef class Stepper:
             self.surface = _Call(kernels, "surface", place, (np.asarray(self.g),))
             self.slope = _Call(kernels, "surface_jac", place, (np.asarray(self.g_q),))
         self.mass, self.force = block(nq * nq), block(nq)
-        at = (np.asarray(self.q_g), np.asarray(self.zero), np.asarray(self.u), np.asarray(self.now), par)
+        at = (np.asarray(self.q_g), np.asarray(self.v_g), np.asarray(self.u), np.asarray(self.now), par)
         self.dynamics = _Call(kernels, "dynamics", at, (np.asarray(self.mass), np.asarray(self.force)))
         self.p_zero, self.energy = block(nq), block(1)
-        self.legendre = _Call(kernels, "legendre", (np.asarray(self.q_g), np.asarray(self.zero), np.asarray(self.now), par),
+        self.legendre = _Call(kernels, "legendre", (np.asarray(self.q_g), np.asarray(self.v_g), np.asarray(self.now), par),
                               (np.asarray(self.p_zero), np.asarray(self.energy)))
-        self.A = np.zeros((nq + ni + 1, nq + ni + 1))
+        self.A, self.L = np.zeros((nq + ni + 1, nq + ni + 1)), np.zeros((nq, nq))
         self.b, self.p = np.zeros(nq + ni + 1), np.zeros(nq)
-        self.normal, self.velocity = np.zeros(nq + 1), np.zeros(nq)
+        self.normal, self.velocity, self.weight = np.zeros(nq + 1), np.zeros(nq), np.zeros(nq)
+        self.tolerance, self.rates, self.rate_size, self.start_gap = np.zeros(nc), np.zeros(nc), np.zeros(nc), np.zeros(nc)
+        self.rates_before = np.zeros(nc)
+        self.reach, self.fastest = 0.0, 0.0
+        self.heard = clock()
 
-    # One leg ---------------------------------------------------------------------------------------------------------
+    cdef int listen(self) except -1 nogil:
+        """Let Ctrl-C through now and then."""
+        if clock() - self.heard > CLOCKS_PER_SEC // ATTENTION:
+            with gil:
+                PyErr_CheckSignals()
+            self.heard = clock()
+        return 0
 
-    cdef int find_velocity(self, double[::1] p) except -1:
-        """velocity = M^-1 (p - dL/dv(q_g, 0)), at the time ``now``."""
+    # Where the motion is ---------------------------------------------------------------------------------------------
+
+    cdef int find_velocity(self) except -1 nogil:
+        """velocity = M^-1 (p - dL/dv(q_g, 0)) at the time ``now``, with the factor L of M and the weights of the coordinates."""
         cdef int i, j, n = self.nq
         self.dynamics.run()
         self.legendre.run()
         for i in range(n):
-            self.b[i] = p[i] - self.p_zero[0, i]
+            self.b[i] = self.p[i] - self.p_zero[0, i]
             for j in range(n):
-                self.A[i, j] = self.mass[0, i * n + j]
-        if not _solve(self.A, self.b, n):
-            raise SimulationError("the mass matrix is singular along the motion: check the parameters.")
+                self.L[i, j] = self.mass[0, i * n + j]
+        if not _factor(self.L, n):
+            with gil:
+                raise SimulationError(
+                    f"the mass matrix at t = {self.now[0, 0]:.6g} s is singular or not positive definite: check the parameters, and stop before "
+                    "the motion gets there."
+                )
+        _solve_factored(self.L, self.b, n)
         for i in range(n):
             self.velocity[i] = self.b[i]
+            self.weight[i] = sqrt(self.mass[0, i * n + i])
+            self.fastest = max(self.fastest, self.weight[i] * fabs(self.velocity[i]))
         return 0
 
-    cdef int column(self, ptrdiff_t z) noexcept:
+    cdef void grow(self) noexcept nogil:
+        """Keep the largest coordinate and way of a leg, measured by the masses: what rounding errors are compared with."""
+        cdef int i
+        for i in range(self.nq):
+            self.reach = max(self.reach, self.weight[i] * fabs(self.q_b[0, i]), self.weight[i] * fabs(self.q_b[0, i] - self.q_a[0, i]))
+
+    cdef int at_start(self, double h) except -1 nogil:
+        """Velocity, gaps, their rates and tolerances at the start of the leg to come."""
+        cdef int i, j, k
+        for i in range(self.nq):
+            self.q_g[0, i] = self.q_a[0, i]
+        self.now[0, 0] = self.t[0, 0]
+        self.find_velocity()
+        for i in range(self.nq):
+            self.reach = max(self.reach, self.weight[i] * fabs(self.q_a[0, i]), h * self.weight[i] * fabs(self.velocity[i]))
+        if not self.nc:
+            return 0
+        self.surface.run()
+        self.slope.run()
+        for j in range(self.nc):
+            self.start_gap[j] = self.g[0, j]
+            self.rate_size[j] = self.tolerance[j] = 0.0
+        for k in range(self.g_row.shape[0]):
+            j, i = <int>self.g_row[k], <int>self.g_col[k]
+            if i == self.nq:
+                self.rate_size[j] += fabs(self.g_q[0, k])
+                self.tolerance[j] += GAP_TOLERANCE * fabs(self.g_q[0, k]) * max(fabs(self.t[0, 0]), h)
+            else:
+                self.rate_size[j] += fabs(self.g_q[0, k]) * self.fastest / self.weight[i]
+                self.tolerance[j] += GAP_TOLERANCE * fabs(self.g_q[0, k]) * self.reach / self.weight[i]
+        self.find_rates()
+        return 0
+
+    cdef void find_rates(self) noexcept nogil:
+        """dg/dt of every surface with the slopes and the velocity as they are."""
+        cdef int k
+        for k in range(self.nc):
+            self.rates[k] = 0.0
+        for k in range(self.g_row.shape[0]):
+            self.rates[self.g_row[k]] += self.g_q[0, k] * (1.0 if self.g_col[k] == self.nq else self.velocity[self.g_col[k]])
+
+    cdef int contact_at_start(self, double h) except -2 nogil:
+        """Index of a surface that the motion from (q_a, p) meets in less than the shortest leg; -1 if there is none."""
+        cdef int j
+        for j in range(self.nc):
+            if self.rates[j] > 0 and self.g[0, j] > self.tolerance[j]:
+                return j
+            if self.rates[j] > RATE_TOLERANCE * self.rate_size[j] and self.g[0, j] > -(self.tolerance[j] + SHORTEST_LEG * h * self.rates[j]):
+                return j
+        return -1
+
+    cdef int ended(self, double t) except -1 nogil:
+        """As if a leg had ended in (q_b, p) at the time t."""
+        cdef int i
+        for i in range(self.nq):
+            self.q_g[0, i] = self.q_b[0, i]
+            self.r_plus[0, i] = self.p[i]
+        self.now[0, 0] = t
+        self.find_velocity()
+        for i in range(self.nq):
+            self.v_g[0, i] = self.velocity[i]
+        self.legendre.run()
+        self.e_plus[0, 0] = -self.energy[0, 0]
+        for i in range(self.nq):
+            self.v_g[0, i] = 0.0
+        return 0
+
+    # One leg ---------------------------------------------------------------------------------------------------------
+
+    cdef int column(self, ptrdiff_t z) noexcept nogil:
         """Position among the unknowns (q_b, q_i) of a leg of a position in z = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i); -1 for none."""
         cdef ptrdiff_t n = self.nq, inside = 2 * (self.nq + self.nu) + 2
         if n <= z < 2 * n:
             return <int>(z - n)
         return <int>(n + z - inside) if z >= inside else -1
 
-    cdef int leg(self, double s) except -1:
+    cdef int leg(self, double s) except -1 nogil:
         """Solve for q_b and q_i (and lam after an impact) at the end of a leg of duration s; 0 if Newton's method fails."""
         cdef int i, j, k, it, n = self.nq, m = self.nq + self.ni, size = self.nq + self.ni + (1 if self.after_impact else 0)
-        cdef double change, scale, previous = 1e300
+        cdef double change, previous = 1e300
         self.h[0, 0] = s
+        self.lam = self.lam_limit
         for i in range(n):
             self.q_b[0, i] = self.q_a[0, i] + s * self.velocity[i]
         for i in range(self.ni):
-            self.q_i[0, i] = self.q_a[0, i] + 0.5 * s * self.velocity[i]
+            self.q_i[0, i] = self.q_a[0, i] + 0.5 * s * self.velocity[i % n]
         for it in range(NEWTON_LIMIT):
+            self.listen()
             self.step.run()
             self.step_jac.run()
             for i in range(size):
@@ -229,19 +367,19 @@ cdef class Stepper:
                         self.A[m, j] = -self.e * self.e_minus_z[0, k]
             if not _solve(self.A, self.b, size):
                 return 0
-            change, scale = 0.0, 0.0
+            change = 0.0
             for i in range(n):
                 self.q_b[0, i] -= self.b[i]
-                change = max(change, fabs(self.b[i]))
-                scale = max(scale, fabs(self.q_b[0, i]), fabs(self.q_b[0, i] - self.q_a[0, i]))
+            for i in range(m):
+                change = max(change, self.weight[i % n] * fabs(self.b[i]))
             for i in range(self.ni):
                 self.q_i[0, i] -= self.b[n + i]
-                change = max(change, fabs(self.b[n + i]))
             if self.after_impact:
                 self.lam -= self.b[m]
             if not isfinite(change):
                 return 0
-            if change <= TOLERANCE * scale or (change >= 0.5 * previous and change <= 1e4 * TOLERANCE * max(scale, 1e-3)):
+            self.grow()
+            if change <= TOLERANCE * self.reach or (change >= 0.5 * previous and change <= ROUNDING * self.reach):
                 self.step.run()
                 self.impact.run()
                 return 1
@@ -250,7 +388,7 @@ cdef class Stepper:
 
     # Along the leg that was just solved: the place at the share x, and what surfaces say there.
 
-    cdef int place(self, double x) except -1:
+    cdef int place(self, double x) except -1 nogil:
         """q_g and now at the share x of the leg."""
         cdef int i
         cdef double a = 1 - x, b = x, c = 0.0
@@ -261,13 +399,13 @@ cdef class Stepper:
         self.now[0, 0] = self.t[0, 0] + x * self.h[0, 0]
         return 0
 
-    cdef double gap(self, double x, int j) except? -1e300:
+    cdef double gap(self, double x, int j) except? -1e300 nogil:
         """g_j at the share x."""
         self.place(x)
         self.surface.run()
         return self.g[0, j]
 
-    cdef double rate(self, double x, int j) except? -1e300:
+    cdef double rate(self, double x, int j) except? -1e300 nogil:
         """Derivative of g_j with respect to the share x."""
         cdef int k, i
         cdef double value = 0.0, change, a = -1.0, b = 1.0, c = 0.0
@@ -277,7 +415,7 @@ cdef class Stepper:
         self.slope.run()
         for k in range(self.g_row.shape[0]):
             if self.g_row[k] == j:
-                i = self.g_col[k]
+                i = <int>self.g_col[k]
                 if i == self.nq:
                     change = self.h[0, 0]
                 else:
@@ -285,14 +423,16 @@ cdef class Stepper:
                 value += self.g_q[0, k] * change
         return value
 
-    cdef double crossing(self, int j) except? -1.0:
-        """Share of the leg at which surface j is certainly crossed; 0 if it is not."""
-        cdef double low, high, middle, x
+    cdef double crossing(self, int j, bint touching) except? -1.0 nogil:
+        """Share of the leg at which surface j is certainly crossed; 0 if it is not.  One that is touched may be left by rounding errors."""
+        cdef double low, high, middle, x, most = self.tolerance[j]
         cdef int i
-        if self.gap(1.0, j) > GAP_TOLERANCE:
+        if touching:
+            most += RATE_TOLERANCE * self.rate_size[j] * self.h[0, 0]
+        if self.gap(1.0, j) > most:
             return 1.0
         for x in (0.25, 0.5, 0.75):
-            if self.gap(x, j) > GAP_TOLERANCE:
+            if self.gap(x, j) > most:
                 return x
         if self.rate(0.0, j) > 0 and self.rate(1.0, j) < 0:  # in and out again: look at the summit
             low, high = 0.0, 1.0
@@ -302,32 +442,33 @@ cdef class Stepper:
                     low = middle
                 else:
                     high = middle
-            if self.gap(low, j) > GAP_TOLERANCE:
+            if self.gap(low, j) > most:
                 return low
         return 0.0
 
-    cdef double hit_time(self, int j, double s_high, double t) except? -1.0:
-        """Duration in (0, s_high] at which a leg ends on surface j."""
-        cdef double low = s_high, high, g_low, g_high, s, g, width
+    cdef double hit_time(self, int j, double s_high) except? -3.0 nogil:
+        """Duration in (0, s_high] at which a leg ends on surface j; -1 if a leg has no solution, -2 if the motion does not leave the surface."""
+        cdef double low = s_high, high = s_high, g_low, g_high, s, g, width
         cdef int k, side = 0
-        high = s_high
         if not self.leg(high):
-            raise SimulationError(f"the collision step at t = {t:.6g} s has no solution: reduce the step size, or stop before the motion comes to rest on a surface.")
+            return -1.0
         g_high = self.gap(1.0, j)
-        g_low = 1.0
+        g_low = g_high
         for k in range(60):  # a start inside: shorter and shorter legs, because a leg may start on this surface
             low *= 0.5
+            if low < SHORTEST_LEG * self.full:
+                break
             if not self.leg(low):
-                break
+                return -1.0
             g_low = self.gap(1.0, j)
-            if g_low <= 0 or (g_high <= 0 and g_low < g_high):
+            if g_low < -self.tolerance[j] or (g_high <= 0 and g_low < g_high):
                 break
-            if g_low < g_high and g_low > 0:
+            if g_low < g_high and g_low > self.tolerance[j]:
                 high, g_high = low, g_low
-        if not g_low <= 0:
-            raise SimulationError(
-                f"the motion rests on surface {self.names[j]!r} at t = {t:.6g} s: lasting contact is not a collision, stop before it."
-            )
+        if not g_low < -self.tolerance[j] and g_high > 0:
+            low, g_low = 0.0, self.start_gap[j]
+            if not g_low < -self.tolerance[j]:
+                return -2.0
         if g_high <= 0:
             return high
         for k in range(ROOT_LIMIT):
@@ -338,7 +479,7 @@ cdef class Stepper:
             if width <= 4e-16 * high:
                 break
             if not self.leg(s):
-                raise SimulationError(f"the collision step at t = {t:.6g} s has no solution: reduce the step size, or stop before the motion comes to rest on a surface.")
+                return -1.0
             g = self.gap(1.0, j)
             if g == 0.0:
                 return s
@@ -356,37 +497,29 @@ cdef class Stepper:
 
     # One step --------------------------------------------------------------------------------------------------------
 
-    cdef int advance(self, double h, double t, long number) except -1:
+    cdef int advance(self, double h, double t, long number) except -1 nogil:
         """Take a step from (q_a, p); leaves q_b, p at its end and records collisions."""
         cdef int i, j, hits = 0, found
-        cdef double rest = h, x, s, first
+        cdef double rest = h, s
+        self.full = h
         self.after_impact = False
         self.t[0, 0] = t
+        self.at_start(h)
         found = self.contact_at_start(h)
         if found >= 0:  # the step before ended on the surface
             hits = 1
             self.start_collision(found, t, number)
         while True:
             self.t[0, 0] = t
-            if not self.after_impact:
-                self.at_start()
-                self.find_velocity(self.p)
-            if self.after_impact and rest <= SHORTEST_LEG * h:
+            if hits and rest <= SHORTEST_LEG * h:
                 self.finish_at_impact(rest)
                 return 0
-            if not self.leg(rest):
-                raise SimulationError(f"the step at t = {t:.6g} s has no solution: reduce the step size.")
-            found, first = -1, rest
-            for j in range(self.nc):
-                x = self.crossing(j)
-                if x > 0:
-                    s = self.hit_time(j, x * rest, t)
-                    if found < 0 or s < first:
-                        found, first = j, s
-                    if not self.leg(rest):
-                        raise SimulationError(f"the step at t = {t:.6g} s has no solution: reduce the step size.")
-            if self.after_impact and self.lam < 0:
-                raise SimulationError(f"the impulse at t = {t:.6g} s is negative: reduce the step size.")
+            s = self.to_next(rest, t, &found)
+            if s < 0:
+                if not self.after_impact:
+                    self.no_solution(rest, t)
+                self.take_limit()
+                continue
             if found < 0:
                 for i in range(self.nq):
                     self.p[i] = self.r_plus[0, i]
@@ -395,126 +528,238 @@ cdef class Stepper:
                 return 0
             hits += 1
             if hits > MOST_HITS:
-                raise SimulationError(
-                    f"more than {MOST_HITS} collisions within the step at t = {t:.6g} s (Zeno): reduce the step size or stop before it."
-                )
-            self.leg(first)
-            self.place(1.0)
+                with gil:
+                    raise SimulationError(
+                        f"more than {MOST_HITS} collisions within the step at t = {t:.6g} s (Zeno): reduce the step size or stop before it."
+                    )
+            self.leg(s)
             if self.after_impact:
                 self.finish_collision()
-            t += first
-            rest -= first
+            t += s
+            rest -= s
             self.start_collision(found, t, number)
 
-    cdef int at_start(self) except -1:
-        """q_g and now at the start of the leg to come."""
+    cdef double to_next(self, double rest, double t, int *found) except? -3.0 nogil:
+        """Solve the leg of duration ``rest`` or, where that crosses surfaces, find the duration up to the first one; -1 if there is no solution."""
+        cdef int j
+        cdef double x, s, first = rest
+        cdef bint touching
+        found[0] = -1
+        if not self.leg(rest) or self.implausible():
+            return -1.0
+        for j in range(self.nc):
+            touching = self.touches(j)
+            x = self.crossing(j, touching)
+            if x > 0:
+                s = self.hit_time(j, x * rest)
+                if s == -2.0:
+                    if self.after_impact and self.e > 0:
+                        return -1.0
+                    self.stays(j, t)
+                if s < 0:
+                    return -1.0
+                if found[0] < 0 or s < first:
+                    found[0], first = j, s
+                if not self.leg(rest):
+                    return -1.0
+        return first
+
+    cdef bint implausible(self) noexcept nogil:
+        """Whether the impulse is not the one of the collision but another root of its equations."""
+        return self.after_impact and not 0.5 * self.lam_limit <= self.lam <= 2 * self.lam_limit
+
+    cdef bint touches(self, int j) noexcept nogil:
+        """Whether the leg starts on surface j without approaching or leaving it."""
+        return fabs(self.start_gap[j]) <= self.tolerance[j] and fabs(self.rates[j]) <= RATE_TOLERANCE * self.rate_size[j]
+
+    cdef int no_solution(self, double rest, double t) except -1 nogil:
+        """Raise: a leg of duration ``rest`` has no solution, perhaps because the mass matrix on its way is none."""
         cdef int i
         for i in range(self.nq):
-            self.q_g[0, i] = self.q_a[0, i]
-        self.now[0, 0] = self.t[0, 0]
-        return 0
+            self.q_g[0, i] = self.q_a[0, i] + rest * self.velocity[i]
+        self.now[0, 0] = t + rest
+        self.find_velocity()
+        with gil:
+            raise SimulationError(f"the step at t = {t:.6g} s has no solution: change the step size.")
 
-    cdef int contact_at_start(self, double h) except -2:
-        """Index of a surface that the motion from (q_a, p) meets in less than the shortest leg; -1 if there is none."""
-        cdef int j, k
-        cdef double rate
-        self.at_start()
-        self.find_velocity(self.p)
-        for j in range(self.nc):
-            self.surface.run()
-            self.slope.run()
-            rate = 0.0
-            for k in range(self.g_row.shape[0]):
-                if self.g_row[k] == j:
-                    rate += self.g_q[0, k] * (1.0 if self.g_col[k] == self.nq else self.velocity[self.g_col[k]])
-            if rate > 0 and self.g[0, j] > -SHORTEST_LEG * h * rate:
-                return j
-        return -1
+    cdef int stays(self, int j, double t) except -1 with gil:
+        """Raise: the motion cannot leave surface j, because bounces have died away or because it is pushed against it."""
+        dying = False
+        times = sorted({c[1] for c in self.collisions[-MOST_HITS:] if c[2] == j})[-3:]
+        if len(times) == 3:
+            shorter = times[2] - times[1] < times[1] - times[0] or times[2] - times[0] < ROUNDED_FLIGHTS * self.full
+            dying = shorter and t - times[2] <= times[2] - times[1]
+        if self.restitution[j] > 0 and dying:
+            raise SimulationError(
+                f"collisions with surface {self.names[j]!r} accumulate at t = {t:.6g} s (Zeno): with a restitution of {self.restitution[j]:g} "
+                "they die away in lasting contact, which is not simulated; stop before it."
+            )
+        raise SimulationError(
+            f"lasting contact with surface {self.names[j]!r} from t = {t:.6g} s on: the motion is pushed against the surface and does not bounce "
+            "off it, and resting or sliding on a surface is not simulated; stop before it."
+        )
 
-    cdef int start_collision(self, int j, double t, long number) except -1:
+    cdef int start_collision(self, int j, double t, long number) except -1 nogil:
         """Begin a leg at the collision reached by the leg that was just solved."""
         cdef int i, k, n = self.nq
+        cdef double near
+        cdef bint alone = True
         self.e = self.restitution[j]
         self.e_before = self.e_plus[0, 0]
         for i in range(n):
             self.p[i] = self.r_plus[0, i]
             self.q_a[0, i] = self.q_b[0, i]
-            self.q_g[0, i] = self.q_b[0, i]
-        self.now[0, 0] = t
-        self.normal[:] = 0.0  # gradient and derivative with respect to the time
-        self.slope.run()
+        self.t[0, 0] = t
+        self.at_start(self.full)
+        self.approach = self.rates[j]
+        for i in range(n + 1):
+            self.normal[i] = 0.0  # gradient and derivative with respect to the time
         for k in range(self.g_row.shape[0]):
             if self.g_row[k] == j:
                 self.normal[self.g_col[k]] = self.g_q[0, k]
-        # First guess: the impact law of the continuous theory.
-        self.find_velocity(self.p)
-        self.approach = self.normal[n]
         for i in range(n):
-            self.approach += self.normal[i] * self.velocity[i]
             self.b[i] = self.normal[i]
-            for k in range(n):
-                self.A[i, k] = self.mass[0, i * n + k]
-        _solve(self.A, self.b, n)
+        _solve_factored(self.L, self.b, n)
         self.inertia = 0.0
         for i in range(n):
             self.inertia += self.normal[i] * self.b[i]
-        self.lam = (1 + self.e) * max(self.approach, 0.0) / self.inertia
+        if not self.inertia > 0:
+            with gil:
+                raise SimulationError(
+                    f"the gap to surface {self.names[j]!r} has no slope at t = {t:.6g} s: no impulse can hold the motion back, state the surface "
+                    "so that its gradient does not vanish."
+                )
+        # The impact law of the continuous theory: the limit of short steps, and a first guess.
+        self.lam_limit = (1 + self.e) * max(self.approach, 0.0) / self.inertia
         for i in range(n):
-            self.velocity[i] -= self.lam * self.b[i]
-        self.after_impact = True
-        self.collisions.append(
-            [number, t, j, self.lam, np.array(self.q_a[0]), np.array(self.p), np.array(self.p) - self.lam * np.array(self.normal[:n])]
-        )
+            self.velocity[i] -= self.lam_limit * self.b[i]
+        for k in range(self.nc):
+            self.rates_before[k] = self.rates[k]
+        self.find_rates()
+        for k in range(self.nc):
+            self.rate_size[k] = max(self.rate_size[k], fabs(self.rates_before[k] - self.rates[k]))
+            near = self.tolerance[k] + SHORTEST_LEG * self.full * max(self.rates_before[k], 0.0)
+            if k != j and self.start_gap[k] > -near and self.rates[k] > RATE_TOLERANCE * self.rate_size[k]:
+                alone = False
+        with gil:
+            if alone:
+                self.after_impact = True
+                self.record(number, t, j, self.lam_limit, np.array(self.normal[:n]))
+            else:
+                self.strike(t, number)
         return 0
 
-    cdef int finish_collision(self) except -1:
+    cdef int record(self, long number, double t, int j, double lam, normal) except -1:
+        p = np.array(self.p)
+        self.collisions.append([number, t, j, lam, np.array(self.q_a[0]), p, p - lam * normal])
+        return 0
+
+    cdef int strike(self, double t, long number) except -1:
+        """Impacts on several surfaces at once, from (q_a, p)."""
+        cdef int i, j
+        normals = np.zeros((self.nc, self.nq + 1))
+        normals[np.asarray(self.g_row), np.asarray(self.g_col)] = self.g_q[0]
+        normals = normals[:, : self.nq]
+        mass = np.asarray(self.mass).reshape(self.nq, self.nq)
+        impulses = simultaneous(
+            np.asarray(self.start_gap), np.asarray(self.tolerance), np.asarray(self.rates_before), np.asarray(self.rate_size), normals @ np.linalg.solve(mass, normals.T),
+            np.asarray(self.restitution)[: self.nc], SHORTEST_LEG * self.full,
+        )
+        if impulses is None:
+            touched = [repr(name) for name, gap, near in zip(self.names, self.start_gap, self.tolerance) if gap >= -near]
+            raise SimulationError(
+                f"the impacts on surfaces {', '.join(touched)} at t = {t:.6g} s come to no end: bodies that meet so cannot be simulated, change the "
+                "start or give the surfaces a restitution below 1."
+            )
+        for j, lam in impulses:
+            self.record(number, t, j, lam, normals[j])
+            for i in range(self.nq):
+                self.p[i] -= lam * normals[j, i]
+        self.after_impact = False
+        self.lam_limit = 0.0
+        self.find_velocity()
+        self.find_rates()
+        return 0
+
+    cdef int take_limit(self) except -1 nogil:
+        """Replace the impact that starts the leg by its limit, as far as this leg is concerned."""
+        cdef int i
+        for i in range(self.nq):
+            self.p[i] -= self.lam_limit * self.normal[i]
+        self.lam = self.lam_limit
+        self.finish_collision()
+        self.after_impact = False
+        self.lam_limit = 0.0
+        return 0
+
+    cdef int finish_collision(self) except -1 with gil:
         """Record the impulse of the collision that started the leg which was just solved."""
         record = self.collisions[len(self.collisions) - 1]
         record[3] = self.lam
         record[6] = record[5] - self.lam * np.array(self.normal[: self.nq])
         return 0
 
-    cdef int finish_at_impact(self, double rest) except -1:
+    cdef int finish_at_impact(self, double rest) except -1 nogil:
         """A leg too short for its equations: its limit is the impact law."""
         cdef int i
+        if self.after_impact:
+            self.take_limit()
         for i in range(self.nq):
-            self.p[i] -= self.lam * self.normal[i]
             self.q_b[0, i] = self.q_a[0, i] + rest * self.velocity[i]
+        self.ended(self.t[0, 0] + rest)
         return 0
 
-    def run(self, double[::1] q0, double[::1] p0, double[:, ::1] u, double h, long every):
-        """Take ``len(u)`` steps of size h; return t, q and p at every ``every``-th node.  Collisions are appended to ``collisions``."""
+    cdef int begin(self, double[::1] q0, double[::1] p0, double h) except -1:
+        """Look at the first state: where it lies, and whether a step is more than a rounding error."""
+        cdef int i, j
+        cdef double size = 0.0
+        for i in range(self.nq):
+            self.q_a[0, i] = self.q_b[0, i] = q0[i]
+            self.p[i] = p0[i]
+        self.ended(0.0)
+        for i in range(self.nq):
+            size = max(size, self.weight[i] * fabs(q0[i]))
+        for i in range(self.nq):
+            self.b[i] = self.force[0, i]
+        _solve_factored(self.L, self.b, self.nq)
+        for i in range(self.nq):
+            self.reach = max(self.reach, h * h * self.weight[i] * fabs(self.b[i]))
+        self.at_start(h)
+        for j in range(self.nc):
+            if self.start_gap[j] > START_TOLERANCE / GAP_TOLERANCE * self.tolerance[j]:
+                raise SimulationError(
+                    f"position lies behind surface {self.names[j]!r} by {self.start_gap[j]:g}: move it inside g <= 0."
+                )
+        if 0 < h * self.fastest < np.finfo(float).eps * size:
+            raise SimulationError(
+                f"step_size = {h:g}: the motion of a step is less than a rounding error of the coordinates, take larger steps."
+            )
+        return 0
+
+    def run(self, double[::1] q0, double[::1] p0, const double[:, :] u, double h, long every):
+        """Take ``len(u)`` steps of size h; return t, q and p at every ``every``-th node.  Collisions are appended to ``collisions``.
+
+        Compiled kernels step without the interpreter's lock.
+        """
         cdef long k, row, steps = u.shape[0]
         cdef int i
         rows = steps // every + 1
         times, positions, momenta = np.arange(rows) * (h * every), np.empty((rows, self.nq)), np.empty((rows, self.nq))
         cdef double[:, ::1] q_out = positions, p_out = momenta
+        self.begin(q0, p0, h)
         for i in range(self.nq):
-            self.q_a[0, i] = q0[i]
-            self.p[i] = p0[i]
             q_out[0, i] = q0[i]
             p_out[0, i] = p0[i]
-            # As if a leg had ended at the start, for a motion that starts on a surface.
-            self.q_b[0, i] = q0[i]
-            self.q_g[0, i] = q0[i]
-            self.r_plus[0, i] = p0[i]
-        self.now[0, 0] = 0.0
-        self.find_velocity(self.p)
-        for i in range(self.nq):
-            self.zero[0, i] = self.velocity[i]
-        self.legendre.run()
-        self.e_plus[0, 0] = -self.energy[0, 0]
-        for i in range(self.nq):
-            self.zero[0, i] = 0.0
-        for k in range(steps):
-            for i in range(self.nu):
-                self.u[0, i] = u[k, i]
-            self.advance(h, k * h, k)
-            for i in range(self.nq):
-                self.q_a[0, i] = self.q_b[0, i]
-            if (k + 1) % every == 0:
-                row = (k + 1) // every
+        with nogil:
+            for k in range(steps):
+                for i in range(self.nu):
+                    self.u[0, i] = u[k, i]
+                self.advance(h, k * h, k)
                 for i in range(self.nq):
-                    q_out[row, i] = self.q_b[0, i]
-                    p_out[row, i] = self.p[i]
+                    self.q_a[0, i] = self.q_b[0, i]
+                if (k + 1) % every == 0:
+                    row = (k + 1) // every
+                    for i in range(self.nq):
+                        q_out[row, i] = self.q_b[0, i]
+                        p_out[row, i] = self.p[i]
         return times, positions, momenta

@@ -325,7 +325,7 @@ def test_damped_oscillator() -> None:
 def test_plastic_impact_and_its_rest_are_told() -> None:
     from dmoc.errors import SimulationError
 
-    with pytest.raises(SimulationError, match="rests on surface 'floor'"):
+    with pytest.raises(SimulationError, match="lasting contact with surface 'floor'"):
         dmoc.simulate(dmoc.build(two_bounces.system()), [0.8], step_size=0.01, steps=100, restitution=0.0)
     with pytest.raises(SimulationError, match=r"restitution = 1.5: expected a number from 0"):
         dmoc.simulate(dmoc.build(two_bounces.system()), [0.8], step_size=0.01, steps=100, restitution=1.5)

@@ -112,7 +112,7 @@ def test_a_grazing_motion_passes(puck: Kernels) -> None:
 
 
 def test_lasting_contact_is_an_error(ball: Kernels) -> None:
-    with pytest.raises(SimulationError, match="rests on surface 'floor' at t = 0 s"):
+    with pytest.raises(SimulationError, match="lasting contact with surface 'floor' from t = 0 s on"):
         dmoc.simulate(ball, [0.0], [0.0], step_size=0.01, steps=10)
 
 
@@ -140,12 +140,61 @@ def test_accumulating_collisions_are_an_error() -> None:
         ({"step_size": 0.0}, "positive number of seconds"),
         ({"steps": 0}, "at least 1"),
         ({"parameters": {"mass": 1.0}}, "unknown parameter 'mass'"),
+        ({"parameters": {"m": 10**400}}, "parameter m = 1000.*: expected a finite number"),
+        ({"parameters": {"m": -1.0}}, "mass matrix at t = 0 s is singular or not positive definite"),
+        ({"parameters": "m"}, "expected a mapping"),
+        ({"position": None}, "position = None: expected 1 finite numbers"),
+        ({"position": "1"}, "position = '1': expected 1 finite numbers"),
+        ({"position": ["1"]}, "expected 1 finite numbers"),
+        ({"position": [1j]}, "expected 1 finite numbers"),
+        ({"position": [10**400]}, "expected 1 finite numbers"),
+        ({"position": {"q": None}}, "expected 1 finite numbers"),
+        ({"velocity": [np.nan]}, "velocity = .*expected 1 finite numbers"),
+        ({"step_size": None}, "step_size = None: expected a positive number"),
+        ({"step_size": True}, "step_size = True: expected a positive number"),
+        ({"step_size": 10**5000}, "step_size = an? int too long to show: expected a positive number"),
+        ({"step_size": 1e305, "steps": 10**5}, "a finite time of all steps"),
+        ({"step_size": 1e-300, "velocity": [1.0]}, "less than a rounding error of the coordinates"),
+        ({"step_size": 1e300, "velocity": [1.0]}, "has no solution: change the step size"),
+        ({"steps": 5.0}, "steps = 5.0: expected a whole number"),
+        ({"steps": True}, "steps = True: expected a whole number"),
+        ({"steps": 10**30}, "steps = 1.000000e.30: expected a whole number of at least 1 and at most"),
+        ({"steps": 10**9}, "recording 1000000001 nodes needs 72 GB of memory"),
+        ({"every": None}, "every = None: expected a whole number"),
+        ({"inputs": "no"}, r"inputs: expected numbers of shape \(5, 0\) or \(0,\)"),
+        ({"inputs": [1.0, 2.0]}, "inputs: expected numbers of shape"),
+        ({"restitution": "elastic"}, "restitution = 'elastic': expected a number from 0"),
+        ({"restitution": {"floor": None}}, "restitution of 'floor' = None: expected a number from 0"),
+        ({"restitution": {None: 1.0}}, "restitution names None: expected one of floor"),
     ],
 )
 def test_wrong_arguments_are_refused(ball: Kernels, changes: dict[str, object], message: str) -> None:
     arguments = {"position": [1.0], "step_size": 0.1, "steps": 5} | changes
     with pytest.raises(SimulationError, match=message):
         dmoc.simulate(ball, arguments.pop("position"), **arguments)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kernels", [None, "ball", 5, ball_system()], ids=["None", "text", "number", "system"])
+def test_something_else_than_kernels_is_refused(kernels: object) -> None:
+    with pytest.raises(SimulationError, match="expected the kernels of a model"):
+        dmoc.simulate(kernels, [1.0], step_size=0.1, steps=1)  # type: ignore[arg-type]
+
+
+def test_many_steps_of_which_few_are_recorded_need_no_memory(puck: Kernels) -> None:
+    """Inputs that are the same in all steps are not copied."""
+    run = dmoc.simulate(puck, [0.0, -1.0], step_size=1e-4, steps=10_000, every=5_000, inputs=[1.0, 2.0])
+    assert run.q.shape == (3, 2) and run.q[-1] == pytest.approx([0.5, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("backend", ["compiled", "numpy"])
+@pytest.mark.parametrize(("start", "time"), [(0.0, r"0\.7\d*"), (1.0, "0"), (2.0, "0")])
+def test_a_mass_that_vanishes_on_the_way_is_told(backend: str, start: float, time: str) -> None:
+    """(1 - q^2) q'^2 / 2: from q = 0 with the unit velocity q = 1 is reached at pi / 4."""
+    q = dynamicsymbols("q")
+    system = dmoc.MechanicalSystem("vanishing", [q], (1 - q**2) * q.diff(T) ** 2 / 2, {}, surfaces={"wall": q <= 5})
+    kernels = dmoc.build(system, backend=backend)
+    with pytest.raises(SimulationError, match=f"mass matrix at t = {time} s is singular or not positive definite"):
+        dmoc.simulate(kernels, [start], [1.0], step_size=0.01, steps=100)
 
 
 def test_numpy_kernels_step_the_same(ball: Kernels) -> None:
