@@ -196,6 +196,7 @@ SOLVE_ERRORS = {
     "--start beta=0": "unknown state 'beta' at the start",
     "--goal x_dott=0": "did you mean 'x_dot'",
     "--bound F=10:-10": "the lower bound 10 exceeds the upper bound -10",
+    "--bound F=60": "bounds of F = 60.0: expected a pair (lower, upper)",
     "--bound G=0:1": "unknown input or coordinate 'G'",
     "--bound F=a:1": "expected a number",
     "--set m_c=0": "singular",
