@@ -133,14 +133,16 @@ def _guesses(problem: Problem, deadline: float) -> tuple[Guess, ...]:
     # An underactuated motion may drift far from the goal; then splines for all coordinates, which ignore the rows without
     # inputs, violate the discrete equations less.
     guesses = []
-    choices = [(choice, final_time) for choice in dict.fromkeys((prescribed, tuple(range(problem.nq))))]
+    choices = [(choice, final_time, False) for choice in dict.fromkeys((prescribed, tuple(range(problem.nq))))]
     latest = problem.final_time_bounds[1]
     if np.isfinite(latest) and final_time < MUCH_SHORTER * latest:  # a hurried guess says little about what there is time for
-        choices.append((choices[-1][0], latest))
-    for choice, length in choices:
+        choices.append((choices[-1][0], latest, False))
+    if problem.sequence:
+        choices.append((prescribed, final_time, True))
+    for choice, length, even in choices:
         if time.perf_counter() > deadline:
             break
-        plan = _plan(problem, choice, length)
+        plan = _plan(problem, choice, length, even)
         motion = _march(problem, plan, choice)
         if motion is not None:
             x = _unknowns(problem, plan, motion)
@@ -233,8 +235,8 @@ def contact_point(problem: Problem, q: Array, before: Array, surface: str, t: fl
     return min(found, key=far, default=q)
 
 
-def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> Plan:
-    """Durations in proportion to the distances, and velocities that continue smoothly in the mirror image behind each surface."""
+def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float, even: bool = False) -> Plan:
+    """Durations in proportion to the distances, or even ones, and velocities that continue smoothly in the mirror image behind each surface."""
     points = _via_positions(problem, final_time)
     legs = np.diff(points, axis=0)
     mass = _Dynamics(problem, points[0], np.zeros(problem.nq), 0.0).mass
@@ -243,7 +245,7 @@ def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float) -> P
     # Between two collisions with one surface the motion leaves and returns: such a phase gets an average share.
     flights = lengths <= 1e-6 * lengths.sum()
     lengths = np.where(flights, lengths.sum() / max((~flights).sum(), 1) or 1.0, lengths)
-    shares = np.maximum(lengths / lengths.sum(), SHORTEST_SHARE)
+    shares = np.ones(len(lengths)) if even else np.maximum(lengths / lengths.sum(), SHORTEST_SHARE)
     durations = np.clip(final_time * shares / shares.sum(), *problem.duration_bounds.T)
     velocities = np.zeros_like(points)
     velocities[0] = _end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))

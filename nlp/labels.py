@@ -66,8 +66,8 @@ def inequality_blocks(
 ) -> list[Block]:  # fmt: skip
     """Blocks of d, in the order of its rows.
 
-    ``gaps`` are node and surface of each gap, and the surfaces whose gaps inside the steps count, ``goals`` those that are constraints, ``timed`` the phases with a minimal time, ``sides`` the
-    collisions that must be approached and those after which the gap must open.
+    ``gaps`` are node and surface of each gap, and the surfaces whose gaps inside the steps count, ``goals`` those that are constraints,
+    ``timed`` the phases with a minimal time, ``sides`` the collisions that must be approached and those after which the gap must open.
     """
     low, high = problem.final_time_bounds
     names, surfaces = problem.kernels.manifest["path_constraints"], problem.kernels.surfaces

@@ -20,8 +20,8 @@ OUTWARD = (0.1, -0.1, 0.3, -0.3, 1.0, -1.0, 2.0, -2.0)
 def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Array | None:
     """Return a point of g = 0 at time t near q, or None where none was found.
 
-    Newton steps along the gradient in the metric of the problem's reach, each at most one reach long and shortened until the gap gets smaller.  Where that ends
-    beside the surface, at a point of least distance, they begin again from places to both sides of q along each coordinate.
+    Newton steps along the gradient in the metric of the problem's reach, each at most one reach long and shortened until the gap gets smaller.
+    Where that ends beside the surface, at a point of least distance, they begin again from places to both sides of q along each coordinate.
     """
     involved = problem.kernels.manifest["surface_coordinates"][surface]
     sides = [d * problem.reach * (np.arange(problem.nq) == j) for d in (0.0, *OUTWARD) for j in involved]

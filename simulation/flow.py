@@ -55,13 +55,16 @@ class Lost(Exception):  # noqa: N818 - it is caught where the simulation began
 class Flow:
     """Equations of motion with fixed parameters.
 
-    ``softness(j, t)`` is the coefficient of restitution of surface j at time t; ``check_time`` is called in long loops and may raise.
+    ``restitution`` holds the coefficients of the surfaces (nc,); ``allowance(t)`` how far motions may enter them at times t, shape (n, nc); ``check_time``
+    is called in long loops and may raise.
     """
 
     def __init__(
-        self, kernels: Kernels, par: Array, sizes: Sizes, softness: Callable[[int, float], float], check_time: Callable[[], None]
-    ) -> None:
-        self.kernels, self.par, self.sizes, self.softness, self.check_time = kernels, par, sizes, softness, check_time
+        self, kernels: Kernels, par: Array, sizes: Sizes, restitution: Array, allowance: Callable[[Array], Array],
+        check_time: Callable[[], None],
+    ) -> None:  # fmt: skip
+        self.kernels, self.par, self.sizes, self.restitution = kernels, par, sizes, restitution
+        self.allowance, self.check_time = allowance, check_time
         self.nq = len(kernels.coordinates)
 
     # Smooth motion ---------------------------------------------------------------------------------------------------
@@ -148,6 +151,11 @@ class Flow:
         except np.linalg.LinAlgError:
             raise Lost from None
 
+    def rate(self, q: Array, v: Array, t: float, j: int) -> float:
+        """Rate of a gap."""
+        slope = self.slopes(q, t)[j]
+        return float(slope[: self.nq] @ v + slope[self.nq])
+
     def impact(self, q: Array, v: Array, t: float, j: int, e: float) -> tuple[Array, float, float]:
         """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) w / (n . M^-1 n); the impulse lam and the rate w before it."""
         *normal, moving = self.slopes(q, t)[j]
@@ -197,7 +205,7 @@ class Flow:
             at, j = hit
             q, v = until(at) if at > t else (q, v)
             t = at
-            after, _, rate = self.impact(q, v, t, j, self.softness(j, t))
+            after, _, rate = self.impact(q, v, t, j, float(self.restitution[j]))
             if rate <= 0:  # leaves by itself
                 after = v
             contacts.append(Contact(self.kernels.surfaces[j], t, self._jump(q, v, after, t)))
@@ -215,8 +223,8 @@ class Flow:
         if not self.kernels.has("surface"):
             return None
         gaps = self.gaps(q, np.array([t]))[0]
-        near = [j for j in np.flatnonzero(np.abs(gaps) <= 10 * TOUCH * self.sizes.gap) if self.softness(int(j), t) == 0]
-        if not near:
+        near = np.flatnonzero((np.abs(gaps) <= 10 * TOUCH * self.sizes.gap) & (self.restitution == 0))
+        if not len(near):
             return None
         slopes, a = self.slopes(q, t), self.acceleration(q[None], v[None], u, np.array([[t]]))[0]
         for j in map(int, near):
@@ -236,16 +244,21 @@ class Flow:
         a = [self.acceleration(q[None], v[None], inputs(s), np.array([[s]]))[0] for (q, v), s in ((start, t), (end, t1))]
         path = _quintic(*start, a[0], *end, a[1], t1 - t)
         times = t + PLACES * (t1 - t)
-        gaps = self.gaps(np.array([path(s) for s in PLACES]), times)
+        gaps = self.gaps(np.array([path(s) for s in PLACES]), times) - self.allowance(times)
         touch = TOUCH * self.sizes.gap
         first: tuple[float, int] | None = None
 
         def gap(s: float, j: int) -> float:
-            return float(self.gaps(until(s)[0] if s > t else start[0], np.array([s]))[0, j])
+            now = np.array([s])
+            return float((self.gaps(until(s)[0] if s > t else start[0], now) - self.allowance(now))[0, j])
 
         for j in range(gaps.shape[1]):
+            # What has entered a surface where it might, and leaves it, is met again only after it has been outside.
+            leaving = gaps[0, j] > touch[j] and self.rate(start[0], start[1], t, j) < 0
+            outside = int(np.argmax(gaps[:, j] <= touch[j])) if leaving and (gaps[:, j] <= touch[j]).any() else 0
             over = np.flatnonzero(gaps[:, j] > touch[j])
-            if j == held or not len(over):
+            over = over[over > outside] if leaving else over
+            if j == held or not len(over) or (leaving and not outside):
                 continue
             k = int(over[0])
             if k == 0 or gaps[k - 1, j] >= -touch[j]:  # starts on the surface: look for the last moment inside

@@ -139,7 +139,8 @@ def _solve(
         driver = _driver(method, form, nlp, guess)
         options = replace(options, progress=_in_units(options.progress, scale.cost))
         left = _remaining(options, start)
-        nlp, outcome = _first_success(nlp, [nlp.scaled(x) for x in points], left, driver)
+        search = _best_of_all if method == "ipm" else _first_success
+        nlp, outcome = search(nlp, [nlp.scaled(x) for x in points], left, driver)
         conflicts: tuple[str, ...] = ()
         if outcome.status is Status.INFEASIBLE and nlp.program.compiled:
             left = _remaining(options, start, outcome.iterations)
@@ -298,7 +299,9 @@ def _same_mesh(problem: Problem, guess: Solution) -> bool:
     return steps == problem.phase_steps and controls == problem.control_form and len(guess.unknowns) == size
 
 
-def _first_success(nlp: Transcription, points: list[Array], options: Options, driver: Driver) -> tuple[Transcription, Outcome]:
+def _first_success(
+    nlp: Transcription, points: list[Array], options: Options, driver: Driver
+) -> tuple[Transcription, Outcome]:
     """Solve from one starting point after the other until one succeeds or a limit is reached; else return the least violation."""
     tried: list[tuple[float, Transcription, Outcome]] = []
     count, begin = 0, time.perf_counter()
@@ -310,6 +313,30 @@ def _first_success(nlp: Transcription, points: list[Array], options: Options, dr
             return used, outcome
         tried.append((residuals(used, outcome.x, outcome.duals).violation, used, outcome))
     _, used, outcome = min(tried, key=lambda t: t[0])
+    return used, replace(outcome, iterations=count)
+
+
+def _best_of_all(
+    nlp: Transcription, points: list[Array], options: Options, driver: Driver
+) -> tuple[Transcription, Outcome]:
+    """Solve from every starting point, which costs the compiled method next to nothing, and return the cheapest minimum, one whose collisions all
+    have an effect if there is one; where there is none, what the first success is."""
+    begin, count, found = time.perf_counter(), 0, list[tuple[bool, float, Transcription, Outcome]]()
+    for i, x in enumerate(points):
+        left = _remaining(options, begin, count)
+        used, outcome = _first_success(nlp, points[i:], left, driver) if not found and i == 0 else _minimise(nlp, x, left, driver)
+        count += outcome.iterations
+        if outcome.status is not Status.SOLVED:
+            if not found:
+                return used, replace(outcome, iterations=count)
+            if outcome.status is Status.INTERRUPTED:
+                _, _, used, best = min(found, key=lambda f: f[:2])
+                return used, replace(best, status=Status.INTERRUPTED, iterations=count)
+            if outcome.status in (Status.TIME_LIMIT, Status.ITERATION_LIMIT):
+                break
+            continue
+        found.append((bool(used.touching.any()), nlp.cost(outcome.x), used, outcome))
+    _, _, used, outcome = min(found, key=lambda f: f[:2])
     return used, replace(outcome, iterations=count)
 
 
