@@ -28,7 +28,7 @@ def content(solution: dmoc.Solution) -> bytes:
 
 
 def test_damaged_files_are_refused_or_can_be_used() -> None:
-    ends = [ended for _, ended in damaged(47, seed=1, wild=False, draw=False)]
+    ends = [ended for _, ended in damaged(48, seed=1, wild=False, draw=False)]
     assert [ended for ended in ends if ended not in ("refused", "loaded")] == []
     assert set(ends) == {"refused", "loaded"}
 
@@ -138,6 +138,10 @@ def test_motions_that_do_not_fit_together_are_refused(solution: dmoc.Solution) -
         "has no coefficient of restitution": {"collisions": (replace(hit, surface="ceiling"),)},
         "phase 0 has 99 rows of inputs for 100 steps": {"phases": (replace(first, u=first.u[1:]), last)},
         "a lower bound above the upper one": {"input_bounds": t.input_bounds[:, ::-1]},
+        r"phases\.1\.q has a value that is not a number from -1e\+150 to 1e\+150": {
+            "phases": (first, replace(last, q=last.q * 1e200))
+        },
+        r"parameters\.l is 1e\+200, expected a number from": {"parameters": {**t.parameters, "l": 1e200}},
         r"phases\.1\.q has 100 entries, expected 101": {"phases": (first, replace(last, q=last.q[1:]))},
         r"momentum_after has 1 entries, expected 2": {"collisions": (replace(hit, momentum_after=hit.momentum_after[1:]),)},
     }.items():

@@ -7,7 +7,6 @@ for the same number wherever it appears in a record and in those inside it.
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -23,6 +22,7 @@ Take = Callable[[str, tuple[int, ...]], Array]
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}", re.ASCII)
 LARGEST_INTEGER = 2**53  # a float holds it exactly
+LARGEST_NUMBER = 1e150  # it still has a square
 LARGEST_TEXT = 4 * 2**20  # characters of JSON; what is large is an array
 LONGEST_SAID = 60  # characters of foreign text in a message
 
@@ -117,10 +117,10 @@ class Nothing:
 
 @dataclass(frozen=True)
 class Number:
-    """A number in a range, finite unless ``special``."""
+    """A number in a range; any at all, infinite and NaN included, where it is ``special``."""
 
-    low: float = -math.inf
-    high: float = math.inf
+    low: float = -LARGEST_NUMBER
+    high: float = LARGEST_NUMBER
     special: bool = False
 
     def write(self, value: Any, where: str, put: Put) -> float:
@@ -129,9 +129,7 @@ class Number:
     def read(self, given: Any, where: str, context: Context) -> float:
         number = isinstance(given, float) or (_is_whole(given) and abs(given) <= LARGEST_INTEGER)
         _expect(number, given, where, "a number")
-        if not self.special:
-            wanted = "a finite number" if self.low == -math.inf else f"a finite number from {self.low:g} to {self.high:g}"
-            _expect(math.isfinite(given) and self.low <= given <= self.high, given, where, wanted)
+        _expect(self.special or self.low <= given <= self.high, given, where, f"a number from {self.low:g} to {self.high:g}")
         return float(given)
 
 
@@ -282,7 +280,7 @@ class Mapped:
 class Stored:
     """A float64 array beside the text, which has its shape; any shape of one or two sizes if none is given.
 
-    ``special`` lets infinite values and NaN pass.
+    Its values are numbers; any at all, infinite and NaN included, where it is ``special``.
     """
 
     def __init__(self, *shape: Size, special: bool = False) -> None:
@@ -301,8 +299,8 @@ class Stored:
         for size, number in zip(wanted, shape, strict=True):
             context.check(size, number, where)
         array = context.take(where, shape)
-        if not self.special and not np.isfinite(array).all():
-            raise Refused(f"{where} has values that are not finite")
+        if not self.special and not (np.abs(array) <= LARGEST_NUMBER).all():
+            raise Refused(f"{where} has a value that is not a number from {-LARGEST_NUMBER:g} to {LARGEST_NUMBER:g}")
         return array
 
 
