@@ -5,6 +5,7 @@ Exit status: 0 solved and verified, 1 not solved, 2 wrong use or bad input.
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import sys
@@ -52,6 +53,8 @@ if TYPE_CHECKING:
     from dmoc.simulation.check import Verification
     from dmoc.solution import Solution
     from dmoc.solvers.outcome import Iteration
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 app = typer.Typer(
     help="Discrete mechanics and optimal control for mechanical systems with collisions.",
@@ -422,7 +425,7 @@ def main() -> None:
     try:
         app()
     except (DmocError, OSError) as error:
-        if debug:
+        if debug or (isinstance(error, OSError) and error.errno not in NO_ROOM):
             raise
         what = error if isinstance(error, DmocError) else f"standard output cannot be written ({error.strerror}): {REMEDY}."
         err.print(f"error: {what}", style="red", soft_wrap=True)
