@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -49,7 +50,8 @@ MOST = {
 NO_EFFECT = (
     0.01  # speed of approach, relative to the motion's largest one in the same metric, below which a collision has no effect
 )
-SAME_TIME = 0.02  # of the final time
+UNPLANNED = 0.02  # the same for an impact that was not planned: a motion that cuts a surface between two nodes hits it
+SAME_TIME = 0.02  # of the final time; what is hit so shortly before the end changes nothing on the way
 
 
 @dataclass
@@ -154,7 +156,8 @@ def judge(result: Result, instance: Instance, solution: dmoc.Solution, mechanism
     motion = read(solution, mechanism)
     e = [float(solution.trajectory.restitution[s]) for s in mechanism.surfaces]
     worst = result.errors
-    worst["segment"], deepest = _segments(motion)
+    worst["segment"], deepest, unplanned = _segments(motion, solution, e)
+    result.against += unplanned
     worst["penetration"] = max(deepest, 0.0) / float(motion.gap_ranges.max())
     worst["limit"] = _limits(motion, instance, solution)
     worst["boundary"] = _boundary(motion, instance, solution)
@@ -166,16 +169,25 @@ def judge(result: Result, instance: Instance, solution: dmoc.Solution, mechanism
     result.against += [f"{name} {value:.2g}" for name, value in worst.items() if name in MOST and not value <= MOST[name]]
 
 
-def _segments(motion: Motion) -> tuple[float, float]:
-    """Largest error of a free flight over a tenth of a phase, and the largest gap on the way."""
-    worst, deepest = 0.0, -np.inf
-    for p in motion.phases:
+def _segments(motion: Motion, solution: dmoc.Solution, e: list[float]) -> tuple[float, float, list[str]]:
+    """Largest error of a free flight over a tenth of a phase, the largest gap on the way, and impacts that were not planned."""
+    worst, deepest, unplanned = 0.0, -np.inf, list[str]()
+    final = float(motion.phases[-1]["t"][-1])
+    for i, p in enumerate(motion.phases):
+        planned = solution.collisions[i].surface if i < len(solution.collisions) else ""
         ends = np.unique(np.linspace(0, len(p["t"]) - 1, SEGMENTS + 1).round().astype(int))
         for a, b in pairwise(ends):
-            flight = motion.mechanism.fly(p["inputs"], p["t"][a], p["t"][b], p["q"][a], p["v"][a], motion.par)
-            worst = max(worst, _distance(motion, flight.q, flight.v, p["q"][b], p["v"][b], p["t"][b]))
-            deepest = max(deepest, flight.deepest)
-    return worst, deepest
+            flight = partial(motion.mechanism.fly, p["inputs"], p["t"][a], p["t"][b], p["q"][a], p["v"][a], motion.par)
+            free = flight()
+            worst = max(worst, _distance(motion, free.q, free.v, p["q"][b], p["v"][b], p["t"][b]))
+            deepest = max(deepest, free.deepest)
+            if free.deepest <= 0:
+                continue
+            for met in flight(e, UNPLANNED * motion.speed).impacts:
+                close = met.time > p["t"][-1] - SAME_TIME * final
+                if not (close and (met.surface == planned or not planned)):
+                    unplanned.append(f"an impact on {met.surface} at {met.time:.4g} s was not planned")
+    return worst, deepest, unplanned
 
 
 def _distance(motion: Motion, q: np.ndarray, v: np.ndarray, q_goal: np.ndarray, v_goal: np.ndarray, t: float) -> float:
@@ -245,7 +257,7 @@ def _collision(result: Result, motion: Motion, i: int, collision: Any, e: list[f
         worst.get("impulse", 0.0),
         abs(collision.impulse - wanted) / max(abs(wanted), NO_EFFECT * motion.speed / np.sqrt(mobility)),
     )
-    _window(result, motion, i, collision, e, NO_EFFECT * speed)
+    _window(result, motion, i, collision, e, NO_EFFECT * motion.speed)
 
 
 def _window(result: Result, motion: Motion, i: int, collision: Any, e: list[float], least: float) -> None:
@@ -321,9 +333,9 @@ The judge is an event-driven simulation with equations of motion of its own (`be
 {limits}.
 
 Segments (tenths of a phase) and windows (from a tenth before a collision to a tenth after it) are simulated from the motion's own nodes; their
-errors are measured in the metric of the mass matrix. `excess` is the cost above the optimum, for the kind where it is known. A collision whose approach is
-below 1 % of the motion's speed has no effect, and `solved` must not count it as one. `doubted` are answers with the status `not_verified` that the judge
-finds right. The columns after it show the worst of all answers that are `solved` or `grazes`.
+errors are measured in the metric of the mass matrix. No segment may meet an impact that was not planned. `excess` is the cost above the optimum, for
+the kind where it is known. A collision whose approach is below 1 % of the motion's speed has no effect, and `solved` must not count it as one. `doubted`
+are answers with the status `not_verified` that the judge finds right. The columns after it show the worst of all answers that are `solved` or `grazes`.
 
 {table}
 

@@ -118,7 +118,7 @@ class Mechanism:
         self, inputs: Inputs, begin: float, end: float, q: np.ndarray, v: np.ndarray, par: np.ndarray,
         restitution: Sequence[float] | None = None, least: float = 0.0,
     ) -> Flight:  # fmt: skip
-        """Simulate from one time to another, through the impacts whose speed of approach exceeds ``least``.
+        """Simulate from one time to another, through the impacts that approach faster than ``least``, a speed in the metric of M.
 
         Without coefficients of restitution nothing is hit: the motion passes through the surfaces, and the largest gap shows how far.
         """
@@ -161,7 +161,8 @@ class Mechanism:
         stop, hit = b, None
         for t, j in met:
             y = run.sol(t)
-            if self.approach(j, y[: self.nq], y[self.nq :], t, par)[1] > least:
+            n, w = self.approach(j, y[: self.nq], y[self.nq :], t, par)
+            if w > least * np.sqrt(float(n @ np.linalg.solve(self.motion(y[: self.nq], y[self.nq :], u(t), t, par)[0], n))):
                 stop, hit = t, j
                 break
         for t in a + (stop - a) * BETWEEN:

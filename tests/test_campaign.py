@@ -85,6 +85,7 @@ def test_a_right_motion_is_confirmed(solved: tuple[Instance, dmoc.Solution, Mech
         (lambda s: with_phase(s, p=-1.0), "law"),
         (lambda s: with_motion(s, parameters={"m": 1.3, "wall": 1.0}), "segment"),
         (lambda s: with_motion(s, parameters={"m": 1.0, "wall": 0.9}), "penetration"),
+        (lambda s: with_motion(s, parameters={"m": 1.0, "wall": 0.5}), "was not planned"),
         (lambda s: with_motion(s, parameters={"m": 1.0, "wall": 1.1}), "gap"),
         (lambda s: replace(s, cost=1.001 * s.cost), "cost"),
         (lambda s: replace(s, cost=1.1 * s.cost), "excess"),
