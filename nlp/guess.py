@@ -36,8 +36,9 @@ FEWEST_STEPS = 8
 DRIFTED = 30.0
 # Speed, in reaches of the coordinates per final time, above which a motion counts as growing without bound.
 RUNAWAY = 1e6
-# Final time where neither the problem nor its dynamics say anything about it, and the range of times that is tried around what they say.
-NO_TIME, AROUND = 10.0, 10.0
+# Where neither the problem nor its dynamics say anything about the final time, a search for the cheapest begins here and goes so many decades at most;
+# and the largest time that is tried, relative to what is known.
+NO_TIME, MOST_DECADES, AROUND = 1.0, 24, 10.0
 # Steps of a phase that a guess is marched with; finer meshes interpolate it.
 MOST_MARCHED = 100
 # Shares of a reach to which distances of contact points count as equal.
@@ -191,7 +192,25 @@ def _natural_time(problem: Problem) -> float:
         mass, force = problem.kernels.call("dynamics", q[None], zero, u[None].copy(), np.zeros((1, 1)), problem.parameter_values)
         a = np.abs(solved(mass.reshape(problem.nq, problem.nq), force[0]))
         times += [float(np.sqrt(2 * reach[i] / a[i])) for i in range(problem.nq) if np.isfinite(a[i]) and a[i] > 0]
-    return float(np.median(times)) if times else NO_TIME / AROUND
+    return float(np.median(times)) if times else _cheapest_decade(problem)
+
+
+def _cheapest_decade(problem: Problem) -> float:
+    """The final time, by powers of ten, whose motion along splines costs least: all that a cost of time and effort says."""
+    coarse, every = problem.but(steps=FEWEST_STEPS), tuple(range(problem.nq))
+
+    def cost(final_time: float) -> float:
+        motion = _march(coarse, _plan(coarse, every, final_time), every)
+        return np.inf if motion is None or not np.isfinite(motion.cost) else motion.cost
+
+    at, least = NO_TIME, cost(NO_TIME)
+    for ratio in (10.0, 0.1):
+        for _ in range(MOST_DECADES):
+            further = cost(at * ratio)
+            if not further < least:
+                break
+            at, least = at * ratio, further
+    return at
 
 
 def _prescribed(problem: Problem) -> tuple[int, ...]:

@@ -1,13 +1,14 @@
 """The continuous equations of motion of a model, integrated independently of every discretisation: flow, contacts, impacts.
 
-SciPy's coefficients of the Dormand-Prince method of order 8 integrate M q'' = F(q, q', u, t), many states side by side, with as many equal steps as its error
-estimate asks for.  Nothing depends on units: tolerances are shares of the sizes of the motion that is looked at.
+SciPy's coefficients of the Dormand-Prince method of order 8 integrate M q'' = F(q, q', u, t), many states side by side, with as many equal steps
+as its error estimate asks for.  Nothing depends on units: tolerances are shares of the sizes of the motion that is looked at.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -16,7 +17,7 @@ from scipy.optimize import brentq
 from dmoc.codegen.kernels import Array, Kernels
 
 # Error of an integration over a step, as a share of the sizes, far below the discretisation errors that are to be seen; most steps in one.
-ACCURACY, MOST_STEPS = 1e-11, 1024
+ACCURACY, MOST_STEPS = 1e-11, 64
 # Gap that counts as touching, and approach speed below which a contact has no impact, as shares of the sizes of gap and rate.
 TOUCH, RELEASED = 1e-9, 1e-7
 # Where in a step crossings are looked for.
@@ -55,8 +56,8 @@ class Lost(Exception):  # noqa: N818 - it is caught where the simulation began
 class Flow:
     """Equations of motion with fixed parameters.
 
-    ``restitution`` holds the coefficients of the surfaces (nc,); ``allowance(t)`` how far motions may enter them at times t, shape (n, nc); ``check_time``
-    is called in long loops and may raise.
+    ``restitution`` holds the coefficients of the surfaces (nc,); ``allowance(t)`` how far motions may enter them at times t, shape (n, nc);
+    ``check_time`` is called in long loops and may raise.
     """
 
     def __init__(
@@ -101,14 +102,15 @@ class Flow:
         part, worst = h[:, None] / count, 0.0
         for k in range(count):
             stages = np.zeros((len(B) + 1, *y.shape))
+            flat = stages.reshape(len(B) + 1, -1)
             for s in range(len(B)):
                 share = (k + C[s]) / count
-                at = y + part * np.tensordot(A[s, :s], stages[:s], 1)
+                at = y + part * (A[s, :s] @ flat[:s]).reshape(y.shape) if s else y
                 stages[s] = self._slope(at, t0 + share * h, (1 - share) * u0 + share * u1, held)
-            y = y + part * np.tensordot(B, stages[:-1], 1)
+            y = y + part * (B @ flat[:-1]).reshape(y.shape)
             share = (k + 1) / count
             stages[-1] = self._slope(y, t0 + share * h, (1 - share) * u0 + share * u1, held)
-            fifth, third = (np.abs(part * np.tensordot(e, stages, 1) / size).max(axis=1) for e in (E5, E3))
+            fifth, third = (np.abs(part * (e @ flat).reshape(y.shape) / size).max(axis=1) for e in (E5, E3))
             error = fifth**2 / np.sqrt(fifth**2 + 0.01 * third**2 + 1e-300)
             worst = max(worst, float(error.max(initial=0.0)))
         return y, worst
@@ -242,9 +244,9 @@ class Flow:
             return None
         t, t1 = span
         a = [self.acceleration(q[None], v[None], inputs(s), np.array([[s]]))[0] for (q, v), s in ((start, t), (end, t1))]
-        path = _quintic(*start, a[0], *end, a[1], t1 - t)
+        path = quintic(*start, a[0], *end, a[1], t1 - t)
         times = t + PLACES * (t1 - t)
-        gaps = self.gaps(np.array([path(s) for s in PLACES]), times) - self.allowance(times)
+        gaps = self.gaps(path(PLACES[:, None]), times) - self.allowance(times)
         touch = TOUCH * self.sizes.gap
         first: tuple[float, int] | None = None
 
@@ -276,12 +278,12 @@ class Flow:
         return first
 
 
-def _quintic(q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, a1: Array, h: float) -> Callable[[float], Array]:
-    """The polynomial of degree 5 with given positions, velocities and accelerations at both ends of a step."""
+def quintic(q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, a1: Array, h: Any) -> Callable[[Any], Array]:
+    """The polynomial of degree 5 with given positions, velocities and accelerations at both ends of a step, at shares of it."""
     d, s, c = q1 - q0 - h * v0 - h * h / 2 * a0, h * (v1 - v0 - h * a0), h * h * (a1 - a0)
     c3, c4, c5 = 10 * d - 4 * s + c / 2, -15 * d + 7 * s - c, 6 * d - 3 * s + c / 2
 
-    def at(x: float) -> Array:
+    def at(x: Any) -> Array:
         return np.asarray(q0 + x * h * v0 + (x * h) ** 2 / 2 * a0 + x**3 * (c3 + x * (c4 + x * c5)))
 
     return at

@@ -86,7 +86,8 @@ def test_the_pendulum_on_its_cart(cart: Kernels, method: str, length: int, mass:
 
 
 @pytest.mark.parametrize(
-    ("mass", "wall", "time"), [(1e-6, 1, 1), (1e-9, 1, 1), (1e5, 1, 1), (1e12, 1, 1), (1, 1e3, 1), (1, 1e5, 1), (1, 1, 1e3), (1, 1, 1e4)]
+    ("mass", "wall", "time"),
+    [(1e-6, 1, 1), (1e-9, 1, 1), (1e5, 1, 1), (1e12, 1, 1), (1, 1e3, 1), (1, 1e5, 1), (1, 1, 1e3), (1, 1, 1e4)],
 )
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
 def test_the_block_of_the_readme_costs_the_same_in_every_unit(method: str, mass: float, wall: float, time: float) -> None:
@@ -105,12 +106,22 @@ def test_minimum_time_and_an_unbounded_final_time_know_no_second() -> None:
     x, u = dynamicsymbols("x u")
     m, weight, push = sp.symbols("m weight push")
     system = dmoc.MechanicalSystem(
-        "hurried", [x], m * x.diff(dynamicsymbols._t) ** 2 / 2, {m: 1.0, weight: 1.0, push: 1.0}, [u], {x: u}, cost=weight + push * u**2
+        "hurried",
+        [x],
+        m * x.diff(dynamicsymbols._t) ** 2 / 2,
+        {m: 1.0, weight: 1.0, push: 1.0},
+        [u],
+        {x: u},
+        cost=weight + push * u**2,
     )
     costs = []
     for second in (1.0, 1e-6, 1e6):
         problem = dmoc.Problem(
-            dmoc.build(system), start={"x": 0.0}, goal={"x": 1.0, "x_dot": 0.0}, steps=20, parameters={"weight": 1 / second, "push": second**3}
+            dmoc.build(system),
+            start={"x": 0.0},
+            goal={"x": 1.0, "x_dot": 0.0},
+            steps=20,
+            parameters={"weight": 1 / second, "push": second**3},
         )
         solution = dmoc.solve(problem, "ipm")
         assert solution.solved, solution.message

@@ -22,7 +22,7 @@ from dmoc.nlp.sensitivity import sensitivities as find_sensitivities
 from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.refinement import refined
-from dmoc.simulation.check import OutOfTime
+from dmoc.simulation.check import OutOfTimeError
 from dmoc.solution import Solution
 from dmoc.solvers import external, ipm, slsqp
 from dmoc.solvers.diagnosis import diagnose
@@ -166,7 +166,7 @@ def _checked(solution: Solution, seconds: float | None = None) -> Solution:
     start = time.perf_counter()
     try:
         check = solution.verify(seconds=seconds)
-    except OutOfTime:
+    except OutOfTimeError:
         timings = {**solution.seconds, "verify": time.perf_counter() - start}
         message = f"{solution.message}, but the time limit was reached before the simulation had checked it: raise it"
         return replace(solution, status="time_limit", message=message, seconds=timings)
@@ -299,9 +299,7 @@ def _same_mesh(problem: Problem, guess: Solution) -> bool:
     return steps == problem.phase_steps and controls == problem.control_form and len(guess.unknowns) == size
 
 
-def _first_success(
-    nlp: Transcription, points: list[Array], options: Options, driver: Driver
-) -> tuple[Transcription, Outcome]:
+def _first_success(nlp: Transcription, points: list[Array], options: Options, driver: Driver) -> tuple[Transcription, Outcome]:
     """Solve from one starting point after the other until one succeeds or a limit is reached; else return the least violation."""
     tried: list[tuple[float, Transcription, Outcome]] = []
     count, begin = 0, time.perf_counter()
@@ -316,9 +314,7 @@ def _first_success(
     return used, replace(outcome, iterations=count)
 
 
-def _best_of_all(
-    nlp: Transcription, points: list[Array], options: Options, driver: Driver
-) -> tuple[Transcription, Outcome]:
+def _best_of_all(nlp: Transcription, points: list[Array], options: Options, driver: Driver) -> tuple[Transcription, Outcome]:
     """Solve from every starting point, which costs the compiled method next to nothing, and return the cheapest minimum, one whose collisions all
     have an effect if there is one; where there is none, what the first success is."""
     begin, count, found = time.perf_counter(), 0, list[tuple[bool, float, Transcription, Outcome]]()
