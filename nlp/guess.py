@@ -40,7 +40,7 @@ RUNAWAY = 1e6
 # and the largest time that is tried, relative to what is known.
 NO_TIME, MOST_DECADES, AROUND = 1.0, 24, 10.0
 # Steps of a phase that a guess is marched with; finer meshes interpolate it.
-MOST_MARCHED = 100
+MOST_MARCHED = 400
 # Shares of a reach to which distances of contact points count as equal.
 EQUALLY_FAR = 1e-6
 # Share of the latest final time below which a guess that takes all the time is a further start.

@@ -19,8 +19,8 @@ from dmoc.symbolic.names import momentum_name, velocity_name
 STILL = 0.1
 # Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at least.
 FLAT = 1e-3
-# Scaled cost of the first motion: what constraints of size 1 are weighed against in merit functions and barriers.
-FIRST_COST = 100.0
+# Scaled cost of a first motion, and of a minimum, which costs less: what constraints of size 1 are weighed against in merit functions and barriers.
+FIRST_COST, LEAST_COST = 100.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,9 @@ class Scale:
         return size
 
 
-def scale_of(problem: Problem, x: Array) -> Scale:
-    """Read sizes off the unknowns x of a motion: ranges, velocities, momenta, inputs, gaps; the cost with its slopes and curvatures."""
+def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
+    """Read sizes off the unknowns x of a motion, a first one or a minimum: ranges, velocities, momenta, inputs, gaps; the cost with its slopes and
+    curvatures."""
     lay, kernels = Layout.of(problem), problem.kernels
     par, h = problem.parameter_values, x[lay.index_h]
     time = float(h @ np.array(lay.steps))
@@ -101,7 +102,8 @@ def scale_of(problem: Problem, x: Array) -> Scale:
         path = np.ones(len(kernels.manifest["path_constraints"]))
         scale = Scale(time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, path, h.copy())
         sizes = scale.unknowns(lay, np.zeros(lay.phases - 1, dtype=np.intp))
-        return replace(scale, cost=_cost(problem, lay, x, sizes, size_v), path=_path(problem, lay, x, sizes))
+        cost = _cost(problem, lay, x, sizes, size_v) / (LEAST_COST if minimum else FIRST_COST)
+        return replace(scale, cost=cost, path=_path(problem, lay, x, sizes))
 
 
 def _finite(values: Array, otherwise: float) -> Array:
@@ -120,6 +122,8 @@ def _ranges(problem: Problem, q: Array, time: float, inertia: Array, kinetic: fl
 
 def _inputs(problem: Problem, u: Array, state: tuple[Array, Array, Array], force: Array) -> Array:
     """Sizes of the inputs: of their values and of what changes a momentum by its size, at most their bounds."""
+    if not problem.nu:
+        return np.zeros(0)
     q, v, t = state
     zero = np.zeros((1, problem.nu))
     B = problem.kernels.call("input_matrix", q, v, zero, t, problem.parameter_values)[0].reshape(-1, problem.nq, problem.nu)
@@ -166,7 +170,7 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
         slope += np.abs(kernels.call("terminal_cost_jac", *(a.copy() for a in state), par)[0] * around[columns]).sum()
     flat = FLAT * float(slope + bend)
     size = max(abs(value), flat if np.isfinite(flat) else 0.0)
-    return size / FIRST_COST if np.isfinite(size) and size > 0 else 1.0
+    return size if np.isfinite(size) and size > 0 else 1.0
 
 
 def _path(problem: Problem, lay: Layout, x: Array, sizes: Array) -> Array:

@@ -24,7 +24,7 @@ from dmoc.solvers.outcome import INFEASIBLE, Options, Status
 
 # Prices of a violation relative to that of missing the goal: of what limits the motion, and of the laws of motion.
 LIMITS = 10.0
-LAWS = 100.0
+LAWS = 1000.0
 # Share of the largest violation below which another is not worth a word.
 NEGLIGIBLE = 1e-3
 # Share of the largest multiplier below which a bound does not count as holding something up.
@@ -42,8 +42,9 @@ MOMENTUM_UNITS = {"m": "kg m/s", "rad": "kg m2/s"}
 class Diagnosis:
     """Least violation of a problem.
 
-    ``x`` are its unknowns, ``violation`` the largest violation relative to the size of the constraint, ``least`` whether the search for it ended at a minimum, ``missed`` what is not
-    met and by how much, ``against`` the bounds and constraints that hold it there, ``times`` what the shortest collision times say.
+    ``x`` are its unknowns, ``violation`` the largest violation relative to the size of the constraint, ``least`` whether the search for it
+    ended at a minimum, ``missed`` what is not met and by how much, ``against`` the bounds and constraints that hold it there, ``times`` what the
+    shortest collision times say.
     """
 
     x: Array

@@ -617,7 +617,7 @@ static int line_search(solver *s)
         return 1;
     }
     /* A step this small that no length of makes acceptable fails on rounding errors too. */
-    if (change < ROUNDING && theta <= 1e-2*s->options->violation && ++s->tiny <= MOST_TINY && try_step(s, s->dv, alpha_max)) {
+    if (change < ROUNDING && largest(s->now.residual, s->m) <= s->options->violation && ++s->tiny <= MOST_TINY && try_step(s, s->dv, alpha_max)) {
         take_dual_step(s, s->dy, alpha_max, alpha_z);
         exchange_points(s);
         return 1;
@@ -768,7 +768,7 @@ static int restored(solver *s, double theta_before)
 /* Find a point that the filter accepts; returns -1 if the search goes on from it, else the final status. */
 static int restore(solver *s)
 {
-    if (s->now.theta <= 1e-2*s->options->violation) /* feasible already: nothing to restore */
+    if (largest(s->now.residual, s->m) <= s->options->violation) /* feasible already: nothing to restore */
         return DMOC_STALLED;
     s->result.restorations += 1;
     filter_add(&s->front, s->now.theta, s->now.phi);

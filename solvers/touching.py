@@ -1,7 +1,7 @@
 """Collisions without effect: where the best motion would rather not collide, it touches the surface without an impulse.
 
-The law of impact, e (E+ - E-) - W = -lam (w+ + e w-)/2, has no slope in any unknown at a touch, lam = w- = w+ = 0, so that a solver ends beside it or not at
-all.  Stated as g = 0, w = 0, lam = 0 a touch is regular; its multipliers tell whether a real collision would cost less.
+The law of impact, e (E+ - E-) - W = -lam (w+ + e w-)/2, has no slope in any unknown at a touch, lam = w- = w+ = 0, so that a solver ends
+beside it or not at all.  Stated as g = 0, w = 0, lam = 0 a touch is regular; its multipliers tell whether a real collision would cost less.
 """
 
 from __future__ import annotations

@@ -133,7 +133,7 @@ def _solve(
     with ONE_THREAD, np.errstate(all="ignore"):
         points = _starting_points(problem, guess, deadline)
         guessed = time.perf_counter()
-        scale = scale_of(problem, points[0])
+        scale = scale_of(problem, points[0], minimum=isinstance(guess, Solution))
         # Minimal times keep slsqp on the right track; they may limit no solution, and the other methods do without.
         nlp = Transcription(problem, scale, None if method == "slsqp" else False)
         driver = _driver(method, form, nlp, guess)
@@ -215,7 +215,7 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     if solution.status not in ("solved", "grazes", "not_verified"):
         raise ProblemError(f"the solution has the status {solution.status!r}: sensitivities need a minimum.")
     check_same_model(solution, problem.kernels)
-    nlp = Transcription(problem, scale_of(problem, solution.unknowns), minimal_times=False)
+    nlp = Transcription(problem, scale_of(problem, solution.unknowns, minimum=True), minimal_times=False)
     found = residuals(nlp, nlp.scaled(solution.unknowns), Duals(*given_multipliers(nlp, solution.multipliers)))
     if found.violation > OTHER_PROBLEM or found.optimality > OTHER_PROBLEM:
         raise ProblemError(
