@@ -249,7 +249,7 @@ static int converged(const solver *s)
         worst = max(worst, fabs(s->now.residual[r])/(s->elastic ? 1 : s->fs_rows[r]));
     if (worst > (s->elastic ? s->options->optimality : s->options->violation))
         return 0;
-    return left <= s->options->optimality ? 2 : 1;
+    return left*(s->elastic ? 1 : max(cost_size(s), 1)) <= s->options->optimality ? 2 : 1;
 }
 
 /* ---- Linear system, WB (13) ---------------------------------------------------------------------------------------------------------- */

@@ -18,8 +18,8 @@ from dmoc.solvers.system import System, system
 
 Report: TypeAlias = Callable[[int, float, float, float, bool], None]
 STATUSES = (Status.SOLVED, Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STALLED, Status.INTERRUPTED)
-# First barrier parameter: of a start without multipliers, and of a neighbouring solution.
-COLD, WARM = 0.1, 1e-4
+# First barrier parameter, relative to the cost: of a start without multipliers, and of a neighbouring solution.
+COLD, WARM, LEAST = 1e-3, 1e-6, 1e-6
 # The barrier leaves every cost too high by mu for each bound: costs shall agree with other methods to more digits than anyone asks for.
 SHARPEST = 1e-9
 # A point this sharp that gets no sharper has met rounding errors, whatever is asked for.
@@ -100,7 +100,7 @@ def _minimise(
         nlp.program, prepared, sizes(nlp, x), _stretches(nlp), x, y, z_lower, z_upper, price=price, least_violation=price is not None,
         optimality=min(options.optimality, SHARPEST), demanded=max(options.optimality, ROUNDED), violation=options.violation,
         least_cost=LEAST_COST, infeasible=INFEASIBLE,
-        mu=WARM if warm else COLD, warm=warm, iterations=options.iterations,
+        mu=max((WARM if warm else COLD) * abs(nlp.cost(x)), LEAST), warm=warm, iterations=options.iterations,
         seconds=np.inf if options.seconds is None else options.seconds, report=report,
     )  # fmt: skip
 
