@@ -18,6 +18,8 @@ NO_FORCE = 1e-7
 NO_IMPULSE = 1e-6
 # A collision that changes no momentum by more than this share of its size has no effect.
 NO_EFFECT = 1e-3
+# Smallest eigenvalue of a mass matrix, relative to the inertias at the start, below which it counts as singular.
+SINGULAR = 1e-6
 
 
 def trajectory(nlp: Transcription, x: Array) -> Trajectory:
@@ -70,6 +72,18 @@ def _rates(nlp: Transcription, x: Array, i: int, t: float) -> tuple[float, float
 def _without_effect(before: Array, after: Array, largest: Array) -> bool:
     """Whether a collision changes no momentum by a share of its size that counts."""
     return bool((np.abs(after - before) <= NO_EFFECT * largest).all())
+
+
+def singular_at(nlp: Transcription, x: Array) -> float | None:
+    """First time at which the mass matrix is not positive definite, up to rounding errors of its entries; None if it is everywhere."""
+    kernels, y = nlp.problem.kernels, nlp.physical(x)
+    q, t = y[nlp.layout.index_q], nlp.layout.times(y)
+    M = kernels.call("dynamics", q, np.zeros_like(q), np.zeros((1, nlp.layout.nu)), t[:, None].copy(), nlp.par)[0]
+    root = 1 / np.sqrt(np.abs(nlp.problem.inertia))
+    scaled = M.reshape(len(q), nlp.layout.nq, -1) * root[:, None] * root
+    good = np.isfinite(scaled).all(axis=(1, 2))
+    good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
+    return None if good.all() else float(t[int(np.argmin(good))])
 
 
 def _velocities(nlp: Transcription, t: Array, q: Array, p: Array) -> Array:

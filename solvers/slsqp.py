@@ -415,7 +415,8 @@ def _least_violation(driver: Driver, x: Array, progress: Progress) -> Array:
 
     margin = 1e-12 * np.maximum(1.0, np.abs(x[kept]))  # least_squares wants a start strictly inside its bounds
     start = np.clip(x[kept], low + margin, high - margin)
-    if completed(start) is None:
+    full = completed(start)
+    if full is None or not np.isfinite(residual(start)).all():
         return x
     with np.errstate(all="ignore"):
         result = scipy.optimize.least_squares(

@@ -95,7 +95,7 @@ def bouncer_problem(e: float, steps: int = 40, order: int = 2, period: float = 0
     )  # fmt: skip
     problem = dmoc.Problem(
         dmoc.build(system, order=order), start={"y": 0.2}, sequence=["floor"], steps=steps, final_time=period, restitution=e,
-        periodic=["y", "y_dot"],
+        periodic=["y", "y_dot"], durations=[(0.2, None), (None, None)],  # it begins on its way up, not down
     )  # fmt: skip
     v, T = sp.Symbol("v"), sp.Float(period, 30)
     d, w = -v * T + sp.Float("9.81", 30) * T**2 / 2, -v / sp.Float(e, 30) - v + sp.Float("9.81", 30) * T

@@ -62,11 +62,12 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     assert code == 0
     assert list(found) == [
         "model", "method", "status", "message", "cost", "final_time", "active_bounds", "phases", "collisions", "max_violation",
-        "optimality", "iterations", "seconds", "verification", "conflicts",
+        "optimality", "iterations", "seconds", "verification", "conflicts", "scale",
     ]  # fmt: skip
     assert found["cost"] == pytest.approx(129.6024, rel=1e-5)
     assert set(found["phases"][0]) == {"steps", "step_size", "duration"}
-    assert set(found["collisions"][0]) == {"surface", "time", "impulse", "position", "momentum_before", "momentum_after"}
+    keys = {"surface", "time", "impulse", "position", "momentum_before", "momentum_after", "rate_before", "rate_after", "grazes"}
+    assert set(found["collisions"][0]) == keys
     assert {"build", "guess", "solve"} <= set(found["seconds"])
     assert {"passed", "terminal_error", "max_defect", "energy_error", "missed_contacts"} <= set(found["verification"])
 
@@ -199,7 +200,6 @@ SOLVE_ERRORS = {
     "--bound F=60": "bounds of F = 60.0: expected a pair (lower, upper)",
     "--bound G=0:1": "unknown input or coordinate 'G'",
     "--bound F=a:1": "expected a number",
-    "--set m_c=0": "singular",
     "--start alpha_dot=1 --start p_alpha=1": "has a fixed velocity (alpha_dot) and a fixed momentum (p_alpha)",
     "--seconds nan": "expected a positive time limit",
     "--sequence up": "unknown surface 'up' in the sequence: expected one of left, right",
@@ -225,6 +225,11 @@ def test_bad_options_are_one_sentence_and_write_nothing(run: Run, tmp_path: Path
     assert message in err.replace("\n", " ")
     assert err.count("\n") == 1 and "Traceback" not in err
     assert not out and not list(tmp_path.iterdir())
+
+
+def test_a_mass_matrix_that_is_singular_on_the_way_is_named(run: Run) -> None:
+    code, out, _ = run("solve", "cart_pendulum", "--set", "m_c=0", "--steps", "20", "--method", "ipm", "--json", "-")
+    assert code == 1 and "the mass matrix is singular or negative on the way" in json.loads(out)["message"]
 
 
 MODEL_ERRORS = {

@@ -240,9 +240,9 @@ def test_two_discs() -> None:
 
 
 def test_kellys_cart_pole() -> None:
-    """From a guess like Kelly's its motion, whose cost on a fine mesh is 58.808; from the other one a cheaper minimum."""
+    """From one guess Kelly's motion, whose cost on a fine mesh is 58.808; from the other one a cheaper minimum."""
     problem = cart_pole.problem(80, 4)
-    best, kelly = (dmoc.solve(problem, "ipm", guess=g.x) for g in initial_guesses(problem))
+    kelly, best = (dmoc.solve(problem, "ipm", guess=g.x) for g in initial_guesses(problem))
     assert kelly.solved and kelly.cost == pytest.approx(cart_pole.LIMIT, rel=1e-5)
     assert kelly.cost == pytest.approx(cart_pole.KNOWN, rel=2e-3)
     assert best.solved and best.cost == pytest.approx(57.9449, rel=1e-5)

@@ -443,7 +443,7 @@ def test_ctrl_c_in_the_solve_after_a_diagnosis_ends_the_search(puck: dmoc.Proble
     failed = replace(dmoc.solve(problem, "ipm", verify=False), status="infeasible")
     diagnosed: list[bool] = []
 
-    def no_violation(_: dmoc.Problem, x: np.ndarray, __: object) -> Diagnosis:
+    def no_violation(_: dmoc.Problem, __: object, x: np.ndarray, ___: object) -> Diagnosis:
         diagnosed.append(True)
         return Diagnosis(x, 0.0, True, (), (), ())
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import sys
+import threading
 
 INTERRUPTED = 130
 
@@ -21,9 +24,20 @@ def main() -> None:
         cli.main()
     except KeyboardInterrupt:
         _leave()
+    except SystemExit as end:
+        if threading.active_count() > 1:  # threads of stopped workers may never end, and Python would wait for them
+            _flush()
+            os._exit(end.code if isinstance(end.code, int) else end.code is not None)
+        raise
     finally:
         if listening:
             signal.signal(signal.SIGINT, _leave)
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
 
 
 def _leave(*_: object) -> None:

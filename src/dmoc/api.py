@@ -14,7 +14,7 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import ProblemError, SolutionFileError
 from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.layout import Layout
-from dmoc.nlp.motion import active_bounds, given_multipliers, named_multipliers, trajectory
+from dmoc.nlp.motion import active_bounds, given_multipliers, named_multipliers, singular_at, trajectory
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.sensitivity import Sensitivities
@@ -337,9 +337,11 @@ def _best_of_all(nlp: Transcription, points: list[Array], options: Options, driv
 
 
 def _remaining(options: Options, begin: float, iterations: int = 0) -> Options:
-    """What is left of the limits of a solve that began at a time and has taken some iterations."""
+    """What is left of the limits of a solve that began at a time and has taken some iterations, which are counted on."""
     seconds = None if options.seconds is None else max(options.seconds - (time.perf_counter() - begin), 1e-9)
-    return replace(options, seconds=seconds, iterations=max(options.iterations - iterations, 1))
+    tell = options.progress
+    progress = (lambda i: tell(replace(i, number=i.number + iterations))) if tell is not None and iterations else tell
+    return replace(options, seconds=seconds, iterations=max(options.iterations - iterations, 1), progress=progress)
 
 
 def _explained(
@@ -404,6 +406,9 @@ def _solution(
     problem, found = nlp.problem, residuals(nlp, outcome.x, outcome.duals)
     detail = f" ({outcome.detail})" if outcome.detail else ""
     message = outcome.status.value + (": " + "; ".join(conflicts) if conflicts else detail)
+    singular = None if outcome.status is Status.SOLVED else singular_at(nlp, outcome.x)
+    if singular is not None:
+        message += f"; the mass matrix is singular or negative on the way, first at {singular:.4g} s: check the parameters and the bounds"
     motion, status = trajectory(nlp, outcome.x), outcome.status.name.lower()
     grazing = [f"{i + 1} ({c.surface})" for i, c in enumerate(motion.collisions) if c.grazes]
     if outcome.status is Status.SOLVED and grazing:

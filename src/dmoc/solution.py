@@ -203,6 +203,7 @@ class Solution:
             "seconds": dict(self.seconds),
             "verification": None if self.verification is None else dict(self.verification),
             "conflicts": list(self.conflicts),
+            "scale": dict(self.scale),
         } | self._refinement()
 
     def _refinement(self) -> dict[str, Any]:
