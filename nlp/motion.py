@@ -81,7 +81,7 @@ def singular_at(nlp: Transcription, x: Array) -> float | None:
     M = kernels.call("dynamics", q, np.zeros_like(q), np.zeros((1, nlp.layout.nu)), t[:, None].copy(), nlp.par)[0]
     root = 1 / np.sqrt(np.abs(nlp.problem.inertia))
     scaled = M.reshape(len(q), nlp.layout.nq, -1) * root[:, None] * root
-    good = np.isfinite(scaled).all(axis=(1, 2))
+    good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
     good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
     return None if good.all() else float(t[int(np.argmin(good))])
 

@@ -142,6 +142,8 @@ def _solve(
         search = _best_of_all if method == "ipm" else _first_success
         nlp, outcome = search(nlp, [nlp.scaled(x) for x in points], left, driver)
         conflicts: tuple[str, ...] = ()
+        if method == "slsqp" and outcome.status in (Status.INFEASIBLE, Status.STALLED) and nlp.program.compiled:
+            nlp, outcome = _taken_over(nlp, outcome, points, _remaining(options, start, outcome.iterations))
         if outcome.status is Status.INFEASIBLE and nlp.program.compiled:
             left = _remaining(options, start, outcome.iterations)
             nlp, outcome, conflicts = _explained(nlp, outcome, points[0], left, driver)
@@ -151,6 +153,17 @@ def _solve(
     if not (verify and solution.minimum):
         return solution
     return _checked(solution, None if options.seconds is None else max(deadline - time.perf_counter(), 0.0))
+
+
+def _taken_over(nlp: Transcription, outcome: Outcome, points: list[Array], options: Options) -> tuple[Transcription, Outcome]:
+    """What the compiled method finds where slsqp has ended without a solution; the outcome as it is where that finds none either."""
+    free = Transcription(nlp.problem, nlp.scale, minimal_times=False)
+    used, again = _best_of_all(free, [free.scaled(x) for x in points], options, ipm.solve)
+    again = replace(again, iterations=outcome.iterations + again.iterations)
+    if again.status in (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED):
+        ended = outcome.status.name.lower()
+        return used, replace(again, detail=f"slsqp ended {ended}, the compiled method took over")
+    return nlp, replace(outcome, iterations=again.iterations)
 
 
 def _in_units(progress: Callable[[Iteration], None] | None, cost: float) -> Callable[[Iteration], None] | None:

@@ -1,0 +1,294 @@
+"""What a trial found to be solved and wrong, or right and not solved: none of it passes any more."""
+
+from __future__ import annotations
+
+import time
+from math import pi, sin
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+from systems import block_system
+
+import dmoc
+from dmoc.errors import ProblemError
+from dmoc.nlp.guess import contact_point
+from dmoc.nlp.surfaces import crossings, onto_surface
+from dmoc.nlp.transcription import Transcription
+
+T = dynamicsymbols._t
+
+
+def arm_system(name: str = "arm_with_stop") -> dmoc.MechanicalSystem:
+    """Two links that hang in gravity, the first with a stop."""
+    a, b, u1, u2 = dynamicsymbols("a b u1 u2")
+    m1, m2, l1, l2, g, stop = sp.symbols("m1 m2 l1 l2 g stop")
+    x1, y1 = l1 * sp.sin(a), -l1 * sp.cos(a)
+    x2, y2 = x1 + l2 * sp.sin(b), y1 - l2 * sp.cos(b)
+    kinetic = m1 * (x1.diff(T) ** 2 + y1.diff(T) ** 2) / 2 + m2 * (x2.diff(T) ** 2 + y2.diff(T) ** 2) / 2
+    return dmoc.MechanicalSystem(
+        name, [a, b], sp.simplify(kinetic) - g * (m1 * y1 + m2 * y2), {m1: 1.0, m2: 1.0, l1: 1.0, l2: 1.0, g: 9.81, stop: 1.0},
+        [u1, u2], {a: u1 - u2, b: u2}, {"stop": a <= stop}, u1**2 + u2**2,
+    )  # fmt: skip
+
+
+def random_arm(seed: int, order: int, steps: int) -> dmoc.Problem:
+    r = np.random.default_rng(seed)
+    parameters = {
+        name: r.uniform(*box)
+        for name, box in (("m1", (0.5, 2)), ("m2", (0.5, 2)), ("l1", (0.5, 1.5)), ("l2", (0.5, 1.5)), ("stop", (0.5, 1.5)))
+    }
+    return dmoc.Problem(
+        dmoc.build(arm_system(), order=order), start={"a": r.uniform(-1, 0.3), "b": r.uniform(-1, 1)},
+        goal={"a": r.uniform(-1, 0.3), "b": r.uniform(-1, 1), "a_dot": 0, "b_dot": 0}, sequence=["stop"], steps=steps,
+        final_time=r.uniform(0.7, 2), parameters=parameters, restitution=r.choice([1, 0.8, 0.5, 0.0]),
+    )  # fmt: skip
+
+
+# Collisions that are none ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("seed", [0, 2, 22, 34, 42])
+def test_a_collision_obeys_the_law_of_impact_or_is_called_a_graze(seed: int, order: int) -> None:
+    """The optimum of 22, 34 and 42 would rather not collide: it touches, and says so; the others hit with w+ = -e w-."""
+    problem = random_arm(seed, order, 40 if order == 2 else 20)
+    solution = dmoc.solve(problem, "ipm")
+    (hit,) = solution.collisions
+    if seed in (22, 34, 42):
+        assert solution.status == "grazes" and hit.grazes and not solution.solved
+        assert hit.impulse == 0 and "collision 1 (stop) has no effect" in solution.message
+        assert abs(hit.rate_before) + abs(hit.rate_after) < 1e-9
+    else:
+        e = problem.restitution_values[0]
+        assert solution.status == "solved" and not hit.grazes
+        assert hit.rate_before > 0 >= hit.rate_after
+        assert hit.rate_after == pytest.approx(-e * hit.rate_before, rel=0.15, abs=1e-9)
+    gaps = np.concatenate([p.q[:, 0] for p in solution.phases]) - problem.parameter_values[0][-1]
+    assert gaps.max() <= 1e-9
+    assert solution.verification is not None and solution.verification["penetration"] < 2e-3
+
+
+def test_a_graze_needs_no_more_than_the_motion_that_may_touch() -> None:
+    """A touch costs what the same problem costs with a tangential contact, and more than without any."""
+    problem = random_arm(22, 4, 20)
+    touching, free = dmoc.solve(problem, "ipm"), dmoc.solve(problem.but(sequence=()), "ipm")
+    assert free.solved and touching.status == "grazes" and touching.cost > free.cost
+
+
+def test_a_search_gives_no_credit_for_a_graze() -> None:
+    problem = random_arm(22, 2, 40).but(sequence=())
+    result = dmoc.search(problem, max_collisions=1)
+    by_sequence = {n.sequence: n for n in result.nodes}
+    assert by_sequence[("stop",)].verdict == "grazes" and result.best is by_sequence[()]
+    assert "has no effect" in by_sequence[("stop",)].evidence[0]
+
+
+# Limits of inputs ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("steps", [5, 10, 41])
+def test_order_4_keeps_the_limits_of_inputs_everywhere(steps: int) -> None:
+    """Furthest rest-to-rest point of a unit mass with |u| <= 1 in 1 s: at most 0.25, whatever the steps."""
+    x, u = dynamicsymbols("x u")
+    system = dmoc.MechanicalSystem("far", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, terminal_cost=-x)
+    problem = dmoc.Problem(
+        dmoc.build(system, order=4), start={"x": 0}, goal={"x_dot": 0}, steps=steps, final_time=1.0, bounds={"u": (-1, 1)}
+    )
+    for method in ("ipm", "slsqp") if steps < 20 else ("ipm",):
+        solution = dmoc.solve(problem, method)
+        assert solution.solved, solution.message
+        assert 0.23 < -solution.cost <= 0.25 + 1e-9
+        (phase,) = solution.phases
+        assert max(np.abs(end).max() for end in solution.trajectory.input_ends(phase)) <= 1 + 1e-9
+
+
+def test_the_check_sees_inputs_beyond_their_limits() -> None:
+    from dataclasses import replace
+
+    kernels = dmoc.build(block_system(), order=4)
+    problem = dmoc.Problem(kernels, start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, steps=10, final_time=1.0, bounds={"u": (-4, 4)})
+    solution = dmoc.solve(problem, "ipm")
+    assert solution.solved
+    wrong = dmoc.verify(replace(solution.trajectory, input_bounds=np.array([[-2.0, 2.0]])), kernels)
+    assert not wrong.passed and "excess of an input" in wrong.message and wrong.limit_excess > 0.1
+
+
+# Points of surfaces ----------------------------------------------------------------------------------------------------
+
+
+def pendulum_system(name: str, wall: sp.Basic) -> dmoc.MechanicalSystem:
+    a, u = dynamicsymbols("a u")
+    return dmoc.MechanicalSystem(
+        name, [a], a.diff(T) ** 2 / 2 + sp.Float(9.81) * sp.cos(a), {}, [u], {a: u}, {"wall": wall(a)}, u**2
+    )
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize(("goal", "known"), [(-pi, 40.695), (-3.0, 29.385), (-2.0, 18.119)])
+def test_a_wall_whose_gradient_vanishes_is_as_good_as_a_plain_one(order: int, goal: float, known: float) -> None:
+    """sin(a) <= 0.5 and a <= pi/6 are the same wall; a better confirmed minimum than the known one is welcome."""
+    steps = 100 if order == 2 else 50
+    for name, wall in (("sine_wall", lambda a: sp.sin(a) <= sp.Rational(1, 2)), ("plain_wall", lambda a: a <= sp.pi / 6)):
+        problem = dmoc.Problem(
+            dmoc.build(pendulum_system(name, wall), order=order), start={"a": 0.0}, goal={"a": goal, "a_dot": 0}, sequence=["wall"],
+            steps=steps, final_time=3.0,
+        )  # fmt: skip
+        solution = dmoc.solve(problem, "ipm")
+        assert solution.solved, solution.message
+        assert solution.cost <= known * 1.002
+        assert solution.collisions[0].position[0] == pytest.approx(pi / 6, abs=1e-9)
+
+
+def test_points_of_surfaces_are_found_where_the_gradient_vanishes() -> None:
+    kernels = dmoc.build(pendulum_system("sine_wall", lambda a: sp.sin(a) <= sp.Rational(1, 2)))
+    problem = dmoc.Problem(kernels, start={"a": 0.0}, goal={"a": -pi, "a_dot": 0}, sequence=["wall"], final_time=3.0)
+    summit = np.array([-pi / 2])
+    assert sorted(float(q[0]) for q in crossings(problem, summit, "wall")) == pytest.approx([-7 * pi / 6, pi / 6])
+    found = onto_surface(problem, summit, "wall")
+    assert found is not None and sin(found[0]) == pytest.approx(0.5, abs=1e-9)
+    assert contact_point(problem, summit, np.zeros(1), "wall", 0.0)[0] == pytest.approx(pi / 6)
+    far = dmoc.build(pendulum_system("no_wall", lambda a: sp.sin(a) <= 2))
+    assert onto_surface(dmoc.Problem(far, start={"a": 0.0}, goal={"a": 1.0}, final_time=1.0), summit, "wall") is None
+
+
+def test_a_bound_gives_way_only_where_it_lies_on_the_surface() -> None:
+    """The upper bound is the wall itself; the lower one, beside another root of the gap, stays."""
+    kernels = dmoc.build(pendulum_system("sine_wall", lambda a: sp.sin(a) <= sp.Rational(1, 2)))
+    fields = {"start": {"a": 0.0}, "goal": {"a": -1.0}, "sequence": ["wall"], "steps": 4, "final_time": 2.0}
+    for low, high, freed in ((-3.0, pi / 6, True), (-3.0, 1.0, False)):
+        nlp = Transcription(dmoc.Problem(kernels, bounds={"a": (low, high)}, **fields))
+        unknown = nlp.layout.index_q[4, 0]
+        assert nlp.limits[0][unknown] == low
+        assert bool(nlp.limits[1][unknown] > high) is freed and nlp.limits[1][unknown] < high + 0.1
+
+
+# The check -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("steps", [20, 40, 50, 80, 100, 160, 200])
+def test_a_motion_that_slides_along_a_surface_is_confirmed_on_every_mesh(steps: int) -> None:
+    """Around a post on the straight way: the motion lies on the post for many steps, held there by its inputs."""
+    x, y, f_x, f_y = dynamicsymbols("x y f_x f_y")
+    system = dmoc.MechanicalSystem(
+        "around",
+        [x, y],
+        (x.diff(T) ** 2 + y.diff(T) ** 2) / 2,
+        {},
+        [f_x, f_y],
+        {x: f_x, y: f_y},
+        {"post": x**2 + y**2 >= 1},
+        f_x**2 + f_y**2,
+    )
+    problem = dmoc.Problem(
+        dmoc.build(system),
+        start={"x": -1.2, "y": 0.1},
+        goal={"x": 1.2, "y": 0.1, "x_dot": 0, "y_dot": 0},
+        steps=steps,
+        final_time=1.0,
+    )
+    solution = dmoc.solve(problem, "ipm")
+    assert solution.solved, solution.message
+    assert any(b.startswith("gap to post") for b in solution.active_bounds)
+
+
+def acrobot(steps: int) -> dmoc.Problem:
+    """Two unit links driven at the elbow alone, swung up in 4 s: unstable."""
+    a, b, u = dynamicsymbols("a b u")
+    x1, y1 = sp.sin(a), -sp.cos(a)
+    x2, y2 = x1 + sp.sin(a + b), y1 - sp.cos(a + b)
+    kinetic = (x1.diff(T) ** 2 + y1.diff(T) ** 2) / 2 + (x2.diff(T) ** 2 + y2.diff(T) ** 2) / 2
+    system = dmoc.MechanicalSystem(
+        "acrobot", [a, b], sp.simplify(kinetic) - sp.Float(9.81) * (y1 + y2), {}, [u], {b: u}, cost=u**2
+    )
+    return dmoc.Problem(
+        dmoc.build(system), start={"a": 0, "b": 0}, goal={"a": pi, "b": 0, "a_dot": 0, "b_dot": 0}, steps=steps, final_time=4.0
+    )
+
+
+def test_an_unstable_motion_is_weighed_with_its_amplification_and_a_coarse_one_is_not_excused() -> None:
+    fine = dmoc.solve(acrobot(200), "ipm")
+    assert fine.solved, fine.message
+    check = fine.verify()
+    assert check.passed and check.amplification > 30
+    if check.terminal_error > 0.25:
+        assert "the motion is unstable: it amplifies errors" in fine.message
+    coarse = dmoc.solve(acrobot(12), "ipm")
+    assert coarse.status == "not_verified" and "too coarse" in coarse.message
+
+
+def test_the_amplification_is_that_of_the_linearised_flow() -> None:
+    """A pendulum that stands upright for T = 2 s with g / l = 9: in sizes of its own the flow grows like cosh(3 T)."""
+    a, u = dynamicsymbols("a u")
+    system = dmoc.MechanicalSystem("upright", [a], a.diff(T) ** 2 / 2 + sp.Rational(9, 2) * a**2, {}, [u], {a: u}, cost=u**2)
+    problem = dmoc.Problem(dmoc.build(system), start={"a": 0}, goal={"a": 1.0, "a_dot": 0}, steps=100, final_time=2.0)
+    solution = dmoc.solve(problem, "ipm")
+    check = solution.verify()
+    (phase,) = solution.phases
+    size = np.array([np.ptp(phase.q), np.abs(phase.v).max()])
+    flow = np.array([[np.cosh(6), np.sinh(6) / 3], [3 * np.sinh(6), np.cosh(6)]])
+    assert check.amplification == pytest.approx(np.linalg.norm(flow * size / size[:, None], 2), rel=1e-4)
+
+
+def test_a_start_on_a_surface_that_moves_into_it_is_refused() -> None:
+    kernels = dmoc.build(block_system())
+    fields = {"goal": {"x": 0.0}, "sequence": ["wall"], "final_time": 1.0}
+    with pytest.raises(ProblemError, match=r"lies on surface 'wall' and moves into it \(the gap changes by 2 per second\)"):
+        dmoc.Problem(kernels, start={"x": 1.0, "x_dot": 2.0}, **fields)
+    with pytest.raises(ProblemError, match="moves into it"):
+        dmoc.Problem(kernels, start={"x": 1.0, "p_x": 2.0}, **fields)
+    for velocity in (-2.0, 0.0, (0.0, 1.0), None):
+        assert dmoc.Problem(kernels, start={"x": 1.0, "x_dot": velocity}, **fields).sequence == ("wall",)
+
+
+# Infeasible by a little, and limits of time ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["ipm", "slsqp", "ipopt"])
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("limit", ["wall", "bound"])
+def test_infeasible_by_a_little_is_infeasible_early(method: str, order: int, limit: str) -> None:
+    """6.664 m/s and |u| <= 50 need 0.4441 m to stop, and there are 0.443 m."""
+    wall, box = (0.443, {}) if limit == "wall" else (9.0, {"x": (-1.0, 0.443)})
+    problem = dmoc.Problem(
+        dmoc.build(block_system(), order=order), start={"x": 0, "x_dot": 6.664}, goal={"x_dot": 0}, steps=40, final_time=0.2,
+        parameters={"wall": wall}, bounds={"u": (-50, 50), **box},
+    )  # fmt: skip
+    solution = dmoc.solve(problem, method)
+    assert solution.status == "infeasible" and solution.iterations < 300 and solution.conflicts
+
+
+def test_a_numerical_failure_is_a_status_and_nothing_is_written(capfd: pytest.CaptureFixture[str]) -> None:
+    """A start and a goal on the wall that is to be hit, soft impact: slsqp once took minutes in an iteration and then raised."""
+    problem = dmoc.Problem(
+        dmoc.build(block_system()),
+        start={"x": 0},
+        goal={"x": 1.0, "x_dot": 0},
+        sequence=["wall"],
+        steps=40,
+        final_time=1.0,
+        restitution=0.5,
+    )
+    for method in ("slsqp", "ipm"):
+        assert dmoc.solve(problem, method, seconds=20).status in ("solved", "grazes", "not_verified", "stalled", "infeasible")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_time_limit_covers_guess_solve_and_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock that jumps by a second whenever it is read: each part hears of the limit."""
+    problem = dmoc.Problem(
+        dmoc.build(block_system()), start={"x": 0}, goal={"x": 0, "x_dot": 0}, sequence=["wall"], steps=400, final_time=1.0
+    )
+    plain = time.perf_counter
+    reads = [0]
+
+    def jumping() -> float:
+        reads[0] += 1
+        return plain() + reads[0]
+
+    monkeypatch.setattr(time, "perf_counter", jumping)
+    assert dmoc.solve(problem, "ipm", seconds=5).status == "time_limit"
+    reads[0] = 0
+    late = dmoc.solve(problem, "ipm", seconds=60)
+    assert late.status in ("time_limit", "solved") and reads[0] < 200
