@@ -12,7 +12,7 @@ demo: $(VENV)/.installed-demo
 	@$(BIN)/python examples/hanging.py demo
 
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto
 
 check: $(VENV)/.installed-check
 	$(BIN)/ruff check .

@@ -76,7 +76,7 @@ class Problem:
     parameters : mapping, optional
         Parameter values that replace the model's.
     controls : {"constant", "linear", "stages"}, optional
-        Inputs constant in each step, linear between nodes, or linear in each step through the values at its two Gauss points.  Kernels of order
+        Inputs constant in each step, linear between nodes, or linear in each step with values of its own at both ends.  Kernels of order
         2 take "constant" (default) or "linear", those of order 4 "stages" (default) or "constant".
     restitution : number or mapping, optional
         Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic): 1 is elastic (default), 0 perfectly plastic, the contact

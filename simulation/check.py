@@ -37,6 +37,7 @@ ON_ARC, LASTING, TOUCHING = 1e-4, 3, 3e-4
 SEGMENTS = 10  # of a phase
 ON_SURFACE = 1e-6  # gap of a planned collision relative to how far the coordinates move it
 ASTRAY = 100.0  # ranges from the motion at which an open-loop run ends
+SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to the largest inertias
 PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
 
 
@@ -172,6 +173,9 @@ class _Check:
         terminal, contacts = self.open_loop()
         missed, extra = self.compare(contacts)
         failures = [f"the collision with {surface!r} is {gap:.3g} off it" for surface, gap in self.off_surface()]
+        singular = self.singular()
+        if singular is not None:
+            failures.append(f"the mass matrix is singular or negative on the way, first at {singular:.4g} s")
         worst, inputs = float(segments.max(initial=0.0)), self.input_excess()
         measured = {
             "segment error": worst, "energy error": energy, "error of the law of impact": law,
@@ -204,6 +208,21 @@ class _Check:
             not failures, message, terminal, amplification, float(defects.max(initial=0.0)), segments, energy, law, missed, extra,
             penetration, max(excess, inputs), tuple(contacts),
         )  # fmt: skip
+
+    def singular(self) -> float | None:
+        """First node at which the mass matrix is not positive definite, up to rounding errors of its entries."""
+        for phase in self.trajectory.phases:
+            none = np.zeros((1, len(self.trajectory.inputs)))
+            M = self.kernels.call("dynamics", phase.q, phase.v, none, phase.t[:, None].copy(), self.flow.par)[0].reshape(
+                -1, self.nq, self.nq
+            )
+            root = np.sqrt(np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0))
+            scaled = M / np.where(root > 0, root, 1.0)[:, None] / np.where(root > 0, root, 1.0)
+            good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
+            good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
+            if not good.all():
+                return float(phase.t[int(np.argmin(good))])
+        return None
 
     # Step by step ----------------------------------------------------------------------------------------------------
 

@@ -238,7 +238,7 @@ def _discrete_sections(system: MechanicalSystem, e: StepElement, own: DisplayNam
     yield Section(
         "Discrete forces",
         "fd_minus = h/2 Q with the input u_k, fd_plus = h/2 Q with the input u_kp1." if middle else
-        "The virtual work of Q at the quadrature points on the first and the last node; u_k and u_kp1 are the inputs at the two points.",
+        "The virtual work of Q at the quadrature points on the first and the last node; inputs are linear in the step, from u_k to u_kp1.",
         (*_each(own, "fd_minus", names, tex, e.fd_minus, "f_d^-"), *_each(own, "fd_plus", names, tex, e.fd_plus, "f_d^+")),
     )  # fmt: skip
     inside = "" if middle else " Node inside the step: r_i = 0."

@@ -55,7 +55,7 @@ OrderOption = Annotated[int | None, typer.Option(help="Order of the discretisati
 ControlsOption = Annotated[
     Controls | None,
     typer.Option(
-        help="Inputs constant in a step, linear between nodes (order 2), or at the two Gauss points of a step (order 4)."
+        help="Inputs constant in a step, linear between nodes (order 2), or linear in each step, with jumps at the nodes (stages, order 4)."
     ),
 ]
 GoalOption = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Goal state, like --start; repeatable.")]
