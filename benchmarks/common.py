@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 
 import dmoc
 from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.transcription import Transcription
 from dmoc.registry import find
 from dmoc.solvers import external, ipm, slsqp
@@ -51,8 +52,9 @@ def seed(**changes: Any) -> dmoc.Problem:
     return dmoc.Problem(dmoc.load("cart_pendulum"), **{**find("cart_pendulum").defaults, **changes})
 
 
-def program(problem: dmoc.Problem, method: str = "ipm") -> Transcription:
-    nlp = Transcription(problem, None if method == "slsqp" else False)
+def program(problem: dmoc.Problem, x: np.ndarray, method: str = "ipm", minimum: bool = False) -> Transcription:
+    """The program of a problem, scaled by a start x or by a minimum, as dmoc.solve makes it."""
+    nlp = Transcription(problem, scale_of(problem, x, minimum), None if method == "slsqp" else False)
     _ = nlp.program
     return nlp
 
@@ -72,10 +74,15 @@ def timed(run: Callable[[], Any], repeats: int) -> tuple[float, Any]:
     return median(seconds), result
 
 
+def cost(nlp: Transcription, outcome: Outcome) -> float:
+    return nlp.cost(outcome.x) * nlp.scale.cost
+
+
 def solve(nlp: Transcription, x: np.ndarray, method: str, options: Options, *more: Any) -> tuple[float, Outcome]:
+    """Seconds and outcome of a solve from unknowns x in units of the problem; the outcome is in scaled ones."""
     with threadpool_limits(1):  # as dmoc.solve does
         begin = time.perf_counter()
-        outcome = DRIVERS[method](nlp, x, options, *more)
+        outcome = DRIVERS[method](nlp, nlp.scaled(x), options, *more)
         return time.perf_counter() - begin, outcome
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import casadi_pendulum
 import numpy as np
 from common import Section, casadi_start, guess, ms, program, seed, solve
+from common import cost as own_cost
 from threadpoolctl import threadpool_limits
 
 import dmoc
@@ -69,11 +70,11 @@ def run(task: tuple[int, str]) -> Result:
         x = guess(p)
         if method == "CasADi + IPOPT":
             return _peer(instance, p, x)
-        nlp = program(p, method)
+        nlp = program(p, x, method)
         seconds, outcome = solve(nlp, x, method, Options(iterations=1000, seconds=SECONDS))
         solved = outcome.status is Status.SOLVED
-        passed = solved and confirmed(p, outcome.x)
-        return Result(instance, method, outcome.status.name.lower(), passed, outcome.iterations, seconds, nlp.cost(outcome.x))
+        passed = solved and confirmed(p, nlp.physical(outcome.x))
+        return Result(instance, method, outcome.status.name.lower(), passed, outcome.iterations, seconds, own_cost(nlp, outcome))
 
 
 def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
@@ -81,14 +82,17 @@ def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
 
     An inverted pendulum amplifies the error of an open-loop run a thousandfold: what fails at N = 100 may be a good motion all the same.
     """
-    coarse = program(p)
-    if verify(trajectory(coarse, x), p.kernels).passed:
+    coarse = program(p, x)
+    motion = trajectory(coarse, coarse.scaled(x))
+    if verify(motion, p.kernels).passed:
         return True
+    paid = coarse.cost(coarse.scaled(x)) * coarse.scale.cost
     for factor in (4, 16):
-        fine = program(p.but(steps=p.steps * factor))
-        start = unknowns_along(fine.problem, pieces_of(trajectory(coarse, x)), x[coarse.layout.index_lam])
+        finer = p.but(steps=[n * factor for n in p.phase_steps])
+        start = unknowns_along(finer, pieces_of(motion), x[coarse.layout.index_lam])
+        fine = program(finer, start)
         _, outcome = solve(fine, start, "ipm", Options(iterations=300, seconds=SECONDS))
-        near = outcome.status is Status.SOLVED and abs(fine.cost(outcome.x) - coarse.cost(x)) < CLOSE * fine.cost(outcome.x)
+        near = outcome.status is Status.SOLVED and abs(own_cost(fine, outcome) - paid) < CLOSE * own_cost(fine, outcome)
         if near and verify(trajectory(fine, outcome.x), p.kernels).passed:
             return True
     return False
@@ -97,7 +101,7 @@ def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
 def _peer(instance: int, p: dmoc.Problem, x: np.ndarray) -> Result:
     d = draw(instance)
     case = casadi_pendulum.Case(d["m_p"], d["m_c"], d["l"], alpha=d["alpha"], force=d["F"], final_time=d["T"])
-    nlp = program(p)
+    nlp = program(p, x)
     peer = casadi_pendulum.program(case, max_cpu_time=SECONDS)
     seconds, cost, iterations, status, _, found = peer.solve(peer.start(*casadi_start(nlp, x)))
     own = nlp.layout

@@ -13,9 +13,13 @@ from typing import Any
 import casadi_pendulum
 import numpy as np
 from common import Section, casadi_start, guess, ms, program, seed, solve, timed, violation
+from common import cost as own_cost
 
+import dmoc
+from dmoc.nlp.motion import given_multipliers, named_multipliers
+from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.ipm import profile
-from dmoc.solvers.outcome import Options
+from dmoc.solvers.outcome import Duals, Options, Outcome
 from dmoc.solvers.system import system
 
 OPTIONS = Options(iterations=1000, seconds=600.0)
@@ -23,7 +27,8 @@ OPTIONS = Options(iterations=1000, seconds=600.0)
 
 def comparison(quick: bool) -> Section:
     problem = seed()
-    nlp, x = program(problem), guess(problem)
+    x = guess(problem)
+    nlp = program(problem, x)
     section = Section(
         "Solve: N = 100 + 100, same guess",
         "Median time of a solve from the automatic guess. The program is built beforehand: CasADi's expression graph, dmoc's patterns. dmoc's time "
@@ -40,12 +45,12 @@ def comparison(quick: bool) -> Section:
         rows.append(("CasADi + IPOPT, compiled C", seconds, iterations, cost, missed, ms(compiled.seconds), status))
     for method, repeats in (("ipm", 51), ("slsqp", 5), ("ipopt", 5), ("uno", 1)):
         begin = time.perf_counter()
-        own = program(problem, method)
+        own = program(problem, x, method)
         built = time.perf_counter() - begin
         runs = [solve(own, x, method, OPTIONS) for _ in range(3 if quick and repeats > 3 else repeats)]
         seconds, outcome = median(s for s, _ in runs), runs[-1][1]
         rows.append(
-            (method, seconds, outcome.iterations, own.cost(outcome.x), violation(own, outcome), ms(built), outcome.status.name)
+            (method, seconds, outcome.iterations, own_cost(own, outcome), violation(own, outcome), ms(built), outcome.status.name)
         )
     for name, seconds, iterations, cost, missed, built, status in rows:
         good = status in ("SOLVED", "Solve_Succeeded")
@@ -64,11 +69,12 @@ def where(quick: bool) -> Section:
     )
     for steps in (100, 1000):
         problem = seed(steps=steps)
-        nlp, x = program(problem), guess(problem)
+        x = guess(problem)
+        nlp = program(problem, x)
         begin = time.perf_counter()
         K = system(nlp)
         analysis = time.perf_counter() - begin
-        runs = [profile(nlp, x, OPTIONS, K) for _ in range(3 if quick else 15)]
+        runs = [profile(nlp, nlp.scaled(x), OPTIONS, K) for _ in range(3 if quick else 15)]
         r = sorted(runs, key=lambda r: r["seconds"])[len(runs) // 2]
         parts = (r["seconds_kernels"], r["seconds_linear"], r["seconds"] - r["seconds_kernels"] - r["seconds_linear"])
         each = [f"{1e6 * p / r['iterations']:.0f}" for p in parts]
@@ -117,14 +123,15 @@ def _in_process(what: str, steps: int, repeats: int) -> dict[str, Any]:
 
 def _measure(what: str, steps: int, repeats: int) -> dict[str, Any]:
     problem = seed(steps=steps)
-    nlp, x = program(problem), guess(problem)
+    x = guess(problem)
+    nlp = program(problem, x)
     if what == "ipm":
         before = _memory("VmRSS")
         Path("/proc/self/clear_refs").write_text("5")  # from here the peak is that of the solve
         _, outcome = solve(nlp, x, "ipm", OPTIONS)
         memory = _memory("VmHWM") - before
         seconds = median(solve(nlp, x, "ipm", OPTIONS)[0] for _ in range(repeats))
-        return {"seconds": seconds, "iterations": outcome.iterations, "cost": nlp.cost(outcome.x), "memory": memory}
+        return {"seconds": seconds, "iterations": outcome.iterations, "cost": own_cost(nlp, outcome), "memory": memory}
     casadi = casadi_pendulum.program(casadi_pendulum.Case(alpha=problem.start["alpha"], steps=steps))
     seconds, cost, iterations, _, _, _ = casadi.solve(casadi.start(*casadi_start(nlp, x)))
     return {"seconds": seconds, "iterations": iterations, "cost": cost}
@@ -173,7 +180,8 @@ def warm(quick: bool) -> Section:
         ],
     )
     base = seed()
-    nlp, x = program(base), guess(base)
+    x = guess(base)
+    nlp = program(base, x)
     solved = {m: solve(nlp, x, m, OPTIONS)[1] for m in ("ipm", "ipopt")}
     alpha = base.start["alpha"]
     changes = {
@@ -182,19 +190,29 @@ def warm(quick: bool) -> Section:
     }  # fmt: skip
     for name, change in changes.items():
         problem = base.but(**change)
-        near, cold_start = program(problem), guess(problem)
+        cold_start = guess(problem)
+        near = program(problem, cold_start)
         colds = [solve(near, cold_start, "ipm", OPTIONS) for _ in range(3 if quick else 11)]
-        warms = [solve(near, solved["ipm"].x, "ipm", OPTIONS, solved["ipm"].duals) for _ in range(3 if quick else 11)]
+        starts = {m: _neighbour(nlp, problem, outcome) for m, outcome in solved.items()}
+        warms = [solve(starts["ipm"][0], starts["ipm"][1], "ipm", OPTIONS, starts["ipm"][2]) for _ in range(3 if quick else 11)]
         cold, again = (median(s for s, _ in runs) for runs in (colds, warms))
         a, b = colds[-1][1], warms[-1][1]
         c = solve(near, cold_start, "ipopt", OPTIONS)[1]
-        d = solve(near, solved["ipopt"].x, "ipopt", OPTIONS, solved["ipopt"].duals)[1]
-        same = abs(near.cost(a.x) - near.cost(b.x)) < 1e-6 * near.cost(a.x)
+        d = solve(starts["ipopt"][0], starts["ipopt"][1], "ipopt", OPTIONS, starts["ipopt"][2])[1]
+        same = abs(own_cost(near, a) - own_cost(starts["ipm"][0], b)) < 1e-6 * own_cost(near, a)
         section.rows.append(
             (name, ms(cold), a.iterations, ms(again), f"{b.iterations}{'' if same else ' (other minimum)'}", f"{cold / again:.1f} x", c.iterations,
              d.iterations)
         )  # fmt: skip
     return section
+
+
+def _neighbour(nlp: Transcription, problem: dmoc.Problem, outcome: Outcome) -> tuple[Transcription, np.ndarray, Duals]:
+    """The program of a neighbouring problem with a minimum and its multipliers to start from."""
+    x = nlp.physical(outcome.x)
+    near = program(problem, x, minimum=True)
+    named = named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z)
+    return near, x, Duals(*given_multipliers(near, named))
 
 
 if __name__ == "__main__":

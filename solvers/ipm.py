@@ -19,7 +19,7 @@ from dmoc.solvers.system import System, system
 Report: TypeAlias = Callable[[int, float, float, float, bool], None]
 STATUSES = (Status.SOLVED, Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STALLED, Status.INTERRUPTED)
 # First barrier parameter, relative to the cost: of a start without multipliers, and of a neighbouring solution.
-COLD, WARM, LEAST = 1e-3, 1e-6, 1e-6
+COLD, WARM, LEAST = 3e-4, 1e-6, 1e-6
 # The barrier leaves every cost too high by mu for each bound: costs shall agree with other methods to more digits than anyone asks for.
 SHARPEST = 1e-9
 # A point this sharp that gets no sharper has met rounding errors, whatever is asked for.
