@@ -77,6 +77,16 @@ def test_a_graze_needs_no_more_than_the_motion_that_may_touch() -> None:
     assert free.solved and touching.status == "grazes" and touching.cost > free.cost
 
 
+def test_a_motion_that_grazes_is_a_start_like_any_other() -> None:
+    """Its multipliers belong to another program than the one that a solve begins with."""
+    problem = random_arm(22, 4, 20)
+    grazing = dmoc.solve(problem, "ipm")
+    again = dmoc.solve(
+        problem.but(parameters={**problem.parameters, "m1": problem.parameters["m1"] * 1.01}), "ipm", guess=grazing
+    )
+    assert grazing.status == again.status == "grazes" and again.cost == pytest.approx(grazing.cost, rel=0.1)
+
+
 def test_a_search_gives_no_credit_for_a_graze() -> None:
     problem = random_arm(22, 2, 40).but(sequence=())
     result = dmoc.search(problem, max_collisions=1)

@@ -260,7 +260,12 @@ def _driver(method: str, form: str, nlp: Transcription, guess: Solution | Array 
         and tuple(c.surface for c in guess.collisions) == nlp.problem.sequence
     ):
         duals = Duals(*given_multipliers(nlp, guess.multipliers))
-    return lambda nlp, x, options: minimise(nlp, x, options, duals)
+
+    def fitting(nlp: Transcription) -> Duals | None:
+        """Multipliers fit the program that they were read for, not one in which collisions have become touches."""
+        return duals if duals is not None and (len(duals.y), len(duals.w)) == (nlp.n_eq, nlp.n_in) else None
+
+    return lambda nlp, x, options: minimise(nlp, x, options, fitting(nlp))
 
 
 def _check_problem(problem: Any) -> None:
