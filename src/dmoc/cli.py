@@ -369,7 +369,7 @@ def _summary(solution: Solution) -> None:
         table.add_row(f"phase {i}", f"{phase.duration:.6g} s in {phase.steps} steps")
     table.add_row("final time", f"{solution.final_time:.6g} s")
     for c in solution.collisions:
-        table.add_row(f"collision {c.surface}", f"at {c.time:.6g} s, impulse {c.impulse:.6g}")
+        table.add_row(f"collision {c.surface}", f"at {c.time:.6g} s, " + ("grazes" if c.grazes else f"impulse {c.impulse:.6g}"))
     table.add_row("active bounds", ", ".join(solution.active_bounds) or "none")
     table.add_row("violation", f"{solution.max_violation:.1e}")
     table.add_row("optimality", f"{solution.optimality:.1e}")
@@ -403,15 +403,18 @@ def _sensitivities(derivatives: Sensitivities) -> None:
 
 def _verification(check: Verification) -> None:
     table = Table(show_header=False, box=None)
-    reason = "" if check.passed else f": {check.message}"
+    reason = f": {check.message}" if check.message else ""
     table.add_row("simulation", Text.assemble(_verdict(check.passed, "passed" if check.passed else "failed"), reason))
     table.add_row("terminal error", f"{check.terminal_error:.3e} of the motion's range (open loop)")
+    table.add_row("amplification", f"{check.amplification:.3g} times, of an error on the way to the end")
     table.add_row("largest defect", f"{check.max_defect:.3e} per step, {check.segment_defects.max(initial=0.0):.3e} per segment")
     table.add_row("energy error", f"{check.energy_error:.3e}")
+    table.add_row("law of impact", f"{check.impact_error:.3e}")
     contacts = ", ".join(f"{c.surface} at {c.time:.6g} s" for c in check.contacts)
     table.add_row("contacts", contacts or "none")
     table.add_row("missed, extra", f"{len(check.missed_contacts)}, {len(check.extra_contacts)}")
     table.add_row("penetration", f"{check.penetration:.1e} between nodes")
+    table.add_row("limits", f"exceeded by {check.limit_excess:.1e} between nodes")
     out.print(table)
 
 
