@@ -48,7 +48,7 @@ def require(method: str) -> ModuleType:
     try:
         return __import__(package)
     except ImportError:
-        raise MissingExtraError(f"method {method} needs {package}: install it with `pip install dmoc[{method}]`.") from None
+        raise MissingExtraError(f"method {method} needs {package}: install it with `pip install 'dmoc[{method}]'`.") from None
 
 
 class _Callbacks:
@@ -214,6 +214,7 @@ def _judged(functions: _Callbacks, x: Array, duals: Duals, status: Status, detai
     elif functions.raised is not None:
         raise functions.raised
     left = residuals(functions.nlp, x, duals)
-    if left.optimality <= functions.options.optimality and left.violation <= functions.options.violation:
+    sharp = left.optimality <= functions.options.optimality and left.violation <= functions.options.violation
+    if sharp and status is not Status.INTERRUPTED:
         return Outcome(Status.SOLVED, "", x, duals, iterations)
     return Outcome(Status.STALLED if status is Status.SOLVED else status, detail, x, duals, iterations)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, TypeAlias
@@ -62,6 +63,7 @@ def profile(nlp: Transcription, x: Array, options: Options, prepared: System) ->
 
 
 def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, price: Array | None = None) -> Outcome:
+    begin = time.perf_counter()
     if not nlp.program.compiled:
         raise ProblemError("method ipm needs compiled kernels: install a C compiler and build the model again, or use slsqp.")
     x = np.clip(x, nlp.lower, nlp.upper)
@@ -71,7 +73,10 @@ def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, pr
     z_lower, z_upper = np.maximum(start.z, 0.0), np.maximum(-start.z, 0.0)
     report, count = _listener(options)
     try:
-        result = _minimise(nlp, system(nlp), x, y, z_lower, z_upper, options, duals is not None, price, report)
+        prepared = system(nlp)
+        if options.seconds is not None:  # the analysis counts too
+            options = replace(options, seconds=max(options.seconds - (time.perf_counter() - begin), 1e-9))
+        result = _minimise(nlp, prepared, x, y, z_lower, z_upper, options, duals is not None, price, report)
         status = STATUSES[result["status"]]
     except KeyboardInterrupt:
         status = Status.INTERRUPTED

@@ -210,7 +210,7 @@ def test_an_error_in_the_callback_is_not_lost(seed: dmoc.Problem, method: str) -
 @pytest.mark.parametrize(("method", "package"), [("ipopt", "ipyopt"), ("uno", "unopy")])
 def test_a_missing_extra_is_named(seed: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, method: str, package: str) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(MissingExtraError, match=rf"pip install dmoc\[{method}\]"):
+    with pytest.raises(MissingExtraError, match=rf"pip install 'dmoc\[{method}\]'"):
         dmoc.solve(seed, method=method)
 
 

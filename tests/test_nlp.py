@@ -67,6 +67,21 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
     return Transcription(puck_problem(puck) if request.param == "puck" else small(pendulum, request.param))
 
 
+def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs(pendulum: Kernels) -> None:
+    """arrival: r_plus - dL/dv(q_c, v_a) = 0, departure: r_minus + dL/dv(q_c, v_c) = 0."""
+    nlp = Transcription(small(pendulum))
+    x = point(nlp, np.random.default_rng(5))
+    jacobian = nlp.equality_jacobian(x).toarray()
+    lay, par = nlp.layout, nlp.par
+    for i, node in enumerate(lay.collision_nodes):
+        q = x[lay.index_q[[node]]]
+        zero = np.zeros((1, 2))
+        mass = pendulum.call("dynamics", q, zero, np.zeros((1, 1)), np.zeros((1, 1)), par)[0].reshape(2, 2)
+        for name, unknowns, sign in (("arrival", lay.index_v_a[i], -1.0), ("departure", lay.index_v_c[i], 1.0)):
+            rows = nlp.equality_rows(name).reshape(-1, 2)[i]
+            np.testing.assert_allclose(jacobian[np.ix_(rows, unknowns)], sign * mass, rtol=1e-12)
+
+
 def test_every_unknown_has_one_place(nlp: Transcription) -> None:
     lay = nlp.layout
     blocks = [

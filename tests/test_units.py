@@ -15,7 +15,7 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.nlp.problem import gap_sizes
 
-METHODS = ("ipm", "slsqp", "ipopt")
+METHODS = ("ipm", "slsqp", "ipopt", "uno")
 DECADES = st.integers(-6, 6)
 
 
