@@ -37,7 +37,8 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
     involved = problem.kernels.manifest["surface_coordinates"][surface]
     if len(involved) > 1:
         return []
-    j, found = int(involved[0]), []
+    kernels, j, found = problem.kernels, int(involved[0]), []
+    row = kernels.surfaces.index(surface)
 
     def gap(s: float) -> float:
         return gap_to(problem, q + s * (np.arange(problem.nq) == j), surface, t)[0]
@@ -46,9 +47,11 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
         return [q]
     for sign in (1.0, -1.0):
         places = sign * problem.reach[j] * np.linspace(0.0, FARTHEST, SAMPLES)
-        gaps = [gap(s) for s in places]
-        k = next((k for k in range(1, SAMPLES) if gaps[k] * gaps[0] <= 0), None)
-        if k is not None:
+        points = q + places[:, None] * (np.arange(problem.nq) == j)
+        gaps = kernels.call("surface", points, np.array([[t]]), problem.parameter_values)[0][:, row]
+        crossed = np.flatnonzero(gaps[1:] * gaps[0] <= 0)
+        if len(crossed):
+            k = int(crossed[0]) + 1
             root = float(brentq(gap, places[k - 1], places[k], xtol=1e-15 * problem.reach[j], rtol=1e-14))
             found.append(q + root * (np.arange(problem.nq) == j))
     return found
