@@ -47,17 +47,17 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     f = Continuous.of(system, symbols("q", nq), symbols("v", nq), symbols("u", nu), t, symbols("par", npar)).to_symengine()
     e = step_element(f, order, se.Symbol, se.sympify)
     kernels = [*_step_kernels(f, e), *_state_kernels(f), *_surface_kernels(f), *_terminal_kernels(f), *_feasibility_kernels(f)]
-    return ModelSpec(system.name, _fingerprint(system, order), _facts(system, f, order), tuple(kernels))
+    return ModelSpec(system.name, model_fingerprint(system, order), _facts(system, f, order), tuple(kernels))
 
 
 def model_key(system: MechanicalSystem, order: int = 2) -> str:
     """Return the key of the kernels of ``system`` in a cache: the fingerprint and the title, which the manifest holds."""
     check_system(system)
     check_order(order)
-    return f"{_fingerprint(system, order)}\n{_title(system)}"
+    return f"{model_fingerprint(system, order)}\n{_title(system)}"
 
 
-def _fingerprint(system: MechanicalSystem, order: int) -> str:
+def model_fingerprint(system: MechanicalSystem, order: int) -> str:
     """What solutions depend on: the content of ``system``, its units, the order and the format of the kernel list."""
     units = "".join(f"\n{name} {unit}" for name, unit in system.units.items())
     return hashlib.sha256(f"{FORMAT}\n{order}\n{system.fingerprint()}{units}".encode()).hexdigest()

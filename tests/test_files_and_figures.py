@@ -116,3 +116,14 @@ def test_other_models_are_drawn_as_curves(block: dmoc.codegen.kernels.Kernels, t
     assert len(figure.axes) == 3
     with pytest.raises(OutputError, match="no known format"):
         dmoc.solve(problem).plot(tmp_path / "b.xyz")
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_shipped_models_are_drawn_as_themselves_at_both_orders(order: int) -> None:
+    from dmoc.registry import find, is_shipped
+
+    reference = find("cart_pendulum")
+    solution = dmoc.solve(dmoc.Problem(reference.kernels(order), **reference.defaults | {"steps": 6}), "ipm", verify=False)
+    assert is_shipped(solution.trajectory)
+    other = replace(solution.trajectory, fingerprint="0" * 64)
+    assert not is_shipped(other)

@@ -106,11 +106,11 @@ def is_shipped(motion: Trajectory) -> bool:
     if installed is not None:
         key, names = installed.manifest["fingerprint"], (installed.coordinates, installed.parameters)
     else:
-        from dmoc.symbolic.kernels import model_key
+        from dmoc.symbolic.kernels import model_fingerprint
         from dmoc.symbolic.names import name_of
 
         system = catalogue.system(motion.model)
-        key = model_key(system, motion.order)
+        key = model_fingerprint(system, motion.order)
         names = [name_of(q) for q in system.coordinates], {name_of(s): None for s in system.parameters}
     return motion.fingerprint == key and (list(motion.coordinates), list(motion.parameters)) == (names[0], list(names[1]))
 
