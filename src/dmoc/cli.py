@@ -281,6 +281,7 @@ def doctor() -> None:
     from importlib import metadata
 
     from dmoc.codegen.build import cache_directory, compiler, load_installed
+    from dmoc.codegen.private import make_folder
     from dmoc.errors import BuildError
     from dmoc.models import catalogue
 
@@ -296,7 +297,7 @@ def doctor() -> None:
         healthy = False
     cache = cache_directory()
     try:
-        cache.mkdir(parents=True, exist_ok=True)
+        make_folder(cache)
         writable = os.access(cache, os.W_OK)
     except OSError:
         writable = False
