@@ -42,11 +42,6 @@ class Boundary:
     momentum: Array
 
     @property
-    def middle(self) -> Array:
-        """Middle of the bounds of the position, a missing bound taken as 0; shape (nq,)."""
-        return np.asarray((np.where(np.isfinite(self.position), self.position, 0.0) / 2).sum(axis=1))
-
-    @property
     def needs_velocity(self) -> bool:
         return bool(np.isfinite(self.velocity).any())
 
@@ -354,7 +349,7 @@ class Problem:
         fixed = bool((boundary.position[:, 0] == boundary.position[:, 1]).all())
         if not fixed and velocity.any():
             return boundary
-        at = boundary.middle
+        at = midpoints(boundary.position, np.zeros(self.nq))
         zero = np.zeros((1, 1))
         momentum = self.kernels.call("legendre", at[None], velocity[None, :, 0].copy(), zero, self.parameter_values)[0][0]
         if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
@@ -362,7 +357,7 @@ class Problem:
         return Boundary(boundary.position, np.full_like(velocity, (-np.inf, np.inf)), np.repeat(momentum[:, None], 2, axis=1))
 
     def _check_mass_matrix(self) -> None:
-        at = self.start_bounds.middle
+        at = self.start_position
         zero, inputs = np.zeros((1, self.nq)), np.zeros((1, self.nu))
         mass, force = self.kernels.call("dynamics", at[None], zero, inputs, np.zeros((1, 1)), self.parameter_values)
         matrix = mass.reshape(self.nq, self.nq)
@@ -430,7 +425,7 @@ def midpoints(bounds: Array, default: Array) -> Array:
     """A value for each pair of bounds: the middle of two finite ones, else the default moved within them."""
     finite = np.isfinite(bounds).all(axis=1)
     with np.errstate(invalid="ignore"):
-        middle = bounds.mean(axis=1)
+        middle = (bounds / 2).sum(axis=1)  # the sum of both could overflow
     return np.where(finite, middle, np.clip(default, bounds[:, 0], bounds[:, 1]))
 
 

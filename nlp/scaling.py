@@ -20,7 +20,7 @@ STILL = 0.1
 # Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at least.
 FLAT = 1e-3
 # Scaled cost of a first motion, and of a minimum, which costs less: what constraints of size 1 are weighed against in merit functions and barriers.
-FIRST_COST, LEAST_COST = 100.0, 10.0
+FIRST_COST, MINIMUM_COST = 100.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         path = np.ones(len(kernels.manifest["path_constraints"]))
         scale = Scale(time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, path, h.copy())
         sizes = scale.unknowns(lay, np.zeros(lay.phases - 1, dtype=np.intp))
-        cost = _cost(problem, lay, x, sizes, size_v) / (LEAST_COST if minimum else FIRST_COST)
+        cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
         return replace(scale, cost=cost, path=_path(problem, lay, x, sizes))
 
 
