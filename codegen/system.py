@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from dmoc.arguments import choice, flag, shown
 from dmoc.codegen.build import build_cached, numpy_kernels
 from dmoc.codegen.kernels import Kernels
+from dmoc.discretisation import check_order
 from dmoc.errors import BuildError, ModelError, ProblemError
 
 if TYPE_CHECKING:
@@ -21,9 +22,10 @@ def build(system: MechanicalSystem, *, order: int = 2, backend: str = "auto", fo
     Parameters
     ----------
     system : MechanicalSystem
-    order : {2, 4}
-        Order of the discretisation: 2 is the midpoint rule; 4 takes quadratic steps with two Gauss points, which costs about twice as much a
-        step and needs far fewer of them.
+    order : {2, 4, 6}
+        Order of the discretisation: 2 is the midpoint rule; 4 takes quadratic steps with two Gauss
+        points, which costs about twice as much a step and needs far fewer of them; 6 takes cubic
+        steps with three.
     backend : {"auto", "compiled", "numpy"}
         "auto" compiles, and falls back to NumPy with a warning on a machine without a C compiler.
     force : bool
@@ -39,7 +41,6 @@ def build(system: MechanicalSystem, *, order: int = 2, backend: str = "auto", fo
         If the compiler is missing (with backend="compiled") or fails.
     """
     from dmoc.codegen.text import c_files, manifest, numpy_text
-    from dmoc.symbolic.discrete import check_order
     from dmoc.symbolic.kernels import model_key, model_spec
     from dmoc.symbolic.system import MechanicalSystem
 

@@ -477,12 +477,13 @@ def _unknowns(problem: Problem, plan: Plan, motion: Motion) -> Array:
     x = np.zeros(lay.size)
     x[lay.index_h] = plan.durations / np.array(problem.phase_steps)
     x[lay.index_q] = motion.q
-    u = _to_nodes(motion.u, problem.phase_steps) if lay.linear else motion.u[lay.step_of_input]
+    u = _to_nodes(motion.u, problem.phase_steps) if lay.form.shared else motion.u[lay.step_of_input]
     x[lay.index_u] = np.clip(u, *problem.input_bounds.T)
     x[lay.index_lam], x[lay.index_v_a], x[lay.index_v_c] = motion.lam, motion.v_a, motion.v_c
     times = lay.times(x)
     x[lay.index_t] = times[: len(lay.index_t)]
-    x[lay.index_q_i] = np.tile((motion.q[:-1] + motion.q[1:]) / 2, (1, lay.inside))
+    inside = lay.scheme.within(motion.q[:-1], motion.q[1:])
+    x[lay.index_q_i] = inside.reshape(lay.total, -1)
     for node, index_p, index_v, v in (
         (0, lay.index_p_B, lay.index_v_B, motion.v_B),
         (-1, lay.index_p_E, lay.index_v_E, motion.v_E),

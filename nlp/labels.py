@@ -75,8 +75,15 @@ def inequality_blocks(
     *at, still = gaps
     groups = [
         ("gap", [f"gap to {surfaces[j]} at node {k}" for k, j in zip(*at, strict=True)]),
-        ("gap inside", [f"gap to {surfaces[j]} inside step {k}" for k in range(layout.total * layout.inside) for j in still]),
-        ("path", [f"path constraint {n} in step {k}" for k in range(layout.total) for n in names * (layout.inside + 1)]),
+        (
+            "gap inside",
+            [
+                f"gap to {surfaces[j]} inside step {k // layout.inside}"
+                for k in range(layout.total * layout.inside)
+                for j in still
+            ],
+        ),
+        ("path", [f"path constraint {n} in step {k}" for k in range(layout.total) for n in names * layout.scheme.points]),
         ("final time >=", [f"final time >= {low:g} s"] if 0 < low < high else []),
         ("final time <=", [f"final time <= {high:g} s"] if low < high < np.inf else []),
         ("goal", [f"goal of {g.name} {'>=' if sign > 0 else '<='} {value:g}" for g, sign, value in goal_limits(goals)]),
@@ -94,7 +101,7 @@ def unknown_names(problem: Problem, layout: Layout) -> list[str]:
     names = [f"step size of phase {i}" for i in range(layout.phases)]
     names += [f"{c} at node {k}" for k in range(layout.total + 1) for c in q]
     rows = range(layout.input_rows)
-    names += [f"{c} in node {k}" if layout.linear else f"{c} in step {layout.step_of_input[k]}" for k in rows for c in u]
+    names += [f"{c} in node {k}" if layout.form.shared else f"{c} in step {layout.step_of_input[k]}" for k in rows for c in u]
     names += [f"impulse of collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
     for end in ("start", "goal"):
         names += [f"{momentum_name(c)} at the {end}" for c in q]

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
+from dmoc.discretisation import FORMS, Discretisation, InputForm
 from dmoc.nlp.problem import Problem
 from dmoc.symbolic.names import velocity_name
 
@@ -33,11 +34,11 @@ class Layout:
     nq: int
     nu: int
     steps: tuple[int, ...]
-    controls: str
+    form: InputForm
     velocity_at_start: bool
     velocity_at_end: bool
     timed: bool
-    inside: int
+    scheme: Discretisation
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
@@ -46,11 +47,11 @@ class Layout:
             problem.nq,
             problem.nu,
             problem.phase_steps,
-            problem.control_form,
+            FORMS[problem.control_form],
             problem.start_bounds.needs_velocity or periodic,
             problem.goal_bounds.needs_velocity or periodic or bool(problem.kernels.manifest["terminal_velocity"]),
             problem.explicit_time,
-            problem.order // 2 - 1,
+            problem.scheme,
         )
 
     @property
@@ -63,13 +64,14 @@ class Layout:
         return sum(self.steps)
 
     @property
-    def linear(self) -> bool:
-        return self.controls == "linear"
+    def inside(self) -> int:
+        """Number of nodes inside a step."""
+        return self.scheme.inside
 
     @property
     def input_rows(self) -> int:
         """Number of rows of u."""
-        return self.total * (2 if self.controls == "stages" else 1) + (self.phases if self.linear else 0)
+        return sum(map(self.form.rows, self.steps))
 
     @cached_property
     def phase_of_step(self) -> Index:
@@ -164,13 +166,14 @@ class Layout:
     @cached_property
     def row_u_k(self) -> Index:
         """Row of u at the start of each step."""
-        steps = np.arange(self.total)
-        return 2 * steps if self.controls == "stages" else steps + (self.phase_of_step if self.linear else 0)
+        before = np.cumsum([0, *map(self.form.rows, self.steps[:-1])])
+        starts = [first + self.form.starts(n) for first, n in zip(before, self.steps, strict=True)]
+        return np.concatenate(starts)
 
-    @cached_property
+    @property
     def row_u_kp1(self) -> Index:
         """Row of u at the end of each step: the same row for inputs constant in a step."""
-        return self.row_u_k + (0 if self.controls == "constant" else 1)
+        return self.row_u_k + self.form.width
 
     @cached_property
     def step_of_input(self) -> Index:

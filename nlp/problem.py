@@ -13,11 +13,11 @@ import numpy as np
 from dmoc.arguments import LONGEST_TEXT, Range, flag, interval, limits, listed, names, number, shown, whole
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.codegen.system import kernels_of
+from dmoc.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.errors import ProblemError
 from dmoc.nlp.algebra import solved
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 
-CONTROLS = {2: ("constant", "linear"), 4: ("stages", "constant")}  # by order; the first is the default
 # A start or goal on a surface is admissible; rounding of its coordinates must not make it inadmissible: share of the gap's own size.
 SURFACE_TOLERANCE = 1e-12
 # Relative change of a coordinate or parameter that tells how much of a gap comes from it.
@@ -72,7 +72,7 @@ class Problem:
         Parameter values that replace the model's.
     controls : {"constant", "linear", "stages"}, optional
         Inputs constant in each step, linear between nodes, or linear in each step with values of its own at both ends.  Kernels of order
-        2 take "constant" (default) or "linear", those of order 4 "stages" (default) or "constant".
+        2 take "constant" (default) or "linear", those of a higher order "stages" (default) or "constant".
     restitution : number or mapping, optional
         Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic): 1 is elastic (default), 0 perfectly plastic, the contact
         released at once.
@@ -110,8 +110,8 @@ class Problem:
         put(self, "sequence", tuple(names(self.sequence, "sequence", "surfaces")))
         for surface in self.sequence:
             self._known(surface, self.kernels.surfaces, "surface", "in the sequence")
-        if not isinstance(self.control_form, str) or self.control_form not in CONTROLS[self.order]:
-            known = ", ".join(CONTROLS[self.order])
+        if not isinstance(self.control_form, str) or self.control_form not in self.scheme.controls:
+            known = ", ".join(self.scheme.controls)
             raise ProblemError(f"controls = {shown(self.controls)}: expected one of {known} with kernels of order {self.order}.")
         put(self, "minimal_times", flag(self.minimal_times, "minimal_times"))
         self._normalise_steps()
@@ -159,8 +159,13 @@ class Problem:
 
     @property
     def order(self) -> int:
-        """Order of the discretisation, 2 or 4."""
+        """Order of the discretisation."""
         return int(self.kernels.manifest["order"])
+
+    @property
+    def scheme(self) -> Discretisation:
+        """The discretisation of the kernels."""
+        return DISCRETISATIONS[self.order]
 
     @property
     def explicit_time(self) -> bool:
@@ -170,7 +175,7 @@ class Problem:
     @property
     def control_form(self) -> str:
         """The form of the inputs: ``controls``, or the default of the order."""
-        return CONTROLS[self.order][0] if self.controls is None else self.controls
+        return self.scheme.controls[0] if self.controls is None else self.controls
 
     # Values ----------------------------------------------------------------------------------------------------------
 
@@ -280,7 +285,7 @@ class Problem:
             object.__setattr__(self, "steps", values)
         else:
             object.__setattr__(self, "steps", whole(given, "steps", 2, MOST_STEPS, unit=IN_PHASE))
-        unknowns = sum(self.phase_steps) * (self.nq + self.nu) * (self.order // 2)
+        unknowns = sum(self.phase_steps) * (self.nq + self.nu) * self.scheme.degree
         if unknowns > MOST_UNKNOWNS:
             raise ProblemError(
                 f"steps = {shown(given)} makes {unknowns} unknowns in {self.phases} phases: expected at most {MOST_UNKNOWNS}, more would not fit "

@@ -120,7 +120,7 @@ class Transcription:
             "periodic": np.array([states[name] for name in self.problem.periodic]),
             "gap": s.gap[self.gap_constraints[1]],
             "gap inside": np.tile(s.gap[self.still], lay.total * lay.inside),
-            "path": np.tile(s.path, lay.total * (lay.inside + 1)),
+            "path": np.tile(s.path, lay.total * lay.scheme.points),
             "approach": s.rate[hit[self.approaching]],
             "separation": s.rate[hit[self.separating]],
         }

@@ -9,9 +9,10 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from dmoc.codegen.kernels import Array
+from dmoc.discretisation import FORMS
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
-from dmoc.trajectory import Trajectory, input_times
+from dmoc.trajectory import Trajectory
 
 # How far inside of its step an input at a node counts where inputs may jump there, as a share of the step.
 INSIDE = 1e-6
@@ -41,9 +42,9 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
         curve = CubicHermiteSpline(piece.t, piece.q, piece.v)
         t = np.linspace(piece.t[0], piece.t[-1], steps + 1)
         nodes.append(curve(t))
-        inside.append(curve((t[:-1] + t[1:]) / 2))
+        inside.append(curve(lay.scheme.within(t[:-1], t[1:])).reshape(steps, -1))
         times.append(t)
-        at = _times_of_inputs(lay.controls, t)
+        at = _times_of_inputs(lay.form.name, t)
         columns = [np.interp(at, piece.t_u, u) for u in piece.u.T]
         inputs.append(np.stack(columns, axis=1) if columns else np.zeros((len(at), 0)))
     x[lay.index_h] = [(p.t[-1] - p.t[0]) / n for p, n in zip(pieces, lay.steps, strict=True)]
@@ -54,8 +55,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     x[lay.index_v_c] = np.array([p.v[0] for p in pieces[1:]]).reshape(-1, lay.nq)
     if lay.timed:
         x[lay.index_t] = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
-    if lay.inside:
-        x[lay.index_q_i] = np.vstack(inside)
+    x[lay.index_q_i] = np.vstack(inside)
     ends = ((pieces[0], 0, lay.index_p_B, lay.index_v_B), (pieces[-1], -1, lay.index_p_E, lay.index_v_E))
     for piece, k, index_p, index_v in ends:
         state = (piece.q[[k]], piece.v[[k]], piece.t[[k], None])
@@ -75,7 +75,7 @@ def on_finer(problem: Problem, few: Problem, x: Array) -> Array:
         nodes, at = np.ascontiguousarray(q[first : last + 1]), t[first : last + 1]
         v = np.gradient(nodes, h[i], axis=0)
         rows = slice(lay.row_u_k[first], lay.row_u_kp1[last - 1] + 1)
-        pieces.append(Piece(at, nodes, v, _times_of_inputs(lay.controls, at), x[lay.index_u][rows]))
+        pieces.append(Piece(at, nodes, v, _times_of_inputs(lay.form.name, at), x[lay.index_u][rows]))
     for index, side, k in ((lay.index_v_a, pieces[:-1], -1), (lay.index_v_c, pieces[1:], 0)):
         for known, piece in zip(x[index], side, strict=True):
             piece.v[k] = known
@@ -84,7 +84,9 @@ def on_finer(problem: Problem, few: Problem, x: Array) -> Array:
 
 def _times_of_inputs(controls: str, t: Array) -> Array:
     """Times of the rows of u; where inputs may jump at the nodes, a little inside of the steps."""
-    times = input_times(controls, t)
-    if controls == "stages":
-        times = times + np.tile((INSIDE, -INSIDE), len(t) - 1) * np.repeat(np.diff(t), 2)
+    form, steps = FORMS[controls], np.diff(t)
+    times, at = form.times(t), form.starts(len(steps))
+    if form.jumps:
+        times[at] += INSIDE * steps
+        times[at + form.width] -= INSIDE * steps
     return times

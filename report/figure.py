@@ -11,7 +11,7 @@ import numpy as np
 
 from dmoc.report.canvas import new_figure, symbol, write
 from dmoc.report.shapes import Shape
-from dmoc.trajectory import Array, Phase, Trajectory, input_times
+from dmoc.trajectory import Array, Phase, Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -118,10 +118,10 @@ def _inputs(axes: Axes, trajectory: Trajectory) -> None:
         colour = COLOURS[i % len(COLOURS)]
         for k, phase in enumerate(trajectory.phases):
             label = f"${symbol(name)}$" if k == 0 else None
-            if trajectory.controls == "constant":
+            if not trajectory.input_form.width:
                 axes.stairs(phase.u[:, i], phase.t, baseline=None, color=colour, label=label, linewidth=1.5)
             else:
-                axes.plot(input_times(trajectory.controls, phase.t), phase.u[:, i], color=colour, label=label)
+                axes.plot(trajectory.input_times(phase), phase.u[:, i], color=colour, label=label)
         name = f"${symbol(name)}$ " if len(trajectory.inputs) > 1 else ""
         for bound in trajectory.input_bounds[i]:
             if np.isfinite(bound):

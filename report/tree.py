@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.report.canvas import new_figure, symbol, write
-from dmoc.trajectory import Trajectory, input_times
+from dmoc.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -129,10 +129,10 @@ def plot_motions(motions: Sequence[tuple[str, float, Trajectory]], path: str | o
             for phase in trajectory.phases:
                 if row < nq:
                     axes.plot(phase.t, phase.q[:, row], color="#0072B2")
-                elif trajectory.controls == "constant":
+                elif not trajectory.input_form.width:
                     axes.stairs(phase.u[:, row - nq], phase.t, baseline=None, color="#D55E00")
                 else:
-                    axes.plot(input_times(trajectory.controls, phase.t), phase.u[:, row - nq], color="#D55E00")
+                    axes.plot(trajectory.input_times(phase), phase.u[:, row - nq], color="#D55E00")
             for c in trajectory.collisions:
                 axes.axvline(c.time, color="0.6", lw=0.8, ls=":")
             axes.margins(x=0)

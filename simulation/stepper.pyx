@@ -22,6 +22,7 @@ from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
 import numpy as np
 
+from dmoc.discretisation import DISCRETISATIONS
 from dmoc.errors import SimulationError
 from dmoc.simulation.contacts import NOISE, simultaneous
 
@@ -153,6 +154,8 @@ cdef class Stepper:
     cdef double[:, ::1] q_a, q_b, q_i, t, now, r_i, r_i_z, u, h, r_minus, r_plus, C_d, r_minus_z, r_plus_z, C_d_z, e_plus, e_minus, e_plus_z, e_minus_z
     cdef double[:, ::1] q_g, g, g_q, v_g, mass, force, p_zero, energy, A, L
     cdef ptrdiff_t[::1] r_row, r_col, i_row, i_col, e_col, g_row, g_col
+    cdef double[:, ::1] shapes
+    cdef double[::1] share, phi
     cdef double[::1] b, p, normal, velocity, restitution, weight, tolerance, rates, rate_size, start_gap, rates_before
     cdef double lam, lam_limit, e_before, e, approach, inertia, reach, fastest, full
     cdef bint after_impact
@@ -160,7 +163,9 @@ cdef class Stepper:
 
     def __init__(self, kernels, par, restitution):
         cdef int nq = len(kernels.coordinates), nu = len(kernels.inputs), nc = len(kernels.surfaces)
-        cdef int ni = nq * (kernels.manifest["order"] // 2 - 1)
+        scheme = DISCRETISATIONS[kernels.manifest["order"]]
+        cdef int ni = nq * scheme.inside
+        self.shapes, self.share, self.phi = scheme.shapes, scheme.nodes, np.zeros(scheme.degree + 1)
         self.nq, self.nu, self.nc, self.ni = nq, nu, nc, ni
         self.restitution = np.append(restitution, 1.0)
         self.names = kernels.surfaces
@@ -332,7 +337,7 @@ cdef class Stepper:
         for i in range(n):
             self.q_b[0, i] = self.q_a[0, i] + s * self.velocity[i]
         for i in range(self.ni):
-            self.q_i[0, i] = self.q_a[0, i] + 0.5 * s * self.velocity[i % n]
+            self.q_i[0, i] = self.q_a[0, i % n] + self.share[2 + i // n] * s * self.velocity[i % n]
         for it in range(NEWTON_LIMIT):
             self.listen()
             self.step.run()
@@ -391,13 +396,27 @@ cdef class Stepper:
     cdef int place(self, double x) except -1 nogil:
         """q_g and now at the share x of the leg."""
         cdef int i
-        cdef double a = 1 - x, b = x, c = 0.0
-        if self.ni:  # the polynomial through the node inside
-            a, b, c = (1 - x) * (1 - 2 * x), x * (2 * x - 1), 4 * x * (1 - x)
+        self.weigh(x, 0)
         for i in range(self.nq):
-            self.q_g[0, i] = a * self.q_a[0, i] + b * self.q_b[0, i] + (c * self.q_i[0, i] if self.ni else 0.0)
+            self.q_g[0, i] = self.along(i)
         self.now[0, 0] = self.t[0, 0] + x * self.h[0, 0]
         return 0
+
+    cdef void weigh(self, double x, int derivative) noexcept nogil:
+        """Shape functions at the share x, or their derivatives."""
+        cdef int a, k, last = <int>self.phi.shape[0] - 1
+        for a in range(last + 1):
+            self.phi[a] = 0.0
+            for k in range(last, derivative - 1, -1):
+                self.phi[a] = self.phi[a] * x + self.shapes[a, k] * (k if derivative else 1)
+
+    cdef double along(self, int i) noexcept nogil:
+        """Coordinate i of the leg's polynomial, or its derivative, as weighed."""
+        cdef int a
+        cdef double value = self.phi[0] * self.q_a[0, i] + self.phi[1] * self.q_b[0, i]
+        for a in range(self.ni // self.nq):
+            value += self.phi[2 + a] * self.q_i[0, a * self.nq + i]
+        return value
 
     cdef double gap(self, double x, int j) except? -1e300 nogil:
         """g_j at the share x."""
@@ -408,18 +427,17 @@ cdef class Stepper:
     cdef double rate(self, double x, int j) except? -1e300 nogil:
         """Derivative of g_j with respect to the share x."""
         cdef int k, i
-        cdef double value = 0.0, change, a = -1.0, b = 1.0, c = 0.0
-        if self.ni:
-            a, b, c = 4 * x - 3, 4 * x - 1, 4 - 8 * x
+        cdef double value = 0.0, change
         self.place(x)
         self.slope.run()
+        self.weigh(x, 1)
         for k in range(self.g_row.shape[0]):
             if self.g_row[k] == j:
                 i = <int>self.g_col[k]
                 if i == self.nq:
                     change = self.h[0, 0]
                 else:
-                    change = a * self.q_a[0, i] + b * self.q_b[0, i] + (c * self.q_i[0, i] if self.ni else 0.0)
+                    change = self.along(i)
                 value += self.g_q[0, k] * change
         return value
 

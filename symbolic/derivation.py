@@ -8,6 +8,7 @@ from typing import Any
 
 import sympy as sp
 
+from dmoc.discretisation import check_order
 from dmoc.symbolic.continuous import (
     Continuous,
     dot,
@@ -20,7 +21,7 @@ from dmoc.symbolic.continuous import (
     restitution_work,
     right_hand_side,
 )
-from dmoc.symbolic.discrete import StepElement, check_order, step_element
+from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.display import MARK, DisplayNames, latex_symbol
 from dmoc.symbolic.kernels import approach, first_root
 from dmoc.symbolic.names import name_of, velocity_name

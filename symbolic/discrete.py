@@ -25,11 +25,8 @@ from typing import Any
 
 import sympy as sp
 
-from dmoc.arguments import shown
-from dmoc.errors import ModelError
+from dmoc.discretisation import DISCRETISATIONS, check_order
 from dmoc.symbolic.continuous import Continuous, dot
-
-ORDERS = (2, 4)
 
 
 @dataclass(frozen=True)
@@ -193,7 +190,9 @@ class StepElement:
 def step_element(f: Continuous, order: int, make: Callable[[str], Any], exact: Callable[[Any], Any]) -> StepElement:
     """Build the element of ``f``; ``make(name)`` makes a symbol and ``exact(number)`` a number of the expression type in use."""
     n, m = len(f.q), len(f.u)
-    places, weights, nodes = _rule(order)
+    check_order(order)
+    degree = DISCRETISATIONS[order].degree
+    (places, weights), nodes = quadrature(degree), lobatto_nodes(degree)
 
     def vector(name: str, size: int) -> tuple[Any, ...]:
         return tuple(make(f"{name}_{i}") for i in range(size))
@@ -214,19 +213,25 @@ def step_element(f: Continuous, order: int, make: Callable[[str], Any], exact: C
     return StepElement(tuple(points), vector("q_k", n), vector("q_kp1", n), q_i, u_k, u_kp1, make("h"), make("t_k"))
 
 
-def check_order(order: int) -> None:
-    if not isinstance(order, int) or order not in ORDERS:
-        raise ModelError(f"order = {shown(order)}: expected one of {', '.join(map(str, ORDERS))}.")
+def quadrature(degree: int) -> tuple[list[Any], list[Any]]:
+    """Exact Gauss points and weights on [0, 1], as many as the degree."""
+    x = sp.Symbol("x")
+    polynomial = sp.legendre(degree, x)
+    roots = _roots(polynomial, x)
+    slopes = [polynomial.diff(x).subs(x, r) for r in roots]
+    weights = [sp.nsimplify(1 / ((1 - r**2) * s**2)) for r, s in zip(roots, slopes, strict=True)]
+    return [(1 + r) / 2 for r in roots], [sp.radsimp(sp.simplify(w)) for w in weights]
 
 
-def _rule(order: int) -> tuple[list[Any], list[Any], list[Any]]:
-    """Gauss points and weights on [0, 1], and the Lobatto nodes: first, last, inside."""
-    check_order(order)
-    half = sp.Rational(1, 2)
-    if order == 2:
-        return [half], [sp.S.One], [sp.S.Zero, sp.S.One]
-    shift = sp.sqrt(3) / 6
-    return [half - shift, half + shift], [half, half], [sp.S.Zero, sp.S.One, half]
+def lobatto_nodes(degree: int) -> list[Any]:
+    """Exact nodes on [0, 1] of polynomials of a degree: first, last, inside."""
+    x = sp.Symbol("x")
+    inside = _roots(sp.legendre(degree, x).diff(x), x)
+    return [sp.S.Zero, sp.S.One, *((1 + r) / 2 for r in inside)]
+
+
+def _roots(polynomial: Any, x: Any) -> list[Any]:
+    return sorted(map(sp.expand, sp.roots(polynomial, x)), key=float)
 
 
 def _shapes(nodes: Sequence[Any], c: Any, derivative: int = 0) -> list[Any]:

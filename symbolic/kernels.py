@@ -13,6 +13,7 @@ from typing import Any
 import symengine as se
 import sympy as sp
 
+from dmoc.discretisation import check_order
 from dmoc.symbolic.continuous import (
     Continuous,
     dot,
@@ -26,7 +27,7 @@ from dmoc.symbolic.continuous import (
     restitution_work,
     right_hand_side,
 )
-from dmoc.symbolic.discrete import StepElement, check_order, step_element
+from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.names import name_of
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system

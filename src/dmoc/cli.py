@@ -45,6 +45,7 @@ from dmoc.cli_input import (
     written,
 )
 from dmoc.cli_search import search
+from dmoc.discretisation import ORDERS_SHOWN
 from dmoc.errors import DmocError, OutputError
 from dmoc.writing import REMEDY, write_whole
 
@@ -95,7 +96,7 @@ def models() -> None:
 def derive(
     model: ModelArgument,
     format_: Annotated[TextFormat, typer.Option("--format", help="Readable text, or a LaTeX document.")] = TextFormat.text,
-    order: Annotated[int, typer.Option(help="Order of the discretisation: 2 or 4.")] = 2,
+    order: Annotated[int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")] = 2,
     target: Annotated[Path | None, typer.Option("--out", help="Write to a file instead of standard output.")] = None,
 ) -> None:
     """Print every step of the derivation of a model."""
@@ -116,7 +117,7 @@ def generate(
     target: Annotated[
         Path | None, typer.Option("--out", help="Folder for the sources; by default a folder of the model's name.")
     ] = None,
-    order: Annotated[int, typer.Option(help="Order of the discretisation: 2 or 4.")] = 2,
+    order: Annotated[int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")] = 2,
 ) -> None:
     """Write the C and Cython sources of a model."""
     from dmoc.codegen.build import write_files
@@ -137,7 +138,7 @@ def generate(
 @app.command()
 def build(
     model: ModelArgument,
-    order: Annotated[int, typer.Option(help="Order of the discretisation: 2 or 4.")] = 2,
+    order: Annotated[int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")] = 2,
     force: Annotated[bool, typer.Option("--force", help="Build again even if the cache holds the kernels.")] = False,
 ) -> None:
     """Compile the kernels of a model into the cache."""

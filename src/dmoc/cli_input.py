@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from dmoc.discretisation import ORDERS_SHOWN
 from dmoc.errors import DmocError, ProblemError
 from dmoc.writing import check_file, check_folder, write_whole
 
@@ -51,11 +52,12 @@ RestitutionOption = Annotated[
 PeriodicOption = Annotated[
     str | None, typer.Option(metavar="STATES", help="States that end as they start, as y,p_y; free at the start unless given.")
 ]
-OrderOption = Annotated[int | None, typer.Option(help="Order of the discretisation: 2 (default) or 4.")]
+OrderOption = Annotated[int | None, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}; 2 by default.")]
 ControlsOption = Annotated[
     Controls | None,
     typer.Option(
-        help="Inputs constant in a step, linear between nodes (order 2), or linear in each step, with jumps at the nodes (stages, order 4)."
+        help="Inputs constant in a step, linear between nodes (order 2 only), or linear in each step, "
+        "with jumps at the nodes (stages, order 4 and more)."
     ),
 ]
 GoalOption = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Goal state, like --start; repeatable.")]

@@ -19,6 +19,7 @@ from dmoc.arguments import shown
 from dmoc.codegen.build import load_installed
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.system import build as build
+from dmoc.discretisation import check_order
 from dmoc.errors import DmocError, ModelError
 from dmoc.models import catalogue
 from dmoc.nlp.problem import Problem
@@ -81,10 +82,10 @@ def find(reference: str) -> Reference:
 def load(reference: str, *, order: int | None = None) -> Kernels:
     """Return the kernels of a shipped model, or of ``file.py:name``; needs no SymPy for an installed model.
 
-    ``order`` is that of the discretisation, 2 or 4; None stands for what there is: 2, or that of a Problem in a file.
+    ``order`` is that of the discretisation; None stands for what there is: 2, or that of a Problem in a file.
     """
-    if order is not None and (isinstance(order, bool) or not isinstance(order, int)):
-        raise ModelError(f"order = {shown(order)}: expected 2 or 4, or None for what there is.")
+    if order is not None:
+        check_order(order)
     return find(reference).kernels(order)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from dmoc.archive import LARGEST, Archive, pack
+from dmoc.discretisation import FORMS, ORDERS
 from dmoc.errors import SolutionFileError
 from dmoc.schema import (
     Choice,
@@ -31,7 +32,7 @@ from dmoc.schema import (
 )
 from dmoc.solution import Mesh, Solution
 from dmoc.solvers.outcome import Status
-from dmoc.trajectory import Array, Collision, Phase, Trajectory, input_times
+from dmoc.trajectory import Array, Collision, Phase, Trajectory
 
 FILE_FORMAT = 4
 SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
@@ -89,7 +90,7 @@ def _wrong_motion(motion: Trajectory) -> str | None:
     for i, phase in enumerate(motion.phases):
         if len(phase.t) < 2 or not (np.diff(phase.t) > 0).all():
             return f"the times of phase {i} do not increase"
-        if len(phase.u) != len(input_times(motion.controls, phase.t)):
+        if len(phase.u) != len(motion.input_times(phase)):
             return f"phase {i} has {len(phase.u)} rows of inputs for {phase.steps} steps"
     return _wrong_joints(motion)
 
@@ -158,11 +159,11 @@ TRAJECTORY = Record(
         "parameters": Mapped(Number(), names=Name()),
         "phases": Listed(PHASE),
         "collisions": Listed(COLLISION),
-        "controls": Choice(("constant", "linear", "stages")),
+        "controls": Choice(tuple(FORMS)),
         "input_bounds": Stored("nu", 2, special=True),
         "coordinate_bounds": Stored("nq", 2, special=True),
         "restitution": Mapped(Number(0.0, 1.0), names=Name()),
-        "order": Choice((2, 4)),
+        "order": Choice(ORDERS),
     },
     _wrong_motion,
 )

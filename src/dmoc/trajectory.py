@@ -8,18 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.discretisation import FORMS, InputForm
+
 Array = NDArray[np.float64]
 # A contact that changes no momentum by more than this share of its size grazes: the motion touches a surface without colliding.
 GRAZING = 0.01
-
-
-def input_times(controls: str, t: Array) -> Array:
-    """Times that the rows of u of a phase with nodes at t stand for."""
-    if controls == "linear":
-        return t
-    if controls == "constant":
-        return (t[:-1] + t[1:]) / 2
-    return np.stack([t[:-1], t[1:]], axis=1).ravel()
 
 
 @dataclass(frozen=True)
@@ -110,11 +103,16 @@ class Trajectory:
 
     def input_ends(self, phase: Phase) -> tuple[Array, Array]:
         """Inputs at the start and at the end of every step of a phase, shape (N, nu) each; in between they are linear."""
-        if self.controls == "constant":
-            return phase.u, phase.u
-        if self.controls == "linear":
-            return phase.u[:-1], phase.u[1:]
-        return phase.u[::2], phase.u[1::2]
+        at = self.input_form.starts(phase.steps)
+        return phase.u[at], phase.u[at + self.input_form.width]
+
+    def input_times(self, phase: Phase) -> Array:
+        """Times that the rows of u of a phase stand for."""
+        return self.input_form.times(phase.t)
+
+    @property
+    def input_form(self) -> InputForm:
+        return FORMS[self.controls]
 
     @property
     def final_time(self) -> float:
