@@ -19,7 +19,7 @@ check: $(VENV)/.installed-check
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest tests/test_generated.py -k committed
+	$(BIN)/python -m pytest tests/codegen/test_generated.py -k committed
 
 # opty is installed without cyipopt, which it needs for solving alone and which cannot be installed without Ipopt's headers.
 bench: $(VENV)/.installed-bench

@@ -32,7 +32,7 @@ from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.trajectory import input_times
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from dmoc.codegen.text import c_files
 from dmoc.models import catalogue
 from dmoc.symbolic.kernels import model_spec
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize("name", catalogue.models())

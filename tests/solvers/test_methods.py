@@ -29,7 +29,7 @@ from dmoc.solvers.outcome import Iteration, Options, Status
 from dmoc.solvers.system import system
 
 SPARSE = ("ipm", "ipopt", "uno")
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def block_problem(block: Kernels) -> dmoc.Problem:

@@ -11,7 +11,7 @@ import pytest
 import setuptools
 from setuptools.command.egg_info import FileList
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 MADE = {"__pycache__", "figures", ".hypothesis"}  # folders that runs leave behind
 
 

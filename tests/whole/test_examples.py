@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 NAMES = ("seed", "block_and_wall", "two_bounces", "two_discs", "cart_pole", "hanging", "cart_links", "hopper", "puck")
 
 

@@ -74,7 +74,7 @@ def test_another_model_of_the_same_name_gets_an_entry_of_its_own(own_cache: Path
 
 def test_two_processes_building_at_once_both_succeed(own_cache: Path) -> None:
     program = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import systems, dmoc;"
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r}); import systems, dmoc;"
         "k = dmoc.build(systems.block_system('cached')); assert k.backend == 'compiled'"
     )
     running = [
