@@ -8,6 +8,8 @@ from libc.stdlib cimport calloc, free
 
 import numpy as np
 
+from dmoc.nlp.program import strided
+
 cdef extern from "passes.h" nogil:
     ctypedef void dmoc_kernel(ptrdiff_t n, const double *const *args, const ptrdiff_t *stride, double *const *results)
     enum: DMOC_MOST
@@ -48,10 +50,18 @@ cdef extern from "passes.h" nogil:
     void dmoc_put(const dmoc_program *program, const double *x)
 
 
+def _pattern(pattern, rows, entries):
+    """A pattern as C takes it, never empty."""
+    start, column = pattern
+    if len(start) != rows + 1 or start[-1] != len(column) or len(column) != entries:
+        raise ValueError(f"expected a pattern of {rows} rows and {entries} entries")
+    return np.append(start, 0).astype(np.intc), np.append(column, 0).astype(np.intc)
+
+
 cdef class Pass:
-    """One pass: constants, linear part (rows, columns, coefficients) and elements (kernel, arguments, slots, factors)."""
+    """One pass over elements, from a :class:`dmoc.nlp.program.PassData`; positions lie in the pool, slots in the target."""
     cdef dmoc_pass c
-    cdef object kernels, elements, constant, linear, keep
+    cdef object kernels, data, keep
     cdef bint compiled
 
     def __cinit__(self):
@@ -60,57 +70,61 @@ cdef class Pass:
     def __dealloc__(self):
         free(self.c.element)
 
-    def __init__(self, kernels, constant, linear, elements):
-        cdef ptrdiff_t[::1] indices
-        cdef double[::1] numbers
-        self.kernels, self.elements, self.linear = kernels, elements, linear
-        self.constant = np.ascontiguousarray(constant, dtype=np.float64)
-        self.keep = []
+    def __init__(self, kernels, data, ptrdiff_t pool):
+        cdef ptrdiff_t targets = len(data.constant), terms = len(data.coefficients), elements = len(data.elements)
+        self.kernels, self.data, self.keep = kernels, data, []
         self.compiled = kernels.backend == "compiled"
-        self.c.targets, self.c.terms, self.c.elements = len(constant), len(linear[0]), len(elements)
-        self.c.constant = self._numbers(self.constant)
-        self.c.row, self.c.column, self.c.coefficient = self._indices(linear[0]), self._indices(linear[1]), self._numbers(linear[2])
-        self.c.element = <dmoc_element *>calloc(max(len(elements), 1), sizeof(dmoc_element))
+        self.c.targets, self.c.terms, self.c.elements = targets, terms, elements
+        _within(data.rows, 0, targets), _within(data.columns, 0, pool)
+        self.c.constant = self._numbers(data.constant, targets)
+        self.c.row, self.c.column = self._indices(data.rows, terms), self._indices(data.columns, terms)
+        self.c.coefficient = self._numbers(data.coefficients, terms)
+        self.c.element = <dmoc_element *>calloc(max(elements, 1), sizeof(dmoc_element))
         if self.c.element == NULL:
             raise MemoryError()
         if self.compiled:
-            for e, (kernel, arguments, results) in enumerate(elements):
-                self._fill(&self.c.element[e], kernel, arguments, results)
-            self.c.scratch = self._numbers(np.empty(dmoc_scratch_size(&self.c) + 1))
+            for e, element in enumerate(data.elements):
+                self._fill(&self.c.element[e], element, pool)
+            self.c.scratch = self._numbers(np.empty(dmoc_scratch_size(&self.c)), dmoc_scratch_size(&self.c))
 
-    cdef int _fill(self, dmoc_element *element, str kernel, tuple arguments, tuple results) except -1:
-        element.kernel = <dmoc_kernel *>PyCapsule_GetPointer(self.kernels.module.capsule(kernel), "dmoc_kernel")
-        if max(len(arguments), len(results)) > DMOC_MOST:
-            raise ValueError(f"{kernel}: more than {DMOC_MOST} arguments")
-        element.n = max(len(at) for at in arguments)
-        element.arguments, element.results = len(arguments), len(results)
-        for a, at in enumerate(arguments):
-            element.size[a] = at.shape[1]
-            if at.size == 0:
-                element.base[a] = element.stride[a] = 0
-                continue
-            stride = int(at[1, 0] - at[0, 0]) if len(at) > 1 else 0
-            straight = at[0, 0] + stride * np.arange(len(at))[:, None] + np.arange(at.shape[1])
-            if np.array_equal(at, straight):
-                element.base[a], element.stride[a] = at[0, 0], stride
-            elif len(at) != element.n:
-                raise ValueError(f"{kernel}: an argument of one row must have consecutive positions")
+    cdef int _fill(self, dmoc_element *c, element, ptrdiff_t pool) except -1:
+        c.kernel = <dmoc_kernel *>PyCapsule_GetPointer(self.kernels.module.capsule(element.kernel), "dmoc_kernel")
+        if max(len(element.arguments), len(element.slots)) > DMOC_MOST:
+            raise ValueError(f"{element.kernel}: more than {DMOC_MOST} arguments")
+        c.n = max(len(at) for at in element.arguments)
+        c.arguments, c.results = len(element.arguments), len(element.slots)
+        for a, at in enumerate(element.arguments):
+            _within(at, 0, pool)
+            if len(at) not in (1, c.n):
+                raise ValueError(f"{element.kernel}: an argument of {len(at)} rows among {c.n}")
+            c.size[a] = at.shape[1]
+            evenly = strided(at)
+            if evenly is not None:
+                c.base[a], c.stride[a] = evenly
+            elif len(at) != c.n:
+                raise ValueError(f"{element.kernel}: an argument of one row must have consecutive positions")
             else:
-                element.gather[a], element.stride[a] = self._indices(at.ravel()), at.shape[1]
-        for b, (slots, factors) in enumerate(results):
-            element.count[b] = slots.shape[1]
+                c.gather[a], c.stride[a] = self._indices(at, at.size), at.shape[1]
+        for b, (slots, factors) in enumerate(zip(element.slots, element.factors, strict=True)):
+            c.count[b] = slots.shape[1]
             if slots.size and slots.max() >= 0:
-                element.slot[b], element.factor[b] = self._indices(slots.ravel()), self._numbers(factors.ravel())
+                _within(slots, -1, self.c.targets)
+                c.slot[b] = self._indices(slots, c.n * c.count[b])
+                c.factor[b] = self._numbers(factors, c.n * c.count[b])
         return 0
 
-    cdef const ptrdiff_t *_indices(self, array) except? NULL:
+    cdef const ptrdiff_t *_indices(self, array, ptrdiff_t size) except? NULL:
         """Keep a copy of an array of positions and return its address."""
         cdef ptrdiff_t[::1] view = np.append(array, 0).astype(np.intp)
+        if view.shape[0] != size + 1:
+            raise ValueError(f"expected {size} positions, got {view.shape[0] - 1}")
         self.keep.append(view)
         return &view[0]
 
-    cdef double *_numbers(self, array) except? NULL:
+    cdef double *_numbers(self, array, ptrdiff_t size) except? NULL:
         cdef double[::1] view = np.append(array, 0.0).astype(np.float64)
+        if view.shape[0] != size + 1:
+            raise ValueError(f"expected {size} numbers, got {view.shape[0] - 1}")
         self.keep.append(view)
         return &view[0]
 
@@ -125,38 +139,48 @@ cdef class Pass:
         return values[: self.c.targets]
 
     def _run_numpy(self, pool):
-        values = self.constant.copy()
-        rows, columns, coefficients = self.linear
-        np.add.at(values, rows, coefficients * pool[columns])
-        for kernel, arguments, results in self.elements:
-            inputs = [np.ascontiguousarray(pool[at]) for at in arguments]
-            for found, (slots, factors) in zip(self.kernels.call(kernel, *inputs), results):
+        data = self.data
+        values = data.constant.copy()
+        np.add.at(values, data.rows, data.coefficients * pool[data.columns])
+        for element in data.elements:
+            inputs = [np.ascontiguousarray(pool[at]) for at in element.arguments]
+            found = self.kernels.call(element.kernel, *inputs)
+            for result, slots, factors in zip(found, element.slots, element.factors, strict=True):
                 kept = slots >= 0
-                np.add.at(values, slots[kept], (factors * found)[kept])
+                np.add.at(values, slots[kept], (factors * result)[kept])
         return values
 
 
-cdef class Program:
-    """The program of :mod:`dmoc.nlp.transcription`; positions, patterns and units come from there.
+cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:
+    """The C code trusts positions: refuse those outside."""
+    if positions.size and (positions.min() < least or positions.max() >= end):
+        raise ValueError(f"positions {positions.min()} to {positions.max()}: expected {least} to {end - 1}")
+    return 0
 
-    ``unit`` holds the sizes of the unknowns, the inverse sizes of the constraints and that of the cost: what x, y and sigma are multiplied by.
-    """
+
+cdef class Program:
+    """The program of a :class:`dmoc.nlp.program.ProgramData`, on the kernels of its model."""
     cdef dmoc_program c
     cdef Pass _values, _slopes, _curvatures
     cdef double[::1] pool, lower, upper, unit
     cdef int[::1] row_start, column, hess_start, hess_column
     cdef readonly bint compiled
+    cdef readonly object data
 
-    def __init__(self, kernels, bounds, equalities, m, unit, par, passes, jacobian, hessian):
-        self.lower, self.upper = (np.append(b, 0.0) for b in bounds)
-        self.unit = np.ascontiguousarray(unit, dtype=np.float64)
-        self._values, self._slopes, self._curvatures = (Pass(kernels, *p) for p in passes)
-        self.row_start, self.column = (np.append(a, 0).astype(np.intc) for a in jacobian)
-        self.hess_start, self.hess_column = (np.append(a, 0).astype(np.intc) for a in hessian)
-        n = len(bounds[0])
-        self.pool = np.concatenate([np.zeros(n + m + 2), par, [0.0]])
+    def __init__(self, kernels, data):
+        cdef ptrdiff_t n = data.n, m = data.m
+        self.data = data
+        self.lower, self.upper = np.append(data.lower, 0.0), np.append(data.upper, 0.0)
+        self.unit = np.ascontiguousarray(data.unit, dtype=np.float64)
+        self.pool = np.append(data.pool, 0.0)
+        if not (self.upper.shape[0] == n + 1 and self.unit.shape[0] == n + m + 1 and self.pool.shape[0] >= n + m + 2):
+            raise ValueError(f"expected bounds of {n} unknowns and units of {n + m + 1} numbers")
+        self._values, self._slopes, self._curvatures = (
+            Pass(kernels, p, len(data.pool)) for p in (data.values, data.slopes, data.curvatures))
+        self.row_start, self.column = _pattern(data.jacobian, m, len(data.slopes.constant) - n)
+        self.hess_start, self.hess_column = _pattern(data.hessian, n, len(data.curvatures.constant))
         self.compiled = kernels.backend == "compiled"
-        self.c.n, self.c.m, self.c.equalities = n, m, equalities
+        self.c.n, self.c.m, self.c.equalities = n, m, data.equalities
         self.c.lower, self.c.upper, self.c.pool, self.c.unit = &self.lower[0], &self.upper[0], &self.pool[0], &self.unit[0]
         self.c.values, self.c.slopes, self.c.curvatures = self._values.c, self._slopes.c, self._curvatures.c
         self.c.row_start, self.c.column = &self.row_start[0], &self.column[0]

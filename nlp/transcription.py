@@ -37,6 +37,7 @@ from dmoc.nlp.feasibility import minimal_time
 from dmoc.nlp.labels import Block, Goal, equality_blocks, goal_limits, inequality_blocks
 from dmoc.nlp.layout import Index, Layout
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.program import ElementData, PassData, ProgramData
 from dmoc.nlp.scaling import Scale
 from dmoc.nlp.sparse import SparsePattern
 from dmoc.nlp.surfaces import on_surface
@@ -381,7 +382,8 @@ class Transcription:
         constants[list(linear.constants)] = list(linear.constants.values())
         factors = linear.factors * row[linear.rows]
         places = [e.rows for v in values for e in v.results]
-        passes = [(constants * row, (linear.rows, linear.columns, factors), _prepared(values, places, [row[p] for p in places]))]
+        prepared = _prepared(values, places, [row[p] for p in places])
+        to_values = PassData(constants * row, linear.rows, linear.columns, factors, prepared)
         # The gradient of f first, dense, then the entries of the Jacobian.
         groups = [(rows - 1, columns) for s in slopes for rows, columns in (e.cells for e in s.results)]
         self.jacobian_pattern = SparsePattern((m, self.n), [*groups, (linear.rows - 1, linear.columns)])
@@ -389,17 +391,26 @@ class Transcription:
         constants = np.zeros(self.n + self.jacobian_pattern.size)
         constants[self.n + linear_slots] = factors * column[linear.columns]
         slots = [np.where(r == -1, c, np.where(s >= 0, self.n + s, NOWHERE)) for s, (r, c) in zip(slots, groups, strict=True)]
-        passes.append((constants, none, _prepared(slopes, slots, [row[r + 1] * column[c] for r, c in groups])))
+        prepared = _prepared(slopes, slots, [row[r + 1] * column[c] for r, c in groups])
+        to_slopes = PassData(constants, *none, prepared)
         groups = [e.cells for c in curvatures for e in c.results]
         self.hessian_pattern = SparsePattern((self.n, self.n), [*groups, *self._time_groups])
         slots = self.hessian_pattern.slots[: len(groups)]
-        constants = np.zeros(self.hessian_pattern.size)
-        passes.append((constants, none, _prepared(curvatures, slots, [column[i] * column[j] for i, j in groups])))
-        return Program(
-            self.problem.kernels, (self.lower, self.upper), self.n_eq, m, np.concatenate([column, row[1:], row[:1]]),
-            np.concatenate([self.par[0], self.problem.restitution_values]), passes,
-            (self.jacobian_pattern.indptr, self.jacobian_pattern.indices), (self.hessian_pattern.indptr, self.hessian_pattern.indices),
-        )  # fmt: skip
+        prepared = _prepared(curvatures, slots, [column[i] * column[j] for i, j in groups])
+        to_curvatures = PassData(np.zeros(self.hessian_pattern.size), *none, prepared)
+        data = ProgramData(
+            equalities=self.n_eq,
+            lower=self.lower,
+            upper=self.upper,
+            unit=np.concatenate([column, row[1:], row[:1]]),
+            pool=np.concatenate([np.zeros(self.n + m + 2), self.par[0], self.problem.restitution_values]),
+            values=to_values,
+            slopes=to_slopes,
+            curvatures=to_curvatures,
+            jacobian=(self.jacobian_pattern.indptr, self.jacobian_pattern.indices),
+            hessian=(self.hessian_pattern.indptr, self.hessian_pattern.indices),
+        )
+        return Program(self.problem.kernels, data)
 
     def values(self, x: Array) -> Array:
         """r(x) = (f | c | d) without the minimal times; the last point is remembered, the array is read-only."""
@@ -543,12 +554,12 @@ class Transcription:
         return np.asarray((hessian + hessian.T) / 2 * np.outer(unit, unit) / self.scale.time)
 
 
-def _prepared(
-    elements: list[Element], slots: list[Index], units: list[Array]
-) -> list[tuple[str, tuple[Index, ...], tuple[Any, ...]]]:
-    """Elements as a pass takes them: kernel, arguments, and for each result its slots and factors, with the units of its entries."""
+def _prepared(elements: list[Element], slots: list[Index], units: list[Array]) -> tuple[ElementData, ...]:
+    """Elements as a pass takes them: with slots, and the units of the entries in the factors."""
     remaining = iter(zip(slots, units, strict=True))
-    return [
-        (e.kernel, e.arguments, tuple((s, np.broadcast_to(r.factors, s.shape) * unit) for r, (s, unit) in zip(e.results, remaining, strict=False)))
-        for e in elements
-    ]  # fmt: skip
+    found = []
+    for e in elements:
+        results = [(r, *next(remaining)) for r in e.results]
+        factors = tuple(np.broadcast_to(r.factors, s.shape) * unit for r, s, unit in results)
+        found.append(ElementData(e.kernel, e.arguments, tuple(s for _, s, _ in results), factors))
+    return tuple(found)

@@ -1,0 +1,110 @@
+"""A nonlinear program as plain arrays: what the compiled program reads, and all that it reads.
+
+Values, first and second derivatives are three passes over elements.  An element is n rows of one
+kernel, whose arguments are collected from one vector, the pool::
+
+    pool = (x | y | sigma | 0 | parameters)
+
+with the unknowns x, the multipliers y of (c | d) and the weight sigma of the cost, each multiplied
+by its unit.  Results times their factors are added to slots of the target.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.codegen.kernels import Array
+
+Positions = NDArray[np.intp]
+Pattern = tuple[NDArray[np.int32], NDArray[np.int32]]
+
+
+@dataclass(frozen=True, eq=False)
+class ElementData:
+    """n rows of a kernel.
+
+    Attributes
+    ----------
+    kernel : str
+    arguments : tuple of positions, shape (n, size) or (1, size)
+        Where each argument stands in the pool; one row, of consecutive positions, serves all n.
+    slots : tuple of positions, shape (n, size)
+        For each result, what its values are added to; -1 drops a value.
+    factors : tuple of arrays, shape (n, size)
+        What the values are multiplied by.
+    """
+
+    kernel: str
+    arguments: tuple[Positions, ...]
+    slots: tuple[Positions, ...]
+    factors: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PassData:
+    """target = constant + linear part + elements; target[rows] += coefficients * pool[columns]."""
+
+    constant: Array
+    rows: Positions
+    columns: Positions
+    coefficients: Array
+    elements: tuple[ElementData, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ProgramData:
+    """Minimise f subject to c = 0, d >= 0, lower <= x <= upper.
+
+    Attributes
+    ----------
+    equalities : int
+        Number of rows c; the others of the m rows (c | d) are inequalities.
+    lower, upper : arrays, shape (n,)
+    unit : array, shape (n + m + 1,)
+        What x, y and sigma are multiplied by: the sizes of the unknowns, the inverse sizes of the
+        constraints and that of the cost.
+    pool : array
+        As it is before the first evaluation: zeros, and the parameters.
+    values : PassData
+        To (f | c | d).
+    slopes : PassData
+        To the gradient of f, dense, and the entries of d(c | d)/dx.
+    curvatures : PassData
+        To the entries of the upper triangle of the Hessian of sigma f + y . (c | d).
+    jacobian, hessian : pairs of integer arrays
+        Patterns of d(c | d)/dx and of the Hessian in CSR form: starts of the rows, columns.
+    """
+
+    equalities: int
+    lower: Array
+    upper: Array
+    unit: Array
+    pool: Array
+    values: PassData
+    slopes: PassData
+    curvatures: PassData
+    jacobian: Pattern
+    hessian: Pattern
+
+    @property
+    def n(self) -> int:
+        return len(self.lower)
+
+    @property
+    def m(self) -> int:
+        return len(self.values.constant) - 1
+
+
+def strided(at: Positions) -> tuple[int, int] | None:
+    """Position of the first row and distance of the rows, if rows are consecutive and evenly apart.
+
+    An argument that is not has to be gathered value by value.
+    """
+    if at.size == 0:
+        return 0, 0
+    first, stride = int(at[0, 0]), int(at[1, 0] - at[0, 0]) if len(at) > 1 else 0
+    straight = first + stride * np.arange(len(at))[:, None] + np.arange(at.shape[1])
+    return (first, stride) if np.array_equal(at, straight) else None
