@@ -1,10 +1,11 @@
-"""The map from packages to folders, and the extensions: the shipped models' kernels and the stepper."""
+"""The map from packages to folders, and the extensions."""
 
 from pathlib import Path
 
 from setuptools import Extension, setup
 
 LAYERS = ("symbolic", "codegen", "generated", "models", "nlp", "solvers", "simulation", "report", "sequences")
+KERNEL = "codegen/dmoc_kernel.h"
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off"]
 SOLVER_FLAGS = ["-std=c11", "-O3", "-ffp-contract=off"]  # unrolls the loops of the factorisation: an eighth less time in all
 
@@ -17,25 +18,35 @@ extensions = [
     Extension(
         f"dmoc.generated.{model}.wrapper",
         [f"generated/{model}/wrapper.pyx", f"generated/{model}/kernels.c"],
-        depends=[f"generated/{model}/kernels.h"],
+        depends=[f"generated/{model}/kernels.h", KERNEL],
+        include_dirs=["codegen"],
         extra_compile_args=FLAGS,
     )
     for model in models
 ]
 extensions += [
-    Extension("dmoc.simulation.stepper", ["simulation/stepper.pyx"], extra_compile_args=FLAGS),
+    Extension(
+        "dmoc.codegen.border", ["codegen/border.pyx"], depends=[KERNEL], include_dirs=["codegen"], extra_compile_args=FLAGS
+    ),
+    Extension(
+        "dmoc.simulation.stepper",
+        ["simulation/stepper.pyx"],
+        depends=[KERNEL],
+        include_dirs=["codegen"],
+        extra_compile_args=FLAGS,
+    ),
     Extension(
         "dmoc.nlp.assembly",
         ["nlp/assembly.pyx", "nlp/passes.c"],
-        depends=["nlp/passes.h"],
-        include_dirs=["nlp"],
+        depends=["nlp/passes.h", KERNEL],
+        include_dirs=["codegen", "nlp"],
         extra_compile_args=FLAGS,
     ),
     Extension(
         "dmoc.solvers.compiled",
         ["solvers/compiled.pyx", "solvers/interior_point.c", "solvers/ldl.c", "nlp/passes.c"],
-        depends=["solvers/interior_point.h", "solvers/ldl.h", "nlp/passes.h"],
-        include_dirs=["solvers", "nlp"],
+        depends=["solvers/interior_point.h", "solvers/ldl.h", "nlp/passes.h", KERNEL],
+        include_dirs=["codegen", "nlp", "solvers"],
         extra_compile_args=SOLVER_FLAGS,
     ),
 ]
@@ -44,7 +55,7 @@ extensions += [
 def cythonized() -> list[Extension]:
     from Cython.Build import cythonize
 
-    return cythonize(extensions, build_dir="build/cython", language_level=3, quiet=True)
+    return cythonize(extensions, include_path=["codegen"], build_dir="build/cython", language_level=3, quiet=True)
 
 
 setup(
@@ -52,7 +63,7 @@ setup(
     package_dir=package_dir,
     package_data={
         "dmoc": ["py.typed"],
-        "dmoc.codegen": ["templates/*.jinja"],
+        "dmoc.codegen": ["templates/*.jinja", "*.pyx", "*.pxd", "*.pyi", "*.h"],
         **{f"dmoc.{layer}": ["*.pyx", "*.pyi", "*.c", "*.h"] for layer in ("nlp", "solvers", "simulation")},
         **{f"dmoc.generated.{model}": ["*.c", "*.h", "*.pyx", "*.pyi", "manifest.json"] for model in models},
     },

@@ -89,7 +89,7 @@ def _own(kernels: Kernels, kernel: str, s: dict[str, np.ndarray], repeats: int) 
     arguments += [s["s"], s["mm"], s["mp"], nothing] if kernel == "step_hess" else []
     outputs = kernels.manifest["kernels"][kernel]["outputs"]
     results = [np.empty((STEPS, len(o["rows"]) if "rows" in o else o["shape"][0])) for o in outputs]
-    function = getattr(kernels.module, kernel)
+    function = kernels.functions[kernel]
     return timed(lambda: function(*arguments, *results), repeats)[0]
 
 

@@ -36,7 +36,7 @@ from dmoc.codegen.private import is_private, make_folder, remove, safe_folder, w
 from dmoc.errors import BuildError
 from dmoc.symbolic.names import check_name
 
-# The kernels decide the speed of a solve; the wrapper is called once per loop, so it is compiled quickly instead.  Contraction into
+# The kernels decide the speed of a solve; the wrapper only hands over their table, so it is compiled quickly instead.  Contraction into
 # fused operations stays off so that results are the same on every machine.  A warning is no reason to refuse a user's model.
 KERNEL_FLAGS = ("-std=c11", "-O2", "-fPIC", "-ffp-contract=off", "-w")
 WRAPPER_FLAGS = ("-O1", "-fPIC", "-w")
@@ -44,6 +44,8 @@ BUILD_RECORD = "build.json"
 WRAPPER = "wrapper"
 SOURCES = ("__init__.py", "kernels.c", "kernels.h", "manifest.json", "wrapper.pyi", "wrapper.pyx")
 NUMPY_TEXT = "numpy.py"
+# The header of every model's sources, and its folder.
+HEADER, HEADERS = "dmoc_kernel.h", Path(__file__).parent
 
 
 def cache_directory() -> Path:
@@ -169,6 +171,11 @@ def sources(kernels: Kernels) -> dict[str, str]:
     return {name: (folder / name).read_text(encoding="utf-8") for name in SOURCES}
 
 
+def header() -> dict[str, str]:
+    """Return what generated sources need to be compiled elsewhere, as ``{file name: text}``."""
+    return {HEADER: (HEADERS / HEADER).read_text(encoding="utf-8")}
+
+
 def arrived(manifest: Mapping[str, Any], backend: str, files: Mapping[str, str]) -> Kernels:
     """Return kernels that come from another process: those installed or in the cache here, or built once more from their sources.
 
@@ -235,7 +242,7 @@ def _sources(package: str) -> list[Path]:
     if spec is None or not spec.submodule_search_locations:
         raise BuildError(f"the package {package} cannot be found: install dmoc again.")
     root = Path(next(iter(spec.submodule_search_locations)))
-    return [p for p in root.rglob("*") if p.suffix in (".py", ".jinja")]
+    return [p for p in root.rglob("*") if p.suffix in (".py", ".jinja", ".h")]
 
 
 def _entry(folder: Path, name: str, digest: str) -> Path:
@@ -271,7 +278,7 @@ def compile_extension(folder: Path, command: list[str]) -> Path:
     result = translate(str(folder / f"{WRAPPER}.pyx"), options, full_module_name=WRAPPER)
     if result.num_errors:
         raise BuildError(f"Cython cannot translate {folder / WRAPPER}.pyx: see its messages above.")
-    include = ["-I", str(folder), "-I", sysconfig.get_path("include")]
+    include = ["-I", str(folder), "-I", str(HEADERS), "-I", sysconfig.get_path("include")]
     _run([*command, *KERNEL_FLAGS, *include, "-c", "kernels.c", "-o", "kernels.o"], folder)
     _run([*command, *WRAPPER_FLAGS, *include, "-c", "wrapper_cython.c", "-o", "wrapper.o"], folder)
     target = folder / f"{WRAPPER}{sysconfig.get_config_var('EXT_SUFFIX')}"

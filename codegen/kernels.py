@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.codegen.border import functions
 from dmoc.errors import BuildError
 
 Array = NDArray[np.float64]
@@ -27,7 +28,7 @@ class Kernels:
     manifest : mapping
         Names, sizes, parameters and sparsity patterns of the model.
     module : module
-        The functions; each takes its inputs and then its outputs, C-contiguous float64 arrays of shape (n, size).
+        Compiled: a table of C functions, ``KERNELS``, and the digest of their sources, ``CODE``.  On NumPy: the functions.
     backend : str
         "compiled" or "numpy".
     seconds : float
@@ -83,19 +84,22 @@ class Kernels:
         tuple of arrays of shape (n, size)
             The outputs in the order of the manifest; a matrix as its stored entries.
         """
-        function, sizes = self._functions[kernel]
         n = max([len(a) for a in inputs])
-        results = tuple([np.empty((n, size)) for size in sizes])
-        function(*inputs, *results)
+        results = tuple([np.empty((n, size)) for size in self._sizes[kernel]])
+        self.functions[kernel](*inputs, *results)
         return results
 
     @cached_property
-    def _functions(self) -> dict[str, tuple[Callable[..., None], list[int]]]:
-        """Function and sizes of the outputs of each kernel."""
-        return {
-            name: (getattr(self.module, name), [_size(o) for o in facts["outputs"]])
-            for name, facts in self.manifest["kernels"].items()
-        }
+    def functions(self) -> Mapping[str, Callable[..., None]]:
+        """Each kernel as a function of its inputs and then its outputs, C-contiguous float64 arrays of shape (n, size)."""
+        if self.backend == NUMPY:
+            return {name: getattr(self.module, name) for name in self.manifest["kernels"]}
+        return functions(self.module.KERNELS)
+
+    @cached_property
+    def _sizes(self) -> dict[str, list[int]]:
+        """Sizes of the outputs of each kernel."""
+        return {name: [_size(o) for o in facts["outputs"]] for name, facts in self.manifest["kernels"].items()}
 
     def pattern(self, kernel: str, output: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return rows and columns of the stored entries of a matrix output."""

@@ -11,7 +11,7 @@ from typing import Any
 import jinja2
 
 from dmoc.codegen.printer import CPrinter, NumPyPrinter, listing
-from dmoc.symbolic.spec import KernelSpec, ModelSpec, Output
+from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 
 POWERS = ("power2", "power3", "power4")
 
@@ -26,7 +26,6 @@ def c_files(model: ModelSpec) -> dict[str, str]:
         "kernels": kernels,
         "legend": _legend(model),
         "powers": powers,
-        "most": max(len(k["names"]) for k in kernels),
     }
     return _files(model, facts, _digest(_files(model, facts, "")))
 
@@ -83,14 +82,15 @@ def _render(name: str, values: dict[str, Any]) -> str:
     return environment.from_string(source).render(values)
 
 
+def _arrays(spec: KernelSpec) -> list[Input | Output]:
+    return [*spec.inputs, *spec.outputs]
+
+
 def _common(spec: KernelSpec) -> dict[str, Any]:
-    names = [a.name for a in spec.inputs] + [o.name for o in spec.outputs]
     return {
         "name": spec.name,
         "summary": spec.summary,
-        "names": names,
-        "quoted": ", ".join(f'"{n}"' for n in names),
-        "sizes": [a.size for a in spec.inputs] + [o.size for o in spec.outputs],
+        "names": [a.name for a in _arrays(spec)],
         "inputs": [{"name": a.name, "size": a.size} for a in spec.inputs],
         "outputs": [{"name": o.name, "size": o.size, "layout": _layout(o)} for o in spec.outputs],
     }
@@ -109,6 +109,7 @@ def _c_kernel(spec: KernelSpec) -> dict[str, Any]:
     return _common(spec) | {
         "signature": ", ".join(pointers),
         "arguments": ", ".join(arguments),
+        "arrays": ", ".join(f'{{"{a.name}", {a.size}}}' for a in _arrays(spec)),
         "unused": unused,
         "locals": list(code.locals),
         "assignments": [(f"{name}[{i}]", v) for name, values in code.outputs for i, v in enumerate(values)],

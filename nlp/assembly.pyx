@@ -3,25 +3,22 @@
 
 Kernels on NumPy have no C function; their passes run in Python.
 """
-from cpython.pycapsule cimport PyCapsule_GetPointer, PyCapsule_New
+from cpython.pycapsule cimport PyCapsule_New
 from libc.stdlib cimport calloc, free
+
+from dmoc_kernel cimport DMOC_MOST, dmoc_array, dmoc_entry, find_kernel
 
 import numpy as np
 
 from dmoc.nlp.program import strided
 
 cdef extern from "passes.h" nogil:
-    ctypedef void dmoc_kernel(ptrdiff_t n, const double *const *args, const ptrdiff_t *stride, double *const *results)
-    enum: DMOC_MOST
     ctypedef struct dmoc_element:
-        dmoc_kernel *kernel
+        const dmoc_entry *entry
         ptrdiff_t n
-        int arguments, results
         ptrdiff_t base[DMOC_MOST]
         ptrdiff_t stride[DMOC_MOST]
-        ptrdiff_t size[DMOC_MOST]
         const ptrdiff_t *gather[DMOC_MOST]
-        ptrdiff_t count[DMOC_MOST]
         const ptrdiff_t *slot[DMOC_MOST]
         const double *factor[DMOC_MOST]
     ctypedef struct dmoc_pass:
@@ -88,29 +85,30 @@ cdef class Pass:
             self.c.scratch = self._numbers(np.empty(dmoc_scratch_size(&self.c)), dmoc_scratch_size(&self.c))
 
     cdef int _fill(self, dmoc_element *c, element, ptrdiff_t pool) except -1:
-        c.kernel = <dmoc_kernel *>PyCapsule_GetPointer(self.kernels.module.capsule(element.kernel), "dmoc_kernel")
-        if max(len(element.arguments), len(element.slots)) > DMOC_MOST:
-            raise ValueError(f"{element.kernel}: more than {DMOC_MOST} arguments")
+        cdef const dmoc_array *array
+        cdef int a
+        c.entry = find_kernel(self.kernels.module, element.kernel)
+        arrays = (*element.arguments, *element.slots)
+        if len(element.arguments) != c.entry.inputs or len(arrays) != c.entry.inputs + c.entry.outputs:
+            raise ValueError(f"{element.kernel}: expected {c.entry.inputs} arguments and {c.entry.outputs} results")
         c.n = max(len(at) for at in element.arguments)
-        c.arguments, c.results = len(element.arguments), len(element.slots)
+        for a, at in enumerate(arrays):
+            array = &c.entry.array[a]
+            if at.shape[1:] != (array.size,) or (len(at) != c.n and (a >= c.entry.inputs or len(at) != 1)):
+                raise ValueError(f"{element.kernel}: {array.name.decode()} of shape {at.shape}, expected ({c.n}, {array.size})")
         for a, at in enumerate(element.arguments):
             _within(at, 0, pool)
-            if len(at) not in (1, c.n):
-                raise ValueError(f"{element.kernel}: an argument of {len(at)} rows among {c.n}")
-            c.size[a] = at.shape[1]
             evenly = strided(at)
             if evenly is not None:
                 c.base[a], c.stride[a] = evenly
-            elif len(at) != c.n:
-                raise ValueError(f"{element.kernel}: an argument of one row must have consecutive positions")
-            else:
+            elif len(at) == c.n:
                 c.gather[a], c.stride[a] = self._indices(at, at.size), at.shape[1]
-        for b, (slots, factors) in enumerate(zip(element.slots, element.factors, strict=True)):
-            c.count[b] = slots.shape[1]
+            else:
+                raise ValueError(f"{element.kernel}: an argument of one row must have consecutive positions")
+        for a, (slots, factors) in enumerate(zip(element.slots, element.factors, strict=True)):
             if slots.size and slots.max() >= 0:
                 _within(slots, -1, self.c.targets)
-                c.slot[b] = self._indices(slots, c.n * c.count[b])
-                c.factor[b] = self._numbers(factors, c.n * c.count[b])
+                c.slot[a], c.factor[a] = self._indices(slots, slots.size), self._numbers(factors, slots.size)
         return 0
 
     cdef const ptrdiff_t *_indices(self, array, ptrdiff_t size) except? NULL:

@@ -10,10 +10,11 @@ ptrdiff_t dmoc_scratch_size(const dmoc_pass *pass)
     for (ptrdiff_t e = 0; e < pass->elements; ++e) {
         const dmoc_element *element = &pass->element[e];
         ptrdiff_t size = 0;
-        for (int a = 0; a < element->arguments; ++a)
-            size += element->gather[a] ? element->size[a] : 0;
-        for (int b = 0; b < element->results; ++b)
-            size += element->count[b];
+        const dmoc_entry *entry = element->entry;
+        for (int a = 0; a < entry->inputs; ++a)
+            size += element->gather[a] ? entry->array[a].size : 0;
+        for (int b = 0; b < entry->outputs; ++b)
+            size += entry->array[entry->inputs + b].size;
         most = size > most ? size : most;
     }
     return most*CHUNK;
@@ -21,32 +22,34 @@ ptrdiff_t dmoc_scratch_size(const dmoc_pass *pass)
 
 static void add_element(const dmoc_element *element, const double *pool, double *scratch, double *target)
 {
+    const dmoc_entry *entry = element->entry;
+    const dmoc_array *input = entry->array, *output = input + entry->inputs;
     for (ptrdiff_t first = 0; first < element->n; first += CHUNK) {
         const ptrdiff_t rows = element->n - first < CHUNK ? element->n - first : CHUNK;
         const double *in[DMOC_MOST];
         double *out[DMOC_MOST];
         double *free = scratch;
-        for (int a = 0; a < element->arguments; ++a) {
+        for (int a = 0; a < entry->inputs; ++a) {
             if (!element->gather[a]) {
                 in[a] = pool + element->base[a] + first*element->stride[a];
                 continue;
             }
-            const ptrdiff_t size = element->size[a];
+            const ptrdiff_t size = input[a].size;
             const ptrdiff_t *from = element->gather[a] + first*size;
             for (ptrdiff_t i = 0; i < rows*size; ++i)
                 free[i] = pool[from[i]];
             in[a] = free;
             free += rows*size;
         }
-        for (int b = 0; b < element->results; ++b) {
+        for (int b = 0; b < entry->outputs; ++b) {
             out[b] = free;
-            free += rows*element->count[b];
+            free += rows*output[b].size;
         }
-        element->kernel(rows, in, element->stride, out);
-        for (int b = 0; b < element->results; ++b) {
+        entry->kernel(rows, in, element->stride, out);
+        for (int b = 0; b < entry->outputs; ++b) {
             if (!element->slot[b])
                 continue;
-            const ptrdiff_t count = element->count[b];
+            const ptrdiff_t count = output[b].size;
             const ptrdiff_t *slot = element->slot[b] + first*count;
             const double *factor = element->factor[b] + first*count;
             for (ptrdiff_t i = 0; i < rows*count; ++i)

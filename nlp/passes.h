@@ -1,25 +1,19 @@
 /* Sums of kernel results: the values and derivatives of a nonlinear program, element by element.
  *
- * An element is n rows of one kernel (see kernels.h of a model). Argument a of row i is read at pool + base[a] + i*stride[a] where
- * gather[a] is NULL, and collected from pool[gather[a][i*size[a] + j]] otherwise. Result b of row i is added to
- * target[slot[b][i*count[b] + j]], times factor[b][i*count[b] + j]; a slot of -1 drops it, a slot array of NULL drops the whole result.
+ * An element is n rows of one kernel (dmoc_kernel.h). Input a of row i is read at pool + base[a] + i*stride[a] where gather[a] is
+ * NULL, and collected from pool[gather[a][i*size + j]] otherwise, with its size in the kernel's entry. Value j of output b of row i,
+ * times factor[b][i*size + j], is added to target[slot[b][i*size + j]]; a slot of -1 drops it, a slot array of NULL all of output b.
  */
 #ifndef DMOC_PASSES_H
 #define DMOC_PASSES_H
 
-#include <stddef.h>
-
-typedef void dmoc_kernel(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[]);
-
-enum { DMOC_MOST = 16 }; /* arguments or results of a kernel */
+#include "dmoc_kernel.h"
 
 typedef struct {
-    dmoc_kernel *kernel;
+    const dmoc_entry *entry;
     ptrdiff_t n;
-    int arguments, results;
-    ptrdiff_t base[DMOC_MOST], stride[DMOC_MOST], size[DMOC_MOST];
+    ptrdiff_t base[DMOC_MOST], stride[DMOC_MOST];
     const ptrdiff_t *gather[DMOC_MOST];
-    ptrdiff_t count[DMOC_MOST];
     const ptrdiff_t *slot[DMOC_MOST];
     const double *factor[DMOC_MOST];
 } dmoc_element;

@@ -16,9 +16,10 @@ A leg shorter than ``SHORTEST_LEG`` of a step, an impact on several surfaces at 
 Nothing depends on units: coordinates are measured by the masses, sqrt(M_ii) q_i, and gaps and their rates by their slopes.
 """
 from cpython.exc cimport PyErr_CheckSignals
-from cpython.pycapsule cimport PyCapsule_GetPointer
 from libc.math cimport fabs, isfinite, sqrt
 from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
+
+from dmoc_kernel cimport DMOC_MOST, dmoc_entry, find_kernel
 
 import numpy as np
 
@@ -26,10 +27,7 @@ from dmoc.discretisation import DISCRETISATIONS
 from dmoc.errors import SimulationError
 from dmoc.simulation.contacts import NOISE, simultaneous
 
-ctypedef void dmoc_kernel(ptrdiff_t n, const double *const *args, const ptrdiff_t *stride, double *const *results) noexcept nogil
-
 cdef enum:
-    MOST = 12           # arrays of a kernel
     NEWTON_LIMIT = 50
     ROOT_LIMIT = 200
     MOST_HITS = 100     # collisions within one step before the motion counts as Zeno
@@ -46,11 +44,11 @@ cdef double SINGULAR = 1e-15         # a pivot of the mass matrix below it, rela
 
 
 cdef class _Call:
-    """A kernel bound to arrays that stay where they are."""
-    cdef dmoc_kernel *kernel
-    cdef const double *args[MOST]
-    cdef double *results[MOST]
-    cdef ptrdiff_t stride[MOST]
+    """A kernel bound to arrays that stay where they are, one row each."""
+    cdef const dmoc_entry *entry
+    cdef const double *args[DMOC_MOST]
+    cdef double *results[DMOC_MOST]
+    cdef ptrdiff_t stride[DMOC_MOST]
     cdef object function
     cdef tuple arrays
 
@@ -58,10 +56,13 @@ cdef class _Call:
         cdef double[:, ::1] view
         cdef int a
         self.arrays = inputs + outputs
-        self.kernel = NULL
-        self.function = getattr(kernels.module, name)
+        self.entry = NULL
+        self.function = kernels.functions[name]
         if kernels.backend == "compiled":
-            self.kernel = <dmoc_kernel *>PyCapsule_GetPointer(kernels.module.capsule(name), "dmoc_kernel")
+            self.entry = find_kernel(kernels.module, name)
+            shapes = [(1, self.entry.array[a].size) for a in range(self.entry.inputs + self.entry.outputs)]
+            if [array.shape for array in self.arrays] != shapes:
+                raise ValueError(f"{name}: expected arrays of the shapes {shapes}")
         for a in range(len(inputs)):
             view = inputs[a]
             self.args[a] = &view[0, 0] if view.shape[1] else NULL
@@ -71,8 +72,8 @@ cdef class _Call:
             self.results[a] = &view[0, 0] if view.shape[1] else NULL
 
     cdef int run(self) except -1 nogil:
-        if self.kernel != NULL:
-            self.kernel(1, self.args, self.stride, self.results)
+        if self.entry != NULL:
+            self.entry.kernel(1, self.args, self.stride, self.results)
         else:
             with gil:
                 self.function(*self.arrays)

@@ -771,3 +771,122 @@ void bouncing_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const
         min_time_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*4);
 }
 
+/* ---- Table of the kernels ---- */
+
+static const dmoc_array step_arrays[] = {
+    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"r_minus", 1}, {"r_plus", 1}, {"C_d", 1}, {"r_i", 0},
+};
+static const dmoc_array step_jac_arrays[] = {
+    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"r_minus_D_z", 3}, {"r_plus_D_z", 3}, {"C_d_D_z", 0}, {"r_i_D_z", 0},
+};
+static const dmoc_array step_hess_arrays[] = {
+    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"sigma", 1}, {"mu_minus", 1}, {"mu_plus", 1}, {"mu_i", 0}, {"hess", 6},
+};
+static const dmoc_array impact_arrays[] = {
+    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"e_plus", 1}, {"e_minus", 1},
+};
+static const dmoc_array impact_jac_arrays[] = {
+    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"e_plus_D_z", 3}, {"e_minus_D_z", 3},
+};
+static const dmoc_array impact_hess_arrays[] = {
+    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"w_e", 2}, {"hess", 6},
+};
+static const dmoc_array dynamics_arrays[] = {
+    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"M", 1}, {"F", 1},
+};
+static const dmoc_array dynamics_jac_arrays[] = {
+    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"M_D_s", 0}, {"F_D_s", 1},
+};
+static const dmoc_array input_matrix_arrays[] = {
+    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"B", 0},
+};
+static const dmoc_array force_arrays[] = {
+    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"Q", 1}, {"power", 1},
+};
+static const dmoc_array legendre_arrays[] = {
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"p", 1}, {"E", 1},
+};
+static const dmoc_array legendre_jac_arrays[] = {
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"p_D_s", 1},
+};
+static const dmoc_array legendre_hess_arrays[] = {
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w", 1}, {"hess", 0},
+};
+static const dmoc_array running_cost_arrays[] = {
+    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"C", 1}, {"C_DD_u", 0},
+};
+static const dmoc_array surface_arrays[] = {
+    {"q", 1}, {"t", 1}, {"par", 4}, {"g", 1},
+};
+static const dmoc_array surface_jac_arrays[] = {
+    {"q", 1}, {"t", 1}, {"par", 4}, {"g_D_q", 1},
+};
+static const dmoc_array surface_hess_arrays[] = {
+    {"q", 1}, {"t", 1}, {"par", 4}, {"w", 1}, {"hess", 0},
+};
+static const dmoc_array gap_rate_arrays[] = {
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w", 1},
+};
+static const dmoc_array gap_rate_jac_arrays[] = {
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_D_s", 1},
+};
+static const dmoc_array gap_rate_hess_arrays[] = {
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_w", 1}, {"hess", 0},
+};
+static const dmoc_array normal_arrays[] = {
+    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"n", 1},
+};
+static const dmoc_array normal_jac_arrays[] = {
+    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"n_D_ql", 1},
+};
+static const dmoc_array normal_hess_arrays[] = {
+    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"mu", 1}, {"hess", 0},
+};
+static const dmoc_array restitution_arrays[] = {
+    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"e", 1}, {"W", 1},
+};
+static const dmoc_array restitution_jac_arrays[] = {
+    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"e", 1}, {"W_D_s", 2},
+};
+static const dmoc_array restitution_hess_arrays[] = {
+    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"e", 1}, {"w_W", 1}, {"hess", 1},
+};
+static const dmoc_array min_time_arrays[] = {
+    {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}, {"T_min", 1},
+};
+static const dmoc_array min_time_jac_arrays[] = {
+    {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}, {"T_min_D_y", 4},
+};
+
+static const dmoc_entry entries[] = {
+    {"step", bouncing_pendulum_step, 8, 4, step_arrays},
+    {"step_jac", bouncing_pendulum_step_jac, 8, 4, step_jac_arrays},
+    {"step_hess", bouncing_pendulum_step_hess, 12, 1, step_hess_arrays},
+    {"impact", bouncing_pendulum_impact, 8, 2, impact_arrays},
+    {"impact_jac", bouncing_pendulum_impact_jac, 8, 2, impact_jac_arrays},
+    {"impact_hess", bouncing_pendulum_impact_hess, 9, 1, impact_hess_arrays},
+    {"dynamics", bouncing_pendulum_dynamics, 5, 2, dynamics_arrays},
+    {"dynamics_jac", bouncing_pendulum_dynamics_jac, 5, 2, dynamics_jac_arrays},
+    {"input_matrix", bouncing_pendulum_input_matrix, 5, 1, input_matrix_arrays},
+    {"force", bouncing_pendulum_force, 5, 2, force_arrays},
+    {"legendre", bouncing_pendulum_legendre, 4, 2, legendre_arrays},
+    {"legendre_jac", bouncing_pendulum_legendre_jac, 4, 1, legendre_jac_arrays},
+    {"legendre_hess", bouncing_pendulum_legendre_hess, 5, 1, legendre_hess_arrays},
+    {"running_cost", bouncing_pendulum_running_cost, 5, 2, running_cost_arrays},
+    {"surface", bouncing_pendulum_surface, 3, 1, surface_arrays},
+    {"surface_jac", bouncing_pendulum_surface_jac, 3, 1, surface_jac_arrays},
+    {"surface_hess", bouncing_pendulum_surface_hess, 4, 1, surface_hess_arrays},
+    {"gap_rate", bouncing_pendulum_gap_rate, 4, 1, gap_rate_arrays},
+    {"gap_rate_jac", bouncing_pendulum_gap_rate_jac, 4, 1, gap_rate_jac_arrays},
+    {"gap_rate_hess", bouncing_pendulum_gap_rate_hess, 5, 1, gap_rate_hess_arrays},
+    {"normal", bouncing_pendulum_normal, 4, 1, normal_arrays},
+    {"normal_jac", bouncing_pendulum_normal_jac, 4, 1, normal_jac_arrays},
+    {"normal_hess", bouncing_pendulum_normal_hess, 5, 1, normal_hess_arrays},
+    {"restitution", bouncing_pendulum_restitution, 6, 1, restitution_arrays},
+    {"restitution_jac", bouncing_pendulum_restitution_jac, 6, 1, restitution_jac_arrays},
+    {"restitution_hess", bouncing_pendulum_restitution_hess, 7, 1, restitution_hess_arrays},
+    {"min_time", bouncing_pendulum_min_time, 6, 1, min_time_arrays},
+    {"min_time_jac", bouncing_pendulum_min_time_jac, 6, 1, min_time_jac_arrays},
+};
+
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", 28, entries};

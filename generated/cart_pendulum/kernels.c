@@ -980,3 +980,122 @@ void cart_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const ptr
         min_time_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*8);
 }
 
+/* ---- Table of the kernels ---- */
+
+static const dmoc_array step_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"r_minus", 2}, {"r_plus", 2}, {"C_d", 1}, {"r_i", 0},
+};
+static const dmoc_array step_jac_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"r_minus_D_z", 11}, {"r_plus_D_z", 11}, {"C_d_D_z", 3}, {"r_i_D_z", 0},
+};
+static const dmoc_array step_hess_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"sigma", 1}, {"mu_minus", 2}, {"mu_plus", 2}, {"mu_i", 0}, {"hess", 16},
+};
+static const dmoc_array impact_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"e_plus", 1}, {"e_minus", 1},
+};
+static const dmoc_array impact_jac_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"e_plus_D_z", 6}, {"e_minus_D_z", 6},
+};
+static const dmoc_array impact_hess_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"w_e", 2}, {"hess", 19},
+};
+static const dmoc_array dynamics_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"M", 4}, {"F", 2},
+};
+static const dmoc_array dynamics_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"M_D_s", 2}, {"F_D_s", 3},
+};
+static const dmoc_array input_matrix_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"B", 2},
+};
+static const dmoc_array force_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"Q", 2}, {"power", 1},
+};
+static const dmoc_array legendre_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"p", 2}, {"E", 1},
+};
+static const dmoc_array legendre_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"p_D_s", 6},
+};
+static const dmoc_array legendre_hess_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w", 2}, {"hess", 3},
+};
+static const dmoc_array running_cost_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"C", 1}, {"C_DD_u", 1},
+};
+static const dmoc_array surface_arrays[] = {
+    {"q", 2}, {"t", 1}, {"par", 6}, {"g", 2},
+};
+static const dmoc_array surface_jac_arrays[] = {
+    {"q", 2}, {"t", 1}, {"par", 6}, {"g_D_q", 2},
+};
+static const dmoc_array surface_hess_arrays[] = {
+    {"q", 2}, {"t", 1}, {"par", 6}, {"w", 2}, {"hess", 0},
+};
+static const dmoc_array gap_rate_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w", 2},
+};
+static const dmoc_array gap_rate_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w_D_s", 2},
+};
+static const dmoc_array gap_rate_hess_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w_w", 2}, {"hess", 0},
+};
+static const dmoc_array normal_arrays[] = {
+    {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"n", 2},
+};
+static const dmoc_array normal_jac_arrays[] = {
+    {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"n_D_ql", 2},
+};
+static const dmoc_array normal_hess_arrays[] = {
+    {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"mu", 2}, {"hess", 0},
+};
+static const dmoc_array restitution_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"e", 2}, {"W", 1},
+};
+static const dmoc_array restitution_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"e", 2}, {"W_D_s", 3},
+};
+static const dmoc_array restitution_hess_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"e", 2}, {"w_W", 1}, {"hess", 2},
+};
+static const dmoc_array min_time_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 6}, {"T_min", 2},
+};
+static const dmoc_array min_time_jac_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 6}, {"T_min_D_y", 8},
+};
+
+static const dmoc_entry entries[] = {
+    {"step", cart_pendulum_step, 8, 4, step_arrays},
+    {"step_jac", cart_pendulum_step_jac, 8, 4, step_jac_arrays},
+    {"step_hess", cart_pendulum_step_hess, 12, 1, step_hess_arrays},
+    {"impact", cart_pendulum_impact, 8, 2, impact_arrays},
+    {"impact_jac", cart_pendulum_impact_jac, 8, 2, impact_jac_arrays},
+    {"impact_hess", cart_pendulum_impact_hess, 9, 1, impact_hess_arrays},
+    {"dynamics", cart_pendulum_dynamics, 5, 2, dynamics_arrays},
+    {"dynamics_jac", cart_pendulum_dynamics_jac, 5, 2, dynamics_jac_arrays},
+    {"input_matrix", cart_pendulum_input_matrix, 5, 1, input_matrix_arrays},
+    {"force", cart_pendulum_force, 5, 2, force_arrays},
+    {"legendre", cart_pendulum_legendre, 4, 2, legendre_arrays},
+    {"legendre_jac", cart_pendulum_legendre_jac, 4, 1, legendre_jac_arrays},
+    {"legendre_hess", cart_pendulum_legendre_hess, 5, 1, legendre_hess_arrays},
+    {"running_cost", cart_pendulum_running_cost, 5, 2, running_cost_arrays},
+    {"surface", cart_pendulum_surface, 3, 1, surface_arrays},
+    {"surface_jac", cart_pendulum_surface_jac, 3, 1, surface_jac_arrays},
+    {"surface_hess", cart_pendulum_surface_hess, 4, 1, surface_hess_arrays},
+    {"gap_rate", cart_pendulum_gap_rate, 4, 1, gap_rate_arrays},
+    {"gap_rate_jac", cart_pendulum_gap_rate_jac, 4, 1, gap_rate_jac_arrays},
+    {"gap_rate_hess", cart_pendulum_gap_rate_hess, 5, 1, gap_rate_hess_arrays},
+    {"normal", cart_pendulum_normal, 4, 1, normal_arrays},
+    {"normal_jac", cart_pendulum_normal_jac, 4, 1, normal_jac_arrays},
+    {"normal_hess", cart_pendulum_normal_hess, 5, 1, normal_hess_arrays},
+    {"restitution", cart_pendulum_restitution, 6, 1, restitution_arrays},
+    {"restitution_jac", cart_pendulum_restitution_jac, 6, 1, restitution_jac_arrays},
+    {"restitution_hess", cart_pendulum_restitution_hess, 7, 1, restitution_hess_arrays},
+    {"min_time", cart_pendulum_min_time, 6, 1, min_time_arrays},
+    {"min_time_jac", cart_pendulum_min_time_jac, 6, 1, min_time_jac_arrays},
+};
+
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", 28, entries};

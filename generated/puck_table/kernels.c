@@ -918,3 +918,122 @@ void puck_table_min_time_jac(ptrdiff_t n, const double *const in[], const ptrdif
         min_time_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*16);
 }
 
+/* ---- Table of the kernels ---- */
+
+static const dmoc_array step_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"r_minus", 2}, {"r_plus", 2}, {"C_d", 1}, {"r_i", 0},
+};
+static const dmoc_array step_jac_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"r_minus_D_z", 8}, {"r_plus_D_z", 8}, {"C_d_D_z", 5}, {"r_i_D_z", 0},
+};
+static const dmoc_array step_hess_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"sigma", 1}, {"mu_minus", 2}, {"mu_plus", 2}, {"mu_i", 0}, {"hess", 13},
+};
+static const dmoc_array impact_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"e_plus", 1}, {"e_minus", 1},
+};
+static const dmoc_array impact_jac_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"e_plus_D_z", 7}, {"e_minus_D_z", 7},
+};
+static const dmoc_array impact_hess_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"w_e", 2}, {"hess", 19},
+};
+static const dmoc_array dynamics_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"M", 4}, {"F", 2},
+};
+static const dmoc_array dynamics_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"M_D_s", 0}, {"F_D_s", 0},
+};
+static const dmoc_array input_matrix_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"B", 4},
+};
+static const dmoc_array force_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"Q", 2}, {"power", 1},
+};
+static const dmoc_array legendre_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"p", 2}, {"E", 1},
+};
+static const dmoc_array legendre_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"p_D_s", 2},
+};
+static const dmoc_array legendre_hess_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w", 2}, {"hess", 0},
+};
+static const dmoc_array running_cost_arrays[] = {
+    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"C", 1}, {"C_DD_u", 2},
+};
+static const dmoc_array surface_arrays[] = {
+    {"q", 2}, {"t", 1}, {"par", 3}, {"g", 4},
+};
+static const dmoc_array surface_jac_arrays[] = {
+    {"q", 2}, {"t", 1}, {"par", 3}, {"g_D_q", 4},
+};
+static const dmoc_array surface_hess_arrays[] = {
+    {"q", 2}, {"t", 1}, {"par", 3}, {"w", 4}, {"hess", 0},
+};
+static const dmoc_array gap_rate_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w", 4},
+};
+static const dmoc_array gap_rate_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_D_s", 4},
+};
+static const dmoc_array gap_rate_hess_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_w", 4}, {"hess", 0},
+};
+static const dmoc_array normal_arrays[] = {
+    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"n", 2},
+};
+static const dmoc_array normal_jac_arrays[] = {
+    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"n_D_ql", 4},
+};
+static const dmoc_array normal_hess_arrays[] = {
+    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"mu", 2}, {"hess", 0},
+};
+static const dmoc_array restitution_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"e", 4}, {"W", 1},
+};
+static const dmoc_array restitution_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"e", 4}, {"W_D_s", 6},
+};
+static const dmoc_array restitution_hess_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"e", 4}, {"w_W", 1}, {"hess", 4},
+};
+static const dmoc_array min_time_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}, {"T_min", 4},
+};
+static const dmoc_array min_time_jac_arrays[] = {
+    {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}, {"T_min_D_y", 16},
+};
+
+static const dmoc_entry entries[] = {
+    {"step", puck_table_step, 8, 4, step_arrays},
+    {"step_jac", puck_table_step_jac, 8, 4, step_jac_arrays},
+    {"step_hess", puck_table_step_hess, 12, 1, step_hess_arrays},
+    {"impact", puck_table_impact, 8, 2, impact_arrays},
+    {"impact_jac", puck_table_impact_jac, 8, 2, impact_jac_arrays},
+    {"impact_hess", puck_table_impact_hess, 9, 1, impact_hess_arrays},
+    {"dynamics", puck_table_dynamics, 5, 2, dynamics_arrays},
+    {"dynamics_jac", puck_table_dynamics_jac, 5, 2, dynamics_jac_arrays},
+    {"input_matrix", puck_table_input_matrix, 5, 1, input_matrix_arrays},
+    {"force", puck_table_force, 5, 2, force_arrays},
+    {"legendre", puck_table_legendre, 4, 2, legendre_arrays},
+    {"legendre_jac", puck_table_legendre_jac, 4, 1, legendre_jac_arrays},
+    {"legendre_hess", puck_table_legendre_hess, 5, 1, legendre_hess_arrays},
+    {"running_cost", puck_table_running_cost, 5, 2, running_cost_arrays},
+    {"surface", puck_table_surface, 3, 1, surface_arrays},
+    {"surface_jac", puck_table_surface_jac, 3, 1, surface_jac_arrays},
+    {"surface_hess", puck_table_surface_hess, 4, 1, surface_hess_arrays},
+    {"gap_rate", puck_table_gap_rate, 4, 1, gap_rate_arrays},
+    {"gap_rate_jac", puck_table_gap_rate_jac, 4, 1, gap_rate_jac_arrays},
+    {"gap_rate_hess", puck_table_gap_rate_hess, 5, 1, gap_rate_hess_arrays},
+    {"normal", puck_table_normal, 4, 1, normal_arrays},
+    {"normal_jac", puck_table_normal_jac, 4, 1, normal_jac_arrays},
+    {"normal_hess", puck_table_normal_hess, 5, 1, normal_hess_arrays},
+    {"restitution", puck_table_restitution, 6, 1, restitution_arrays},
+    {"restitution_jac", puck_table_restitution_jac, 6, 1, restitution_jac_arrays},
+    {"restitution_hess", puck_table_restitution_hess, 7, 1, restitution_hess_arrays},
+    {"min_time", puck_table_min_time, 6, 1, min_time_arrays},
+    {"min_time_jac", puck_table_min_time_jac, 6, 1, min_time_jac_arrays},
+};
+
+const dmoc_table puck_table_kernels = {"puck_table", 28, entries};

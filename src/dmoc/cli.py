@@ -120,12 +120,12 @@ def generate(
     order: Annotated[int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")] = 2,
 ) -> None:
     """Write the C and Cython sources of a model."""
-    from dmoc.codegen.build import write_files
+    from dmoc.codegen.build import header, write_files
     from dmoc.codegen.text import c_files
     from dmoc.registry import find
     from dmoc.symbolic.kernels import model_spec
 
-    files = c_files(model_spec(find(model).system(), order))
+    files = c_files(model_spec(find(model).system(), order)) | header()
     folder = target or Path(find(model).system().name)
     try:
         paths = write_files(folder, files)

@@ -15,7 +15,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system, puck_system
 
 import dmoc
-from dmoc.codegen.build import compiler, write_files
+from dmoc.codegen.build import HEADERS, compiler, write_files
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.printer import CPrinter, NumPyPrinter
 from dmoc.codegen.text import c_files
@@ -176,11 +176,13 @@ def test_wrong_arrays_are_refused_by_name(block: Kernels) -> None:
     one = np.ones((3, 1))
     none, out = np.ones((3, 0)), [*(np.empty((3, 1)) for _ in range(3)), np.empty((3, 0))]
     with pytest.raises(ValueError, match="par: expected rows of 2"):
-        block.module.step(one, one, one, one, one, one, none, np.ones((1, 3)), *out)
+        block.functions["step"](one, one, one, one, one, one, none, np.ones((1, 3)), *out)
     with pytest.raises(ValueError, match="q_k: expected 3 rows or 1, got 2"):
-        block.module.step(one[:2], one, one, one, one, one, none, np.ones((1, 2)), *out)
+        block.functions["step"](one[:2], one, one, one, one, one, none, np.ones((1, 2)), *out)
     with pytest.raises(ValueError, match="q_k: expected float64"):
-        block.module.step(one.astype(np.float32), one, one, one, one, one, none, np.ones((1, 2)), *out)
+        block.functions["step"](one.astype(np.float32), one, one, one, one, one, none, np.ones((1, 2)), *out)
+    with pytest.raises(TypeError, match="step: expected 12 arrays, got 4"):
+        block.functions["step"](*out)
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -199,7 +201,7 @@ def test_every_kernel_runs_under_sanitizers(tmp_path: Path, order: int) -> None:
         lines.append(f"      driven_{k.name}(3, in, s, out); }}")
     (tmp_path / "main.c").write_text("\n".join([*lines, "    return 0; }"]))
     flags = ["-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    subprocess.run([*compiler(), *flags, "kernels.c", "main.c", "-lm", "-o", "run"], cwd=tmp_path, check=True)
+    subprocess.run([*compiler(), *flags, f"-I{HEADERS}", "kernels.c", "main.c", "-lm", "-o", "run"], cwd=tmp_path, check=True)
     subprocess.run(["./run"], cwd=tmp_path, check=True, env={**os.environ, "ASAN_OPTIONS": "detect_leaks=0"})
 
 

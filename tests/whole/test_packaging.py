@@ -49,7 +49,8 @@ def test_a_source_distribution_holds_every_source_of_the_packages(arguments: dic
             if path.is_file() and path.suffix != ".so":
                 assert any(fnmatch(path.name, pattern) for pattern in patterns), path
     templates = (ROOT / "codegen" / "templates").iterdir()
-    assert all(fnmatch(f"templates/{p.name}", *arguments["package_data"]["dmoc.codegen"]) for p in templates)
+    patterns = arguments["package_data"]["dmoc.codegen"]
+    assert all(any(fnmatch(f"templates/{p.name}", pattern) for pattern in patterns) for p in templates)
 
 
 def test_a_source_distribution_holds_what_its_tests_need(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,83 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, binding=False
+"""The border to compiled kernels: arrays are checked here before C code sees them."""
+from cpython.buffer cimport (
+    PyBUF_C_CONTIGUOUS, PyBUF_FORMAT, PyBUF_WRITABLE, PyBuffer_Release, PyObject_GetBuffer
+)
+from cpython.pycapsule cimport PyCapsule_GetPointer
+
+from dmoc_kernel cimport DMOC_MOST, DMOC_TABLE, dmoc_array, dmoc_entry, dmoc_table
+
+
+def functions(capsule):
+    """Return the kernels of a table by name, each a :class:`Function`."""
+    cdef const dmoc_table *table
+    cdef Function function
+    cdef int i
+    table = <const dmoc_table *>PyCapsule_GetPointer(capsule, DMOC_TABLE)
+    found = {}
+    for i in range(table.entries):
+        function = Function.__new__(Function)
+        function.entry = &table.entry[i]
+        name = function.entry.name.decode()
+        if max(function.entry.inputs, function.entry.outputs) > DMOC_MOST:
+            raise ValueError(f"{name}: more than {DMOC_MOST} inputs or outputs")
+        found[name] = function
+    return found
+
+
+cdef str _name(dmoc_array array):
+    return array.name.decode()
+
+
+cdef class Function:
+    """One kernel as a function of its inputs and then its outputs.
+
+    Inputs are C-contiguous float64 arrays of shape (n, size), or (1, size) where one row serves
+    all; outputs are arrays of shape (n, size) that the caller owns.
+    """
+    cdef const dmoc_entry *entry
+
+    def __call__(self, *arrays):
+        cdef Py_buffer views[2 * DMOC_MOST]
+        cdef const double *args[DMOC_MOST]
+        cdef double *results[DMOC_MOST]
+        cdef ptrdiff_t stride[DMOC_MOST]
+        cdef ptrdiff_t n = -1, rows, size
+        cdef int a, held = 0, flags
+        cdef int inputs = self.entry.inputs, total = inputs + self.entry.outputs
+        cdef const dmoc_array *array = self.entry.array
+        cdef Py_buffer *view
+        if len(arrays) != total:
+            name = self.entry.name.decode()
+            raise TypeError(f"{name}: expected {total} arrays, got {len(arrays)}")
+        try:
+            for a in range(total - 1, -1, -1):  # outputs first: they tell the number of rows
+                view = &views[held]
+                flags = PyBUF_C_CONTIGUOUS | PyBUF_FORMAT
+                if a >= inputs:
+                    flags |= PyBUF_WRITABLE
+                PyObject_GetBuffer(arrays[a], view, flags)
+                held += 1
+                if view.format[0] != c"d" or view.format[1] != 0:
+                    raise ValueError(f"{_name(array[a])}: expected float64 values")
+                size = array[a].size
+                rows = view.len // (8 * size) if size else 0
+                if rows * size * 8 != view.len:
+                    raise ValueError(f"{_name(array[a])}: expected rows of {size} values")
+                if a >= inputs:
+                    if size and n < 0:
+                        n = rows
+                    if size and rows != n:
+                        raise ValueError(f"{_name(array[a])}: expected {n} rows, got {rows}")
+                    results[a - inputs] = <double *>view.buf
+                else:
+                    if size and n >= 0 and rows != 1 and rows != n:
+                        raise ValueError(f"{_name(array[a])}: expected {n} rows or 1, got {rows}")
+                    args[a] = <const double *>view.buf
+                    stride[a] = 0 if rows == 1 else size
+            if n > 0:
+                with nogil:
+                    self.entry.kernel(n, args, stride, results)
+        finally:
+            for a in range(held):
+                PyBuffer_Release(&views[a])
