@@ -44,8 +44,8 @@ extensions += [
     ),
     Extension(
         "dmoc.solvers.compiled",
-        ["solvers/compiled.pyx", "solvers/interior_point.c", "solvers/ldl.c", "nlp/passes.c"],
-        depends=["solvers/interior_point.h", "solvers/ldl.h", "nlp/passes.h", KERNEL],
+        ["solvers/compiled.pyx", *sorted(map(str, Path("solvers").glob("*.c"))), "nlp/passes.c"],
+        depends=[*sorted(map(str, Path("solvers").glob("*.h"))), "nlp/passes.h", KERNEL],
         include_dirs=["codegen", "nlp", "solvers"],
         extra_compile_args=SOLVER_FLAGS,
     ),

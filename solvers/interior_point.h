@@ -1,20 +1,28 @@
 /* A primal-dual interior-point method with a filter line search, after
  *
- *   A. Waechter, L. T. Biegler: On the implementation of an interior-point filter line-search algorithm for large-scale nonlinear
- *   programming. Mathematical Programming 106 (2006) 25-57. "WB" and an equation or section number refer to it.
+ *   A. Waechter, L. T. Biegler: On the implementation of an interior-point filter line-search
+ *   algorithm for large-scale nonlinear programming. Mathematical Programming 106 (2006) 25-57.
+ *   "WB" and an equation or section number refer to it.
  *
- * for minimise f(x) subject to c(x) = 0, d(x) >= 0, lower <= x <= upper. Every inequality gets a slack. What differs from the paper:
+ * for minimise f(x) subject to c(x) = 0, d(x) >= 0, lower <= x <= upper. Every inequality gets a
+ * slack. What differs from the paper:
  *
- * - Unknowns have sizes: stationarity, perturbations of the Hessian and the distance of the start from its bounds are measured in
- *   them. A step size h of a millisecond would otherwise be pushed to ten (WB 3.6), and weigh a thousand times too much.
- * - Step sizes change by a limited factor in one iteration. They multiply everything that happens in a phase, and a linearisation in
- *   them holds no further; without the limit a quarter of the iterates leaves the motion for one that winds through several turns.
- * - The end is decided in the units of the problem, not in scaled ones: largest violation, stationarity and complementarity.
- * - Slacks, and the elastic variables of the restoration, are eliminated from the linear system row by row; the system keeps its size and pattern.
- * - The order of the pivots is fixed. A solution whose residual stays large counts as singular, so that the perturbations grow.
- * - The restoration's first multipliers of the constraints are zero, it may not call a restoration of its own (WB 3.3.1), and after it the
- *   bound multipliers begin anew at mu/(x - lower).
- * - No watchdog. A point that meets the demanded tolerance and gets no sharper in three iterations is a solution.
+ * - Unknowns have sizes: stationarity, perturbations of the Hessian and the distance of the start
+ *   from its bounds are measured in them. A step size h of a millisecond would otherwise be pushed
+ *   to ten (WB 3.6), and weigh a thousand times too much.
+ * - Step sizes change by a limited factor in one iteration. They multiply everything that happens
+ *   in a phase, and a linearisation in them holds no further; without the limit a quarter of the
+ *   iterates leaves the motion for one that winds through several turns.
+ * - The end is decided in the units of the problem, not in scaled ones: largest violation,
+ *   stationarity and complementarity.
+ * - Slacks, and the elastic variables of the restoration, are eliminated from the linear system
+ *   row by row; the system keeps its size and pattern.
+ * - The order of the pivots is fixed. A solution whose residual stays large counts as singular, so
+ *   that the perturbations grow.
+ * - The restoration's first multipliers of the constraints are zero, it may not call a restoration
+ *   of its own (WB 3.3.1), and after it the bound multipliers begin anew at mu/(x - lower).
+ * - No watchdog. A point that meets the demanded tolerance and gets no sharper in three iterations
+ *   is a solution.
  */
 #ifndef DMOC_INTERIOR_POINT_H
 #define DMOC_INTERIOR_POINT_H
@@ -22,31 +30,38 @@
 #include "ldl.h"
 #include "passes.h"
 
-enum { DMOC_SOLVED, DMOC_INFEASIBLE, DMOC_ITERATION_LIMIT, DMOC_TIME_LIMIT, DMOC_STALLED, DMOC_INTERRUPTED, DMOC_NO_MEMORY };
+enum {
+    DMOC_SOLVED, DMOC_INFEASIBLE, DMOC_ITERATION_LIMIT, DMOC_TIME_LIMIT, DMOC_STALLED,
+    DMOC_INTERRUPTED, DMOC_NO_MEMORY
+};
 
 /* Called after each iteration; a result other than 0 stops. */
-typedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu, int restoring);
+typedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu,
+                        int restoring);
 
 typedef struct {
     double optimality;  /* stationarity and complementarity to aim at, scaled as in WB (5) */
     double demanded;    /* the same, of a solution that rounding errors keep from getting sharper */
     double violation;   /* largest violation of a solution, in the units of the constraints */
-    double least_cost;  /* a smaller cost counts as this much where stationarity and complementarity are compared with it */
+    double least_cost;  /* a smaller cost counts as this much where residuals are compared */
     double infeasible;  /* a larger least violation means infeasible, a smaller one stalled */
     double mu;          /* first barrier parameter */
     int warm;           /* y, z_lower, z_upper are given */
-    const double *price; /* [m] price of a violation in the restoration, in the units of the rows; NULL for 1 on scaled rows */
-    int least_violation; /* minimise the violation alone: solved where there is none, infeasible where it is least */
+    const double *price; /* [m] price of a violation in the restoration, in the units of the rows;
+                            NULL for 1 on scaled rows */
+    int least_violation; /* minimise the violation alone: solved where there is none */
     int iterations;
     double seconds;
     dmoc_report *report;
     void *user;
 } dmoc_options;
 
-/* The linear system: K index i < n is unknown i, n + r is constraint r. All arrays are the caller's.
+/* The linear system: K index i < n is unknown i, n + r is row r. All arrays are the caller's.
  *   place[n + m]: position in the elimination order, -1 for fixed unknowns
- *   start[size + 1], row[]: upper triangle by columns in elimination order; first[pivots + 1]: pivots
- *   from_hess[], from_jac[]: entry of K that each entry of the Hessian and of the Jacobian is added to, -1 for none
+ *   start[size + 1], row[]: upper triangle by columns in elimination order
+ *   first[pivots + 1]: pivots
+ *   from_hess[], from_jac[]: entry of K that each entry of the Hessian and of the Jacobian is added
+ *   to, -1 for none
  *   diagonal[n + m]: entry of K on the diagonal, -1 for fixed unknowns
  */
 typedef struct {
@@ -60,10 +75,15 @@ typedef struct {
     double seconds_kernels, seconds_linear, seconds; /* where the time went */
 } dmoc_result;
 
-/* x[n], y[m], z_lower[n], z_upper[n]: start and result; size[n]: typical changes of the unknowns; stretch[n] > 1: the largest ratio of
- * an unknown in two iterates, for unknowns that are positive, INFINITY for the others.
- * After a restoration without success the multipliers are those of the least violation. L = f + y . (c | d) - z_lower . (x - lower) - z_upper . (upper - x); y <= 0 on rows d. */
-dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt, const dmoc_options *options, const double *size,
-                                const double *stretch, double *x, double *y, double *z_lower, double *z_upper);
+/* x[n], y[m], z_lower[n], z_upper[n]: start and result; size[n]: typical changes of the unknowns;
+ * stretch[n] > 1: the largest ratio of an unknown in two iterates, for unknowns that are positive,
+ * INFINITY for the others. After a restoration without success the multipliers are those of the
+ * least violation. L = f + y . (c | d) - z_lower . (x - lower) - z_upper . (upper - x), and y <= 0
+ * on rows d.
+ */
+dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt,
+                                const dmoc_options *options, const double *size,
+                                const double *stretch, double *x, double *y, double *z_lower,
+                                double *z_upper);
 
 #endif
