@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from dmoc.codegen.kernels import Array, Kernels
-from dmoc.nlp.algebra import solved
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.model import Model
 
 
-def averaged_accelerations(
-    kernels: Kernels, q: Array, v: Array, q_c: Array, surface: int, bounds: Array, par: Array
-) -> tuple[Array, Array]:
+def averaged_accelerations(model: Model, q: Array, v: Array, q_c: Array, surface: int, bounds: Array) -> tuple[Array, Array]:
     """Return a = M^-1 F half-way between q and q_c at full input towards a surface, and da/dq half-way.
 
     Parameters
@@ -26,7 +25,6 @@ def averaged_accelerations(
         Index of the surface.
     bounds : array of shape (nu, 2)
         Finite bounds of the inputs.
-    par : array of shape (1, npar)
 
     Returns
     -------
@@ -34,29 +32,20 @@ def averaged_accelerations(
     a_D_s : array of shape (nq, 2 nq)
         Derivative with respect to the averaged position and v.
     """
-    nq, nu = len(q), len(bounds)
-    at, rate = (0.5 * (q + q_c))[None], v[None].copy()
-    middle, now = bounds.mean(axis=1)[None], np.zeros((1, 1))
-    mass = kernels.call("dynamics", at, rate, middle, now, par)[0].reshape(nq, nq)
-    inputs = kernels.call("input_matrix", at, rate, middle, now, par)[0].reshape(nq, nu)
-    rows, columns = kernels.pattern("surface_jac", "g_D_q")
-    gradient = np.zeros(nq)
-    values = kernels.call("surface_jac", at, now, par)[0][0]
-    gradient[columns[rows == surface]] = values[rows == surface]  # a surface with a minimal time stands still
-    push = solved(mass, inputs).T @ gradient
-    full = np.where(push > 0, bounds[:, 1], bounds[:, 0])[None]
-    force = kernels.call("dynamics", at, rate, full, now, par)[1][0]
+    at = 0.5 * (q + q_c)
+    inputs = model.input_matrix(at, v, bounds.mean(axis=1))
+    gradient = model.gap_slopes(at)[surface, :-1]  # a surface with a minimal time stands still
+    push = solved(model.mass(at), inputs).T @ gradient
+    full = np.where(push > 0, bounds[:, 1], bounds[:, 0])
+    mass, force = model.equations(at, v, full)
     a = solved(mass, force)
-    mass_s, force_s = kernels.call("dynamics_jac", at, rate, full, now, par)
-    M_D_s, F_D_s = np.zeros((nq * nq, 2 * nq)), np.zeros((nq, 2 * nq))
-    M_D_s[kernels.pattern("dynamics_jac", "M_D_s")] = mass_s[0]
-    F_D_s[kernels.pattern("dynamics_jac", "F_D_s")] = force_s[0]
-    change = F_D_s - np.einsum("ijs,j->is", M_D_s.reshape(nq, nq, 2 * nq), a)
+    M_D_s, F_D_s = model.equations_slopes(at, v, full)
+    change = F_D_s - np.einsum("ijs,j->is", M_D_s, a)
     return a, solved(mass, change)
 
 
 def minimal_time(
-    kernels: Kernels, q_k: Array, q_kp1: Array, h: float, q_c: Array, surface: int, bounds: Array, par: Array
+    model: Model, q_k: Array, q_kp1: Array, h: float, q_c: Array, surface: int, bounds: Array
 ) -> tuple[float, Array]:
     """Return T_min of a phase and its gradient with respect to y = (q_k, q_kp1, h, q_c).
 
@@ -67,16 +56,12 @@ def minimal_time(
     if not np.isfinite(bounds).all():
         return 0.0, np.zeros(3 * nq + 1)
     qm, v = 0.5 * (q_k + q_kp1), (q_kp1 - q_k) / h
-    a, a_D_s = averaged_accelerations(kernels, qm, v, q_c, surface, bounds, par)
-    arguments = (q_k[None].copy(), q_kp1[None].copy(), np.array([[h]]), q_c[None].copy(), a[None], par)
+    a, a_D_s = averaged_accelerations(model, qm, v, q_c, surface, bounds)
     with np.errstate(invalid="ignore", divide="ignore"):
-        time = float(kernels.call("min_time", *arguments)[0][0, surface])
+        time = float(model.minimal_times(q_k, q_kp1, h, q_c, a)[surface])
     if not (np.isfinite(time) and time > 0):
         return np.inf, np.zeros(3 * nq + 1)
-    rows, columns = kernels.pattern("min_time_jac", "T_min_D_y")
-    explicit = np.zeros(4 * nq + 1)
-    values = kernels.call("min_time_jac", *arguments)[0][0]
-    explicit[columns[rows == surface]] = values[rows == surface]
+    explicit = model.minimal_time_slopes(q_k, q_kp1, h, q_c, a)[surface]
     # s = ((qm + q_c)/2, v) with qm = (q_k + q_kp1)/2 and v = (q_kp1 - q_k)/h
     one = np.eye(nq)
     s_D_y = np.zeros((2 * nq, 3 * nq + 1))

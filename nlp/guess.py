@@ -18,7 +18,7 @@ from functools import lru_cache
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.algebra import least_squares, solved
+from dmoc.mechanics.algebra import least_squares
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Boundary, Problem, midpoints
 from dmoc.nlp.scaling import scale_of
@@ -182,15 +182,14 @@ def _final_times(problem: Problem) -> list[float]:
 def _natural_time(problem: Problem) -> float:
     """Time that the reaches take at the speeds of the start, at the forces at rest, or at full input."""
     reach = problem.reach
-    q, zero = problem.start_position, np.zeros((1, problem.nq))
+    q = problem.start_position
     boundary = problem.start_bounds
-    v = _end_velocity(problem, boundary, q, zero[0])
+    v = _end_velocity(problem, boundary, q, np.zeros(problem.nq))
     box = problem.input_bounds
     full = [np.where(np.isfinite(side), side, 0.0) for side in box.T]
     times = [reach[i] / abs(v[i]) for i in range(problem.nq) if v[i] != 0]
     for u in (np.zeros(problem.nu), *full):
-        mass, force = problem.kernels.call("dynamics", q[None], zero, u[None].copy(), np.zeros((1, 1)), problem.parameter_values)
-        a = np.abs(solved(mass.reshape(problem.nq, problem.nq), force[0]))
+        a = np.abs(problem.model.acceleration(q, u=u))
         times += [float(np.sqrt(2 * reach[i] / a[i])) for i in range(problem.nq) if np.isfinite(a[i]) and a[i] > 0]
     return float(np.median(times)) if times else _cheapest_decade(problem)
 
@@ -258,8 +257,7 @@ def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float, even
     """Durations in proportion to the distances, or even ones, and velocities that continue smoothly in the mirror image behind each surface."""
     points = _via_positions(problem, final_time)
     legs = np.diff(points, axis=0)
-    mass = _Dynamics(problem, points[0], np.zeros(problem.nq), 0.0).mass
-    inertia = mass[np.ix_(prescribed, prescribed)]
+    inertia = problem.model.mass(points[0])[np.ix_(prescribed, prescribed)]
     lengths = np.sqrt(np.einsum("ki,ij,kj->k", legs[:, list(prescribed)], inertia, legs[:, list(prescribed)]))
     # Between two collisions with one surface the motion leaves and returns: such a phase gets an average share.
     flights = lengths <= 1e-6 * lengths.sum()
@@ -273,8 +271,7 @@ def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float, even
         _, slope, _ = gap_to(problem, points[i + 1], surface, float(durations[: i + 1].sum()))
         e = max(_coefficient(problem, surface), SOFTEST_MIRROR)
         before, after = legs[i] / durations[i], legs[i + 1] / durations[i + 1]
-        response = solved(_Dynamics(problem, points[i + 1], np.zeros(problem.nq), 0.0).mass, slope)
-        square = float(slope @ response)
+        response, square = problem.model.impulse_response(points[i + 1], slope)
         mirrored = after - (1 + 1 / e) * (slope @ after) / square * response if square > 0 else after
         velocity = (durations[i + 1] * before + durations[i] * mirrored) / (durations[i] + durations[i + 1])
         if square > 0:  # arrive with some speed, or there is no collision
@@ -289,10 +286,7 @@ def _plan(problem: Problem, prescribed: tuple[int, ...], final_time: float, even
 def _end_velocity(problem: Problem, boundary: Boundary, q: Array, default: Array) -> Array:
     """Velocity at an end: what the bounds fix, as velocity or as momentum, else the default."""
     if np.isfinite(boundary.momentum).all():
-        zero = np.zeros((1, problem.nq))
-        p = midpoints(boundary.momentum, np.zeros(problem.nq))
-        offset = problem.kernels.call("legendre", q[None], zero, np.zeros((1, 1)), problem.parameter_values)[0][0]
-        return solved(_Dynamics(problem, q, zero[0], 0.0).mass, p - offset)
+        return problem.model.velocity(q, midpoints(boundary.momentum, np.zeros(problem.nq)))
     return midpoints(boundary.velocity, np.where(np.isfinite(boundary.momentum).any(axis=1), 0.0, default))
 
 
@@ -303,12 +297,9 @@ class _Dynamics:
     """Equations of motion M q'' = F + B u at one state and time, with the rows that no input enters."""
 
     def __init__(self, problem: Problem, q: Array, v: Array, t: float) -> None:
-        nq, nu = problem.nq, problem.nu
-        at = (q[None].copy(), v[None].copy(), np.zeros((1, nu)), np.array([[t]]), problem.parameter_values)
-        mass, force = problem.kernels.call("dynamics", *at)
-        self.mass, self.force = mass.reshape(nq, nq), force[0]
-        self.inputs = problem.kernels.call("input_matrix", *at)[0].reshape(nq, nu)
-        self.rest, self.inverse = _rows_of_inputs(self.inputs.tobytes(), problem.inertia.tobytes(), nq, nu)
+        self.mass, self.force = problem.model.equations(q, v, t=t)
+        self.inputs = problem.model.input_matrix(q, v, t=t)
+        self.rest, self.inverse = _rows_of_inputs(self.inputs.tobytes(), problem.inertia.tobytes(), *self.inputs.shape)
 
     def reach(self, prescribed: tuple[int, ...]) -> float:
         """Smallest singular value of the matrix that gives the other accelerations, relative to its rows; 1 if there are no others."""
@@ -392,9 +383,7 @@ def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion 
         u = np.clip(np.array(inputs[-steps:]).reshape(steps, problem.nu), *problem.input_bounds.T)
         at = np.array(nodes[-steps:])
         times = begin + h * (np.arange(steps) + 0.5)
-        cost += h * float(
-            problem.kernels.call("running_cost", at, np.zeros_like(at), u, times[:, None], problem.parameter_values)[0].sum()
-        )
+        cost += h * float(problem.model.running_cost(at, None, u, times).sum())
         begin += plan.durations[i]
         if i < len(problem.sequence):
             v_a.append(v)
@@ -433,8 +422,8 @@ def _coefficient(problem: Problem, surface: str) -> float:
 def reflected(problem: Problem, q: Array, v: Array, surface: str, t: float) -> tuple[Array, float]:
     """Velocity after an impact, and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n) with n = grad g."""
     _, normal, moving = gap_to(problem, q, surface, t)
-    response = solved(_Dynamics(problem, q, v, t).mass, normal)
-    inertia, approach = float(normal @ response), float(normal @ v) + moving
+    response, inertia = problem.model.impulse_response(q, normal, t)
+    approach = float(normal @ v) + moving
     impulse = max((1 + _coefficient(problem, surface)) * approach / inertia, 0.0) if inertia > 0 else 0.0
     return v - impulse * response, impulse
 
@@ -488,8 +477,7 @@ def _unknowns(problem: Problem, plan: Plan, motion: Motion) -> Array:
         (0, lay.index_p_B, lay.index_v_B, motion.v_B),
         (-1, lay.index_p_E, lay.index_v_E, motion.v_E),
     ):
-        at = (motion.q[[node]], v[None].copy(), times[[node], None].copy())
-        x[index_p] = problem.kernels.call("legendre", *at, problem.parameter_values)[0][0]
+        x[index_p] = problem.model.momentum(motion.q[node], v, times[node])
         if len(index_v):
             x[index_v] = v
     return x

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.algebra import solved
 from dmoc.nlp.labels import Block
 from dmoc.nlp.transcription import Transcription
 from dmoc.trajectory import Collision, Phase, Trajectory
@@ -36,7 +35,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         p = np.vstack([p_start[first : first + 1], p_end[first:last]])
         at = np.ascontiguousarray(q[first : last + 1])
         inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
-        phases.append(Phase(t, at, p, _velocities(nlp, t, at, p), np.ascontiguousarray(inputs)))
+        phases.append(Phase(t, at, p, problem.model.velocity(at, p, t), np.ascontiguousarray(inputs)))
         begin = float(t[-1])
         if i < lay.phases - 1:
             collisions.append(
@@ -63,10 +62,9 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
 def _rates(nlp: Transcription, x: Array, i: int, t: float) -> tuple[float, float]:
     """Rates of the gap before and after collision i, from the unknowns in units of the problem."""
     lay, j = nlp.layout, int(nlp.surfaces[i])
-    q = x[lay.index_q[lay.collision_nodes[[i]]]]
-    at = np.array([[t]])
-    sides = [nlp.problem.kernels.call("gap_rate", q, x[v[[i]]], at, nlp.par)[0][0, j] for v in (lay.index_v_a, lay.index_v_c)]
-    return float(sides[0]), float(sides[1])
+    q = x[lay.index_q[lay.collision_nodes[i]]]
+    before, after = (nlp.problem.model.gap_rates(q, x[v[i]], t)[j] for v in (lay.index_v_a, lay.index_v_c))
+    return float(before), float(after)
 
 
 def _without_effect(before: Array, after: Array, largest: Array) -> bool:
@@ -76,24 +74,13 @@ def _without_effect(before: Array, after: Array, largest: Array) -> bool:
 
 def singular_at(nlp: Transcription, x: Array) -> float | None:
     """First time at which the mass matrix is not positive definite, up to rounding errors of its entries; None if it is everywhere."""
-    kernels, y = nlp.problem.kernels, nlp.physical(x)
+    y = nlp.physical(x)
     q, t = y[nlp.layout.index_q], nlp.layout.times(y)
-    M = kernels.call("dynamics", q, np.zeros_like(q), np.zeros((1, nlp.layout.nu)), t[:, None].copy(), nlp.par)[0]
     root = 1 / np.sqrt(np.abs(nlp.problem.inertia))
-    scaled = M.reshape(len(q), nlp.layout.nq, -1) * root[:, None] * root
+    scaled = nlp.problem.model.mass(q, t) * root[:, None] * root
     good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
     good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
     return None if good.all() else float(t[int(np.argmin(good))])
-
-
-def _velocities(nlp: Transcription, t: Array, q: Array, p: Array) -> Array:
-    """v = M(q, t)^-1 (p - dL/dv(q, 0, t))."""
-    kernels, rest, at = nlp.problem.kernels, np.zeros_like(q), t[:, None].copy()
-    offset = kernels.call("legendre", q, rest, at, nlp.par)[0]
-    mass = kernels.call("dynamics", q, rest, np.zeros((1, nlp.problem.nu)), at, nlp.par)[0].reshape(
-        len(q), q.shape[1], q.shape[1]
-    )
-    return np.ascontiguousarray(solved(mass, p - offset))
 
 
 def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[str, ...]:

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import LONGEST_TEXT, Range, flag, interval, limits, listed, names, number, shown, whole
+from dmoc.arguments import Range, check_known, flag, interval, limits, listed, names, shown, whole
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.codegen.system import kernels_of
 from dmoc.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.errors import ProblemError
-from dmoc.nlp.algebra import solved
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.values import by_name, parameter_row, restitution_row
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 
 # A start or goal on a surface is admissible; rounding of its coordinates must not make it inadmissible: share of the gap's own size.
 SURFACE_TOLERANCE = 1e-12
-# Relative change of a coordinate or parameter that tells how much of a gap comes from it.
-NUDGE = 1e-3
 # Share of the gap's largest possible rate below which a state on a surface does not move into it.
 MOVING_INTO = 1e-9
 
@@ -106,10 +104,10 @@ class Problem:
         put = object.__setattr__
         put(self, "kernels", kernels_of(self.kernels))
         for name in ("start", "goal", "bounds", "parameters"):
-            put(self, name, _by_name(getattr(self, name), name))
+            put(self, name, by_name(getattr(self, name), name))
         put(self, "sequence", tuple(names(self.sequence, "sequence", "surfaces")))
         for surface in self.sequence:
-            self._known(surface, self.kernels.surfaces, "surface", "in the sequence")
+            check_known(surface, self.kernels.surfaces, "surface", "in the sequence")
         if not isinstance(self.control_form, str) or self.control_form not in self.scheme.controls:
             known = ", ".join(self.scheme.controls)
             raise ProblemError(f"controls = {shown(self.controls)}: expected one of {known} with kernels of order {self.order}.")
@@ -182,14 +180,12 @@ class Problem:
     @cached_property
     def parameter_values(self) -> Array:
         """Parameter values in the model's order, shape (1, npar)."""
-        values = self.kernels.parameters
-        for name, value in self.parameters.items():
-            self._known(name, values, "parameter", "")
-            values[name] = number(value, f"parameter {name}")
-        for name, given in values.items():
-            if given is None:
-                raise ProblemError(f"parameter {name} of model {self.kernels.name!r} has no value: set it ({name}=...).")
-        return np.array([list(values.values())], dtype=float)
+        return parameter_row(self.kernels, self.parameters)
+
+    @cached_property
+    def model(self) -> Model:
+        """The model with its parameter values."""
+        return Model(self.kernels, self.parameter_values)
 
     @cached_property
     def restitution_values(self) -> Array:
@@ -204,9 +200,7 @@ class Problem:
     @cached_property
     def inertia(self) -> Array:
         """Diagonal of the mass matrix at the start, shape (nq,)."""
-        zero, inputs = np.zeros((1, self.nq)), np.zeros((1, self.nu))
-        mass = self.kernels.call("dynamics", self.start_position[None], zero, inputs, np.zeros((1, 1)), self.parameter_values)[0]
-        return np.diagonal(mass.reshape(self.nq, self.nq)).copy()
+        return np.diagonal(self.model.mass(self.start_position)).copy()
 
     @cached_property
     def reach(self) -> Array:
@@ -215,13 +209,9 @@ class Problem:
         start, goal = self.start_position, midpoints(self.goal_bounds.position, self.start_position)
         known = np.max(np.abs([goal - start, start, goal]), axis=0)
         if self.kernels.surfaces:
-            rows, columns = self.kernels.pattern("surface_jac", "g_D_q")
-            slope = np.zeros((len(self.kernels.surfaces), self.nq + 1))
-            now = np.zeros((1, 1))
-            slope[rows, columns] = self.kernels.call("surface_jac", start[None], now, self.parameter_values)[0][0]
-            gaps = np.abs(self.kernels.call("surface", start[None], now, self.parameter_values)[0][0])
+            slopes, gaps = self.model.gap_slopes(start), np.abs(self.model.gaps(start))
             for j in {self.kernels.surfaces.index(s) for s in self.sequence}:
-                size = np.abs(slope[j, :-1])
+                size = np.abs(slopes[j, :-1])
                 with np.errstate(divide="ignore", invalid="ignore"):
                     away = np.where(size > 0, gaps[j] / size, 0.0)
                 known = np.where((known == 0) & np.isfinite(away), away, known)
@@ -265,14 +255,6 @@ class Problem:
 
     # Checks ----------------------------------------------------------------------------------------------------------
 
-    def _known(self, name: str, among: Iterable[str], what: str, where: str) -> None:
-        known = list(among)
-        if name not in known:
-            close = difflib.get_close_matches(name[:LONGEST_TEXT], known, 1)
-            hint = f" (did you mean {close[0]!r}?)" if close else ""
-            listed = f"expected one of {', '.join(known)}" if known else "the model has none"
-            raise ProblemError(f"unknown {what} {shown(name)}{' ' + where if where else ''}: {listed}{hint}.")
-
     def _normalise_steps(self) -> None:
         given = self.steps
         if isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, (str, bytes)):
@@ -295,7 +277,7 @@ class Problem:
     def _normalise_periodic(self) -> None:
         states = [name_of(name) for name in listed(self.periodic, "periodic", "states")]
         for i, name in enumerate(states):
-            self._known(name, self.states, "state", "in periodic")
+            check_known(name, self.states, "state", "in periodic")
             if name in states[:i]:
                 raise ProblemError(f"periodic names {name!r} twice: give it once.")
         object.__setattr__(self, "periodic", tuple(states))
@@ -313,7 +295,7 @@ class Problem:
 
     def _boxes(self, names: Sequence[str]) -> Array:
         for name in self.bounds:
-            self._known(name, [*self.kernels.inputs, *self.kernels.coordinates], "input or coordinate", "in the bounds")
+            check_known(name, [*self.kernels.inputs, *self.kernels.coordinates], "input or coordinate", "in the bounds")
         boxes = [limits(self.bounds.get(name), f"bounds of {name}", BOX) for name in names]
         return np.array(boxes, dtype=float).reshape(len(names), 2)
 
@@ -322,7 +304,7 @@ class Problem:
         velocities = [velocity_name(q) for q in coordinates]
         momenta = [momentum_name(q) for q in coordinates]
         for name in given:
-            self._known(name, self.states, "state", f"at the {end}")
+            check_known(name, self.states, "state", f"at the {end}")
         free = None
         position, velocity, momentum = [], [], []
         for q, v, p in zip(coordinates, velocities, momenta, strict=True):
@@ -355,23 +337,19 @@ class Problem:
         if not fixed and velocity.any():
             return boundary
         at = midpoints(boundary.position, np.zeros(self.nq))
-        zero = np.zeros((1, 1))
-        momentum = self.kernels.call("legendre", at[None], velocity[None, :, 0].copy(), zero, self.parameter_values)[0][0]
+        momentum = self.model.momentum(at, velocity[:, 0])
         if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
             return boundary
         return Boundary(boundary.position, np.full_like(velocity, (-np.inf, np.inf)), np.repeat(momentum[:, None], 2, axis=1))
 
     def _check_mass_matrix(self) -> None:
-        at = self.start_position
-        zero, inputs = np.zeros((1, self.nq)), np.zeros((1, self.nu))
-        mass, force = self.kernels.call("dynamics", at[None], zero, inputs, np.zeros((1, 1)), self.parameter_values)
-        matrix = mass.reshape(self.nq, self.nq)
+        mass, force = self.model.equations(self.start_position)
         values = dict(zip(self.kernels.parameters, self.parameter_values[0], strict=True))
         suspects = [f"{n}={values[n]:g}" for n in self.kernels.manifest["mass_parameters"] if values[n] <= 0]
         cause = f" ({', '.join(suspects)})" if suspects else ""
-        if not (np.isfinite(matrix).all() and np.isfinite(force).all()):
+        if not (np.isfinite(mass).all() and np.isfinite(force).all()):
             raise ProblemError(f"the equations of motion are not finite at the start{cause}: check the parameters and the start.")
-        if np.linalg.eigvalsh(matrix)[0] <= 1e-14 * np.abs(matrix).max():
+        if np.linalg.eigvalsh(mass)[0] <= 1e-14 * np.abs(mass).max():
             remedy = "expected positive masses and lengths" if suspects else "check the parameters and the start"
             raise ProblemError(f"the mass matrix is not positive definite at the start{cause}: {remedy}.")
 
@@ -381,10 +359,9 @@ class Problem:
         if not self.kernels.surfaces or not fixed.any():
             return
         at = np.where(fixed, boundary.position[:, 0], 0.0)
-        par = self.parameter_values
-        gaps = self.kernels.call("surface", at[None], np.zeros((1, 1)), par)[0][0]
+        gaps = self.model.gaps(at)
         ends = [np.where(b[:, 0] == b[:, 1], b[:, 0], 0.0) for b in (self.start_bounds.position, self.goal_bounds.position)]
-        sizes = np.max([gap_sizes(self.kernels, q, par) for q in (at, *ends)], axis=0)
+        sizes = np.max([self.model.gap_sizes(q) for q in (at, *ends)], axis=0)
         for j, surface in enumerate(self.kernels.surfaces):
             if end == "goal" and surface in self.kernels.manifest["moving_surfaces"]:
                 continue
@@ -402,11 +379,7 @@ class Problem:
         v = self._fixed_velocity(q)
         if v is None:
             return
-        here, now = (q[None].copy(), v[None].copy()), np.zeros((1, 1))
-        rate = float(self.kernels.call("gap_rate", *here, now, self.parameter_values)[0][0, j])
-        rows, columns = self.kernels.pattern("surface_jac", "g_D_q")
-        slope = np.zeros(self.nq + 1)
-        slope[columns[rows == j]] = self.kernels.call("surface_jac", here[0], now, self.parameter_values)[0][0][rows == j]
+        rate, slope = float(self.model.gap_rates(q, v)[j]), self.model.gap_slopes(q)[j]
         if rate > MOVING_INTO * float(np.abs(slope) @ np.append(np.abs(v), 1.0)):
             raise ProblemError(
                 f"the start ({state}) lies on surface {self.kernels.surfaces[j]!r} and moves into it (the gap changes by {rate:g} per second): "
@@ -420,10 +393,7 @@ class Problem:
             return velocity[:, 0]
         if not (momentum[:, 0] == momentum[:, 1]).all():
             return None
-        zero, now, par = np.zeros((1, self.nq)), np.zeros((1, 1)), self.parameter_values
-        offset = self.kernels.call("legendre", q[None], zero, now, par)[0][0]
-        mass = self.kernels.call("dynamics", q[None], zero, np.zeros((1, self.nu)), now, par)[0].reshape(self.nq, self.nq)
-        return solved(mass, momentum[:, 0] - offset)
+        return self.model.velocity(q, momentum[:, 0])
 
 
 def midpoints(bounds: Array, default: Array) -> Array:
@@ -434,53 +404,8 @@ def midpoints(bounds: Array, default: Array) -> Array:
     return np.where(finite, middle, np.clip(default, bounds[:, 0], bounds[:, 1]))
 
 
-def gap_sizes(kernels: Kernels, q: Array, par: Array, t: float = 0.0) -> Array:
-    """Sizes of the gaps at a point, shape (nc,): the sum of what each coordinate and each parameter contributes, |dg/ds s|.
-
-    Rounding errors of a gap are about 1e-16 of its size, whatever its unit.
-    """
-    nudges = 1 + NUDGE * np.vstack([np.zeros(q.size + par.size), np.eye(q.size + par.size)])
-    changed = nudges * np.concatenate([q, par[0]])
-    n = len(changed)
-    now = np.full((n, 1), t)
-    gaps = kernels.call("surface", changed[:, : q.size].copy(), now, changed[:, q.size :].copy())[0]
-    return np.asarray(np.abs(gaps[1:] - gaps[0]).sum(axis=0) / NUDGE)
-
-
-def restitution_row(kernels: Kernels, given: Any) -> Array:
-    """Read a coefficient of restitution for all surfaces, or coefficients by surface; return one for each surface, shape (nc,)."""
-    if not isinstance(given, Mapping):
-        return np.full(len(kernels.surfaces), _coefficient(given, "restitution"))
-    named = _by_name(given, "restitution")
-    for surface in named:
-        if surface not in kernels.surfaces:
-            known = f"expected one of {', '.join(kernels.surfaces)}" if kernels.surfaces else "the model has none"
-            raise ProblemError(f"restitution of {shown(surface)}: unknown surface, {known}.")
-    return np.array([_coefficient(named.get(surface, 1.0), f"restitution of {surface!r}") for surface in kernels.surfaces])
-
-
-def _coefficient(value: Any, what: str) -> float:
-    e = number(value, what)
-    if not 0 <= e <= 1:
-        raise ProblemError(f"{what} = {shown(value)}: expected a number from 0 (plastic) to 1 (elastic).")
-    return e
-
-
 def _duration(value: Any, what: str) -> Range:
     low, high = interval(value, what)
     if high <= 0 or -np.inf < low < 0:
         raise ProblemError(f"{what} = {shown(value)}: expected a positive time in seconds, or a range such as (0.1, None).")
     return max(low, 0.0), high
-
-
-def _by_name(given: Any, what: str) -> dict[str, Any]:
-    """Read a mapping from names, as texts or symbols, to values."""
-    if not isinstance(given, Mapping):
-        raise ProblemError(f"{what} = {shown(given)}: expected a mapping from names to values.")
-    named: dict[str, Any] = {}
-    for key, value in given.items():
-        name = name_of(key)
-        if name in named:
-            raise ProblemError(f"{what} gives {shown(name)} twice, as a text and as a symbol: give it once.")
-        named[name] = value
-    return named

@@ -79,27 +79,25 @@ class Scale:
 def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
     """Read sizes off the unknowns x of a motion, a first one or a minimum: ranges, velocities, momenta, inputs, gaps; the cost with its slopes and
     curvatures."""
-    lay, kernels = Layout.of(problem), problem.kernels
-    par, h = problem.parameter_values, x[lay.index_h]
+    lay, model = Layout.of(problem), problem.model
+    h = x[lay.index_h]
     time = float(h @ np.array(lay.steps))
     q, t = x[lay.index_q], lay.times(x)
     steps = h[lay.phase_of_step][:, None]
     rates = np.diff(q, axis=0) / steps
-    middle, now = (q[:-1] + q[1:]) / 2, ((t[:-1] + t[1:]) / 2)[:, None]
-    none = np.zeros((1, lay.nu))
+    middle, now = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
     with np.errstate(all="ignore"):
-        M, F = kernels.call("dynamics", middle, rates, none, now, par)
-        mass = M.reshape(-1, lay.nq, lay.nq)
+        mass, F = model.equations(middle, rates, t=now)
         inertia = _finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0)
         kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
         size_q = _ranges(problem, q, time, inertia, float(kinetic), _finite(np.abs(F).max(axis=0), 0.0))
         size_v = np.maximum(np.abs(rates).max(axis=0), size_q / time)
-        p = kernels.call("legendre", middle, rates, now, par)[0]
+        p = model.momentum(middle, rates, now)
         size_p = np.maximum(_finite(np.abs(p).max(axis=0), 0.0), inertia * size_q / time)
         size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), size_p / time)
-        gap, rate = _gaps(problem, q, t[:, None], (size_q, size_v, time))
+        gap, rate = _gaps(problem, q, t, (size_q, size_v, time))
         energy = float(size_p @ size_v) / 2
-        path = np.ones(len(kernels.manifest["path_constraints"]))
+        path = np.ones(len(problem.kernels.manifest["path_constraints"]))
         scale = Scale(time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, path, h.copy())
         sizes = scale.unknowns(lay, np.zeros(lay.phases - 1, dtype=np.intp))
         cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
@@ -125,9 +123,7 @@ def _inputs(problem: Problem, u: Array, state: tuple[Array, Array, Array], force
     if not problem.nu:
         return np.zeros(0)
     q, v, t = state
-    zero = np.zeros((1, problem.nu))
-    B = problem.kernels.call("input_matrix", q, v, zero, t, problem.parameter_values)[0].reshape(-1, problem.nq, problem.nu)
-    reach = np.abs(B).max(axis=0)
+    reach = np.abs(problem.model.input_matrix(q, v, t=t)).max(axis=0)
     needed = np.where(reach > 0, force[:, None] / np.where(reach > 0, reach, 1.0), np.inf).min(axis=0)
     size = np.maximum(np.abs(u).max(axis=0, initial=0.0), _finite(needed, 0.0))
     box = problem.input_bounds
@@ -138,13 +134,10 @@ def _inputs(problem: Problem, u: Array, state: tuple[Array, Array, Array], force
 
 def _gaps(problem: Problem, q: Array, t: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Array]:
     """Sizes of gaps and of their rates: how far coordinates, velocities and a time of their sizes move them."""
-    kernels, (size_q, size_v, time) = problem.kernels, sizes
-    if not kernels.surfaces:
+    size_q, size_v, time = sizes
+    if not problem.model.nc:
         return np.ones(0), np.ones(0)
-    rows, columns = kernels.pattern("surface_jac", "g_D_q")
-    values = np.abs(_finite(kernels.call("surface_jac", q, t, problem.parameter_values)[0], 0.0)).max(axis=0)
-    slope = np.zeros((len(kernels.surfaces), problem.nq + 1))
-    slope[rows, columns] = values
+    slope = np.abs(_finite(problem.model.gap_slopes(q, t), 0.0)).max(axis=0)
     gap = slope @ np.append(size_q, time)
     rate = slope @ np.append(size_v, 1.0)
     return np.where(gap > 0, gap, 1.0), np.where(rate > 0, rate, 1.0)
@@ -152,22 +145,16 @@ def _gaps(problem: Problem, q: Array, t: Array, sizes: tuple[Array, Array, float
 
 def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) -> float:
     """Size of the cost: its value, at least a small share of what its slopes and curvatures make of the sizes of the unknowns."""
-    kernels, par = problem.kernels, problem.parameter_values
-    arguments = (*lay.step_inputs(x), par)
+    model, step = problem.model, lay.step_inputs(x)
     local = np.where(lay.index_z < 0, 0.0, sizes[lay.index_z])
-    value = float(kernels.call("step", *arguments)[2].sum())
-    _, columns = kernels.pattern("step_jac", "C_d_D_z")
-    slope = np.abs(kernels.call("step_jac", *arguments)[2] * local[:, columns]).sum()
-    weights = (np.ones((1, 1)), *(np.zeros((1, size)) for size in (lay.nq, lay.nq, lay.nq * lay.inside)))
-    r, c = kernels.pattern("step_hess", "hess")
-    bend = np.abs(kernels.call("step_hess", *arguments, *weights)[0] * local[:, r] * local[:, c])[:, r == c].sum() / 2
-    if kernels.has("terminal_cost"):
-        v_E = x[lay.index_v_E] if len(lay.index_v_E) else np.zeros(lay.nq)
-        state = (x[lay.index_q[-1:]], v_E[None], lay.times(x)[-1:, None])
-        value += float(kernels.call("terminal_cost", *(a.copy() for a in state), par)[0].sum())
-        _, columns = kernels.pattern("terminal_cost_jac", "Phi_D_s")
-        around = np.concatenate([sizes[lay.index_q[-1]], speeds, [float(np.sum(x[lay.index_h] * lay.steps))]])
-        slope += np.abs(kernels.call("terminal_cost_jac", *(a.copy() for a in state), par)[0] * around[columns]).sum()
+    slope = np.abs(model.step_cost_slopes(step) * local).sum()
+    bend = np.abs(model.step_cost_curvatures(step) * local**2).sum() / 2
+    v_E = x[lay.index_v_E] if len(lay.index_v_E) else np.zeros(lay.nq)
+    end = (x[lay.index_q[-1]], v_E, lay.times(x)[-1])
+    value = float(model.step_costs(step).sum() + model.terminal_cost(*end))
+    duration = float(np.sum(x[lay.index_h] * lay.steps))
+    around = np.concatenate([sizes[lay.index_q[-1]], speeds, [duration]])
+    slope += np.abs(model.terminal_cost_slopes(*end) * around).sum()
     flat = FLAT * float(slope + bend)
     size = max(abs(value), flat if np.isfinite(flat) else 0.0)
     return size if np.isfinite(size) and size > 0 else 1.0
@@ -175,16 +162,13 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
 
 def _path(problem: Problem, lay: Layout, x: Array, sizes: Array) -> Array:
     """Sizes of the path constraints: the largest change that an unknown of its size makes in any step."""
-    kernels = problem.kernels
-    names = kernels.manifest["path_constraints"]
+    names = problem.kernels.manifest["path_constraints"]
     if not names:
         return np.ones(0)
-    arguments = (*lay.step_inputs(x), problem.parameter_values)
-    r, c = kernels.pattern("path_jac", "r_d_D_z")
+    step = lay.step_inputs(x)
     local = np.where(lay.index_z < 0, 0.0, sizes[lay.index_z])
-    changes = _finite(np.abs(kernels.call("path_jac", *arguments)[0] * local[:, c]), 0.0).max(axis=0)
-    size = np.zeros(len(names))
-    np.maximum.at(size, r % len(names), changes)
-    values = _finite(np.abs(kernels.call("path", *arguments)[0]), 0.0).max(axis=0).reshape(-1, len(names)).max(axis=0)
-    size = np.where(size > 0, size, values)
+    changes = _finite(np.abs(problem.model.path_slopes(step) * local[:, None]), 0.0).max(axis=(0, 2))
+    values = _finite(np.abs(problem.model.path(step)), 0.0).max(axis=0)
+    size, at = (a.reshape(-1, len(names)).max(axis=0) for a in (changes, values))
+    size = np.where(size > 0, size, at)
     return np.where(size > 0, size, 1.0)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.problem import Problem, gap_sizes
+from dmoc.nlp.problem import Problem
 
 # A point lies on a surface up to this share of the gap's size.
 ON_SURFACE = 1e-9
@@ -37,8 +37,7 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
     involved = problem.kernels.manifest["surface_coordinates"][surface]
     if len(involved) > 1:
         return []
-    kernels, j, found = problem.kernels, int(involved[0]), []
-    row = kernels.surfaces.index(surface)
+    j, row, found = int(involved[0]), problem.kernels.surfaces.index(surface), []
 
     def gap(s: float) -> float:
         return gap_to(problem, q + s * (np.arange(problem.nq) == j), surface, t)[0]
@@ -48,7 +47,7 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
     for sign in (1.0, -1.0):
         places = sign * problem.reach[j] * np.linspace(0.0, FARTHEST, SAMPLES)
         points = q + places[:, None] * (np.arange(problem.nq) == j)
-        gaps = kernels.call("surface", points, np.array([[t]]), problem.parameter_values)[0][:, row]
+        gaps = problem.model.gaps(points, t)[:, row]
         crossed = np.flatnonzero(gaps[1:] * gaps[0] <= 0)
         if len(crossed):
             k = int(crossed[0]) + 1
@@ -86,15 +85,11 @@ def on_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> bool
 
 
 def _size(problem: Problem, q: Array, surface: str, t: float) -> float:
-    return float(gap_sizes(problem.kernels, q, problem.parameter_values, t)[problem.kernels.surfaces.index(surface)])
+    return float(problem.model.gap_sizes(q, t)[problem.kernels.surfaces.index(surface)])
 
 
 def gap_to(problem: Problem, q: Array, surface: str, t: float) -> tuple[float, Array, float]:
     """Gap to a surface, its gradient, and its partial derivative with respect to the time."""
-    kernels, par, now = problem.kernels, problem.parameter_values, np.array([[t]])
-    j = kernels.surfaces.index(surface)
-    rows, columns = kernels.pattern("surface_jac", "g_D_q")
-    slope = np.zeros(problem.nq + 1)
-    values = kernels.call("surface_jac", q[None], now, par)[0][0]
-    slope[columns[rows == j]] = values[rows == j]
-    return float(kernels.call("surface", q[None], now, par)[0][0, j]), slope[:-1], float(slope[-1])
+    j = problem.kernels.surfaces.index(surface)
+    slope = problem.model.gap_slopes(q, t)[j]
+    return float(problem.model.gaps(q, t)[j]), slope[:-1], float(slope[-1])

@@ -223,7 +223,7 @@ class Transcription:
     def _timed(self) -> list[int]:
         """Phases with a minimal time: those before a collision, where every input is bounded."""
         bounded = self.problem.nu > 0 and bool(np.isfinite(self.problem.input_bounds).all())
-        estimated = self.minimal_times and bounded and self.problem.kernels.has("min_time")
+        estimated = self.minimal_times and bounded and self.problem.model.has_minimal_times
         return list(range(len(self.surfaces))) if estimated else []
 
     # Bounds ----------------------------------------------------------------------------------------------------------
@@ -487,8 +487,7 @@ class Transcription:
 
     def momenta(self, x: Array) -> tuple[Array, Array]:
         """Return p at the start and at the end of every step in units of the problem, shape (total, nq) each."""
-        r_minus, r_plus, _, _ = self.problem.kernels.call("step", *self.layout.step_inputs(self.physical(x)), self.par)
-        return -r_minus, r_plus
+        return self.problem.model.step_momenta(self.layout.step_inputs(self.physical(x)))
 
     # Minimal times ---------------------------------------------------------------------------------------------------
 
@@ -502,9 +501,7 @@ class Transcription:
         """Return T_min of phase i and its gradient with respect to y = (q_k, q_kp1, h, q_c)."""
         nq, bounds = self.layout.nq, self.problem.input_bounds
         surface = int(self.surfaces[i])
-        return minimal_time(
-            self.problem.kernels, y[:nq], y[nq : 2 * nq], float(y[2 * nq]), y[2 * nq + 1 :], surface, bounds, self.par
-        )
+        return minimal_time(self.problem.model, y[:nq], y[nq : 2 * nq], float(y[2 * nq]), y[2 * nq + 1 :], surface, bounds)
 
     def phase_minimal_time(self, x: Array, i: int) -> float:
         """T_min of phase i in seconds."""

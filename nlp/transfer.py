@@ -58,8 +58,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     x[lay.index_q_i] = np.vstack(inside)
     ends = ((pieces[0], 0, lay.index_p_B, lay.index_v_B), (pieces[-1], -1, lay.index_p_E, lay.index_v_E))
     for piece, k, index_p, index_v in ends:
-        state = (piece.q[[k]], piece.v[[k]], piece.t[[k], None])
-        x[index_p] = problem.kernels.call("legendre", *(a.copy() for a in state), problem.parameter_values)[0][0]
+        x[index_p] = problem.model.momentum(piece.q[k], piece.v[k], piece.t[k])
         if len(index_v):
             x[index_v] = piece.v[k]
     return x

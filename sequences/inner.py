@@ -114,7 +114,7 @@ def extended(parent: Solution, problem: Problem) -> Array:
     *earlier, last = pieces_of(parent.trajectory)
     steps = len(last.t) - 1
     j = problem.kernels.surfaces.index(surface)
-    gaps = problem.kernels.call("surface", last.q, last.t[:, None].copy(), problem.parameter_values)[0][:, j]
+    gaps = problem.model.gaps(last.q, last.t)[:, j]
     inner = slice(max(1, steps // 10), steps - max(1, steps // 10) + 1)
     k = int(np.argmax(gaps[inner])) + inner.start
     met = onto_surface(problem, last.q[k], surface, float(last.t[k]))

@@ -18,6 +18,8 @@ import numpy as np
 from dmoc.arguments import shown
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.values import parameter_row, restitution_row
 from dmoc.simulation.flow import PLACES, Contact, Flow, Lost, Sizes, quintic
 from dmoc.trajectory import GRAZING, Collision, Trajectory
 
@@ -131,10 +133,10 @@ class _Check:
         self.trajectory, self.kernels = trajectory, kernels
         self.nq = len(trajectory.coordinates)
         self.deadline = np.inf if seconds is None else time.perf_counter() + seconds
-        restitution = np.array([trajectory.restitution[name] for name in kernels.surfaces])
-        par, sizes = trajectory.parameter_row, _sizes(trajectory, kernels)
-        self.sizes = sizes
-        self.flow = Flow(kernels, par, sizes, restitution, self._allowance, self._check_time)
+        restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
+        self.model = Model(kernels, parameter_row(kernels, trajectory.parameters, SimulationError))
+        self.sizes = _sizes(trajectory, self.model)
+        self.flow = Flow(self.model, self.sizes, restitution, self._allowance, self._check_time)
         self.arcs = self._arcs()
 
     def _check_time(self) -> None:
@@ -152,11 +154,11 @@ class _Check:
     def _arcs(self) -> list[Arc]:
         """Where the motion lies on a surface without a planned collision."""
         found: list[Arc] = []
-        if not self.kernels.has("surface"):
+        if not self.model.nc:
             return found
         hits = [(self.kernels.surfaces.index(c.surface), c.time) for c in self.trajectory.collisions if not c.grazes]
         for phase in self.trajectory.phases:
-            on, h = self.flow.gaps(phase.q, phase.t) >= -ON_ARC * self.sizes.gap, phase.step_size
+            on, h = self.model.gaps(phase.q, phase.t) >= -ON_ARC * self.sizes.gap, phase.step_size
             for k, j in zip(*np.nonzero(on), strict=True):
                 t = float(phase.t[k])
                 if not any(surface == j and abs(t - at) <= 2.5 * h for surface, at in hits):
@@ -213,10 +215,7 @@ class _Check:
     def singular(self) -> float | None:
         """First node at which the mass matrix is not positive definite, up to rounding errors of its entries."""
         for phase in self.trajectory.phases:
-            none = np.zeros((1, len(self.trajectory.inputs)))
-            M = self.kernels.call("dynamics", phase.q, phase.v, none, phase.t[:, None].copy(), self.flow.par)[0].reshape(
-                -1, self.nq, self.nq
-            )
+            M = self.model.mass(phase.q, phase.t)
             root = np.sqrt(np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0))
             scaled = M / np.where(root > 0, root, 1.0)[:, None] / np.where(root > 0, root, 1.0)
             good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
@@ -238,12 +237,12 @@ class _Check:
             q, v, w = self.flow.advance(q0, v0, t0, h, u0, u1)
             defects.append(self.error(q, v, phase.t[1:], phase.q[1:], phase.p[1:]))
             work.append(float(w.sum()))
-            a0 = self.flow.acceleration(q0.copy(), v0.copy(), np.ascontiguousarray(u0), t0[:, None].copy())
-            a1 = self.flow.acceleration(q, v, np.ascontiguousarray(u1), phase.t[1:, None].copy())
+            a0 = self.flow.acceleration(q0, v0, u0, t0)
+            a1 = self.flow.acceleration(q, v, u1, phase.t[1:])
             path = quintic(q0, v0, a0, q, v, a1, h[:, None])
             for s in PLACES[1:-1]:
                 between = path(s)
-                gaps = self.flow.gaps(between, t0 + s * h) / self.sizes.gap
+                gaps = self.model.gaps(between, t0 + s * h) / self.sizes.gap
                 penetration = max(penetration, float(np.nan_to_num(gaps, nan=np.inf).max(initial=0.0)))
                 excess = max(excess, float((np.maximum(low - between, between - high) / self.sizes.q).max(initial=0.0)))
         return np.concatenate(defects), work, penetration, excess
@@ -258,18 +257,18 @@ class _Check:
 
     def error(self, q: Array, v: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
         """Largest relative error of each row's state."""
-        p = self.flow.momentum(q, v, t)
+        p = self.model.momentum(q, v, t)
         parts = np.hstack([np.abs(q - q_wanted) / self.sizes.q, np.abs(p - p_wanted) / self.sizes.p])
         return np.asarray(np.nan_to_num(parts.max(axis=1), nan=np.inf))
 
     def energy_error(self, work: list[float]) -> float:
         """Largest imbalance of a phase or jump at a collision, relative to the largest kinetic energy."""
         phases = self.trajectory.phases
-        energies = [self.flow.energy(p.q, p.v, p.t) for p in phases]
+        energies = [self.model.energy(p.q, p.v, p.t) for p in phases]
         found = [abs(e[-1] - e[0] - w) for e, w in zip(energies, work, strict=True)]
         for collision, before, after in zip(self.trajectory.collisions, phases, energies[1:], strict=False):
             v = self._after(collision, before.q[-1], before.v[-1])[0]
-            found.append(abs(after[0] - self.flow.energy(before.q[-1:], v[None], before.t[-1:])[0]))
+            found.append(abs(after[0] - self.model.energy(before.q[-1], v, before.t[-1])))
         return float(np.nan_to_num(max(found), nan=np.inf)) / self.sizes.energy
 
     # Collisions ------------------------------------------------------------------------------------------------------
@@ -290,13 +289,13 @@ class _Check:
         worst = own = 0.0
         for c, before, after in zip(self.trajectory.collisions, self.trajectory.phases, self.trajectory.phases[1:], strict=False):
             j, q, t = self.kernels.surfaces.index(c.surface), before.q[-1], c.time
-            slope = self.flow.slopes(q, t)[j]
+            slope = self.model.gap_slopes(q, t)[j]
             w = [float(slope[: self.nq] @ v + slope[self.nq]) for v in (before.v[-1], after.v[0])]
             _, impulse, _ = self._after(c, q, before.v[-1])
             e = 0.0 if c.grazes else self.trajectory.restitution[c.surface]
             n = slope[: self.nq]
             try:
-                inertia = float(n @ self.flow.response(q, before.v[-1], t, n))
+                inertia = float(n @ self.flow.response(q, t, n))
             except Lost:
                 return np.inf, np.inf
             errors = [abs(w[1] + e * w[0]), abs(impulse - c.impulse) * inertia, max(-w[0], 0.0), max(w[1], 0.0)]
@@ -311,7 +310,7 @@ class _Check:
         found = []
         for c in self.trajectory.collisions:
             j = self.kernels.surfaces.index(c.surface)
-            gap = float(self.flow.gaps(c.position, np.array([c.time]))[0, j])
+            gap = float(self.model.gaps(c.position, c.time)[j])
             if not abs(gap) <= ON_SURFACE * self.sizes.gap[j]:
                 found.append((c.surface, gap))
         return found
@@ -381,7 +380,7 @@ class _Check:
         if any(self._planned(c, i, t) for c in met):
             return []
         j = self.kernels.surfaces.index(collision.surface)
-        rate, gap = self.flow.rate(q, v, t, j), float(self.flow.gaps(q, np.array([t]))[0, j])
+        rate, gap = self.flow.rate(q, v, t, j), float(self.model.gaps(q, t)[j])
         if rate > 0 and -gap <= SAME_CONTACT * self.sizes.time * rate:
             return [Contact(collision.surface, t, 1.0)]
         return []
@@ -417,13 +416,12 @@ class _Check:
         """Derivative of the state after a collision, at its planned time, with respect to the state before it, in sizes."""
         c, before, after = self.trajectory.collisions[i], self.trajectory.phases[i], self.trajectory.phases[i + 1]
         j, nq, t = self.kernels.surfaces.index(c.surface), self.nq, c.time
-        slope = self.flow.slopes(before.q[-1], t)[j]
+        slope = self.model.gap_slopes(before.q[-1], t)[j]
         rate = float(slope[:nq] @ before.v[-1] + slope[nq])
         if c.grazes or not rate > 0:
             return np.eye(2 * nq)
-        now = np.array([[t]])
-        ends = ((before, -1, self.trajectory.input_ends(before)[1][-1:]), (after, 0, self.trajectory.input_ends(after)[0][:1]))
-        a = [self.flow.acceleration(p.q[[k]].copy(), p.v[[k]].copy(), np.ascontiguousarray(u), now)[0] for p, k, u in ends]
+        ends = ((before, -1, self.trajectory.input_ends(before)[1][-1]), (after, 0, self.trajectory.input_ends(after)[0][0]))
+        a = [self.flow.acceleration(p.q[k], p.v[k], u, t) for p, k, u in ends]
 
         def through(y: Array) -> Array:
             q, v = y[:nq], y[nq:]
@@ -469,13 +467,12 @@ class _Check:
         return tuple(missed), tuple(f"a contact with {c.surface!r} at {c.time:.4g} s" for c in left if c.jump > GRAZING)
 
 
-def _sizes(trajectory: Trajectory, kernels: Kernels) -> Sizes:
+def _sizes(trajectory: Trajectory, model: Model) -> Sizes:
     """Ranges of a motion; what does not move counts by a small share of what its energy could make of it, so that roundings stay small."""
     q = np.vstack([p.q for p in trajectory.phases])
     v, p = (np.abs(np.vstack([getattr(phase, name) for phase in trajectory.phases])).max(axis=0) for name in "vp")
-    t, par = np.concatenate([phase.t for phase in trajectory.phases]), trajectory.parameter_row
-    rest, now, none = np.zeros_like(q), t[:, None].copy(), np.zeros((1, len(kernels.inputs)))
-    M = kernels.call("dynamics", q, rest, none, now, par)[0].reshape(len(q), q.shape[1], q.shape[1])
+    t = np.concatenate([phase.t for phase in trajectory.phases])
+    M = model.mass(q, t)
     inertia = np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0)
     speeds = np.vstack([phase.v for phase in trajectory.phases])
     kinetic = float(np.einsum("ki,kij,kj->k", speeds, M, speeds).max()) / 2
@@ -486,11 +483,7 @@ def _sizes(trajectory: Trajectory, kernels: Kernels) -> Sizes:
     size_q = np.where(size_q > 0, size_q, np.where(np.abs(q).max(axis=0) > 0, np.abs(q).max(axis=0), 1.0))
     size_v = np.maximum(np.maximum(v, little), 1e-6 * size_q / time)
     size_p = np.maximum(p, inertia * size_v * 1e-6)
-    gap, rate = np.ones(0), np.ones(0)
-    if kernels.has("surface"):
-        slope = np.zeros((len(kernels.surfaces), q.shape[1] + 1))
-        rows, columns = kernels.pattern("surface_jac", "g_D_q")
-        slope[rows, columns] = np.abs(kernels.call("surface_jac", q, now, par)[0]).max(axis=0)
-        gap, rate = slope @ np.append(size_q, time), slope @ np.append(size_v, 1.0)
+    slope = np.abs(model.gap_slopes(q, t)).max(axis=0)
+    gap, rate = slope @ np.append(size_q, time), slope @ np.append(size_v, 1.0)
     largest = kinetic if kinetic > 0 else float(size_p @ size_v)
     return Sizes(size_q, size_v, np.where(size_p > 0, size_p, 1.0), gap, rate, time, largest if largest > 0 else 1.0)

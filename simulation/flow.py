@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from dmoc.codegen.kernels import Array, Kernels
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
 
 # Error of an integration over a step, as a share of the sizes, far below the discretisation errors that are to be seen; most steps in one.
 ACCURACY, MOST_STEPS = 1e-11, 64
@@ -61,20 +63,20 @@ class Flow:
     """
 
     def __init__(
-        self, kernels: Kernels, par: Array, sizes: Sizes, restitution: Array, allowance: Callable[[Array], Array],
+        self, model: Model, sizes: Sizes, restitution: Array, allowance: Callable[[Array], Array],
         check_time: Callable[[], None],
     ) -> None:  # fmt: skip
-        self.kernels, self.par, self.sizes, self.restitution = kernels, par, sizes, restitution
+        self.model, self.sizes, self.restitution = model, sizes, restitution
         self.allowance, self.check_time = allowance, check_time
-        self.nq = len(kernels.coordinates)
+        self.nq = model.nq
 
     # Smooth motion ---------------------------------------------------------------------------------------------------
 
-    def acceleration(self, q: Array, v: Array, u: Array, t: Array) -> Array:
-        """M^-1 F for rows of states; not a number where M is singular."""
-        mass, force = self.kernels.call("dynamics", q, v, u, t, self.par)
+    def acceleration(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
+        """M^-1 F for one state or rows of them; not a number where M is singular."""
+        mass, force = self.model.equations(q, v, u, t)
         try:
-            return np.asarray(np.linalg.solve(mass.reshape(-1, self.nq, self.nq), force[:, :, None])[:, :, 0])
+            return np.asarray(np.linalg.solve(mass, force[..., None])[..., 0])
         except np.linalg.LinAlgError:
             return np.full_like(force, np.nan)
 
@@ -117,52 +119,30 @@ class Flow:
 
     def _slope(self, y: Array, t: Array, u: Array, held: int | None) -> Array:
         q, v = y[:, : self.nq].copy(), y[:, self.nq : 2 * self.nq].copy()
-        now, u = t[:, None].copy(), np.ascontiguousarray(u)
-        a = self.acceleration(q, v, u, now)
+        a = self.acceleration(q, v, u, t)
         if held is not None:
             a = np.array([self.on_surface(q[i], v[i], a[i], float(t[i]), held)[0] for i in range(len(q))])
-        return np.hstack([v, a, self.kernels.call("force", q, v, u, now, self.par)[1]])
-
-    def energy(self, q: Array, v: Array, t: Array) -> Array:
-        return self.kernels.call("legendre", q.copy(), v.copy(), t[:, None].copy(), self.par)[1][:, 0]
-
-    def momentum(self, q: Array, v: Array, t: Array) -> Array:
-        return self.kernels.call("legendre", q.copy(), v.copy(), t[:, None].copy(), self.par)[0]
+        return np.hstack([v, a, self.model.power(q, v, u, t)[:, None]])
 
     # Surfaces --------------------------------------------------------------------------------------------------------
 
-    def gaps(self, q: Array, t: Array) -> Array:
-        """Gaps of rows of positions, shape (n, nc)."""
-        if not self.kernels.has("surface"):
-            return np.zeros((len(np.atleast_2d(q)), 0))
-        return self.kernels.call("surface", np.atleast_2d(q).copy(), t[:, None].copy(), self.par)[0]
-
-    def slopes(self, q: Array, t: float) -> Array:
-        """Derivatives of the gaps with respect to (q, t), shape (nc, nq + 1)."""
-        found = np.zeros((len(self.kernels.surfaces), self.nq + 1))
-        rows, columns = self.kernels.pattern("surface_jac", "g_D_q")
-        found[rows, columns] = self.kernels.call("surface_jac", q[None].copy(), np.array([[t]]), self.par)[0][0]
-        return found
-
-    def response(self, q: Array, v: Array, t: float, n: Array) -> Array:
+    def response(self, q: Array, t: float, n: Array) -> Array:
         """M^-1 n."""
-        zero = np.zeros((1, len(self.kernels.inputs)))
-        mass = self.kernels.call("dynamics", q[None].copy(), v[None].copy(), zero, np.array([[t]]), self.par)[0]
         try:
-            return np.asarray(np.linalg.solve(mass.reshape(self.nq, self.nq), n))
+            return np.asarray(np.linalg.solve(self.model.mass(q, t), n))
         except np.linalg.LinAlgError:
             raise Lost from None
 
     def rate(self, q: Array, v: Array, t: float, j: int) -> float:
         """Rate of a gap."""
-        slope = self.slopes(q, t)[j]
+        slope = self.model.gap_slopes(q, t)[j]
         return float(slope[: self.nq] @ v + slope[self.nq])
 
     def impact(self, q: Array, v: Array, t: float, j: int, e: float) -> tuple[Array, float, float]:
         """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) w / (n . M^-1 n); the impulse lam and the rate w before it."""
-        *normal, moving = self.slopes(q, t)[j]
+        *normal, moving = self.model.gap_slopes(q, t)[j]
         n = np.array(normal)
-        response = self.response(q, v, t, n)
+        response = self.response(q, t, n)
         rate = float(n @ v + moving)
         impulse = (1 + e) * rate / float(n @ response)
         return v - impulse * response, impulse, rate
@@ -170,11 +150,11 @@ class Flow:
     def on_surface(self, q: Array, v: Array, a: Array, t: float, j: int) -> tuple[Array, float]:
         """The acceleration that keeps the rate of a gap, and the second derivative of the gap without the contact."""
         small = 1e-6 * self.sizes.time
-        ahead, behind = (self.slopes(q + s * v, t + s)[j] for s in (small, -small))
-        n = self.slopes(q, t)[j, : self.nq]
+        ahead, behind = (self.model.gap_slopes(q + s * v, t + s)[j] for s in (small, -small))
+        n = self.model.gap_slopes(q, t)[j, : self.nq]
         turning = (ahead - behind) / (2 * small)
         second = float(n @ a + turning[: self.nq] @ v + turning[self.nq])
-        response = self.response(q, v, t, n)
+        response = self.response(q, t, n)
         return a - second / float(n @ response) * response, second
 
     # With contacts ---------------------------------------------------------------------------------------------------
@@ -210,25 +190,25 @@ class Flow:
             after, _, rate = self.impact(q, v, t, j, float(self.restitution[j]))
             if rate <= 0:  # leaves by itself
                 after = v
-            contacts.append(Contact(self.kernels.surfaces[j], t, self._jump(q, v, after, t)))
+            contacts.append(Contact(self.model.kernels.surfaces[j], t, self._jump(q, v, after, t)))
             v = after
             if t1 - t <= 1e-12 * self.sizes.time:
                 return q, v
         raise Lost
 
     def _jump(self, q: Array, before: Array, after: Array, t: float) -> float:
-        p = self.momentum(np.stack([q, q]), np.stack([before, after]), np.array([t, t]))
-        return float((np.abs(p[1] - p[0]) / self.sizes.p).max())
+        jump = self.model.momentum(q, after, t) - self.model.momentum(q, before, t)
+        return float((np.abs(jump) / self.sizes.p).max())
 
     def _resting(self, q: Array, v: Array, t: float, u: Array) -> int | None:
         """A plastic surface that the state touches without approaching it, while the acceleration pushes into it."""
-        if not self.kernels.has("surface"):
+        if not self.model.nc:
             return None
-        gaps = self.gaps(q, np.array([t]))[0]
+        gaps = self.model.gaps(q, t)
         near = np.flatnonzero((np.abs(gaps) <= 10 * TOUCH * self.sizes.gap) & (self.restitution == 0))
         if not len(near):
             return None
-        slopes, a = self.slopes(q, t), self.acceleration(q[None], v[None], u, np.array([[t]]))[0]
+        slopes, a = self.model.gap_slopes(q, t), self.acceleration(q, v, u, t)
         for j in map(int, near):
             rate = slopes[j, : self.nq] @ v + slopes[j, self.nq]
             if abs(rate) < RELEASED * self.sizes.rate[j] and self.on_surface(q, v, a, t, j)[1] > 0:
@@ -240,19 +220,19 @@ class Flow:
         until: Callable[[float], tuple[Array, Array]], held: int | None,
     ) -> tuple[float, int] | None:  # fmt: skip
         """Time and surface of the first crossing in a step; the surface that holds the motion is not crossed."""
-        if not self.kernels.has("surface"):
+        if not self.model.nc:
             return None
         t, t1 = span
-        a = [self.acceleration(q[None], v[None], inputs(s), np.array([[s]]))[0] for (q, v), s in ((start, t), (end, t1))]
+        a = [self.acceleration(q, v, inputs(s), s) for (q, v), s in ((start, t), (end, t1))]
         path = quintic(*start, a[0], *end, a[1], t1 - t)
         times = t + PLACES * (t1 - t)
-        gaps = self.gaps(path(PLACES[:, None]), times) - self.allowance(times)
+        gaps = self.model.gaps(path(PLACES[:, None]), times) - self.allowance(times)
         touch = TOUCH * self.sizes.gap
         first: tuple[float, int] | None = None
 
         def gap(s: float, j: int) -> float:
-            now = np.array([s])
-            return float((self.gaps(until(s)[0] if s > t else start[0], now) - self.allowance(now))[0, j])
+            gaps = self.model.gaps(until(s)[0] if s > t else start[0], s)
+            return float(gaps[j] - self.allowance(np.array([s]))[0, j])
 
         for j in range(gaps.shape[1]):
             # What has entered a surface where it might, and leaves it, is met again only after it has been outside.

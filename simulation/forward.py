@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.values import parameter_row, restitution_row
 from dmoc.simulation.stepper import Stepper
 from dmoc.symbolic.names import name_of
 from dmoc.trajectory import Collision
@@ -103,35 +105,22 @@ def simulate(
             f"step_size = {_shown(step_size)}: expected a positive number of seconds, and a finite time of all steps."
         )
     _check_room(steps, every, nq)
-    par = _parameters(kernels, parameters)
+    model = Model(kernels, parameter_row(kernels, {} if parameters is None else parameters, SimulationError))
     q = _vector(position, kernels.coordinates, "position")
     v = _vector(np.zeros(nq) if velocity is None else velocity, kernels.coordinates, "velocity")
     u = _inputs(inputs, steps, nu)
-    stepper = Stepper(kernels, par, _restitution(kernels, restitution))
+    stepper = Stepper(kernels, model.par, restitution_row(kernels, restitution, SimulationError))
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
-        p = kernels.call("legendre", q[None], v[None], np.zeros((1, 1)), par)[0][0]
-        t, positions, momenta = stepper.run(q, p, u, h, every)
-        velocities = _velocities(kernels, t, positions, momenta, par)
-        energy = kernels.call("legendre", positions, velocities, t[:, None].copy(), par)[1][:, 0]
+        t, positions, momenta = stepper.run(q, model.momentum(q, v), u, h, every)
+        velocities = model.velocity(positions, momenta, t)
+        if not np.isfinite(velocities).all():
+            raise SimulationError("the mass matrix is singular where the motion ends: check the parameters, and stop before it.")
+        energy = model.energy(positions, velocities, t)
     collisions = tuple(
         Collision(kernels.surfaces[j], time, at, float(lam), before, after)
         for _, time, j, lam, at, before, after in stepper.collisions
     )
     return Simulation(t, positions, momenta, energy, collisions)
-
-
-def _velocities(kernels: Kernels, t: Array, q: Array, p: Array, par: Array) -> Array:
-    """Return v = M(q, t)^-1 (p - dL/dv(q, 0, t)) for rows of states, shape (n, nq)."""
-    nq = q.shape[1]
-    rest, at = np.zeros_like(q), t[:, None].copy()
-    offset = kernels.call("legendre", q, rest, at, par)[0]
-    mass = kernels.call("dynamics", q, rest, np.zeros((1, len(kernels.inputs))), at, par)[0].reshape(-1, nq, nq)
-    try:
-        return np.ascontiguousarray(np.linalg.solve(mass, (p - offset)[:, :, None])[:, :, 0])
-    except np.linalg.LinAlgError:
-        raise SimulationError(
-            "the mass matrix is singular where the motion ends: check the parameters, and stop before it."
-        ) from None
 
 
 # What a user gives ---------------------------------------------------------------------------------------------------
@@ -171,20 +160,6 @@ def _check_room(steps: int, every: int, nq: int) -> None:
             f"steps = {steps} with every = {every}: recording {steps // every + 1} nodes needs {size / 1e9:.3g} GB of memory, at most "
             f"{MOST_BYTES / 1e9:.3g} GB are used; record fewer nodes, with every = {-(-every * size // MOST_BYTES)} or more."
         )
-
-
-def _restitution(kernels: Kernels, given: float | Mapping[str, float]) -> Array:
-    """Coefficients by surface, shape (nc,)."""
-    if not isinstance(given, Mapping) and not 0 <= _number(given) <= 1:
-        raise SimulationError(f"restitution = {_shown(given)}: expected a number from 0 (plastic) to 1 (elastic).")
-    named = given if isinstance(given, Mapping) else dict.fromkeys(kernels.surfaces, given)
-    for surface, e in named.items():
-        if surface not in kernels.surfaces:
-            known = ", ".join(kernels.surfaces) or "none, the model has no surface"
-            raise SimulationError(f"restitution names {_shown(surface)}: expected one of {known}.")
-        if not 0 <= _number(e) <= 1:
-            raise SimulationError(f"restitution of {surface!r} = {_shown(e)}: expected a number from 0 (plastic) to 1 (elastic).")
-    return np.array([float(named.get(surface, 1.0)) for surface in kernels.surfaces])
 
 
 def _inputs(given: ArrayLike | None, steps: int, nu: int) -> Array:
@@ -227,22 +202,3 @@ def _vector(given: Mapping[str, float] | ArrayLike, names: list[str], what: str)
     if vector.shape != (len(names),) or not np.isfinite(vector).all():
         raise SimulationError(f"{what} = {shown}: expected {len(names)} finite numbers ({', '.join(names)}).")
     return vector
-
-
-def _parameters(kernels: Kernels, changes: Mapping[str, float] | None) -> Array:
-    if not (changes is None or isinstance(changes, Mapping)):
-        raise SimulationError(f"parameters = {_shown(changes)}: expected a mapping from names to values.")
-    values = kernels.parameters
-    for symbol, value in (changes or {}).items():
-        name = name_of(symbol)
-        if name not in values:
-            raise SimulationError(
-                f"unknown parameter {name!r}: expected one of {', '.join(values) or 'none, the model has no parameter'}."
-            )
-        if not np.isfinite(_number(value)):
-            raise SimulationError(f"parameter {name} = {_shown(value)}: expected a finite number.")
-        values[name] = float(value)
-    missing = [n for n, value in values.items() if value is None]
-    if missing:
-        raise SimulationError(f"parameter {missing[0]} of model {kernels.name!r} has no value: set it in `parameters`.")
-    return np.array([[float(v) for v in values.values() if v is not None]])

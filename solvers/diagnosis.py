@@ -175,7 +175,7 @@ def _unit(name: str, units: dict[str, str]) -> str:
 def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
     """Phases whose estimated shortest time at full input exceeds what the bounds allow."""
     problem, lay = nlp.problem, nlp.layout
-    if not problem.nu or not np.isfinite(problem.input_bounds).all() or not problem.kernels.has("min_time"):
+    if not problem.nu or not np.isfinite(problem.input_bounds).all() or not problem.model.has_minimal_times:
         return ()
     low, high = problem.duration_bounds.T
     found = []

@@ -11,7 +11,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.algebra import least_squares, solved
+from dmoc.mechanics.algebra import least_squares, solved
 from dmoc.nlp.layout import Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Partition, Reduced

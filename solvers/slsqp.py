@@ -20,7 +20,7 @@ import scipy.optimize
 import scipy.sparse
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.algebra import least_squares
+from dmoc.mechanics.algebra import least_squares
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Reduced, partition
 from dmoc.solvers.kkt import Residuals, residuals, violation, with_bounds, worst_constraints
@@ -107,7 +107,7 @@ class Driver:
         scale[lay.index_lam] = np.maximum(np.abs(x[lay.index_lam]), 1.0) / 3
         if lay.nu:
             q_k, _, u, _, h, t_k, _ = lay.step_inputs(nlp.physical(x))
-            curvature = nlp.problem.kernels.call("running_cost", q_k, np.zeros_like(q_k), u, t_k, nlp.par)[1]
+            curvature = nlp.problem.model.running_cost_curvatures(q_k, None, u, t_k[:, 0])
             curvature = h * curvature * nlp.scale.u**2 / nlp.scale.cost
             box = nlp.problem.input_bounds / nlp.scale.u[:, None]
             width = np.where(np.isfinite(box[:, 1] - box[:, 0]), box[:, 1] - box[:, 0], 1.0) / 4

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.algebra import solved
 from dmoc.nlp.layout import Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt import cost_size
@@ -30,8 +29,7 @@ def suspects(nlp: Transcription, x: Array) -> Index:
         return np.zeros(0, dtype=np.intp)
     y = nlp.physical(x)
     hit = (np.arange(len(nodes)), nlp.surfaces)
-    t = lay.times(y)[nodes][:, None].copy()
-    before = nlp.problem.kernels.call("gap_rate", y[lay.index_q[nodes]], y[lay.index_v_a], t, nlp.par)[0][hit]
+    before = nlp.problem.model.gap_rates(y[lay.index_q[nodes]], y[lay.index_v_a], lay.times(y)[nodes])[hit]
     faint = (before <= SUSPECT * nlp.scale.rate[nlp.surfaces]) | (x[lay.index_lam] <= SUSPECT)
     return np.flatnonzero(faint & ~nlp.touching)
 
@@ -58,16 +56,12 @@ def pays(nlp: Transcription, outcome: Outcome) -> bool:
     """
     lay, x, duals = nlp.layout, outcome.x, outcome.duals
     slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ duals.y - nlp.inequality_jacobian(x).T @ duals.w
-    y, kernels = nlp.physical(x), nlp.problem.kernels
+    y, model = nlp.physical(x), nlp.problem.model
     times = lay.times(y)
     for i in np.flatnonzero(nlp.touching):
         node, j = lay.collision_nodes[i], int(nlp.surfaces[i])
-        q, v, t = y[lay.index_q[[node]]], y[lay.index_v_a[[i]]], times[[node], None].copy()
-        rows, columns = kernels.pattern("surface_jac", "g_D_q")
-        n = np.zeros(lay.nq + 1)
-        n[columns[rows == j]] = kernels.call("surface_jac", q, t, nlp.par)[0][0][rows == j]
-        M = kernels.call("dynamics", q, v, np.zeros((1, lay.nu)), t, nlp.par)[0].reshape(lay.nq, lay.nq)
-        inertia = float(n[:-1] @ solved(M, n[:-1]))
+        q, t = y[lay.index_q[node]], times[node]
+        _, inertia = model.impulse_response(q, model.gap_slopes(q, t)[j, :-1], t)
         e = float(nlp.problem.restitution_values[j])
         response = (1 + e) / inertia * nlp.scale.rate[j] / nlp.scale.lam[j]
         gain = e * duals.y[nlp.equality_rows("energy")[i]] + response * slope[lay.index_lam[i]]

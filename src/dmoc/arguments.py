@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Iterable, Mapping, Set
 from itertools import islice
@@ -74,6 +75,16 @@ def choice(value: Any, what: str, choices: Iterable[str], error: Kind = ProblemE
     if not isinstance(value, str) or value not in known:
         raise error(f"{what} = {shown(value)}: expected one of {', '.join(known)}.")
     return str(value)
+
+
+def check_known(name: str, among: Iterable[str], what: str, where: str = "", error: Kind = ProblemError) -> None:
+    """Check that a name is one of those known; the message shows the nearest of them."""
+    names = list(among)
+    if name not in names:
+        close = difflib.get_close_matches(name[:LONGEST_TEXT], names, 1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        listed = f"expected one of {', '.join(names)}" if names else "the model has none"
+        raise error(f"unknown {what} {shown(name)}{' ' + where if where else ''}: {listed}{hint}.")
 
 
 def text(value: Any, what: str, error: Kind = ProblemError) -> str:

@@ -117,8 +117,3 @@ class Trajectory:
     @property
     def final_time(self) -> float:
         return float(self.phases[-1].t[-1])
-
-    @property
-    def parameter_row(self) -> Array:
-        """Parameter values in the model's order, shape (1, npar)."""
-        return np.array([list(self.parameters.values())], dtype=float)

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.model import Model
 from dmoc.nlp.feasibility import minimal_time
 from dmoc.nlp.guess import WINDOW, _Dynamics, initial_guesses
 from dmoc.nlp.transcription import Transcription
@@ -87,7 +88,7 @@ def test_minimal_time_of_a_mass_is_exact(block: Kernels) -> None:
     h, u, m, d = 0.01, 3.0, 2.0, 0.8
     par, bounds = np.array([[m, d]]), np.array([[-1.0, u]])
     first = np.array([0.5 * u / m * h**2])
-    time, slope = minimal_time(block, np.zeros(1), first, h, np.array([d]), 0, bounds, par)
+    time, slope = minimal_time(Model(block, par), np.zeros(1), first, h, np.array([d]), 0, bounds)
     # From the middle of the first step the state is (q/2, q/h), h/2 after the start, up to h^2.
     assert time == pytest.approx(sqrt(2 * d * m / u), abs=2e-5)
     assert slope.shape == (4,)
@@ -112,9 +113,8 @@ def test_minimal_time_of_the_pendulum_equals_a_simulation_at_full_force(pendulum
     a = motion(0, np.array([start, 0, 0, 0]))[2:]
     q0 = np.array([start, 0.0])
     q1 = q0 + 0.5 * h**2 * np.array(a)
-    estimate, _ = minimal_time(
-        pendulum, q0, q1, h, np.array([limit, 0.0]), 0, np.array([[-bound, bound]]), np.array([[1, 1, 0.5, 10, limit, 2.8]])
-    )
+    model = Model(pendulum, np.array([[1, 1, 0.5, 10, limit, 2.8]]))
+    estimate, _ = minimal_time(model, q0, q1, h, np.array([limit, 0.0]), 0, np.array([[-bound, bound]]))
     assert estimate == pytest.approx(exact.t_events[0][0], rel=0.1)  # an estimate
 
 
@@ -124,11 +124,10 @@ def test_minimal_time_has_the_gradient_of_its_differences(pendulum: Kernels, puc
         (puck, np.array([0.5, 0.4, 0.55, 0.42, 0.02, 2.9, 0.6]), 0, np.array([[-5.0, 5.0], [-4.0, 4.0]]), np.array([[1.0, 3.0, 0.2]])),
     ]  # fmt: skip
     for kernels, y, surface, bounds, par in cases:
+        model = Model(kernels, par)
 
-        def value(
-            y: np.ndarray, k: Kernels = kernels, s: int = surface, b: np.ndarray = bounds, p: np.ndarray = par
-        ) -> tuple[float, np.ndarray]:
-            return minimal_time(k, y[:2], y[2:4], float(y[4]), y[5:], s, b, p)
+        def value(y: np.ndarray, m: Model = model, s: int = surface, b: np.ndarray = bounds) -> tuple[float, np.ndarray]:
+            return minimal_time(m, y[:2], y[2:4], float(y[4]), y[5:], s, b)
 
         time, slope = value(y)
         assert 0 < time < 10

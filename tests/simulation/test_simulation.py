@@ -165,7 +165,7 @@ def test_accumulating_collisions_are_an_error() -> None:
         ({"inputs": [1.0, 2.0]}, "inputs: expected numbers of shape"),
         ({"restitution": "elastic"}, "restitution = 'elastic': expected a number from 0"),
         ({"restitution": {"floor": None}}, "restitution of 'floor' = None: expected a number from 0"),
-        ({"restitution": {None: 1.0}}, "restitution names None: expected one of floor"),
+        ({"restitution": {None: 1.0}}, "restitution of .None.: unknown surface, expected one of floor"),
     ],
 )
 def test_wrong_arguments_are_refused(ball: Kernels, changes: dict[str, object], message: str) -> None:

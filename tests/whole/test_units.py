@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
 import sympy as sp
 from hypothesis import given, settings
@@ -13,7 +14,6 @@ from systems import block_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.nlp.problem import gap_sizes
 
 METHODS = ("ipm", "slsqp", "ipopt", "uno")
 DECADES = st.integers(-6, 6)
@@ -138,8 +138,8 @@ def test_on_the_surface_is_relative_to_the_gap(block: Kernels) -> None:
         assert dmoc.Problem(block, start={"x": here}, **fields).start["x"] == here
         with pytest.raises(dmoc.DmocError, match="lies behind surface 'wall'"):
             dmoc.Problem(block, start={"x": wall * (1 + 1e-9)}, **fields)
-        assert gap_sizes(block, dmoc.Problem(block, start={"x": 0.0}, **fields).start_position + wall, dmoc.Problem(
-            block, start={"x": 0.0}, **fields).parameter_values)[0] == pytest.approx(2 * wall)  # fmt: skip
+        model = dmoc.Problem(block, start={"x": 0.0}, **fields).model
+        assert model.gap_sizes(np.array([wall]))[0] == pytest.approx(2 * wall)
 
 
 def test_the_result_shows_its_scale(block: Kernels) -> None:

@@ -1,0 +1,61 @@
+"""Values that belong to a model, read from what a user gives: its parameters and the coefficients of restitution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dmoc.arguments import Kind, check_known, is_number, number, shown
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.errors import ProblemError
+from dmoc.symbolic.names import name_of
+
+
+def parameter_row(kernels: Kernels, changes: Mapping[Any, Any], error: Kind = ProblemError) -> Array:
+    """Parameter values in the model's order, shape (1, npar): the model's own, some of them changed."""
+    values = kernels.parameters
+    for name, value in by_name(changes, "parameters", error).items():
+        check_known(name, values, "parameter", error=error)
+        values[name] = number(value, f"parameter {name}", error)
+    for name, given in values.items():
+        if given is None:
+            raise error(f"parameter {name} of model {kernels.name!r} has no value: set it ({name}=...).")
+    return np.array([list(values.values())], dtype=float)
+
+
+def restitution_row(kernels: Kernels, given: Any, error: Kind = ProblemError) -> Array:
+    """Coefficients of restitution in the order of the surfaces, shape (nc,).
+
+    Given is one for all surfaces, or a mapping from surfaces; those that it leaves out are elastic.
+    """
+    surfaces = kernels.surfaces
+    if not isinstance(given, Mapping):
+        return np.full(len(surfaces), _coefficient(given, "restitution", error))
+    named = by_name(given, "restitution", error)
+    for surface in named:
+        if surface not in surfaces:
+            among = f"expected one of {', '.join(surfaces)}" if surfaces else "the model has none"
+            raise error(f"restitution of {shown(surface)}: unknown surface, {among}.")
+    coefficients = [_coefficient(named.get(s, 1.0), f"restitution of {s!r}", error) for s in surfaces]
+    return np.array(coefficients, dtype=float)
+
+
+def _coefficient(value: Any, what: str, error: Kind) -> float:
+    if not is_number(value) or not 0 <= number(value, what, error) <= 1:
+        raise error(f"{what} = {shown(value)}: expected a number from 0 (plastic) to 1 (elastic).")
+    return float(value)
+
+
+def by_name(given: Any, what: str, error: Kind = ProblemError) -> dict[str, Any]:
+    """Read a mapping from names, as texts or symbols, to values."""
+    if not isinstance(given, Mapping):
+        raise error(f"{what} = {shown(given)}: expected a mapping from names to values.")
+    named: dict[str, Any] = {}
+    for key, value in given.items():
+        name = name_of(key)
+        if name in named:
+            raise error(f"{what} gives {shown(name)} twice, as a text and as a symbol: give it once.")
+        named[name] = value
+    return named
