@@ -4,7 +4,10 @@ from pathlib import Path
 
 from setuptools import Extension, setup
 
-LAYERS = ("symbolic", "codegen", "generated", "mechanics", "models", "nlp", "solvers", "simulation", "report", "sequences")
+LAYERS = (
+    "symbolic", "codegen", "generated", "mechanics", "models", "nlp", "solvers", "simulation", "report",
+    "solving", "sequences",
+)  # fmt: skip
 KERNEL = "codegen/dmoc_kernel.h"
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off"]
 SOLVER_FLAGS = ["-std=c11", "-O3", "-ffp-contract=off"]  # unrolls the loops of the factorisation: an eighth less time in all

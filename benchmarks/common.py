@@ -19,16 +19,9 @@ from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.transcription import Transcription
 from dmoc.registry import find
-from dmoc.solvers import external, ipm, slsqp
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Options, Outcome
-
-DRIVERS: dict[str, Callable[..., Outcome]] = {
-    "ipm": ipm.solve,
-    "slsqp": slsqp.solve,
-    "ipopt": external.solve_ipopt,
-    "uno": external.solve_uno,
-}
+from dmoc.solving.methods import METHODS
 
 
 @dataclass
@@ -54,7 +47,7 @@ def seed(**changes: Any) -> dmoc.Problem:
 
 def program(problem: dmoc.Problem, x: np.ndarray, method: str = "ipm", minimum: bool = False) -> Transcription:
     """The program of a problem, scaled by a start x or by a minimum, as dmoc.solve makes it."""
-    nlp = Transcription(problem, scale_of(problem, x, minimum), None if method == "slsqp" else False)
+    nlp = Transcription(problem, scale_of(problem, x, minimum), None if METHODS[method].guided else False)
     _ = nlp.program
     return nlp
 
@@ -82,7 +75,7 @@ def solve(nlp: Transcription, x: np.ndarray, method: str, options: Options, *mor
     """Seconds and outcome of a solve from unknowns x in units of the problem; the outcome is in scaled ones."""
     with threadpool_limits(1):  # as dmoc.solve does
         begin = time.perf_counter()
-        outcome = DRIVERS[method](nlp, nlp.scaled(x), options, *more)
+        outcome = METHODS[method].minimise()(nlp, nlp.scaled(x), options, *more)
         return time.perf_counter() - begin, outcome
 
 

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dmoc.api import METHODS
 from dmoc.arguments import choice, flag, function, names, number, positive, shown, whole
 from dmoc.errors import SearchError
 from dmoc.nlp.problem import Problem
@@ -25,7 +24,7 @@ from dmoc.sequences.inner import Task
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import NoMoreWork, Processes, Run, here, in_executor
-from dmoc.solvers import external, slsqp
+from dmoc.solving.methods import METHODS, SEARCHING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -125,7 +124,7 @@ def search(
     beam: int = 4,
     starts: int = 0,
     seed: int = 0,
-    method: str = "ipm",
+    method: str = SEARCHING,
     workers: int = 1,
     executor: Executor | None = None,
     seconds: float | None = None,
@@ -383,7 +382,7 @@ def _check(
             f"surfaces = {', '.join(surfaces) or 'none'}: expected each surface once, and at least one of {', '.join(known)}."
         )
     choice(strategy, "strategy", STRATEGIES, SearchError)
-    choice(method, "method", METHODS, SearchError)
+    choice(method, "method", tuple(METHODS), SearchError)
     # The tree grows with the power of the depth.
     for what, given, least, most in (
         ("max_collisions", depth, 0, DEEPEST),
@@ -404,14 +403,10 @@ def _check(
         raise SearchError(f"executor = {shown(executor)}: expected a concurrent.futures.Executor, or None.")
     if journal is not None and (not isinstance(journal, (str, os.PathLike)) or "\0" in str(journal)):
         raise SearchError(f"journal = {shown(journal)}: expected the path of a file, or None.")
-    if method in ("ipopt", "uno"):
-        external.require(method)
-    if method == "slsqp" and isinstance(problem.steps, int) and (depth + 1) * problem.steps * problem.nu > slsqp.MOST_INPUTS:
-        raise SearchError(
-            f"method slsqp takes at most {slsqp.MOST_INPUTS} inputs in all steps: take fewer steps or collisions, or method ipm."
-        )
+    METHODS[method].require(problem.kernels.backend, SearchError)
     if not isinstance(problem.steps, int):
         raise SearchError(f"steps = {problem.steps!r}: expected one number for every phase, because sequences differ in length.")
+    METHODS[method].check_size(problem.steps, (depth + 1) * problem.steps * problem.nu, SearchError)
     if problem.durations is not None:
         raise SearchError("the problem bounds the durations of its phases, whose number differs in a search: use shortest_phase.")
     problem.but(sequence=surfaces[:1] * depth)  # the longest sequence must be a problem too

@@ -8,19 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dmoc.api import solve
-from dmoc.codegen.kernels import Array
+from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.guess import initial_guesses, reflected
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.surfaces import onto_surface
-from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.sequences.nodes import Node, Start, Verdict
 from dmoc.solution import Solution
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.outcome import INFEASIBLE, Options
+from dmoc.solving.solve import solve
 
 # Relative difference of two costs that belong to the same minimum.
 SAME = 1e-5
@@ -178,7 +177,7 @@ def _unsolved(task: Task, tried: list[Start]) -> Node | Solution:
     problem = task.problem
     ends = ", ".join(f"{s.name}: {s.status}" for s in tried)
     nothing = Node(task.sequence, Verdict.FAILED, evidence=(f"no start came to an answer ({ends})",))
-    if not any(s.status == "infeasible" for s in tried) or not Transcription(problem).program.compiled:
+    if not any(s.status == "infeasible" for s in tried) or problem.kernels.backend != COMPILED:
         return nothing
     whole = _least(problem, task.seconds)
     if whole.violation <= INFEASIBLE:

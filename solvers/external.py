@@ -8,13 +8,12 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import ModuleType
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.errors import MissingExtraError
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt import residuals, violation
 from dmoc.solvers.outcome import Duals, Iteration, Options, Outcome, Status
@@ -32,23 +31,6 @@ IPOPT_STATUSES = {
     -5: Status.TIME_LIMIT,
     5: Status.TIME_LIMIT,  # our callback asked it to stop
 }
-
-
-def require(method: str) -> ModuleType:
-    """Import the package behind a method.
-
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
-    """
-    package = {"ipopt": "ipyopt", "uno": "unopy"}[method]
-    # Uno's Fortran would keep its lines and print them when the program ends, where nothing can keep them away (see _silence).
-    os.environ.setdefault("GFORTRAN_UNBUFFERED_PRECONNECTED", "1")
-    try:
-        return __import__(package)
-    except ImportError:
-        raise MissingExtraError(f"method {method} needs {package}: install it with `pip install 'dmoc[{method}]'`.") from None
 
 
 class _Callbacks:
@@ -95,7 +77,7 @@ class _Callbacks:
 
 def solve_ipopt(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
     """Minimise with IPOPT (Waechter & Biegler 2006) and the exact Hessian."""
-    ipyopt: Any = require("ipopt")
+    ipyopt: Any = import_module("ipyopt")
     functions = _Callbacks(nlp, options)
     m = functions.m
     settings: dict[str, Any] = {
@@ -133,7 +115,7 @@ def solve_ipopt(nlp: Transcription, x: Array, options: Options, duals: Duals | N
 
 def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
     """Minimise with Uno's filter SQP and the exact Hessian."""
-    unopy: Any = require("uno")
+    unopy: Any = import_module("unopy")
     functions = _Callbacks(nlp, options)
     m = functions.m
     model = unopy.Model(unopy.PROBLEM_NONLINEAR, nlp.n, nlp.lower, nlp.upper, unopy.ZERO_BASED_INDEXING)

@@ -10,7 +10,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.errors import ProblemError
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.compiled import interior_point
 from dmoc.solvers.kkt import LEAST_COST, residuals
@@ -64,8 +63,6 @@ def profile(nlp: Transcription, x: Array, options: Options, prepared: System) ->
 
 def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, price: Array | None = None) -> Outcome:
     begin = time.perf_counter()
-    if not nlp.program.compiled:
-        raise ProblemError("method ipm needs compiled kernels: install a C compiler and build the model again, or use slsqp.")
     x = np.clip(x, nlp.lower, nlp.upper)
     n_eq = nlp.n_eq
     start = duals or Duals(np.zeros(n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))

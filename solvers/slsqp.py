@@ -24,7 +24,7 @@ from dmoc.mechanics.algebra import least_squares
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Reduced, partition
 from dmoc.solvers.kkt import Residuals, residuals, violation, with_bounds, worst_constraints
-from dmoc.solvers.outcome import INFEASIBLE, Options, Outcome, Status
+from dmoc.solvers.outcome import INFEASIBLE, Duals, Options, Outcome, Status
 from dmoc.solvers.polish import polish
 from dmoc.solvers.runs import (
     EQUATION_TOLERANCE,
@@ -39,8 +39,6 @@ from dmoc.solvers.runs import (
 
 # Segments of each phase in the condensed form: fewer make the program more nonlinear, more make each iteration more expensive.
 SEGMENTS = 16
-# Inputs of all steps together: the matrices are dense, their memory grows with the square and the time with the cube.
-MOST_INPUTS = 2000
 # SLSQP iterations between two metrics: enough to settle the active set, few enough to profit from the exact Hessian.
 RUN = 5
 # Curvatures below this share of the cost's own count as flat; it bounds the first step along them.
@@ -282,8 +280,17 @@ def _split(A: Array) -> tuple[Array, Array]:
     return inverse @ U.T if rank == len(A) else inverse, Vt[rank:].T
 
 
-def solve(nlp: Transcription, x: Array, options: Options, segments: int = SEGMENTS) -> Outcome:
-    """Minimise from x; ``segments`` is the number of segments of each phase in the condensed form, 0 for the full form."""
+def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
+    """Minimise from x on the condensed program; multipliers of a neighbouring solution do not serve."""
+    return _solve(nlp, x, options, SEGMENTS)
+
+
+def solve_full(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
+    """Minimise from x on the full program."""
+    return _solve(nlp, x, options, 0)
+
+
+def _solve(nlp: Transcription, x: Array, options: Options, segments: int) -> Outcome:
     progress = Progress(nlp, options)
     x = np.clip(x, nlp.lower, nlp.upper)
     progress.consider(x, nlp.cost(x), violation(nlp, x))

@@ -9,7 +9,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dmoc.api import sensitivities, solve
     from dmoc.errors import DmocError
     from dmoc.nlp.problem import Problem
     from dmoc.registry import build, load
@@ -17,6 +16,8 @@ if TYPE_CHECKING:
     from dmoc.simulation.check import verify
     from dmoc.simulation.forward import simulate
     from dmoc.solution import Solution
+    from dmoc.solving.sensitivity import sensitivities
+    from dmoc.solving.solve import solve
     from dmoc.symbolic.derivation import derive
     from dmoc.symbolic.system import MechanicalSystem
 
@@ -45,9 +46,9 @@ _PLACES = {
     "derive": "dmoc.symbolic.derivation",
     "load": "dmoc.registry",
     "search": "dmoc.sequences.engine",
-    "sensitivities": "dmoc.api",
+    "sensitivities": "dmoc.solving.sensitivity",
     "simulate": "dmoc.simulation.forward",
-    "solve": "dmoc.api",
+    "solve": "dmoc.solving.solve",
     "verify": "dmoc.simulation.check",
 }
 

@@ -22,6 +22,7 @@ from rich.text import Text
 
 from dmoc.cli_input import (
     BAD_INPUT,
+    METHOD_HELP,
     NOT_SOLVED,
     BoundOption,
     ControlsOption,
@@ -47,6 +48,7 @@ from dmoc.cli_input import (
 from dmoc.cli_search import search
 from dmoc.discretisation import ORDERS_SHOWN
 from dmoc.errors import DmocError, OutputError
+from dmoc.solving.methods import DEFAULT, METHODS, REFINING, Form
 from dmoc.writing import REMEDY, write_whole
 
 if TYPE_CHECKING:
@@ -69,11 +71,6 @@ app = typer.Typer(
 class TextFormat(StrEnum):
     text = "text"
     latex = "latex"
-
-
-class Form(StrEnum):
-    condensed = "condensed"
-    full = "full"
 
 
 @app.callback()
@@ -159,7 +156,7 @@ def solve(
     final_time: FinalTimeOption = None,
     method: Annotated[
         str | None,
-        typer.Option(help="Solver: slsqp (default), ipm (compiled interior point; default with --tolerance), ipopt, uno."),
+        typer.Option(help=f"{METHOD_HELP}; {DEFAULT} by default, with --tolerance {REFINING}."),
     ] = None,
     tolerance: Annotated[
         float | None, typer.Option(help="Refine the mesh, from --steps on, until the relative error is below this.")
@@ -167,7 +164,7 @@ def solve(
     order: OrderOption = None,
     form: Annotated[
         Form, typer.Option(help="For slsqp: condensed, or the full program (small numbers of steps).")
-    ] = Form.condensed,
+    ] = Form.CONDENSED,
     controls: ControlsOption = None,
     set_: SetOption = None,
     bound: BoundOption = None,
@@ -189,9 +186,11 @@ def solve(
     json_: JsonOption = None,
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
-    from dmoc import api, registry
+    from dmoc import registry
     from dmoc.nlp.problem import Problem
     from dmoc.solution import Solution
+    from dmoc.solving.sensitivity import sensitivities as differentiated
+    from dmoc.solving.solve import solve as solved
 
     neighbour = None if guess is None else Solution.load(guess)
     reference = registry.find(model)
@@ -202,7 +201,7 @@ def solve(
     problem = Problem(reference.kernels(order), **fields)
     quiet = json_ == "-"
     with _Live(quiet) as live:
-        solution = api.solve(
+        solution = solved(
             problem, method, tolerance=tolerance, form=form.value, guess=neighbour, iterations=iterations, seconds=seconds, progress=live.show,
             reference=reference.name,
         )  # fmt: skip
@@ -215,7 +214,7 @@ def solve(
 
     def differentiate() -> None:
         if sensitivities and solution.status in ("solved", "grazes", "not_verified"):
-            derivatives.append(api.sensitivities(problem.but(steps=[p.steps for p in solution.phases]), solution))
+            derivatives.append(differentiated(problem.but(steps=[p.steps for p in solution.phases]), solution))
 
     def tell() -> None:
         if not quiet:
@@ -244,14 +243,14 @@ def verify(
     json_: JsonOption = None,
 ) -> None:
     """Check a solution by an independent simulation."""
-    from dmoc import api, registry
-    from dmoc.solution import Solution
+    from dmoc import registry
+    from dmoc.solution import Solution, check_same_model
 
     prepare(None, json_)
     loaded = Solution.load(solution)
     order = loaded.trajectory.order
     kernels = registry.load(model, order=order) if model else registry.load_for_file(loaded.reference, order)
-    api.check_same_model(loaded, kernels)
+    check_same_model(loaded, kernels)
     check = loaded.verify(kernels)
     summary = {key: (value.tolist() if hasattr(value, "tolist") else value) for key, value in asdict(check).items()}
     emit(summary, json_)
@@ -314,9 +313,9 @@ def doctor() -> None:
         table.add_row(
             f"model {name}", "compiled" if load_installed(f"dmoc.generated.{name}") else "not compiled: built on first use"
         )
-    for name, extra, what in (
-        ("matplotlib", "plot", "draw figures"), ("ipyopt", "ipopt", "use method ipopt"), ("unopy", "uno", "use method uno"),
-    ):  # fmt: skip
+    extras = [("matplotlib", "plot", "draw figures")]
+    extras += [(m.package, m.name, f"use method {m.name}") for m in METHODS.values() if m.package]
+    for name, extra, what in extras:
         try:
             table.add_row(name, metadata.version(name))
         except metadata.PackageNotFoundError:

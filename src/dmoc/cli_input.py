@@ -14,6 +14,7 @@ from rich.console import Console
 
 from dmoc.discretisation import ORDERS_SHOWN
 from dmoc.errors import DmocError, ProblemError
+from dmoc.solving.methods import listed
 from dmoc.writing import check_file, check_folder, write_whole
 
 # What is printed is never read as markup: names, units and messages have brackets and colons of their own.  Colours are Text objects.
@@ -36,7 +37,8 @@ JsonOption = Annotated[
 FinalTimeOption = Annotated[
     str | None, typer.Option("--final-time", help="Final time in seconds, or its range, as 0.5:1, or :1 for at most 1.")
 ]
-MethodOption = Annotated[str, typer.Option(help="Solver: slsqp, ipm (compiled interior point), ipopt, uno.")]
+METHOD_HELP = f"Solver: {listed()}"
+MethodOption = Annotated[str, typer.Option(help=f"{METHOD_HELP}.")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter value; repeatable.")]
 BoundOption = Annotated[
     list[str] | None, typer.Option(metavar="NAME=LOW:HIGH", help="Bounds of an input or coordinate; repeatable.")

@@ -37,6 +37,7 @@ from dmoc.cli_input import (
     written,
 )
 from dmoc.errors import SearchError
+from dmoc.solving.methods import SEARCHING
 
 if TYPE_CHECKING:
     from dmoc.sequences.engine import Progress, SearchResult
@@ -67,7 +68,7 @@ def search(
     workers: Annotated[int, typer.Option(help="Processes of this machine.")] = 1,
     steps: Annotated[int | None, typer.Option(help="Steps of each phase.")] = None,
     final_time: FinalTimeOption = None,
-    method: MethodOption = "ipm",
+    method: MethodOption = SEARCHING,
     order: OrderOption = None,
     controls: ControlsOption = None,
     set_: SetOption = None,

@@ -250,6 +250,16 @@ class Solution:
         return solution_in(content, name)
 
 
+def check_same_model(solution: Solution, kernels: Kernels) -> None:
+    """Raise SolutionFileError unless the kernels are those of the solution's model."""
+    wanted, given = solution.trajectory.fingerprint, kernels.manifest["fingerprint"]
+    if wanted != given:
+        raise SolutionFileError(
+            f"the solution was made for another version of model {solution.trajectory.model!r} than {kernels.name!r} as it is now: "
+            "solve again, or give the model it was made for."
+        )
+
+
 def _check_names(motion: Trajectory, kernels: Kernels) -> None:
     """Refuse a motion of the model of some kernels that has other names than the model."""
     if motion.fingerprint != kernels.manifest["fingerprint"]:

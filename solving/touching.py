@@ -34,13 +34,6 @@ def suspects(nlp: Transcription, x: Array) -> Index:
     return np.flatnonzero(faint & ~nlp.touching)
 
 
-def touches(nlp: Transcription, at: Index) -> Transcription:
-    """The program in which some more collisions only touch."""
-    return Transcription(
-        nlp.problem, nlp.scale, nlp.minimal_times, nlp.goal_as_rows, [*np.flatnonzero(nlp.touching), *at]
-    )  # fmt: skip
-
-
 def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
     """A touch with some impulse, to look for a collision from."""
     x = x.copy()

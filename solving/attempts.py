@@ -1,0 +1,205 @@
+"""From the starts to one outcome: a method from one start, from several, and what is done where it ends without a solution."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from dmoc.codegen.kernels import COMPILED, Array
+from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.diagnosis import diagnose
+from dmoc.solvers.kkt import residuals
+from dmoc.solvers.outcome import INFEASIBLE, Duals, Options, Outcome, Status
+from dmoc.solving.methods import METHODS, Driver, Method
+from dmoc.solving.program import Programs
+from dmoc.solving.starts import Starts
+from dmoc.solving.touching import pays, pushed, suspects
+
+Minimise: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
+NOWHERE = (Status.INFEASIBLE, Status.STALLED)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """The program that was solved last, its outcome, and what conflicts in it."""
+
+    nlp: Transcription
+    outcome: Outcome
+    conflicts: tuple[str, ...] = ()
+
+    def counting(self, iterations: int) -> Ended:
+        """The same with another number of iterations."""
+        return replace(self, outcome=replace(self.outcome, iterations=iterations))
+
+
+def ended(programs: Programs, starts: Starts, method: Method, form: str, options: Options) -> Ended:
+    """Solve by a method, and by what takes over from it; say what conflicts where nothing helps."""
+    begin = time.perf_counter()
+    nlp = programs.program(method.guided)
+    points = [nlp.scaled(x) for x in starts.points]
+    minimise = _with(method.minimise(form), starts.duals(nlp))
+    tries = _best_of_all if method.tries_all else _first_success
+    found = tries(programs, nlp, points, options, minimise)
+    if programs.problem.kernels.backend != COMPILED:
+        return found
+    if found.outcome.status in NOWHERE and method.falls_back_on is not None:
+        left = remaining(options, begin, found.outcome.iterations)
+        found = _taken_over(programs, found, points, left, METHODS[method.falls_back_on])
+    if found.outcome.status is Status.INFEASIBLE:
+        left = remaining(options, begin, found.outcome.iterations)
+        found = _explained(found, starts.points[0], left, minimise)
+    return found
+
+
+def remaining(options: Options, begin: float, iterations: int = 0) -> Options:
+    """What is left of the limits of a solve that began at a time and has taken some iterations,
+    which are counted on."""
+    seconds = options.seconds
+    if seconds is not None:
+        seconds = max(seconds - (time.perf_counter() - begin), 1e-9)
+    tell = progress = options.progress
+    if tell is not None and iterations:
+        progress = lambda i: tell(replace(i, number=i.number + iterations))  # noqa: E731
+    return replace(
+        options,
+        seconds=seconds,
+        iterations=max(options.iterations - iterations, 1),
+        progress=progress,
+    )
+
+
+def _with(driver: Driver, duals: Duals | None) -> Minimise:
+    """A driver with the multipliers of its first start, which serve the programs that have as many
+    constraints: not one in which collisions have become touches."""
+
+    def minimise(nlp: Transcription, x: Array, options: Options) -> Outcome:
+        fits = duals is not None and (len(duals.y), len(duals.w)) == (nlp.n_eq, nlp.n_in)
+        return driver(nlp, x, options, duals if fits else None)
+
+    return minimise
+
+
+def _first_success(
+    programs: Programs,
+    nlp: Transcription,
+    points: Sequence[Array],
+    options: Options,
+    minimise: Minimise,
+) -> Ended:
+    """Solve from one start after the other until one succeeds or a limit is reached; else return
+    the least violation."""
+    tried: list[tuple[float, Ended]] = []
+    count, begin = 0, time.perf_counter()
+    for x in points:
+        found = _minimised(programs, nlp, x, remaining(options, begin, count), minimise)
+        count += found.outcome.iterations
+        if found.outcome.status not in NOWHERE or count >= options.iterations:
+            return found.counting(count)
+        left = residuals(found.nlp, found.outcome.x, found.outcome.duals)
+        tried.append((left.violation, found))
+    return min(tried, key=lambda t: t[0])[1].counting(count)
+
+
+def _best_of_all(
+    programs: Programs,
+    nlp: Transcription,
+    points: Sequence[Array],
+    options: Options,
+    minimise: Minimise,
+) -> Ended:
+    """Solve from every start and return the cheapest minimum, one whose collisions all have an
+    effect if there is one; where there is none, what the first success is."""
+    begin = time.perf_counter()
+    first = _first_success(programs, nlp, points, options, minimise)
+    count = first.outcome.iterations
+    if first.outcome.status is not Status.SOLVED:
+        return first
+    solved = [first]
+
+    def best() -> Ended:
+        return min(solved, key=lambda s: (bool(s.nlp.touching.any()), s.nlp.cost(s.outcome.x)))
+
+    for x in points[1:]:
+        again = _minimised(programs, nlp, x, remaining(options, begin, count), minimise)
+        count += again.outcome.iterations
+        status = again.outcome.status
+        if status is Status.SOLVED:
+            solved.append(again)
+        elif status is Status.INTERRUPTED:
+            interrupted = replace(best().outcome, status=status, iterations=count)
+            return replace(best(), outcome=interrupted)
+        elif status in (Status.TIME_LIMIT, Status.ITERATION_LIMIT):
+            break
+    return best().counting(count)
+
+
+def _taken_over(programs: Programs, before: Ended, points: Sequence[Array], options: Options, second: Method) -> Ended:
+    """What a second method finds; the end as it was where that finds nothing either."""
+    outcome, minimise = before.outcome, _with(second.minimise(), None)
+    again = _best_of_all(programs, programs.program(second.guided), points, options, minimise)
+    count = outcome.iterations + again.outcome.iterations
+    if again.outcome.status in (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED):
+        word = outcome.status.name.lower()
+        detail = f"slsqp ended {word}, the compiled method took over"
+        return replace(again, outcome=replace(again.outcome, detail=detail, iterations=count))
+    return before.counting(count)
+
+
+def _explained(before: Ended, x: Array, options: Options, minimise: Minimise) -> Ended:
+    """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve
+    from."""
+    begin = time.perf_counter()
+    nlp, outcome = before.nlp, before.outcome
+    try:
+        diagnosis = diagnose(nlp.problem, nlp.scale, x, options)
+    except KeyboardInterrupt:
+        return Ended(nlp, replace(outcome, status=Status.INTERRUPTED))
+    if diagnosis.violation <= INFEASIBLE and outcome.iterations < options.iterations:
+        left = remaining(options, begin, outcome.iterations)
+        again = minimise(nlp, nlp.scaled(diagnosis.x), left)
+        if again.status is not Status.INFEASIBLE:
+            return Ended(nlp, again).counting(outcome.iterations + again.iterations)
+    return Ended(nlp, outcome, diagnosis.sentences)
+
+
+def _minimised(programs: Programs, nlp: Transcription, x: Array, options: Options, minimise: Minimise) -> Ended:
+    """Solve from one start; an estimated minimal time that limits the solution is dropped, because
+    the dynamics decide and not the estimate, and collisions without effect become touches."""
+    begin = time.perf_counter()
+    outcome = minimise(nlp, x, options)
+
+    def continued(nlp: Transcription, before: Outcome) -> Outcome:
+        """Solve another program of the same unknowns from where one has ended."""
+        again = minimise(nlp, before.x, remaining(options, begin, before.iterations))
+        return replace(again, iterations=before.iterations + again.iterations)
+
+    if _limited_by_times(nlp, outcome, options.violation):
+        nlp = programs.free(nlp)
+        outcome = continued(nlp, outcome)
+    at = suspects(nlp, outcome.x)
+    if not len(at) or outcome.status not in (Status.SOLVED, *NOWHERE):
+        return Ended(nlp, outcome)
+    touching = programs.touches(nlp, at)
+    touched = continued(touching, outcome)
+    if touched.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
+        return Ended(nlp, replace(outcome, status=touched.status))
+    if touched.status is not Status.SOLVED:
+        return Ended(nlp, outcome).counting(touched.iterations)
+    if not pays(touching, touched):
+        return Ended(touching, touched)
+    again = continued(nlp, replace(touched, x=pushed(nlp, touched.x, at)))
+    cheaper = outcome.status is not Status.SOLVED or nlp.cost(again.x) <= nlp.cost(outcome.x)
+    if again.status is Status.SOLVED and cheaper:
+        return Ended(nlp, again)
+    return Ended(nlp, outcome).counting(again.iterations)
+
+
+def _limited_by_times(nlp: Transcription, outcome: Outcome, violation: float) -> bool:
+    """Whether an estimated minimal time holds a solution, or may be what has no solution."""
+    timed = nlp.inequality_rows("minimal time")
+    if outcome.status is Status.SOLVED:
+        return bool((outcome.duals.w[timed] > 0).any())
+    short = nlp.inequality(outcome.x)[timed] < violation
+    return outcome.status is Status.INFEASIBLE and bool(short.any())

@@ -1,0 +1,141 @@
+"""The methods of :func:`dmoc.solve`, one entry for each; what solves is loaded when it is first asked for."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from dmoc.errors import DmocError, MissingExtraError, ProblemError
+
+if TYPE_CHECKING:
+    from dmoc.codegen.kernels import Array
+    from dmoc.nlp.transcription import Transcription
+    from dmoc.solvers.outcome import Duals, Options, Outcome
+
+Driver: TypeAlias = "Callable[[Transcription, Array, Options, Duals | None], Outcome]"
+
+
+class Form(StrEnum):
+    """The program that slsqp gets: coordinates eliminated by the equations of motion, or all there is."""
+
+    CONDENSED = "condensed"
+    FULL = "full"
+
+
+FORMS = tuple(form.value for form in Form)
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to solve a program.
+
+    Attributes
+    ----------
+    name : str
+    what : str
+        What it is, where methods are listed.
+    driver : str
+        The function that minimises, as "module:name".
+    full : str or None
+        The function for ``form="full"``, where that is another one.
+    package : str or None
+        Package behind it, where it is an extra, which then has the method's name.
+    needs_compiled : bool
+        Whether it needs compiled kernels.
+    most_inputs : int or None
+        Most inputs of all steps together.
+    guided : bool
+        Whether estimates of minimal times keep it on the right track.
+    tries_all : bool
+        Whether every start is solved from, and not only one after the other until one succeeds.
+    falls_back_on : str or None
+        The method that takes over where it ends without a solution.
+    """
+
+    name: str
+    what: str
+    driver: str
+    full: str | None = None
+    package: str | None = None
+    needs_compiled: bool = False
+    most_inputs: int | None = None
+    guided: bool = False
+    tries_all: bool = False
+    falls_back_on: str | None = None
+
+    def minimise(self, form: str = Form.CONDENSED) -> Driver:
+        """The function that minimises a program from scaled unknowns."""
+        module, name = (self.full if form == Form.FULL and self.full else self.driver).split(":")
+        found: Driver = getattr(import_module(module), name)
+        return found
+
+    def require(self, backend: str, error: type[DmocError] = ProblemError) -> None:
+        """Refuse kernels that the method cannot use, and import its package.
+
+        Raises
+        ------
+        ProblemError, or the given error
+            If the kernels are not compiled and have to be.
+        MissingExtraError
+            If the package is not installed.
+        """
+        if self.needs_compiled and backend != "compiled":
+            raise error(
+                f"method {self.name} needs compiled kernels: install a C compiler and build the model again, or use slsqp."
+            )
+        if self.package is None:
+            return
+        # Uno's Fortran would keep its lines and print them when the program ends, where nothing
+        # can keep them away any more.
+        os.environ.setdefault("GFORTRAN_UNBUFFERED_PRECONNECTED", "1")
+        try:
+            import_module(self.package)
+        except ImportError:
+            raise MissingExtraError(
+                f"method {self.name} needs {self.package}: install it with `pip install 'dmoc[{self.name}]'`."
+            ) from None
+
+    def check_size(self, steps: Any, inputs: int, error: type[DmocError] = ProblemError) -> None:
+        """Raise an error if the inputs of all steps together are too many for the method."""
+        if self.most_inputs is not None and inputs > self.most_inputs:
+            raise error(
+                f"steps = {steps}: method {self.name} works with dense matrices and takes at most "
+                f"{self.most_inputs} inputs in all steps, these are {inputs}; take fewer steps or "
+                "collisions, or method ipm."
+            )
+
+
+METHODS = {
+    method.name: method
+    for method in (
+        Method(
+            "slsqp",
+            "sequential quadratic programming",
+            "dmoc.solvers.slsqp:solve",
+            full="dmoc.solvers.slsqp:solve_full",
+            most_inputs=2000,  # memory grows with the square of the inputs, time with the cube
+            guided=True,
+            falls_back_on="ipm",
+        ),
+        Method(
+            "ipm",
+            "compiled interior point",
+            "dmoc.solvers.ipm:solve",
+            needs_compiled=True,
+            tries_all=True,  # further starts cost it next to nothing
+        ),
+        Method("ipopt", "IPOPT", "dmoc.solvers.external:solve_ipopt", package="ipyopt"),
+        Method("uno", "Uno", "dmoc.solvers.external:solve_uno", package="unopy"),
+    )
+}
+# Of a single solve, of a refinement, and of a search.
+DEFAULT, REFINING, SEARCHING = "slsqp", "ipm", "ipm"
+
+
+def listed() -> str:
+    """The methods in a line."""
+    return ", ".join(f"{method.name} ({method.what})" for method in METHODS.values())

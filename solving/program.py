@@ -1,0 +1,40 @@
+"""The programs of a problem that one solve needs, each made once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.scaling import Scale
+from dmoc.nlp.transcription import Transcription
+
+
+@dataclass(frozen=True)
+class Programs:
+    """The programs of a problem in one scale.
+
+    ``guided`` ones have the estimated minimal times as constraints, in as far as the problem has
+    them; the others leave them out.
+    """
+
+    problem: Problem
+    scale: Scale
+    _made: dict[tuple[bool, tuple[int, ...]], Transcription] = field(default_factory=dict)
+
+    def program(self, guided: bool = False, touching: Iterable[int] = ()) -> Transcription:
+        """The program in which the given collisions touch their surface without an impulse."""
+        key = (guided and self.problem.minimal_times, tuple(sorted(map(int, touching))))
+        if key not in self._made:
+            self._made[key] = Transcription(self.problem, self.scale, key[0], touching=key[1])
+        return self._made[key]
+
+    def free(self, nlp: Transcription) -> Transcription:
+        """A program without its minimal times."""
+        return self.program(False, np.flatnonzero(nlp.touching))
+
+    def touches(self, nlp: Transcription, at: Iterable[int]) -> Transcription:
+        """A program in which some more collisions only touch."""
+        return self.program(nlp.minimal_times, [*np.flatnonzero(nlp.touching), *at])

@@ -1,0 +1,105 @@
+"""The outcome of a program as a Solution, and what the independent simulation says of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+from dmoc.nlp.motion import active_bounds, named_multipliers, singular_at, trajectory
+from dmoc.simulation.check import OutOfTimeError, Verification
+from dmoc.solution import Solution
+from dmoc.solvers.kkt import duality_gap, residuals
+from dmoc.solvers.outcome import Status
+from dmoc.solving.attempts import Ended
+from dmoc.trajectory import Trajectory
+
+
+def solution_of(ended: Ended, method: str, seconds: Mapping[str, float], reference: str) -> Solution:
+    """The solution in the user's words and units."""
+    nlp, outcome = ended.nlp, ended.outcome
+    problem, found = nlp.problem, residuals(nlp, outcome.x, outcome.duals)
+    motion, status = trajectory(nlp, outcome.x), outcome.status.name.lower()
+    message = _message(ended)
+    grazing = _without_effect(motion)
+    if outcome.status is Status.SOLVED and grazing:
+        status = "grazes"
+        message += f"; collision {' and '.join(grazing)} has no effect: the motion touches the surface without an impulse"
+    return Solution(
+        status=status,
+        message=message,
+        method=method,
+        cost=nlp.cost(outcome.x) * nlp.scale.cost,
+        trajectory=motion,
+        multipliers=named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z),
+        active_bounds=active_bounds(nlp, outcome.x, outcome.duals.w, outcome.duals.z),
+        max_violation=found.violation,
+        optimality=found.optimality,
+        iterations=outcome.iterations,
+        seconds=seconds,
+        unknowns=nlp.physical(outcome.x),
+        scale=nlp.scale.named(problem),
+        reference=reference or problem.kernels.name,
+        conflicts=ended.conflicts,
+        duality_gap=duality_gap(nlp, outcome.x, outcome.duals),
+        kernels=problem.kernels,
+    )
+
+
+def _message(ended: Ended) -> str:
+    """What happened, with the conflicts or the detail of the method."""
+    outcome = ended.outcome
+    detail = f" ({outcome.detail})" if outcome.detail else ""
+    conflicts = "; ".join(ended.conflicts)
+    message = outcome.status.value + (f": {conflicts}" if conflicts else detail)
+    singular = None
+    if outcome.status is not Status.SOLVED:
+        singular = singular_at(ended.nlp, outcome.x)
+    if singular is None:
+        return message
+    return (
+        f"{message}; the mass matrix is singular or negative on the way, first at {singular:.4g} s: "
+        "check the parameters and the bounds"
+    )
+
+
+def _without_effect(motion: Trajectory) -> list[str]:
+    return [f"{i + 1} ({c.surface})" for i, c in enumerate(motion.collisions) if c.grazes]
+
+
+def checked(solution: Solution, seconds: float | None = None) -> Solution:
+    """The solution with the result of the independent simulation; one that it contradicts is not
+    verified."""
+    start = time.perf_counter()
+    try:
+        check = solution.verify(seconds=seconds)
+    except OutOfTimeError:
+        check = None
+    spent = {**solution.seconds, "verify": time.perf_counter() - start}
+    if check is None:
+        message = f"{solution.message}, but the time limit was reached before the simulation had checked it: raise it"
+        return replace(solution, status="time_limit", message=message, seconds=spent)
+    solution = replace(solution, verification=_summary(check), seconds=spent)
+    if check.passed:
+        more = f"; {check.message}" if check.message else ""
+        return replace(solution, message=solution.message + more)
+    message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
+    return replace(solution, status="not_verified", message=message)
+
+
+def _summary(check: Verification) -> dict[str, object]:
+    """What a solution keeps of a check."""
+    return {
+        "passed": check.passed,
+        "message": check.message,
+        "terminal_error": check.terminal_error,
+        "amplification": check.amplification,
+        "max_defect": check.max_defect,
+        "max_segment_defect": float(check.segment_defects.max(initial=0.0)),
+        "energy_error": check.energy_error,
+        "impact_error": check.impact_error,
+        "missed_contacts": list(check.missed_contacts),
+        "extra_contacts": list(check.extra_contacts),
+        "penetration": check.penetration,
+        "limit_excess": check.limit_excess,
+    }

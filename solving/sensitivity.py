@@ -1,0 +1,65 @@
+"""Derivatives of the optimal cost at a solution."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dmoc.arguments import shown
+from dmoc.errors import ProblemError
+from dmoc.nlp.layout import Layout
+from dmoc.nlp.motion import given_multipliers
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.scaling import scale_of
+from dmoc.nlp.sensitivity import Sensitivities
+from dmoc.nlp.sensitivity import sensitivities as find_sensitivities
+from dmoc.solution import Solution, check_same_model
+from dmoc.solvers.kkt import residuals
+from dmoc.solvers.outcome import Duals
+from dmoc.solving.program import Programs
+
+# Residuals above this are those of another problem.
+OTHER_PROBLEM = 1e-4
+
+
+def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
+    """Derivatives of the optimal cost with respect to parameters, coefficients of restitution,
+    positions of surfaces, final time, boundary values and bounds, from the multipliers of a
+    solution; see :class:`~dmoc.nlp.sensitivity.Sensitivities`.
+
+    Raises
+    ------
+    ProblemError
+        If the solution belongs to another problem, or is none.
+    """
+    check_problem(problem)
+    if not isinstance(solution, Solution):
+        raise ProblemError(f"solution = {shown(solution)}: expected the Solution of the problem.")
+    steps = tuple(p.steps for p in solution.phases)
+    sequence = tuple(c.surface for c in solution.collisions)
+    size = Layout.of(problem).size
+    given = (steps, sequence, len(solution.unknowns))
+    if given != (problem.phase_steps, tuple(problem.sequence), size):
+        raise ProblemError(
+            f"the solution has the sequence {list(sequence)} with {list(steps)} steps, the problem "
+            f"{list(problem.sequence)} with {list(problem.phase_steps)}: give the problem that was "
+            "solved."
+        )
+    if solution.status not in ("solved", "grazes", "not_verified"):
+        raise ProblemError(f"the solution has the status {solution.status!r}: sensitivities need a minimum.")
+    check_same_model(solution, problem.kernels)
+    scale = scale_of(problem, solution.unknowns, minimum=True)
+    nlp = Programs(problem, scale).program()
+    duals = Duals(*given_multipliers(nlp, solution.multipliers))
+    found = residuals(nlp, nlp.scaled(solution.unknowns), duals)
+    if found.violation > OTHER_PROBLEM or found.optimality > OTHER_PROBLEM:
+        raise ProblemError(
+            f"the solution is no minimum of this problem (violation {found.violation:.1e}, "
+            f"optimality {found.optimality:.1e}): give the problem that was solved."
+        )
+    return find_sensitivities(problem, solution.unknowns, solution.multipliers)
+
+
+def check_problem(problem: Any) -> None:
+    """Refuse what is no Problem."""
+    if not isinstance(problem, Problem):
+        raise ProblemError(f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., ...) states it.")

@@ -1,0 +1,159 @@
+"""Solve a problem: programs, starts, a method, the check, and meshes where a tolerance asks for them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dmoc.arguments import choice, flag, function, positive, text, whole
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.scaling import scale_of
+from dmoc.solution import Solution
+from dmoc.solvers.outcome import Iteration, Options
+from dmoc.solvers.threads import ONE_THREAD
+from dmoc.solving.attempts import ended, remaining
+from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method
+from dmoc.solving.program import Programs
+from dmoc.solving.refinement import refined
+from dmoc.solving.result import checked, solution_of
+from dmoc.solving.sensitivity import check_problem
+from dmoc.solving.starts import Guess, starts_of
+
+# A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier may be driven further down.
+SHARP, SHARPEST = 1e-8, 1e-11
+MOST_ITERATIONS = 2**31 - 1  # what the compiled method can count
+
+
+def solve(
+    problem: Problem,
+    method: str | None = None,
+    *,
+    tolerance: float | None = None,
+    form: str = "condensed",
+    guess: Solution | Array | None = None,
+    optimality: float = 1e-6,
+    violation: float = 1e-10,
+    iterations: int = 1000,
+    seconds: float | None = None,
+    progress: Callable[[Iteration], None] | None = None,
+    verify: bool = True,
+    reference: str = "",
+) -> Solution:
+    """Solve an optimal control problem for its sequence of collisions.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : {"slsqp", "ipm", "ipopt", "uno"}
+        SciPy's sequential quadratic programming on the condensed program; the compiled interior-point method of dmoc; IPOPT; Uno.  The
+        last two are extras.  The default is "slsqp", with a tolerance "ipm".
+    tolerance : float, optional
+        Refine the mesh, beginning with the problem's steps, until the estimated relative error of cost, durations and positions and the simulated
+        errors over segments are below it.  The solution has the estimate and the meshes.
+    form : {"condensed", "full"}
+        For slsqp: "condensed" eliminates coordinates by solving the discrete equations of motion; "full" leaves all unknowns to the
+        solver, which is practical up to some tens of steps.  The other methods work on the full sparse program.
+    guess : Solution or array, optional
+        Where to start; by default an automatic guess.  A solution must have the same number of collisions; one on another mesh
+        or of another order is interpolated, the multipliers of one with the same steps serve too (not with slsqp).
+    optimality, violation : float
+        Tolerances of the optimality residual and of the constraints.
+    iterations : int
+    seconds : float, optional
+        Limits.
+    progress : callable, optional
+        Called with an Iteration (number, cost, violation) after every iteration.
+    verify : bool
+        Check a converged solution by simulation; one that fails has the status "not_verified".
+    reference : str
+        How the model was named; kept in the solution so that it can be found again.
+
+    Returns
+    -------
+    Solution
+        Also when no solution was found: look at its status and message.
+
+    Raises
+    ------
+    ProblemError
+        If an argument does not fit.
+    """
+    check_problem(problem)
+    name = (DEFAULT if tolerance is None else REFINING) if method is None else method
+    chosen = METHODS[choice(name, "method", tuple(METHODS))]
+    choice(form, "form", FORMS)
+    optimality = positive(optimality, "optimality", "expected a positive number")
+    violation = positive(violation, "violation", "expected a positive number")
+    if tolerance is not None:
+        tolerance = positive(tolerance, "tolerance", "expected a positive number, or None")
+    if seconds is not None:
+        seconds = positive(seconds, "seconds", "expected a positive time limit, or None")
+    iterations = whole(iterations, "iterations", 1, MOST_ITERATIONS)
+    function(progress, "progress")
+    flag(verify, "verify")
+    text(reference, "reference")
+    chosen.require(problem.kernels.backend)
+    options = Options(optimality, violation, iterations, seconds, progress)
+    request = Request(chosen, form, options, verify, reference)
+    if tolerance is None:
+        return _solved(problem, guess, request)
+    return _on_meshes(problem, guess, request, tolerance)
+
+
+@dataclass(frozen=True)
+class Request:
+    """How a problem shall be solved; its parts are checked."""
+
+    method: Method
+    form: str
+    options: Options
+    verify: bool
+    reference: str
+
+
+def _on_meshes(problem: Problem, guess: Guess, request: Request, tolerance: float) -> Solution:
+    """Solve on finer and finer meshes; only the finest is checked."""
+    begin, options = time.perf_counter(), request.options
+    base = min(options.optimality, max(tolerance, SHARP))
+
+    def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
+        optimality = base if sharper is None else max(sharper, SHARPEST)
+        sharp = replace(remaining(options, begin), optimality=optimality)
+        return _solved(problem, coarse or guess, replace(request, options=sharp, verify=False))
+
+    def check(solution: Solution) -> Solution:
+        return checked(solution, remaining(options, begin).seconds)
+
+    return refined(problem, tolerance, options.seconds, on_mesh, check)
+
+
+def _solved(problem: Problem, guess: Guess, request: Request) -> Solution:
+    """Solve on one mesh."""
+    method, options = request.method, request.options
+    method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
+    begin = time.perf_counter()
+    deadline = np.inf if options.seconds is None else begin + options.seconds
+    with ONE_THREAD, np.errstate(all="ignore"):
+        starts = starts_of(problem, guess, deadline)
+        guessed = time.perf_counter()
+        scale = scale_of(problem, starts.points[0], starts.minimum)
+        left = _in_units(remaining(options, begin), scale.cost)
+        found = ended(Programs(problem, scale), starts, method, request.form, left)
+        solved = time.perf_counter()
+        seconds = {"build": problem.kernels.seconds, "guess": guessed - begin, "solve": solved - guessed}
+        solution = solution_of(found, method.name, seconds, request.reference)
+    if not (request.verify and solution.minimum):
+        return solution
+    return checked(solution, remaining(options, begin).seconds)
+
+
+def _in_units(options: Options, cost: float) -> Options:
+    """Options whose progress is told with costs in units of the problem."""
+    tell = options.progress
+    if tell is None:
+        return options
+    return replace(options, progress=lambda i: tell(replace(i, cost=i.cost * cost)))

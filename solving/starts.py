@@ -1,0 +1,99 @@
+"""Where a solve starts: an automatic guess, unknowns that are given, or a motion that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from dmoc.arguments import shown
+from dmoc.codegen.kernels import Array
+from dmoc.errors import ProblemError
+from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.layout import Layout
+from dmoc.nlp.motion import given_multipliers
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.transcription import Transcription
+from dmoc.nlp.transfer import pieces_of, unknowns_along
+from dmoc.solution import Solution
+from dmoc.solvers.outcome import Duals
+
+Guess: TypeAlias = Solution | Array | None
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Unknowns to start from, in units of the problem, the best ones first.
+
+    ``minimum`` says that they are those of a solution, ``multipliers`` are its multipliers by kind
+    where they fit the mesh.
+    """
+
+    points: tuple[Array, ...]
+    minimum: bool = False
+    multipliers: Mapping[str, Array] | None = None
+
+    def duals(self, nlp: Transcription) -> Duals | None:
+        """The multipliers that were given, as a program takes them."""
+        if self.multipliers is None:
+            return None
+        return Duals(*given_multipliers(nlp, self.multipliers))
+
+
+def starts_of(problem: Problem, guess: Guess, deadline: float = np.inf) -> Starts:
+    """Read a guess, or make the automatic ones until a time of ``time.perf_counter``.
+
+    Raises
+    ------
+    ProblemError
+        If the guess is no start of the problem.
+    """
+    if guess is None:
+        return Starts(tuple(g.x for g in initial_guesses(problem, deadline)))
+    if isinstance(guess, Solution):
+        return _from_solution(problem, guess)
+    return Starts((_given(problem, guess),))
+
+
+def _from_solution(problem: Problem, guess: Solution) -> Starts:
+    names = [*problem.kernels.coordinates, *problem.kernels.inputs]
+    given = [*guess.trajectory.coordinates, *guess.trajectory.inputs]
+    if given != names:
+        raise ProblemError(
+            f"guess is a motion of {', '.join(given)}: expected one of the coordinates and inputs {', '.join(names)}."
+        )
+    if len(guess.phases) != problem.phases:
+        raise ProblemError(
+            f"guess has {len(guess.collisions)} collisions: expected a motion with {problem.phases - 1}, as the problem has."
+        )
+    if not _same_mesh(problem, guess):
+        impulses = [c.impulse for c in guess.collisions]
+        return Starts((unknowns_along(problem, pieces_of(guess.trajectory), impulses),), True)
+    same = tuple(c.surface for c in guess.collisions) == problem.sequence
+    return Starts((guess.unknowns.copy(),), True, guess.multipliers if same else None)
+
+
+def _same_mesh(problem: Problem, guess: Solution) -> bool:
+    """Whether the unknowns of a motion are those of the problem."""
+    steps, controls = tuple(p.steps for p in guess.phases), guess.trajectory.controls
+    size = Layout.of(problem).size
+    same = steps == problem.phase_steps and controls == problem.control_form
+    return same and len(guess.unknowns) == size
+
+
+def _given(problem: Problem, guess: Array) -> Array:
+    size = Layout.of(problem).size
+    try:
+        given = np.array(guess)
+    except (TypeError, ValueError):  # rows of different lengths
+        given = np.array(None)
+    if given.dtype.kind not in "iuf":
+        raise ProblemError(f"guess = {shown(guess)}: expected a Solution, or an array of {size} unknowns.")
+    x = given.astype(float)
+    if x.shape != (size,) or not np.isfinite(x).all():
+        raise ProblemError(
+            f"guess has shape {x.shape}: expected {size} finite unknowns, from a solution of the same model with the same steps."
+        )
+    return x
