@@ -19,8 +19,8 @@ import dmoc
 from dmoc.nlp.motion import given_multipliers, named_multipliers
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.ipm import profile
+from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Duals, Options, Outcome
-from dmoc.solvers.system import system
 
 OPTIONS = Options(iterations=1000, seconds=600.0)
 
@@ -72,7 +72,7 @@ def where(quick: bool) -> Section:
         x = guess(problem)
         nlp = program(problem, x)
         begin = time.perf_counter()
-        K = system(nlp)
+        K = kkt_layout(nlp)
         analysis = time.perf_counter() - begin
         runs = [profile(nlp, nlp.scaled(x), OPTIONS, K) for _ in range(3 if quick else 15)]
         r = sorted(runs, key=lambda r: r["seconds"])[len(runs) // 2]

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.assembly import Program
-from dmoc.solvers.system import System
+from dmoc.solvers.kkt_layout import KKTLayout
 
 Ints = NDArray[Any]
 
 def interior_point(
     program: Program,
-    system: System,
+    system: KKTLayout,
     size: Array,
     stretch: Array,
     x: Array,

@@ -13,8 +13,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.compiled import interior_point
 from dmoc.solvers.kkt import LEAST_COST, residuals
+from dmoc.solvers.kkt_layout import KKTLayout, kkt_layout
 from dmoc.solvers.outcome import INFEASIBLE, Duals, Iteration, Options, Outcome, Status
-from dmoc.solvers.system import System, system
 
 Report: TypeAlias = Callable[[int, float, float, float, bool], None]
 STATUSES = (Status.SOLVED, Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STALLED, Status.INTERRUPTED)
@@ -54,7 +54,7 @@ def least_violation(nlp: Transcription, x: Array, options: Options, price: Array
     return _run(nlp, x, options, None, price)
 
 
-def profile(nlp: Transcription, x: Array, options: Options, prepared: System) -> dict[str, Any]:
+def profile(nlp: Transcription, x: Array, options: Options, prepared: KKTLayout) -> dict[str, Any]:
     """Minimise from x; return counts and seconds: iterations, factorisations, seconds_kernels, seconds_linear, seconds."""
     x = np.clip(x, nlp.lower, nlp.upper)
     y, z_lower, z_upper = np.zeros(nlp.n_eq + nlp.n_in), np.zeros(nlp.n), np.zeros(nlp.n)
@@ -70,7 +70,7 @@ def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, pr
     z_lower, z_upper = np.maximum(start.z, 0.0), np.maximum(-start.z, 0.0)
     report, count = _listener(options)
     try:
-        prepared = system(nlp)
+        prepared = kkt_layout(nlp)
         if options.seconds is not None:  # the analysis counts too
             options = replace(options, seconds=max(options.seconds - (time.perf_counter() - begin), 1e-9))
         result = _minimise(nlp, prepared, x, y, z_lower, z_upper, options, duals is not None, price, report)
@@ -94,7 +94,7 @@ def _listener(options: Options) -> tuple[Report, Callable[[], int]]:
 
 
 def _minimise(
-    nlp: Transcription, prepared: System, x: Array, y: Array, z_lower: Array, z_upper: Array, options: Options, warm: bool,
+    nlp: Transcription, prepared: KKTLayout, x: Array, y: Array, z_lower: Array, z_upper: Array, options: Options, warm: bool,
     price: Array | None, report: Report,
 ) -> dict[str, Any]:  # fmt: skip
     """Call the compiled method, which works on x and the multipliers in place."""

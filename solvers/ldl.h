@@ -2,7 +2,7 @@
  *
  * The unknowns are given in elimination order, as pivots of one or two unknowns followed by a final group that is factorised densely with
  * complete pivoting (Bunch & Parlett 1971). An optimal control problem tells which unknown and which equation belong together as a
- * pivot of two (solvers/system.py), so that K needs to be analysed once and pivots are not zero by their structure.
+ * pivot of two (solvers/kkt_layout.py), so that K needs to be analysed once and pivots are not zero by their structure.
  *
  * K is given by its upper triangle, by columns: start[n + 1], row[entries] with row <= column, in elimination order.
  * Rows of L are computed one after the other ("up-looking", as in Davis, Direct Methods for Sparse Linear Systems, 2006, chapter 4).

@@ -25,8 +25,8 @@ from dmoc.registry import build
 from dmoc.solvers import ipm
 from dmoc.solvers.compiled import factor_and_solve
 from dmoc.solvers.ipm import least_violation
+from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Iteration, Options, Status
-from dmoc.solvers.system import system
 
 SPARSE = ("ipm", "ipopt", "uno")
 ROOT = Path(__file__).resolve().parents[2]
@@ -123,7 +123,7 @@ def test_a_solution_of_another_mesh_or_order_is_a_guess(seed: dmoc.Problem, bloc
 
 def test_a_coordinate_that_is_held_keeps_the_system_sparse(seed: dmoc.Problem) -> None:
     nlp = Transcription(seed.but(bounds={"F": (-200, 200), "x": (0, 0)}), minimal_times=False)
-    K = system(nlp)
+    K = kkt_layout(nlp)
     assert K.size - K.first[-1] < 10
     begin = time.perf_counter()
     dmoc.solve(nlp.problem.but(steps=1000), method="ipm", seconds=0.5, verify=False)
@@ -287,7 +287,7 @@ def test_least_violation_of_a_feasible_problem_is_none(seed: dmoc.Problem) -> No
 def test_the_linear_system_is_that_of_the_program(seed: dmoc.Problem) -> None:
     problem = seed.but(steps=[3, 4, 3], sequence=["left", "right"], start={"alpha": (0.4, 0.5), "x": 0.0, "alpha_dot": (-1, 1)})
     nlp = Transcription(problem, minimal_times=False)
-    K = system(nlp)
+    K = kkt_layout(nlp)
     m = nlp.n_eq + nlp.n_in
     free = np.flatnonzero(np.concatenate([nlp.lower < nlp.upper, np.ones(m, dtype=bool)]))
     assert sorted(K.place[free]) == list(range(K.size)) and (np.delete(K.place, free) == -1).all()

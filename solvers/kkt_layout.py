@@ -25,7 +25,7 @@ RANKS = 5
 
 
 @dataclass(frozen=True)
-class System:
+class KKTLayout:
     """K in elimination order, upper triangle by columns.
 
     ``place``: position of unknown i (index i) and of row r of (c | d) (index n + r), -1 for fixed unknowns.  ``first``: first position of
@@ -112,7 +112,7 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     return np.concatenate([chain, np.flatnonzero(~taken)]), np.concatenate([[0], np.cumsum(widths)])
 
 
-def system(nlp: Transcription) -> System:
+def kkt_layout(nlp: Transcription) -> KKTLayout:
     """Analyse K for a program without minimal times."""
     n = nlp.n
     order, first = pivots(nlp)
@@ -134,6 +134,6 @@ def system(nlp: Transcription) -> System:
     entries = entries[(entries >= 0) & np.diff(entries, prepend=-1).astype(bool)]
     found = [np.where(k >= 0, np.searchsorted(entries, k), -1).astype(np.int32) for k in keys]
     start = np.concatenate([[0], np.cumsum(np.bincount(entries // size, minlength=size))])
-    return System(
+    return KKTLayout(
         place.astype(np.int32), start.astype(np.int32), (entries % size).astype(np.int32), first.astype(np.int32), *found
     )
