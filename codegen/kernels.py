@@ -101,6 +101,10 @@ class Kernels:
         """Sizes of the outputs of each kernel."""
         return {name: [_size(o) for o in facts["outputs"]] for name, facts in self.manifest["kernels"].items()}
 
+    def outputs(self, kernel: str) -> list[str]:
+        """Names of the outputs of a kernel, in order."""
+        return [o["name"] for o in self.manifest["kernels"][kernel]["outputs"]]
+
     def pattern(self, kernel: str, output: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return rows and columns of the stored entries of a matrix output."""
         for o in self.manifest["kernels"][kernel]["outputs"]:

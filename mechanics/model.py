@@ -27,13 +27,13 @@ from dmoc.mechanics.algebra import solved
 
 # Matrix outputs that are read here, and their kernels.
 MATRICES = {
-    "M_D_s": "dynamics_jac",
-    "F_D_s": "dynamics_jac",
-    "g_D_q": "surface_jac",
-    "C_d_D_z": "step_jac",
-    "r_d_D_z": "path_jac",
-    "Phi_D_s": "terminal_cost_jac",
-    "T_min_D_y": "min_time_jac",
+    "M_D": "dynamics_jac",
+    "F_D": "dynamics_jac",
+    "g_D": "surface_jac",
+    "C_d_D": "step_jac",
+    "r_d_D": "path_jac",
+    "Phi_D": "terminal_cost_jac",
+    "T_min_D": "min_time_jac",
 }
 # Relative change of a coordinate or parameter that tells how much of a gap comes from it.
 NUDGE = 1e-3
@@ -90,8 +90,9 @@ class Model:
     ) -> tuple[Array, Array]:
         """Derivatives of M and F with respect to (q, v), shapes (..., nq, nq, 2 nq), (..., nq, 2 nq)."""
         M, F = self._at("dynamics_jac", q, self._state(v), self._input(u), _column(t))
-        forces = self._full("F_D_s", F)
-        return self._full("M_D_s", M).reshape(*forces.shape[:-1], *forces.shape[-2:]), forces
+        state = slice(2 * self.nq)  # the derivatives with respect to u and t follow
+        forces = self._full("F_D", F)[..., state]
+        return self._full("M_D", M)[..., state].reshape(*forces.shape[:-1], *forces.shape[-2:]), forces
 
     def input_matrix(self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """B = dQ/du, shape (..., nq, nu)."""
@@ -106,11 +107,11 @@ class Model:
 
     def momentum(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """p = dL/dv, shape (..., nq)."""
-        return self._at("legendre", q, self._state(v), _column(t))[0]
+        return self._at("momentum", q, self._state(v), _column(t))[0]
 
     def energy(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """E = v . p - L, shape (...)."""
-        return self._at("legendre", q, self._state(v), _column(t))[1][..., 0]
+        return self._at("energy", q, self._state(v), _column(t))[0][..., 0]
 
     def velocity(self, q: Array, p: Array, t: ArrayLike = 0.0) -> Array:
         """v = M^-1 (p - dL/dv(q, 0, t)), shape (..., nq); not a number where M is singular."""
@@ -126,7 +127,7 @@ class Model:
         """Derivatives of the gaps with respect to (q, t), shape (..., nc, nq + 1)."""
         if not self.nc:
             return np.zeros((*q.shape[:-1], 0, self.nq + 1))
-        return self._full("g_D_q", self._at("surface_jac", q, _column(t))[0])
+        return self._full("g_D", self._at("surface_jac", q, _column(t))[0])
 
     def gap_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Rates of the gaps along a motion, shape (..., nc)."""
@@ -171,7 +172,7 @@ class Model:
         if not self.kernels.has("terminal_cost"):
             return np.zeros((*q.shape[:-1], 2 * self.nq + 1))
         (slopes,) = self._at("terminal_cost_jac", q, _rows(v), _column(t))
-        return self._full("Phi_D_s", slopes)[..., 0, :]
+        return self._full("Phi_D", slopes)[..., 0, :]
 
     # Steps -----------------------------------------------------------------------------------------
 
@@ -186,12 +187,12 @@ class Model:
 
     def step_cost_slopes(self, step: Sequence[Array]) -> Array:
         """Derivatives of the costs of steps with respect to z, shape (n, nz)."""
-        return self._full("C_d_D_z", self.kernels.call("step_jac", *step, self.par)[2])[:, 0]
+        return self._full("C_d_D", self.kernels.call("step_jac", *step, self.par)[2])[:, 0]
 
     def step_cost_curvatures(self, step: Sequence[Array]) -> Array:
         """Second derivatives of the costs of steps in each entry of z, shape (n, nz)."""
         inside = step[-1].shape[1]
-        weights = [np.ones((1, 1)), *(np.zeros((1, size)) for size in (self.nq, self.nq, inside))]
+        weights = (np.zeros((1, self.nq)), np.zeros((1, self.nq)), np.ones((1, 1)), np.zeros((1, inside)))
         (stored,) = self.kernels.call("step_hess", *step, self.par, *weights)
         rows, columns = self.kernels.pattern("step_hess", "hess")
         found = np.zeros((len(stored), sum(part.shape[1] for part in step)))
@@ -204,7 +205,7 @@ class Model:
 
     def path_slopes(self, step: Sequence[Array]) -> Array:
         """Their derivatives with respect to z, shape (n, nr, nz)."""
-        return self._full("r_d_D_z", self.kernels.call("path_jac", *step, self.par)[0])
+        return self._full("r_d_D", self.kernels.call("path_jac", *step, self.par)[0])
 
     # Minimal times ---------------------------------------------------------------------------------
 
@@ -221,7 +222,7 @@ class Model:
     def minimal_time_slopes(self, q_k: Array, q_kp1: Array, h: float, q_c: Array, a: Array) -> Array:
         """Its derivatives with respect to (q_k, q_kp1, h, q_c, a), shape (nc, 4 nq + 1)."""
         rows = (_rows(q_kp1), _column(h), _rows(q_c), _rows(a))
-        return self._full("T_min_D_y", self._at("min_time_jac", q_k, *rows)[0])
+        return self._full("T_min_D", self._at("min_time_jac", q_k, *rows)[0])
 
     # Rows ------------------------------------------------------------------------------------------
 

@@ -152,7 +152,7 @@ def _guesses(problem: Problem, deadline: float) -> tuple[Guess, ...]:
         plan = _plan(problem, prescribed, final_time)
         motion = _resting(problem, plan)
         guesses.append(Guess(_unknowns(problem, plan, motion), final_time, (), 0, 0.0))
-    nlp = Transcription(problem, scale_of(problem, guesses[-1].x), minimal_times=False)
+    nlp = Transcription(problem, scale_of(problem, guesses[-1].x))
     errors = [float(np.abs(nlp.equality(np.clip(nlp.scaled(g.x), nlp.lower, nlp.upper))).max()) for g in guesses]
     drifted = errors[0] > DRIFTED and min(errors[1:], default=np.inf) < errors[0]
     return tuple(guesses[1:] + guesses[:1] if drifted else guesses)

@@ -1,11 +1,12 @@
-"""The order of the unknowns, the only place that knows it.
+"""The table of the unknowns, the only place that knows their order.
 
     x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i)
 
-h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases; u: inputs, one row a step
-(constant), one row a node of each phase (linear), or two rows a step, its ends (stages); lam: impulses, one a collision; p_B, p_E: momenta
-at both ends; v_B, v_E: velocities at both ends, only where the problem needs them; v_a, v_c: velocities before and after the collisions;
-t: times of the nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps (order 4).
+h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases;
+u: inputs, in the rows of their form (:class:`~dmoc.discretisation.InputForm`); lam: impulses, one a
+collision; p_B, p_E: momenta at both ends; v_B, v_E: velocities at both ends, only where the problem
+needs them; v_a, v_c: velocities before and after the collisions; t: times of the nodes, only where
+the model depends on them; q_i: coordinates of the nodes inside the steps.
 """
 
 from __future__ import annotations
@@ -14,45 +15,111 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.discretisation import FORMS, Discretisation, InputForm
 from dmoc.nlp.problem import Problem
-from dmoc.symbolic.names import velocity_name
+from dmoc.nlp.sizes import Scale
+from dmoc.nlp.tables import NOWHERE, Block, Index, Numbering
+from dmoc.symbolic.names import momentum_name, velocity_name
 
-Index = NDArray[np.intp]
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """Sizes and index sets of the unknowns.
 
-    ``index_a`` is an integer array of the shape of ``a`` that holds the positions of its entries in x, so that ``x[index_a]`` is a.
+    ``index_a`` is an integer array of the shape of ``a`` that holds the positions of its entries in
+    x, so that ``x[index_a]`` is a; ``unknowns`` is the table with names and sizes.  ``surfaces``
+    are those of the collisions.
     """
 
     nq: int
     nu: int
     steps: tuple[int, ...]
     form: InputForm
-    velocity_at_start: bool
-    velocity_at_end: bool
-    timed: bool
     scheme: Discretisation
+    timed: bool
+    surfaces: Index
+    unknowns: tuple[Block, ...]
+    index_h: Index
+    index_q: Index
+    index_u: Index
+    index_lam: Index
+    index_p_B: Index
+    index_p_E: Index
+    index_v_B: Index
+    index_v_E: Index
+    index_v_a: Index
+    index_v_c: Index
+    index_t: Index
+    index_q_i: Index
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
-        periodic = any(name in problem.periodic for name in map(velocity_name, problem.kernels.coordinates))
-        return cls(
-            problem.nq,
-            problem.nu,
-            problem.phase_steps,
-            FORMS[problem.control_form],
-            problem.start_bounds.needs_velocity or periodic,
-            problem.goal_bounds.needs_velocity or periodic or bool(problem.kernels.manifest["terminal_velocity"]),
-            problem.explicit_time,
-            problem.scheme,
-        )
+        names, u = problem.kernels.coordinates, problem.kernels.inputs
+        steps, form, scheme = problem.phase_steps, FORMS[problem.control_form], problem.scheme
+        nq, total, phases = len(names), sum(steps), len(steps)
+        surfaces = np.array([problem.kernels.surfaces.index(s) for s in problem.sequence], dtype=np.intp)
+        p, v = [momentum_name(c) for c in names], [velocity_name(c) for c in names]
+        hits, at = phases - 1, collision_names(problem)
+        periodic = any(name in problem.periodic for name in v)
+        at_start = problem.start_bounds.needs_velocity or periodic
+        at_end = problem.goal_bounds.needs_velocity or periodic or bool(problem.kernels.manifest["terminal_velocity"])
+        row_steps, rows_at_start = _steps_of_rows(form, steps), _first_rows(form, steps)
+
+        def place_of_input(k: int) -> str:
+            if form.jumps:
+                return f"at the {'start' if k in rows_at_start else 'end'} of step {row_steps[k]}"
+            return f"in node {k}" if form.shared else f"in step {row_steps[k]}"
+
+        def place_inside(j: int) -> str:
+            return f"at inner node {j} of" if scheme.inside > 1 else "inside"
+
+        block = Numbering()
+        table = (
+            block("h", (phases,), lambda i: f"step size of phase {i}", lambda s: s.h),
+            block("q", (total + 1, nq), lambda k, i: f"{names[i]} at node {k}", lambda s: s.q),
+            block("u", (len(row_steps), len(u)), lambda k, i: f"{u[i]} {place_of_input(k)}", lambda s: s.u),
+            block("lam", (hits,), lambda i: f"impulse of {at[i]}", lambda s: s.lam[surfaces]),
+            block("p_B", (nq,), lambda i: f"{p[i]} at the start", lambda s: s.p),
+            block("p_E", (nq,), lambda i: f"{p[i]} at the goal", lambda s: s.p),
+            block("v_B", (nq * at_start,), lambda i: f"{v[i]} at the start", lambda s: s.v[: nq * at_start]),
+            block("v_E", (nq * at_end,), lambda i: f"{v[i]} at the goal", lambda s: s.v[: nq * at_end]),
+            block("v_a", (hits, nq), lambda k, i: f"{v[i]} before {at[k]}", lambda s: s.v),
+            block("v_c", (hits, nq), lambda k, i: f"{v[i]} after {at[k]}", lambda s: s.v),
+            block("t", ((total + 1) * problem.explicit_time,), lambda k: f"time of node {k}", lambda s: s.time),
+            block(
+                "q_i", (total, scheme.inside * nq),
+                lambda k, i: f"{names[i % nq]} {place_inside(i // nq)} step {k}", lambda s: np.tile(s.q, scheme.inside),
+            ),
+        )  # fmt: skip
+        indices = {f"index_{b.name}": b.index for b in table}
+        return cls(nq, len(u), steps, form, scheme, problem.explicit_time, surfaces, table, **indices)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return sum(b.index.size for b in self.unknowns)
+
+    def names(self) -> list[str]:
+        """Names of all unknowns in the user's words, in the order of x."""
+        return [b.name_of(i) for b in self.unknowns for i in range(b.count)]
+
+    def units(self, scale: Scale) -> Array:
+        """Typical sizes of all unknowns, in the order of x."""
+        return np.concatenate([b.sizes(scale) for b in self.unknowns])
+
+    def states(self, names: list[str]) -> dict[str, tuple[int, int]]:
+        """Unknowns that are a state at the start and at the end, by name of the state."""
+        found: dict[str, tuple[int, int]] = {}
+        for naming, start, end in (
+            (str, self.index_q[0], self.index_q[-1]),
+            (momentum_name, self.index_p_B, self.index_p_E),
+            (velocity_name, self.index_v_B, self.index_v_E),
+        ):
+            pairs = zip(map(naming, names), start, end, strict=False)
+            found |= {name: (int(a), int(b)) for name, a, b in pairs}
+        return found
 
     @property
     def phases(self) -> int:
@@ -68,11 +135,6 @@ class Layout:
         """Number of nodes inside a step."""
         return self.scheme.inside
 
-    @property
-    def input_rows(self) -> int:
-        """Number of rows of u."""
-        return sum(map(self.form.rows, self.steps))
-
     @cached_property
     def phase_of_step(self) -> Index:
         return np.repeat(np.arange(self.phases), self.steps)
@@ -87,88 +149,9 @@ class Layout:
         return self.ends[1:-1]
 
     @cached_property
-    def _offsets(self) -> list[int]:
-        return [int(o) for o in np.concatenate([[0], np.cumsum(self._sizes)])]
-
-    @property
-    def _sizes(self) -> list[int]:
-        return [
-            self.phases,
-            (self.total + 1) * self.nq,
-            self.input_rows * self.nu,
-            self.phases - 1,
-            self.nq,
-            self.nq,
-            self.nq * self.velocity_at_start,
-            self.nq * self.velocity_at_end,
-            (self.phases - 1) * self.nq,
-            (self.phases - 1) * self.nq,
-            (self.total + 1) * self.timed,
-            self.total * self.nq * self.inside,
-        ]
-
-    @property
-    def size(self) -> int:
-        return self._offsets[-1]
-
-    def _block(self, i: int, *shape: int) -> Index:
-        return np.arange(self._offsets[i], self._offsets[i + 1]).reshape(shape)
-
-    @cached_property
-    def index_h(self) -> Index:
-        return self._block(0, -1)
-
-    @cached_property
-    def index_q(self) -> Index:
-        return self._block(1, -1, self.nq)
-
-    @cached_property
-    def index_u(self) -> Index:
-        return self._block(2, self.input_rows, self.nu)
-
-    @cached_property
-    def index_lam(self) -> Index:
-        return self._block(3, -1)
-
-    @cached_property
-    def index_p_B(self) -> Index:
-        return self._block(4, -1)
-
-    @cached_property
-    def index_p_E(self) -> Index:
-        return self._block(5, -1)
-
-    @cached_property
-    def index_v_B(self) -> Index:
-        return self._block(6, -1)
-
-    @cached_property
-    def index_v_E(self) -> Index:
-        return self._block(7, -1)
-
-    @cached_property
-    def index_v_a(self) -> Index:
-        return self._block(8, -1, self.nq)
-
-    @cached_property
-    def index_v_c(self) -> Index:
-        return self._block(9, -1, self.nq)
-
-    @cached_property
-    def index_t(self) -> Index:
-        return self._block(10, -1)
-
-    @cached_property
-    def index_q_i(self) -> Index:
-        """Shape (total, inside * nq)."""
-        return self._block(11, self.total, self.inside * self.nq)
-
-    @cached_property
     def row_u_k(self) -> Index:
         """Row of u at the start of each step."""
-        before = np.cumsum([0, *map(self.form.rows, self.steps[:-1])])
-        starts = [first + self.form.starts(n) for first, n in zip(before, self.steps, strict=True)]
-        return np.concatenate(starts)
+        return _first_rows(self.form, self.steps)
 
     @property
     def row_u_kp1(self) -> Index:
@@ -178,14 +161,11 @@ class Layout:
     @cached_property
     def step_of_input(self) -> Index:
         """The last step that each row of u enters."""
-        steps = np.zeros(self.input_rows, dtype=np.intp)
-        steps[self.row_u_kp1] = np.arange(self.total)
-        steps[self.row_u_k] = np.arange(self.total)
-        return steps
+        return _steps_of_rows(self.form, self.steps)
 
     @cached_property
     def index_z(self) -> Index:
-        """Local unknowns z = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of each step; t_k is nowhere (-1) in a model without explicit time."""
+        """Local unknowns z = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of each step; t_k is nowhere in a model without explicit time."""
         return np.hstack(
             [
                 self.index_q[:-1],
@@ -200,8 +180,8 @@ class Layout:
 
     @cached_property
     def time_columns(self) -> Index:
-        """Unknown t of each node, shape (total + 1, 1); nowhere (-1) in a model without explicit time."""
-        return self.index_t[:, None] if self.timed else np.full((self.total + 1, 1), -1)
+        """Unknown t of each node, shape (total + 1, 1); nowhere in a model without explicit time."""
+        return self.index_t[:, None] if self.timed else np.full((self.total + 1, 1), NOWHERE)
 
     def times(self, x: Array) -> Array:
         """Times of the nodes, shape (total + 1,)."""
@@ -218,3 +198,23 @@ class Layout:
         if not self.timed:
             parts[5] = np.zeros((self.total, 1))
         return parts
+
+
+def collision_names(problem: Problem) -> list[str]:
+    """Names of the collisions in the user's words."""
+    return [f"collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
+
+
+def _first_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
+    """Row of u at the start of each step."""
+    before = np.cumsum([0, *map(form.rows, steps[:-1])])
+    return np.concatenate([first + form.starts(n) for first, n in zip(before, steps, strict=True)])
+
+
+def _steps_of_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
+    """The last step that each row of u enters."""
+    found = np.zeros(sum(map(form.rows, steps)), dtype=np.intp)
+    first, numbers = _first_rows(form, steps), np.arange(sum(steps))
+    found[first + form.width] = numbers
+    found[first] = numbers
+    return found

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.labels import Block
+from dmoc.nlp.tables import Block
 from dmoc.nlp.transcription import Transcription
 from dmoc.trajectory import Collision, Phase, Trajectory
 
@@ -61,7 +61,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
 
 def _rates(nlp: Transcription, x: Array, i: int, t: float) -> tuple[float, float]:
     """Rates of the gap before and after collision i, from the unknowns in units of the problem."""
-    lay, j = nlp.layout, int(nlp.surfaces[i])
+    lay, j = nlp.layout, int(nlp.layout.surfaces[i])
     q = x[lay.index_q[lay.collision_nodes[i]]]
     before, after = (nlp.problem.model.gap_rates(q, x[v[i]], t)[j] for v in (lay.index_v_a, lay.index_v_c))
     return float(before), float(after)
@@ -89,16 +89,18 @@ def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[str
     found = []
     d = nlp.inequality(x)
     for block in nlp.inequalities:
-        held = [i for i, row in enumerate(block.rows) if w[row] > max(d[row], NO_FORCE)]
-        if block.name == "gap":
-            surfaces = Counter(problem.kernels.surfaces[nlp.gap_constraints[1][i]] for i in held)
+        rows = block.numbers - nlp.n_eq
+        held = np.flatnonzero(w[rows] > np.maximum(d[rows], NO_FORCE))
+        columns = block.places[held, -1].tolist()
+        if block is nlp.rows.d.gap:
+            surfaces = Counter(problem.kernels.surfaces[j] for j in columns)
             found += [f"gap to {s} at {n} node{'s' * (n > 1)}" for s, n in surfaces.items()]
-        elif block.name == "path":
+        elif block is nlp.rows.d.path:
             names = problem.kernels.manifest["path_constraints"]
-            paths = Counter(names[i % len(names)] for i in held)
+            paths = Counter(names[j % len(names)] for j in columns)
             found += [f"path constraint {s} in {n} step{'s' * (n > 1)}" for s, n in paths.items()]
         else:
-            found += [block.labels[i] for i in held]
+            found += [block.name_of(int(i)) for i in held]
     ends = []
     with np.errstate(invalid="ignore"):
         free = nlp.lower < nlp.upper
@@ -123,9 +125,10 @@ def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[
     of the unknowns."""
     units = _units_of_multipliers(nlp)
     y, w, z = y * units[0], w * units[1], z * units[2]
-    named = {block.name: y[block.rows] for block in nlp.equalities if len(block.rows)}
+    found = np.concatenate([y, w])
+    named = {b.name: found[b.numbers] for b in (*nlp.equalities, *nlp.inequalities) if b.count}
     named["momentum"] = named["momentum"].reshape(-1, nlp.layout.nq)
-    return named | {block.name: w[block.rows] for block in nlp.inequalities if len(block.rows)} | {"bounds": z}
+    return named | {"bounds": z}
 
 
 def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[Array, Array, Array]:
@@ -133,7 +136,7 @@ def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[A
 
     def collected(blocks: list[Block]) -> Array:
         parts = [np.ravel(named.get(b.name, ())) for b in blocks]
-        fitting = [p if len(p) == len(b.rows) else np.zeros(len(b.rows)) for p, b in zip(parts, blocks, strict=True)]
+        fitting = [p if len(p) == b.count else np.zeros(b.count) for p, b in zip(parts, blocks, strict=True)]
         return np.concatenate([*fitting, np.zeros(0)])
 
     z = np.asarray(named.get("bounds", ()))
@@ -144,6 +147,5 @@ def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[A
 
 def _units_of_multipliers(nlp: Transcription) -> tuple[Array, Array, Array]:
     """Units of y, w and z: that of the cost by those of constraints and unknowns."""
-    timed = len(nlp.inequality_rows("minimal time"))
-    rows = np.concatenate([nlp.row_unit[1:], np.full(timed, nlp.scale.time)])
-    return nlp.scale.cost / rows[: nlp.n_eq], nlp.scale.cost / rows[nlp.n_eq :], nlp.scale.cost / nlp.unit
+    rows = nlp.scale.cost / nlp.row_unit
+    return rows[: nlp.n_eq], rows[nlp.n_eq :], nlp.scale.cost / nlp.unit

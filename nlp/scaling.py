@@ -6,14 +6,14 @@ others of the same kind, never from a number of ours, so that a problem stated i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.layout import Index, Layout
+from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
-from dmoc.symbolic.names import momentum_name, velocity_name
+from dmoc.nlp.sizes import Scale
 
 # What hardly moves counts by this share of what it could do with the kinetic energy that others have.
 STILL = 0.1
@@ -21,59 +21,6 @@ STILL = 0.1
 FLAT = 1e-3
 # Scaled cost of a first motion, and of a minimum, which costs less: what constraints of size 1 are weighed against in merit functions and barriers.
 FIRST_COST, MINIMUM_COST = 100.0, 10.0
-
-
-@dataclass(frozen=True)
-class Scale:
-    """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,); gaps, their rates and impulses (nc,); path
-    constraints; step sizes (phases,)."""
-
-    time: float
-    cost: float
-    energy: float
-    q: Array
-    v: Array
-    p: Array
-    u: Array
-    gap: Array
-    rate: Array
-    lam: Array
-    path: Array
-    h: Array
-
-    @classmethod
-    def none(cls, problem: Problem) -> Scale:
-        """Everything counts in its own unit."""
-        kernels = problem.kernels
-        nq, nu, nc = (np.ones(len(names)) for names in (kernels.coordinates, kernels.inputs, kernels.surfaces))
-        path = np.ones(len(kernels.manifest["path_constraints"]))
-        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, path, np.ones(problem.phases))
-
-    def named(self, problem: Problem) -> dict[str, float]:
-        """Sizes by name, as results show them."""
-        kernels = problem.kernels
-        found = {"time": self.time, "cost": self.cost}
-        for name, sizes in ((str, self.q), (velocity_name, self.v), (momentum_name, self.p)):
-            found |= dict(zip(map(name, kernels.coordinates), sizes.tolist(), strict=True))
-        found |= dict(zip(kernels.inputs, self.u.tolist(), strict=True))
-        found |= {f"gap to {s}": size for s, size in zip(kernels.surfaces, self.gap.tolist(), strict=True)}
-        return found
-
-    def unknowns(self, lay: Layout, surfaces: Index) -> Array:
-        """Size of every unknown; ``surfaces`` are those of the collisions."""
-        size = np.ones(lay.size)
-        size[lay.index_h] = self.h
-        size[lay.index_q] = self.q
-        size[lay.index_u] = self.u
-        size[lay.index_lam] = self.lam[surfaces]
-        for index in (lay.index_p_B, lay.index_p_E):
-            size[index] = self.p
-        for index in (lay.index_v_B, lay.index_v_E):
-            size[index] = self.v[: len(index)]
-        size[lay.index_v_a] = size[lay.index_v_c] = self.v
-        size[lay.index_t] = self.time
-        size[lay.index_q_i] = np.tile(self.q, lay.inside)
-        return size
 
 
 def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
@@ -99,7 +46,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         energy = float(size_p @ size_v) / 2
         path = np.ones(len(problem.kernels.manifest["path_constraints"]))
         scale = Scale(time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, path, h.copy())
-        sizes = scale.unknowns(lay, np.zeros(lay.phases - 1, dtype=np.intp))
+        sizes = lay.units(scale)
         cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
         return replace(scale, cost=cost, path=_path(problem, lay, x, sizes))
 

@@ -13,9 +13,9 @@ from typing import TypedDict
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.layout import Index
 from dmoc.nlp.motion import given_multipliers
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.tables import NOWHERE, Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.symbolic.names import momentum_name, velocity_name
 
@@ -49,7 +49,7 @@ class Sensitivities(TypedDict):
 
 def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) -> Sensitivities:
     """Return the derivatives of the optimal cost at a minimum x with its multipliers by kind (of the program without minimal times)."""
-    nlp = Transcription(problem, minimal_times=False)
+    nlp = Transcription(problem)
     y, w, z = given_multipliers(nlp, multipliers)
     # Solvers leave out fixed unknowns: their multipliers make the Lagrangian stationary.
     slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w
@@ -66,18 +66,18 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
 
     def coefficient(surface: str) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
         law = np.asarray(named.get("energy", np.zeros(0)))
-        law = law * np.where(nlp.plain_laws, -2 / np.maximum(x[nlp.layout.index_lam], 1e-300), 1.0)
+        law = law * np.where(nlp.law.plain, -2 / np.maximum(x[nlp.layout.index_lam], 1e-300), 1.0)
         high, low = ({**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.5))
         ends = [_lagrangian(problem.unchecked(restitution=e), x, {**named, "energy": law}) for e in (high, low)]
         return 2 * (ends[0] - ends[1])
 
-    time = sum(-y[nlp.equality_rows("final time")]) + sum(w[nlp.inequality_rows("final time >=")])
-    lay = nlp.layout
+    lay, rows, force = nlp.layout, nlp.rows, np.concatenate([-y, w])
+    time = sum(force[rows.c.final_time.numbers]) + sum(force[rows.d.earliest.numbers])
     return {
         "parameters": {name: change(name, value) for name, value in values.items()},
         "restitution": {s: coefficient(s) for s in dict.fromkeys(problem.sequence)},
         "surfaces": _surfaces(nlp, y, w),
-        "final_time": float(time - sum(w[nlp.inequality_rows("final time <=")])),
+        "final_time": float(time - sum(force[rows.d.latest.numbers])),
         "start": _ends(problem, z, (lay.index_q[0], lay.index_v_B, lay.index_p_B), nlp),
         "goal": _ends(problem, z, (lay.index_q[-1], lay.index_v_E, lay.index_p_E), nlp),
         "bounds": _bounds(nlp, z),
@@ -85,7 +85,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
 
 
 def _lagrangian(problem: Problem, x: Array, multipliers: Mapping[str, Array]) -> float:
-    nlp = Transcription(problem, minimal_times=False)
+    nlp = Transcription(problem)
     y, w, z = given_multipliers(nlp, multipliers)
     r = nlp.values(x)
     bound = np.where(z > 0, nlp.lower, nlp.upper)
@@ -95,13 +95,14 @@ def _lagrangian(problem: Problem, x: Array, multipliers: Mapping[str, Array]) ->
 
 def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
     """g becomes g - delta: contacts c = g and gaps d = -g follow."""
-    names = nlp.problem.kernels.surfaces
-    contacts, gaps = y[nlp.equality_rows("contact")], w[nlp.inequality_rows("gap")]
-    inside = w[nlp.inequality_rows("gap inside")].reshape(-1, len(nlp.still))
-    found = {}
-    for j, name in enumerate(names):
-        parts = (contacts[nlp.surfaces == j], gaps[nlp.gap_constraints[1] == j], inside[:, nlp.still == j])
-        found[name] = -float(sum(part.sum() for part in parts))
+    found = dict.fromkeys(nlp.kernels.surfaces, 0.0)
+    names, force = nlp.kernels.surfaces, np.concatenate([y, w])
+    for name, row in zip(nlp.problem.sequence, nlp.rows.c.contact.numbers, strict=True):
+        found[name] -= float(force[row])
+    for block in (nlp.rows.d.gap, nlp.rows.d.gap_inside):
+        for j, name in enumerate(names):
+            rows = block.index[:, j]
+            found[name] -= float(force[rows[rows != NOWHERE]].sum())
     return found
 
 

@@ -9,7 +9,7 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.layout import Index
+from dmoc.nlp.tables import Index
 
 
 class SparsePattern:

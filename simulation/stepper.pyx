@@ -151,7 +151,7 @@ cdef class Stepper:
     cdef readonly int nq, nu, nc, ni
     cdef readonly list collisions
     cdef object names
-    cdef _Call step, step_jac, impact, impact_jac, surface, slope, dynamics, legendre
+    cdef _Call step, step_jac, impact, impact_jac, surface, slope, dynamics, momentum, total_energy
     cdef double[:, ::1] q_a, q_b, q_i, t, now, r_i, r_i_z, u, h, r_minus, r_plus, C_d, r_minus_z, r_plus_z, C_d_z, e_plus, e_minus, e_plus_z, e_minus_z
     cdef double[:, ::1] q_g, g, g_q, v_g, mass, force, p_zero, energy, A, L
     cdef ptrdiff_t[::1] r_row, r_col, i_row, i_col, e_col, g_row, g_col
@@ -184,25 +184,25 @@ cdef class Stepper:
         inputs = tuple(map(np.asarray, (self.q_a, self.q_b, self.u, self.u, self.h, self.t, self.q_i))) + (par,)
         self.r_minus, self.r_plus, self.C_d = block(nq), block(nq), block(1)
         self.step = _Call(kernels, "step", inputs, tuple(map(np.asarray, (self.r_minus, self.r_plus, self.C_d, self.r_i))))
-        self.r_row, self.r_col = stored("step_jac", "r_minus_D_z")
+        self.r_row, self.r_col = stored("step_jac", "r_minus_D")
         self.r_minus_z = block(len(self.r_row))
-        self.r_plus_z = block(len(stored("step_jac", "r_plus_D_z")[0]))
-        self.C_d_z = block(len(stored("step_jac", "C_d_D_z")[0]))
-        self.i_row, self.i_col = stored("step_jac", "r_i_D_z")
+        self.r_plus_z = block(len(stored("step_jac", "r_plus_D")[0]))
+        self.C_d_z = block(len(stored("step_jac", "C_d_D")[0]))
+        self.i_row, self.i_col = stored("step_jac", "r_i_D")
         self.r_i_z = block(len(self.i_row))
         self.step_jac = _Call(kernels, "step_jac", inputs,
                               tuple(map(np.asarray, (self.r_minus_z, self.r_plus_z, self.C_d_z, self.r_i_z))))
         self.e_plus, self.e_minus = block(1), block(1)
         self.impact = _Call(kernels, "impact", inputs, tuple(map(np.asarray, (self.e_plus, self.e_minus))))
-        self.e_col = stored("impact_jac", "e_minus_D_z")[1]
-        self.e_plus_z = block(len(stored("impact_jac", "e_plus_D_z")[0]))
+        self.e_col = stored("impact_jac", "e_minus_D")[1]
+        self.e_plus_z = block(len(stored("impact_jac", "e_plus_D")[0]))
         self.e_minus_z = block(len(self.e_col))
         self.impact_jac = _Call(kernels, "impact_jac", inputs, tuple(map(np.asarray, (self.e_plus_z, self.e_minus_z))))
         self.q_g = block(nq)
         self.v_g = block(nq)
         if nc:
             self.g = block(nc)
-            self.g_row, self.g_col = stored("surface_jac", "g_D_q")
+            self.g_row, self.g_col = stored("surface_jac", "g_D")
             self.g_q = block(len(self.g_row))
             place = (np.asarray(self.q_g), np.asarray(self.now), par)
             self.surface = _Call(kernels, "surface", place, (np.asarray(self.g),))
@@ -211,8 +211,9 @@ cdef class Stepper:
         at = (np.asarray(self.q_g), np.asarray(self.v_g), np.asarray(self.u), np.asarray(self.now), par)
         self.dynamics = _Call(kernels, "dynamics", at, (np.asarray(self.mass), np.asarray(self.force)))
         self.p_zero, self.energy = block(nq), block(1)
-        self.legendre = _Call(kernels, "legendre", (np.asarray(self.q_g), np.asarray(self.v_g), np.asarray(self.now), par),
-                              (np.asarray(self.p_zero), np.asarray(self.energy)))
+        state = (np.asarray(self.q_g), np.asarray(self.v_g), np.asarray(self.now), par)
+        self.momentum = _Call(kernels, "momentum", state, (np.asarray(self.p_zero),))
+        self.total_energy = _Call(kernels, "energy", state, (np.asarray(self.energy),))
         self.A, self.L = np.zeros((nq + ni + 1, nq + ni + 1)), np.zeros((nq, nq))
         self.b, self.p = np.zeros(nq + ni + 1), np.zeros(nq)
         self.normal, self.velocity, self.weight = np.zeros(nq + 1), np.zeros(nq), np.zeros(nq)
@@ -235,7 +236,7 @@ cdef class Stepper:
         """velocity = M^-1 (p - dL/dv(q_g, 0)) at the time ``now``, with the factor L of M and the weights of the coordinates."""
         cdef int i, j, n = self.nq
         self.dynamics.run()
-        self.legendre.run()
+        self.momentum.run()
         for i in range(n):
             self.b[i] = self.p[i] - self.p_zero[0, i]
             for j in range(n):
@@ -314,7 +315,7 @@ cdef class Stepper:
         self.find_velocity()
         for i in range(self.nq):
             self.v_g[0, i] = self.velocity[i]
-        self.legendre.run()
+        self.total_energy.run()
         self.e_plus[0, 0] = -self.energy[0, 0]
         for i in range(self.nq):
             self.v_g[0, i] = 0.0

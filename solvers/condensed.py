@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.layout import Index
+from dmoc.nlp.tables import Index
 from dmoc.nlp.transcription import Matrix, Transcription
 
 # Residual of the eliminated equations relative to the momenta: a few roundings.
@@ -40,7 +40,7 @@ class Partition:
 
 def partition(nlp: Transcription, segments: int) -> Partition:
     """Cut every phase into at most ``segments`` segments; segments = 0 eliminates nothing."""
-    layout, rows_of = nlp.layout, nlp.rows
+    layout, rows_of = nlp.layout, nlp.rows.c
     gone_parts, used_parts = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
     for i, (first, last) in enumerate(pairwise(layout.ends) if segments else ()):
         pieces = min(segments, max(1, (last - first) // SHORTEST_SEGMENT))
@@ -50,13 +50,13 @@ def partition(nlp: Transcription, segments: int) -> Partition:
             nodes, rows = np.arange(start + 1, b), np.arange(start, b - 1)
             # Step by step, so that the matrix is banded: the node inside step k, node k + 1 and its time.
             timed = [layout.index_t[nodes][:, None]] if layout.timed else []
-            clocks = [rows_of.time[rows][:, None]] if layout.timed else []
+            clocks = [rows_of.time.index[rows][:, None]] if layout.timed else []
             gone_parts.append(np.hstack([layout.index_q_i[rows], layout.index_q[nodes], *timed]).ravel())
-            used_parts.append(np.hstack([rows_of.inside[rows], rows_of.momentum[rows], *clocks]).ravel())
+            used_parts.append(np.hstack([rows_of.inside.index[rows], rows_of.momentum.index[rows], *clocks]).ravel())
         if i < layout.phases - 1:  # the velocities beside the collision
             gone_parts += [layout.index_v_a[i], layout.index_v_c[i]]
-            used_parts += [rows_of.arrival[i], rows_of.departure[i]]
-    gone, used_rows = np.concatenate(gone_parts), np.concatenate(used_parts) - 1
+            used_parts += [rows_of.arrival.index[i], rows_of.departure.index[i]]
+    gone, used_rows = np.concatenate(gone_parts), np.concatenate(used_parts)
     free = np.ones(nlp.n, dtype=bool)
     free[gone] = False
     free[nlp.lower == nlp.upper] = False

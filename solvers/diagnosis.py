@@ -7,17 +7,17 @@ and the bounds that then carry multipliers are those that stand against it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.labels import goal_limits
-from dmoc.nlp.layout import Index
 from dmoc.nlp.motion import active_bounds
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.scaling import Scale
+from dmoc.nlp.sizes import Scale
+from dmoc.nlp.tables import NOWHERE, Block, Index
+from dmoc.nlp.timed import phase_minimal_time
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.ipm import least_violation
 from dmoc.solvers.outcome import INFEASIBLE, Options, Status
@@ -70,7 +70,7 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
 
     x is best an initial guess: where a solver has given up, the motion may have left what the user had in mind.
     """
-    nlp = Transcription(problem, scale, minimal_times=False, goal_as_rows=True)
+    nlp = Transcription(problem, scale, goal_as_rows=True)
     limits = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
     outcome = least_violation(nlp, nlp.scaled(x), limits, _prices(nlp))
     if outcome.status is Status.INTERRUPTED:
@@ -89,78 +89,70 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
 
 def _prices(nlp: Transcription) -> Array:
     price = np.full(nlp.n_eq + nlp.n_in, LIMITS)
-    for name in ("goal", "periodic"):
-        price[nlp.equality_rows(name)] = 1.0
-    price[nlp.n_eq + nlp.inequality_rows("goal")] = 1.0
-    for name in ("momentum", "inside", "time", "arrival", "departure", "energy", "start velocity", "goal velocity"):
-        price[nlp.equality_rows(name)] = LAWS
+    c, d = nlp.rows.c, nlp.rows.d
+    for block in (c.goal, c.periodic, d.goal):
+        price[block.numbers] = 1.0
+    for block in (c.momentum, c.inside, c.time, c.arrival, c.departure, c.energy, c.start_velocity, c.goal_velocity):
+        price[block.numbers] = LAWS
     return price
 
 
 def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
     """Amount and text of what is not met, the worst of each kind of constraint and coordinate or surface, largest first."""
-    problem, kernels = nlp.problem, nlp.problem.kernels
-    units = kernels.manifest["units"]
-    c, d = nlp.equality(x), nlp.inequality(x)
-    size = nlp.row_unit[1:]
-    size_c, size_d = size[: nlp.n_eq], size[nlp.n_eq :]
-    worst: dict[str, tuple[float, str]] = {}
-
-    def note(kind: str, rows: Index, labels: Sequence[str], unit: str = "", inequality: bool = False) -> None:
-        """Keep the most violated row of a kind; amounts are compared by size and told in units."""
-        if not len(rows):
-            return
-        amounts = -d[rows] if inequality else np.abs(c[rows])
-        k = int(np.argmax(amounts))
-        if amounts[k] > max(INFEASIBLE, worst.get(kind, (0.0, ""))[0]):
-            amount = amounts[k] * (size_d if inequality else size_c)[rows[k]]
-            worst[kind] = (float(amounts[k]), f"{labels[k]} by {amount:.3g}{' ' + unit if unit else ''}")
-
-    fixed = [g for g in nlp.goals if g.low == g.high]
-    goals = [(row, g.name, False) for row, g in zip(nlp.equality_rows("goal"), fixed, strict=True)]
-    goals += [(row, g.name, True) for row, (g, _, _) in zip(nlp.inequality_rows("goal"), goal_limits(nlp.goals), strict=True)]
-    for row, name, one_sided in goals:
-        note(f"goal {name}", np.array([row]), [f"the goal of {name} is missed"], _unit(name, units), one_sided)
-    for i, (row, surface) in enumerate(zip(nlp.equality_rows("contact"), problem.sequence, strict=True)):
-        involved = [kernels.coordinates[j] for j in kernels.manifest["surface_coordinates"][surface]]
-        unit = _unit(involved[0], units) if len(involved) == 1 else ""
-        note(f"contact {i}", np.array([row]), [f"collision {i + 1} misses {surface!r}"], unit)
-    rows = nlp.equality_rows("momentum").reshape(-1, nlp.layout.nq)
-    for j, q in enumerate(kernels.coordinates):
-        labels = [f"the momentum of {q} jumps at node {k}" for k in range(len(rows))]
-        note(f"momentum {q}", rows[:, j], labels, _unit(f"p_{q}", units))
-    steps = nlp.equality_rows("inside").reshape(nlp.layout.total, -1)
-    for j in range(steps.shape[1]):
-        q = kernels.coordinates[j % nlp.layout.nq]
-        note(f"inside {q}", steps[:, j], [f"the equation of motion of {q} is violated in step {k}" for k in range(len(steps))])
-    for name, text in (
-        ("time", "the time jumps"),
-        ("arrival", "the velocity before a collision does not fit its momentum"),
-        ("departure", "the velocity after a collision does not fit its momentum"),
-        ("final time", "the final time is missed"),
-    ):
-        rows = nlp.equality_rows(name)
-        note(name, rows, [text] * len(rows), "s" if name in ("time", "final time") else "")
-    for row, name in zip(nlp.equality_rows("periodic"), problem.periodic, strict=True):
-        note(f"periodic {name}", np.array([row]), [f"{name} at the end misses its value at the start"], _unit(name, units))
-    for end in ("start", "goal"):
-        for row, q in zip(nlp.equality_rows(f"{end} velocity"), kernels.coordinates, strict=False):
-            text = f"the momentum of {q} at the {end} does not fit the velocity"
-            note(f"{end} velocity", np.array([row]), [text], _unit(f"p_{q}", units))
-    for i, row in enumerate(nlp.equality_rows("energy")):
-        note(f"energy {i}", np.array([row]), [f"collision {i + 1} ({problem.sequence[i]}) violates its law of restitution"])
-    for block in (b for b in nlp.inequalities if b.name != "goal"):
-        if block.name == "gap":
-            of = nlp.gap_constraints[1]
-            for j, surface in enumerate(kernels.surfaces):
-                at = np.flatnonzero(of == j)
-                labels = [f"the motion passes {block.labels[i].removeprefix('gap to ')}" for i in at]
-                note(f"gap {surface}", block.rows[at], labels, inequality=True)
-        else:
-            unit = "s" if block.name.startswith("final time") else ""
-            note(block.name, block.rows, [f"{label} is violated" for label in block.labels], unit, True)
-    found = sorted(worst.values(), reverse=True)
+    amounts = np.concatenate([np.abs(nlp.equality(x)), -nlp.inequality(x)])
+    found = []
+    for rows, text, unit in _kinds(nlp):
+        k = int(np.argmax(amounts[rows])) if len(rows) else 0
+        if len(rows) and amounts[rows[k]] > INFEASIBLE:
+            amount = amounts[rows[k]] * nlp.row_unit[rows[k]]
+            found.append((float(amounts[rows[k]]), f"{text(k)} by {amount:.3g}{' ' + unit if unit else ''}"))
+    found.sort(reverse=True)
     return [(amount, text) for amount, text in found if amount > NEGLIGIBLE * found[0][0]]
+
+
+def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], str]]:
+    """Rows of each kind, what is said of one of them that is violated, and the unit of its amount."""
+    problem, kernels, rows = nlp.problem, nlp.kernels, nlp.rows
+    units, names, c, d = kernels.manifest["units"], kernels.coordinates, rows.c, rows.d
+
+    def said(text: str) -> Callable[[int], str]:
+        return lambda k: text.format(k=k)
+
+    goals = [*rows.goals, *(g for g, _, _ in rows.limits)]
+    for row, goal in zip((*c.goal.numbers, *d.goal.numbers), goals, strict=True):
+        yield np.array([row]), said(f"the goal of {goal.name} is missed"), _unit(goal.name, units)
+    for i, (row, surface) in enumerate(zip(c.contact.numbers, problem.sequence, strict=True)):
+        involved = [names[j] for j in kernels.manifest["surface_coordinates"][surface]]
+        unit = _unit(involved[0], units) if len(involved) == 1 else ""
+        yield np.array([row]), said(f"collision {i + 1} misses {surface!r}"), unit
+    for j, q in enumerate(names):
+        yield c.momentum.index[:, j], said(f"the momentum of {q} jumps at node {{k}}"), _unit(f"p_{q}", units)
+        for inside in range(nlp.layout.inside):
+            column = c.inside.index[:, inside * len(names) + j]
+            yield column, said(f"the equation of motion of {q} is violated in step {{k}}"), ""
+    yield c.time.numbers, said("the time jumps"), "s"
+    yield c.arrival.numbers, said("the velocity before a collision does not fit its momentum"), ""
+    yield c.departure.numbers, said("the velocity after a collision does not fit its momentum"), ""
+    yield c.final_time.numbers, said("the final time is missed"), "s"
+    for row, name in zip(c.periodic.numbers, problem.periodic, strict=True):
+        yield np.array([row]), said(f"{name} at the end misses its value at the start"), _unit(name, units)
+    for end, block in (("start", c.start_velocity), ("goal", c.goal_velocity)):
+        for row, q in zip(block.numbers, names, strict=False):
+            text = f"the momentum of {q} at the {end} does not fit the velocity"
+            yield np.array([row]), said(text), _unit(f"p_{q}", units)
+    for i, row in enumerate(c.energy.numbers):
+        yield np.array([row]), said(f"collision {i + 1} ({problem.sequence[i]}) violates its law of restitution"), ""
+    for j, surface in enumerate(kernels.surfaces):
+        kept = np.flatnonzero(d.gap.index[:, j] != NOWHERE)
+        passes = [f"the motion passes {surface} at node {k}" for k in kept]
+        yield d.gap.index[kept, j], passes.__getitem__, ""
+    for block in (d.gap_inside, d.path, d.earliest, d.latest, d.approach, d.separation):
+        unit = "s" if block in (d.earliest, d.latest) else ""
+        yield block.numbers, _violated(block), unit
+
+
+def _violated(block: Block) -> Callable[[int], str]:
+    return lambda k: f"{block.name_of(k)} is violated"
 
 
 def _unit(name: str, units: dict[str, str]) -> str:
@@ -184,7 +176,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
         at = x.copy()
         if i == 0:  # the start is known: a motion of least violation may have left it
             at[lay.index_q[0]] = np.clip(at[lay.index_q[0]], nlp.lower[lay.index_q[0]], nlp.upper[lay.index_q[0]])
-        shortest = nlp.phase_minimal_time(at, i)
+        shortest = phase_minimal_time(problem, lay, at * nlp.unit, i)
         if np.isfinite(shortest) and shortest > (1 + CLEARLY) * allowed:
             found.append(
                 f"phase {i} -> {surface!r}: the shortest time at full input is about {shortest:.3g} s, the bounds allow {allowed:.3g} s"

@@ -38,8 +38,7 @@ class _Callbacks:
 
     def __init__(self, nlp: Transcription, options: Options) -> None:
         self.nlp, self.options, self.m = nlp, options, nlp.n_eq + nlp.n_in
-        _ = nlp.program  # makes the patterns
-        jac, hess = nlp.jacobian_pattern, nlp.hessian_pattern
+        jac, hess = nlp.assembled.jacobian, nlp.assembled.hessian
         self.jacobian = (np.repeat(np.arange(jac.shape[0]), np.diff(jac.indptr)), jac.indices)
         self.hessian = (np.repeat(np.arange(nlp.n), np.diff(hess.indptr)), hess.indices)
         self.raised: BaseException | None = None
@@ -58,11 +57,11 @@ class _Callbacks:
         out[: self.m] = self.nlp.values(x[: self.nlp.n])[1:]
 
     def slopes(self, x: Array, out: Array) -> None:
-        out[: self.nlp.jacobian_pattern.size] = self.nlp.slopes(x[: self.nlp.n])[self.nlp.n :]
+        out[: self.nlp.assembled.jacobian.size] = self.nlp.slopes(x[: self.nlp.n])[self.nlp.n :]
 
     def curvatures(self, x: Array, y: Array, sigma: float, out: Array) -> None:
         x, y = np.ascontiguousarray(x[: self.nlp.n]), np.ascontiguousarray(y[: self.m])
-        out[: self.nlp.hessian_pattern.size] = self.nlp.program.curvatures(x, y, sigma)
+        out[: self.nlp.assembled.hessian.size] = self.nlp.program.curvatures(x, y, sigma)
 
     def report(self, x: Array | None, cost: float, infeasibility: float) -> bool:
         """Tell of an iteration; whether to go on."""

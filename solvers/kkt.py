@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.labels import unknown_names
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.outcome import Duals
 
@@ -82,17 +81,16 @@ def violation(nlp: Transcription, x: Array) -> float:
 
 def worst_constraints(nlp: Transcription, x: Array, most: int = 3) -> list[str]:
     """Name the most violated constraints with their violations, one for each kind."""
-    c, d = np.abs(nlp.equality(x)), -nlp.inequality(x)
+    violated = np.concatenate([np.abs(nlp.equality(x)), -nlp.inequality(x)])
     found = []
-    for blocks, values in ((nlp.equalities, c), (nlp.inequalities, d)):
-        for block in blocks:
-            if len(block.rows) and values[block.rows].max() > 0:
-                i = int(np.argmax(values[block.rows]))
-                found.append((float(values[block.rows[i]]), block.labels[i]))
+    for block in (*nlp.equalities, *nlp.inequalities):
+        values = violated[block.numbers]
+        if values.max(initial=0.0) > 0:
+            i = int(np.argmax(values))
+            found.append((float(values[i]), block.name_of(i)))
     excess = np.maximum(nlp.lower - x, x - nlp.upper)
-    names = unknown_names(nlp.problem, nlp.layout)
     i = int(np.argmax(excess))
     if excess[i] > 0:
-        found.append((float(excess[i]), f"bound of {names[i]}"))
+        found.append((float(excess[i]), f"bound of {nlp.layout.names()[i]}"))
     found.sort(reverse=True)
     return [f"{label} by {value:.3g}" for value, label in found[:most]]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.nlp.layout import Index
+from dmoc.nlp.tables import Index
 from dmoc.nlp.transcription import Transcription
 
 # Ranks within the time of one node.
@@ -48,12 +48,12 @@ class KKTLayout:
 
 def pivots(nlp: Transcription) -> tuple[Index, Index]:
     """Return the indices of K in elimination order and the first position of each pivot; the rest is the final group."""
-    lay, rows = nlp.layout, nlp.rows
+    lay, c, d = nlp.layout, nlp.rows.c, nlp.rows.d
     n, last = nlp.n, lay.total
 
     def row(r: Index) -> Index:
-        """Index in K of a row of r."""
-        return np.asarray(n + r - 1)
+        """Index in K of a row of (c | d)."""
+        return np.asarray(n + r)
 
     singles: list[tuple[Index, Index]] = []  # (index, key)
     pairs: list[tuple[Index, Index, Index]] = []
@@ -63,26 +63,24 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
 
     free = nlp.lower < nlp.upper
     # An inequality at a node comes before the node, which is eliminated with the momentum equation of the node before it.
-    node, surface = np.nonzero(rows.gap >= 0)
-    singles.append((row(rows.gap[node, surface]), key(node - 1, INEQUALITY)))
+    singles.append((row(d.gap.numbers), key(d.gap.places[:, 0] - 1, INEQUALITY)))
     steps = np.arange(lay.total)
-    singles.append((row(rows.path).ravel(), np.repeat(key(steps - 1, INEQUALITY), rows.path.shape[1])))
-    inside, surface = np.nonzero(rows.gap_inside >= 0)
-    singles.append((row(rows.gap_inside[inside, surface]), key(inside // max(lay.inside, 1) - 1, INEQUALITY)))
-    for at in (rows.approach, rows.separation):
-        singles.append((row(at[at >= 0]), key(lay.collision_nodes[at >= 0] - 1, INEQUALITY)))
+    singles.append((row(d.path.numbers), key(d.path.places[:, 0] - 1, INEQUALITY)))
+    inside = d.gap_inside.places[:, 0] // max(lay.inside, 1)
+    singles.append((row(d.gap_inside.numbers), key(inside - 1, INEQUALITY)))
+    for block in (d.approach, d.separation):
+        singles.append((row(block.numbers), key(lay.collision_nodes[block.places[:, 0]] - 1, INEQUALITY)))
     singles.append((lay.index_u.ravel(), np.repeat(key(lay.step_of_input, INPUT), lay.nu)))
-    between = np.repeat(key(steps, INSIDE), rows.inside.shape[1])
-    pairs.append((lay.index_q_i.ravel(), row(rows.inside).ravel(), between))
-    pairs.append((lay.index_q[1:].ravel(), row(rows.momentum[:-1]).ravel(), np.repeat(key(steps, STATE), lay.nq)))
-    pairs.append((lay.index_t[1:], row(rows.time), key(steps[: len(rows.time)], STATE)))
+    between = np.repeat(key(steps, INSIDE), c.inside.index.shape[1])
+    pairs.append((lay.index_q_i.ravel(), row(c.inside.numbers), between))
+    pairs.append((lay.index_q[1:].ravel(), row(c.momentum.index[:-1]).ravel(), np.repeat(key(steps, STATE), lay.nq)))
+    pairs.append((lay.index_t[1:], row(c.time.numbers), key(steps[: c.time.count], STATE)))
     nodes = lay.collision_nodes
-    surfaces = nlp.surfaces
-    pairs.append((lay.index_v_a.ravel(), row(rows.arrival).ravel(), np.repeat(key(nodes - 1, COLLISION), lay.nq)))
-    pairs.append((lay.index_h[:-1], row(rows.contact[nodes, surfaces]), key(nodes - 1, COLLISION)))
-    pairs.append((lay.index_v_c.ravel(), row(rows.departure).ravel(), np.repeat(key(nodes, COLLISION), lay.nq)))
-    pairs.append((lay.index_lam, row(rows.energy), key(nodes, COLLISION)))
-    pairs.append((lay.index_p_E, row(rows.momentum[-1]), key(np.full(lay.nq, last), STATE)))
+    pairs.append((lay.index_v_a.ravel(), row(c.arrival.numbers), np.repeat(key(nodes - 1, COLLISION), lay.nq)))
+    pairs.append((lay.index_h[:-1], row(c.contact.numbers), key(nodes - 1, COLLISION)))
+    pairs.append((lay.index_v_c.ravel(), row(c.departure.numbers), np.repeat(key(nodes, COLLISION), lay.nq)))
+    pairs.append((lay.index_lam, row(c.energy.numbers), key(nodes, COLLISION)))
+    pairs.append((lay.index_p_E, row(c.momentum.index[-1]), key(np.full(lay.nq, last), STATE)))
     # An equation whose unknown is fixed keeps its place in the chain, where earlier pivots have filled its diagonal; that of the last node
     # joins the final group.
     first, second, keys = [], [], []
@@ -116,10 +114,9 @@ def kkt_layout(nlp: Transcription) -> KKTLayout:
     """Analyse K for a program without minimal times."""
     n = nlp.n
     order, first = pivots(nlp)
-    _ = nlp.program  # makes the patterns
-    place = np.full(n + nlp.jacobian_pattern.shape[0], -1, dtype=np.int64)
+    place = np.full(n + nlp.n_eq + nlp.n_in, -1, dtype=np.int64)
     place[order] = np.arange(len(order))
-    hess, jac = nlp.hessian_pattern, nlp.jacobian_pattern
+    hess, jac = nlp.assembled.hessian, nlp.assembled.jacobian
     groups: list[tuple[Any, Any]] = [
         (np.repeat(np.arange(n), np.diff(hess.indptr)), hess.indices),
         (n + np.repeat(np.arange(jac.shape[0]), np.diff(jac.indptr)), jac.indices),

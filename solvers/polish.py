@@ -13,7 +13,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.layout import Index
+from dmoc.nlp.tables import Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt import ACTIVE, Residuals, residuals, with_bounds
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import least_squares, solved
-from dmoc.nlp.layout import Index
+from dmoc.nlp.tables import Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Partition, Reduced
 from dmoc.solvers.kkt import violation

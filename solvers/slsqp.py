@@ -21,6 +21,7 @@ import scipy.sparse
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import least_squares
+from dmoc.nlp.tables import NOWHERE
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Reduced, partition
 from dmoc.solvers.kkt import Residuals, residuals, violation, with_bounds, worst_constraints
@@ -84,12 +85,13 @@ class Driver:
     def _always(self) -> None:
         """Inequalities that shape the problem from the start: beside collisions, on the times, and on steps and impulses."""
         nlp, lay = self.nlp, self.nlp.layout
-        nodes, surfaces = nlp.gap_constraints
-        rows = nlp.inequality_rows("gap")
-        for c, s in zip(lay.collision_nodes, nlp.surfaces, strict=True):
-            self.watched_rows[rows[(np.abs(nodes - c) <= 2) & (surfaces == s)]] = True
-        for name in ("final time >=", "final time <=", "minimal time", "approach", "separation"):
-            self.watched_rows[nlp.inequality_rows(name)] = True
+        d = nlp.rows.d
+        for c, s in zip(lay.collision_nodes, lay.surfaces, strict=True):
+            rows = d.gap.index[max(c - 2, 0) : c + 3, s]
+            self.watched_rows[rows[rows != NOWHERE] - nlp.n_eq] = True
+        for block in (d.earliest, d.latest, d.approach, d.separation):
+            self.watched_rows[block.numbers - nlp.n_eq] = True
+        self.watched_rows[nlp.minimal_times] = True
         for index in (lay.index_h, lay.index_lam):
             self.watched_lower[index] = np.isfinite(nlp.lower[index])
             self.watched_upper[index] = np.isfinite(nlp.upper[index])

@@ -119,7 +119,7 @@ def _best_of_all(
     solved = [first]
 
     def best() -> Ended:
-        return min(solved, key=lambda s: (bool(s.nlp.touching.any()), s.nlp.cost(s.outcome.x)))
+        return min(solved, key=lambda s: (bool(s.nlp.law.touching.any()), s.nlp.cost(s.outcome.x)))
 
     for x in points[1:]:
         again = _minimised(programs, nlp, x, remaining(options, begin, count), minimise)
@@ -198,7 +198,7 @@ def _minimised(programs: Programs, nlp: Transcription, x: Array, options: Option
 
 def _limited_by_times(nlp: Transcription, outcome: Outcome, violation: float) -> bool:
     """Whether an estimated minimal time holds a solution, or may be what has no solution."""
-    timed = nlp.inequality_rows("minimal time")
+    timed = nlp.minimal_times
     if outcome.status is Status.SOLVED:
         return bool((outcome.duals.w[timed] > 0).any())
     short = nlp.inequality(outcome.x)[timed] < violation

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.scaling import Scale
+from dmoc.nlp.sizes import Scale
+from dmoc.nlp.timed import Timed
 from dmoc.nlp.transcription import Transcription
 
 
@@ -28,13 +29,14 @@ class Programs:
         """The program in which the given collisions touch their surface without an impulse."""
         key = (guided and self.problem.minimal_times, tuple(sorted(map(int, touching))))
         if key not in self._made:
-            self._made[key] = Transcription(self.problem, self.scale, key[0], touching=key[1])
+            make = Timed if key[0] else Transcription
+            self._made[key] = make(self.problem, self.scale, touching=key[1])
         return self._made[key]
 
     def free(self, nlp: Transcription) -> Transcription:
         """A program without its minimal times."""
-        return self.program(False, np.flatnonzero(nlp.touching))
+        return self.program(False, np.flatnonzero(nlp.law.touching))
 
     def touches(self, nlp: Transcription, at: Iterable[int]) -> Transcription:
         """A program in which some more collisions only touch."""
-        return self.program(nlp.minimal_times, [*np.flatnonzero(nlp.touching), *at])
+        return self.program(isinstance(nlp, Timed), [*np.flatnonzero(nlp.law.touching), *at])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.layout import Index
+from dmoc.nlp.tables import Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt import cost_size
 from dmoc.solvers.outcome import Outcome
@@ -28,10 +28,10 @@ def suspects(nlp: Transcription, x: Array) -> Index:
     if not len(nodes):
         return np.zeros(0, dtype=np.intp)
     y = nlp.physical(x)
-    hit = (np.arange(len(nodes)), nlp.surfaces)
+    hit = (np.arange(len(nodes)), lay.surfaces)
     before = nlp.problem.model.gap_rates(y[lay.index_q[nodes]], y[lay.index_v_a], lay.times(y)[nodes])[hit]
-    faint = (before <= SUSPECT * nlp.scale.rate[nlp.surfaces]) | (x[lay.index_lam] <= SUSPECT)
-    return np.flatnonzero(faint & ~nlp.touching)
+    faint = (before <= SUSPECT * nlp.scale.rate[lay.surfaces]) | (x[lay.index_lam] <= SUSPECT)
+    return np.flatnonzero(faint & ~nlp.law.touching)
 
 
 def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
@@ -51,13 +51,13 @@ def pays(nlp: Transcription, outcome: Outcome) -> bool:
     slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ duals.y - nlp.inequality_jacobian(x).T @ duals.w
     y, model = nlp.physical(x), nlp.problem.model
     times = lay.times(y)
-    for i in np.flatnonzero(nlp.touching):
-        node, j = lay.collision_nodes[i], int(nlp.surfaces[i])
+    for i in np.flatnonzero(nlp.law.touching):
+        node, j = lay.collision_nodes[i], int(lay.surfaces[i])
         q, t = y[lay.index_q[node]], times[node]
         _, inertia = model.impulse_response(q, model.gap_slopes(q, t)[j, :-1], t)
         e = float(nlp.problem.restitution_values[j])
         response = (1 + e) / inertia * nlp.scale.rate[j] / nlp.scale.lam[j]
-        gain = e * duals.y[nlp.equality_rows("energy")[i]] + response * slope[lay.index_lam[i]]
+        gain = e * duals.y[nlp.rows.c.energy.index[i]] + response * slope[lay.index_lam[i]]
         if gain < -PAYS * cost_size(nlp, x):
             return True
     return False

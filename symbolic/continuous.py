@@ -157,16 +157,17 @@ def gap_rates(f: Continuous) -> list[Any]:
     return [dot(gradient(g, f.q), f.v) + g.diff(f.t) for g in f.g]
 
 
-def restitution_work(f: Continuous, lam: Sequence[Any], e: Sequence[Any]) -> Any:
-    """W = lam (e dg/dt + (1 - e)/2 w) with the rate w of the gap after the collision: what closes e (E+ - E-) = W.
+def impact_work(f: Continuous, lam: Sequence[Any]) -> tuple[Any, Any]:
+    """W_t = lam . dg/dt and W_w = lam . w with the rates w of the gaps after the collision.
 
-    In the continuous theory E+ - E- = lam (dg/dt - (w- + w)/2), so that e (E+ - E-) - W = -lam (w + e w-)/2: Newton's law of restitution as the
-    mean of the balance of energy (e = 1) and of the plastic impact (e = 0), with a simple root for every e.
+    The law of restitution is e (E+ - E- - W_t) = (1 - e)/2 W_w.  In the continuous theory
+    E+ - E- = lam (dg/dt - (w- + w)/2), so that the difference of both sides is -lam (w + e w-)/2:
+    Newton's law as the mean of the balance of energy (e = 1) and of the plastic impact (e = 0), with a
+    simple root for every e.
     """
-    terms = [
-        s * (c * g.diff(f.t) + (1 - c) * w / 2) for s, c, g, w in zip(lam, e, f.g, gap_rates(f), strict=True)
-    ]  # fmt: skip
-    return sum(terms[1:], start=terms[0])
+    moving = [s * g.diff(f.t) for s, g in zip(lam, f.g, strict=True)]
+    rates = [s * w for s, w in zip(lam, gap_rates(f), strict=True)]
+    return sum(moving[1:], start=moving[0]), sum(rates[1:], start=rates[0])
 
 
 def input_matrix(f: Continuous) -> list[list[Any]]:

@@ -14,11 +14,11 @@ from dmoc.symbolic.continuous import (
     dot,
     energy,
     gradient,
+    impact_work,
     input_matrix,
     mass_matrix,
     momenta,
     readable,
-    restitution_work,
     right_hand_side,
 )
 from dmoc.symbolic.discrete import StepElement, step_element
@@ -270,16 +270,18 @@ def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement,
             total = [a + b for a, b in zip(before, after, strict=True)]
             equations.append(Equation(f"0 (tangential momentum, {name})", f"0_{{{tag}}}", dot(t, total)))
     impulses = [own.symbol(f"lam_{n}", "impulse") for n in system.surfaces]
-    coefficients = [own.symbol(f"e_{n}", "restitution") for n in system.surfaces]
     equations.append(_equation(own, "e_plus", "e^+", e.e_plus))
     equations.append(_equation(own, "e_minus", "e^-", e.e_minus))
-    equations.append(_equation(own, "W", "W", restitution_work(f, impulses, coefficients)))
+    moving, rate = impact_work(f, impulses)
+    equations.append(_equation(own, "W_t", "W_t", moving))
+    equations.append(_equation(own, "W_w", "W_w", rate))
     yield Section(
         "Collision conditions",
         "At a collision node q_c: g(q_c) = 0; only the normal part of the momentum jumps, r_plus(before) + r_minus(after) = lam grad g, "
-        "or, without the impulse lam >= 0, its projection on the tangents vanishes. With the coefficient of restitution e and the rate "
-        "w = grad g . q' + dg/dt of the gap after the collision, e (e_plus(before) - e_minus(after)) = W with W = lam (e dg/dt + (1 - e)/2 w): the mean "
-        "of the balance of energy (e = 1) and of the plastic impact w = 0 (e = 0), which is Newton's law w = -e w(before).",
+        "or, without the impulse lam >= 0, its projection on the tangents vanishes. With the coefficient of restitution e "
+        "and the rate w = grad g . q' + dg/dt of the gap after the collision, "
+        "e (e_plus(before) - e_minus(after) - W_t) = (1 - e)/2 W_w with W_t = lam dg/dt and W_w = lam w: the mean of the "
+        "balance of energy (e = 1) and of the plastic impact w = 0 (e = 0), which is Newton's law w = -e w(before).",
         tuple(equations),
     )
 

@@ -46,7 +46,7 @@ void bouncing_pendulum_step(ptrdiff_t n, const double *const in[], const ptrdiff
         step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1, out[2] + i*1, out[3] + i*0);
 }
 
-/* First derivatives of `step` with respect to z.
+/* First derivatives of `step` with respect to (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i).
  *   in  q_k[1]
  *   in  q_kp1[1]
  *   in  u_k[0]
@@ -55,19 +55,19 @@ void bouncing_pendulum_step(ptrdiff_t n, const double *const in[], const ptrdiff
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[4]
- *   out r_minus_D_z[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
- *   out r_plus_D_z[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
- *   out C_d_D_z[0]
- *   out r_i_D_z[0]
+ *   out r_minus_D[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
+ *   out r_plus_D[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
+ *   out C_d_D[0]
+ *   out r_i_D[0]
  */
-static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D_z, double *restrict r_plus_D_z, double *restrict C_d_D_z, double *restrict r_i_D_z)
+static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D, double *restrict r_plus_D, double *restrict C_d_D, double *restrict r_i_D)
 {
     (void)u_k;
     (void)u_kp1;
     (void)t_k;
     (void)q_i;
-    (void)C_d_D_z;
-    (void)r_i_D_z;
+    (void)C_d_D;
+    (void)r_i_D;
     const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = par[0]*power2(par[1])/h[0];
@@ -77,12 +77,12 @@ static inline void step_jac_element(const double *restrict q_k, const double *re
     const double w4 = w2 - w0;
     const double w5 = v_0*w0;
     const double w6 = -0.5*sin(q_0)*w1;
-    r_minus_D_z[0] = w3;
-    r_minus_D_z[1] = w4;
-    r_minus_D_z[2] = w5 + w6;
-    r_plus_D_z[0] = w4;
-    r_plus_D_z[1] = w3;
-    r_plus_D_z[2] = w6 - w5;
+    r_minus_D[0] = w3;
+    r_minus_D[1] = w4;
+    r_minus_D[2] = w5 + w6;
+    r_plus_D[0] = w4;
+    r_plus_D[1] = w3;
+    r_plus_D[2] = w6 - w5;
 }
 
 void bouncing_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -91,7 +91,7 @@ void bouncing_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptr
         step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*3, out[1] + i*3, out[2] + i*0, out[3] + i*0);
 }
 
-/* Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus + mu_i . r_i.
+/* Second derivatives of the weighted sum of all results of `step`.
  *   in  q_k[1]
  *   in  q_kp1[1]
  *   in  u_k[0]
@@ -100,29 +100,29 @@ void bouncing_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptr
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[4]
- *   in  sigma[1]
- *   in  mu_minus[1]
- *   in  mu_plus[1]
- *   in  mu_i[0]
+ *   in  w_r_minus[1]
+ *   in  w_r_plus[1]
+ *   in  w_C_d[1]
+ *   in  w_r_i[0]
  *   out hess[6], entries of a 4 x 4 matrix: (0,0) (0,1) (0,2) (1,1) (1,2) (2,2)
  */
-static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict sigma, const double *restrict mu_minus, const double *restrict mu_plus, const double *restrict mu_i, double *restrict hess)
+static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_r_minus, const double *restrict w_r_plus, const double *restrict w_C_d, const double *restrict w_r_i, double *restrict hess)
 {
     (void)u_k;
     (void)u_kp1;
     (void)t_k;
     (void)q_i;
-    (void)sigma;
-    (void)mu_i;
+    (void)w_C_d;
+    (void)w_r_i;
     const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double w0 = 0.25*par[0]*par[1]*par[2];
     const double w1 = h[0]*sin(q_0)*w0;
-    const double w2 = 0.5*(mu_minus[0]*w1 + mu_plus[0]*w1);
+    const double w2 = 0.5*(w1*w_r_minus[0] + w1*w_r_plus[0]);
     const double w3 = par[0]*power2(par[1]);
-    const double w4 = (mu_plus[0]*w3 - mu_minus[0]*w3)/power2(h[0]);
+    const double w4 = (w3*w_r_plus[0] - w3*w_r_minus[0])/power2(h[0]);
     const double w5 = cos(q_0)*w0;
-    const double w6 = -mu_minus[0]*w5 - mu_plus[0]*w5;
+    const double w6 = -w5*w_r_minus[0] - w5*w_r_plus[0];
     hess[0] = w2;
     hess[1] = w2;
     hess[2] = w4 + w6;
@@ -168,7 +168,7 @@ void bouncing_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdi
         impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1);
 }
 
-/* First derivatives of `impact` with respect to z.
+/* First derivatives of `impact` with respect to (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i).
  *   in  q_k[1]
  *   in  q_kp1[1]
  *   in  u_k[0]
@@ -177,10 +177,10 @@ void bouncing_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdi
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[4]
- *   out e_plus_D_z[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
- *   out e_minus_D_z[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
+ *   out e_plus_D[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
+ *   out e_minus_D[3], entries of a 1 x 4 matrix: (0,0) (0,1) (0,2)
  */
-static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D_z, double *restrict e_minus_D_z)
+static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D, double *restrict e_minus_D)
 {
     (void)u_k;
     (void)u_kp1;
@@ -194,12 +194,12 @@ static inline void impact_jac_element(const double *restrict q_k, const double *
     const double w3 = w1 + w2;
     const double w4 = w2 - w1;
     const double w5 = power2(v_0)*w0;
-    e_plus_D_z[0] = w3;
-    e_plus_D_z[1] = w4;
-    e_plus_D_z[2] = w5;
-    e_minus_D_z[0] = w3;
-    e_minus_D_z[1] = w4;
-    e_minus_D_z[2] = w5;
+    e_plus_D[0] = w3;
+    e_plus_D[1] = w4;
+    e_plus_D[2] = w5;
+    e_minus_D[0] = w3;
+    e_minus_D[1] = w4;
+    e_minus_D[2] = w5;
 }
 
 void bouncing_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -208,7 +208,7 @@ void bouncing_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const p
         impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*3, out[1] + i*3);
 }
 
-/* Second derivatives of w_e . (e_plus, e_minus).
+/* Second derivatives of the weighted sum of all results of `impact`.
  *   in  q_k[1]
  *   in  q_kp1[1]
  *   in  u_k[0]
@@ -217,10 +217,11 @@ void bouncing_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const p
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[4]
- *   in  w_e[2]
+ *   in  w_e_plus[1]
+ *   in  w_e_minus[1]
  *   out hess[6], entries of a 4 x 4 matrix: (0,0) (0,1) (0,2) (1,1) (1,2) (2,2)
  */
-static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e, double *restrict hess)
+static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e_plus, const double *restrict w_e_minus, double *restrict hess)
 {
     (void)u_k;
     (void)u_kp1;
@@ -228,18 +229,18 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
     (void)q_i;
     const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
-    const double w0 = par[0]*power2(par[1]);
-    const double w1 = w0*w_e[1];
-    const double w2 = w0*w_e[0];
-    const double w3 = -w1 - w2;
-    const double w4 = 1.0/power2(h[0]);
-    const double w5 = w3*w4;
+    const double w0 = 1.0/power2(h[0]);
+    const double w1 = par[0]*power2(par[1]);
+    const double w2 = w1*w_e_minus[0];
+    const double w3 = w1*w_e_plus[0];
+    const double w4 = -w2 - w3;
+    const double w5 = w0*w4;
     const double w6 = 0.5*cos(q_0)*par[0]*par[1]*par[2];
-    const double w7 = 0.5*(-w6*w_e[0] - w6*w_e[1]);
+    const double w7 = 0.5*(-w6*w_e_minus[0] - w6*w_e_plus[0]);
     const double w8 = w5 + w7;
     const double w9 = v_0*w5;
-    const double w10 = -v_0*w1 - v_0*w2;
-    const double w11 = w10*w4;
+    const double w10 = -v_0*w2 - v_0*w3;
+    const double w11 = w0*w10;
     const double w12 = 1.0/h[0];
     const double w13 = v_0*w12;
     hess[0] = w8;
@@ -247,13 +248,13 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
     hess[2] = w11 + w9;
     hess[3] = w8;
     hess[4] = -w11 - w9;
-    hess[5] = v_0*w11 - (-w10*w12 - w13*w3)*w13;
+    hess[5] = v_0*w11 - (-w10*w12 - w13*w4)*w13;
 }
 
 void bouncing_pendulum_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], out[0] + i*6);
+        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], in[9] + i*stride[9], out[0] + i*6);
 }
 
 /* Equations of motion M q'' = F: M row by row, F.
@@ -280,22 +281,22 @@ void bouncing_pendulum_dynamics(ptrdiff_t n, const double *const in[], const ptr
         dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*1);
 }
 
-/* First derivatives of `dynamics` with respect to (q, v).
+/* First derivatives of `dynamics` with respect to (q, v, u, t).
  *   in  q[1]
  *   in  v[1]
  *   in  u[0]
  *   in  t[1]
  *   in  par[4]
- *   out M_D_s[0]
- *   out F_D_s[1], entries of a 1 x 2 matrix: (0,0)
+ *   out M_D[0]
+ *   out F_D[1], entries of a 1 x 3 matrix: (0,0)
  */
-static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D_s, double *restrict F_D_s)
+static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D, double *restrict F_D)
 {
     (void)v;
     (void)u;
     (void)t;
-    (void)M_D_s;
-    F_D_s[0] = -cos(q[0])*par[0]*par[1]*par[2];
+    (void)M_D;
+    F_D[0] = -cos(q[0])*par[0]*par[1]*par[2];
 }
 
 void bouncing_pendulum_dynamics_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -353,71 +354,88 @@ void bouncing_pendulum_force(ptrdiff_t n, const double *const in[], const ptrdif
         force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1, out[1] + i*1);
 }
 
-/* Momenta p = dL/dv and energy E = v . p - L.
+/* Momenta p = dL/dv.
  *   in  q[1]
  *   in  v[1]
  *   in  t[1]
  *   in  par[4]
  *   out p[1]
- *   out E[1]
  */
-static inline void legendre_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p, double *restrict E)
+static inline void momentum_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p)
 {
+    (void)q;
     (void)t;
-    const double w0 = par[0]*power2(par[1]);
-    const double w1 = power2(v[0])*w0;
-    p[0] = v[0]*w0;
-    E[0] = w1 - (0.5*w1 + cos(q[0])*par[0]*par[1]*par[2]);
+    p[0] = par[0]*power2(par[1])*v[0];
 }
 
-void bouncing_pendulum_legendre(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void bouncing_pendulum_momentum(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1, out[1] + i*1);
+        momentum_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
-/* First derivatives of p with respect to (q, v, t).
+/* First derivatives of `momentum` with respect to (q, v, t).
  *   in  q[1]
  *   in  v[1]
  *   in  t[1]
  *   in  par[4]
- *   out p_D_s[1], entries of a 1 x 3 matrix: (0,1)
+ *   out p_D[1], entries of a 1 x 3 matrix: (0,1)
  */
-static inline void legendre_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D_s)
+static inline void momentum_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D)
 {
     (void)q;
     (void)v;
     (void)t;
-    p_D_s[0] = par[0]*power2(par[1]);
+    p_D[0] = par[0]*power2(par[1]);
 }
 
-void bouncing_pendulum_legendre_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void bouncing_pendulum_momentum_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
+        momentum_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
-/* Second derivatives of w . p with respect to (q, v, t).
+/* Second derivatives of the weighted sum of all results of `momentum`.
  *   in  q[1]
  *   in  v[1]
  *   in  t[1]
  *   in  par[4]
- *   in  w[1]
+ *   in  w_p[1]
  *   out hess[0]
  */
-static inline void legendre_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void momentum_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_p, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    (void)w;
+    (void)w_p;
     (void)hess;
 }
 
-void bouncing_pendulum_legendre_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void bouncing_pendulum_momentum_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Energy E = v . p - L.
+ *   in  q[1]
+ *   in  v[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   out E[1]
+ */
+static inline void energy_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict E)
+{
+    (void)t;
+    const double w0 = par[0]*power2(par[1])*power2(v[0]);
+    E[0] = w0 - (0.5*w0 + cos(q[0])*par[0]*par[1]*par[2]);
+}
+
+void bouncing_pendulum_energy(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        energy_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
 /* Integrand C of the cost and its second derivatives in u.
@@ -464,18 +482,18 @@ void bouncing_pendulum_surface(ptrdiff_t n, const double *const in[], const ptrd
         surface_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*1);
 }
 
-/* First derivatives of the gaps with respect to (q, t).
+/* First derivatives of `surface` with respect to (q, t).
  *   in  q[1]
  *   in  t[1]
  *   in  par[4]
- *   out g_D_q[1], entries of a 1 x 2 matrix: (0,0)
+ *   out g_D[1], entries of a 1 x 2 matrix: (0,0)
  */
-static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D_q)
+static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D)
 {
     (void)q;
     (void)t;
     (void)par;
-    g_D_q[0] = -1.0;
+    g_D[0] = -1.0;
 }
 
 void bouncing_pendulum_surface_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -484,19 +502,19 @@ void bouncing_pendulum_surface_jac(ptrdiff_t n, const double *const in[], const 
         surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*1);
 }
 
-/* Second derivatives of w . g with respect to (q, t).
+/* Second derivatives of the weighted sum of all results of `surface`.
  *   in  q[1]
  *   in  t[1]
  *   in  par[4]
- *   in  w[1]
+ *   in  w_g[1]
  *   out hess[0]
  */
-static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w_g, double *restrict hess)
 {
     (void)q;
     (void)t;
     (void)par;
-    (void)w;
+    (void)w_g;
     (void)hess;
 }
 
@@ -526,20 +544,20 @@ void bouncing_pendulum_gap_rate(ptrdiff_t n, const double *const in[], const ptr
         gap_rate_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
-/* First derivatives of the rates with respect to (q, v, t).
+/* First derivatives of `gap_rate` with respect to (q, v, t).
  *   in  q[1]
  *   in  v[1]
  *   in  t[1]
  *   in  par[4]
- *   out w_D_s[1], entries of a 1 x 3 matrix: (0,1)
+ *   out w_D[1], entries of a 1 x 3 matrix: (0,1)
  */
-static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w_D_s)
+static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w_D)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    w_D_s[0] = -1.0;
+    w_D[0] = -1.0;
 }
 
 void bouncing_pendulum_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -548,7 +566,7 @@ void bouncing_pendulum_gap_rate_jac(ptrdiff_t n, const double *const in[], const
         gap_rate_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
-/* Second derivatives of w_w . w with respect to (q, v, t).
+/* Second derivatives of the weighted sum of all results of `gap_rate`.
  *   in  q[1]
  *   in  v[1]
  *   in  t[1]
@@ -592,20 +610,20 @@ void bouncing_pendulum_normal(ptrdiff_t n, const double *const in[], const ptrdi
         normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
-/* First derivatives of n with respect to (q, lam, t).
+/* First derivatives of `normal` with respect to (q, lam, t).
  *   in  q[1]
  *   in  lam[1]
  *   in  t[1]
  *   in  par[4]
- *   out n_D_ql[1], entries of a 1 x 3 matrix: (0,1)
+ *   out n_D[1], entries of a 1 x 3 matrix: (0,1)
  */
-static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D_ql)
+static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D)
 {
     (void)q;
     (void)lam;
     (void)t;
     (void)par;
-    n_D_ql[0] = -1.0;
+    n_D[0] = -1.0;
 }
 
 void bouncing_pendulum_normal_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -614,21 +632,21 @@ void bouncing_pendulum_normal_jac(ptrdiff_t n, const double *const in[], const p
         normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
-/* Second derivatives of mu . n with respect to (q, lam, t).
+/* Second derivatives of the weighted sum of all results of `normal`.
  *   in  q[1]
  *   in  lam[1]
  *   in  t[1]
  *   in  par[4]
- *   in  mu[1]
+ *   in  w_n[1]
  *   out hess[0]
  */
-static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict mu, double *restrict hess)
+static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_n, double *restrict hess)
 {
     (void)q;
     (void)lam;
     (void)t;
     (void)par;
-    (void)mu;
+    (void)w_n;
     (void)hess;
 }
 
@@ -637,78 +655,140 @@ void bouncing_pendulum_normal_hess(ptrdiff_t n, const double *const in[], const 
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* W in e (E+ - E-) = W at a collision, with v after it and the coefficients of restitution e.
+/* Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact.
+ *   in  q[1]
+ *   in  lam[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   out W_t[1]
+ */
+static inline void moving_work_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_t)
+{
+    (void)q;
+    (void)lam;
+    (void)t;
+    (void)par;
+    W_t[0] = 0.0;
+}
+
+void bouncing_pendulum_moving_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        moving_work_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
+}
+
+/* First derivatives of `moving_work` with respect to (q, lam, t).
+ *   in  q[1]
+ *   in  lam[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   out W_t_D[0]
+ */
+static inline void moving_work_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_t_D)
+{
+    (void)q;
+    (void)lam;
+    (void)t;
+    (void)par;
+    (void)W_t_D;
+}
+
+void bouncing_pendulum_moving_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Second derivatives of the weighted sum of all results of `moving_work`.
+ *   in  q[1]
+ *   in  lam[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   in  w_W_t[1]
+ *   out hess[0]
+ */
+static inline void moving_work_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_t, double *restrict hess)
+{
+    (void)q;
+    (void)lam;
+    (void)t;
+    (void)par;
+    (void)w_W_t;
+    (void)hess;
+}
+
+void bouncing_pendulum_moving_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Impulses times rates after an impact, W_w = sum_j lam_j w_j.
  *   in  q[1]
  *   in  v[1]
  *   in  lam[1]
  *   in  t[1]
  *   in  par[4]
- *   in  e[1]
- *   out W[1]
+ *   out W_w[1]
  */
-static inline void restitution_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W)
+static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w)
 {
     (void)q;
     (void)t;
     (void)par;
-    W[0] = -0.5*(1.0 - e[0])*lam[0]*v[0];
+    W_w[0] = -lam[0]*v[0];
 }
 
-void bouncing_pendulum_restitution(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void bouncing_pendulum_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        restitution_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
+        rate_work_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1);
 }
 
-/* First derivatives of W with respect to (q, v, lam, t).
+/* First derivatives of `rate_work` with respect to (q, v, lam, t).
  *   in  q[1]
  *   in  v[1]
  *   in  lam[1]
  *   in  t[1]
  *   in  par[4]
- *   in  e[1]
- *   out W_D_s[2], entries of a 1 x 4 matrix: (0,1) (0,2)
+ *   out W_w_D[2], entries of a 1 x 4 matrix: (0,1) (0,2)
  */
-static inline void restitution_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W_D_s)
+static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w_D)
 {
     (void)q;
     (void)t;
     (void)par;
-    const double w0 = 0.5*(1.0 - e[0]);
-    W_D_s[0] = -lam[0]*w0;
-    W_D_s[1] = -v[0]*w0;
+    W_w_D[0] = -lam[0];
+    W_w_D[1] = -v[0];
 }
 
-void bouncing_pendulum_restitution_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void bouncing_pendulum_rate_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        restitution_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2);
+        rate_work_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2);
 }
 
-/* Second derivatives of w_W W with respect to (q, v, lam, t).
+/* Second derivatives of the weighted sum of all results of `rate_work`.
  *   in  q[1]
  *   in  v[1]
  *   in  lam[1]
  *   in  t[1]
  *   in  par[4]
- *   in  e[1]
- *   in  w_W[1]
+ *   in  w_W_w[1]
  *   out hess[1], entries of a 4 x 4 matrix: (1,2)
  */
-static inline void restitution_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, const double *restrict w_W, double *restrict hess)
+static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_w, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)lam;
     (void)t;
     (void)par;
-    hess[0] = -0.5*(1.0 - e[0])*w_W[0];
+    hess[0] = -w_W_w[0];
 }
 
-void bouncing_pendulum_restitution_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void bouncing_pendulum_rate_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        restitution_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], out[0] + i*1);
+        rate_work_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
 }
 
 /* Shortest time to each surface at averaged full acceleration.
@@ -735,16 +815,16 @@ void bouncing_pendulum_min_time(ptrdiff_t n, const double *const in[], const ptr
         min_time_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
 }
 
-/* First derivatives of T_min with respect to (q_k, q_kp1, h, q_c, a).
+/* First derivatives of `min_time` with respect to (q_k, q_kp1, h, q_c, a).
  *   in  q_k[1]
  *   in  q_kp1[1]
  *   in  h[1]
  *   in  q_c[1]
  *   in  a[1]
  *   in  par[4]
- *   out T_min_D_y[4], entries of a 1 x 5 matrix: (0,0) (0,1) (0,2) (0,4)
+ *   out T_min_D[4], entries of a 1 x 5 matrix: (0,0) (0,1) (0,2) (0,4)
  */
-static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D_y)
+static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D)
 {
     (void)q_c;
     const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
@@ -759,10 +839,10 @@ static inline void min_time_jac_element(const double *restrict q_k, const double
     const double w7 = (v_0*w6 - 1.0)*w1*w5/h[0];
     const double w8 = w5*w6;
     const double w9 = 0.5*(2.0/w4 - w2*w8);
-    T_min_D_y[0] = w9 - w7;
-    T_min_D_y[1] = w7 + w9;
-    T_min_D_y[2] = 0.5 - v_0*w7;
-    T_min_D_y[3] = (2.0*par[3] - 2.0*q_0)*w0*w8;
+    T_min_D[0] = w9 - w7;
+    T_min_D[1] = w7 + w9;
+    T_min_D[2] = 0.5 - v_0*w7;
+    T_min_D[3] = (2.0*par[3] - 2.0*q_0)*w0*w8;
 }
 
 void bouncing_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -777,25 +857,25 @@ static const dmoc_array step_arrays[] = {
     {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"r_minus", 1}, {"r_plus", 1}, {"C_d", 1}, {"r_i", 0},
 };
 static const dmoc_array step_jac_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"r_minus_D_z", 3}, {"r_plus_D_z", 3}, {"C_d_D_z", 0}, {"r_i_D_z", 0},
+    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"r_minus_D", 3}, {"r_plus_D", 3}, {"C_d_D", 0}, {"r_i_D", 0},
 };
 static const dmoc_array step_hess_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"sigma", 1}, {"mu_minus", 1}, {"mu_plus", 1}, {"mu_i", 0}, {"hess", 6},
+    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"w_r_minus", 1}, {"w_r_plus", 1}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 6},
 };
 static const dmoc_array impact_arrays[] = {
     {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"e_plus", 1}, {"e_minus", 1},
 };
 static const dmoc_array impact_jac_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"e_plus_D_z", 3}, {"e_minus_D_z", 3},
+    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"e_plus_D", 3}, {"e_minus_D", 3},
 };
 static const dmoc_array impact_hess_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"w_e", 2}, {"hess", 6},
+    {"q_k", 1}, {"q_kp1", 1}, {"u_k", 0}, {"u_kp1", 0}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 4}, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 6},
 };
 static const dmoc_array dynamics_arrays[] = {
     {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"M", 1}, {"F", 1},
 };
 static const dmoc_array dynamics_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"M_D_s", 0}, {"F_D_s", 1},
+    {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"M_D", 0}, {"F_D", 1},
 };
 static const dmoc_array input_matrix_arrays[] = {
     {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"B", 0},
@@ -803,14 +883,17 @@ static const dmoc_array input_matrix_arrays[] = {
 static const dmoc_array force_arrays[] = {
     {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"Q", 1}, {"power", 1},
 };
-static const dmoc_array legendre_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"p", 1}, {"E", 1},
+static const dmoc_array momentum_arrays[] = {
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"p", 1},
 };
-static const dmoc_array legendre_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"p_D_s", 1},
+static const dmoc_array momentum_jac_arrays[] = {
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"p_D", 1},
 };
-static const dmoc_array legendre_hess_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w", 1}, {"hess", 0},
+static const dmoc_array momentum_hess_arrays[] = {
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_p", 1}, {"hess", 0},
+};
+static const dmoc_array energy_arrays[] = {
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"E", 1},
 };
 static const dmoc_array running_cost_arrays[] = {
     {"q", 1}, {"v", 1}, {"u", 0}, {"t", 1}, {"par", 4}, {"C", 1}, {"C_DD_u", 0},
@@ -819,16 +902,16 @@ static const dmoc_array surface_arrays[] = {
     {"q", 1}, {"t", 1}, {"par", 4}, {"g", 1},
 };
 static const dmoc_array surface_jac_arrays[] = {
-    {"q", 1}, {"t", 1}, {"par", 4}, {"g_D_q", 1},
+    {"q", 1}, {"t", 1}, {"par", 4}, {"g_D", 1},
 };
 static const dmoc_array surface_hess_arrays[] = {
-    {"q", 1}, {"t", 1}, {"par", 4}, {"w", 1}, {"hess", 0},
+    {"q", 1}, {"t", 1}, {"par", 4}, {"w_g", 1}, {"hess", 0},
 };
 static const dmoc_array gap_rate_arrays[] = {
     {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w", 1},
 };
 static const dmoc_array gap_rate_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_D_s", 1},
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_D", 1},
 };
 static const dmoc_array gap_rate_hess_arrays[] = {
     {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_w", 1}, {"hess", 0},
@@ -837,25 +920,34 @@ static const dmoc_array normal_arrays[] = {
     {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"n", 1},
 };
 static const dmoc_array normal_jac_arrays[] = {
-    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"n_D_ql", 1},
+    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"n_D", 1},
 };
 static const dmoc_array normal_hess_arrays[] = {
-    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"mu", 1}, {"hess", 0},
+    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"w_n", 1}, {"hess", 0},
 };
-static const dmoc_array restitution_arrays[] = {
-    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"e", 1}, {"W", 1},
+static const dmoc_array moving_work_arrays[] = {
+    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_t", 1},
 };
-static const dmoc_array restitution_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"e", 1}, {"W_D_s", 2},
+static const dmoc_array moving_work_jac_arrays[] = {
+    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_t_D", 0},
 };
-static const dmoc_array restitution_hess_arrays[] = {
-    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"e", 1}, {"w_W", 1}, {"hess", 1},
+static const dmoc_array moving_work_hess_arrays[] = {
+    {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"w_W_t", 1}, {"hess", 0},
+};
+static const dmoc_array rate_work_arrays[] = {
+    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_w", 1},
+};
+static const dmoc_array rate_work_jac_arrays[] = {
+    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_w_D", 2},
+};
+static const dmoc_array rate_work_hess_arrays[] = {
+    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"w_W_w", 1}, {"hess", 1},
 };
 static const dmoc_array min_time_arrays[] = {
     {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}, {"T_min", 1},
 };
 static const dmoc_array min_time_jac_arrays[] = {
-    {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}, {"T_min_D_y", 4},
+    {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}, {"T_min_D", 4},
 };
 
 static const dmoc_entry entries[] = {
@@ -864,14 +956,15 @@ static const dmoc_entry entries[] = {
     {"step_hess", bouncing_pendulum_step_hess, 12, 1, step_hess_arrays},
     {"impact", bouncing_pendulum_impact, 8, 2, impact_arrays},
     {"impact_jac", bouncing_pendulum_impact_jac, 8, 2, impact_jac_arrays},
-    {"impact_hess", bouncing_pendulum_impact_hess, 9, 1, impact_hess_arrays},
+    {"impact_hess", bouncing_pendulum_impact_hess, 10, 1, impact_hess_arrays},
     {"dynamics", bouncing_pendulum_dynamics, 5, 2, dynamics_arrays},
     {"dynamics_jac", bouncing_pendulum_dynamics_jac, 5, 2, dynamics_jac_arrays},
     {"input_matrix", bouncing_pendulum_input_matrix, 5, 1, input_matrix_arrays},
     {"force", bouncing_pendulum_force, 5, 2, force_arrays},
-    {"legendre", bouncing_pendulum_legendre, 4, 2, legendre_arrays},
-    {"legendre_jac", bouncing_pendulum_legendre_jac, 4, 1, legendre_jac_arrays},
-    {"legendre_hess", bouncing_pendulum_legendre_hess, 5, 1, legendre_hess_arrays},
+    {"momentum", bouncing_pendulum_momentum, 4, 1, momentum_arrays},
+    {"momentum_jac", bouncing_pendulum_momentum_jac, 4, 1, momentum_jac_arrays},
+    {"momentum_hess", bouncing_pendulum_momentum_hess, 5, 1, momentum_hess_arrays},
+    {"energy", bouncing_pendulum_energy, 4, 1, energy_arrays},
     {"running_cost", bouncing_pendulum_running_cost, 5, 2, running_cost_arrays},
     {"surface", bouncing_pendulum_surface, 3, 1, surface_arrays},
     {"surface_jac", bouncing_pendulum_surface_jac, 3, 1, surface_jac_arrays},
@@ -882,11 +975,14 @@ static const dmoc_entry entries[] = {
     {"normal", bouncing_pendulum_normal, 4, 1, normal_arrays},
     {"normal_jac", bouncing_pendulum_normal_jac, 4, 1, normal_jac_arrays},
     {"normal_hess", bouncing_pendulum_normal_hess, 5, 1, normal_hess_arrays},
-    {"restitution", bouncing_pendulum_restitution, 6, 1, restitution_arrays},
-    {"restitution_jac", bouncing_pendulum_restitution_jac, 6, 1, restitution_jac_arrays},
-    {"restitution_hess", bouncing_pendulum_restitution_hess, 7, 1, restitution_hess_arrays},
+    {"moving_work", bouncing_pendulum_moving_work, 4, 1, moving_work_arrays},
+    {"moving_work_jac", bouncing_pendulum_moving_work_jac, 4, 1, moving_work_jac_arrays},
+    {"moving_work_hess", bouncing_pendulum_moving_work_hess, 5, 1, moving_work_hess_arrays},
+    {"rate_work", bouncing_pendulum_rate_work, 5, 1, rate_work_arrays},
+    {"rate_work_jac", bouncing_pendulum_rate_work_jac, 5, 1, rate_work_jac_arrays},
+    {"rate_work_hess", bouncing_pendulum_rate_work_hess, 6, 1, rate_work_hess_arrays},
     {"min_time", bouncing_pendulum_min_time, 6, 1, min_time_arrays},
     {"min_time_jac", bouncing_pendulum_min_time_jac, 6, 1, min_time_jac_arrays},
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", 28, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", 32, entries};

@@ -54,7 +54,7 @@ void cart_pendulum_step(ptrdiff_t n, const double *const in[], const ptrdiff_t s
         step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*2, out[1] + i*2, out[2] + i*1, out[3] + i*0);
 }
 
-/* First derivatives of `step` with respect to z.
+/* First derivatives of `step` with respect to (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i).
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[1]
@@ -63,16 +63,16 @@ void cart_pendulum_step(ptrdiff_t n, const double *const in[], const ptrdiff_t s
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[6]
- *   out r_minus_D_z[11], entries of a 2 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,0) (1,1) (1,2) (1,3) (1,4) (1,6)
- *   out r_plus_D_z[11], entries of a 2 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,0) (1,1) (1,2) (1,3) (1,5) (1,6)
- *   out C_d_D_z[3], entries of a 1 x 8 matrix: (0,4) (0,5) (0,6)
- *   out r_i_D_z[0]
+ *   out r_minus_D[11], entries of a 2 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,0) (1,1) (1,2) (1,3) (1,4) (1,6)
+ *   out r_plus_D[11], entries of a 2 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,0) (1,1) (1,2) (1,3) (1,5) (1,6)
+ *   out C_d_D[3], entries of a 1 x 8 matrix: (0,4) (0,5) (0,6)
+ *   out r_i_D[0]
  */
-static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D_z, double *restrict r_plus_D_z, double *restrict C_d_D_z, double *restrict r_i_D_z)
+static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D, double *restrict r_plus_D, double *restrict C_d_D, double *restrict r_i_D)
 {
     (void)t_k;
     (void)q_i;
-    (void)r_i_D_z;
+    (void)r_i_D;
     const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
@@ -102,31 +102,31 @@ static inline void step_jac_element(const double *restrict q_k, const double *re
     const double w23 = (w11 - w8)*w0;
     const double w24 = -w17;
     const double w25 = (par[0] + par[1])*w0;
-    r_minus_D_z[0] = w10 - w7;
-    r_minus_D_z[1] = -w12;
-    r_minus_D_z[2] = w10 + w7;
-    r_minus_D_z[3] = w12;
-    r_minus_D_z[4] = w14 - (v_0*w7 + v_1*w12);
-    r_minus_D_z[5] = w16 + w17;
-    r_minus_D_z[6] = -w18;
-    r_minus_D_z[7] = w15 + w17;
-    r_minus_D_z[8] = w18;
-    r_minus_D_z[9] = w1;
-    r_minus_D_z[10] = w20 - (v_1*w18 + w19);
-    r_plus_D_z[0] = w22 - w21;
-    r_plus_D_z[1] = -w23;
-    r_plus_D_z[2] = w21 + w22;
-    r_plus_D_z[3] = w23;
-    r_plus_D_z[4] = w14 - (v_0*w21 + v_1*w23);
-    r_plus_D_z[5] = w15 + w24;
-    r_plus_D_z[6] = -w25;
-    r_plus_D_z[7] = w16 + w24;
-    r_plus_D_z[8] = w25;
-    r_plus_D_z[9] = w1;
-    r_plus_D_z[10] = 0.5*u_kp1[0] - (v_1*w25 - w19);
-    C_d_D_z[0] = h[0]*w20;
-    C_d_D_z[1] = u_kp1[0]*w1;
-    C_d_D_z[2] = 0.5*(0.5*power2(u_k[0]) + 0.5*power2(u_kp1[0]));
+    r_minus_D[0] = w10 - w7;
+    r_minus_D[1] = -w12;
+    r_minus_D[2] = w10 + w7;
+    r_minus_D[3] = w12;
+    r_minus_D[4] = w14 - (v_0*w7 + v_1*w12);
+    r_minus_D[5] = w16 + w17;
+    r_minus_D[6] = -w18;
+    r_minus_D[7] = w15 + w17;
+    r_minus_D[8] = w18;
+    r_minus_D[9] = w1;
+    r_minus_D[10] = w20 - (v_1*w18 + w19);
+    r_plus_D[0] = w22 - w21;
+    r_plus_D[1] = -w23;
+    r_plus_D[2] = w21 + w22;
+    r_plus_D[3] = w23;
+    r_plus_D[4] = w14 - (v_0*w21 + v_1*w23);
+    r_plus_D[5] = w15 + w24;
+    r_plus_D[6] = -w25;
+    r_plus_D[7] = w16 + w24;
+    r_plus_D[8] = w25;
+    r_plus_D[9] = w1;
+    r_plus_D[10] = 0.5*u_kp1[0] - (v_1*w25 - w19);
+    C_d_D[0] = h[0]*w20;
+    C_d_D[1] = u_kp1[0]*w1;
+    C_d_D[2] = 0.5*(0.5*power2(u_k[0]) + 0.5*power2(u_kp1[0]));
 }
 
 void cart_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -135,7 +135,7 @@ void cart_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff
         step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*11, out[1] + i*11, out[2] + i*3, out[3] + i*0);
 }
 
-/* Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus + mu_i . r_i.
+/* Second derivatives of the weighted sum of all results of `step`.
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[1]
@@ -144,17 +144,17 @@ void cart_pendulum_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[6]
- *   in  sigma[1]
- *   in  mu_minus[2]
- *   in  mu_plus[2]
- *   in  mu_i[0]
+ *   in  w_r_minus[2]
+ *   in  w_r_plus[2]
+ *   in  w_C_d[1]
+ *   in  w_r_i[0]
  *   out hess[16], entries of a 8 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,2) (1,6) (2,2) (2,3) (2,6) (3,6) (4,4) (4,6) (5,5) (5,6) (6,6)
  */
-static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict sigma, const double *restrict mu_minus, const double *restrict mu_plus, const double *restrict mu_i, double *restrict hess)
+static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_r_minus, const double *restrict w_r_plus, const double *restrict w_C_d, const double *restrict w_r_i, double *restrict hess)
 {
     (void)t_k;
     (void)q_i;
-    (void)mu_i;
+    (void)w_r_i;
     const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
@@ -162,66 +162,67 @@ static inline void step_hess_element(const double *restrict q_k, const double *r
     const double w1 = par[0]*par[2];
     const double w2 = sin(q_0)*w1;
     const double w3 = v_1*w2;
-    const double w4 = 0.25*h[0]*w3;
-    const double w5 = 0.5*mu_plus[1];
-    const double w6 = cos(q_0)*w1;
-    const double w7 = 0.5*mu_minus[1];
-    const double w8 = (mu_minus[0]*w4 + mu_plus[0]*w4 + w6*w7 - w5*w6)*w0;
-    const double w9 = 0.5*h[0];
-    const double w10 = w3*w9;
-    const double w11 = (mu_minus[0]*w10 + mu_minus[1]*w6 + mu_plus[0]*w10 - mu_plus[1]*w6)*w0;
-    const double w12 = v_1*w6;
-    const double w13 = (par[3]*w6 + v_0*w12)*w9;
-    const double w14 = 0.5*mu_minus[0];
-    const double w15 = v_0*w2;
-    const double w16 = 0.5*mu_plus[0];
-    const double w17 = (w13 + w3)*w16 + (w13 - w3)*w14 + w15*w5 - w15*w7;
-    const double w18 = 0.5*(w17 - w11);
-    const double w19 = w6*w9;
-    const double w20 = -mu_minus[0]*w19 - mu_plus[0]*w19;
-    const double w21 = w0*w20;
-    const double w22 = w15*w9;
-    const double w23 = (w22 + w6)*mu_minus[0];
-    const double w24 = (w22 - w6)*mu_plus[0];
-    const double w25 = 0.5*w23 + 0.5*w24;
-    const double w26 = (w25 - w21)*w0;
-    const double w27 = v_0*w8;
+    const double w4 = h[0]*w3;
+    const double w5 = 0.25*w4;
+    const double w6 = 0.5*w_r_minus[1];
+    const double w7 = cos(q_0)*w1;
+    const double w8 = 0.5*w_r_plus[1];
+    const double w9 = (w5*w_r_minus[0] + w5*w_r_plus[0] + w6*w7 - w7*w8)*w0;
+    const double w10 = 0.5*w_r_plus[0];
+    const double w11 = 0.5*w_r_minus[0];
+    const double w12 = h[0]*w11;
+    const double w13 = (w10*w4 + w12*w3 + w7*w_r_minus[1] - w7*w_r_plus[1])*w0;
+    const double w14 = v_0*w7;
+    const double w15 = 0.5*h[0];
+    const double w16 = (par[3]*w7 + v_1*w14)*w15;
+    const double w17 = v_0*w2;
+    const double w18 = (w16 + w3)*w10 + (w16 - w3)*w11 + w17*w8 - w17*w6;
+    const double w19 = 0.5*(w18 - w13);
+    const double w20 = w10*w7;
+    const double w21 = -h[0]*w20 - w12*w7;
+    const double w22 = w0*w21;
+    const double w23 = w15*w17;
+    const double w24 = (w23 + w7)*w_r_minus[0];
+    const double w25 = (w23 - w7)*w_r_plus[0];
+    const double w26 = 0.5*w24 + 0.5*w25;
+    const double w27 = (w26 - w22)*w0;
     const double w28 = 1.0/power2(h[0]);
-    const double w29 = -w12*w9;
-    const double w30 = par[0]*power2(par[2]);
-    const double w31 = (w29 + w30)*mu_plus[0] + (w29 - w30)*mu_minus[0] + mu_minus[1]*w2 - mu_plus[1]*w2;
-    const double w32 = w28*w31;
-    const double w33 = -w12*w14 - w12*w16;
-    const double w34 = w0*w33;
-    const double w35 = 0.5*par[3]*w2 + 0.5*v_0*w3;
-    const double w36 = w14*w35 + w16*w35;
-    const double w37 = w20*w28;
-    const double w38 = v_0*w37;
-    const double w39 = v_0*w6;
-    const double w40 = -w14*w39 - w16*w39;
-    const double w41 = w0*w40;
-    const double w42 = -v_0*w19;
-    const double w43 = (-par[0] - par[1])*mu_minus[1] + (par[0] + par[1])*mu_plus[1] + (w2 + w42)*mu_minus[0] + (w42 - w2)*mu_plus[0];
-    const double w44 = w28*w43;
-    const double w45 = (w21 + w25)*w0;
-    const double w46 = sigma[0]*w9;
-    const double w47 = 0.5*sigma[0];
-    hess[0] = w18 - w8;
-    hess[1] = -w26;
-    hess[2] = w18 + w8;
-    hess[3] = w26;
-    hess[4] = w32 + w36 - (v_1*w26 + w27) - w34;
-    hess[5] = -0.5*(w23 + w24)*w0 - w37;
-    hess[6] = w38 + w44 - w41;
-    hess[7] = 0.5*(w11 + w17) + w8;
-    hess[8] = w45;
-    hess[9] = w34 + w36 - (v_1*w45 + w27) - w32;
-    hess[10] = w41 - w38 - w44;
-    hess[11] = w46;
-    hess[12] = u_k[0]*w47 + w7;
-    hess[13] = w46;
-    hess[14] = u_kp1[0]*w47 + w5;
-    hess[15] = v_0*w32 + v_1*w44 - ((w33 - v_1*w21 - w0*w31)*v_0*w0 + (w40 - v_0*w21 - w0*w43)*v_1*w0) - v_0*w34 - v_1*w41;
+    const double w29 = v_1*w7;
+    const double w30 = -w15*w29;
+    const double w31 = par[0]*power2(par[2]);
+    const double w32 = (w30 + w31)*w_r_plus[0] + (w30 - w31)*w_r_minus[0] + w2*w_r_minus[1] - w2*w_r_plus[1];
+    const double w33 = w28*w32;
+    const double w34 = v_0*w9;
+    const double w35 = -v_1*w20 - w11*w29;
+    const double w36 = w0*w35;
+    const double w37 = 0.5*(0.5*par[3]*w2 + 0.5*v_0*w3);
+    const double w38 = w37*w_r_minus[0] + w37*w_r_plus[0];
+    const double w39 = w21*w28;
+    const double w40 = v_0*w39;
+    const double w41 = -w10*w14 - w11*w14;
+    const double w42 = w0*w41;
+    const double w43 = -w14*w15;
+    const double w44 = (-par[0] - par[1])*w_r_minus[1] + (par[0] + par[1])*w_r_plus[1] + (w2 + w43)*w_r_minus[0] + (w43 - w2)*w_r_plus[0];
+    const double w45 = w28*w44;
+    const double w46 = (w22 + w26)*w0;
+    const double w47 = 0.5*w_C_d[0];
+    const double w48 = h[0]*w47;
+    hess[0] = w19 - w9;
+    hess[1] = -w27;
+    hess[2] = w19 + w9;
+    hess[3] = w27;
+    hess[4] = w33 + w38 - (v_1*w27 + w34) - w36;
+    hess[5] = -0.5*(w24 + w25)*w0 - w39;
+    hess[6] = w40 + w45 - w42;
+    hess[7] = 0.5*(w13 + w18) + w9;
+    hess[8] = w46;
+    hess[9] = w36 + w38 - (v_1*w46 + w34) - w33;
+    hess[10] = w42 - w40 - w45;
+    hess[11] = w48;
+    hess[12] = u_k[0]*w47 + w6;
+    hess[13] = w48;
+    hess[14] = u_kp1[0]*w47 + w8;
+    hess[15] = v_0*w33 + v_1*w45 - ((w35 - v_1*w22 - w0*w32)*v_0*w0 + (w41 - v_0*w22 - w0*w44)*v_1*w0) - v_0*w36 - v_1*w42;
 }
 
 void cart_pendulum_step_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -267,7 +268,7 @@ void cart_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t
         impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1);
 }
 
-/* First derivatives of `impact` with respect to z.
+/* First derivatives of `impact` with respect to (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i).
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[1]
@@ -276,10 +277,10 @@ void cart_pendulum_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[6]
- *   out e_plus_D_z[6], entries of a 1 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,5) (0,6)
- *   out e_minus_D_z[6], entries of a 1 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,4) (0,6)
+ *   out e_plus_D[6], entries of a 1 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,5) (0,6)
+ *   out e_minus_D[6], entries of a 1 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,4) (0,6)
  */
-static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D_z, double *restrict e_minus_D_z)
+static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D, double *restrict e_minus_D)
 {
     (void)t_k;
     (void)q_i;
@@ -301,18 +302,18 @@ static inline void impact_jac_element(const double *restrict q_k, const double *
     const double w12 = v_0*w3;
     const double w13 = 0.5*u_k[0];
     const double w14 = (h[0]*w13 + w8)*w0;
-    e_plus_D_z[0] = w6;
-    e_plus_D_z[1] = -w9;
-    e_plus_D_z[2] = w10;
-    e_plus_D_z[3] = w9;
-    e_plus_D_z[4] = -w11;
-    e_plus_D_z[5] = -(v_1*w9 + w12) - v_1*w7;
-    e_minus_D_z[0] = w6;
-    e_minus_D_z[1] = -w14;
-    e_minus_D_z[2] = w10;
-    e_minus_D_z[3] = w14;
-    e_minus_D_z[4] = w11;
-    e_minus_D_z[5] = v_1*w13 - (v_1*w14 + w12);
+    e_plus_D[0] = w6;
+    e_plus_D[1] = -w9;
+    e_plus_D[2] = w10;
+    e_plus_D[3] = w9;
+    e_plus_D[4] = -w11;
+    e_plus_D[5] = -(v_1*w9 + w12) - v_1*w7;
+    e_minus_D[0] = w6;
+    e_minus_D[1] = -w14;
+    e_minus_D[2] = w10;
+    e_minus_D[3] = w14;
+    e_minus_D[4] = w11;
+    e_minus_D[5] = v_1*w13 - (v_1*w14 + w12);
 }
 
 void cart_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -321,7 +322,7 @@ void cart_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const ptrdi
         impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*6, out[1] + i*6);
 }
 
-/* Second derivatives of w_e . (e_plus, e_minus).
+/* Second derivatives of the weighted sum of all results of `impact`.
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[1]
@@ -330,10 +331,11 @@ void cart_pendulum_impact_jac(ptrdiff_t n, const double *const in[], const ptrdi
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[6]
- *   in  w_e[2]
+ *   in  w_e_plus[1]
+ *   in  w_e_minus[1]
  *   out hess[19], entries of a 8 x 8 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (1,1) (1,2) (1,3) (1,4) (1,5) (1,6) (2,2) (2,3) (2,6) (3,3) (3,4) (3,5) (3,6) (6,6)
  */
-static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e, double *restrict hess)
+static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e_plus, const double *restrict w_e_minus, double *restrict hess)
 {
     (void)t_k;
     (void)q_i;
@@ -342,69 +344,71 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/h[0];
     const double w1 = par[0]*power2(par[2]);
-    const double w2 = (-w1*w_e[0] - w1*w_e[1])*w0;
-    const double w3 = 0.5*w_e[0];
+    const double w2 = (-w1*w_e_minus[0] - w1*w_e_plus[0])*w0;
+    const double w3 = 0.5*w_e_plus[0];
     const double w4 = par[0]*par[2];
     const double w5 = cos(q_0)*w4;
     const double w6 = v_1*w5;
-    const double w7 = 0.5*w_e[1];
+    const double w7 = 0.5*w_e_minus[0];
     const double w8 = w3*w6 + w6*w7;
     const double w9 = (w8 - w2)*w0;
-    const double w10 = (w6*w_e[0] + w6*w_e[1])*w0;
-    const double w11 = sin(q_0)*w4;
-    const double w12 = v_0*w11;
-    const double w13 = par[3]*w11 - v_1*w12;
-    const double w14 = w13*w3 + w13*w7;
-    const double w15 = 0.5*(w14 - w10);
-    const double w16 = w11*w_e[0] + w11*w_e[1];
-    const double w17 = w0*w16;
-    const double w18 = v_0*w5;
-    const double w19 = w18*w3 + w18*w7;
-    const double w20 = (w19 - w17)*w0;
-    const double w21 = 1.0/power2(h[0]);
-    const double w22 = v_1*w11 - v_0*w1;
-    const double w23 = w22*w_e[0] + w22*w_e[1];
-    const double w24 = w21*w23;
-    const double w25 = -par[0] - par[1];
-    const double w26 = w25*w_e[0] + w25*w_e[1];
-    const double w27 = w21*w26;
-    const double w28 = w16*w21;
-    const double w29 = v_1*w27;
-    const double w30 = v_0*w28;
-    const double w31 = u_k[0]*w7 - u_kp1[0]*w3;
-    const double w32 = w0*w31;
-    const double w33 = 0.5*h[0];
-    const double w34 = w12 - (par[0] + par[1])*v_1;
-    const double w35 = (u_k[0]*w33 + w34)*w_e[1] + (w34 - u_kp1[0]*w33)*w_e[0];
-    const double w36 = w21*w35;
-    const double w37 = (w2 + w8)*w0;
-    const double w38 = (w17 + w19)*w0;
-    const double w39 = v_1*w0;
-    hess[0] = w15 - w9;
-    hess[1] = -w20;
-    hess[2] = w15 + w9;
-    hess[3] = w20;
-    hess[4] = w24 - (v_0*w9 + v_1*w20);
-    hess[5] = w27;
-    hess[6] = -0.5*(w18*w_e[0] + w18*w_e[1])*w0 - w28;
-    hess[7] = -w27;
+    const double w10 = w5*w_e_minus[0];
+    const double w11 = w5*w_e_plus[0];
+    const double w12 = (v_1*w10 + v_1*w11)*w0;
+    const double w13 = sin(q_0)*w4;
+    const double w14 = v_0*w13;
+    const double w15 = par[3]*w13 - v_1*w14;
+    const double w16 = w15*w3 + w15*w7;
+    const double w17 = 0.5*(w16 - w12);
+    const double w18 = w13*w_e_minus[0] + w13*w_e_plus[0];
+    const double w19 = w0*w18;
+    const double w20 = v_0*w5;
+    const double w21 = w20*w3 + w20*w7;
+    const double w22 = (w21 - w19)*w0;
+    const double w23 = 1.0/power2(h[0]);
+    const double w24 = v_1*w13 - v_0*w1;
+    const double w25 = w24*w_e_minus[0] + w24*w_e_plus[0];
+    const double w26 = w23*w25;
+    const double w27 = -par[0] - par[1];
+    const double w28 = w27*w_e_minus[0] + w27*w_e_plus[0];
+    const double w29 = w23*w28;
+    const double w30 = w18*w23;
+    const double w31 = v_1*w29;
+    const double w32 = v_0*w30;
+    const double w33 = u_k[0]*w7 - u_kp1[0]*w3;
+    const double w34 = w0*w33;
+    const double w35 = 0.5*h[0];
+    const double w36 = w14 - (par[0] + par[1])*v_1;
+    const double w37 = (u_k[0]*w35 + w36)*w_e_minus[0] + (w36 - u_kp1[0]*w35)*w_e_plus[0];
+    const double w38 = w23*w37;
+    const double w39 = (w2 + w8)*w0;
+    const double w40 = (w19 + w21)*w0;
+    const double w41 = v_1*w0;
+    hess[0] = w17 - w9;
+    hess[1] = -w22;
+    hess[2] = w17 + w9;
+    hess[3] = w22;
+    hess[4] = w26 - (v_0*w9 + v_1*w22);
+    hess[5] = w29;
+    hess[6] = -0.5*(v_0*w10 + v_0*w11)*w0 - w30;
+    hess[7] = -w29;
     hess[8] = -w7;
     hess[9] = w3;
-    hess[10] = w36 - (-w29 - w30) - w32;
-    hess[11] = 0.5*(w10 + w14) + w37;
-    hess[12] = w38;
-    hess[13] = -(v_0*w37 + v_1*w38) - w24;
-    hess[14] = w27;
+    hess[10] = w38 - (-w31 - w32) - w34;
+    hess[11] = 0.5*(w12 + w16) + w39;
+    hess[12] = w40;
+    hess[13] = -(v_0*w39 + v_1*w40) - w26;
+    hess[14] = w29;
     hess[15] = w7;
     hess[16] = -w3;
-    hess[17] = w32 - (w29 + w30) - w36;
-    hess[18] = v_0*w24 + v_1*w36 - ((-v_0*w2 - v_1*w17 - w0*w23)*v_0*w0 + (w31 - v_0*w17 - w0*w35 - w26*w39)*w39) - v_1*w32;
+    hess[17] = w34 - (w31 + w32) - w38;
+    hess[18] = v_0*w26 + v_1*w38 - ((-v_0*w2 - v_1*w19 - w0*w25)*v_0*w0 + (w33 - v_0*w19 - w0*w37 - w28*w41)*w41) - v_1*w34;
 }
 
 void cart_pendulum_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], out[0] + i*19);
+        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], in[9] + i*stride[9], out[0] + i*19);
 }
 
 /* Equations of motion M q'' = F: M row by row, F.
@@ -436,16 +440,16 @@ void cart_pendulum_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff
         dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*4, out[1] + i*2);
 }
 
-/* First derivatives of `dynamics` with respect to (q, v).
+/* First derivatives of `dynamics` with respect to (q, v, u, t).
  *   in  q[2]
  *   in  v[2]
  *   in  u[1]
  *   in  t[1]
  *   in  par[6]
- *   out M_D_s[2], entries of a 4 x 4 matrix: (1,0) (2,0)
- *   out F_D_s[3], entries of a 2 x 4 matrix: (0,0) (1,0) (1,2)
+ *   out M_D[2], entries of a 4 x 6 matrix: (1,0) (2,0)
+ *   out F_D[4], entries of a 2 x 6 matrix: (0,0) (1,0) (1,2) (1,4)
  */
-static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D_s, double *restrict F_D_s)
+static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D, double *restrict F_D)
 {
     (void)u;
     (void)t;
@@ -453,17 +457,18 @@ static inline void dynamics_jac_element(const double *restrict q, const double *
     const double w1 = cos(q[0])*w0;
     const double w2 = -w1;
     const double w3 = sin(q[0])*w0;
-    M_D_s[0] = w2;
-    M_D_s[1] = w2;
-    F_D_s[0] = par[3]*w3;
-    F_D_s[1] = -power2(v[0])*w3;
-    F_D_s[2] = 2.0*v[0]*w1;
+    M_D[0] = w2;
+    M_D[1] = w2;
+    F_D[0] = par[3]*w3;
+    F_D[1] = -power2(v[0])*w3;
+    F_D[2] = 2.0*v[0]*w1;
+    F_D[3] = 1.0;
 }
 
 void cart_pendulum_dynamics_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        dynamics_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2, out[1] + i*3);
+        dynamics_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2, out[1] + i*4);
 }
 
 /* B = dQ/du row by row.
@@ -516,86 +521,104 @@ void cart_pendulum_force(ptrdiff_t n, const double *const in[], const ptrdiff_t 
         force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2, out[1] + i*1);
 }
 
-/* Momenta p = dL/dv and energy E = v . p - L.
+/* Momenta p = dL/dv.
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
  *   in  par[6]
  *   out p[2]
- *   out E[1]
  */
-static inline void legendre_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p, double *restrict E)
+static inline void momentum_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p)
 {
     (void)t;
-    const double w0 = power2(par[2]);
-    const double w1 = par[0]*v[0];
-    const double w2 = par[0]*v[1];
-    const double w3 = par[2]*sin(q[0]);
-    const double w4 = w2*w3;
-    const double w5 = w0*w1 - w4;
-    const double w6 = par[1]*v[1] + w2 - w1*w3;
-    const double w7 = 0.5*power2(v[1]);
-    p[0] = w5;
-    p[1] = w6;
-    E[0] = v[0]*w5 + v[1]*w6 - (0.5*par[0]*power2(v[0])*w0 + par[0]*w7 + par[1]*w7 - par[0]*par[3]*w3 - v[0]*w4);
+    const double w0 = par[0]*v[0];
+    const double w1 = par[0]*v[1];
+    const double w2 = par[2]*sin(q[0]);
+    p[0] = power2(par[2])*w0 - w1*w2;
+    p[1] = par[1]*v[1] + w1 - w0*w2;
 }
 
-void cart_pendulum_legendre(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void cart_pendulum_momentum(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2, out[1] + i*1);
+        momentum_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* First derivatives of p with respect to (q, v, t).
+/* First derivatives of `momentum` with respect to (q, v, t).
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
  *   in  par[6]
- *   out p_D_s[6], entries of a 2 x 5 matrix: (0,0) (0,2) (0,3) (1,0) (1,2) (1,3)
+ *   out p_D[6], entries of a 2 x 5 matrix: (0,0) (0,2) (0,3) (1,0) (1,2) (1,3)
  */
-static inline void legendre_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D_s)
+static inline void momentum_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D)
 {
     (void)t;
     const double w0 = par[0]*par[2];
     const double w1 = cos(q[0])*w0;
     const double w2 = -sin(q[0])*w0;
-    p_D_s[0] = -v[1]*w1;
-    p_D_s[1] = par[0]*power2(par[2]);
-    p_D_s[2] = w2;
-    p_D_s[3] = -v[0]*w1;
-    p_D_s[4] = w2;
-    p_D_s[5] = par[0] + par[1];
+    p_D[0] = -v[1]*w1;
+    p_D[1] = par[0]*power2(par[2]);
+    p_D[2] = w2;
+    p_D[3] = -v[0]*w1;
+    p_D[4] = w2;
+    p_D[5] = par[0] + par[1];
 }
 
-void cart_pendulum_legendre_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void cart_pendulum_momentum_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*6);
+        momentum_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*6);
 }
 
-/* Second derivatives of w . p with respect to (q, v, t).
+/* Second derivatives of the weighted sum of all results of `momentum`.
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
  *   in  par[6]
- *   in  w[2]
+ *   in  w_p[2]
  *   out hess[3], entries of a 5 x 5 matrix: (0,0) (0,2) (0,3)
  */
-static inline void legendre_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void momentum_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_p, double *restrict hess)
 {
     (void)t;
     const double w0 = par[0]*par[2];
     const double w1 = sin(q[0])*w0;
     const double w2 = cos(q[0])*w0;
-    hess[0] = v[0]*w1*w[1] + v[1]*w1*w[0];
-    hess[1] = -w2*w[1];
-    hess[2] = -w2*w[0];
+    hess[0] = v[0]*w1*w_p[1] + v[1]*w1*w_p[0];
+    hess[1] = -w2*w_p[1];
+    hess[2] = -w2*w_p[0];
 }
 
-void cart_pendulum_legendre_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void cart_pendulum_momentum_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*3);
+        momentum_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*3);
+}
+
+/* Energy E = v . p - L.
+ *   in  q[2]
+ *   in  v[2]
+ *   in  t[1]
+ *   in  par[6]
+ *   out E[1]
+ */
+static inline void energy_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict E)
+{
+    (void)t;
+    const double w0 = par[0]*v[1];
+    const double w1 = par[2]*sin(q[0]);
+    const double w2 = w0*w1;
+    const double w3 = power2(par[2]);
+    const double w4 = 0.5*power2(v[1]);
+    const double w5 = par[0]*v[0];
+    E[0] = (par[1]*v[1] + w0 - w1*w5)*v[1] + (w3*w5 - w2)*v[0] - (0.5*par[0]*power2(v[0])*w3 + par[0]*w4 + par[1]*w4 - par[0]*par[3]*w1 - v[0]*w2);
+}
+
+void cart_pendulum_energy(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        energy_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
 /* Integrand C of the cost and its second derivatives in u.
@@ -642,19 +665,19 @@ void cart_pendulum_surface(ptrdiff_t n, const double *const in[], const ptrdiff_
         surface_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*2);
 }
 
-/* First derivatives of the gaps with respect to (q, t).
+/* First derivatives of `surface` with respect to (q, t).
  *   in  q[2]
  *   in  t[1]
  *   in  par[6]
- *   out g_D_q[2], entries of a 2 x 3 matrix: (0,0) (1,0)
+ *   out g_D[2], entries of a 2 x 3 matrix: (0,0) (1,0)
  */
-static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D_q)
+static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D)
 {
     (void)q;
     (void)t;
     (void)par;
-    g_D_q[0] = -1.0;
-    g_D_q[1] = 1.0;
+    g_D[0] = -1.0;
+    g_D[1] = 1.0;
 }
 
 void cart_pendulum_surface_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -663,19 +686,19 @@ void cart_pendulum_surface_jac(ptrdiff_t n, const double *const in[], const ptrd
         surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*2);
 }
 
-/* Second derivatives of w . g with respect to (q, t).
+/* Second derivatives of the weighted sum of all results of `surface`.
  *   in  q[2]
  *   in  t[1]
  *   in  par[6]
- *   in  w[2]
+ *   in  w_g[2]
  *   out hess[0]
  */
-static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w_g, double *restrict hess)
 {
     (void)q;
     (void)t;
     (void)par;
-    (void)w;
+    (void)w_g;
     (void)hess;
 }
 
@@ -706,21 +729,21 @@ void cart_pendulum_gap_rate(ptrdiff_t n, const double *const in[], const ptrdiff
         gap_rate_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* First derivatives of the rates with respect to (q, v, t).
+/* First derivatives of `gap_rate` with respect to (q, v, t).
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
  *   in  par[6]
- *   out w_D_s[2], entries of a 2 x 5 matrix: (0,2) (1,2)
+ *   out w_D[2], entries of a 2 x 5 matrix: (0,2) (1,2)
  */
-static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w_D_s)
+static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w_D)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    w_D_s[0] = -1.0;
-    w_D_s[1] = 1.0;
+    w_D[0] = -1.0;
+    w_D[1] = 1.0;
 }
 
 void cart_pendulum_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -729,7 +752,7 @@ void cart_pendulum_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptr
         gap_rate_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* Second derivatives of w_w . w with respect to (q, v, t).
+/* Second derivatives of the weighted sum of all results of `gap_rate`.
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
@@ -774,21 +797,21 @@ void cart_pendulum_normal(ptrdiff_t n, const double *const in[], const ptrdiff_t
         normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* First derivatives of n with respect to (q, lam, t).
+/* First derivatives of `normal` with respect to (q, lam, t).
  *   in  q[2]
  *   in  lam[2]
  *   in  t[1]
  *   in  par[6]
- *   out n_D_ql[2], entries of a 2 x 5 matrix: (0,2) (0,3)
+ *   out n_D[2], entries of a 2 x 5 matrix: (0,2) (0,3)
  */
-static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D_ql)
+static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D)
 {
     (void)q;
     (void)lam;
     (void)t;
     (void)par;
-    n_D_ql[0] = -1.0;
-    n_D_ql[1] = 1.0;
+    n_D[0] = -1.0;
+    n_D[1] = 1.0;
 }
 
 void cart_pendulum_normal_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -797,21 +820,21 @@ void cart_pendulum_normal_jac(ptrdiff_t n, const double *const in[], const ptrdi
         normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* Second derivatives of mu . n with respect to (q, lam, t).
+/* Second derivatives of the weighted sum of all results of `normal`.
  *   in  q[2]
  *   in  lam[2]
  *   in  t[1]
  *   in  par[6]
- *   in  mu[2]
+ *   in  w_n[2]
  *   out hess[0]
  */
-static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict mu, double *restrict hess)
+static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_n, double *restrict hess)
 {
     (void)q;
     (void)lam;
     (void)t;
     (void)par;
-    (void)mu;
+    (void)w_n;
     (void)hess;
 }
 
@@ -820,83 +843,142 @@ void cart_pendulum_normal_hess(ptrdiff_t n, const double *const in[], const ptrd
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* W in e (E+ - E-) = W at a collision, with v after it and the coefficients of restitution e.
+/* Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact.
+ *   in  q[2]
+ *   in  lam[2]
+ *   in  t[1]
+ *   in  par[6]
+ *   out W_t[1]
+ */
+static inline void moving_work_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_t)
+{
+    (void)q;
+    (void)lam;
+    (void)t;
+    (void)par;
+    W_t[0] = 0.0;
+}
+
+void cart_pendulum_moving_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        moving_work_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
+}
+
+/* First derivatives of `moving_work` with respect to (q, lam, t).
+ *   in  q[2]
+ *   in  lam[2]
+ *   in  t[1]
+ *   in  par[6]
+ *   out W_t_D[0]
+ */
+static inline void moving_work_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_t_D)
+{
+    (void)q;
+    (void)lam;
+    (void)t;
+    (void)par;
+    (void)W_t_D;
+}
+
+void cart_pendulum_moving_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Second derivatives of the weighted sum of all results of `moving_work`.
+ *   in  q[2]
+ *   in  lam[2]
+ *   in  t[1]
+ *   in  par[6]
+ *   in  w_W_t[1]
+ *   out hess[0]
+ */
+static inline void moving_work_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_t, double *restrict hess)
+{
+    (void)q;
+    (void)lam;
+    (void)t;
+    (void)par;
+    (void)w_W_t;
+    (void)hess;
+}
+
+void cart_pendulum_moving_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Impulses times rates after an impact, W_w = sum_j lam_j w_j.
  *   in  q[2]
  *   in  v[2]
  *   in  lam[2]
  *   in  t[1]
  *   in  par[6]
- *   in  e[2]
- *   out W[1]
+ *   out W_w[1]
  */
-static inline void restitution_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W)
+static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w)
 {
     (void)q;
     (void)t;
     (void)par;
-    const double w0 = 0.5*v[0];
-    W[0] = (1.0 - e[1])*lam[1]*w0 - (1.0 - e[0])*lam[0]*w0;
+    W_w[0] = lam[1]*v[0] - lam[0]*v[0];
 }
 
-void cart_pendulum_restitution(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void cart_pendulum_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        restitution_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
+        rate_work_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1);
 }
 
-/* First derivatives of W with respect to (q, v, lam, t).
+/* First derivatives of `rate_work` with respect to (q, v, lam, t).
  *   in  q[2]
  *   in  v[2]
  *   in  lam[2]
  *   in  t[1]
  *   in  par[6]
- *   in  e[2]
- *   out W_D_s[3], entries of a 1 x 7 matrix: (0,2) (0,4) (0,5)
+ *   out W_w_D[3], entries of a 1 x 7 matrix: (0,2) (0,4) (0,5)
  */
-static inline void restitution_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W_D_s)
+static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w_D)
 {
     (void)q;
     (void)t;
     (void)par;
-    const double w0 = 1.0 - e[0];
-    const double w1 = 1.0 - e[1];
-    const double w2 = 0.5*v[0];
-    W_D_s[0] = 0.5*lam[1]*w1 - 0.5*lam[0]*w0;
-    W_D_s[1] = -w0*w2;
-    W_D_s[2] = w1*w2;
+    W_w_D[0] = lam[1] - lam[0];
+    W_w_D[1] = -v[0];
+    W_w_D[2] = v[0];
 }
 
-void cart_pendulum_restitution_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void cart_pendulum_rate_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        restitution_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*3);
+        rate_work_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*3);
 }
 
-/* Second derivatives of w_W W with respect to (q, v, lam, t).
+/* Second derivatives of the weighted sum of all results of `rate_work`.
  *   in  q[2]
  *   in  v[2]
  *   in  lam[2]
  *   in  t[1]
  *   in  par[6]
- *   in  e[2]
- *   in  w_W[1]
+ *   in  w_W_w[1]
  *   out hess[2], entries of a 7 x 7 matrix: (2,4) (2,5)
  */
-static inline void restitution_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, const double *restrict w_W, double *restrict hess)
+static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_w, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)lam;
     (void)t;
     (void)par;
-    hess[0] = (0.5*e[0] - 0.5)*w_W[0];
-    hess[1] = (0.5 - 0.5*e[1])*w_W[0];
+    hess[0] = -w_W_w[0];
+    hess[1] = w_W_w[0];
 }
 
-void cart_pendulum_restitution_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void cart_pendulum_rate_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        restitution_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], out[0] + i*2);
+        rate_work_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2);
 }
 
 /* Shortest time to each surface at averaged full acceleration.
@@ -928,16 +1010,16 @@ void cart_pendulum_min_time(ptrdiff_t n, const double *const in[], const ptrdiff
         min_time_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*2);
 }
 
-/* First derivatives of T_min with respect to (q_k, q_kp1, h, q_c, a).
+/* First derivatives of `min_time` with respect to (q_k, q_kp1, h, q_c, a).
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  h[1]
  *   in  q_c[2]
  *   in  a[2]
  *   in  par[6]
- *   out T_min_D_y[8], entries of a 2 x 9 matrix: (0,0) (0,2) (0,4) (0,7) (1,0) (1,2) (1,4) (1,7)
+ *   out T_min_D[8], entries of a 2 x 9 matrix: (0,0) (0,2) (0,4) (0,7) (1,0) (1,2) (1,4) (1,7)
  */
-static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D_y)
+static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D)
 {
     (void)q_c;
     const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
@@ -964,14 +1046,14 @@ static inline void min_time_jac_element(const double *restrict q_k, const double
     const double w19 = w13*w18;
     const double w20 = (1.0 + v_0*w16)*w19*w9;
     const double w21 = 0.5*(-2.0/w17 - w14*w16*w18);
-    T_min_D_y[0] = w11 - w10;
-    T_min_D_y[1] = w10 + w11;
-    T_min_D_y[2] = 0.5 - v_0*w10;
-    T_min_D_y[3] = (2.0*par[4] + w12)*w5*w8;
-    T_min_D_y[4] = w21 - w20;
-    T_min_D_y[5] = w20 + w21;
-    T_min_D_y[6] = 0.5 - v_0*w20;
-    T_min_D_y[7] = (2.0*par[5] + w12)*w16*w19;
+    T_min_D[0] = w11 - w10;
+    T_min_D[1] = w10 + w11;
+    T_min_D[2] = 0.5 - v_0*w10;
+    T_min_D[3] = (2.0*par[4] + w12)*w5*w8;
+    T_min_D[4] = w21 - w20;
+    T_min_D[5] = w20 + w21;
+    T_min_D[6] = 0.5 - v_0*w20;
+    T_min_D[7] = (2.0*par[5] + w12)*w16*w19;
 }
 
 void cart_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -986,25 +1068,25 @@ static const dmoc_array step_arrays[] = {
     {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"r_minus", 2}, {"r_plus", 2}, {"C_d", 1}, {"r_i", 0},
 };
 static const dmoc_array step_jac_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"r_minus_D_z", 11}, {"r_plus_D_z", 11}, {"C_d_D_z", 3}, {"r_i_D_z", 0},
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"r_minus_D", 11}, {"r_plus_D", 11}, {"C_d_D", 3}, {"r_i_D", 0},
 };
 static const dmoc_array step_hess_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"sigma", 1}, {"mu_minus", 2}, {"mu_plus", 2}, {"mu_i", 0}, {"hess", 16},
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"w_r_minus", 2}, {"w_r_plus", 2}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 16},
 };
 static const dmoc_array impact_arrays[] = {
     {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"e_plus", 1}, {"e_minus", 1},
 };
 static const dmoc_array impact_jac_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"e_plus_D_z", 6}, {"e_minus_D_z", 6},
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"e_plus_D", 6}, {"e_minus_D", 6},
 };
 static const dmoc_array impact_hess_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"w_e", 2}, {"hess", 19},
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 1}, {"u_kp1", 1}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 6}, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 19},
 };
 static const dmoc_array dynamics_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"M", 4}, {"F", 2},
 };
 static const dmoc_array dynamics_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"M_D_s", 2}, {"F_D_s", 3},
+    {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"M_D", 2}, {"F_D", 4},
 };
 static const dmoc_array input_matrix_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"B", 2},
@@ -1012,14 +1094,17 @@ static const dmoc_array input_matrix_arrays[] = {
 static const dmoc_array force_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"Q", 2}, {"power", 1},
 };
-static const dmoc_array legendre_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"p", 2}, {"E", 1},
+static const dmoc_array momentum_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"p", 2},
 };
-static const dmoc_array legendre_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"p_D_s", 6},
+static const dmoc_array momentum_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"p_D", 6},
 };
-static const dmoc_array legendre_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w", 2}, {"hess", 3},
+static const dmoc_array momentum_hess_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w_p", 2}, {"hess", 3},
+};
+static const dmoc_array energy_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"E", 1},
 };
 static const dmoc_array running_cost_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 1}, {"t", 1}, {"par", 6}, {"C", 1}, {"C_DD_u", 1},
@@ -1028,16 +1113,16 @@ static const dmoc_array surface_arrays[] = {
     {"q", 2}, {"t", 1}, {"par", 6}, {"g", 2},
 };
 static const dmoc_array surface_jac_arrays[] = {
-    {"q", 2}, {"t", 1}, {"par", 6}, {"g_D_q", 2},
+    {"q", 2}, {"t", 1}, {"par", 6}, {"g_D", 2},
 };
 static const dmoc_array surface_hess_arrays[] = {
-    {"q", 2}, {"t", 1}, {"par", 6}, {"w", 2}, {"hess", 0},
+    {"q", 2}, {"t", 1}, {"par", 6}, {"w_g", 2}, {"hess", 0},
 };
 static const dmoc_array gap_rate_arrays[] = {
     {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w", 2},
 };
 static const dmoc_array gap_rate_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w_D_s", 2},
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w_D", 2},
 };
 static const dmoc_array gap_rate_hess_arrays[] = {
     {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w_w", 2}, {"hess", 0},
@@ -1046,25 +1131,34 @@ static const dmoc_array normal_arrays[] = {
     {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"n", 2},
 };
 static const dmoc_array normal_jac_arrays[] = {
-    {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"n_D_ql", 2},
+    {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"n_D", 2},
 };
 static const dmoc_array normal_hess_arrays[] = {
-    {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"mu", 2}, {"hess", 0},
+    {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"w_n", 2}, {"hess", 0},
 };
-static const dmoc_array restitution_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"e", 2}, {"W", 1},
+static const dmoc_array moving_work_arrays[] = {
+    {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"W_t", 1},
 };
-static const dmoc_array restitution_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"e", 2}, {"W_D_s", 3},
+static const dmoc_array moving_work_jac_arrays[] = {
+    {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"W_t_D", 0},
 };
-static const dmoc_array restitution_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"e", 2}, {"w_W", 1}, {"hess", 2},
+static const dmoc_array moving_work_hess_arrays[] = {
+    {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"w_W_t", 1}, {"hess", 0},
+};
+static const dmoc_array rate_work_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"W_w", 1},
+};
+static const dmoc_array rate_work_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"W_w_D", 3},
+};
+static const dmoc_array rate_work_hess_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"w_W_w", 1}, {"hess", 2},
 };
 static const dmoc_array min_time_arrays[] = {
     {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 6}, {"T_min", 2},
 };
 static const dmoc_array min_time_jac_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 6}, {"T_min_D_y", 8},
+    {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 6}, {"T_min_D", 8},
 };
 
 static const dmoc_entry entries[] = {
@@ -1073,14 +1167,15 @@ static const dmoc_entry entries[] = {
     {"step_hess", cart_pendulum_step_hess, 12, 1, step_hess_arrays},
     {"impact", cart_pendulum_impact, 8, 2, impact_arrays},
     {"impact_jac", cart_pendulum_impact_jac, 8, 2, impact_jac_arrays},
-    {"impact_hess", cart_pendulum_impact_hess, 9, 1, impact_hess_arrays},
+    {"impact_hess", cart_pendulum_impact_hess, 10, 1, impact_hess_arrays},
     {"dynamics", cart_pendulum_dynamics, 5, 2, dynamics_arrays},
     {"dynamics_jac", cart_pendulum_dynamics_jac, 5, 2, dynamics_jac_arrays},
     {"input_matrix", cart_pendulum_input_matrix, 5, 1, input_matrix_arrays},
     {"force", cart_pendulum_force, 5, 2, force_arrays},
-    {"legendre", cart_pendulum_legendre, 4, 2, legendre_arrays},
-    {"legendre_jac", cart_pendulum_legendre_jac, 4, 1, legendre_jac_arrays},
-    {"legendre_hess", cart_pendulum_legendre_hess, 5, 1, legendre_hess_arrays},
+    {"momentum", cart_pendulum_momentum, 4, 1, momentum_arrays},
+    {"momentum_jac", cart_pendulum_momentum_jac, 4, 1, momentum_jac_arrays},
+    {"momentum_hess", cart_pendulum_momentum_hess, 5, 1, momentum_hess_arrays},
+    {"energy", cart_pendulum_energy, 4, 1, energy_arrays},
     {"running_cost", cart_pendulum_running_cost, 5, 2, running_cost_arrays},
     {"surface", cart_pendulum_surface, 3, 1, surface_arrays},
     {"surface_jac", cart_pendulum_surface_jac, 3, 1, surface_jac_arrays},
@@ -1091,11 +1186,14 @@ static const dmoc_entry entries[] = {
     {"normal", cart_pendulum_normal, 4, 1, normal_arrays},
     {"normal_jac", cart_pendulum_normal_jac, 4, 1, normal_jac_arrays},
     {"normal_hess", cart_pendulum_normal_hess, 5, 1, normal_hess_arrays},
-    {"restitution", cart_pendulum_restitution, 6, 1, restitution_arrays},
-    {"restitution_jac", cart_pendulum_restitution_jac, 6, 1, restitution_jac_arrays},
-    {"restitution_hess", cart_pendulum_restitution_hess, 7, 1, restitution_hess_arrays},
+    {"moving_work", cart_pendulum_moving_work, 4, 1, moving_work_arrays},
+    {"moving_work_jac", cart_pendulum_moving_work_jac, 4, 1, moving_work_jac_arrays},
+    {"moving_work_hess", cart_pendulum_moving_work_hess, 5, 1, moving_work_hess_arrays},
+    {"rate_work", cart_pendulum_rate_work, 5, 1, rate_work_arrays},
+    {"rate_work_jac", cart_pendulum_rate_work_jac, 5, 1, rate_work_jac_arrays},
+    {"rate_work_hess", cart_pendulum_rate_work_hess, 6, 1, rate_work_hess_arrays},
     {"min_time", cart_pendulum_min_time, 6, 1, min_time_arrays},
     {"min_time_jac", cart_pendulum_min_time_jac, 6, 1, min_time_jac_arrays},
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", 28, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", 32, entries};

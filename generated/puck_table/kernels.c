@@ -48,7 +48,7 @@ void puck_table_step(ptrdiff_t n, const double *const in[], const ptrdiff_t stri
         step_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*2, out[1] + i*2, out[2] + i*1, out[3] + i*0);
 }
 
-/* First derivatives of `step` with respect to z.
+/* First derivatives of `step` with respect to (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i).
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[2]
@@ -57,16 +57,16 @@ void puck_table_step(ptrdiff_t n, const double *const in[], const ptrdiff_t stri
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[3]
- *   out r_minus_D_z[8], entries of a 2 x 10 matrix: (0,0) (0,2) (0,4) (0,8) (1,1) (1,3) (1,5) (1,8)
- *   out r_plus_D_z[8], entries of a 2 x 10 matrix: (0,0) (0,2) (0,6) (0,8) (1,1) (1,3) (1,7) (1,8)
- *   out C_d_D_z[5], entries of a 1 x 10 matrix: (0,4) (0,5) (0,6) (0,7) (0,8)
- *   out r_i_D_z[0]
+ *   out r_minus_D[8], entries of a 2 x 10 matrix: (0,0) (0,2) (0,4) (0,8) (1,1) (1,3) (1,5) (1,8)
+ *   out r_plus_D[8], entries of a 2 x 10 matrix: (0,0) (0,2) (0,6) (0,8) (1,1) (1,3) (1,7) (1,8)
+ *   out C_d_D[5], entries of a 1 x 10 matrix: (0,4) (0,5) (0,6) (0,7) (0,8)
+ *   out r_i_D[0]
  */
-static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D_z, double *restrict r_plus_D_z, double *restrict C_d_D_z, double *restrict r_i_D_z)
+static inline void step_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict r_minus_D, double *restrict r_plus_D, double *restrict C_d_D, double *restrict r_i_D)
 {
     (void)t_k;
     (void)q_i;
-    (void)r_i_D_z;
+    (void)r_i_D;
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = par[0]/h[0];
@@ -74,27 +74,27 @@ static inline void step_jac_element(const double *restrict q_k, const double *re
     const double w2 = 0.5*h[0];
     const double w3 = v_0*w0;
     const double w4 = v_1*w0;
-    r_minus_D_z[0] = w0;
-    r_minus_D_z[1] = w1;
-    r_minus_D_z[2] = w2;
-    r_minus_D_z[3] = 0.5*u_k[0] + w3;
-    r_minus_D_z[4] = w0;
-    r_minus_D_z[5] = w1;
-    r_minus_D_z[6] = w2;
-    r_minus_D_z[7] = 0.5*u_k[1] + w4;
-    r_plus_D_z[0] = w1;
-    r_plus_D_z[1] = w0;
-    r_plus_D_z[2] = w2;
-    r_plus_D_z[3] = 0.5*u_kp1[0] - w3;
-    r_plus_D_z[4] = w1;
-    r_plus_D_z[5] = w0;
-    r_plus_D_z[6] = w2;
-    r_plus_D_z[7] = 0.5*u_kp1[1] - w4;
-    C_d_D_z[0] = u_k[0]*w2;
-    C_d_D_z[1] = u_k[1]*w2;
-    C_d_D_z[2] = u_kp1[0]*w2;
-    C_d_D_z[3] = u_kp1[1]*w2;
-    C_d_D_z[4] = 0.5*(0.5*power2(u_k[0]) + 0.5*power2(u_k[1]) + 0.5*power2(u_kp1[0]) + 0.5*power2(u_kp1[1]));
+    r_minus_D[0] = w0;
+    r_minus_D[1] = w1;
+    r_minus_D[2] = w2;
+    r_minus_D[3] = 0.5*u_k[0] + w3;
+    r_minus_D[4] = w0;
+    r_minus_D[5] = w1;
+    r_minus_D[6] = w2;
+    r_minus_D[7] = 0.5*u_k[1] + w4;
+    r_plus_D[0] = w1;
+    r_plus_D[1] = w0;
+    r_plus_D[2] = w2;
+    r_plus_D[3] = 0.5*u_kp1[0] - w3;
+    r_plus_D[4] = w1;
+    r_plus_D[5] = w0;
+    r_plus_D[6] = w2;
+    r_plus_D[7] = 0.5*u_kp1[1] - w4;
+    C_d_D[0] = u_k[0]*w2;
+    C_d_D[1] = u_k[1]*w2;
+    C_d_D[2] = u_kp1[0]*w2;
+    C_d_D[3] = u_kp1[1]*w2;
+    C_d_D[4] = 0.5*(0.5*power2(u_k[0]) + 0.5*power2(u_k[1]) + 0.5*power2(u_kp1[0]) + 0.5*power2(u_kp1[1]));
 }
 
 void puck_table_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -103,7 +103,7 @@ void puck_table_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t 
         step_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*8, out[1] + i*8, out[2] + i*5, out[3] + i*0);
 }
 
-/* Second derivatives of sigma C_d + mu_minus . r_minus + mu_plus . r_plus + mu_i . r_i.
+/* Second derivatives of the weighted sum of all results of `step`.
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[2]
@@ -112,23 +112,23 @@ void puck_table_step_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t 
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[3]
- *   in  sigma[1]
- *   in  mu_minus[2]
- *   in  mu_plus[2]
- *   in  mu_i[0]
+ *   in  w_r_minus[2]
+ *   in  w_r_plus[2]
+ *   in  w_C_d[1]
+ *   in  w_r_i[0]
  *   out hess[13], entries of a 10 x 10 matrix: (0,8) (1,8) (2,8) (3,8) (4,4) (4,8) (5,5) (5,8) (6,6) (6,8) (7,7) (7,8) (8,8)
  */
-static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict sigma, const double *restrict mu_minus, const double *restrict mu_plus, const double *restrict mu_i, double *restrict hess)
+static inline void step_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_r_minus, const double *restrict w_r_plus, const double *restrict w_C_d, const double *restrict w_r_i, double *restrict hess)
 {
     (void)t_k;
     (void)q_i;
-    (void)mu_i;
+    (void)w_r_i;
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/power2(h[0]);
-    const double w1 = (mu_plus[0]*par[0] - mu_minus[0]*par[0])*w0;
-    const double w2 = (mu_plus[1]*par[0] - mu_minus[1]*par[0])*w0;
-    const double w3 = 0.5*sigma[0];
+    const double w1 = (par[0]*w_r_plus[0] - par[0]*w_r_minus[0])*w0;
+    const double w2 = (par[0]*w_r_plus[1] - par[0]*w_r_minus[1])*w0;
+    const double w3 = 0.5*w_C_d[0];
     const double w4 = h[0]*w3;
     const double w5 = v_1*w2;
     const double w6 = v_0*w1;
@@ -137,13 +137,13 @@ static inline void step_hess_element(const double *restrict q_k, const double *r
     hess[2] = -w1;
     hess[3] = -w2;
     hess[4] = w4;
-    hess[5] = 0.5*mu_minus[0] + u_k[0]*w3;
+    hess[5] = 0.5*w_r_minus[0] + u_k[0]*w3;
     hess[6] = w4;
-    hess[7] = 0.5*mu_minus[1] + u_k[1]*w3;
+    hess[7] = 0.5*w_r_minus[1] + u_k[1]*w3;
     hess[8] = w4;
-    hess[9] = 0.5*mu_plus[0] + u_kp1[0]*w3;
+    hess[9] = 0.5*w_r_plus[0] + u_kp1[0]*w3;
     hess[10] = w4;
-    hess[11] = 0.5*mu_plus[1] + u_kp1[1]*w3;
+    hess[11] = 0.5*w_r_plus[1] + u_kp1[1]*w3;
     hess[12] = w5 + w6 - (-w5 - w6);
 }
 
@@ -185,7 +185,7 @@ void puck_table_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t st
         impact_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*1, out[1] + i*1);
 }
 
-/* First derivatives of `impact` with respect to z.
+/* First derivatives of `impact` with respect to (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i).
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[2]
@@ -194,10 +194,10 @@ void puck_table_impact(ptrdiff_t n, const double *const in[], const ptrdiff_t st
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[3]
- *   out e_plus_D_z[7], entries of a 1 x 10 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (0,7) (0,8)
- *   out e_minus_D_z[7], entries of a 1 x 10 matrix: (0,0) (0,1) (0,2) (0,3) (0,4) (0,5) (0,8)
+ *   out e_plus_D[7], entries of a 1 x 10 matrix: (0,0) (0,1) (0,2) (0,3) (0,6) (0,7) (0,8)
+ *   out e_minus_D[7], entries of a 1 x 10 matrix: (0,0) (0,1) (0,2) (0,3) (0,4) (0,5) (0,8)
  */
-static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D_z, double *restrict e_minus_D_z)
+static inline void impact_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, double *restrict e_plus_D, double *restrict e_minus_D)
 {
     (void)t_k;
     (void)q_i;
@@ -215,20 +215,20 @@ static inline void impact_jac_element(const double *restrict q_k, const double *
     const double w9 = 0.5*v_1;
     const double w10 = (u_k[0]*w2 + w1)*w0;
     const double w11 = (u_k[1]*w2 + w4)*w0;
-    e_plus_D_z[0] = -w3;
-    e_plus_D_z[1] = -w5;
-    e_plus_D_z[2] = w3;
-    e_plus_D_z[3] = w5;
-    e_plus_D_z[4] = -w7;
-    e_plus_D_z[5] = -w8;
-    e_plus_D_z[6] = -(v_0*w3 + v_1*w5) - u_kp1[0]*w6 - u_kp1[1]*w9;
-    e_minus_D_z[0] = -w10;
-    e_minus_D_z[1] = -w11;
-    e_minus_D_z[2] = w10;
-    e_minus_D_z[3] = w11;
-    e_minus_D_z[4] = w7;
-    e_minus_D_z[5] = w8;
-    e_minus_D_z[6] = u_k[0]*w6 + u_k[1]*w9 - (v_0*w10 + v_1*w11);
+    e_plus_D[0] = -w3;
+    e_plus_D[1] = -w5;
+    e_plus_D[2] = w3;
+    e_plus_D[3] = w5;
+    e_plus_D[4] = -w7;
+    e_plus_D[5] = -w8;
+    e_plus_D[6] = -(v_0*w3 + v_1*w5) - u_kp1[0]*w6 - u_kp1[1]*w9;
+    e_minus_D[0] = -w10;
+    e_minus_D[1] = -w11;
+    e_minus_D[2] = w10;
+    e_minus_D[3] = w11;
+    e_minus_D[4] = w7;
+    e_minus_D[5] = w8;
+    e_minus_D[6] = u_k[0]*w6 + u_k[1]*w9 - (v_0*w10 + v_1*w11);
 }
 
 void puck_table_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -237,7 +237,7 @@ void puck_table_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_
         impact_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], out[0] + i*7, out[1] + i*7);
 }
 
-/* Second derivatives of w_e . (e_plus, e_minus).
+/* Second derivatives of the weighted sum of all results of `impact`.
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  u_k[2]
@@ -246,39 +246,39 @@ void puck_table_impact_jac(ptrdiff_t n, const double *const in[], const ptrdiff_
  *   in  t_k[1]
  *   in  q_i[0]
  *   in  par[3]
- *   in  w_e[2]
+ *   in  w_e_plus[1]
+ *   in  w_e_minus[1]
  *   out hess[19], entries of a 10 x 10 matrix: (0,0) (0,2) (0,4) (0,6) (0,8) (1,1) (1,3) (1,5) (1,7) (1,8) (2,2) (2,4) (2,6) (2,8) (3,3) (3,5) (3,7) (3,8) (8,8)
  */
-static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e, double *restrict hess)
+static inline void impact_hess_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict u_k, const double *restrict u_kp1, const double *restrict h, const double *restrict t_k, const double *restrict q_i, const double *restrict par, const double *restrict w_e_plus, const double *restrict w_e_minus, double *restrict hess)
 {
     (void)t_k;
     (void)q_i;
     const double v_0 = (q_kp1[0] - q_k[0])/h[0];
     const double v_1 = (q_kp1[1] - q_k[1])/h[0];
     const double w0 = 1.0/power2(h[0]);
-    const double w1 = -par[0]*w_e[0] - par[0]*w_e[1];
+    const double w1 = -par[0]*w_e_minus[0] - par[0]*w_e_plus[0];
     const double w2 = w0*w1;
     const double w3 = -w2;
-    const double w4 = 0.5*w_e[1];
+    const double w4 = 0.5*w_e_minus[0];
     const double w5 = -w4;
-    const double w6 = 0.5*w_e[0];
+    const double w6 = 0.5*w_e_plus[0];
     const double w7 = v_0*w2;
     const double w8 = 1.0/h[0];
     const double w9 = u_k[0]*w4 - u_kp1[0]*w6;
     const double w10 = w8*w9;
     const double w11 = -par[0]*v_0;
     const double w12 = 0.5*h[0];
-    const double w13 = (u_k[0]*w12 + w11)*w_e[1] + (w11 - u_kp1[0]*w12)*w_e[0];
+    const double w13 = (u_k[0]*w12 + w11)*w_e_minus[0] + (w11 - u_kp1[0]*w12)*w_e_plus[0];
     const double w14 = w0*w13;
-    const double w15 = v_1*w2;
-    const double w16 = u_k[1]*w4 - u_kp1[1]*w6;
-    const double w17 = w16*w8;
+    const double w15 = u_k[1]*w4 - u_kp1[1]*w6;
+    const double w16 = w15*w8;
+    const double w17 = v_1*w2;
     const double w18 = -par[0]*v_1;
-    const double w19 = (u_k[1]*w12 + w18)*w_e[1] + (w18 - u_kp1[1]*w12)*w_e[0];
+    const double w19 = (u_k[1]*w12 + w18)*w_e_minus[0] + (w18 - u_kp1[1]*w12)*w_e_plus[0];
     const double w20 = w0*w19;
     const double w21 = -w6;
-    const double w22 = v_1*w8;
-    const double w23 = v_0*w8;
+    const double w22 = w1*w8;
     hess[0] = w2;
     hess[1] = w3;
     hess[2] = w5;
@@ -288,7 +288,7 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
     hess[6] = w3;
     hess[7] = w5;
     hess[8] = w6;
-    hess[9] = w15 + w20 - w17;
+    hess[9] = w17 + w20 - w16;
     hess[10] = w2;
     hess[11] = w4;
     hess[12] = w21;
@@ -296,14 +296,14 @@ static inline void impact_hess_element(const double *restrict q_k, const double 
     hess[14] = w2;
     hess[15] = w4;
     hess[16] = w21;
-    hess[17] = w17 - w15 - w20;
-    hess[18] = v_0*w14 + v_1*w20 - ((w16 - w1*w22 - w19*w8)*w22 + (w9 - w1*w23 - w13*w8)*w23) - v_0*w10 - v_1*w17;
+    hess[17] = w16 - w17 - w20;
+    hess[18] = v_0*w14 + v_1*w20 - ((w15 - v_1*w22 - w19*w8)*v_1*w8 + (w9 - v_0*w22 - w13*w8)*v_0*w8) - v_0*w10 - v_1*w16;
 }
 
 void puck_table_impact_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], out[0] + i*19);
+        impact_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], in[7] + i*stride[7], in[8] + i*stride[8], in[9] + i*stride[9], out[0] + i*19);
 }
 
 /* Equations of motion M q'' = F: M row by row, F.
@@ -334,29 +334,31 @@ void puck_table_dynamics(ptrdiff_t n, const double *const in[], const ptrdiff_t 
         dynamics_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*4, out[1] + i*2);
 }
 
-/* First derivatives of `dynamics` with respect to (q, v).
+/* First derivatives of `dynamics` with respect to (q, v, u, t).
  *   in  q[2]
  *   in  v[2]
  *   in  u[2]
  *   in  t[1]
  *   in  par[3]
- *   out M_D_s[0]
- *   out F_D_s[0]
+ *   out M_D[0]
+ *   out F_D[2], entries of a 2 x 7 matrix: (0,4) (1,5)
  */
-static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D_s, double *restrict F_D_s)
+static inline void dynamics_jac_element(const double *restrict q, const double *restrict v, const double *restrict u, const double *restrict t, const double *restrict par, double *restrict M_D, double *restrict F_D)
 {
     (void)q;
     (void)v;
     (void)u;
     (void)t;
     (void)par;
-    (void)M_D_s;
-    (void)F_D_s;
+    (void)M_D;
+    F_D[0] = 1.0;
+    F_D[1] = 1.0;
 }
 
 void puck_table_dynamics_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
-    (void)n, (void)in, (void)stride, (void)out;
+    for (ptrdiff_t i = 0; i < n; ++i)
+        dynamics_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*0, out[1] + i*2);
 }
 
 /* B = dQ/du row by row.
@@ -411,74 +413,92 @@ void puck_table_force(ptrdiff_t n, const double *const in[], const ptrdiff_t str
         force_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*2, out[1] + i*1);
 }
 
-/* Momenta p = dL/dv and energy E = v . p - L.
+/* Momenta p = dL/dv.
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
  *   in  par[3]
  *   out p[2]
- *   out E[1]
  */
-static inline void legendre_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p, double *restrict E)
+static inline void momentum_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p)
 {
     (void)q;
     (void)t;
-    const double w0 = power2(v[1]);
-    const double w1 = power2(v[0]);
     p[0] = par[0]*v[0];
     p[1] = par[0]*v[1];
-    E[0] = par[0]*w0 + par[0]*w1 - 0.5*(w0 + w1)*par[0];
 }
 
-void puck_table_legendre(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void puck_table_momentum(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2, out[1] + i*1);
+        momentum_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* First derivatives of p with respect to (q, v, t).
+/* First derivatives of `momentum` with respect to (q, v, t).
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
  *   in  par[3]
- *   out p_D_s[2], entries of a 2 x 5 matrix: (0,2) (1,3)
+ *   out p_D[2], entries of a 2 x 5 matrix: (0,2) (1,3)
  */
-static inline void legendre_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D_s)
+static inline void momentum_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict p_D)
 {
     (void)q;
     (void)v;
     (void)t;
-    p_D_s[0] = par[0];
-    p_D_s[1] = par[0];
+    p_D[0] = par[0];
+    p_D[1] = par[0];
 }
 
-void puck_table_legendre_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void puck_table_momentum_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        legendre_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
+        momentum_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* Second derivatives of w . p with respect to (q, v, t).
+/* Second derivatives of the weighted sum of all results of `momentum`.
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
  *   in  par[3]
- *   in  w[2]
+ *   in  w_p[2]
  *   out hess[0]
  */
-static inline void legendre_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void momentum_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_p, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    (void)w;
+    (void)w_p;
     (void)hess;
 }
 
-void puck_table_legendre_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void puck_table_momentum_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Energy E = v . p - L.
+ *   in  q[2]
+ *   in  v[2]
+ *   in  t[1]
+ *   in  par[3]
+ *   out E[1]
+ */
+static inline void energy_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict E)
+{
+    (void)q;
+    (void)t;
+    const double w0 = power2(v[1]);
+    const double w1 = power2(v[0]);
+    E[0] = par[0]*w0 + par[0]*w1 - 0.5*(w0 + w1)*par[0];
+}
+
+void puck_table_energy(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        energy_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
 }
 
 /* Integrand C of the cost and its second derivatives in u.
@@ -528,21 +548,21 @@ void puck_table_surface(ptrdiff_t n, const double *const in[], const ptrdiff_t s
         surface_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*4);
 }
 
-/* First derivatives of the gaps with respect to (q, t).
+/* First derivatives of `surface` with respect to (q, t).
  *   in  q[2]
  *   in  t[1]
  *   in  par[3]
- *   out g_D_q[4], entries of a 4 x 3 matrix: (0,0) (1,0) (2,1) (3,1)
+ *   out g_D[4], entries of a 4 x 3 matrix: (0,0) (1,0) (2,1) (3,1)
  */
-static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D_q)
+static inline void surface_jac_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict g_D)
 {
     (void)q;
     (void)t;
     (void)par;
-    g_D_q[0] = -1.0;
-    g_D_q[1] = 1.0;
-    g_D_q[2] = -1.0;
-    g_D_q[3] = 1.0;
+    g_D[0] = -1.0;
+    g_D[1] = 1.0;
+    g_D[2] = -1.0;
+    g_D[3] = 1.0;
 }
 
 void puck_table_surface_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -551,19 +571,19 @@ void puck_table_surface_jac(ptrdiff_t n, const double *const in[], const ptrdiff
         surface_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*4);
 }
 
-/* Second derivatives of w . g with respect to (q, t).
+/* Second derivatives of the weighted sum of all results of `surface`.
  *   in  q[2]
  *   in  t[1]
  *   in  par[3]
- *   in  w[4]
+ *   in  w_g[4]
  *   out hess[0]
  */
-static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w, double *restrict hess)
+static inline void surface_hess_element(const double *restrict q, const double *restrict t, const double *restrict par, const double *restrict w_g, double *restrict hess)
 {
     (void)q;
     (void)t;
     (void)par;
-    (void)w;
+    (void)w_g;
     (void)hess;
 }
 
@@ -596,23 +616,23 @@ void puck_table_gap_rate(ptrdiff_t n, const double *const in[], const ptrdiff_t 
         gap_rate_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*4);
 }
 
-/* First derivatives of the rates with respect to (q, v, t).
+/* First derivatives of `gap_rate` with respect to (q, v, t).
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
  *   in  par[3]
- *   out w_D_s[4], entries of a 4 x 5 matrix: (0,2) (1,2) (2,3) (3,3)
+ *   out w_D[4], entries of a 4 x 5 matrix: (0,2) (1,2) (2,3) (3,3)
  */
-static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w_D_s)
+static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w_D)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    w_D_s[0] = -1.0;
-    w_D_s[1] = 1.0;
-    w_D_s[2] = -1.0;
-    w_D_s[3] = 1.0;
+    w_D[0] = -1.0;
+    w_D[1] = 1.0;
+    w_D[2] = -1.0;
+    w_D[3] = 1.0;
 }
 
 void puck_table_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -621,7 +641,7 @@ void puck_table_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdif
         gap_rate_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*4);
 }
 
-/* Second derivatives of w_w . w with respect to (q, v, t).
+/* Second derivatives of the weighted sum of all results of `gap_rate`.
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
@@ -666,23 +686,23 @@ void puck_table_normal(ptrdiff_t n, const double *const in[], const ptrdiff_t st
         normal_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*2);
 }
 
-/* First derivatives of n with respect to (q, lam, t).
+/* First derivatives of `normal` with respect to (q, lam, t).
  *   in  q[2]
  *   in  lam[4]
  *   in  t[1]
  *   in  par[3]
- *   out n_D_ql[4], entries of a 2 x 7 matrix: (0,2) (0,3) (1,4) (1,5)
+ *   out n_D[4], entries of a 2 x 7 matrix: (0,2) (0,3) (1,4) (1,5)
  */
-static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D_ql)
+static inline void normal_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict n_D)
 {
     (void)q;
     (void)lam;
     (void)t;
     (void)par;
-    n_D_ql[0] = -1.0;
-    n_D_ql[1] = 1.0;
-    n_D_ql[2] = -1.0;
-    n_D_ql[3] = 1.0;
+    n_D[0] = -1.0;
+    n_D[1] = 1.0;
+    n_D[2] = -1.0;
+    n_D[3] = 1.0;
 }
 
 void puck_table_normal_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -691,21 +711,21 @@ void puck_table_normal_jac(ptrdiff_t n, const double *const in[], const ptrdiff_
         normal_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*4);
 }
 
-/* Second derivatives of mu . n with respect to (q, lam, t).
+/* Second derivatives of the weighted sum of all results of `normal`.
  *   in  q[2]
  *   in  lam[4]
  *   in  t[1]
  *   in  par[3]
- *   in  mu[2]
+ *   in  w_n[2]
  *   out hess[0]
  */
-static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict mu, double *restrict hess)
+static inline void normal_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_n, double *restrict hess)
 {
     (void)q;
     (void)lam;
     (void)t;
     (void)par;
-    (void)mu;
+    (void)w_n;
     (void)hess;
 }
 
@@ -714,92 +734,148 @@ void puck_table_normal_hess(ptrdiff_t n, const double *const in[], const ptrdiff
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* W in e (E+ - E-) = W at a collision, with v after it and the coefficients of restitution e.
+/* Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact.
+ *   in  q[2]
+ *   in  lam[4]
+ *   in  t[1]
+ *   in  par[3]
+ *   out W_t[1]
+ */
+static inline void moving_work_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_t)
+{
+    (void)q;
+    (void)lam;
+    (void)t;
+    (void)par;
+    W_t[0] = 0.0;
+}
+
+void puck_table_moving_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        moving_work_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], out[0] + i*1);
+}
+
+/* First derivatives of `moving_work` with respect to (q, lam, t).
+ *   in  q[2]
+ *   in  lam[4]
+ *   in  t[1]
+ *   in  par[3]
+ *   out W_t_D[0]
+ */
+static inline void moving_work_jac_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_t_D)
+{
+    (void)q;
+    (void)lam;
+    (void)t;
+    (void)par;
+    (void)W_t_D;
+}
+
+void puck_table_moving_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Second derivatives of the weighted sum of all results of `moving_work`.
+ *   in  q[2]
+ *   in  lam[4]
+ *   in  t[1]
+ *   in  par[3]
+ *   in  w_W_t[1]
+ *   out hess[0]
+ */
+static inline void moving_work_hess_element(const double *restrict q, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_t, double *restrict hess)
+{
+    (void)q;
+    (void)lam;
+    (void)t;
+    (void)par;
+    (void)w_W_t;
+    (void)hess;
+}
+
+void puck_table_moving_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    (void)n, (void)in, (void)stride, (void)out;
+}
+
+/* Impulses times rates after an impact, W_w = sum_j lam_j w_j.
  *   in  q[2]
  *   in  v[2]
  *   in  lam[4]
  *   in  t[1]
  *   in  par[3]
- *   in  e[4]
- *   out W[1]
+ *   out W_w[1]
  */
-static inline void restitution_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W)
+static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w)
 {
     (void)q;
     (void)t;
     (void)par;
-    const double w0 = 0.5*v[1];
-    const double w1 = 0.5*v[0];
-    W[0] = (1.0 - e[1])*lam[1]*w1 + (1.0 - e[3])*lam[3]*w0 - (1.0 - e[0])*lam[0]*w1 - (1.0 - e[2])*lam[2]*w0;
+    W_w[0] = lam[1]*v[0] + lam[3]*v[1] - lam[0]*v[0] - lam[2]*v[1];
 }
 
-void puck_table_restitution(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void puck_table_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        restitution_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*1);
+        rate_work_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*1);
 }
 
-/* First derivatives of W with respect to (q, v, lam, t).
+/* First derivatives of `rate_work` with respect to (q, v, lam, t).
  *   in  q[2]
  *   in  v[2]
  *   in  lam[4]
  *   in  t[1]
  *   in  par[3]
- *   in  e[4]
- *   out W_D_s[6], entries of a 1 x 9 matrix: (0,2) (0,3) (0,4) (0,5) (0,6) (0,7)
+ *   out W_w_D[6], entries of a 1 x 9 matrix: (0,2) (0,3) (0,4) (0,5) (0,6) (0,7)
  */
-static inline void restitution_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, double *restrict W_D_s)
+static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w_D)
 {
     (void)q;
     (void)t;
     (void)par;
-    const double w0 = 1.0 - e[0];
-    const double w1 = 1.0 - e[1];
-    const double w2 = 1.0 - e[2];
-    const double w3 = 1.0 - e[3];
-    const double w4 = 0.5*v[0];
-    const double w5 = 0.5*v[1];
-    W_D_s[0] = 0.5*lam[1]*w1 - 0.5*lam[0]*w0;
-    W_D_s[1] = 0.5*lam[3]*w3 - 0.5*lam[2]*w2;
-    W_D_s[2] = -w0*w4;
-    W_D_s[3] = w1*w4;
-    W_D_s[4] = -w2*w5;
-    W_D_s[5] = w3*w5;
+    W_w_D[0] = lam[1] - lam[0];
+    W_w_D[1] = lam[3] - lam[2];
+    W_w_D[2] = -v[0];
+    W_w_D[3] = v[0];
+    W_w_D[4] = -v[1];
+    W_w_D[5] = v[1];
 }
 
-void puck_table_restitution_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void puck_table_rate_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        restitution_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*6);
+        rate_work_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], out[0] + i*6);
 }
 
-/* Second derivatives of w_W W with respect to (q, v, lam, t).
+/* Second derivatives of the weighted sum of all results of `rate_work`.
  *   in  q[2]
  *   in  v[2]
  *   in  lam[4]
  *   in  t[1]
  *   in  par[3]
- *   in  e[4]
- *   in  w_W[1]
+ *   in  w_W_w[1]
  *   out hess[4], entries of a 9 x 9 matrix: (2,4) (2,5) (3,6) (3,7)
  */
-static inline void restitution_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict e, const double *restrict w_W, double *restrict hess)
+static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_w, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)lam;
     (void)t;
     (void)par;
-    hess[0] = (0.5*e[0] - 0.5)*w_W[0];
-    hess[1] = (0.5 - 0.5*e[1])*w_W[0];
-    hess[2] = (0.5*e[2] - 0.5)*w_W[0];
-    hess[3] = (0.5 - 0.5*e[3])*w_W[0];
+    const double w0 = -w_W_w[0];
+    hess[0] = w0;
+    hess[1] = w_W_w[0];
+    hess[2] = w0;
+    hess[3] = w_W_w[0];
 }
 
-void puck_table_restitution_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+void puck_table_rate_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
 {
     for (ptrdiff_t i = 0; i < n; ++i)
-        restitution_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], in[6] + i*stride[6], out[0] + i*4);
+        rate_work_hess_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*4);
 }
 
 /* Shortest time to each surface at averaged full acceleration.
@@ -837,16 +913,16 @@ void puck_table_min_time(ptrdiff_t n, const double *const in[], const ptrdiff_t 
         min_time_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*4);
 }
 
-/* First derivatives of T_min with respect to (q_k, q_kp1, h, q_c, a).
+/* First derivatives of `min_time` with respect to (q_k, q_kp1, h, q_c, a).
  *   in  q_k[2]
  *   in  q_kp1[2]
  *   in  h[1]
  *   in  q_c[2]
  *   in  a[2]
  *   in  par[3]
- *   out T_min_D_y[16], entries of a 4 x 9 matrix: (0,0) (0,2) (0,4) (0,7) (1,0) (1,2) (1,4) (1,7) (2,1) (2,3) (2,4) (2,8) (3,1) (3,3) (3,4) (3,8)
+ *   out T_min_D[16], entries of a 4 x 9 matrix: (0,0) (0,2) (0,4) (0,7) (1,0) (1,2) (1,4) (1,7) (2,1) (2,3) (2,4) (2,8) (3,1) (3,3) (3,4) (3,8)
  */
-static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D_y)
+static inline void min_time_jac_element(const double *restrict q_k, const double *restrict q_kp1, const double *restrict h, const double *restrict q_c, const double *restrict a, const double *restrict par, double *restrict T_min_D)
 {
     (void)q_c;
     const double q_0 = 0.5*q_k[0] + 0.5*q_kp1[0];
@@ -894,22 +970,22 @@ static inline void min_time_jac_element(const double *restrict q_k, const double
     const double w38 = (1.0 + v_1*w37)*w32*w36*w6;
     const double w39 = w36*w37;
     const double w40 = 0.5*(-2.0/w35 - w33*w39);
-    T_min_D_y[0] = w10 + w8;
-    T_min_D_y[1] = w10 - w8;
-    T_min_D_y[2] = 0.5 + v_0*w8;
-    T_min_D_y[3] = 2.0*power2(q_0)*w9;
-    T_min_D_y[4] = w20 - w18;
-    T_min_D_y[5] = w18 + w20;
-    T_min_D_y[6] = 0.5 - v_0*w18;
-    T_min_D_y[7] = (2.0*par[1] - w0)*w11*w19;
-    T_min_D_y[8] = w28 + w30;
-    T_min_D_y[9] = w30 - w28;
-    T_min_D_y[10] = 0.5 + v_1*w28;
-    T_min_D_y[11] = 2.0*power2(q_1)*w29;
-    T_min_D_y[12] = w40 - w38;
-    T_min_D_y[13] = w38 + w40;
-    T_min_D_y[14] = 0.5 - v_1*w38;
-    T_min_D_y[15] = (2.0*par[2] - w21)*w31*w39;
+    T_min_D[0] = w10 + w8;
+    T_min_D[1] = w10 - w8;
+    T_min_D[2] = 0.5 + v_0*w8;
+    T_min_D[3] = 2.0*power2(q_0)*w9;
+    T_min_D[4] = w20 - w18;
+    T_min_D[5] = w18 + w20;
+    T_min_D[6] = 0.5 - v_0*w18;
+    T_min_D[7] = (2.0*par[1] - w0)*w11*w19;
+    T_min_D[8] = w28 + w30;
+    T_min_D[9] = w30 - w28;
+    T_min_D[10] = 0.5 + v_1*w28;
+    T_min_D[11] = 2.0*power2(q_1)*w29;
+    T_min_D[12] = w40 - w38;
+    T_min_D[13] = w38 + w40;
+    T_min_D[14] = 0.5 - v_1*w38;
+    T_min_D[15] = (2.0*par[2] - w21)*w31*w39;
 }
 
 void puck_table_min_time_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -924,25 +1000,25 @@ static const dmoc_array step_arrays[] = {
     {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"r_minus", 2}, {"r_plus", 2}, {"C_d", 1}, {"r_i", 0},
 };
 static const dmoc_array step_jac_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"r_minus_D_z", 8}, {"r_plus_D_z", 8}, {"C_d_D_z", 5}, {"r_i_D_z", 0},
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"r_minus_D", 8}, {"r_plus_D", 8}, {"C_d_D", 5}, {"r_i_D", 0},
 };
 static const dmoc_array step_hess_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"sigma", 1}, {"mu_minus", 2}, {"mu_plus", 2}, {"mu_i", 0}, {"hess", 13},
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"w_r_minus", 2}, {"w_r_plus", 2}, {"w_C_d", 1}, {"w_r_i", 0}, {"hess", 13},
 };
 static const dmoc_array impact_arrays[] = {
     {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"e_plus", 1}, {"e_minus", 1},
 };
 static const dmoc_array impact_jac_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"e_plus_D_z", 7}, {"e_minus_D_z", 7},
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"e_plus_D", 7}, {"e_minus_D", 7},
 };
 static const dmoc_array impact_hess_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"w_e", 2}, {"hess", 19},
+    {"q_k", 2}, {"q_kp1", 2}, {"u_k", 2}, {"u_kp1", 2}, {"h", 1}, {"t_k", 1}, {"q_i", 0}, {"par", 3}, {"w_e_plus", 1}, {"w_e_minus", 1}, {"hess", 19},
 };
 static const dmoc_array dynamics_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"M", 4}, {"F", 2},
 };
 static const dmoc_array dynamics_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"M_D_s", 0}, {"F_D_s", 0},
+    {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"M_D", 0}, {"F_D", 2},
 };
 static const dmoc_array input_matrix_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"B", 4},
@@ -950,14 +1026,17 @@ static const dmoc_array input_matrix_arrays[] = {
 static const dmoc_array force_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"Q", 2}, {"power", 1},
 };
-static const dmoc_array legendre_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"p", 2}, {"E", 1},
+static const dmoc_array momentum_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"p", 2},
 };
-static const dmoc_array legendre_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"p_D_s", 2},
+static const dmoc_array momentum_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"p_D", 2},
 };
-static const dmoc_array legendre_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w", 2}, {"hess", 0},
+static const dmoc_array momentum_hess_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_p", 2}, {"hess", 0},
+};
+static const dmoc_array energy_arrays[] = {
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"E", 1},
 };
 static const dmoc_array running_cost_arrays[] = {
     {"q", 2}, {"v", 2}, {"u", 2}, {"t", 1}, {"par", 3}, {"C", 1}, {"C_DD_u", 2},
@@ -966,16 +1045,16 @@ static const dmoc_array surface_arrays[] = {
     {"q", 2}, {"t", 1}, {"par", 3}, {"g", 4},
 };
 static const dmoc_array surface_jac_arrays[] = {
-    {"q", 2}, {"t", 1}, {"par", 3}, {"g_D_q", 4},
+    {"q", 2}, {"t", 1}, {"par", 3}, {"g_D", 4},
 };
 static const dmoc_array surface_hess_arrays[] = {
-    {"q", 2}, {"t", 1}, {"par", 3}, {"w", 4}, {"hess", 0},
+    {"q", 2}, {"t", 1}, {"par", 3}, {"w_g", 4}, {"hess", 0},
 };
 static const dmoc_array gap_rate_arrays[] = {
     {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w", 4},
 };
 static const dmoc_array gap_rate_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_D_s", 4},
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_D", 4},
 };
 static const dmoc_array gap_rate_hess_arrays[] = {
     {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_w", 4}, {"hess", 0},
@@ -984,25 +1063,34 @@ static const dmoc_array normal_arrays[] = {
     {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"n", 2},
 };
 static const dmoc_array normal_jac_arrays[] = {
-    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"n_D_ql", 4},
+    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"n_D", 4},
 };
 static const dmoc_array normal_hess_arrays[] = {
-    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"mu", 2}, {"hess", 0},
+    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"w_n", 2}, {"hess", 0},
 };
-static const dmoc_array restitution_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"e", 4}, {"W", 1},
+static const dmoc_array moving_work_arrays[] = {
+    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_t", 1},
 };
-static const dmoc_array restitution_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"e", 4}, {"W_D_s", 6},
+static const dmoc_array moving_work_jac_arrays[] = {
+    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_t_D", 0},
 };
-static const dmoc_array restitution_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"e", 4}, {"w_W", 1}, {"hess", 4},
+static const dmoc_array moving_work_hess_arrays[] = {
+    {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"w_W_t", 1}, {"hess", 0},
+};
+static const dmoc_array rate_work_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_w", 1},
+};
+static const dmoc_array rate_work_jac_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_w_D", 6},
+};
+static const dmoc_array rate_work_hess_arrays[] = {
+    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"w_W_w", 1}, {"hess", 4},
 };
 static const dmoc_array min_time_arrays[] = {
     {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}, {"T_min", 4},
 };
 static const dmoc_array min_time_jac_arrays[] = {
-    {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}, {"T_min_D_y", 16},
+    {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}, {"T_min_D", 16},
 };
 
 static const dmoc_entry entries[] = {
@@ -1011,14 +1099,15 @@ static const dmoc_entry entries[] = {
     {"step_hess", puck_table_step_hess, 12, 1, step_hess_arrays},
     {"impact", puck_table_impact, 8, 2, impact_arrays},
     {"impact_jac", puck_table_impact_jac, 8, 2, impact_jac_arrays},
-    {"impact_hess", puck_table_impact_hess, 9, 1, impact_hess_arrays},
+    {"impact_hess", puck_table_impact_hess, 10, 1, impact_hess_arrays},
     {"dynamics", puck_table_dynamics, 5, 2, dynamics_arrays},
     {"dynamics_jac", puck_table_dynamics_jac, 5, 2, dynamics_jac_arrays},
     {"input_matrix", puck_table_input_matrix, 5, 1, input_matrix_arrays},
     {"force", puck_table_force, 5, 2, force_arrays},
-    {"legendre", puck_table_legendre, 4, 2, legendre_arrays},
-    {"legendre_jac", puck_table_legendre_jac, 4, 1, legendre_jac_arrays},
-    {"legendre_hess", puck_table_legendre_hess, 5, 1, legendre_hess_arrays},
+    {"momentum", puck_table_momentum, 4, 1, momentum_arrays},
+    {"momentum_jac", puck_table_momentum_jac, 4, 1, momentum_jac_arrays},
+    {"momentum_hess", puck_table_momentum_hess, 5, 1, momentum_hess_arrays},
+    {"energy", puck_table_energy, 4, 1, energy_arrays},
     {"running_cost", puck_table_running_cost, 5, 2, running_cost_arrays},
     {"surface", puck_table_surface, 3, 1, surface_arrays},
     {"surface_jac", puck_table_surface_jac, 3, 1, surface_jac_arrays},
@@ -1029,11 +1118,14 @@ static const dmoc_entry entries[] = {
     {"normal", puck_table_normal, 4, 1, normal_arrays},
     {"normal_jac", puck_table_normal_jac, 4, 1, normal_jac_arrays},
     {"normal_hess", puck_table_normal_hess, 5, 1, normal_hess_arrays},
-    {"restitution", puck_table_restitution, 6, 1, restitution_arrays},
-    {"restitution_jac", puck_table_restitution_jac, 6, 1, restitution_jac_arrays},
-    {"restitution_hess", puck_table_restitution_hess, 7, 1, restitution_hess_arrays},
+    {"moving_work", puck_table_moving_work, 4, 1, moving_work_arrays},
+    {"moving_work_jac", puck_table_moving_work_jac, 4, 1, moving_work_jac_arrays},
+    {"moving_work_hess", puck_table_moving_work_hess, 5, 1, moving_work_hess_arrays},
+    {"rate_work", puck_table_rate_work, 5, 1, rate_work_arrays},
+    {"rate_work_jac", puck_table_rate_work_jac, 5, 1, rate_work_jac_arrays},
+    {"rate_work_hess", puck_table_rate_work_hess, 6, 1, rate_work_hess_arrays},
     {"min_time", puck_table_min_time, 6, 1, min_time_arrays},
     {"min_time_jac", puck_table_min_time_jac, 6, 1, min_time_jac_arrays},
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", 28, entries};
+const dmoc_table puck_table_kernels = {"puck_table", 32, entries};

@@ -79,7 +79,7 @@ def test_derivatives_of_awkward_expressions_equal_differences(awkward: tuple[Ker
         row = np.array([[x]])
         return compiled.call("path", row, row, *STILL, np.array([[1.3]]))[0][0]
 
-    rows, columns = compiled.pattern("path_jac", "r_d_D_z")
+    rows, columns = compiled.pattern("path_jac", "r_d_D")
     x = np.array([[at]])
     stored = compiled.call("path_jac", x, x, *STILL, np.array([[1.3]]))[0][0]
     slope = np.zeros(len(AWKWARD))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import cos, pi, sin, sqrt
 
 import numpy as np
@@ -13,6 +14,7 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
 from dmoc.nlp.feasibility import minimal_time
 from dmoc.nlp.guess import WINDOW, _Dynamics, initial_guesses
+from dmoc.nlp.timed import Timed, phase_minimal_time
 from dmoc.nlp.transcription import Transcription
 from dmoc.registry import find
 
@@ -137,10 +139,28 @@ def test_minimal_time_has_the_gradient_of_its_differences(pendulum: Kernels, puc
 
 
 def test_minimal_times_bound_the_phases_by_default(seed: dmoc.Problem) -> None:
-    nlp = Transcription(seed)
-    (row,) = nlp.inequality_rows("minimal time")
+    nlp = Timed(seed)
+    (row,) = nlp.minimal_times
     x = initial_guesses(seed)[0].x
-    assert nlp.inequality(x)[row] == pytest.approx(x[0] * 100 - nlp.phase_minimal_time(x, 0))
-    assert 0.04 < nlp.phase_minimal_time(x, 0) < 0.07
-    assert not len(Transcription(seed.but(minimal_times=False)).inequality_rows("minimal time"))
-    assert not len(Transcription(seed.but(bounds={})).inequality_rows("minimal time"))
+    shortest = phase_minimal_time(seed, nlp.layout, x, 0)
+    assert nlp.inequality(x)[row] == pytest.approx(x[0] * 100 - shortest)
+    assert 0.04 < shortest < 0.07
+    assert not len(Timed(seed.but(minimal_times=False)).minimal_times)
+    assert not len(Timed(seed.but(bounds={})).minimal_times)
+
+
+def test_the_program_with_minimal_times_has_the_derivatives_of_its_differences(seed: dmoc.Problem) -> None:
+    nlp = Timed(seed.but(steps=4))
+    x = initial_guesses(seed.but(steps=4))[0].x
+    w = np.zeros(nlp.n_in)
+    w[nlp.minimal_times] = 1.3
+    step = 1e-6
+
+    def differences(value: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        return np.array([(value(x + step * d) - value(x - step * d)) / (2 * step) for d in np.eye(nlp.n)]).T
+
+    slopes = nlp.inequality_jacobian(x).toarray()
+    np.testing.assert_allclose(slopes, differences(nlp.inequality), rtol=1e-5, atol=1e-5 * np.abs(slopes).max())
+    upper = nlp.lagrangian_hessian(x, np.zeros(nlp.n_eq), w, sigma=0.0).toarray()
+    wanted = differences(lambda x: nlp.inequality_jacobian(x).T @ w)
+    np.testing.assert_allclose(upper + np.triu(upper, 1).T, wanted, atol=1e-4 * np.abs(wanted).max())

@@ -10,7 +10,6 @@ from systems import driven_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.nlp.labels import unknown_names
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.motion import trajectory
 from dmoc.nlp.transcription import Transcription
@@ -78,19 +77,47 @@ def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs
         zero = np.zeros((1, 2))
         mass = pendulum.call("dynamics", q, zero, np.zeros((1, 1)), np.zeros((1, 1)), par)[0].reshape(2, 2)
         for name, unknowns, sign in (("arrival", lay.index_v_a[i], -1.0), ("departure", lay.index_v_c[i], 1.0)):
-            rows = nlp.equality_rows(name).reshape(-1, 2)[i]
+            rows = getattr(nlp.rows.c, name).index[i]
             np.testing.assert_allclose(jacobian[np.ix_(rows, unknowns)], sign * mass, rtol=1e-12)
 
 
 def test_every_unknown_has_one_place(nlp: Transcription) -> None:
     lay = nlp.layout
-    blocks = [
-        getattr(lay, f"index_{n}").ravel() for n in ("h", "q", "u", "lam", "p_B", "p_E", "v_B", "v_E", "v_a", "v_c", "t", "q_i")
-    ]
-    assert np.array_equal(np.sort(np.concatenate(blocks)), np.arange(lay.size))
-    assert len(unknown_names(nlp.problem, lay)) == lay.size == nlp.n
+    assert np.array_equal(np.concatenate([b.numbers for b in lay.unknowns]), np.arange(nlp.n))
     assert lay.index_z.shape == (lay.total, (2 + lay.inside) * lay.nq + 2 * lay.nu + 2)
-    assert Layout.of(nlp.problem) == lay
+    again = Layout.of(nlp.problem)
+    assert all(np.array_equal(a.index, b.index) for a, b in zip(again.unknowns, lay.unknowns, strict=True))
+
+
+def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> None:
+    """An unknown is named by what the motion shows there, a row by what makes it move."""
+    lay, coordinates = nlp.layout, nlp.kernels.coordinates
+    names = lay.names()
+    assert len(set(names)) == len(names) == nlp.n
+    for node in (0, 1, lay.total):
+        for j, q in enumerate(coordinates):
+            assert names[lay.index_q[node, j]] == f"{q} at node {node}"
+    for j, q in enumerate(coordinates):
+        assert names[lay.index_p_B[j]] == f"p_{q} at the start"
+        assert names[lay.index_p_E[j]] == f"p_{q} at the goal"
+        for i, surface in enumerate(nlp.problem.sequence):
+            at = f"collision {i + 1} ({surface})"
+            assert names[lay.index_v_a[i, j]] == f"{q}_dot before {at}"
+            assert names[lay.index_v_c[i, j]] == f"{q}_dot after {at}"
+            assert names[lay.index_lam[i]] == f"impulse of {at}"
+    for step, inner in enumerate(lay.index_q_i[:, : lay.nq]):
+        assert [names[i] for i in inner] == [f"{q} inside step {step}" for q in coordinates[: len(inner)]]
+    blocks = [*nlp.equalities, *nlp.inequalities]
+    rows = [b.name_of(i) for b in blocks for i in range(b.count)]
+    assert np.array_equal(np.concatenate([b.numbers for b in blocks]), np.arange(nlp.n_eq + nlp.n_in))
+    x = point(nlp, np.random.default_rng(7))
+    moved, before = x.copy(), nlp.constraints(x)
+    node = int(lay.collision_nodes[0])
+    moved[lay.index_q[node, 0]] += 1e-3
+    changed = {rows[i] for i in np.flatnonzero(nlp.constraints(moved) != before)}
+    assert f"momentum of {coordinates[0]} at node {node}" in changed
+    near = {f"node {k}" for k in (node - 1, node, node + 1)} | {f"step {k}" for k in (node - 1, node)}
+    assert all(any(name.endswith(place) for place in near) or "collision 1" in name for name in changed)
 
 
 def test_first_derivatives_equal_differences(nlp: Transcription) -> None:
@@ -121,8 +148,9 @@ def test_hessian_of_the_lagrangian_equals_differences(nlp: Transcription) -> Non
 
 
 def test_constraints_are_named(nlp: Transcription) -> None:
-    assert sum(len(b.labels) for b in nlp.equalities) == nlp.n_eq == len(nlp.equality(point(nlp, np.random.default_rng(0))))
-    assert sum(len(b.labels) for b in nlp.inequalities) == nlp.n_in
+    x = point(nlp, np.random.default_rng(0))
+    assert sum(b.count for b in nlp.equalities) == nlp.n_eq == len(nlp.equality(x))
+    assert sum(b.count for b in nlp.inequalities) == nlp.n_in == len(nlp.inequality(x))
 
 
 def test_a_forward_simulation_satisfies_the_momentum_equations(pendulum: Kernels) -> None:

@@ -122,7 +122,7 @@ def test_a_solution_of_another_mesh_or_order_is_a_guess(seed: dmoc.Problem, bloc
 
 
 def test_a_coordinate_that_is_held_keeps_the_system_sparse(seed: dmoc.Problem) -> None:
-    nlp = Transcription(seed.but(bounds={"F": (-200, 200), "x": (0, 0)}), minimal_times=False)
+    nlp = Transcription(seed.but(bounds={"F": (-200, 200), "x": (0, 0)}))
     K = kkt_layout(nlp)
     assert K.size - K.first[-1] < 10
     begin = time.perf_counter()
@@ -177,7 +177,7 @@ def test_progress_is_told_and_an_interruption_keeps_the_iterate(seed: dmoc.Probl
 def test_iterations_are_counted_once(seed: dmoc.Problem) -> None:
     """Through restorations too."""
     weak = seed.but(bounds={"F": (-1, 1)}, steps=30)
-    nlp = Transcription(weak, minimal_times=False)
+    nlp = Transcription(weak)
     x = initial_guesses(weak)[0].x
     for limit in range(20, 60, 3):
         seen: list[Iteration] = []
@@ -274,7 +274,7 @@ def test_a_goal_is_missed_by_what_is_lacking(block: Kernels, goal: object) -> No
 
 
 def test_least_violation_of_a_feasible_problem_is_none(seed: dmoc.Problem) -> None:
-    nlp = Transcription(seed.but(steps=40), minimal_times=False)
+    nlp = Transcription(seed.but(steps=40))
     x = initial_guesses(nlp.problem)[0].x
     outcome = least_violation(nlp, x, Options(), np.ones(nlp.n_eq + nlp.n_in))
     assert outcome.status is Status.SOLVED
@@ -286,7 +286,7 @@ def test_least_violation_of_a_feasible_problem_is_none(seed: dmoc.Problem) -> No
 
 def test_the_linear_system_is_that_of_the_program(seed: dmoc.Problem) -> None:
     problem = seed.but(steps=[3, 4, 3], sequence=["left", "right"], start={"alpha": (0.4, 0.5), "x": 0.0, "alpha_dot": (-1, 1)})
-    nlp = Transcription(problem, minimal_times=False)
+    nlp = Transcription(problem)
     K = kkt_layout(nlp)
     m = nlp.n_eq + nlp.n_in
     free = np.flatnonzero(np.concatenate([nlp.lower < nlp.upper, np.ones(m, dtype=bool)]))

@@ -38,8 +38,8 @@ def test_solution_satisfies_the_optimality_conditions_of_an_independent_evaluati
 ) -> None:
     """The gradient of the Lagrangian by differences of the constraint functions vanishes in the free unknowns."""
     nlp = Transcription(seed)
-    y = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.equalities if len(b.rows)])
-    w = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.inequalities if len(b.rows)])
+    y = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.equalities if b.count])
+    w = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.inequalities if b.count])
     x = solution.unknowns
     assert residuals(nlp, x, Duals(y, w, solution.multipliers["bounds"])).optimality < 1e-6
 

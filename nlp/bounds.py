@@ -1,0 +1,94 @@
+"""Bounds of the unknowns, in units of the problem."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.impact import ImpactLaw
+from dmoc.nlp.layout import Layout
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.rows import Goal
+from dmoc.nlp.sizes import Scale
+from dmoc.nlp.surfaces import on_surface
+from dmoc.symbolic.names import momentum_name, velocity_name
+
+# The smallest step that is distinguishable from none, relative to the final time: shorter steps divide rounding errors by h^2.
+SMALLEST_STEP = 1e-8
+# A bound that lies on the surface to be hit gives way by this share of the coordinate's size.
+GIVES_WAY = 1e-3
+# Where collisions would rather merge, a phase between them shrinks to nothing and its equations with
+# it: share of the largest final time (or of its own longest duration) that each phase of a motion with
+# collisions keeps, unless the problem says otherwise.
+SHORTEST_PHASE = 1e-3
+
+
+def goal_rows(problem: Problem, lay: Layout) -> list[Goal]:
+    """The values of the goal as constraints, where they are not to be bounds."""
+    goal, names, found = problem.goal_bounds, problem.kernels.coordinates, list[Goal]()
+    for index, bounds, name in (
+        (lay.index_q[-1], goal.position, str),
+        (lay.index_p_E, goal.momentum, momentum_name),
+        (lay.index_v_E, goal.velocity, velocity_name),
+    ):
+        for i, (low, high), q in zip(index, bounds, names, strict=False):
+            if low > -np.inf or high < np.inf:
+                found.append(Goal(int(i), float(low), float(high), name(q)))
+    return found
+
+
+def limits(problem: Problem, lay: Layout, law: ImpactLaw, scale: Scale, goals: list[Goal]) -> tuple[Array, Array]:
+    """Lower and upper bounds of x; ``goals`` are constraints and bound nothing."""
+    box = np.tile((-np.inf, np.inf), (lay.size, 1))
+    box[lay.index_h] = np.maximum(_durations(problem) / np.array(lay.steps)[:, None], SMALLEST_STEP * scale.time)
+    box[lay.index_q] = problem.coordinate_bounds
+    box[lay.index_u] = problem.input_bounds
+    box[lay.index_lam] = np.stack([np.zeros(len(lay.index_lam)), law.most_impulse], axis=1)
+    for node, boundary, p, v in (
+        (0, problem.start_bounds, lay.index_p_B, lay.index_v_B),
+        (-1, problem.goal_bounds, lay.index_p_E, lay.index_v_E),
+    ):
+        at = lay.index_q[node]
+        box[at, 0] = np.maximum(box[at, 0], boundary.position[:, 0])
+        box[at, 1] = np.minimum(box[at, 1], boundary.position[:, 1])
+        box[p] = boundary.momentum
+        if len(v):
+            box[v] = boundary.velocity
+    for unknown, side, limit in _at_contacts(problem, lay, scale, box):
+        box[unknown, side] = limit
+    box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
+    box[lay.index_t[:1]] = 0.0
+    for goal in goals:
+        box[goal.unknown] = (-np.inf, np.inf)
+    if goals:
+        box[lay.index_q[-1]] = problem.coordinate_bounds
+    return box[:, 0].copy(), box[:, 1].copy()
+
+
+def _durations(problem: Problem) -> Array:
+    """Bounds of the durations of the phases; a bound that was given counts."""
+    latest = problem.final_time_bounds[1]
+    shortest = SHORTEST_PHASE * latest if len(problem.sequence) and np.isfinite(latest) else 0.0
+    low, high = problem.duration_bounds.T
+    return np.stack([np.where(low > 0, low, np.minimum(shortest, SHORTEST_PHASE * high)), high], axis=1)
+
+
+def _at_contacts(problem: Problem, lay: Layout, scale: Scale, box: Array) -> list[tuple[int, int, float]]:
+    """Limits of coordinates at collision nodes that lie on the surface itself, which leaves no interior.
+
+    Returns unknown, side, and a limit that gives way a little; the contact keeps the coordinate where it was.
+    """
+    found = []
+    manifest = problem.kernels.manifest
+    for node, surface in zip(lay.collision_nodes, problem.sequence, strict=True):
+        involved = manifest["surface_coordinates"][surface]
+        if len(involved) > 1 or surface in manifest["moving_surfaces"]:
+            continue
+        j = int(involved[0])
+        for side, sign in enumerate((-1.0, 1.0)):
+            q = np.zeros(problem.nq)
+            q[j] = box[lay.index_q[node, j], side]
+            if np.isfinite(q[j]) and on_surface(problem, q, surface):
+                size = max(abs(q[j]), scale.q[j])
+                found.append((int(lay.index_q[node, j]), side, float(q[j] + sign * GIVES_WAY * size)))
+    return found

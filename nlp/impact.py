@@ -1,0 +1,122 @@
+"""The law of impact: its unknowns, its equations, its parameters.
+
+At a collision with surface j the momentum jumps by an impulse lam >= 0 along the gradient of the gap,
+and the rates w- of the gap before and w+ after it obey Newton's law of restitution, w+ = -e w-::
+
+    momentum    r_plus(before) + r_minus(after) = lam grad g(q_c)
+    arrival     r_plus(last step before) - dL/dv(q_c, v_a) = 0
+    departure   r_minus(first step after) + dL/dv(q_c, v_c) = 0
+    energy      e (e_plus(before) - e_minus(after) - W_t) - (1 - e)/2 W_w = 0
+                w(q_c, v_c) = 0                        instead where e = 0, and where a collision only touches
+    contact     g(q_c) = 0
+    approach    w(q_c, v_a) >= 0                       but for touches, whose rate is known
+    separation  -w(q_c, v_c) >= 0                      where the law does not fix that rate
+
+with the unknown velocities v_a before and v_c after the collision, and W_t, W_w of
+:func:`dmoc.symbolic.continuous.impact_work`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.layout import Layout, collision_names
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
+from dmoc.nlp.terms import Places, Term, like
+from dmoc.symbolic.names import velocity_name
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactLaw:
+    """Newton's law at the collisions of a sequence.
+
+    Attributes
+    ----------
+    surfaces : array of int, shape (collisions,)
+    e : array, shape (collisions,)
+        Coefficients of restitution, 0 for touches.
+    touching : array of bool, shape (collisions,)
+        Collisions that touch their surface without an impulse.
+    """
+
+    surfaces: Index
+    e: Array
+    touching: Bools
+
+    @classmethod
+    def of(cls, problem: Problem, lay: Layout, touching: Index) -> ImpactLaw:
+        touches = np.isin(np.arange(len(lay.surfaces)), touching)
+        return cls(lay.surfaces, np.where(touches, 0.0, problem.restitution_values[lay.surfaces]), touches)
+
+    @property
+    def plain(self) -> Bools:
+        """Collisions whose law says w = 0 after them: plastic ones and touches."""
+        return np.asarray(self.e == 0)
+
+    @property
+    def most_impulse(self) -> Array:
+        """Upper bounds of the impulses."""
+        return np.where(self.touching, 0.0, np.inf)
+
+    def equations(self, problem: Problem, block: Numbering) -> tuple[Block, Block, Block, Block]:
+        """Rows of arrival, departure, energy and contact."""
+        at, hit, n = collision_names(problem), self.surfaces, len(self.surfaces)
+        v = [velocity_name(q) for q in problem.kernels.coordinates]
+        plain = self.plain
+        return (
+            block("arrival", (n, len(v)), lambda k, i: f"velocity {v[i]} before {at[k]}", lambda s: s.p),
+            block("departure", (n, len(v)), lambda k, i: f"velocity {v[i]} after {at[k]}", lambda s: s.p),
+            block("energy", (n,), lambda k: f"energy at {at[k]}", lambda s: np.where(plain, s.rate[hit], s.energy)),
+            block("contact", (n,), lambda k: f"contact at {at[k]}", lambda s: s.gap[hit]),
+        )
+
+    def inequalities(self, problem: Problem, block: Numbering) -> tuple[Block, Block]:
+        """Rows of approach and separation."""
+        at, hit = collision_names(problem), self.surfaces
+        return (
+            block("approach", ~self.touching, lambda k: f"approach of {at[k]}", lambda s: s.rate[hit]),
+            block("separation", ~self.plain, lambda k: f"separation after {at[k]}", lambda s: s.rate[hit]),
+        )
+
+    def terms(self, lay: Layout, places: Places, momentum: Index, row: Callable[[str], Index]) -> list[Term]:
+        """Terms of all rows of the law; ``momentum`` are the rows of the nodes' momenta, ``row`` gives those of a block by name."""
+        nodes = lay.collision_nodes
+        if not len(nodes):
+            return []
+        q, t = lay.index_q[nodes], places.times(nodes)
+        lam = self._by_surface(lay.index_lam, places, places.zero)
+        energy, e = row("energy")[:, None], self.e[:, None]
+        law = np.where(self.plain[:, None], NOWHERE, energy)
+        before, after = places.step(nodes - 1), places.step(nodes)
+        no_p, no_cost, no_inside = like(q), like(energy), np.full((len(nodes), lay.inside * lay.nq), NOWHERE)
+        found = [
+            Term("normal", (q, lam, t), (momentum[nodes],), -1.0),
+            Term("surface", (q, t), (self._by_surface(row("contact"), places),)),
+            Term("impact", before, (law, like(law)), e),
+            Term("impact", after, (like(law), law), -e),
+            Term("moving_work", (q, lam, t), (law,), -e),
+            Term("rate_work", (q, lay.index_v_c, lam, t), (law,), (e - 1) / 2),
+            Term("step", before, (no_p, row("arrival"), no_cost, no_inside)),
+            Term("step", after, (row("departure"), no_p, no_cost, no_inside)),
+            Term("momentum", (q, lay.index_v_a, t), (row("arrival"),), -1.0),
+            Term("momentum", (q, lay.index_v_c, t), (row("departure"),)),
+        ]
+        plain = np.where(self.plain, row("energy"), NOWHERE)
+        for v, rows, sign in (
+            (lay.index_v_a, row("approach"), 1.0),
+            (lay.index_v_c, row("separation"), -1.0),
+            (lay.index_v_c, plain, 1.0),
+        ):
+            found.append(Term("gap_rate", (q, v, t), (self._by_surface(rows, places),), sign))
+        return found
+
+    def _by_surface(self, values: Index, places: Places, otherwise: int = NOWHERE) -> Index:
+        """Values of the collisions in the columns of their surfaces, shape (collisions, nc)."""
+        found = np.full((len(self.surfaces), places.nc), otherwise)
+        found[np.arange(len(found)), self.surfaces] = values
+        return found

@@ -1,0 +1,83 @@
+"""What unknowns and rows have in common: blocks of one kind, numbered in the order they are declared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.codegen.kernels import Array
+
+if TYPE_CHECKING:
+    from dmoc.nlp.sizes import Scale
+
+Index = NDArray[np.intp]
+Bools = NDArray[np.bool_]
+# The number of what there is not.
+NOWHERE = -1
+# Names the one at some place of a block, as `label(node, coordinate)`.
+Label: TypeAlias = Callable[..., str]
+# Typical sizes of a block's members, of its shape or of one that is broadcast to it.
+Size: TypeAlias = "Callable[[Scale], Array | float]"
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Unknowns or rows of one kind.
+
+    Attributes
+    ----------
+    name : str
+    index : array of int
+        Their numbers, in the shape that is natural for the kind; NOWHERE where there is none.
+    label : callable
+        Name of the one at a place of that shape, in the user's words.
+    size : callable
+        Typical sizes, from those of the problem's quantities.
+    """
+
+    name: str
+    index: Index
+    label: Label
+    size: Size
+
+    @property
+    def numbers(self) -> Index:
+        """The numbers of all members, in order."""
+        return np.asarray(self.index[self.index != NOWHERE])
+
+    @property
+    def count(self) -> int:
+        return len(self.numbers)
+
+    def name_of(self, member: int) -> str:
+        """Name of a member, counted among those of the block."""
+        return self.label(*map(int, self.places[member]))
+
+    @property
+    def places(self) -> Index:
+        """Places of all members in the block's shape, one row each."""
+        return np.argwhere(self.index != NOWHERE)
+
+    def sizes(self, scale: Scale) -> Array:
+        """Typical sizes of all members."""
+        return np.asarray(np.broadcast_to(self.size(scale), self.index.shape)[self.index != NOWHERE])
+
+
+class Numbering:
+    """Makes blocks whose numbers follow each other."""
+
+    def __init__(self, first: int = 0) -> None:
+        self.next = first
+
+    def __call__(self, name: str, where: tuple[int, ...] | Bools, label: Label, size: Size) -> Block:
+        """A block of a shape, or of a mask whose False members do not exist."""
+        mask = where if isinstance(where, np.ndarray) else np.ones(where, dtype=bool)
+        index = np.full(mask.shape, NOWHERE)
+        count = int(mask.sum())
+        index[mask] = np.arange(self.next, self.next + count)
+        self.next += count
+        return Block(name, index, label, size)
