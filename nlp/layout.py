@@ -65,7 +65,7 @@ class Layout:
         periodic = any(name in problem.periodic for name in v)
         at_start = problem.start_bounds.needs_velocity or periodic
         at_end = problem.goal_bounds.needs_velocity or periodic or bool(problem.kernels.manifest["terminal_velocity"])
-        row_steps, rows_at_start = _steps_of_rows(form, steps), _first_rows(form, steps)
+        row_steps, rows_at_start = _steps_of_rows(form, steps), frozenset(_first_rows(form, steps).tolist())
 
         def place_of_input(k: int) -> str:
             if form.jumps:
