@@ -13,7 +13,7 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.codegen.build import compiler, numpy_kernels, write_files
+from dmoc.codegen.build import HEADERS, compiler, numpy_kernels, write_files
 from dmoc.codegen.text import c_files, manifest, numpy_text
 from dmoc.symbolic.kernels import model_spec
 from dmoc.symbolic.spec import KernelSpec
@@ -79,7 +79,7 @@ CASES = [(name, order) for name in SYSTEMS for order in (2, 4)]
 def test_it_becomes_c_without_a_warning_and_keeps_its_values(tmp_path: Path, name: str, order: int) -> None:
     model = model_spec(SYSTEMS[name](), order)
     write_files(tmp_path, c_files(model))
-    strict = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
+    strict = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{HEADERS}"]
     done = subprocess.run([*compiler(), *strict, "kernels.c"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     kernels = numpy_kernels(manifest(model), numpy_text(model))
