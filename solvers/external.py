@@ -104,10 +104,10 @@ def solve_ipopt(nlp: Transcription, x: Array, options: Options, duals: Duals | N
     )  # fmt: skip
     y, z_lower, z_upper = np.zeros(m), np.zeros(nlp.n), np.zeros(nlp.n)
     if duals is not None:
-        y[:] = np.concatenate([duals.y, -duals.w])
+        y[:] = duals.rows
         z_lower[:], z_upper[:] = np.maximum(duals.z, 0.0), np.maximum(-duals.z, 0.0)
     x, _, code = problem.solve(np.clip(x, nlp.lower, nlp.upper), mult_g=y, mult_x_L=z_lower, mult_x_U=z_upper)
-    found = Duals(y[: nlp.n_eq], np.maximum(-y[nlp.n_eq :], 0.0), z_lower - z_upper)
+    found = Duals.of_rows(nlp.n_eq, y, z_lower - z_upper)
     status = IPOPT_STATUSES.get(int(code), Status.STALLED)
     return _judged(functions, x, found, status, f"IPOPT ended with code {int(code)}", max(functions.count - 1, 0))
 
@@ -131,7 +131,7 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
     model.set_lagrangian_sign_convention(unopy.MULTIPLIER_POSITIVE)
     model.set_initial_primal_iterate(np.clip(x, nlp.lower, nlp.upper))
     if duals is not None:
-        model.set_initial_dual_iterate(np.concatenate([duals.y, -duals.w]))
+        model.set_initial_dual_iterate(duals.rows)
     output = _Silence()
     solver = unopy.UnoSolver()
     solver.set_preset("filtersqp")
@@ -151,7 +151,7 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
         result = solver.optimize(model)
     y = np.array(result.constraint_dual_solution)
     z = np.array(result.lower_bound_dual_solution) + np.array(result.upper_bound_dual_solution)
-    found = Duals(y[: nlp.n_eq], np.maximum(-y[nlp.n_eq :], 0.0), -z)
+    found = Duals.of_rows(nlp.n_eq, y, -z)
     ended = {
         unopy.OptimizationStatus.ITERATION_LIMIT: Status.ITERATION_LIMIT,
         unopy.OptimizationStatus.TIME_LIMIT: Status.TIME_LIMIT,

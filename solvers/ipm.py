@@ -64,9 +64,8 @@ def profile(nlp: Transcription, x: Array, options: Options, prepared: KKTLayout)
 def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, price: Array | None = None) -> Outcome:
     begin = time.perf_counter()
     x = np.clip(x, nlp.lower, nlp.upper)
-    n_eq = nlp.n_eq
-    start = duals or Duals(np.zeros(n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
-    y = np.concatenate([start.y, -start.w])
+    start = duals or Duals(np.zeros(nlp.n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
+    y = start.rows
     z_lower, z_upper = np.maximum(start.z, 0.0), np.maximum(-start.z, 0.0)
     report, count = _listener(options)
     try:
@@ -77,7 +76,7 @@ def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, pr
         status = STATUSES[result["status"]]
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
-    return Outcome(status, "", x, Duals(y[:n_eq], np.maximum(-y[n_eq:], 0.0), z_lower - z_upper), count())
+    return Outcome(status, "", x, Duals.of_rows(nlp.n_eq, y, z_lower - z_upper), count())
 
 
 def _listener(options: Options) -> tuple[Report, Callable[[], int]]:

@@ -6,6 +6,8 @@ import enum
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from dmoc.codegen.kernels import Array
 
 # A least violation above it, relative to the sizes of the constraints, counts as infeasible, whatever the method.
@@ -59,11 +61,24 @@ class Options:
 
 @dataclass(frozen=True)
 class Duals:
-    """Multipliers in L = f + y . c - w . d - z . x: w >= 0, and z >= 0 at a lower bound, <= 0 at an upper one."""
+    """Multipliers in L = f + y . c - w . d - z . x: w >= 0, and z >= 0 at a lower bound, <= 0 at an upper one.
+
+    The program and the compiled methods know rows (c | d) and one vector for them, with L = f + ``rows`` . (c | d) - z . x.
+    """
 
     y: Array
     w: Array
     z: Array
+
+    @classmethod
+    def of_rows(cls, n_eq: int, rows: Array, z: Array) -> Duals:
+        """Multipliers from those of the rows, of which the first n_eq are equations."""
+        return cls(rows[:n_eq], np.maximum(-rows[n_eq:], 0.0), z)
+
+    @property
+    def rows(self) -> Array:
+        """Multipliers of the rows (c | d), shape (n_eq + n_in,)."""
+        return np.concatenate([self.y, -self.w])
 
 
 @dataclass(frozen=True)
