@@ -1,8 +1,7 @@
-"""From unknowns to a motion, and to words about what limits it."""
+"""From unknowns to a motion, and from its multipliers to those by kind."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,9 +11,6 @@ from dmoc.nlp.tables import Block
 from dmoc.nlp.transcription import Transcription
 from dmoc.trajectory import Collision, Phase, Trajectory
 
-# A multiplier this small holds nothing back, and an impulse this small is none.
-NO_FORCE = 1e-7
-NO_IMPULSE = 1e-6
 # A collision that changes no momentum by more than this share of its size has no effect.
 NO_EFFECT = 1e-3
 # Smallest eigenvalue of a mass matrix, relative to the inertias at the start, below which it counts as singular.
@@ -83,41 +79,6 @@ def singular_at(nlp: Transcription, x: Array) -> float | None:
     return None if good.all() else float(t[int(np.argmin(good))])
 
 
-def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[str, ...]:
-    """Name the inequalities and bounds that hold x back: those with a multiplier above the distance; many of a kind are counted."""
-    lay, problem = nlp.layout, nlp.problem
-    found = []
-    d = nlp.inequality(x)
-    for block in nlp.inequalities:
-        rows = block.numbers - nlp.n_eq
-        held = np.flatnonzero(w[rows] > np.maximum(d[rows], NO_FORCE))
-        columns = block.places[held, -1].tolist()
-        if block is nlp.rows.d.gap:
-            surfaces = Counter(problem.kernels.surfaces[j] for j in columns)
-            found += [f"gap to {s} at {n} node{'s' * (n > 1)}" for s, n in surfaces.items()]
-        elif block is nlp.rows.d.path:
-            names = problem.kernels.manifest["path_constraints"]
-            paths = Counter(names[j % len(names)] for j in columns)
-            found += [f"path constraint {s} in {n} step{'s' * (n > 1)}" for s, n in paths.items()]
-        else:
-            found += [block.name_of(int(i)) for i in held]
-    ends = []
-    with np.errstate(invalid="ignore"):
-        free = nlp.lower < nlp.upper
-        ends.append((">=", nlp.limits[0], free & (z > np.maximum(x - nlp.lower, NO_FORCE))))
-        ends.append(("<=", nlp.limits[1], free & (-z > np.maximum(nlp.upper - x, NO_FORCE))))
-    for i, k in enumerate(lay.index_h):
-        found += [f"duration of phase {i} {sign} {at[k] * lay.steps[i]:g} s" for sign, at, active in ends if active[k]]
-    for index, names, what in ((lay.index_u, problem.kernels.inputs, "step"), (lay.index_q, problem.kernels.coordinates, "node")):
-        for j, name in enumerate(names):
-            for sign, at, active in ends:
-                column = index[active[index[:, j]], j]
-                for value, n in sorted(Counter(at[column].tolist()).items()):
-                    found.append(f"{name} {sign} {value:g} in {n} {what}{'s' * (n > 1)}")
-    found += [
-        f"impulse of collision {i + 1} ({problem.sequence[i]}) >= 0" for i, k in enumerate(lay.index_lam) if x[k] <= NO_IMPULSE
-    ]
-    return tuple(found)
 
 
 def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[str, Array]:

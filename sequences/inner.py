@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.codegen.kernels import COMPILED, Array
+from dmoc.nlp.active import Kind
 from dmoc.nlp.guess import initial_guesses, reflected
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
@@ -18,7 +19,8 @@ from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.sequences.nodes import Node, Start, Verdict
 from dmoc.solution import Solution
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
-from dmoc.solvers.outcome import INFEASIBLE, Options
+from dmoc.solvers.outcome import INFEASIBLE, Options, Status
+from dmoc.solving.result import without_effect
 from dmoc.solving.solve import solve
 
 # Relative difference of two costs that belong to the same minimum.
@@ -70,7 +72,7 @@ def _solve(task: Task) -> Node:
             continue
         left = task.seconds - (time.perf_counter() - begin)
         if left <= 0:
-            tried.append(Start(name, "time_limit", None))
+            tried.append(Start(name, Status.TIME_LIMIT, None))
             break
         found = _solve_from(task, x, left)
         tried.append(Start(name, found.status, found.cost if found.minimum else None))
@@ -80,7 +82,7 @@ def _solve(task: Task) -> Node:
     if isinstance(node, Solution):
         tried.append(Start("least violation", node.status, node.cost))
         solved.append(node)
-    solved.sort(key=lambda s: (s.status != "solved", s.cost))
+    solved.sort(key=lambda s: (not s.solved, s.cost))
     if node is None or isinstance(node, Solution):
         node = _confirmed(task, solved)
     return replace(node, starts=tuple(tried), minima=_minima(solved), attempts=task.attempts, seconds=time.perf_counter() - begin)
@@ -89,7 +91,7 @@ def _solve(task: Task) -> Node:
 def _solve_from(task: Task, x: Array, seconds: float) -> Solution:
     """Solve; an interrupted solve keeps its best iterate, but a search wants to know."""
     found = solve(task.problem, task.method, guess=x, iterations=ITERATIONS, seconds=seconds, verify=False)
-    if found.status == "interrupted":
+    if found.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     return found
 
@@ -156,18 +158,19 @@ def _confirmed(task: Task, solved: list[Solution]) -> Node:
     for s in solved:
         check = s.verify()
         if check.passed:
-            if s.status == "grazes":
-                return _node(task, s, Verdict.GRAZES, (f"cost {s.cost:.6g}, and {s.message.partition('; ')[2]}",))
-            evidence: tuple[str, ...] = (f"cost {s.cost:.6g}, confirmed by simulation",)
+            if s.status == Status.GRAZES:
+                evidence = f"cost {s.cost:.6g}, and {without_effect(s.trajectory)}"
+                return _node(task, s, Verdict.GRAZES, (evidence,))
+            confirmed: tuple[str, ...] = (f"cost {s.cost:.6g}, confirmed by simulation",)
             if s is not solved[0]:
-                evidence += (f"a motion of cost {solved[0].cost:.6g} was not confirmed: {first}",)
-            return _node(task, s, Verdict.FEASIBLE, evidence)
+                confirmed += (f"a motion of cost {solved[0].cost:.6g} was not confirmed: {first}",)
+            return _node(task, s, Verdict.FEASIBLE, confirmed)
         first = first or check.message
     return _node(task, solved[0], Verdict.UNVERIFIED, (f"the simulation contradicts it: {first}",))
 
 
 def _node(task: Task, s: Solution, verdict: Verdict, evidence: tuple[str, ...]) -> Node:
-    shortest = tuple(b for b in s.active_bounds if b.startswith("duration of phase") and ">=" in b)
+    shortest = tuple(b for b in s.active_bounds if b.kind is Kind.DURATION and b.side == ">=")
     bare = replace(s, kernels=None)  # travels without the kernels, which the caller has
     return Node(task.sequence, verdict, s.cost, tuple(p.duration for p in s.phases), evidence, shortest=shortest, solution=bare)
 
@@ -177,7 +180,7 @@ def _unsolved(task: Task, tried: list[Start]) -> Node | Solution:
     problem = task.problem
     ends = ", ".join(f"{s.name}: {s.status}" for s in tried)
     nothing = Node(task.sequence, Verdict.FAILED, evidence=(f"no start came to an answer ({ends})",))
-    if not any(s.status == "infeasible" for s in tried) or problem.kernels.backend != COMPILED:
+    if not any(s.status == Status.INFEASIBLE for s in tried) or problem.kernels.backend != COMPILED:
         return nothing
     whole = _least(problem, task.seconds)
     if whole.violation <= INFEASIBLE:

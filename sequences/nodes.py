@@ -9,6 +9,7 @@ from typing import Any
 
 from dmoc.schema import Choice, Context, Either, Listed, Name, Nothing, Number, Record, Refused, Text, Whole, dumped, plain
 from dmoc.solution import Solution
+from dmoc.solvers.outcome import Status
 
 Sequence = tuple[str, ...]
 
@@ -30,7 +31,7 @@ class Start:
     """One start of a node's solves: its name, how it ended, its cost where solved."""
 
     name: str
-    status: str
+    status: Status
     cost: float | None
 
 
@@ -84,7 +85,7 @@ class Node:
             "cost": self.cost,
             "phases": list(self.phases),
             "evidence": list(self.evidence),
-            "starts": [{"name": s.name, "status": s.status, "cost": s.cost} for s in self.starts],
+            "starts": [{"name": s.name, "status": str(s.status), "cost": s.cost} for s in self.starts],
             "minima": list(self.minima),
             "shortest": list(self.shortest),
             "attempts": self.attempts,
@@ -126,7 +127,7 @@ def _wrong(node: Node) -> str | None:
 
 WITH_MOTION = (Verdict.OPTIMAL, Verdict.FEASIBLE, Verdict.GRAZES, Verdict.UNVERIFIED)
 # One line for each field in a row of the journal.
-START = Record(Start, {"name": Text(), "status": Text(), "cost": Either(Nothing(), Number(special=True))})
+START = Record(Start, {"name": Text(), "status": Choice(tuple(Status)), "cost": Either(Nothing(), Number(special=True))})
 NODE = Record(
     Node,
     {

@@ -19,6 +19,7 @@ from typing import TypeAlias
 
 from dmoc.sequences.inner import Task, lost, solve_node
 from dmoc.sequences.nodes import Node, Verdict
+from dmoc.solvers.outcome import Status
 
 ATTEMPTS = 2
 # A worker that is this many times over a node's limit hangs, and is stopped; seconds are added for guesses and checks.
@@ -35,7 +36,7 @@ class NoMoreWork(Exception):  # noqa: N818 - it ends a search and loses nothing
 
 def _needs_another(node: Node) -> bool:
     """Whether a worker was lost or the time ran out, and the node has not had its second attempt."""
-    lost = not node.starts or any(s.status == "time_limit" for s in node.starts)
+    lost = not node.starts or any(s.status == Status.TIME_LIMIT for s in node.starts)
     return node.verdict is Verdict.FAILED and lost and node.attempts < ATTEMPTS
 
 

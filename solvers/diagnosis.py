@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.motion import active_bounds
+from dmoc.nlp.active import active_bounds
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
 from dmoc.nlp.tables import NOWHERE, Block, Index

@@ -14,15 +14,37 @@ from dmoc.codegen.kernels import Array
 INFEASIBLE = 1e-6
 
 
-class Status(enum.Enum):
-    """How a solve ended; the values are texts that say what happened and what helps."""
+class Status(enum.StrEnum):
+    """How a solve ended, or what the check made of it; ``sentence`` says what happened and what helps."""
 
-    SOLVED = "a local minimum was found"
-    INFEASIBLE = "no feasible motion was found"
-    ITERATION_LIMIT = "the iteration limit was reached: raise it, or start from a better guess"
-    TIME_LIMIT = "the time limit was reached: raise it, or start from a better guess"
-    STALLED = "no further progress was possible before optimality: try another guess or other steps"
-    INTERRUPTED = "the solve was interrupted: the best iterate so far is kept"
+    SOLVED = "solved"
+    GRAZES = "grazes"  # solved, but a collision has no effect
+    NOT_VERIFIED = "not_verified"  # solved, and the check contradicts it
+    INFEASIBLE = "infeasible"
+    ITERATION_LIMIT = "iteration_limit"
+    TIME_LIMIT = "time_limit"
+    STALLED = "stalled"
+    INTERRUPTED = "interrupted"
+
+    @property
+    def sentence(self) -> str:
+        return SENTENCES[self]
+
+
+SENTENCES = {
+    Status.SOLVED: "a local minimum was found",
+    Status.GRAZES: "a local minimum was found",
+    Status.NOT_VERIFIED: "a local minimum was found",
+    Status.INFEASIBLE: "no feasible motion was found",
+    Status.ITERATION_LIMIT: "the iteration limit was reached: raise it, or start from a better guess",
+    Status.TIME_LIMIT: "the time limit was reached: raise it, or start from a better guess",
+    Status.STALLED: "no further progress was possible before optimality: try another guess or other steps",
+    Status.INTERRUPTED: "the solve was interrupted: the best iterate so far is kept",
+}
+# A local minimum that nothing contradicts; any local minimum of the program; no feasible point or no minimum, whatever the limits.
+MINIMA = (Status.SOLVED, Status.GRAZES)
+CONVERGED = (*MINIMA, Status.NOT_VERIFIED)
+NOWHERE = (Status.INFEASIBLE, Status.STALLED)
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ class Stop(Exception):  # noqa: N818 - it is no error
     """Ends a run of SLSQP from its callback."""
 
     def __init__(self, status: Status) -> None:
-        super().__init__(status.value)
+        super().__init__(status.sentence)
         self.status = status
 
 

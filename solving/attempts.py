@@ -11,14 +11,13 @@ from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.kkt import residuals
-from dmoc.solvers.outcome import INFEASIBLE, Duals, Options, Outcome, Status
+from dmoc.solvers.outcome import INFEASIBLE, NOWHERE, Duals, Options, Outcome, Status
 from dmoc.solving.methods import METHODS, Driver, Method
 from dmoc.solving.program import Programs
 from dmoc.solving.starts import Starts
 from dmoc.solving.touching import pays, pushed, suspects
 
 Minimise: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
-NOWHERE = (Status.INFEASIBLE, Status.STALLED)
 
 
 @dataclass(frozen=True)
@@ -141,8 +140,7 @@ def _taken_over(programs: Programs, before: Ended, points: Sequence[Array], opti
     again = _best_of_all(programs, programs.program(second.guided), points, options, minimise)
     count = outcome.iterations + again.outcome.iterations
     if again.outcome.status in (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED):
-        word = outcome.status.name.lower()
-        detail = f"slsqp ended {word}, the compiled method took over"
+        detail = f"slsqp ended {outcome.status}, the compiled method took over"
         return replace(again, outcome=replace(again.outcome, detail=detail, iterations=count))
     return before.counting(count)
 

@@ -8,8 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from dmoc.nlp.active import ALONG_THE_WAY
 from dmoc.nlp.problem import MOST_STEPS, Problem
 from dmoc.solution import Mesh, Solution
+from dmoc.solvers.outcome import NOWHERE, Status
 
 # The error of a mesh falls by this factor at least when the steps are halved, also where inputs switch between steps.
 SLOWEST_ORDER = 1.0
@@ -61,7 +63,7 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         if not reason:
             return s
         message = f"the estimated error {error:.2g} exceeds the tolerance {tolerance:g}: {reason}"
-        return replace(s if s.verification else check(s), status="not_verified", message=message)
+        return replace(s if s.verification else check(s), status=Status.NOT_VERIFIED, message=message)
 
     error = np.inf
     while True:
@@ -70,10 +72,10 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         if s.minimum and _barrier(s) > BARRIER * tolerance:
             sharper = _from_coarse(problem, solved, solve, BARRIER * tolerance / _barrier(s) / 2 * s.optimality)
             iterations += sharper.iterations
-            s = sharper if sharper.solved or sharper.status == "interrupted" else s
+            s = sharper if sharper.solved or sharper.status == Status.INTERRUPTED else s
         spent = {k: spent.get(k, 0.0) + v for k, v in s.seconds.items()}
         s = replace(s, seconds=spent)
-        if s.status == "interrupted":
+        if s.status == Status.INTERRUPTED:
             return replace(result(solved[-1], error), status=s.status, message=s.message) if solved else s
         if not s.minimum:
             if solved:
@@ -81,7 +83,7 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
                     solved[-1], error, f"the mesh of {max(problem.phase_steps)} steps a phase ended {s.status} ({s.message})"
                 )
             failures += 1
-            if failures > COARSE_FAILURES or s.status == "time_limit":
+            if failures > COARSE_FAILURES or s.status == Status.TIME_LIMIT:
                 return s
             problem = problem.but(steps=[2 * n for n in problem.phase_steps])
             continue
@@ -110,12 +112,12 @@ def _from_coarse(problem: Problem, solved: list[Solution], solve: Solve, optimal
     if not solved:
         return _rounded(solve(problem, None, optimality))
     s = _rounded(solve(problem, solved[-1], optimality))
-    return _rounded(solve(problem, None, optimality)) if s.status in ("infeasible", "stalled") else s
+    return _rounded(solve(problem, None, optimality)) if s.status in NOWHERE else s
 
 
 def _rounded(s: Solution) -> Solution:
-    sharp = s.status == "stalled" and s.optimality <= ROUNDED and s.max_violation <= FEASIBLE
-    return replace(s, status="solved", message="a local minimum was found, to rounding errors") if sharp else s
+    sharp = s.status == Status.STALLED and s.optimality <= ROUNDED and s.max_violation <= FEASIBLE
+    return replace(s, status=Status.SOLVED, message="a local minimum was found, to rounding errors") if sharp else s
 
 
 def _estimate(solved: list[Solution], meshes: list[Mesh], order: int) -> float:
@@ -146,7 +148,7 @@ def _little(s: Solution) -> float:
 
 def _limited(s: Solution) -> bool:
     """Whether limits hold inputs or the motion along the way, and not only the times."""
-    return any(b.endswith((" step", " steps", " node", " nodes")) for b in s.active_bounds)
+    return any(b.kind in ALONG_THE_WAY for b in s.active_bounds)
 
 
 def _order(quotient: float, first: float, second: float, order: int) -> float:

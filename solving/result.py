@@ -6,7 +6,8 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 
-from dmoc.nlp.motion import active_bounds, named_multipliers, singular_at, trajectory
+from dmoc.nlp.active import active_bounds
+from dmoc.nlp.motion import named_multipliers, singular_at, trajectory
 from dmoc.simulation.check import OutOfTimeError, Verification
 from dmoc.solution import Solution
 from dmoc.solvers.kkt import duality_gap, residuals
@@ -19,12 +20,9 @@ def solution_of(ended: Ended, method: str, seconds: Mapping[str, float], referen
     """The solution in the user's words and units."""
     nlp, outcome = ended.nlp, ended.outcome
     problem, found = nlp.problem, residuals(nlp, outcome.x, outcome.duals)
-    motion, status = trajectory(nlp, outcome.x), outcome.status.name.lower()
-    message = _message(ended)
-    grazing = _without_effect(motion)
-    if outcome.status is Status.SOLVED and grazing:
-        status = "grazes"
-        message += f"; collision {' and '.join(grazing)} has no effect: the motion touches the surface without an impulse"
+    motion, status, message = trajectory(nlp, outcome.x), outcome.status, _message(ended)
+    if status is Status.SOLVED and any(c.grazes for c in motion.collisions):
+        status, message = Status.GRAZES, f"{message}; {without_effect(motion)}"
     return Solution(
         status=status,
         message=message,
@@ -51,7 +49,7 @@ def _message(ended: Ended) -> str:
     outcome = ended.outcome
     detail = f" ({outcome.detail})" if outcome.detail else ""
     conflicts = "; ".join(ended.conflicts)
-    message = outcome.status.value + (f": {conflicts}" if conflicts else detail)
+    message = outcome.status.sentence + (f": {conflicts}" if conflicts else detail)
     singular = None
     if outcome.status is not Status.SOLVED:
         singular = singular_at(ended.nlp, outcome.x)
@@ -63,8 +61,10 @@ def _message(ended: Ended) -> str:
     )
 
 
-def _without_effect(motion: Trajectory) -> list[str]:
-    return [f"{i + 1} ({c.surface})" for i, c in enumerate(motion.collisions) if c.grazes]
+def without_effect(motion: Trajectory) -> str:
+    """Name the collisions that have no effect."""
+    grazing = [f"{i + 1} ({c.surface})" for i, c in enumerate(motion.collisions) if c.grazes]
+    return f"collision {' and '.join(grazing)} has no effect: the motion touches the surface without an impulse"
 
 
 def checked(solution: Solution, seconds: float | None = None) -> Solution:
@@ -78,13 +78,13 @@ def checked(solution: Solution, seconds: float | None = None) -> Solution:
     spent = {**solution.seconds, "verify": time.perf_counter() - start}
     if check is None:
         message = f"{solution.message}, but the time limit was reached before the simulation had checked it: raise it"
-        return replace(solution, status="time_limit", message=message, seconds=spent)
+        return replace(solution, status=Status.TIME_LIMIT, message=message, seconds=spent)
     solution = replace(solution, verification=_summary(check), seconds=spent)
     if check.passed:
         more = f"; {check.message}" if check.message else ""
         return replace(solution, message=solution.message + more)
     message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
-    return replace(solution, status="not_verified", message=message)
+    return replace(solution, status=Status.NOT_VERIFIED, message=message)
 
 
 def _summary(check: Verification) -> dict[str, object]:

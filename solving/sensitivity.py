@@ -44,8 +44,8 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
             f"{list(problem.sequence)} with {list(problem.phase_steps)}: give the problem that was "
             "solved."
         )
-    if solution.status not in ("solved", "grazes", "not_verified"):
-        raise ProblemError(f"the solution has the status {solution.status!r}: sensitivities need a minimum.")
+    if not solution.converged:
+        raise ProblemError(f"the solution has the status '{solution.status}': sensitivities need a minimum.")
     check_same_model(solution, problem.kernels)
     scale = scale_of(problem, solution.unknowns, minimum=True)
     nlp = Programs(problem, scale).program()

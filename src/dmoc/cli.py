@@ -213,7 +213,7 @@ def solve(
             files.append(solution.save(target / "solution.npz"))
 
     def differentiate() -> None:
-        if sensitivities and solution.status in ("solved", "grazes", "not_verified"):
+        if sensitivities and solution.converged:
             derivatives.append(differentiated(problem.but(steps=[p.steps for p in solution.phases]), solution))
 
     def tell() -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dmoc.errors import SolutionFileError
+from dmoc.nlp.active import ActiveBound
+from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
 from dmoc.trajectory import Array, Collision, Phase, Trajectory
 from dmoc.writing import write_whole
 
@@ -54,9 +56,9 @@ class Solution:
 
     Attributes
     ----------
-    status : str
+    status : Status
         "solved", "grazes" (solved, but a collision has no effect), "not_verified", "infeasible", "iteration_limit", "time_limit",
-        "stalled" or "interrupted".
+        "stalled" or "interrupted": a text and a :class:`~dmoc.solvers.outcome.Status`.
     message : str
         What happened, and what helps.
     method : str
@@ -66,8 +68,9 @@ class Solution:
         Phases (t, q, p, v, u) and collisions (surface, time, impulse, momenta before and after).
     multipliers : mapping of str to array
         By kind of constraint, in L = J + y . c - w . d - z . x; those of the unknowns' bounds, z, as "bounds".
-    active_bounds : tuple of str
-        Bounds and inequalities that hold with equality and carry a multiplier.
+    active_bounds : tuple of ActiveBound
+        Bounds and inequalities that hold with equality and carry a multiplier: texts that know what they say, see
+        :class:`~dmoc.nlp.active.ActiveBound`.
     max_violation : float
         Largest violation of any constraint or bound, relative to its size.
     optimality : float
@@ -93,13 +96,13 @@ class Solution:
         Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off the start.
     """
 
-    status: str
+    status: Status
     message: str
     method: str
     cost: float
     trajectory: Trajectory
     multipliers: Mapping[str, Array]
-    active_bounds: tuple[str, ...]
+    active_bounds: tuple[ActiveBound, ...]
     max_violation: float
     optimality: float
     iterations: int
@@ -117,12 +120,17 @@ class Solution:
     @property
     def solved(self) -> bool:
         """Whether the solver converged and the check confirmed it."""
-        return self.status == "solved"
+        return self.status == Status.SOLVED
 
     @property
     def minimum(self) -> bool:
         """Whether a local minimum was found, in which a collision may have no effect, and the check confirmed it."""
-        return self.status in ("solved", "grazes")
+        return self.status in MINIMA
+
+    @property
+    def converged(self) -> bool:
+        """Whether the solver came to a local minimum, whatever the check made of it."""
+        return self.status in CONVERGED
 
     @property
     def phases(self) -> tuple[Phase, ...]:
@@ -177,11 +185,11 @@ class Solution:
         return {
             "model": self.trajectory.model,
             "method": self.method,
-            "status": self.status,
+            "status": str(self.status),
             "message": self.message,
             "cost": self.cost,
             "final_time": self.final_time,
-            "active_bounds": list(self.active_bounds),
+            "active_bounds": list(map(str, self.active_bounds)),
             "phases": [{"steps": p.steps, "step_size": p.step_size, "duration": p.duration} for p in self.phases],
             "collisions": [
                 {

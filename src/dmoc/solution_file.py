@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from dmoc.archive import LARGEST, Archive, pack
 from dmoc.discretisation import FORMS, ORDERS
 from dmoc.errors import SolutionFileError
+from dmoc.nlp.active import ActiveBound
 from dmoc.schema import (
     Choice,
     Context,
@@ -21,6 +23,7 @@ from dmoc.schema import (
     Nothing,
     Number,
     Numbers,
+    Put,
     Record,
     Refused,
     Stored,
@@ -114,14 +117,25 @@ def _wrong_solution(solution: Solution) -> str | None:
     """What of a solution does not fit together."""
     numbers = [solution.cost, solution.max_violation, solution.optimality]
     values = np.concatenate([numbers, *(a.ravel() for a in solution.multipliers.values())])
-    if solution.status in ("solved", "grazes", "not_verified") and not np.isfinite(values).all():
-        return f"the status is {solution.status!r}, and a cost, residual or multiplier is not finite"
+    if solution.converged and not np.isfinite(values).all():
+        return f"the status is '{solution.status}', and a cost, residual or multiplier is not finite"
     return None
 
 
 def _summary(**values: Any) -> dict[str, Any]:
     """The result of the check, in the types that JSON has."""
     return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A bound that is active, as the text that it is."""
+
+    def write(self, value: Any, where: str, put: Put) -> str:
+        return Text().write(value, where, put)
+
+    def read(self, given: Any, where: str, context: Context) -> ActiveBound:
+        return ActiveBound.read(Text().read(given, where, context))
 
 
 # One line for each field; N nodes, nq coordinates, nu inputs.
@@ -198,13 +212,13 @@ VERIFICATION = Record(
 SOLUTION = Record(
     Solution,
     {
-        "status": Choice((*(s.name.lower() for s in Status), "grazes", "not_verified")),
+        "status": Choice(tuple(Status)),
         "message": Text(),
         "method": Name(),
         "cost": Number(special=True),
         "trajectory": TRAJECTORY,
         "multipliers": Mapped(Stored(special=True)),
-        "active_bounds": Listed(Text()),
+        "active_bounds": Listed(Bound()),
         "max_violation": Number(special=True),
         "optimality": Number(special=True),
         "iterations": Whole(),
