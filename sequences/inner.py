@@ -19,7 +19,8 @@ from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.sequences.nodes import Node, Start, Verdict
 from dmoc.solution import Solution
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
-from dmoc.solvers.outcome import INFEASIBLE, Options, Status
+from dmoc.solvers.judge import INFEASIBLE
+from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.result import without_effect
 from dmoc.solving.solve import solve
 

@@ -23,7 +23,7 @@ from dmoc.solvers.outcome import Status
 
 ATTEMPTS = 2
 # A worker that is this many times over a node's limit hangs, and is stopped; seconds are added for guesses and checks.
-PATIENCE, GRACE = 3.0, 30.0
+HANGS_AFTER, GRACE = 3.0, 30.0
 # Nodes that an executor of unknown size gets at a time.
 AHEAD = 16
 
@@ -88,7 +88,7 @@ def in_executor(executor: Executor, tasks: Sequence[Task], deadline: float) -> I
 
 
 def _most(task: Task) -> float:
-    return PATIENCE * task.seconds + GRACE
+    return HANGS_AFTER * task.seconds + GRACE
 
 
 class Processes:

@@ -20,7 +20,8 @@ from dmoc.nlp.tables import NOWHERE, Block, Index
 from dmoc.nlp.timed import phase_minimal_time
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.ipm import least_violation
-from dmoc.solvers.outcome import INFEASIBLE, Options, Status
+from dmoc.solvers.judge import INFEASIBLE
+from dmoc.solvers.outcome import Options, Status
 
 # Prices of a violation relative to that of missing the goal: of what limits the motion, and of the laws of motion.
 LIMITS = 10.0

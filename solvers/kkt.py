@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.outcome import Duals
+from dmoc.solvers.outcome import Duals, Residuals
 
 # Multipliers of this size and smaller leave the residuals unscaled (Waechter & Biegler 2006, section 2.1).
 SCALE_FROM = 100.0
@@ -16,15 +14,6 @@ SCALE_FROM = 100.0
 ACTIVE = 1e-8
 # A scaled cost below it counts as this much where residuals are compared with the cost: one that vanishes sets no measure.
 LEAST_COST = 1e-2
-
-
-@dataclass(frozen=True)
-class Residuals:
-    """Optimality: stationarity and complementarity relative to the cost. Violation: largest |c|, -d or excess over a bound, relative to the
-    size of the constraint or unknown."""
-
-    optimality: float
-    violation: float
 
 
 def cost_size(nlp: Transcription, x: Array) -> float:

@@ -1,4 +1,4 @@
-"""What every driver takes and returns: options, statuses with messages, iterations, outcome."""
+"""What every method takes and returns: options, statuses with sentences, iterations, ending, outcome."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 
-# A least violation above it, relative to the sizes of the constraints, counts as infeasible, whatever the method.
-INFEASIBLE = 1e-6
+# Tolerances and limit of a solve, where it is given none.
+OPTIMALITY, VIOLATION, ITERATIONS = 1e-6, 1e-10, 1000
 
 
 class Status(enum.StrEnum):
@@ -74,9 +74,9 @@ class Options:
         Called with an :class:`Iteration` after every iteration.
     """
 
-    optimality: float = 1e-6
-    violation: float = 1e-10
-    iterations: int = 1000
+    optimality: float = OPTIMALITY
+    violation: float = VIOLATION
+    iterations: int = ITERATIONS
     seconds: float | None = None
     progress: Callable[[Iteration], None] | None = None
 
@@ -104,11 +104,33 @@ class Duals:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Result of a driver: status, a detail for the message, unknowns, multipliers and the number of iterations."""
+class Residuals:
+    """Optimality: stationarity and complementarity relative to the cost.  Violation: largest |c|, -d
+    or excess over a bound, relative to the size of the constraint or unknown."""
+
+    optimality: float
+    violation: float
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Where a method ends: its own word of it, a detail for the message, unknowns, multipliers and
+    the number of iterations."""
 
     status: Status
     detail: str
     x: Array
     duals: Duals
     iterations: int
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """An ending as it is judged, whatever the method: see :mod:`dmoc.solvers.judge`."""
+
+    status: Status
+    detail: str
+    x: Array
+    duals: Duals
+    iterations: int
+    left: Residuals

@@ -15,7 +15,8 @@ import scipy.sparse.linalg
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.tables import Index
 from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.kkt import ACTIVE, Residuals, residuals, with_bounds
+from dmoc.solvers.kkt import ACTIVE, residuals, with_bounds
+from dmoc.solvers.outcome import Residuals
 
 STEPS = 6
 

@@ -24,8 +24,9 @@ from dmoc.mechanics.algebra import least_squares
 from dmoc.nlp.tables import NOWHERE
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Reduced, partition
-from dmoc.solvers.kkt import Residuals, residuals, violation, with_bounds, worst_constraints
-from dmoc.solvers.outcome import INFEASIBLE, Duals, Options, Outcome, Status
+from dmoc.solvers.judge import INFEASIBLE, meets
+from dmoc.solvers.kkt import residuals, violation, with_bounds, worst_constraints
+from dmoc.solvers.outcome import Duals, Ending, Options, Residuals, Status
 from dmoc.solvers.polish import polish
 from dmoc.solvers.runs import (
     EQUATION_TOLERANCE,
@@ -47,11 +48,9 @@ FLATTEST = 1e-3
 # An inequality within this share of its scale joins the working set.
 NEAR = 1e-3
 # Runs in a row that may pass without progress, and searches for a feasible point before giving up.
-PATIENCE = 8
+IDLE_RUNS = 8
 RESTORATIONS = 2
 RESTORATION_LIMIT = 60
-# Violation that a least-squares search must reach to count as feasible; the runs after it reach the demanded one.
-FEASIBLE = 1e-6
 # Violation below which a converged run is close enough for Newton's method.
 POLISH_FROM = 1e-6
 # Relative change of the cost in a run below which Newton's method is tried, and curvature below which its end is a saddle.
@@ -282,17 +281,17 @@ def _split(A: Array) -> tuple[Array, Array]:
     return inverse @ U.T if rank == len(A) else inverse, Vt[rank:].T
 
 
-def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
+def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
     """Minimise from x on the condensed program; multipliers of a neighbouring solution do not serve."""
     return _solve(nlp, x, options, SEGMENTS)
 
 
-def solve_full(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
+def solve_full(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
     """Minimise from x on the full program."""
     return _solve(nlp, x, options, 0)
 
 
-def _solve(nlp: Transcription, x: Array, options: Options, segments: int) -> Outcome:
+def _solve(nlp: Transcription, x: Array, options: Options, segments: int) -> Ending:
     progress = Progress(nlp, options)
     x = np.clip(x, nlp.lower, nlp.upper)
     progress.consider(x, nlp.cost(x), violation(nlp, x))
@@ -308,7 +307,7 @@ def _solve(nlp: Transcription, x: Array, options: Options, segments: int) -> Out
             if found.violation <= POLISH_FROM and (converged or slow):
                 x, found = _polished(driver, x, options)
             progress.consider(x, nlp.cost(x), found.violation)
-            if found.violation <= options.violation and found.optimality <= options.optimality:
+            if meets(found, options):
                 return _outcome(driver, Status.SOLVED, "", x, progress)
             if watch.progressing(found.violation, nlp.cost(x)):
                 continue
@@ -316,9 +315,9 @@ def _solve(nlp: Transcription, x: Array, options: Options, segments: int) -> Out
                 return _outcome(driver, Status.STALLED, f"optimality {found.optimality:.1e}", x, progress)
             x = _least_violation(driver, x, progress)
             least = violation(nlp, x)
-            if restorations == RESTORATIONS or least > FEASIBLE:
+            if restorations == RESTORATIONS or least > INFEASIBLE:
                 detail = "least violation: " + "; ".join(worst_constraints(nlp, x))
-                return _outcome(driver, Status.INFEASIBLE if least > INFEASIBLE else Status.STALLED, detail, x, progress)
+                return _outcome(driver, Status.STALLED, detail, x, progress)
             restorations, watch = restorations + 1, _Watch()
             driver.forget_multipliers()
     except Stop as stop:
@@ -347,7 +346,7 @@ class _Watch:
         self.violation = min(violation, self.violation)
         self.cost = min(cost, self.cost) if held else self.cost
         self.idle = 0 if better else self.idle + 1
-        return self.idle < PATIENCE
+        return self.idle < IDLE_RUNS
 
 
 def _completed(driver: Driver, x: Array) -> Array:
@@ -381,7 +380,7 @@ def _polished(driver: Driver, x: Array, options: Options) -> tuple[Array, Residu
     rows, bounds = np.flatnonzero(driver.w > 0), np.flatnonzero(driver.bound_force)
     before = driver.y, driver.w, driver.nlp.cost(x)
     better, driver.y, driver.w, found = polish(driver.nlp, x, driver.y, driver.w, rows, bounds)
-    solved = found.optimality <= options.optimality and found.violation <= options.violation
+    solved = meets(found, options)
     lower = driver.nlp.cost(better) <= before[2] + SLOW * max(1.0, abs(before[2]))
     if solved and lower and driver.is_minimum(better):
         return better, found
@@ -436,5 +435,5 @@ def _least_violation(driver: Driver, x: Array, progress: Progress) -> Array:
     return x if full is None else full
 
 
-def _outcome(driver: Driver, status: Status, detail: str, x: Array, progress: Progress) -> Outcome:
-    return Outcome(status, detail, x, with_bounds(driver.nlp, x, driver.y, driver.w), progress.count)
+def _outcome(driver: Driver, status: Status, detail: str, x: Array, progress: Progress) -> Ending:
+    return Ending(status, detail, x, with_bounds(driver.nlp, x, driver.y, driver.w), progress.count)

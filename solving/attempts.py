@@ -10,9 +10,9 @@ from typing import TypeAlias
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.diagnosis import diagnose
-from dmoc.solvers.kkt import residuals
-from dmoc.solvers.outcome import INFEASIBLE, NOWHERE, Duals, Options, Outcome, Status
-from dmoc.solving.methods import METHODS, Driver, Method
+from dmoc.solvers.judge import INFEASIBLE
+from dmoc.solvers.outcome import NOWHERE, Duals, Options, Outcome, Status
+from dmoc.solving.methods import METHODS, Judged, Method
 from dmoc.solving.program import Programs
 from dmoc.solving.starts import Starts
 from dmoc.solving.touching import pays, pushed, suspects
@@ -69,7 +69,7 @@ def remaining(options: Options, begin: float, iterations: int = 0) -> Options:
     )
 
 
-def _with(driver: Driver, duals: Duals | None) -> Minimise:
+def _with(driver: Judged, duals: Duals | None) -> Minimise:
     """A driver with the multipliers of its first start, which serve the programs that have as many
     constraints: not one in which collisions have become touches."""
 
@@ -89,16 +89,15 @@ def _first_success(
 ) -> Ended:
     """Solve from one start after the other until one succeeds or a limit is reached; else return
     the least violation."""
-    tried: list[tuple[float, Ended]] = []
+    tried: list[Ended] = []
     count, begin = 0, time.perf_counter()
     for x in points:
         found = _minimised(programs, nlp, x, remaining(options, begin, count), minimise)
         count += found.outcome.iterations
         if found.outcome.status not in NOWHERE or count >= options.iterations:
             return found.counting(count)
-        left = residuals(found.nlp, found.outcome.x, found.outcome.duals)
-        tried.append((left.violation, found))
-    return min(tried, key=lambda t: t[0])[1].counting(count)
+        tried.append(found)
+    return min(tried, key=lambda t: t.outcome.left.violation).counting(count)
 
 
 def _best_of_all(

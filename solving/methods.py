@@ -14,9 +14,10 @@ from dmoc.errors import DmocError, MissingExtraError, ProblemError
 if TYPE_CHECKING:
     from dmoc.codegen.kernels import Array
     from dmoc.nlp.transcription import Transcription
-    from dmoc.solvers.outcome import Duals, Options, Outcome
+    from dmoc.solvers.outcome import Duals, Ending, Options, Outcome
 
-Driver: TypeAlias = "Callable[[Transcription, Array, Options, Duals | None], Outcome]"
+Driver: TypeAlias = "Callable[[Transcription, Array, Options, Duals | None], Ending]"
+Judged: TypeAlias = "Callable[[Transcription, Array, Options, Duals | None], Outcome]"
 
 
 class Form(StrEnum):
@@ -67,11 +68,17 @@ class Method:
     tries_all: bool = False
     falls_back_on: str | None = None
 
-    def minimise(self, form: str = Form.CONDENSED) -> Driver:
-        """The function that minimises a program from scaled unknowns."""
+    def minimise(self, form: str = Form.CONDENSED) -> Judged:
+        """The function that minimises a program from scaled unknowns, and judges where it ends."""
+        from dmoc.solvers.judge import judged
+
         module, name = (self.full if form == Form.FULL and self.full else self.driver).split(":")
-        found: Driver = getattr(import_module(module), name)
-        return found
+        driver: Driver = getattr(import_module(module), name)
+
+        def minimise(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
+            return judged(nlp, driver(nlp, x, options, duals), options)
+
+        return minimise
 
     def require(self, backend: str, error: type[DmocError] = ProblemError) -> None:
         """Refuse kernels that the method cannot use, and import its package.

@@ -11,7 +11,8 @@ import numpy as np
 from dmoc.nlp.active import ALONG_THE_WAY
 from dmoc.nlp.problem import MOST_STEPS, Problem
 from dmoc.solution import Mesh, Solution
-from dmoc.solvers.outcome import NOWHERE, Status
+from dmoc.solvers.judge import rounded
+from dmoc.solvers.outcome import NOWHERE, Residuals, Status
 
 # The error of a mesh falls by this factor at least when the steps are halved, also where inputs switch between steps.
 SLOWEST_ORDER = 1.0
@@ -22,13 +23,9 @@ FAR = 100.0
 # Share of the tolerance that the barrier may take; beyond it a mesh is solved once more, sharper.
 BARRIER = 0.25
 # Meshes in a row without a smaller estimate that end the refinement.
-PATIENCE = 2
+IDLE_MESHES = 2
 # A mesh too coarse to be solved is refined so often before the problem counts as unsolved.
 COARSE_FAILURES = 3
-
-# On fine meshes rounding errors end a solve before it is sharp.  A feasible point with this optimality residual counts as solved there: the cost is
-# wrong by the square of the residual only, and the estimate sees the rest.
-ROUNDED, FEASIBLE = 1e-5, 1e-9
 
 Solve = Callable[[Problem, Solution | None, float | None], Solution]
 Check = Callable[[Solution], Solution]
@@ -98,7 +95,7 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         if simulated is not None and (simulated <= tolerance or not s.minimum):
             return result(s, error)
         steps = [(4 if FAR * tolerance < error < np.inf else 2) * n for n in problem.phase_steps]
-        if len(meshes) > PATIENCE and estimate >= max(m.estimate for m in meshes[-1 - PATIENCE : -1]):
+        if len(meshes) > IDLE_MESHES and estimate >= max(m.estimate for m in meshes[-1 - IDLE_MESHES : -1]):
             return result(s, error, "finer meshes do not make it smaller, rounding errors or the solver's tolerance outweigh it")
         if max(steps) > MOST_STEPS:
             return result(s, error, f"finer meshes than {MOST_STEPS} steps a phase are not tried")
@@ -116,7 +113,7 @@ def _from_coarse(problem: Problem, solved: list[Solution], solve: Solve, optimal
 
 
 def _rounded(s: Solution) -> Solution:
-    sharp = s.status == Status.STALLED and s.optimality <= ROUNDED and s.max_violation <= FEASIBLE
+    sharp = s.status == Status.STALLED and rounded(Residuals(s.optimality, s.max_violation))
     return replace(s, status=Status.SOLVED, message="a local minimum was found, to rounding errors") if sharp else s
 
 

@@ -10,7 +10,7 @@ from dmoc.nlp.active import active_bounds
 from dmoc.nlp.motion import named_multipliers, singular_at, trajectory
 from dmoc.simulation.check import OutOfTimeError, Verification
 from dmoc.solution import Solution
-from dmoc.solvers.kkt import duality_gap, residuals
+from dmoc.solvers.kkt import duality_gap
 from dmoc.solvers.outcome import Status
 from dmoc.solving.attempts import Ended
 from dmoc.trajectory import Trajectory
@@ -19,7 +19,7 @@ from dmoc.trajectory import Trajectory
 def solution_of(ended: Ended, method: str, seconds: Mapping[str, float], reference: str) -> Solution:
     """The solution in the user's words and units."""
     nlp, outcome = ended.nlp, ended.outcome
-    problem, found = nlp.problem, residuals(nlp, outcome.x, outcome.duals)
+    problem = nlp.problem
     motion, status, message = trajectory(nlp, outcome.x), outcome.status, _message(ended)
     if status is Status.SOLVED and any(c.grazes for c in motion.collisions):
         status, message = Status.GRAZES, f"{message}; {without_effect(motion)}"
@@ -31,8 +31,8 @@ def solution_of(ended: Ended, method: str, seconds: Mapping[str, float], referen
         trajectory=motion,
         multipliers=named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z),
         active_bounds=active_bounds(nlp, outcome.x, outcome.duals.w, outcome.duals.z),
-        max_violation=found.violation,
-        optimality=found.optimality,
+        max_violation=outcome.left.violation,
+        optimality=outcome.left.optimality,
         iterations=outcome.iterations,
         seconds=seconds,
         unknowns=nlp.physical(outcome.x),

@@ -13,7 +13,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.solution import Solution
-from dmoc.solvers.outcome import Iteration, Options
+from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options
 from dmoc.solvers.threads import ONE_THREAD
 from dmoc.solving.attempts import ended, remaining
 from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method
@@ -24,7 +24,7 @@ from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Guess, starts_of
 
 # A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier may be driven further down.
-SHARP, SHARPEST = 1e-8, 1e-11
+BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
 MOST_ITERATIONS = 2**31 - 1  # what the compiled method can count
 
 
@@ -35,9 +35,9 @@ def solve(
     tolerance: float | None = None,
     form: str = "condensed",
     guess: Solution | Array | None = None,
-    optimality: float = 1e-6,
-    violation: float = 1e-10,
-    iterations: int = 1000,
+    optimality: float = OPTIMALITY,
+    violation: float = VIOLATION,
+    iterations: int = ITERATIONS,
     seconds: float | None = None,
     progress: Callable[[Iteration], None] | None = None,
     verify: bool = True,
@@ -118,10 +118,10 @@ class Request:
 def _on_meshes(problem: Problem, guess: Guess, request: Request, tolerance: float) -> Solution:
     """Solve on finer and finer meshes; only the finest is checked."""
     begin, options = time.perf_counter(), request.options
-    base = min(options.optimality, max(tolerance, SHARP))
+    base = min(options.optimality, max(tolerance, BASE_OPTIMALITY))
 
     def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
-        optimality = base if sharper is None else max(sharper, SHARPEST)
+        optimality = base if sharper is None else max(sharper, LEAST_OPTIMALITY)
         sharp = replace(remaining(options, begin), optimality=optimality)
         return _solved(problem, coarse or guess, replace(request, options=sharp, verify=False))
 

@@ -1,0 +1,49 @@
+"""What is said of the point where a method has ended: one judge for all methods, one set of tolerances."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.kkt import residuals
+from dmoc.solvers.outcome import Ending, Options, Outcome, Residuals, Status
+
+# A larger violation, relative to the sizes of the constraints, where a method gets no further counts
+# as infeasible, a smaller one as feasible.
+INFEASIBLE = 1e-6
+# On fine meshes rounding errors end a solve before it is sharp.  A point with these residuals
+# counts as solved there: the cost is wrong by the square of the optimality only.
+ROUNDED_OPTIMALITY, ROUNDED_VIOLATION = 1e-5, 1e-9
+# What the method alone knows, and what a point that meets no tolerance cannot tell.
+LIMITS = (Status.ITERATION_LIMIT, Status.TIME_LIMIT)
+
+
+def meets(left: Residuals, options: Options) -> bool:
+    """Whether residuals are those of a solution."""
+    return left.optimality <= options.optimality and left.violation <= options.violation
+
+
+def rounded(left: Residuals) -> bool:
+    """Whether residuals are those of a solution up to rounding errors."""
+    return left.optimality <= ROUNDED_OPTIMALITY and left.violation <= ROUNDED_VIOLATION
+
+
+def verdict(word: Status, left: Residuals, options: Options) -> Status:
+    """What the residuals say of a point; the method's word counts for interruptions and limits."""
+    if word is Status.INTERRUPTED:  # who has interrupted wants to know, whatever the point is worth
+        return word
+    if meets(left, options):
+        return Status.SOLVED
+    if word in LIMITS:
+        return word
+    return Status.INFEASIBLE if INFEASIBLE < left.violation < np.inf else Status.STALLED
+
+
+def judged(nlp: Transcription, ending: Ending, options: Options) -> Outcome:
+    """The ending of a method with the residuals that it leaves and what they say of it."""
+    left = residuals(nlp, ending.x, ending.duals)
+    status = verdict(ending.status, left, options)
+    detail = ending.detail or f"optimality {left.optimality:.1e}, violation {left.violation:.1e}"
+    if status is Status.SOLVED:
+        detail = ""
+    return Outcome(status, detail, ending.x, ending.duals, ending.iterations, left)
