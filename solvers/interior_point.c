@@ -8,6 +8,12 @@
 #include <string.h>
 #include <time.h>
 
+#ifdef __SANITIZE_ADDRESS__
+#include <sanitizer/asan_interface.h>
+#else
+#define ASAN_POISON_MEMORY_REGION(at, size) ((void)(at), (void)(size))
+#endif
+
 /* Barrier parameter, WB (7), (8). */
 static const double KAPPA_EPS = 10, KAPPA_MU = 0.2, THETA_MU = 1.5, TAU_MIN = 0.99;
 enum { MOST_PATIENCE = 3 };
@@ -103,6 +109,7 @@ static int allocate(solver *s)
     for (size_t i = 0; i < sizeof parts/sizeof *parts; ++i) {
         *parts[i].at = next;
         next += parts[i].count + 1;
+        ASAN_POISON_MEMORY_REGION(next - 1, sizeof *next); /* between the parts */
     }
     return 1;
 }
