@@ -414,9 +414,6 @@ def losing() -> Kernels:
     )
 
 
-ENDS = {"solved", "not_verified", "infeasible", "iteration_limit", "time_limit", "stalled", "interrupted"}
-
-
 @pytest.mark.parametrize("method", ["slsqp", "ipm"])
 @pytest.mark.parametrize(
     "changes",
@@ -427,20 +424,22 @@ ENDS = {"solved", "not_verified", "infeasible", "iteration_limit", "time_limit",
         {"start": {"x": 0.999999}, "goal": {"x": 1.5}},
         {"start": {"x": 0.0, "x_dot": 5.0}, "goal": {"x": 3.0}, "sequence": ["wall"]},
         {"start": {"x": 0.0, "x_dot": 5.0}, "sequence": ["wall"], "restitution": 0.0},
-        {"parameters": {"m": 1e-300}, "goal": {"x": 0.5}},
-        {"parameters": {"m": 1e300}, "goal": {"x": 0.5}},
     ],
 )
-def test_a_mass_that_vanishes_on_the_way_ends_in_a_status_or_a_sentence(
+def test_a_mass_that_vanishes_on_the_way_is_no_solution_and_is_told(
     losing: Kernels, method: str, changes: dict[str, Any]
 ) -> None:
     problem = dmoc.Problem(losing, **{"start": {"x": 0.0}, "steps": 6, "final_time": 1.0} | changes)
-    try:
-        status = dmoc.solve(problem, method, iterations=60).status
-    except ProblemError as error:
-        assert is_one_sentence(str(error)), str(error)
-    else:
-        assert status in ENDS
+    solution = dmoc.solve(problem, method, iterations=60)
+    assert solution.status in {"not_verified", "infeasible", "iteration_limit"}
+    assert "the mass matrix is singular or negative" in solution.message
+
+
+@pytest.mark.parametrize("method", ["slsqp", "ipm"])
+@pytest.mark.parametrize(("m", "status"), [(1e-300, "solved"), (1e300, "stalled")])
+def test_masses_at_the_ends_of_the_numbers_end_in_a_status(losing: Kernels, method: str, m: float, status: str) -> None:
+    problem = dmoc.Problem(losing, start={"x": 0.0}, goal={"x": 0.5}, steps=6, final_time=1.0, parameters={"m": m})
+    assert dmoc.solve(problem, method, iterations=60).status == status
 
 
 def test_a_mass_that_is_nothing_at_the_start_is_refused(losing: Kernels) -> None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.sparse
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from systems import block_system
 
@@ -122,12 +121,11 @@ def test_a_solution_of_another_mesh_or_order_is_a_guess(seed: dmoc.Problem, bloc
 
 
 def test_a_coordinate_that_is_held_keeps_the_system_sparse(seed: dmoc.Problem) -> None:
-    nlp = Transcription(seed.but(bounds={"F": (-200, 200), "x": (0, 0)}))
-    K = kkt_layout(nlp)
-    assert K.size - K.first[-1] < 10
-    begin = time.perf_counter()
-    dmoc.solve(nlp.problem.but(steps=1000), method="ipm", seconds=0.5, verify=False)
-    assert time.perf_counter() - begin < 5
+    """The pivots of the final group, whose work grows with their cube, do not become more with the steps."""
+    held = seed.but(bounds={"F": (-200, 200), "x": (0, 0)})
+    systems = [kkt_layout(Transcription(held.but(steps=n))) for n in (100, 1000)]
+    few, many = (K.size - K.first[-1] for K in systems)
+    assert few == many < 10
 
 
 def test_a_bound_of_a_duration_counts_more_than_the_shortest_phase(seed: dmoc.Problem) -> None:
@@ -171,7 +169,7 @@ def test_progress_is_told_and_an_interruption_keeps_the_iterate(seed: dmoc.Probl
     solution = dmoc.solve(seed.but(steps=50), method=method, progress=interrupt)
     assert solution.status == "interrupted"
     assert [i.number for i in seen] == [1, 2, 3, 4]
-    assert all(np.isfinite(i.violation) for i in seen)
+    assert np.isfinite([i.violation for i in seen]).tolist() == [True] * 4
 
 
 def test_iterations_are_counted_once(seed: dmoc.Problem) -> None:
@@ -182,8 +180,8 @@ def test_iterations_are_counted_once(seed: dmoc.Problem) -> None:
     for limit in range(20, 60, 3):
         seen: list[Iteration] = []
         outcome = ipm.solve(nlp, x, Options(iterations=limit, progress=seen.append))
-        assert outcome.iterations == len(seen) <= limit
-        assert [i.number for i in seen] == list(range(1, len(seen) + 1))
+        assert outcome.iterations == limit
+        assert [i.number for i in seen] == list(range(1, limit + 1))
 
 
 @pytest.mark.parametrize("method", SPARSE)
@@ -238,7 +236,8 @@ def test_a_weak_force_misses_the_goal(seed: dmoc.Problem, method: str) -> None:
     assert solution.status == "infeasible" and not solution.solved
     assert solution.conflicts[0].startswith("the goal of alpha is missed by 1.0") and " rad" in solution.conflicts[0]
     assert any("F >= -1 in" in c for c in solution.conflicts)
-    assert all(c in solution.message for c in solution.conflicts)
+    assert [c for c in solution.conflicts if c not in solution.message] == []
+    assert solution.max_violation > 1e-3
     assert solution.to_dict()["conflicts"] == list(solution.conflicts)
 
 
@@ -313,15 +312,13 @@ def test_factorisation_solves_and_counts_signs(number: int, pivots: int, final: 
     widths = rng.integers(1, 3, pivots)
     first = np.concatenate([[0], np.cumsum(widths)]).astype(np.int32)
     n = int(first[-1]) + final
-    if n == 0:
-        return
+    assume(n > 0)
     K = np.triu(rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.4))
     np.fill_diagonal(K, rng.normal(size=n) + np.sign(rng.normal(size=n)) * 3)
     upper = scipy.sparse.csc_matrix(K)
     dense = K + np.triu(K, 1).T
     signs = np.linalg.eigvalsh(dense)
-    if np.abs(signs).min() < 1e-3:
-        return
+    assume(np.abs(signs).min() >= 1e-3)
     right = rng.normal(size=n)
     x, counts = factor_and_solve(first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right)
     assert counts == ((signs > 0).sum(), (signs < 0).sum(), 0)
@@ -355,8 +352,9 @@ def test_a_goal_on_the_surface_that_is_hit(block: Kernels, e: float) -> None:
     problem = dmoc.Problem(
         block, start={"x": 0.0}, goal={"x": 1.0, "x_dot": 0.0}, sequence=["wall"], steps=20, final_time=1.0, restitution=e
     )
-    costs = [dmoc.solve(problem, method).cost for method in ("ipm", "slsqp")]
-    assert costs[0] == pytest.approx(costs[1], rel=1e-6)
+    one, other = (dmoc.solve(problem, method) for method in ("ipm", "slsqp"))
+    assert one.status == other.status == "solved"
+    assert one.cost == pytest.approx(other.cost, rel=1e-6)
 
 
 @pytest.mark.parametrize("order", [2, 4])

@@ -20,7 +20,9 @@ def test_the_estimate_bounds_the_error_against_the_closed_form(order: int, toler
     error = max(abs(solution.cost / exact - 1), abs(solution.collisions[0].time - time))
     assert error <= 1.5 * solution.error_estimate + 1e-8  # the closed form is minimised to 1e-8
     assert [m.steps[0] for m in solution.meshes] == sorted({m.steps[0] for m in solution.meshes})
-    for mesh in solution.meshes[1:-1]:
+    between = solution.meshes[1:-1]
+    assert between
+    for mesh in between:
         assert mesh.difference is not None and mesh.difference <= 2 * mesh.estimate
     assert solution.meshes[-1].simulated is not None and solution.meshes[-1].simulated <= tolerance
 

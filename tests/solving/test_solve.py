@@ -76,22 +76,22 @@ def test_hanging_pendulum_swings_up_past_lost_controllability() -> None:
     assert alpha[0] == pytest.approx(-np.pi / 2) and alpha[-1] == pytest.approx(np.pi / 2)
 
 
-@pytest.mark.parametrize(
-    ("changes", "bound"), [({"parameters": {"m_c": 2.0, "l": 0.7}}, None), ({"bounds": {"F": (-25, 25)}}, 25.0)]
-)
-def test_other_parameters_and_bounds_solve(seed: dmoc.Problem, changes: dict[str, object], bound: float | None) -> None:
-    solution = dmoc.solve(seed.but(**changes))
+def test_other_parameters_solve(seed: dmoc.Problem) -> None:
+    assert dmoc.solve(seed.but(parameters={"m_c": 2.0, "l": 0.7})).solved
+
+
+def test_bounds_of_the_input_are_kept_and_named(seed: dmoc.Problem) -> None:
+    solution = dmoc.solve(seed.but(bounds={"F": (-25, 25)}))
     assert solution.solved
-    if bound:
-        assert max(np.abs(p.u).max() for p in solution.phases) <= bound + 1e-9
-        assert any(name.startswith("F >= -25") for name in solution.active_bounds)
+    assert max(np.abs(p.u).max() for p in solution.phases) == pytest.approx(25, abs=1e-9)
+    assert any(name.startswith("F >= -25") for name in solution.active_bounds)
 
 
 def test_several_collisions_solve(seed: dmoc.Problem) -> None:
     solution = dmoc.solve(seed.but(sequence=["left", "right"]))
     assert solution.solved
     assert [c.surface for c in solution.collisions] == ["left", "right"]
-    assert all(c.impulse > 0 for c in solution.collisions)
+    assert min(c.impulse for c in solution.collisions) > 0
 
 
 def test_block_and_wall_approaches_its_closed_form_to_second_order(block: Kernels) -> None:
@@ -151,13 +151,6 @@ def test_puck_bounces_off_bent_surfaces(puck: Kernels) -> None:
     normal = 2 * collision.position
     np.testing.assert_allclose(collision.momentum_after - collision.momentum_before, -collision.impulse * normal, atol=1e-9)
     assert collision.position @ collision.position == pytest.approx(9.0)
-
-
-def test_an_infeasible_problem_says_so(seed: dmoc.Problem) -> None:
-    solution = dmoc.solve(seed.but(bounds={"F": (-1, 1)}))
-    assert solution.status == "infeasible" and not solution.solved
-    assert "missed" in solution.message and solution.conflicts
-    assert solution.max_violation > 1e-3
 
 
 def test_coarse_steps_are_not_called_solved(seed: dmoc.Problem) -> None:
@@ -238,7 +231,8 @@ def test_merging_collisions_are_not_called_infeasible_nor_solved(block: Kernels)
         block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall", "wall"], final_time=2.0, steps=40
     )
     free = dmoc.solve(problem)
-    assert free.status != "infeasible" and free.max_violation < 1e-6
+    assert free.status == "not_verified" and free.max_violation < 1e-6
+    assert [b for b in free.active_bounds if b.startswith("duration of phase 1 >= 0.002")]
     kept = dmoc.solve(problem.but(durations=[(None, None), (0.4, None), (None, None)]))
     assert kept.solved and kept.phases[1].duration == pytest.approx(0.4)
     assert "duration of phase 1 >= 0.4 s" in kept.active_bounds

@@ -111,11 +111,10 @@ def step_of(derivation: Derivation, parameters: dict[str, float]) -> dict[str, f
     unknowns = re.search(r"z = \((.*?)\)", text)[1].split(", ")  # type: ignore[index]
     assert not set(parameters) & set(unknowns)
     point = parameters | dict(zip(unknowns, (0.3, 0.7, 1.1, -0.4, 0.2, 0.9, 0.55), strict=False))
-    for section in derivation.sections:
-        if section.title.endswith(" of a step"):
-            for equation in section.equations:
-                assert equation.name not in point
-                point[equation.name] = valued(equation.right, point)
+    (section,) = (s for s in derivation.sections if s.title.endswith(" of a step"))
+    for equation in section.equations:
+        assert equation.name not in point
+        point[equation.name] = valued(equation.right, point)
     return point
 
 

@@ -79,7 +79,8 @@ def cart_problem(kernels: Kernels, u: Units) -> dmoc.Problem:
 def test_the_pendulum_on_its_cart(cart: Kernels, method: str, length: int, mass: int, time: int) -> None:
     u = Units(length, mass, time)
     plain, other = (dmoc.solve(cart_problem(cart, v), method) for v in (Units(0, 0, 0), u))
-    assert other.status == plain.status, (plain.message, other.message)
+    status = "not_verified" if cart.manifest["order"] == 2 else "solved"  # a minimum, which 30 steps are too few for
+    assert (plain.status, other.status) == (status, status), (plain.message, other.message)
     assert other.cost / u.of(length=2, mass=2, time=-3) == pytest.approx(plain.cost, rel=1e-6)
     for name in ("terminal_error", "amplification", "energy_error", "impact_error"):
         assert plain.verification is not None and other.verification is not None

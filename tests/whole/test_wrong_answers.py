@@ -50,21 +50,33 @@ def random_arm(seed: int, order: int, steps: int) -> dmoc.Problem:
 
 
 @pytest.mark.parametrize("order", [2, 4])
-@pytest.mark.parametrize("seed", [0, 2, 22, 34, 42])
-def test_a_collision_obeys_the_law_of_impact_or_is_called_a_graze(seed: int, order: int) -> None:
-    """The optimum of 22, 34 and 42 would rather not collide: it touches, and says so; the others hit with w+ = -e w-."""
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_collision_obeys_the_law_of_impact(seed: int, order: int) -> None:
+    """w+ = -e w-."""
     problem = random_arm(seed, order, 40 if order == 2 else 20)
     solution = dmoc.solve(problem, "ipm")
     (hit,) = solution.collisions
-    if seed in (22, 34, 42):
-        assert solution.status == "grazes" and hit.grazes and not solution.solved
-        assert hit.impulse == 0 and "collision 1 (stop) has no effect" in solution.message
-        assert abs(hit.rate_before) + abs(hit.rate_after) < 1e-9
-    else:
-        e = problem.restitution_values[0]
-        assert solution.status == "solved" and not hit.grazes
-        assert hit.rate_before > 0 >= hit.rate_after
-        assert hit.rate_after == pytest.approx(-e * hit.rate_before, rel=0.15, abs=1e-9)
+    assert solution.status == "solved" and not hit.grazes
+    assert hit.rate_before > 0 >= hit.rate_after
+    law = -problem.restitution_values[0] * hit.rate_before
+    assert hit.rate_after == pytest.approx(law, rel=0.15, abs=1e-9)
+    stays_before_the_stop(problem, solution)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("seed", [22, 34, 42])
+def test_a_collision_without_effect_is_called_a_graze(seed: int, order: int) -> None:
+    """The optimum would rather not collide: it touches, and says so."""
+    problem = random_arm(seed, order, 40 if order == 2 else 20)
+    solution = dmoc.solve(problem, "ipm")
+    (hit,) = solution.collisions
+    assert solution.status == "grazes" and hit.grazes and not solution.solved
+    assert hit.impulse == 0 and "collision 1 (stop) has no effect" in solution.message
+    assert abs(hit.rate_before) + abs(hit.rate_after) < 1e-9
+    stays_before_the_stop(problem, solution)
+
+
+def stays_before_the_stop(problem: dmoc.Problem, solution: dmoc.Solution) -> None:
     gaps = np.concatenate([p.q[:, 0] for p in solution.phases]) - problem.parameter_values[0][-1]
     assert gaps.max() <= 1e-9
     assert solution.verification is not None and solution.verification["penetration"] < 2e-3
@@ -221,9 +233,8 @@ def test_an_unstable_motion_is_weighed_with_its_amplification_and_a_coarse_one_i
     fine = dmoc.solve(acrobot(200), "ipm")
     assert fine.solved, fine.message
     check = fine.verify()
-    assert check.passed and check.amplification > 30
-    if check.terminal_error > 0.25:
-        assert "the motion is unstable: it amplifies errors" in fine.message
+    assert check.passed and check.amplification > 1000
+    assert check.terminal_error > 0.25 and "the motion is unstable: it amplifies errors" in fine.message
     coarse = dmoc.solve(acrobot(12), "ipm")
     assert coarse.status == "not_verified" and "too coarse" in coarse.message
 
@@ -280,8 +291,10 @@ def test_a_numerical_failure_is_a_status_and_nothing_is_written(capfd: pytest.Ca
         final_time=1.0,
         restitution=0.5,
     )
-    for method in ("slsqp", "ipm"):
-        assert dmoc.solve(problem, method, seconds=20).status in ("solved", "grazes", "not_verified", "stalled", "infeasible")
+    one, other = (dmoc.solve(problem, method) for method in ("slsqp", "ipm"))
+    assert one.status == other.status == "not_verified"  # feasible, and too coarse for its impact
+    assert "law of impact" in one.message and one.max_violation < 1e-9
+    assert one.cost == pytest.approx(other.cost, rel=1e-6)
     assert capfd.readouterr() == ("", "")
 
 
@@ -298,7 +311,14 @@ def test_the_time_limit_covers_guess_solve_and_check(monkeypatch: pytest.MonkeyP
         return plain() + reads[0]
 
     monkeypatch.setattr(time, "perf_counter", jumping)
-    assert dmoc.solve(problem, "ipm", seconds=5).status == "time_limit"
-    reads[0] = 0
-    late = dmoc.solve(problem, "ipm", seconds=60)
-    assert late.status in ("time_limit", "solved") and reads[0] < 200
+
+    def heard(seconds: float) -> dmoc.Solution:
+        reads[0] = 0
+        solution = dmoc.solve(problem, "ipm", seconds=seconds)
+        assert solution.status == "time_limit" and reads[0] < seconds + 20
+        return solution
+
+    unsolved, unchecked = heard(5), heard(60)
+    assert unsolved.iterations == 0 < unchecked.iterations
+    assert unchecked.optimality < 1e-6 and unchecked.max_violation < 1e-9  # the check alone was cut short
+    assert dmoc.solve(problem, "ipm", seconds=10_000).solved

@@ -1,0 +1,49 @@
+"""Searches over the puck's table that several tests use."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import sys
+from pathlib import Path
+from typing import Any
+
+from dmoc.sequences.engine import SearchResult
+
+
+def outline(result: SearchResult) -> list[tuple[Any, ...]]:
+    return [(n.sequence, n.verdict, n.cost, n.phases, n.minima, tuple(n.starts)) for n in result.nodes]
+
+
+def command(*arguments: str) -> list[str]:
+    """`dmoc search` over the 21 sequences of at most two collisions."""
+    options = ["--steps", "30", "--max-collisions", "2", *arguments]
+    return [sys.executable, "-m", "dmoc", "search", "puck_table", *options]
+
+
+def suicidal(journal: Path, nodes: int, workers: int = 1) -> list[str]:
+    """A process with the same search that kills itself after so many nodes, without a chance to tidy up."""
+    program = f"""
+import os, signal, dmoc
+from dmoc.registry import find
+def stop(p):
+    if sum(p.counts.values()) == {nodes}:
+        os.kill(os.getpid(), signal.SIGKILL)
+reference = find("puck_table")
+problem = dmoc.Problem(reference.kernels(), **{{**reference.defaults, "steps": 30}})
+dmoc.search(problem, 2, workers={workers}, journal={str(journal)!r}, progress=stop)
+"""
+    return [sys.executable, "-c", program]
+
+
+def seconds_of(journal: Path) -> dict[tuple[str, ...], float]:
+    """Time of each node in a journal, which may not be there yet or be written to just now."""
+    if not journal.exists():
+        return {}
+    try:
+        database = sqlite3.connect(journal)
+        rows = [json.loads(r) for (r,) in database.execute("SELECT summary FROM nodes")]
+        database.close()
+    except sqlite3.DatabaseError:
+        return {}
+    return {tuple(r["sequence"]): r["seconds"] for r in rows}
