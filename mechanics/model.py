@@ -35,6 +35,9 @@ MATRICES = {
     "Phi_D": "terminal_cost_jac",
     "T_min_D": "min_time_jac",
 }
+# A point lies on a surface up to this share of the gap's own size: what rounding leaves of coordinates
+# that were computed.
+ROUNDING = 1e-12
 # Relative change of a coordinate or parameter that tells how much of a gap comes from it.
 NUDGE = 1e-3
 
@@ -145,6 +148,10 @@ class Model:
         rows = (np.ascontiguousarray(places), _column(t), np.ascontiguousarray(values))
         gaps = self.kernels.call("surface", *rows)[0] if self.nc else np.zeros((2, 0))
         return np.asarray(np.abs(gaps[1:] - gaps[0]).sum(axis=0) / NUDGE)
+
+    def gap_rounding(self, q: Array, t: float = 0.0) -> Array:
+        """Gaps up to which a position lies on the surfaces, shape (nc,)."""
+        return ROUNDING * self.gap_sizes(q, t)
 
     def impulse_response(self, q: Array, n: Array, t: float = 0.0) -> tuple[Array, float]:
         """Change M^-1 n of the velocity by a unit impulse along n, shape (nq,), and n . M^-1 n."""

@@ -10,7 +10,7 @@ from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.rows import Goal
 from dmoc.nlp.sizes import Scale
-from dmoc.nlp.surfaces import on_surface
+from dmoc.nlp.surfaces import near_surface
 from dmoc.symbolic.names import momentum_name, velocity_name
 
 # The smallest step that is distinguishable from none, relative to the final time: shorter steps divide rounding errors by h^2.
@@ -88,7 +88,7 @@ def _at_contacts(problem: Problem, lay: Layout, scale: Scale, box: Array) -> lis
         for side, sign in enumerate((-1.0, 1.0)):
             q = np.zeros(problem.nq)
             q[j] = box[lay.index_q[node, j], side]
-            if np.isfinite(q[j]) and on_surface(problem, q, surface):
+            if np.isfinite(q[j]) and near_surface(problem, q, surface):
                 size = max(abs(q[j]), scale.q[j])
                 found.append((int(lay.index_q[node, j]), side, float(q[j] + sign * GIVES_WAY * size)))
     return found

@@ -18,8 +18,6 @@ from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 
-# A start or goal on a surface is admissible; rounding of its coordinates must not make it inadmissible: share of the gap's own size.
-SURFACE_TOLERANCE = 1e-12
 # Share of the gap's largest possible rate below which a state on a surface does not move into it.
 MOVING_INTO = 1e-9
 
@@ -361,17 +359,17 @@ class Problem:
         at = np.where(fixed, boundary.position[:, 0], 0.0)
         gaps = self.model.gaps(at)
         ends = [np.where(b[:, 0] == b[:, 1], b[:, 0], 0.0) for b in (self.start_bounds.position, self.goal_bounds.position)]
-        sizes = np.max([self.model.gap_sizes(q) for q in (at, *ends)], axis=0)
+        rounding = np.max([self.model.gap_rounding(q) for q in (at, *ends)], axis=0)
         for j, surface in enumerate(self.kernels.surfaces):
             if end == "goal" and surface in self.kernels.manifest["moving_surfaces"]:
                 continue
             involved = self.kernels.manifest["surface_coordinates"][surface]
             state = ", ".join(f"{self.kernels.coordinates[i]}={at[i]:g}" for i in involved)
-            if fixed[involved].all() and not gaps[j] <= SURFACE_TOLERANCE * sizes[j]:
+            if fixed[involved].all() and not gaps[j] <= rounding[j]:
                 raise ProblemError(
                     f"the {end} ({state}) lies behind surface {surface!r}, {gaps[j]:g} outside the admissible set g <= 0: move the {end} or the surface."
                 )
-            if end == "start" and fixed.all() and gaps[j] >= -SURFACE_TOLERANCE * sizes[j]:
+            if end == "start" and fixed.all() and gaps[j] >= -rounding[j]:
                 self._check_leaving(at, j, state)
 
     def _check_leaving(self, q: Array, j: int, state: str) -> None:

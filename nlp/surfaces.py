@@ -8,8 +8,9 @@ from scipy.optimize import brentq
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.problem import Problem
 
-# A point lies on a surface up to this share of the gap's size.
-ON_SURFACE = 1e-9
+# A point whose gap is below this share of its size is near enough to the surface: what decimals, or Newton's method where the surface bends
+# away, leave of a point that is meant to lie on it.
+NEAR = 1e-9
 # Newton steps towards a surface, and how often one is halved.
 STEPS, HALVINGS = 60, 40
 # Where a surface is looked for along a coordinate, in reaches: how far, at how many places, and where searches begin again.
@@ -42,7 +43,7 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
     def gap(s: float) -> float:
         return gap_to(problem, q + s * (np.arange(problem.nq) == j), surface, t)[0]
 
-    if on_surface(problem, q, surface, t):
+    if abs(gap(0.0)) <= problem.model.gap_rounding(q, t)[row]:
         return [q]
     for sign in (1.0, -1.0):
         places = sign * problem.reach[j] * np.linspace(0.0, FARTHEST, SAMPLES)
@@ -57,10 +58,10 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
 
 
 def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:
-    q, reach = q.copy(), problem.reach
+    q, reach, row = q.copy(), problem.reach, problem.kernels.surfaces.index(surface)
     gap, slope, _ = gap_to(problem, q, surface, t)
     for _ in range(STEPS):
-        if abs(gap) <= 1e-3 * ON_SURFACE * _size(problem, q, surface, t):
+        if abs(gap) <= problem.model.gap_rounding(q, t)[row]:
             return q
         weighted = slope * reach
         square = weighted @ weighted
@@ -74,18 +75,15 @@ def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:
                 break
             step /= 2
         else:
-            return q if abs(gap) <= ON_SURFACE * _size(problem, q, surface, t) else None
+            return q if near_surface(problem, q, surface, t) else None
         q, gap, slope = q + step, trial, at
     return None
 
 
-def on_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> bool:
-    """Whether a point lies on a surface, up to rounding errors of the gap's own size."""
-    return abs(gap_to(problem, q, surface, t)[0]) <= ON_SURFACE * _size(problem, q, surface, t)
-
-
-def _size(problem: Problem, q: Array, surface: str, t: float) -> float:
-    return float(problem.model.gap_sizes(q, t)[problem.kernels.surfaces.index(surface)])
+def near_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> bool:
+    """Whether a point is meant to lie on a surface: the gap is a small share of its own size."""
+    j = problem.kernels.surfaces.index(surface)
+    return bool(abs(problem.model.gaps(q, t)[j]) <= NEAR * problem.model.gap_sizes(q, t)[j])
 
 
 def gap_to(problem: Problem, q: Array, surface: str, t: float) -> tuple[float, Array, float]:

@@ -37,7 +37,7 @@ SAME_CONTACT = 0.05
 # its nodes as far as penetration may be, one that only touches it less far: it would bounce.
 ON_ARC, LASTING, TOUCHING = 1e-4, 3, 3e-4
 SEGMENTS = 10  # of a phase
-ON_SURFACE = 1e-6  # gap of a planned collision relative to how far the coordinates move it
+OFF_SURFACE = 1e-6  # gap of a planned collision, relative to how far the coordinates move it, that a solver may leave
 ASTRAY = 100.0  # ranges from the motion at which an open-loop run ends
 SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to the largest inertias
 PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
@@ -311,7 +311,7 @@ class _Check:
         for c in self.trajectory.collisions:
             j = self.kernels.surfaces.index(c.surface)
             gap = float(self.model.gaps(c.position, c.time)[j])
-            if not abs(gap) <= ON_SURFACE * self.sizes.gap[j]:
+            if not abs(gap) <= OFF_SURFACE * self.sizes.gap[j]:
                 found.append((c.surface, gap))
         return found
 

@@ -20,7 +20,8 @@ from dmoc.mechanics.model import Model
 
 # Error of an integration over a step, as a share of the sizes, far below the discretisation errors that are to be seen; most steps in one.
 ACCURACY, MOST_STEPS = 1e-11, 64
-# Gap that counts as touching, and approach speed below which a contact has no impact, as shares of the sizes of gap and rate.
+# Gap that the integration's errors leave where it touches, and approach speed below which a contact has no impact, as shares of the sizes
+# of gap and rate.
 TOUCH, RELEASED = 1e-9, 1e-7
 # Where in a step crossings are looked for.
 PLACES = np.linspace(0.0, 1.0, 9)

@@ -25,6 +25,7 @@ import numpy as np
 
 from dmoc.discretisation import DISCRETISATIONS
 from dmoc.errors import SimulationError
+from dmoc.mechanics.model import ROUNDING
 from dmoc.simulation.contacts import NOISE, simultaneous
 
 cdef enum:
@@ -34,9 +35,9 @@ cdef enum:
     ATTENTION = 20      # looks for Ctrl-C in a second of computing
 
 cdef double TOLERANCE = 1e-14        # of a Newton step relative to the coordinates
-cdef double ROUNDING = 1e-10         # the same, where Newton's method makes no progress any more
-cdef double GAP_TOLERANCE = 1e-13    # a gap above it, relative to its slopes and the coordinates, counts as crossed
-cdef double START_TOLERANCE = 1e-12  # the same for the first position, which a user has computed
+cdef double STALLED = 1e-10          # the same, where Newton's method makes no progress any more
+cdef double GAP_TOLERANCE = 1e-13    # of a gap relative to its slopes and the coordinates: what Newton's steps leave; more counts as crossed
+cdef double START_TOLERANCE = ROUNDING  # the same for the first position, which a user has computed
 cdef double RATE_TOLERANCE = NOISE   # a rate of a gap below it, relative to its slopes and the velocities, is a rounding error
 cdef double SHORTEST_LEG = 1e-9      # share of a step below which a leg is replaced by its limit: its equations divide by s
 cdef double ROUNDED_FLIGHTS = 1e-2  # share of a step in which three bounces are so short that rounding errors decide which is shortest
@@ -386,7 +387,7 @@ cdef class Stepper:
             if not isfinite(change):
                 return 0
             self.grow()
-            if change <= TOLERANCE * self.reach or (change >= 0.5 * previous and change <= ROUNDING * self.reach):
+            if change <= TOLERANCE * self.reach or (change >= 0.5 * previous and change <= STALLED * self.reach):
                 self.step.run()
                 self.impact.run()
                 return 1
