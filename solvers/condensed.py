@@ -39,10 +39,10 @@ class Partition:
 
 
 def partition(nlp: Transcription, segments: int) -> Partition:
-    """Cut every phase into at most ``segments`` segments; segments = 0 eliminates nothing."""
+    """Cut every phase into at most ``segments`` segments."""
     layout, rows_of = nlp.layout, nlp.rows.c
     gone_parts, used_parts = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
-    for i, (first, last) in enumerate(pairwise(layout.ends) if segments else ()):
+    for i, (first, last) in enumerate(pairwise(layout.ends)):
         pieces = min(segments, max(1, (last - first) // SHORTEST_SEGMENT))
         cuts: Any = np.linspace(first, last, pieces + 1).round().astype(int)
         for a, b in pairwise(cuts):

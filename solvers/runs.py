@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -15,8 +14,8 @@ from dmoc.mechanics.algebra import least_squares, solved
 from dmoc.nlp.tables import Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Partition, Reduced
-from dmoc.solvers.kkt import violation
-from dmoc.solvers.outcome import Iteration, Options, Status
+from dmoc.solvers.outcome import Status
+from dmoc.solvers.tally import Stop, Tally
 
 # Weight of the constraint directions in the metric against the null space.
 CONSTRAINT_SCALE = 0.1
@@ -29,8 +28,6 @@ EQUATION_TOLERANCE = 1e-12
 FOLLOWING_LIMIT = 20
 # A trial step may shrink no step size below this share of what it was at the start of the run.
 LEAST_SHRINK = 0.02
-# Violations below it do not decide which iterate is the best.
-SMALL_VIOLATION = 1e-6
 
 
 class Setting(Protocol):
@@ -40,14 +37,6 @@ class Setting(Protocol):
     parts: Partition
     elimination: Elimination
     is_eliminated: NDArray[np.bool_]
-
-
-class Stop(Exception):  # noqa: N818 - it is no error
-    """Ends a run of SLSQP from its callback."""
-
-    def __init__(self, status: Status) -> None:
-        super().__init__(status.sentence)
-        self.status = status
 
 
 @dataclass(frozen=True)
@@ -83,7 +72,7 @@ class Run:
         bound = np.concatenate([working.lower, working.upper])
         self.by_elimination = bound[driver.is_eliminated[bound]]
         self._point = _Point(np.full(self.M.shape[1], np.nan), None)
-        self.progress: Progress | None = None
+        self.tally: Tally | None = None
 
     def _complete(self, s: Array) -> Array | None:
         y = self.origin + self.M @ s
@@ -99,8 +88,8 @@ class Run:
         return self.M
 
     def _at(self, s: Array) -> _Point:
-        if self.progress is not None:
-            self.progress.check_time()
+        if self.tally is not None:
+            self.tally.check_time()
         if not np.array_equal(self._point.s, s):
             self._point = _Point(s.copy(), self._complete(s))
         return self._point
@@ -171,9 +160,9 @@ class Run:
             constraints.append({"type": "eq", "fun": self.equality, "jac": self.equality_jacobian})
         return constraints
 
-    def minimise(self, iterations: int, progress: Progress) -> tuple[Array, Array, Array, bool]:
+    def minimise(self, iterations: int, tally: Tally) -> tuple[Array, Array, Array, bool]:
         """Run SLSQP; return x, multipliers of the kept equations and of the working set, and whether it converged."""
-        self.progress = progress
+        self.tally = tally
         constraints = self._constraints()
         if self.working.size:
             constraints.append({"type": "ineq", "fun": self.inequality, "jac": self.inequality_jacobian})
@@ -183,7 +172,7 @@ class Run:
         def report(s: Array) -> None:
             point = self._at(s)
             if point.x is not None:
-                progress.step(point.x)
+                tally.step(point.x)
 
         with np.errstate(all="ignore"):
             result = scipy.optimize.minimize(
@@ -261,37 +250,6 @@ class FollowingRun(Run):
         slope = reduced.cost - w @ self._working_slopes(reduced)
         y = -solve_linear((reduced.equality @ self.move).T, slope @ self.move)
         return y, w
-
-
-class Progress:
-    """Counts iterations, keeps the limits and remembers the best iterate."""
-
-    def __init__(self, nlp: Transcription, options: Options) -> None:
-        self.nlp, self.options = nlp, options
-        self.count = 0
-        self.best: Array | None = None
-        self._rank = (np.inf, np.inf)
-        self._deadline = np.inf if options.seconds is None else time.perf_counter() + options.seconds
-
-    def step(self, x: Array) -> None:
-        self.count += 1
-        cost, worst = self.nlp.cost(x), violation(self.nlp, x)
-        self.consider(x, cost, worst)
-        if self.options.progress is not None:
-            self.options.progress(Iteration(self.count, cost, worst))
-        if self.count >= self.options.iterations:
-            raise Stop(Status.ITERATION_LIMIT)
-        self.check_time()
-
-    def consider(self, x: Array, cost: float, worst: float) -> None:
-        """Keep x if it is the best so far: of the least violation, and of the least cost where the violations are small."""
-        rank = (max(worst, SMALL_VIOLATION), cost)
-        if rank <= self._rank or self.best is None:
-            self._rank, self.best = rank, x
-
-    def check_time(self) -> None:
-        if time.perf_counter() >= self._deadline:
-            raise Stop(Status.TIME_LIMIT)
 
 
 def solve_linear(A: Array, b: Array) -> Array:

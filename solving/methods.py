@@ -123,7 +123,7 @@ METHODS = {
             "slsqp",
             "sequential quadratic programming",
             "dmoc.solvers.slsqp:solve",
-            full="dmoc.solvers.slsqp:solve_full",
+            full="dmoc.solvers.slsqp_full:solve",
             most_inputs=2000,  # memory grows with the square of the inputs, time with the cube
             guided=True,
             falls_back_on="ipm",

@@ -1,0 +1,49 @@
+"""The list of methods, and what reads it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import block_and_wall
+import pytest
+
+import dmoc
+from dmoc.errors import ProblemError, SearchError
+from dmoc.solving.methods import FORMS, METHODS, listed
+
+
+def test_every_method_has_a_driver_and_its_package_is_an_extra() -> None:
+    from importlib.metadata import metadata
+
+    extras = metadata("dmoc").get_all("Provides-Extra") or []
+    for name, method in METHODS.items():
+        assert method.name == name and name in listed()
+        assert all(callable(method.minimise(form)) for form in FORMS)
+        assert method.package is None or name in extras
+        assert method.falls_back_on is None or method.falls_back_on in METHODS
+
+
+def test_the_list_is_read_without_loading_a_solver() -> None:
+    code = "import sys, dmoc.solving.methods; print(sorted({'numpy', 'scipy', 'sympy'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(("check", "error"), [(dmoc.solve, ProblemError), (dmoc.search, SearchError)])
+def test_a_method_that_cannot_be_used_is_refused_before_anything_is_tried(check: Any, error: type[Exception]) -> None:
+    problem = block_and_wall.problem(0.8, 10)
+    plain = problem.but(kernels=dmoc.build(block_and_wall.system(), backend="numpy"))
+    with pytest.raises(error, match="method ipm needs compiled kernels"):
+        check(plain, method="ipm")
+    with pytest.raises(error, match="at most 2000 inputs"):
+        check(problem.but(steps=2000), method="slsqp")
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_the_full_program_has_the_minimum_of_the_condensed_one(order: int) -> None:
+    condensed, full = (dmoc.solve(block_and_wall.problem(0.8, 8, order), form=form, verify=False) for form in FORMS)
+    assert full.status == condensed.status == "solved"
+    assert full.cost == pytest.approx(condensed.cost, rel=1e-12)
+    assert abs(full.unknowns - condensed.unknowns).max() < 1e-8
