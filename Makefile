@@ -5,14 +5,18 @@ BIN := $(VENV)/bin
 # setuptools warns of the folders beside setup.py in every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
-.PHONY: demo test check bench clean
+.PHONY: demo test test-fast check bench clean
 
 demo: $(VENV)/.installed-demo
 	@$(BIN)/python examples/seed.py demo
 	@$(BIN)/python examples/hanging.py demo
 
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
+
+# About a minute; the rest goes through whole searches, examples and refinements.
+test-fast: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
 check: $(VENV)/.installed-check
 	$(BIN)/ruff check .

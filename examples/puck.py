@@ -33,7 +33,7 @@ def problem(steps: int = 40, order: int = 2) -> dmoc.Problem:
 
 
 def main() -> None:
-    p = problem()
+    p = problem(20)
     exact = known(p.start, p.goal, 2.0)
     tree = dmoc.search(p.but(sequence=()), max_collisions=3)
     print(f"best of {len(tree.nodes)} sequences: {', '.join(tree.best.sequence)}")

@@ -17,7 +17,7 @@ def outline(result: SearchResult) -> list[tuple[Any, ...]]:
 
 def command(*arguments: str) -> list[str]:
     """`dmoc search` over the 21 sequences of at most two collisions."""
-    options = ["--steps", "30", "--max-collisions", "2", *arguments]
+    options = ["--steps", "16", "--max-collisions", "2", *arguments]
     return [sys.executable, "-m", "dmoc", "search", "puck_table", *options]
 
 
@@ -30,7 +30,7 @@ def stop(p):
     if sum(p.counts.values()) == {nodes}:
         os.kill(os.getpid(), signal.SIGKILL)
 reference = find("puck_table")
-problem = dmoc.Problem(reference.kernels(), **{{**reference.defaults, "steps": 30}})
+problem = dmoc.Problem(reference.kernels(), **{{**reference.defaults, "steps": 16}})
 dmoc.search(problem, 2, workers={workers}, journal={str(journal)!r}, progress=stop)
 """
     return [sys.executable, "-c", program]

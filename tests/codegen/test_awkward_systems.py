@@ -18,6 +18,8 @@ from dmoc.codegen.text import c_files, manifest, numpy_text
 from dmoc.symbolic.kernels import model_spec
 from dmoc.symbolic.spec import KernelSpec
 
+pytestmark = pytest.mark.slow
+
 T = dynamicsymbols._t
 x, y, u, w = dynamicsymbols("x y u w")
 m, n, c = sp.symbols("m n c")

@@ -15,6 +15,8 @@ from systems import block_system
 import dmoc
 from dmoc.errors import BuildError
 
+pytestmark = pytest.mark.slow
+
 
 def entry(cache: Path) -> Path:
     (folder,) = (p for p in cache.iterdir() if p.is_dir() and p.name.startswith("cached-"))

@@ -134,6 +134,7 @@ def test_c_hostile_parameter_names_work() -> None:
     assert mass[0, 0] == 8.0
 
 
+@pytest.mark.slow
 def test_text_does_not_depend_on_the_hash_seed() -> None:
     program = (
         "import hashlib; from dmoc.models import catalogue; from dmoc.symbolic.kernels import model_spec;"
@@ -153,6 +154,7 @@ def test_text_does_not_depend_on_the_hash_seed() -> None:
     assert len(digests) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [block_system, puck_system, driven_system])
 def test_backends_agree_on_every_kernel(make: object) -> None:
     system = make()  # type: ignore[operator]
@@ -195,6 +197,7 @@ def test_wrong_arrays_are_refused_by_name(block: Kernels) -> None:
         block.functions["step"](*out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_every_kernel_runs_under_sanitizers(tmp_path: Path, order: int) -> None:
     """Each kernel is called on arrays of exactly its sizes; reading or writing beside them aborts the program."""

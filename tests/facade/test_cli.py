@@ -72,6 +72,7 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     assert {"passed", "terminal_error", "max_defect", "energy_error", "missed_contacts"} <= set(found["verification"])
 
 
+@pytest.mark.slow
 def test_laws_order_and_tolerance_are_options(run: Run, file: Callable[[str], str]) -> None:
     """A block between start and wall (here a floor, 1 below the start), and the bouncer that is driven for ever."""
     model = file("s = make()")
@@ -143,7 +144,7 @@ def test_solve_verify_and_plot_a_file(run: Run, tmp_path: Path) -> None:
 
 
 def test_infeasible_has_exit_status_1(run: Run) -> None:
-    code, out, _ = run("solve", "cart_pendulum", "--bound", "F=-1:1", "--steps", "40", "--json", "-")
+    code, out, _ = run("solve", "cart_pendulum", "--bound", "F=-1:1", "--method", "ipm", "--steps", "40", "--json", "-")
     assert code == 1 and json.loads(out)["status"] == "infeasible"
 
 
@@ -354,6 +355,7 @@ def test_a_model_that_is_called_like_a_shipped_one_is_drawn_as_itself(run: Run, 
 HOSTILE = "x[/y]:warning:[bold]"
 
 
+@pytest.mark.slow
 def test_names_are_printed_as_they_are(run: Run, file: Callable[[str], str]) -> None:
     code, out, _ = run("solve", "cart_pendulum", "--method", "ipm", "--steps", "20", "--final-time", "1", "--out", HOSTILE)
     assert code == 1 and f"written: {HOSTILE}/solution.npz\n" in out and f"written: {HOSTILE}/solution.png\n" in out
@@ -424,6 +426,7 @@ def test_a_full_disk_keeps_the_summary(run: Run, monkeypatch: pytest.MonkeyPatch
     assert not list((tmp_path / "o").iterdir()) and not (tmp_path / "j.json").exists()
 
 
+@pytest.mark.slow
 def test_standard_output_without_room_is_one_sentence() -> None:
     for command in (["models"], ["derive", "puck_table"], ["solve", "cart_pendulum", *SHORT, "--json", "-"]):
         with open("/dev/full", "w") as nowhere:

@@ -19,6 +19,8 @@ from dmoc.cli import main
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node
 
+pytestmark = pytest.mark.slow
+
 
 def test_ctrl_c_ends_the_command_with_the_best_so_far(tmp_path: Path) -> None:
     for workers in ("1", "2"):

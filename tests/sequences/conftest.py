@@ -13,7 +13,7 @@ from dmoc.sequences.engine import SearchResult
 @pytest.fixture(scope="session")
 def table() -> dmoc.Problem:
     reference = find("puck_table")
-    return dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 30})
+    return dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 16})
 
 
 @pytest.fixture(scope="session")

@@ -23,6 +23,8 @@ from dmoc.sequences.engine import Progress, SearchResult
 from dmoc.sequences.nodes import Verdict
 from dmoc.solvers.diagnosis import Diagnosis
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

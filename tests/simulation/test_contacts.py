@@ -201,6 +201,7 @@ def bouncing_ball() -> dmoc.MechanicalSystem:
 DIMENSIONS = {"m": (0, 1, 0), "M": (0, 1, 0), "g": (1, 0, -2), "l": (1, 0, 0), "room": (1, 0, 0), "x": (1, 0, 0)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "position", "velocity", "restitution", "hits"),
     [

@@ -148,6 +148,7 @@ def test_multipliers_survive_a_file(seed: dmoc.Problem, tmp_path: Path) -> None:
 # Limits --------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", SPARSE)
 def test_limits_are_kept(seed: dmoc.Problem, method: str) -> None:
     few = dmoc.solve(seed, method=method, iterations=3)
@@ -230,6 +231,7 @@ def test_kernels_on_numpy_give_the_same_program_and_no_interior_point() -> None:
 # Infeasible is an answer ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
 def test_a_weak_force_misses_the_goal(seed: dmoc.Problem, method: str) -> None:
     solution = dmoc.solve(seed.but(bounds={"F": (-1, 1)}, steps=40), method=method)

@@ -11,6 +11,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.errors import ProblemError
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(("order", "tolerance"), [(2, 1e-5), (4, 1e-8)])
 def test_the_estimate_bounds_the_error_against_the_closed_form(order: int, tolerance: float) -> None:

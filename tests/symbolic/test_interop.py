@@ -63,6 +63,7 @@ def solved(system: dmoc.MechanicalSystem) -> dmoc.Solution:
     return dmoc.solve(problem.but(kernels=dmoc.build(system)), "ipm", verify=False)
 
 
+@pytest.mark.slow
 def test_lagranges_method() -> None:
     system = dmoc.MechanicalSystem.from_lagranges_method("cart_pole_lm", lagranges_method(), VALUES, inputs=[F], cost=F**2)
     difference = system.lagrangian - cart_pole.system().lagrangian

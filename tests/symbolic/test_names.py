@@ -16,6 +16,8 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.errors import ModelError
 from dmoc.symbolic.derivation import Derivation
 
+pytestmark = pytest.mark.slow
+
 T = dynamicsymbols._t
 # Symbols, arguments, results, temporaries and display names of the derivation, the kernels and the generated code.
 MADE = """x_m x_dot_m t_m x_k x_kp1 x_i x_1 x_2 x_dot_1 x_dot_2 t_1 t_2 t_k t_0 h u_k u_kp1 u_free q_k q_kp1 q_i q_k_0 q_kp1_0 q_i_0 u_k_0 u_kp1_0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 import sympy as sp
 from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 from systems import block_system, driven_system, puck_system
@@ -49,6 +50,7 @@ def test_energy_is_kinetic_plus_potential() -> None:
     assert all(zero(a - b) for a, b in zip(momenta(f), sp.Matrix(mass_matrix(f)) * sp.Matrix(f.v), strict=True))
 
 
+@pytest.mark.slow
 def test_slot_derivatives_equal_direct_differentiation() -> None:
     for system, order in ((catalogue.system("cart_pendulum"), 2), (driven_system(), 2), (block_system(), 4)):
         e = _readable_element(system, order, DisplayNames.beside(system))

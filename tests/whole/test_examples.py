@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 NAMES = ("seed", "block_and_wall", "two_bounces", "two_discs", "cart_pole", "hanging", "cart_links", "hopper", "puck")
 

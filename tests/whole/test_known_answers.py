@@ -24,6 +24,8 @@ from systems import block_system, bouncer_problem, bryson_denham, double_integra
 
 import dmoc
 
+pytestmark = pytest.mark.slow
+
 T = dynamicsymbols._t
 
 

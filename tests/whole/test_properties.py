@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,6 +16,8 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.nlp.transcription import Transcription
 from dmoc.registry import build
+
+pytestmark = pytest.mark.slow
 
 T = dynamicsymbols._t
 SOME = settings(max_examples=12, deadline=None, derandomize=True)  # each example derives a system of its own

@@ -15,6 +15,8 @@ from systems import block_system
 import dmoc
 from dmoc.codegen.kernels import Kernels
 
+pytestmark = pytest.mark.slow
+
 METHODS = ("ipm", "slsqp", "ipopt", "uno")
 DECADES = st.integers(-6, 6)
 

@@ -17,6 +17,8 @@ from dmoc.nlp.guess import contact_point
 from dmoc.nlp.surfaces import crossings, onto_surface
 from dmoc.nlp.transcription import Transcription
 
+pytestmark = pytest.mark.slow
+
 T = dynamicsymbols._t
 
 
