@@ -36,7 +36,8 @@ def verdict(word: Status, left: Residuals, options: Options) -> Status:
         return Status.SOLVED
     if word in LIMITS:
         return word
-    return Status.INFEASIBLE if INFEASIBLE < left.violation < np.inf else Status.STALLED
+    known = np.isfinite(left.optimality) and np.isfinite(left.violation)  # beyond the numbers nothing is
+    return Status.INFEASIBLE if known and left.violation > INFEASIBLE else Status.STALLED
 
 
 def judged(nlp: Transcription, ending: Ending, options: Options) -> Outcome:
