@@ -58,7 +58,7 @@ extensions += [
 def cythonized() -> list[Extension]:
     from Cython.Build import cythonize
 
-    return cythonize(extensions, include_path=["codegen"], build_dir="build/cython", language_level=3, quiet=True)
+    return cythonize(extensions, include_path=["codegen", "nlp"], build_dir="build/cython", language_level=3, quiet=True)
 
 
 setup(
@@ -67,7 +67,7 @@ setup(
     package_data={
         "dmoc": ["py.typed"],
         "dmoc.codegen": ["templates/*.jinja", "*.pyx", "*.pxd", "*.pyi", "*.h"],
-        **{f"dmoc.{layer}": ["*.pyx", "*.pyi", "*.c", "*.h"] for layer in ("nlp", "solvers", "simulation")},
+        **{f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pyi", "*.c", "*.h"] for layer in ("nlp", "solvers", "simulation")},
         **{f"dmoc.generated.{model}": ["*.c", "*.h", "*.pyx", "*.pyi", "manifest.json"] for model in models},
     },
     ext_modules=cythonized(),

@@ -1,50 +1,21 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, binding=False
-"""The nonlinear program as C data: :class:`Program` owns the arrays of a ``dmoc_program`` (passes.h) and evaluates its three passes.
+"""The nonlinear program as C data (passes.h).
+
+:class:`Program` owns the arrays of a ``dmoc_program`` and evaluates its three passes.
 
 Kernels on NumPy have no C function; their passes run in Python.
 """
 from cpython.pycapsule cimport PyCapsule_New
 from libc.stdlib cimport calloc, free
 
-from dmoc_kernel cimport DMOC_MOST, dmoc_array, dmoc_entry, find_kernel
+from dmoc_kernel cimport dmoc_array, find_kernel
+from passes cimport (
+    dmoc_assemble, dmoc_element, dmoc_pass, dmoc_program, dmoc_put, dmoc_scratch_size
+)
 
 import numpy as np
 
 from dmoc.nlp.program import strided
-
-cdef extern from "passes.h" nogil:
-    ctypedef struct dmoc_element:
-        const dmoc_entry *entry
-        ptrdiff_t n
-        ptrdiff_t base[DMOC_MOST]
-        ptrdiff_t stride[DMOC_MOST]
-        const ptrdiff_t *gather[DMOC_MOST]
-        const ptrdiff_t *slot[DMOC_MOST]
-        const double *factor[DMOC_MOST]
-    ctypedef struct dmoc_pass:
-        ptrdiff_t targets
-        const double *constant
-        ptrdiff_t terms
-        const ptrdiff_t *row
-        const ptrdiff_t *column
-        const double *coefficient
-        ptrdiff_t elements
-        dmoc_element *element
-        double *scratch
-    ctypedef struct dmoc_program:
-        ptrdiff_t n, m, equalities
-        const double *lower
-        const double *upper
-        const double *unit
-        double *pool
-        dmoc_pass values, slopes, curvatures
-        const int *row_start
-        const int *column
-        const int *hess_start
-        const int *hess_column
-    ptrdiff_t dmoc_scratch_size(const dmoc_pass *p)
-    void dmoc_assemble(const dmoc_pass *p, const double *pool, double *target)
-    void dmoc_put(const dmoc_program *program, const double *x)
 
 
 def _pattern(pattern, rows, entries):
@@ -56,7 +27,10 @@ def _pattern(pattern, rows, entries):
 
 
 cdef class Pass:
-    """One pass over elements, from a :class:`dmoc.nlp.program.PassData`; positions lie in the pool, slots in the target."""
+    """One pass over elements, from a :class:`dmoc.nlp.program.PassData`.
+
+    Positions lie in the pool, slots in the target.
+    """
     cdef dmoc_pass c
     cdef object kernels, data, keep
     cdef bint compiled
@@ -68,13 +42,15 @@ cdef class Pass:
         free(self.c.element)
 
     def __init__(self, kernels, data, ptrdiff_t pool):
-        cdef ptrdiff_t targets = len(data.constant), terms = len(data.coefficients), elements = len(data.elements)
+        cdef ptrdiff_t targets = len(data.constant), terms = len(data.coefficients)
+        cdef ptrdiff_t elements = len(data.elements)
         self.kernels, self.data, self.keep = kernels, data, []
         self.compiled = kernels.backend == "compiled"
         self.c.targets, self.c.terms, self.c.elements = targets, terms, elements
         _within(data.rows, 0, targets), _within(data.columns, 0, pool)
         self.c.constant = self._numbers(data.constant, targets)
-        self.c.row, self.c.column = self._indices(data.rows, terms), self._indices(data.columns, terms)
+        self.c.row = self._indices(data.rows, terms)
+        self.c.column = self._indices(data.columns, terms)
         self.c.coefficient = self._numbers(data.coefficients, terms)
         self.c.element = <dmoc_element *>calloc(max(elements, 1), sizeof(dmoc_element))
         if self.c.element == NULL:
@@ -82,20 +58,25 @@ cdef class Pass:
         if self.compiled:
             for e, element in enumerate(data.elements):
                 self._fill(&self.c.element[e], element, pool)
-            self.c.scratch = self._numbers(np.empty(dmoc_scratch_size(&self.c)), dmoc_scratch_size(&self.c))
+            size = dmoc_scratch_size(&self.c)
+            self.c.scratch = self._numbers(np.empty(size), size)
 
     cdef int _fill(self, dmoc_element *c, element, ptrdiff_t pool) except -1:
         cdef const dmoc_array *array
         cdef int a
-        c.entry = find_kernel(self.kernels.module, element.kernel)
-        arrays = (*element.arguments, *element.slots)
-        if len(element.arguments) != c.entry.inputs or len(arrays) != c.entry.inputs + c.entry.outputs:
-            raise ValueError(f"{element.kernel}: expected {c.entry.inputs} arguments and {c.entry.outputs} results")
+        cdef int inputs, outputs
+        kernel = element.kernel
+        c.entry = find_kernel(self.kernels.module, kernel)
+        inputs, outputs = c.entry.inputs, c.entry.outputs
+        if (len(element.arguments), len(element.slots)) != (inputs, outputs):
+            raise ValueError(f"{kernel}: expected {inputs} arguments and {outputs} results")
         c.n = max(len(at) for at in element.arguments)
-        for a, at in enumerate(arrays):
+        for a, at in enumerate((*element.arguments, *element.slots)):
             array = &c.entry.array[a]
-            if at.shape[1:] != (array.size,) or (len(at) != c.n and (a >= c.entry.inputs or len(at) != 1)):
-                raise ValueError(f"{element.kernel}: {array.name.decode()} of shape {at.shape}, expected ({c.n}, {array.size})")
+            one = a < inputs and len(at) == 1
+            if at.shape[1:] != (array.size,) or not (one or len(at) == c.n):
+                expected = f"expected ({c.n}, {array.size})"
+                raise ValueError(f"{kernel}: {array.name.decode()} of shape {at.shape}, {expected}")
         for a, at in enumerate(element.arguments):
             _within(at, 0, pool)
             evenly = strided(at)
@@ -104,11 +85,12 @@ cdef class Pass:
             elif len(at) == c.n:
                 c.gather[a], c.stride[a] = self._indices(at, at.size), at.shape[1]
             else:
-                raise ValueError(f"{element.kernel}: an argument of one row must have consecutive positions")
+                raise ValueError(f"{kernel}: the positions of a single row must be consecutive")
         for a, (slots, factors) in enumerate(zip(element.slots, element.factors, strict=True)):
             if slots.size and slots.max() >= 0:
                 _within(slots, -1, self.c.targets)
-                c.slot[a], c.factor[a] = self._indices(slots, slots.size), self._numbers(factors, slots.size)
+                c.slot[a] = self._indices(slots, slots.size)
+                c.factor[a] = self._numbers(factors, slots.size)
         return 0
 
     cdef const ptrdiff_t *_indices(self, array, ptrdiff_t size) except? NULL:
@@ -151,8 +133,10 @@ cdef class Pass:
 
 cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:
     """The C code trusts positions: refuse those outside."""
-    if positions.size and (positions.min() < least or positions.max() >= end):
-        raise ValueError(f"positions {positions.min()} to {positions.max()}: expected {least} to {end - 1}")
+    if positions.size:
+        first, last = positions.min(), positions.max()
+        if first < least or last >= end:
+            raise ValueError(f"positions {first} to {last}: expected {least} to {end - 1}")
     return 0
 
 
@@ -171,7 +155,8 @@ cdef class Program:
         self.lower, self.upper = np.append(data.lower, 0.0), np.append(data.upper, 0.0)
         self.unit = np.ascontiguousarray(data.unit, dtype=np.float64)
         self.pool = np.append(data.pool, 0.0)
-        if not (self.upper.shape[0] == n + 1 and self.unit.shape[0] == n + m + 1 and self.pool.shape[0] >= n + m + 2):
+        sizes = len(data.upper), len(data.unit), min(len(data.pool), n + m + 2)
+        if sizes != (n, n + m + 1, n + m + 2):
             raise ValueError(f"expected bounds of {n} unknowns and units of {n + m + 1} numbers")
         self._values, self._slopes, self._curvatures = (
             Pass(kernels, p, len(data.pool)) for p in (data.values, data.slopes, data.curvatures))
@@ -179,8 +164,10 @@ cdef class Program:
         self.hess_start, self.hess_column = _pattern(data.hessian, n, len(data.curvatures.constant))
         self.compiled = kernels.backend == "compiled"
         self.c.n, self.c.m, self.c.equalities = n, m, data.equalities
-        self.c.lower, self.c.upper, self.c.pool, self.c.unit = &self.lower[0], &self.upper[0], &self.pool[0], &self.unit[0]
-        self.c.values, self.c.slopes, self.c.curvatures = self._values.c, self._slopes.c, self._curvatures.c
+        self.c.lower, self.c.upper = &self.lower[0], &self.upper[0]
+        self.c.pool, self.c.unit = &self.pool[0], &self.unit[0]
+        self.c.values, self.c.slopes = self._values.c, self._slopes.c
+        self.c.curvatures = self._curvatures.c
         self.c.row_start, self.c.column = &self.row_start[0], &self.column[0]
         self.c.hess_start, self.c.hess_column = &self.hess_start[0], &self.hess_column[0]
 

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-enum { CHUNK = 64 }; /* rows at a time: arguments and results of a chunk stay in the first-level cache */
+enum { CHUNK = 64 }; /* rows at a time, which stay in the first-level cache */
 
 ptrdiff_t dmoc_scratch_size(const dmoc_pass *pass)
 {
@@ -20,7 +20,8 @@ ptrdiff_t dmoc_scratch_size(const dmoc_pass *pass)
     return most*CHUNK;
 }
 
-static void add_element(const dmoc_element *element, const double *pool, double *scratch, double *target)
+static void add_element(const dmoc_element *element, const double *pool, double *scratch,
+                        double *target)
 {
     const dmoc_entry *entry = element->entry;
     const dmoc_array *input = entry->array, *output = input + entry->inputs;

@@ -13,7 +13,7 @@ Ints = NDArray[Any]
 
 def interior_point(
     program: Program,
-    system: KKTLayout,
+    layout: KKTLayout,
     size: Array,
     stretch: Array,
     x: Array,
@@ -34,4 +34,10 @@ def interior_point(
     seconds: float,
     report: Callable[[int, float, float, float, bool], None],
 ) -> dict[str, Any]: ...
-def factor_and_solve(first: Ints, start: Ints, row: Ints, values: Array, right: Array) -> tuple[Array, tuple[int, int, int]]: ...
+def factor_and_solve(
+    first: Ints,
+    start: Ints,
+    row: Ints,
+    values: Array,
+    right: Array,
+) -> tuple[Array, tuple[int, int, int]]: ...

@@ -1,13 +1,11 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, binding=False
-"""Entry to the interior-point method in C (interior_point.h), and to its factorisation for tests."""
+"""Entry to the interior-point method in C (interior_point.h), and to its factorisation."""
 from cpython.exc cimport PyErr_CheckSignals
 from cpython.pycapsule cimport PyCapsule_GetPointer
 
-import numpy as np
+from passes cimport dmoc_program
 
-cdef extern from "passes.h" nogil:
-    ctypedef struct dmoc_program:
-        ptrdiff_t n, m
+import numpy as np
 
 cdef extern from "ldl.h" nogil:
     ctypedef struct dmoc_ldl:
@@ -19,7 +17,8 @@ cdef extern from "ldl.h" nogil:
 
 cdef extern from "interior_point.h" nogil:
     enum: DMOC_NO_MEMORY
-    ctypedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu, int restoring) noexcept nogil
+    ctypedef int dmoc_report(void *user, int iteration, double cost, double violation, double mu,
+                             int restoring) noexcept nogil
     ctypedef struct dmoc_options:
         double optimality, demanded, violation, least_cost, infeasible, mu, seconds
         int warm, iterations, least_violation
@@ -39,17 +38,20 @@ cdef extern from "interior_point.h" nogil:
         int status, iterations, restorations
         long factorisations
         double seconds_kernels, seconds_linear, seconds
-    dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt, const dmoc_options *options, const double *size,
-                                    const double *stretch, double *x, double *y, double *z_lower, double *z_upper)
+    dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt,
+                                    const dmoc_options *options, const double *size,
+                                    const double *stretch, double *x, double *y, double *z_lower,
+                                    double *z_upper)
 
 
 cdef class _Listener:
-    """Hands iterations to Python; what is raised there ends the solve and is raised again afterwards."""
+    """Hands iterations to Python; what is raised there ends the solve and is raised afterwards."""
     cdef object report
     cdef object raised
 
 
-cdef int _report(void *user, int iteration, double cost, double violation, double mu, int restoring) noexcept nogil:
+cdef int _report(void *user, int iteration, double cost, double violation, double mu,
+                 int restoring) noexcept nogil:
     with gil:
         listener = <_Listener>user
         try:
@@ -61,37 +63,64 @@ cdef int _report(void *user, int iteration, double cost, double violation, doubl
     return 0
 
 
-cdef const int *_address(int[::1] array) noexcept:
-    return &array[0] if array.shape[0] else NULL
+cdef const int *_indices(int[::1] array, ptrdiff_t size, str name) except? NULL:
+    """The address of an array of this size; NULL if it is empty."""
+    if array.shape[0] != size:
+        raise ValueError(f"{name}: expected {size} entries, got {array.shape[0]}")
+    return &array[0] if size else NULL
 
 
-def interior_point(program, system, double[::1] size, double[::1] stretch, double[::1] x, double[::1] y, double[::1] z_lower, double[::1] z_upper, *,
-                   double[::1] price=None, bint least_violation=False,
-                   double optimality, double demanded, double violation, double least_cost, double infeasible, double mu, bint warm, int iterations, double seconds, report):
+cdef double *_numbers(double[::1] array, ptrdiff_t size, str name, double *none) except NULL:
+    if array.shape[0] != size:
+        raise ValueError(f"{name}: expected {size} numbers, got {array.shape[0]}")
+    return &array[0] if size else none
+
+
+cdef dmoc_kkt _layout(const dmoc_program *program, layout) except *:
+    """A :class:`dmoc.solvers.kkt_layout.KKTLayout` as C takes it."""
+    cdef dmoc_kkt kkt
+    cdef ptrdiff_t n = program.n, m = program.m
+    kkt.size, kkt.pivots = layout.size, len(layout.first) - 1
+    kkt.place = _indices(layout.place, n + m, "place")
+    kkt.start = _indices(layout.start, kkt.size + 1, "start")
+    kkt.row = _indices(layout.row, kkt.start[kkt.size], "row")
+    kkt.first = _indices(layout.first, kkt.pivots + 1, "first")
+    kkt.from_hess = _indices(layout.from_hess, program.hess_start[n], "from_hess")
+    kkt.from_jac = _indices(layout.from_jac, program.row_start[m], "from_jac")
+    kkt.diagonal = _indices(layout.diagonal, n + m, "diagonal")
+    return kkt
+
+
+def interior_point(
+    program, layout, double[::1] size, double[::1] stretch,
+    double[::1] x, double[::1] y, double[::1] z_lower, double[::1] z_upper, *,
+    double[::1] price=None, bint least_violation=False, double optimality, double demanded,
+    double violation, double least_cost, double infeasible, double mu, bint warm, int iterations,
+    double seconds, report,
+):
     """Minimise from x, in place; returns the fields of ``dmoc_result`` as a dictionary."""
     cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
+    cdef dmoc_kkt kkt = _layout(c, layout)
     cdef dmoc_options options
-    cdef dmoc_kkt kkt
     cdef dmoc_result result
     cdef _Listener listener = _Listener()
     cdef double none = 0.0
-    if not (x.shape[0] == z_lower.shape[0] == z_upper.shape[0] == size.shape[0] == stretch.shape[0] == c.n and y.shape[0] == c.m):
-        raise ValueError(f"expected {c.n} unknowns and {c.m} multipliers")
-    if price is not None and price.shape[0] != c.m:
-        raise ValueError(f"expected {c.m} prices")
+    cdef double *sizes = _numbers(size, c.n, "size", &none)
+    cdef double *stretches = _numbers(stretch, c.n, "stretch", &none)
+    cdef double *unknowns = _numbers(x, c.n, "x", &none)
+    cdef double *multipliers = _numbers(y, c.m, "y", &none)
+    cdef double *lower = _numbers(z_lower, c.n, "z_lower", &none)
+    cdef double *upper = _numbers(z_upper, c.n, "z_upper", &none)
     listener.report = report
     options.optimality, options.demanded, options.violation = optimality, demanded, violation
     options.least_cost, options.infeasible, options.mu = least_cost, infeasible, mu
     options.warm, options.iterations, options.seconds = warm, iterations, seconds
-    options.price, options.least_violation = &price[0] if price is not None and c.m else NULL, least_violation
+    options.least_violation = least_violation
+    options.price = NULL if price is None else _numbers(price, c.m, "price", &none)
     options.report, options.user = _report, <void *>listener
-    kkt.size, kkt.pivots = system.size, len(system.first) - 1
-    kkt.place, kkt.start, kkt.row, kkt.first = (
-        _address(system.place), _address(system.start), _address(system.row), _address(system.first))
-    kkt.from_hess, kkt.from_jac, kkt.diagonal = _address(system.from_hess), _address(system.from_jac), _address(system.diagonal)
-    cdef double *multipliers = &y[0] if y.shape[0] else &none
     with nogil:
-        result = dmoc_interior_point(c, &kkt, &options, &size[0], &stretch[0], &x[0], multipliers, &z_lower[0], &z_upper[0])
+        result = dmoc_interior_point(c, &kkt, &options, sizes, stretches, unknowns, multipliers,
+                                     lower, upper)
     if listener.raised is not None:
         raise listener.raised
     if result.status == DMOC_NO_MEMORY:
@@ -99,18 +128,26 @@ def interior_point(program, system, double[::1] size, double[::1] stretch, doubl
     return result
 
 
-def factor_and_solve(int[::1] first, int[::1] start, int[::1] row, double[::1] values, double[::1] right):
-    """Factorise K, solve K x = right, and return x and the numbers of positive, negative and zero pivots."""
+def factor_and_solve(
+    int[::1] first, int[::1] start, int[::1] row, double[::1] values, double[::1] right
+):
+    """Factorise K and solve K x = right.
+
+    Returns x and the numbers of positive, negative and zero pivots.
+    """
     cdef int n = start.shape[0] - 1
+    cdef double none = 0.0
     cdef double[::1] x
-    cdef dmoc_ldl *f = dmoc_ldl_new(n, first.shape[0] - 1, &first[0], &start[0], _address(row))
+    cdef const int *rows = _indices(row, start[n], "row")
+    cdef double *entries = _numbers(values, start[n], "values", &none)
+    cdef dmoc_ldl *f = dmoc_ldl_new(n, first.shape[0] - 1, &first[0], &start[0], rows)
     if f == NULL:
         raise MemoryError()
     try:
         solution = np.array(right)
         x = solution
-        dmoc_ldl_factor(f, &values[0], 1e-20)
-        dmoc_ldl_solve(f, &x[0])
+        dmoc_ldl_factor(f, entries, 1e-20)
+        dmoc_ldl_solve(f, _numbers(x, n, "right", &none))
         return solution, (f.positive, f.negative, f.zero)
     finally:
         dmoc_ldl_free(f)

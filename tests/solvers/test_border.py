@@ -1,0 +1,42 @@
+"""Arrays of wrong sizes do not reach the C code of the interior-point method."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dmoc
+from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.compiled import factor_and_solve, interior_point
+from dmoc.solvers.kkt_layout import kkt_layout
+
+ARRAYS = ("size", "stretch", "x", "y", "z_lower", "z_upper")
+LAYOUT = ("place", "row", "from_hess", "from_jac", "diagonal")
+
+
+@pytest.mark.parametrize("wrong", [*ARRAYS, *LAYOUT, "price"])
+def test_a_wrong_size_is_refused_by_name(seed: dmoc.Problem, wrong: str) -> None:
+    nlp = Transcription(seed.but(steps=4), minimal_times=False)
+    m, layout = nlp.n_eq + nlp.n_in, kkt_layout(nlp)
+    arrays = {name: np.ones(m if name == "y" else nlp.n) for name in ARRAYS}
+    given: dict[str, Any] = {"price": np.ones(m)}
+    if wrong in LAYOUT:
+        layout = replace(layout, **{wrong: getattr(layout, wrong)[:-1]})
+    else:
+        (arrays if wrong in arrays else given)[wrong] = np.ones(1)
+    with pytest.raises(ValueError, match=f"^{wrong}: expected"):
+        interior_point(
+            nlp.program, layout, *arrays.values(), **given, optimality=1e-6, demanded=1e-6,
+            violation=1e-6, least_cost=1.0, infeasible=1e-6, mu=1e-2, warm=False, iterations=1,
+            seconds=1.0, report=lambda *_: None,
+        )  # fmt: skip
+
+
+def test_a_matrix_of_wrong_size_is_refused() -> None:
+    first, start, row = (np.array(a, dtype=np.int32) for a in ([0, 1, 2], [0, 1, 2], [0, 1]))
+    for rows, values, right in ((row[:1], 2, 2), (row, 1, 2), (row, 2, 3)):
+        with pytest.raises(ValueError, match="expected 2"):
+            factor_and_solve(first, start, rows, np.ones(values), np.ones(right))
