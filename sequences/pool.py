@@ -27,7 +27,7 @@ HANGS_AFTER, GRACE = 3.0, 30.0
 # Nodes that an executor of unknown size gets at a time.
 AHEAD = 16
 
-Run: TypeAlias = Callable[[Sequence[Task], float], Iterator[Node]]
+Workers: TypeAlias = Callable[[Sequence[Task], float], Iterator[Node]]
 
 
 class NoMoreWork(Exception):  # noqa: N818 - it ends a search and loses nothing

@@ -1,0 +1,53 @@
+"""What tells a journal from those of other searches: a digest of all that the answer of a node depends on."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from importlib import metadata
+
+from dmoc.nlp.problem import Boundary, Problem
+from dmoc.sequences.settings import Settings
+
+# Fields of a problem that the search sets itself, node by node.
+SEARCHED = ("sequence", "durations")
+# Settings that decide which nodes are looked at, when and where, and not what the answer of one is.
+ELSEWHERE = (
+    "max_collisions", "strategy", "beam", "workers", "executor", "seconds", "node_seconds", "max_nodes", "journal", "resume", "progress",
+)  # fmt: skip
+
+
+def _end(bounds: Boundary) -> object:
+    return [part.tolist() for part in (bounds.position, bounds.velocity, bounds.momentum)]
+
+
+# Fields that can be stated in several ways, and what they come to.
+MEANING: Mapping[str, Callable[[Problem], object]] = {
+    "kernels": lambda p: (p.kernels.manifest["fingerprint"], p.kernels.backend),
+    "start": lambda p: _end(p.start_bounds),
+    "goal": lambda p: _end(p.goal_bounds),
+    "final_time": lambda p: p.final_time_bounds,
+    "bounds": lambda p: (p.input_bounds.tolist(), p.coordinate_bounds.tolist()),
+    "parameters": lambda p: p.parameter_values.tolist(),
+    "controls": lambda p: p.control_form,
+    "restitution": lambda p: p.restitution_values.tolist(),
+}
+
+
+def facts(problem: Problem, settings: Settings) -> dict[str, object]:
+    """All that the answer of a node depends on, by field."""
+    found: dict[str, object] = {"version": metadata.version("dmoc")}
+    for field in fields(Problem):
+        if field.name not in SEARCHED:
+            meaning = MEANING.get(field.name)
+            found[f"problem.{field.name}"] = meaning(problem) if meaning else getattr(problem, field.name)
+    for field in fields(Settings):
+        if field.name not in ELSEWHERE:
+            found[f"settings.{field.name}"] = getattr(settings, field.name)
+    return found
+
+
+def identity(problem: Problem, settings: Settings) -> str:
+    """The digest of these facts."""
+    return hashlib.sha256(repr(facts(problem, settings)).encode()).hexdigest()

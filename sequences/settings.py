@@ -1,0 +1,116 @@
+"""What a search is told, beside its problem: checked once, handed on as a whole."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dmoc.arguments import choice, flag, function, names, number, positive, shown, whole
+from dmoc.errors import SearchError
+from dmoc.nlp.problem import Problem
+from dmoc.solving.methods import METHODS
+
+STRATEGIES = ("exhaustive", "best-first", "beam")
+# Share of the largest final time that a phase keeps, unless the search is told otherwise: bounces at ever shorter intervals would
+# pump energy without limit (Zeno).
+SHORTEST = 0.01
+DEEPEST = 12  # the tree grows with the power of the depth
+MOST, MOST_WORKERS = 2**31 - 1, 1000  # of what is counted, of processes
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The keywords of :func:`dmoc.search`, with the surfaces and the shortest phase that stand for those not given."""
+
+    max_collisions: int
+    surfaces: tuple[str, ...]
+    strategy: str
+    beam: int
+    starts: int
+    seed: int
+    method: str
+    workers: int
+    executor: Executor | None
+    seconds: float | None
+    node_seconds: float
+    max_nodes: int | None
+    shortest_phase: float
+    journal: str | os.PathLike[str] | None
+    resume: bool
+    progress: Callable[[Any], None] | None
+
+
+def surfaces_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...]:
+    """The surfaces that may be hit: all of the model, or some of them."""
+    known = problem.kernels.surfaces
+    if not known:
+        raise SearchError(f"model {problem.kernels.name!r} has no surfaces: there are no sequences to search.")
+    chosen = tuple(known if given is None else names(given, "surfaces", "surfaces", SearchError))
+    for name in chosen:
+        if name not in known:
+            raise SearchError(f"unknown surface {shown(name)} in surfaces: expected some of {', '.join(known)}.")
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise SearchError(
+            f"surfaces = {', '.join(chosen) or 'none'}: expected each surface once, and at least one of {', '.join(known)}."
+        )
+    return chosen
+
+
+def shortest_of(problem: Problem, given: float | None) -> float:
+    """The shortest duration of a phase; 0 for none."""
+    latest = problem.final_time_bounds[1]
+    if given is None:
+        return SHORTEST * latest if np.isfinite(latest) else 0.0
+    shortest = number(given, "shortest_phase", SearchError)
+    if shortest < 0:
+        raise SearchError(f"shortest_phase = {shown(given)}: expected a duration in seconds, 0 or more.")
+    return shortest
+
+
+def check(problem: Problem, s: Settings) -> None:
+    """Refuse settings that do not fit, each by itself and with the problem."""
+    choice(s.strategy, "strategy", STRATEGIES, SearchError)
+    choice(s.method, "method", tuple(METHODS), SearchError)
+    _check_numbers(s)
+    flag(s.resume, "resume", SearchError)
+    function(s.progress, "progress", SearchError)
+    if s.executor is not None and not callable(getattr(s.executor, "submit", None)):
+        raise SearchError(f"executor = {shown(s.executor)}: expected a concurrent.futures.Executor, or None.")
+    if s.journal is not None and (not isinstance(s.journal, (str, os.PathLike)) or "\0" in str(s.journal)):
+        raise SearchError(f"journal = {shown(s.journal)}: expected the path of a file, or None.")
+    if s.resume and s.journal is None:
+        raise SearchError("resume needs the journal of the search that shall go on: name it.")
+    _check_problem(problem, s)
+
+
+def _check_numbers(s: Settings) -> None:
+    for what, given, least, most in (
+        ("max_collisions", s.max_collisions, 0, DEEPEST),
+        ("beam", s.beam, 1, MOST),
+        ("starts", s.starts, 0, MOST),
+        ("seed", s.seed, 0, MOST),
+        ("workers", s.workers, 1, MOST_WORKERS),
+    ):
+        whole(given, what, least, most, SearchError)
+    if s.max_nodes is not None:
+        whole(s.max_nodes, "max_nodes", 1, MOST, SearchError)
+    if s.seconds is not None:
+        positive(s.seconds, "seconds", "expected a positive time, or None", SearchError)
+    positive(s.node_seconds, "node_seconds", "expected a positive time", SearchError)
+
+
+def _check_problem(problem: Problem, s: Settings) -> None:
+    """The deepest sequences must be problems too, and ones that the method can solve."""
+    method = METHODS[s.method]
+    method.require(problem.kernels.backend, SearchError)
+    if not isinstance(problem.steps, int):
+        raise SearchError(f"steps = {problem.steps!r}: expected one number for every phase, because sequences differ in length.")
+    if problem.durations is not None:
+        raise SearchError("the problem bounds the durations of its phases, whose number differs in a search: use shortest_phase.")
+    method.check_size(problem.steps, (s.max_collisions + 1) * problem.steps * problem.nu, SearchError)
+    problem.but(sequence=s.surfaces[:1] * s.max_collisions)

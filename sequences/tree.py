@@ -1,0 +1,101 @@
+"""The tree of sequences: nodes found so far, and those that come next."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from dmoc.nlp.problem import Problem
+from dmoc.sequences.inner import Task
+from dmoc.sequences.journal import Journal
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.pool import Workers
+from dmoc.sequences.settings import Settings
+
+# Nodes that best-first looks at before it chooses again: a fixed number, so that the answer does not depend on the number of workers.
+ROUND = 8
+
+
+class Tree:
+    """Nodes found so far, and the sequences that come next."""
+
+    def __init__(self, problem: Problem, settings: Settings) -> None:
+        self.problem, self.settings = problem, settings
+        self.nodes: dict[tuple[str, ...], Node] = {}
+        self.known: dict[tuple[str, ...], Node] = {}
+        self.journal: Journal | None = None
+        self.frontier: list[tuple[str, ...]] = [()]
+        self.passed_over = 0
+
+    def keep(self, journal: Journal) -> None:
+        """Record nodes in a journal; its own count, but failed ones get another chance."""
+        self.journal = journal
+        finished = journal.finished()
+        self.known = {s: n for s, n in finished.items() if n.verdict is not Verdict.FAILED}
+
+    @property
+    def waiting(self) -> int:
+        return len(self.frontier)
+
+    def counts(self) -> dict[str, int]:
+        return dict(Counter(n.verdict.value for n in self.nodes.values()))
+
+    def best(self) -> Node | None:
+        good = [n for n in self.nodes.values() if n.verdict is Verdict.FEASIBLE]
+        return min(good, key=lambda n: (n.cost, len(n.sequence), n.sequence), default=None)
+
+    def rounds(self) -> Iterator[list[tuple[str, ...]]]:
+        """Sequences to look at next, in an order that does not depend on who solves them."""
+        strategy, beam = self.settings.strategy, self.settings.beam
+        while self.frontier:
+            self.frontier.sort(key=self._rank if strategy == "best-first" else self.place)
+            count = len(self.frontier) if strategy != "best-first" else ROUND
+            if strategy == "beam" and len(self.frontier[0]) > 1:
+                parents = sorted({s[:-1] for s in self.frontier}, key=lambda s: self._cost(s))[:beam]
+                chosen = [s for s in self.frontier if s[:-1] in parents]
+                self.passed_over += len(self.frontier) - len(chosen)
+                self.frontier, count = chosen, len(chosen)
+            yield self.frontier[:count]
+
+    def solve(self, sequences: list[tuple[str, ...]], workers: Workers, deadline: float) -> Iterator[Node]:
+        """Solve sequences; each finished node is recorded and its children join the frontier."""
+        most = self.settings.max_nodes
+        room = len(sequences) if most is None else max(most - len(self.nodes), 0)
+        sequences = sequences[:room]
+        for s in sequences:
+            if s in self.known:
+                yield self._add(self.known[s])
+        tasks = [self._task(s) for s in sequences if s not in self.nodes]
+        for node in workers(tasks, deadline):
+            self._add(node)
+            if self.journal is not None:
+                self.journal.add(node)
+            yield node
+
+    def _add(self, node: Node) -> Node:
+        self.nodes[node.sequence] = node
+        self.frontier.remove(node.sequence)
+        if node.verdict is not Verdict.UNREACHABLE and len(node.sequence) < self.settings.max_collisions:
+            self.frontier += [(*node.sequence, s) for s in self.settings.surfaces]
+        return node
+
+    def _task(self, sequence: tuple[str, ...]) -> Task:
+        parent = self.nodes[sequence[:-1]].solution if sequence else None
+        s, durations = self.settings, None
+        if s.shortest_phase and sequence:
+            durations = [(s.shortest_phase, None)] * (len(sequence) + 1)
+        problem = self.problem.but(sequence=sequence, durations=durations)
+        return Task(problem, parent, s.method, s.starts, s.seed, s.node_seconds)
+
+    def place(self, sequence: tuple[str, ...]) -> tuple[int, list[int]]:
+        return len(sequence), [self.settings.surfaces.index(s) for s in sequence]
+
+    def _cost(self, sequence: tuple[str, ...]) -> tuple[float, int, list[int]]:
+        node = self.nodes.get(sequence)
+        return np.inf if node is None or node.cost is None else node.cost, *self.place(sequence)
+
+    def _rank(self, sequence: tuple[str, ...]) -> tuple[Any, ...]:
+        return (*self._cost(sequence[:-1]), *self.place(sequence))

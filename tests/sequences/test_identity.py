@@ -1,0 +1,91 @@
+"""A journal belongs to one problem and to settings of one kind."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import pytest
+
+import dmoc
+from dmoc.registry import find
+from dmoc.sequences.identity import ELSEWHERE, SEARCHED, facts, identity
+from dmoc.sequences.settings import Settings
+
+SETTINGS = Settings(
+    max_collisions=2,
+    surfaces=("left", "right"),
+    strategy="exhaustive",
+    beam=4,
+    starts=0,
+    seed=0,
+    method="ipm",
+    workers=1,
+    executor=None,
+    seconds=None,
+    node_seconds=60.0,
+    max_nodes=None,
+    shortest_phase=0.01,
+    journal=None,
+    resume=False,
+    progress=None,
+)
+OTHER_FIELDS: dict[str, Any] = {
+    "start": {"x": 0.1},
+    "goal": {"x": 0.2},
+    "steps": 21,
+    "final_time": (None, 2.0),
+    "bounds": {"F": (-26, 26)},
+    "parameters": {"m_c": 1.1},
+    "controls": "linear",
+    "restitution": 0.5,
+    "periodic": ("p_x",),
+    "minimal_times": False,
+}
+OTHER_SETTINGS: dict[str, Any] = {
+    "surfaces": ("left",),
+    "starts": 1,
+    "seed": 1,
+    "method": "slsqp",
+    "shortest_phase": 0.02,
+}
+
+
+@pytest.fixture(scope="module")
+def problem() -> dmoc.Problem:
+    reference = find("cart_pendulum")
+    return dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 20, "sequence": ()})
+
+
+def changed(problem: dmoc.Problem, name: str) -> dmoc.Problem:
+    if name == "kernels":
+        return problem.but(kernels=dmoc.build(find("cart_pendulum").system(), order=4))
+    value = OTHER_FIELDS[name]
+    return problem.but(**{name: {**getattr(problem, name), **value} if isinstance(value, dict) else value})
+
+
+@pytest.mark.parametrize("name", [f.name for f in fields(dmoc.Problem) if f.name not in SEARCHED])
+def test_every_field_of_a_problem_tells_its_journal_from_others(problem: dmoc.Problem, name: str) -> None:
+    assert identity(changed(problem, name), SETTINGS) != identity(problem, SETTINGS)
+
+
+@pytest.mark.parametrize("name", [f.name for f in fields(Settings) if f.name not in ELSEWHERE])
+def test_settings_of_a_node_tell_its_journal_from_others(problem: dmoc.Problem, name: str) -> None:
+    assert identity(problem, replace(SETTINGS, **{name: OTHER_SETTINGS[name]})) != identity(problem, SETTINGS)
+
+
+def test_a_field_that_is_added_counts(problem: dmoc.Problem) -> None:
+    found = {name.partition(".")[2] for name in facts(problem, SETTINGS)} - {""}
+    assert found == {f.name for f in (*fields(dmoc.Problem), *fields(Settings))} - {*SEARCHED, *ELSEWHERE}
+
+
+def test_the_same_problem_in_other_words_has_the_same_journal(problem: dmoc.Problem) -> None:
+    same = problem.but(
+        start=dict(reversed(list(problem.start.items()))),
+        restitution=dict.fromkeys(problem.kernels.surfaces, 1),
+        parameters={name: float(value) for name, value in problem.kernels.parameters.items() if value is not None}
+        | problem.parameters,
+        sequence=["left"],
+    )
+    budget = replace(SETTINGS, max_collisions=5, strategy="beam", workers=3, seconds=1.0, resume=True)
+    assert identity(same, budget) == identity(problem, SETTINGS)
