@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -33,18 +33,21 @@ class Kernels:
         "compiled" or "numpy".
     seconds : float
         Time spent on derivation, generation and compilation when the kernels were made; 0 if they were found ready.
+    reference : str
+        How the user named the model, where he did: by it the model is found again.
     """
 
     manifest: Mapping[str, Any]
     module: types.ModuleType
     backend: str
     seconds: float = 0.0
+    reference: str = field(default="", compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Kernels travel between processes as their sources; see :func:`dmoc.codegen.build.arrived`."""
         from dmoc.codegen.build import arrived, sources
 
-        return arrived, (dict(self.manifest), self.backend, sources(self))
+        return arrived, (dict(self.manifest), self.backend, sources(self)), {"reference": self.reference}
 
     @property
     def name(self) -> str:

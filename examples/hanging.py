@@ -17,7 +17,7 @@ def problem(steps: int = 100, order: int = 2) -> dmoc.Problem:
 
 
 def main() -> None:
-    solution = dmoc.solve(problem(), reference="cart_pendulum_hanging")
+    solution = dmoc.solve(problem())
     fine = dmoc.solve(problem(50, 4), "ipm", guess=solution)
     hit, fine_hit = solution.collisions[0], fine.collisions[0]
     rows = [("cost, order 2 against 4", solution.cost, fine.cost), ("time of the hit", hit.time, fine_hit.time)]

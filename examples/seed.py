@@ -20,7 +20,7 @@ def problem(steps: int = 100, order: int = 2) -> dmoc.Problem:
 
 
 def main() -> None:
-    solution = dmoc.solve(problem(), reference="cart_pendulum")
+    solution = dmoc.solve(problem())
     fine = dmoc.solve(problem(10, 4), tolerance=1e-6)
     rows = [("cost, N = 100", solution.cost, KNOWN["cost"])]
     rows += [

@@ -16,7 +16,7 @@ from dmoc.solving.attempts import Ended
 from dmoc.trajectory import Trajectory
 
 
-def solution_of(ended: Ended, method: str, seconds: Mapping[str, float], reference: str) -> Solution:
+def solution_of(ended: Ended, method: str, seconds: Mapping[str, float]) -> Solution:
     """The solution in the user's words and units."""
     nlp, outcome = ended.nlp, ended.outcome
     problem = nlp.problem
@@ -37,7 +37,7 @@ def solution_of(ended: Ended, method: str, seconds: Mapping[str, float], referen
         seconds=seconds,
         unknowns=nlp.physical(outcome.x),
         scale=nlp.scale.named(problem),
-        reference=reference or problem.kernels.name,
+        reference=problem.kernels.reference or problem.kernels.name,
         conflicts=ended.conflicts,
         duality_gap=duality_gap(nlp, outcome.x, outcome.duals),
         kernels=problem.kernels,

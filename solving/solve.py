@@ -70,7 +70,7 @@ def solve(
     verify : bool
         Check a converged solution by simulation; one that fails has the status "not_verified".
     reference : str
-        How the model was named; kept in the solution so that it can be found again.
+        How the model was named, where its kernels do not know; kept in the solution so that it can be found again.
 
     Returns
     -------
@@ -98,7 +98,9 @@ def solve(
     text(reference, "reference")
     chosen.require(problem.kernels.backend)
     options = Options(optimality, violation, iterations, seconds, progress)
-    request = Request(chosen, form, options, verify, reference)
+    if reference:
+        problem = problem.but(kernels=replace(problem.kernels, reference=reference))
+    request = Request(chosen, form, options, verify)
     if tolerance is None:
         return _solved(problem, guess, request)
     return _on_meshes(problem, guess, request, tolerance)
@@ -112,7 +114,6 @@ class Request:
     form: str
     options: Options
     verify: bool
-    reference: str
 
 
 def _on_meshes(problem: Problem, guess: Guess, request: Request, tolerance: float) -> Solution:
@@ -145,7 +146,7 @@ def _solved(problem: Problem, guess: Guess, request: Request) -> Solution:
         found = ended(Programs(problem, scale), starts, method, request.form, left)
         solved = time.perf_counter()
         seconds = {"build": problem.kernels.seconds, "guess": guessed - begin, "solve": solved - guessed}
-        solution = solution_of(found, method.name, seconds, request.reference)
+        solution = solution_of(found, method.name, seconds)
     if not (request.verify and solution.minimum):
         return solution
     return checked(solution, remaining(options, begin).seconds)

@@ -203,7 +203,6 @@ def solve(
     with _Live(quiet) as live:
         solution = solved(
             problem, method, tolerance=tolerance, form=form.value, guess=neighbour, iterations=iterations, seconds=seconds, progress=live.show,
-            reference=reference.name,
         )  # fmt: skip
     files: list[Path] = []
     derivatives: list[Sensitivities] = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -125,7 +124,7 @@ def search(
 
     def save() -> None:
         if target is not None and result.best is not None and result.best.solution is not None:
-            files.append(replace(result.best.solution, reference=reference.name).save(target / "solution.npz"))
+            files.append(result.best.solution.save(target / "solution.npz"))
 
     def tell() -> None:
         if not quiet:

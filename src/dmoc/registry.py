@@ -11,7 +11,7 @@ import types
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,12 +34,16 @@ LONGEST_PATH = 4096  # that an operating system takes
 
 @dataclass(frozen=True)
 class Reference:
-    """A model named by the user, with the fields of the problem it comes with; ``kernels`` takes the order of the discretisation."""
+    """A model named by the user, with the fields of the problem it comes with; ``made`` makes its kernels of an order."""
 
     name: str
     defaults: Mapping[str, Any]
     system: Callable[[], MechanicalSystem]
-    kernels: Callable[..., Kernels]
+    made: Callable[[int | None], Kernels]
+
+    def kernels(self, order: int | None = None) -> Kernels:
+        """The kernels, which know how their model was named; None stands for the order that there is."""
+        return replace(self.made(order), reference=self.name)
 
 
 def find(reference: str) -> Reference:
@@ -66,7 +70,7 @@ def find(reference: str) -> Reference:
         def no_system() -> MechanicalSystem:
             raise ModelError(f"{reference} is a Problem: name the MechanicalSystem to see its derivation.")
 
-        def of_order(order: int | None = None) -> Kernels:
+        def of_order(order: int | None) -> Kernels:
             made_with = kernels.manifest["order"]
             if order not in (None, made_with):
                 raise ModelError(
@@ -76,7 +80,7 @@ def find(reference: str) -> Reference:
 
         return Reference(where, defaults, no_system, of_order)
     system = made
-    return Reference(where, {}, lambda: system, lambda order=None: build(system, order=2 if order is None else order))
+    return Reference(where, {}, lambda: system, lambda order: build(system, order=2 if order is None else order))
 
 
 def load(reference: str, *, order: int | None = None) -> Kernels:
@@ -125,7 +129,7 @@ def _shipped(name: str) -> Reference:
         raise ModelError(f"unknown model {shown(name)}: expected one of {known}, or a file as file.py:name.")
     model = entry.model
 
-    def kernels(order: int | None = None) -> Kernels:
+    def kernels(order: int | None) -> Kernels:
         installed = load_installed(f"dmoc.generated.{model}") if order in (None, 2) else None
         return installed or build(catalogue.system(model), order=2 if order is None else order)
 
