@@ -10,7 +10,6 @@ import io
 import os
 import sys
 import warnings
-from collections.abc import Callable
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -45,6 +44,7 @@ from dmoc.cli_input import (
     problem_fields,
     written,
 )
+from dmoc.cli_output import Live, coloured, print_sensitivities, print_summary, print_verification
 from dmoc.cli_search import search
 from dmoc.discretisation import ORDERS_SHOWN
 from dmoc.errors import DmocError, OutputError
@@ -53,9 +53,6 @@ from dmoc.writing import REMEDY, write_whole
 
 if TYPE_CHECKING:
     from dmoc.nlp.sensitivity import Sensitivities
-    from dmoc.simulation.check import Verification
-    from dmoc.solution import Solution
-    from dmoc.solvers.outcome import Iteration
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
@@ -200,7 +197,7 @@ def solve(
     prepare(target, json_)
     problem = Problem(reference.kernels(order), **fields)
     quiet = json_ == "-"
-    with _Live(quiet) as live:
+    with Live() as live:
         solution = solved(
             problem, method, tolerance=tolerance, form=form.value, guess=neighbour, iterations=iterations, seconds=seconds, progress=live.show,
         )  # fmt: skip
@@ -217,9 +214,9 @@ def solve(
 
     def tell() -> None:
         if not quiet:
-            _summary(solution)
+            print_summary(solution)
             for found in derivatives:
-                _sensitivities(found)
+                print_sensitivities(found)
             written(*files)
 
     in_turn(
@@ -254,7 +251,7 @@ def verify(
     summary = {key: (value.tolist() if hasattr(value, "tolist") else value) for key, value in asdict(check).items()}
     emit(summary, json_)
     if json_ != "-":
-        _verification(check)
+        print_verification(check)
     raise typer.Exit(0 if check.passed else NOT_SOLVED)
 
 
@@ -292,7 +289,7 @@ def doctor() -> None:
     try:
         table.add_row("C compiler", " ".join(compiler()))
     except BuildError as error:
-        table.add_row("C compiler", Text.assemble(_verdict(False, "missing"), f": {error}"))
+        table.add_row("C compiler", Text.assemble(coloured(False, "missing"), f": {error}"))
         healthy = False
     cache = cache_directory()
     try:
@@ -305,7 +302,7 @@ def doctor() -> None:
         "kernel cache",
         f"{cache}, {entries} models"
         if writable
-        else Text.assemble(f"{cache} ", _verdict(False, "cannot be written"), ": set DMOC_CACHE to a writable folder"),
+        else Text.assemble(f"{cache} ", coloured(False, "cannot be written"), ": set DMOC_CACHE to a writable folder"),
     )
     healthy = healthy and writable
     for name in catalogue.models():
@@ -321,101 +318,6 @@ def doctor() -> None:
             table.add_row(name, f"not installed: `pip install 'dmoc[{extra}]'` to {what}")
     out.print(table)
     raise typer.Exit(0 if healthy else BAD_INPUT)
-
-
-# Output --------------------------------------------------------------------------------------------------------------
-
-
-class _Live:
-    """Iterations on standard error while a solve runs; nothing if standard error is no terminal."""
-
-    def __init__(self, quiet: bool) -> None:
-        del quiet
-        self._status = err.status("first guess") if err.is_terminal else None
-
-    def __enter__(self) -> _Live:
-        if self._status is not None:
-            self._status.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._status is not None:
-            self._status.stop()
-
-    @property
-    def show(self) -> Callable[[Iteration], None] | None:
-        if self._status is None:
-            return None
-        status = self._status
-
-        def update(i: Iteration) -> None:
-            status.update(f"iteration {i.number}  cost {i.cost:.6g}  violation {i.violation:.1e}")
-
-        return update
-
-
-def _verdict(good: bool, word: str) -> Text:
-    return Text(word, style="green" if good else "red")
-
-
-def _summary(solution: Solution) -> None:
-    table = Table(show_header=False, box=None)
-    message = solution.message.removesuffix(": " + "; ".join(solution.conflicts)) if solution.conflicts else solution.message
-    table.add_row("status", Text.assemble(_verdict(solution.solved, solution.status), f": {message}"))
-    for conflict in solution.conflicts:
-        table.add_row("conflict", conflict)
-    table.add_row("cost", f"{solution.cost:.7g}")
-    for i, phase in enumerate(solution.phases):
-        table.add_row(f"phase {i}", f"{phase.duration:.6g} s in {phase.steps} steps")
-    table.add_row("final time", f"{solution.final_time:.6g} s")
-    for c in solution.collisions:
-        table.add_row(f"collision {c.surface}", f"at {c.time:.6g} s, " + ("grazes" if c.grazes else f"impulse {c.impulse:.6g}"))
-    table.add_row("active bounds", ", ".join(solution.active_bounds) or "none")
-    table.add_row("violation", f"{solution.max_violation:.1e}")
-    table.add_row("optimality", f"{solution.optimality:.1e}")
-    for mesh in solution.meshes:
-        far = "" if mesh.difference is None else f", difference to the finest {mesh.difference:.1e}"
-        far += "" if mesh.simulated is None else f", simulated error {mesh.simulated:.1e}"
-        table.add_row(
-            f"{'+'.join(map(str, mesh.steps))} steps", f"cost {mesh.cost:.8g}, estimated error {mesh.estimate:.1e}{far}"
-        )
-    if solution.error_estimate is not None:
-        table.add_row("error estimate", f"{solution.error_estimate:.1e}, relative")
-    table.add_row("iterations", str(solution.iterations))
-    table.add_row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in solution.seconds.items()))
-    if solution.verification:
-        v = solution.verification
-        state = _verdict(v["passed"], "passed" if v["passed"] else "failed")
-        text = f": terminal error {v['terminal_error']:.1e}, segment error {v['max_segment_defect']:.1e}, energy error {v['energy_error']:.1e}, "
-        text += f"contacts missed {len(v['missed_contacts'])}, extra {len(v['extra_contacts'])}"
-        table.add_row("simulation", Text.assemble(state, text))
-    out.print(table)
-
-
-def _sensitivities(derivatives: Sensitivities) -> None:
-    table = Table("dJ/d ...", "", "", box=None, header_style="bold")
-    for kind, found in derivatives.items():
-        named = found.items() if isinstance(found, dict) else [("", found)]
-        for name, value in named:
-            table.add_row(kind.replace("_", " "), name, f"{value:.6g}")
-    out.print(table)
-
-
-def _verification(check: Verification) -> None:
-    table = Table(show_header=False, box=None)
-    reason = f": {check.message}" if check.message else ""
-    table.add_row("simulation", Text.assemble(_verdict(check.passed, "passed" if check.passed else "failed"), reason))
-    table.add_row("terminal error", f"{check.terminal_error:.3e} of the motion's range (open loop)")
-    table.add_row("amplification", f"{check.amplification:.3g} times, of an error on the way to the end")
-    table.add_row("largest defect", f"{check.max_defect:.3e} per step, {check.segment_defects.max(initial=0.0):.3e} per segment")
-    table.add_row("energy error", f"{check.energy_error:.3e}")
-    table.add_row("law of impact", f"{check.impact_error:.3e}")
-    contacts = ", ".join(f"{c.surface} at {c.time:.6g} s" for c in check.contacts)
-    table.add_row("contacts", contacts or "none")
-    table.add_row("missed, extra", f"{len(check.missed_contacts)}, {len(check.extra_contacts)}")
-    table.add_row("penetration", f"{check.penetration:.1e} between nodes")
-    table.add_row("limits", f"exceeded by {check.limit_excess:.1e} between nodes")
-    out.print(table)
 
 
 def main() -> None:
