@@ -1,0 +1,201 @@
+"""Two checkouts against each other: the same solves in turn, in one run, so that the machine's drift meets both.
+
+    python benchmarks/compare.py OTHER [--rounds 15] [--python PYTHON]
+
+OTHER is the folder of the other checkout, installed in an environment of its own, OTHER/.venv (or the one of PYTHON).  Each
+checkout works in a process of its own that stays; every round runs every task in both, and which comes first changes from
+round to round.  The table shows the medians, the ratio of the medians (above 1: this checkout is slower), the quartiles of
+the rounds' ratios, how many of the solves failed, and how far the answers are apart.  Public names alone are used, so that
+older checkouts take part.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+PYTHON = Path(".venv") / "bin" / "python"
+ROUNDS = 15
+
+
+@dataclass(frozen=True)
+class Once:
+    """One run of a task: seconds, whether it succeeded, and the cost it found (or another number that tells answers apart)."""
+
+    seconds: float
+    good: bool
+    answer: float
+
+
+@dataclass
+class Task:
+    """What is compared: made once in each process, run in every round; slow ones in some rounds only."""
+
+    name: str
+    make: Callable[[Any], Callable[[], Once]]
+    every: int = 1
+    runs: list[tuple[Once, Once]] = field(default_factory=list)
+
+
+def seed(dmoc: Any, steps: int = 100, order: int = 2) -> Any:
+    """The problem of Kern & Gross (2018): one collision on the left limiter."""
+    return dmoc.Problem(
+        dmoc.load("cart_pendulum", order=order), start={"alpha": 0.15 * pi, "x": 0.0},
+        goal={"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0}, sequence=["left"], steps=steps, final_time=(None, 1.0),
+        bounds={"F": (-200, 200), "x": (-10, 10)},
+    )  # fmt: skip
+
+
+def solved(method: str, part: str = "solve", **changes: Any) -> Callable[[Any], Callable[[], Once]]:
+    """Seconds of one part of a solve from the automatic guesses."""
+
+    def make(dmoc: Any) -> Callable[[], Once]:
+        problem = seed(dmoc, **changes)
+
+        def run() -> Once:
+            s = dmoc.solve(problem, method, verify=False)
+            return Once(s.seconds[part], s.status == "solved", s.cost)
+
+        return run
+
+    return make
+
+
+def checked(dmoc: Any) -> Callable[[], Once]:
+    solution = dmoc.solve(seed(dmoc), "ipm", verify=False)
+
+    def run() -> Once:
+        begin = time.perf_counter()
+        check = solution.verify()
+        return Once(time.perf_counter() - begin, bool(check.passed), float(check.terminal_error))
+
+    return run
+
+
+def searched(dmoc: Any) -> Callable[[], Once]:
+    problem = seed(dmoc)
+
+    def run() -> Once:
+        begin = time.perf_counter()
+        result = dmoc.search(problem, 3)
+        seconds = time.perf_counter() - begin
+        return Once(seconds, result.best is not None, result.best.cost if result.best else np.nan)
+
+    return run
+
+
+def tasks() -> list[Task]:
+    return [
+        Task("guess, N = 100 + 100", solved("ipm", "guess")),
+        Task("ipm, N = 100 + 100", solved("ipm")),
+        Task("ipm, order 4, N = 40 + 40", solved("ipm", steps=40, order=4)),
+        Task("ipm, N = 1000 + 1000", solved("ipm", steps=1000)),
+        Task("slsqp, N = 100 + 100", solved("slsqp"), 3),
+        Task("check, N = 100 + 100", checked),
+        Task("search, at most 3 collisions", searched, 5),
+    ]
+
+
+# The two processes ----------------------------------------------------------------------------------------------------
+
+
+def serve() -> None:
+    """Run tasks by their numbers, one a line, and answer each with its result; the first run of a task does not count."""
+    import dmoc
+
+    made: dict[int, Callable[[], Once]] = {}
+    every = tasks()
+    for line in sys.stdin:
+        number = int(line)
+        if number not in made:
+            made[number] = every[number].make(dmoc)
+            made[number]()
+        once = made[number]()
+        print(json.dumps([once.seconds, once.good, once.answer]), flush=True)
+
+
+@contextmanager
+def worker(python: Path) -> Iterator[Callable[[int], Once]]:
+    command = [str(python), __file__, "--serve"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd="/") as running:
+        assert running.stdin is not None and running.stdout is not None
+        tell, answers = running.stdin, running.stdout
+
+        def ask(number: int) -> Once:
+            tell.write(f"{number}\n")
+            tell.flush()
+            answer = answers.readline()
+            if not answer:
+                raise SystemExit(f"error: {python} ended in task '{tasks()[number].name}': see above.")
+            return Once(*json.loads(answer))
+
+        yield ask
+        tell.close()
+
+
+def compare(this: Path, other: Path, rounds: int) -> list[Task]:
+    compared = tasks()
+    with worker(this) as own, worker(other) as foreign:
+        for i in range(rounds):
+            for number, task in enumerate(compared):
+                if i % task.every:
+                    continue
+                if i // task.every % 2:
+                    b = foreign(number)
+                    a = own(number)
+                else:
+                    a = own(number)
+                    b = foreign(number)
+                task.runs.append((a, b))
+            sys.stderr.write(f"\rround {i + 1} of {rounds}")
+    sys.stderr.write("\n")
+    return compared
+
+
+def table(compared: list[Task]) -> str:
+    head = ["task", "runs", "this, ms", "other, ms", "this / other", "quartiles", "failed: this", "other", "answers differ by"]
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for task in compared:
+        times = np.array([[a.seconds, b.seconds] for a, b in task.runs])
+        this, other = np.median(times, axis=0)
+        low, high = np.quantile(times[:, 0] / times[:, 1], (0.25, 0.75))
+        failed = [sum(not pair[side].good for pair in task.runs) for side in (0, 1)]
+        apart = max(abs(a.answer - b.answer) / max(abs(b.answer), 1e-300) for a, b in task.runs)
+        cells = (task.name, len(task.runs), f"{1e3 * this:.4g}", f"{1e3 * other:.4g}", f"{this / other:.3f}",
+                 f"{low:.3f} to {high:.3f}", *failed, f"{apart:.1e}")  # fmt: skip
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("other", type=Path, nargs="?", help="folder of the other checkout")
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--python", type=Path, help="interpreter of the other checkout (default: OTHER/.venv/bin/python)")
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.serve:
+        serve()
+        return
+    if given.other is None and given.python is None:
+        parser.error("name the folder of the other checkout, or its interpreter")
+    other = given.python or given.other.resolve() / PYTHON
+    if not other.exists():
+        parser.error(f"{other} does not exist: install the other checkout into an environment of its own")
+    print(table(compare(Path(sys.executable), other, max(given.rounds, 1))))
+
+
+if __name__ == "__main__":
+    main()
