@@ -9,7 +9,7 @@ Positions ``q``, velocities ``v`` and momenta ``p`` have the shape (nq,) for one
 rows of states, inputs ``u`` (nu,) or (n, nu), times ``t`` () or (n,); results have the leading axis of
 ``q``.  What is one row beside n others serves all of them.  Velocities and inputs that are not given
 are zero, as is the time.  A step is the list of its n rows (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i),
-each of shape (n, size) or (1, size); its derivatives are those with respect to z, the same quantities
+each of shape (n, size) or (1, size); its derivatives are those with respect to x_k, the same quantities
 side by side.
 """
 
@@ -193,11 +193,11 @@ class Model:
         return self.kernels.call("step", *step, self.par)[2][:, 0]
 
     def step_cost_slopes(self, step: Sequence[Array]) -> Array:
-        """Derivatives of the costs of steps with respect to z, shape (n, nz)."""
+        """Derivatives of the costs of steps with respect to x_k, shape (n, size of x_k)."""
         return self._full("C_d_D", self.kernels.call("step_jac", *step, self.par)[2])[:, 0]
 
     def step_cost_curvatures(self, step: Sequence[Array]) -> Array:
-        """Second derivatives of the costs of steps in each entry of z, shape (n, nz)."""
+        """Second derivatives of the costs of steps in each entry of x_k, of its shape."""
         inside = step[-1].shape[1]
         weights = (np.zeros((1, self.nq)), np.zeros((1, self.nq)), np.ones((1, 1)), np.zeros((1, inside)))
         (stored,) = self.kernels.call("step_hess", *step, self.par, *weights)
@@ -211,7 +211,7 @@ class Model:
         return self.kernels.call("path", *step, self.par)[0]
 
     def path_slopes(self, step: Sequence[Array]) -> Array:
-        """Their derivatives with respect to z, shape (n, nr, nz)."""
+        """Their derivatives with respect to x_k, shape (n, nr, size of x_k)."""
         return self._full("r_d_D", self.kernels.call("path_jac", *step, self.par)[0])
 
     # Minimal times ---------------------------------------------------------------------------------

@@ -71,7 +71,7 @@ class Statement:
 
     @property
     def inverse(self) -> Array:
-        """Inverse sizes of r = (f | c | d)."""
+        """Inverse sizes of (f | c | d)."""
         return 1 / np.concatenate([[self.cost_unit], self.row_unit])
 
 
@@ -86,7 +86,7 @@ class Assembled:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Derivatives of a term before their slots are known: rows of r or of the Hessian, columns, factors, for each result."""
+    """Derivatives of a term before their slots are known: positions in (f | c | d) or rows of the Hessian, columns, factors, for each result."""
 
     kernel: str
     arguments: tuple[Index, ...]
@@ -137,7 +137,7 @@ def _parameters(s: Statement) -> Index:
 
 
 def _targets(rows: Index) -> Index:
-    """Positions in r = (f | c | d) of rows of (c | d)."""
+    """Positions in (f | c | d) of rows of (c | d)."""
     return np.where(rows == COST, 0, np.where(rows == NOWHERE, NOWHERE, rows + 1))
 
 

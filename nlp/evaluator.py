@@ -16,7 +16,7 @@ Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
 
 
 class Evaluator:
-    """Evaluates r(x) = (f | c | d) of a program and its derivatives; what it is made of comes from its subclass."""
+    """Evaluates (f | c | d)(x) of a program and its derivatives; what it is made of comes from its subclass."""
 
     kernels: Kernels
     n: int
@@ -50,7 +50,7 @@ class Evaluator:
         return known[1]
 
     def values(self, x: Array) -> Array:
-        """r(x) = (f | c | d), read-only."""
+        """(f | c | d)(x), read-only."""
         return self._remembered("values", self.program.values, x)
 
     def slopes(self, x: Array) -> Array:

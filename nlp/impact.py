@@ -1,18 +1,18 @@
 """The law of impact: its unknowns, its equations, its parameters.
 
 At a collision with surface j the momentum jumps by an impulse lam >= 0 along the gradient of the gap,
-and the rates w- of the gap before and w+ after it obey Newton's law of restitution, w+ = -e w-::
+and the rates gamma- of the gap before and gamma+ after it obey Newton's law of restitution, gamma+ = -e gamma-::
 
     momentum    r_plus(before) + r_minus(after) = lam grad g(q_c)
     arrival     r_plus(last step before) - dL/dv(q_c, v_a) = 0
     departure   r_minus(first step after) + dL/dv(q_c, v_c) = 0
-    energy      e (e_plus(before) - e_minus(after) - W_t) - (1 - e)/2 W_w = 0
-                w(q_c, v_c) = 0                        instead where e = 0, and where a collision only touches
+    energy      e (e_plus(before) - e_minus(after) - W_t) - (1 - e)/2 W_gamma = 0
+                gamma(q_c, v_c) = 0                        instead where e = 0, and where a collision only touches
     contact     g(q_c) = 0
-    approach    w(q_c, v_a) >= 0                       but for touches, whose rate is known
-    separation  -w(q_c, v_c) >= 0                      where the law does not fix that rate
+    approach    gamma(q_c, v_a) >= 0                       but for touches, whose rate is known
+    separation  -gamma(q_c, v_c) >= 0                      where the law does not fix that rate
 
-with the unknown velocities v_a before and v_c after the collision, and W_t, W_w of
+with the unknown velocities v_a before and v_c after the collision, and W_t, W_gamma of
 :func:`dmoc.symbolic.continuous.impact_work`.
 """
 
@@ -55,7 +55,7 @@ class ImpactLaw:
 
     @property
     def plain(self) -> Bools:
-        """Collisions whose law says w = 0 after them: plastic ones and touches."""
+        """Collisions whose law says gamma = 0 after them: plastic ones and touches."""
         return np.asarray(self.e == 0)
 
     @property

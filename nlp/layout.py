@@ -164,8 +164,8 @@ class Layout:
         return _steps_of_rows(self.form, self.steps)
 
     @cached_property
-    def index_z(self) -> Index:
-        """Local unknowns z = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of each step; t_k is nowhere in a model without explicit time."""
+    def index_step(self) -> Index:
+        """Unknowns x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of each step; t_k is nowhere in a model without explicit time."""
         return np.hstack(
             [
                 self.index_q[:-1],
@@ -188,13 +188,13 @@ class Layout:
         h = x[self.index_h][self.phase_of_step]
         return np.concatenate([[0.0], np.cumsum(h)])
 
-    def split(self, z: Index) -> list[Index]:
-        """Split local unknowns into q_k, q_kp1, u_k, u_kp1, h, t_k and q_i."""
-        return np.split(z, np.cumsum([self.nq, self.nq, self.nu, self.nu, 1, 1]), axis=1)
+    def split(self, x_k: Index) -> list[Index]:
+        """Split the unknowns of steps into q_k, q_kp1, u_k, u_kp1, h, t_k and q_i."""
+        return np.split(x_k, np.cumsum([self.nq, self.nq, self.nu, self.nu, 1, 1]), axis=1)
 
     def step_inputs(self, x: Array) -> list[Array]:
         """Return q_k, q_kp1, u_k, u_kp1, h, t_k and q_i of every step as arrays of shape (total, size)."""
-        parts = [np.ascontiguousarray(x[at]) for at in self.split(self.index_z)]
+        parts = [np.ascontiguousarray(x[at]) for at in self.split(self.index_step)]
         if not self.timed:
             parts[5] = np.zeros((self.total, 1))
         return parts

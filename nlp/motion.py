@@ -79,8 +79,6 @@ def singular_at(nlp: Transcription, x: Array) -> float | None:
     return None if good.all() else float(t[int(np.argmin(good))])
 
 
-
-
 def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[str, Array]:
     """Multipliers by kind of constraint, in units of the problem; those of the momentum equations in the shape (nodes, nq), "bounds" those
     of the unknowns."""

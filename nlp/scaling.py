@@ -93,7 +93,7 @@ def _gaps(problem: Problem, q: Array, t: Array, sizes: tuple[Array, Array, float
 def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) -> float:
     """Size of the cost: its value, at least a small share of what its slopes and curvatures make of the sizes of the unknowns."""
     model, step = problem.model, lay.step_inputs(x)
-    local = np.where(lay.index_z < 0, 0.0, sizes[lay.index_z])
+    local = np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
     slope = np.abs(model.step_cost_slopes(step) * local).sum()
     bend = np.abs(model.step_cost_curvatures(step) * local**2).sum() / 2
     v_E = x[lay.index_v_E] if len(lay.index_v_E) else np.zeros(lay.nq)
@@ -113,7 +113,7 @@ def _path(problem: Problem, lay: Layout, x: Array, sizes: Array) -> Array:
     if not names:
         return np.ones(0)
     step = lay.step_inputs(x)
-    local = np.where(lay.index_z < 0, 0.0, sizes[lay.index_z])
+    local = np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
     changes = _finite(np.abs(problem.model.path_slopes(step) * local[:, None]), 0.0).max(axis=(0, 2))
     values = _finite(np.abs(problem.model.path(step)), 0.0).max(axis=0)
     size, at = (a.reshape(-1, len(names)).max(axis=0) for a in (changes, values))

@@ -54,7 +54,7 @@ class Places:
 
     def step(self, steps: Index) -> tuple[Index, ...]:
         """(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of some steps."""
-        parts = self.lay.split(self.lay.index_z[steps])
+        parts = self.lay.split(self.lay.index_step[steps])
         parts[5] = self.times(steps)
         return tuple(parts)
 

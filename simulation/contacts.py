@@ -22,7 +22,7 @@ def simultaneous(
 ) -> list[tuple[int, float]] | None:
     """Impulses of the impacts at one moment, in their order, as pairs of surface and impulse.
 
-    Surfaces that are touched and approached get single impacts, lam = (1 + e) w / (n . M^-1 n), the hardest first, until every one that is
+    Surfaces that are touched and approached get single impacts, lam = (1 + e) gamma / (n . M^-1 n), the hardest first, until every one that is
     touched opens or rests.  Where all of those are plastic they act together: lam >= 0, rates after <= 0, one of the two zero; only their sum has
     a meaning, not the momenta between them.
 

@@ -140,7 +140,7 @@ class Flow:
         return float(slope[: self.nq] @ v + slope[self.nq])
 
     def impact(self, q: Array, v: Array, t: float, j: int, e: float) -> tuple[Array, float, float]:
-        """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) w / (n . M^-1 n); the impulse lam and the rate w before it."""
+        """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) gamma / (n . M^-1 n); the impulse lam and the rate gamma before it."""
         *normal, moving = self.model.gap_slopes(q, t)[j]
         n = np.array(normal)
         response = self.response(q, t, n)

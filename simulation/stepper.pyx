@@ -5,13 +5,13 @@ A step of size h is a chain of *legs*.  The first leg starts at a node with mome
 
     first leg     r_minus(q_0, q_1, s) + p_0 = 0
     later legs    p_minus + r_minus(q_c, q_1, s) - lam grad g(q_c, t_c) = 0
-                  e (e_plus(leg before) - e_minus(q_c, q_1, s)) = lam (e dg/dt + (1 - e)/2 w)
+                  e (e_plus(leg before) - e_minus(q_c, q_1, s)) = lam (e dg/dt + (1 - e)/2 gamma)
 
 with unknowns q_1, or q_1 and lam, and the nodes inside the leg with their equations r_i = 0 at order 4; e is the coefficient of restitution and w the rate
-of the gap after the collision, w = w(before) - lam grad g . M^-1 grad g.  A leg that would cross a surface is shortened to the duration s = tau h at which g(q_1) = 0.
+of the gap after the collision, gamma = gamma(before) - lam grad g . M^-1 grad g.  A leg that would cross a surface is shortened to the duration s = tau h at which g(q_1) = 0.
 
 A leg shorter than ``SHORTEST_LEG`` of a step, an impact on several surfaces at once, and one whose flight is too short for the equations above
-(bounces that die away within a step) take their limit instead: lam = (1 + e) w / (grad g . M^-1 grad g).
+(bounces that die away within a step) take their limit instead: lam = (1 + e) gamma / (grad g . M^-1 grad g).
 
 Nothing depends on units: coordinates are measured by the masses, sqrt(M_ii) q_i, and gaps and their rates by their slopes.
 """
@@ -325,7 +325,7 @@ cdef class Stepper:
     # One leg ---------------------------------------------------------------------------------------------------------
 
     cdef int column(self, ptrdiff_t z) noexcept nogil:
-        """Position among the unknowns (q_b, q_i) of a leg of a position in z = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i); -1 for none."""
+        """Position among the unknowns (q_b, q_i) of a leg of a position z in x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i); -1 for none."""
         cdef ptrdiff_t n = self.nq, inside = 2 * (self.nq + self.nu) + 2
         if n <= z < 2 * n:
             return <int>(z - n)

@@ -100,7 +100,7 @@ class Descent:
     # Metric ----------------------------------------------------------------------------------------------------------
 
     def metric(self, x: Array) -> tuple[Array, Array] | None:
-        """Return (move, null), shapes (n_y, rank) and (n_y, n_y - rank): M = (move | null).
+        """Return (move, null), shapes (n_y, rank) and (n_y, n_y - rank): S = (move | null).
 
         The columns of ``move`` change the kept equations one by one, dK = I, and are conjugate to those of ``null``, which leave
         the equations as they are and make the Hessian of the Lagrangian the identity, up to signs and the flattest curvatures.

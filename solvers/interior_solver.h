@@ -23,7 +23,7 @@ static const double RHO = 1000;                              /* price of a viola
 static const double TINY_PIVOT = 1e-20, BAD_RESIDUAL = 1e-5; /* linear system */
 enum { MOST_FILTER = 400 };
 
-/* v = (x | slacks | p | n): p and n relax every row in the restoration only. A trial point has no
+/* v = (x | slacks | a | b): a and b relax every row in the restoration only. A trial point has no
  * multipliers. */
 typedef struct {
     double *v, *y, *zl, *zu;
@@ -74,7 +74,7 @@ static inline double min(double a, double b) { return a < b ? a : b; }
 
 static inline int fixed(const solver *s, int i) { return i < s->n && s->kkt->place[i] < 0; }
 
-/* Row and sign of a slack or elastic variable: residual = c - s - p + n. */
+/* Row and sign of a slack or elastic variable: residual = c - s - a + b. */
 static inline int aux_row(const solver *s, int i)
 {
     const int a = i - s->n;

@@ -62,20 +62,20 @@ class _Point:
 
 
 class Run:
-    """One run of SLSQP in y = y_0 + M s over a working set, with the kept equations as constraints."""
+    """One run of SLSQP in Y = Y_0 + S s over a working set, with the kept equations as constraints."""
 
     def __init__(self, driver: Setting, x: Array, metric: tuple[Array, Array], working: Working) -> None:
         self.driver, self.working = driver, working
-        self.M = np.hstack([CONSTRAINT_SCALE * metric[0], metric[1]])
+        self.S = np.hstack([CONSTRAINT_SCALE * metric[0], metric[1]])
         self.origin = x[driver.parts.kept].copy()
         self.x = x
         bound = np.concatenate([working.lower, working.upper])
         self.by_elimination = bound[driver.is_eliminated[bound]]
-        self._point = _Point(np.full(self.M.shape[1], np.nan), None)
+        self._point = _Point(np.full(self.S.shape[1], np.nan), None)
         self.tally: Tally | None = None
 
     def _complete(self, s: Array) -> Array | None:
-        y = self.origin + self.M @ s
+        y = self.origin + self.S @ s
         return self.driver.elimination.complete(self.x, y) if self._keeps_time(y) else None
 
     def _keeps_time(self, y: Array) -> bool:
@@ -85,7 +85,7 @@ class Run:
 
     def _directions(self, reduced: Reduced) -> Array:
         """dy/ds."""
-        return self.M
+        return self.S
 
     def _at(self, s: Array) -> _Point:
         if self.tally is not None:
@@ -166,7 +166,7 @@ class Run:
         constraints = self._constraints()
         if self.working.size:
             constraints.append({"type": "ineq", "fun": self.inequality, "jac": self.inequality_jacobian})
-        start = np.zeros(self.M.shape[1])
+        start = np.zeros(self.S.shape[1])
         accuracy = SLSQP_ACCURACY * max(1.0, abs(self.cost(start)))
 
         def report(s: Array) -> None:
@@ -196,13 +196,13 @@ class FollowingRun(Run):
 
     def __init__(self, driver: Setting, x: Array, metric: tuple[Array, Array], working: Working) -> None:
         super().__init__(driver, x, metric, working)
-        self.move, self.M = metric
-        self._point = _Point(np.full(self.M.shape[1], np.nan), None)
+        self.move, self.S = metric
+        self._point = _Point(np.full(self.S.shape[1], np.nan), None)
         self.r = self._trial_r = np.zeros(self.move.shape[1])
 
     def _complete(self, s: Array) -> Array | None:
         r, x, previous = self.r.copy(), self.x, np.inf
-        base = self.origin + self.M @ s
+        base = self.origin + self.S @ s
         if not self._keeps_time(base):
             return None
         for _ in range(FOLLOWING_LIMIT):
@@ -237,8 +237,8 @@ class FollowingRun(Run):
         self.r = self._trial_r
 
     def _directions(self, reduced: Reduced) -> Array:
-        bend = solve_linear(reduced.equality @ self.move, reduced.equality @ self.M)
-        return np.asarray(self.M - self.move @ bend)
+        bend = solve_linear(reduced.equality @ self.move, reduced.equality @ self.S)
+        return np.asarray(self.S - self.move @ bend)
 
     def _constraints(self) -> list[dict[str, Any]]:
         return []

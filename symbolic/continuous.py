@@ -158,10 +158,11 @@ def gap_rates(f: Continuous) -> list[Any]:
 
 
 def impact_work(f: Continuous, lam: Sequence[Any]) -> tuple[Any, Any]:
-    """W_t = lam . dg/dt and W_w = lam . w with the rates w of the gaps after the collision.
+    """W_t = lam . dg/dt and W_gamma = lam . gamma with the rates gamma of the gaps after the collision.
 
-    The law of restitution is e (E+ - E- - W_t) = (1 - e)/2 W_w.  In the continuous theory
-    E+ - E- = lam (dg/dt - (w- + w)/2), so that the difference of both sides is -lam (w + e w-)/2:
+    The law of restitution is e (E+ - E- - W_t) = (1 - e)/2 W_gamma.  In the continuous theory
+    E+ - E- = lam (dg/dt - (gamma- + gamma)/2), so that the difference of both sides is
+    -lam (gamma + e gamma-)/2:
     Newton's law as the mean of the balance of energy (e = 1) and of the plastic impact (e = 0), with a
     simple root for every e.
     """

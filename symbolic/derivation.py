@@ -274,14 +274,14 @@ def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement,
     equations.append(_equation(own, "e_minus", "e^-", e.e_minus))
     moving, rate = impact_work(f, impulses)
     equations.append(_equation(own, "W_t", "W_t", moving))
-    equations.append(_equation(own, "W_w", "W_w", rate))
+    equations.append(_equation(own, "W_gamma", r"W_\gamma", rate))
     yield Section(
         "Collision conditions",
         "At a collision node q_c: g(q_c) = 0; only the normal part of the momentum jumps, r_plus(before) + r_minus(after) = lam grad g, "
         "or, without the impulse lam >= 0, its projection on the tangents vanishes. With the coefficient of restitution e "
-        "and the rate w = grad g . q' + dg/dt of the gap after the collision, "
-        "e (e_plus(before) - e_minus(after) - W_t) = (1 - e)/2 W_w with W_t = lam dg/dt and W_w = lam w: the mean of the "
-        "balance of energy (e = 1) and of the plastic impact w = 0 (e = 0), which is Newton's law w = -e w(before).",
+        "and the rate gamma = grad g . q' + dg/dt of the gap after the collision, "
+        "e (e_plus(before) - e_minus(after) - W_t) = (1 - e)/2 W_gamma with W_t = lam dg/dt and W_gamma = lam gamma: the mean of the "
+        "balance of energy (e = 1) and of the plastic impact gamma = 0 (e = 0), which is Newton's law gamma = -e gamma(before).",
         tuple(equations),
     )
 
@@ -332,9 +332,9 @@ def _derivative_sections(e: StepElement, own: DisplayNames) -> Iterable[Section]
         pattern.append(f"  {name:>10}  " + " ".join("x" if d != 0 else "." for d in derivatives))
         equations += [
             Equation(f"d{name}/d{z}", f"\\partial {_row_tex(name)} / \\partial {latex_symbol(str(z))}", d)
-            for z, d in zip(e.z, derivatives, strict=True) if d != 0
+            for z, d in zip(e.x_k, derivatives, strict=True) if d != 0
         ]  # fmt: skip
-    columns = "z = (" + ", ".join(map(str, e.z)) + ")"
+    columns = "x_k = (" + ", ".join(map(str, e.x_k)) + ")"
     yield Section(
         "First derivatives", f"Columns {columns}; x marks what is not identically zero.", tuple(equations), tuple(pattern)
     )
@@ -350,7 +350,7 @@ def _derivative_sections(e: StepElement, own: DisplayNames) -> Iterable[Section]
         grid = ["  " + " ".join("x" if d != 0 else "." for d in row) for row in hessian]
         second = [
             Equation(f"d2/d{a}d{b}", f"\\partial^2/\\partial {latex_symbol(str(a))}\\,\\partial {latex_symbol(str(b))}", hessian[i][j])
-            for i, a in enumerate(e.z) for j, b in enumerate(e.z) if j >= i and hessian[i][j] != 0
+            for i, a in enumerate(e.x_k) for j, b in enumerate(e.x_k) if j >= i and hessian[i][j] != 0
         ]  # fmt: skip
         inside = " + mu_i . r_i" if e.r_i else ""
         what = (

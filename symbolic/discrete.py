@@ -60,14 +60,14 @@ class StepElement:
     t_k: Any
 
     @property
-    def z(self) -> tuple[Any, ...]:
-        """Local unknowns (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i), in this order everywhere."""
+    def x_k(self) -> tuple[Any, ...]:
+        """The unknowns of the step, (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i), in this order everywhere."""
         return (*self.q_k, *self.q_kp1, *self.u_k, *self.u_kp1, self.h, self.t_k, *self.q_i)
 
     @property
     def at_h(self) -> int:
-        """Position of h in z."""
-        return len(self.z) - len(self.q_i) - 2
+        """Position of h in x_k."""
+        return len(self.x_k) - len(self.q_i) - 2
 
     @property
     def nodes(self) -> tuple[tuple[Any, ...], ...]:
@@ -77,7 +77,7 @@ class StepElement:
 
     @property
     def definitions(self) -> tuple[tuple[Any, Any], ...]:
-        """Position, velocity and time of the quadrature points in terms of z."""
+        """Position, velocity and time of the quadrature points in terms of x_k."""
         found = []
         for p in self.points:
             f = p.start
@@ -88,7 +88,7 @@ class StepElement:
         return tuple(found)
 
     def D(self, expression: Any, i: int) -> Any:
-        """Total derivative of an expression in the symbols of the points, u_k, u_kp1 and h with respect to ``z[i]``."""
+        """Total derivative of an expression in the symbols of the points, u_k, u_kp1 and h with respect to ``x_k[i]``."""
         node, j = self._node(i)
         if node is not None:
             parts = [
@@ -96,7 +96,7 @@ class StepElement:
                 for p in self.points
             ]
             return sum(parts[1:], start=parts[0])
-        total = expression.diff(self.z[i])
+        total = expression.diff(self.x_k[i])
         if i == self.at_h:
             for p in self.points:
                 total = total + p.c * expression.diff(p.start.t)
@@ -107,7 +107,7 @@ class StepElement:
         return total
 
     def _node(self, i: int) -> tuple[int | None, int]:
-        """Node and coordinate that ``z[i]`` is; no node for inputs, h and t_k."""
+        """Node and coordinate that ``x_k[i]`` is; no node for inputs, h and t_k."""
         n = len(self.q_k)
         if i < 2 * n:
             return i // n, i % n
@@ -115,14 +115,14 @@ class StepElement:
         return (2 + inside // n, inside % n) if inside >= 0 else (None, 0)
 
     def gradient(self, expression: Any) -> list[Any]:
-        return [self.D(expression, i) for i in range(len(self.z))]
+        return [self.D(expression, i) for i in range(len(self.x_k))]
 
     def jacobian(self, expressions: Sequence[Any]) -> list[list[Any]]:
         return [self.gradient(e) for e in expressions]
 
     def hessian(self, expression: Any) -> list[list[Any]]:
         """Upper triangle of the second total derivative; the strict lower triangle is zero."""
-        size = len(self.z)
+        size = len(self.x_k)
         first = self.gradient(expression)
         return [[self.D(first[i], j) if j >= i else 0 for j in range(size)] for i in range(size)]
 

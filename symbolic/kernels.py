@@ -1,6 +1,6 @@
 """From a system to the list of kernels that the numerical layers call.
 
-Letters: ``nq`` coordinates, ``nu`` inputs, ``nc`` surfaces; ``z = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i)``; ``a_D`` is the derivative
+Letters: ``nq`` coordinates, ``nu`` inputs, ``nc`` surfaces; ``x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i)``; ``a_D`` is the derivative
 of a with respect to the inputs of its kernel before the parameters, ``hess`` an upper triangle of second derivatives of a weighted sum.
 """
 
@@ -191,12 +191,12 @@ def _surface_kernels(f: Continuous) -> list[KernelSpec]:
     moving, rate = impact_work(f, lam.symbols)
     return [
         *_family("surface", "Gaps g <= 0.", (q, t), {"g": f.g}, par),
-        *_family("gap_rate", "Rates w of the gaps.", (q, v, t), {"w": gap_rates(f)}, par),
+        *_family("gap_rate", "Rates gamma of the gaps.", (q, v, t), {"gamma": gap_rates(f)}, par),
         *_family("normal", "Normal impulse n = sum_j lam_j grad g_j.", (q, lam, t), {"n": normal}, par),
         *_family("moving_work", "Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact.",
                  (q, lam, t), {"W_t": [moving]}, par),
-        *_family("rate_work", "Impulses times rates after an impact, W_w = sum_j lam_j w_j.",
-                 (q, v, lam, t), {"W_w": [rate]}, par),
+        *_family("rate_work", "Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j.",
+                 (q, v, lam, t), {"W_gamma": [rate]}, par),
     ]  # fmt: skip
 
 

@@ -523,19 +523,19 @@ void bouncing_pendulum_surface_hess(ptrdiff_t n, const double *const in[], const
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* Rates w of the gaps.
+/* Rates gamma of the gaps.
  *   in  q[1]
  *   in  v[1]
  *   in  t[1]
  *   in  par[4]
- *   out w[1]
+ *   out gamma[1]
  */
-static inline void gap_rate_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w)
+static inline void gap_rate_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict gamma)
 {
     (void)q;
     (void)t;
     (void)par;
-    w[0] = -v[0];
+    gamma[0] = -v[0];
 }
 
 void bouncing_pendulum_gap_rate(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -549,15 +549,15 @@ void bouncing_pendulum_gap_rate(ptrdiff_t n, const double *const in[], const ptr
  *   in  v[1]
  *   in  t[1]
  *   in  par[4]
- *   out w_D[1], entries of a 1 x 3 matrix: (0,1)
+ *   out gamma_D[1], entries of a 1 x 3 matrix: (0,1)
  */
-static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w_D)
+static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict gamma_D)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    w_D[0] = -1.0;
+    gamma_D[0] = -1.0;
 }
 
 void bouncing_pendulum_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -571,16 +571,16 @@ void bouncing_pendulum_gap_rate_jac(ptrdiff_t n, const double *const in[], const
  *   in  v[1]
  *   in  t[1]
  *   in  par[4]
- *   in  w_w[1]
+ *   in  w_gamma[1]
  *   out hess[0]
  */
-static inline void gap_rate_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_w, double *restrict hess)
+static inline void gap_rate_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_gamma, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    (void)w_w;
+    (void)w_gamma;
     (void)hess;
 }
 
@@ -721,20 +721,20 @@ void bouncing_pendulum_moving_work_hess(ptrdiff_t n, const double *const in[], c
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* Impulses times rates after an impact, W_w = sum_j lam_j w_j.
+/* Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j.
  *   in  q[1]
  *   in  v[1]
  *   in  lam[1]
  *   in  t[1]
  *   in  par[4]
- *   out W_w[1]
+ *   out W_gamma[1]
  */
-static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w)
+static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_gamma)
 {
     (void)q;
     (void)t;
     (void)par;
-    W_w[0] = -lam[0]*v[0];
+    W_gamma[0] = -lam[0]*v[0];
 }
 
 void bouncing_pendulum_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -749,15 +749,15 @@ void bouncing_pendulum_rate_work(ptrdiff_t n, const double *const in[], const pt
  *   in  lam[1]
  *   in  t[1]
  *   in  par[4]
- *   out W_w_D[2], entries of a 1 x 4 matrix: (0,1) (0,2)
+ *   out W_gamma_D[2], entries of a 1 x 4 matrix: (0,1) (0,2)
  */
-static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w_D)
+static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_gamma_D)
 {
     (void)q;
     (void)t;
     (void)par;
-    W_w_D[0] = -lam[0];
-    W_w_D[1] = -v[0];
+    W_gamma_D[0] = -lam[0];
+    W_gamma_D[1] = -v[0];
 }
 
 void bouncing_pendulum_rate_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -772,17 +772,17 @@ void bouncing_pendulum_rate_work_jac(ptrdiff_t n, const double *const in[], cons
  *   in  lam[1]
  *   in  t[1]
  *   in  par[4]
- *   in  w_W_w[1]
+ *   in  w_W_gamma[1]
  *   out hess[1], entries of a 4 x 4 matrix: (1,2)
  */
-static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_w, double *restrict hess)
+static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_gamma, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)lam;
     (void)t;
     (void)par;
-    hess[0] = -w_W_w[0];
+    hess[0] = -w_W_gamma[0];
 }
 
 void bouncing_pendulum_rate_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -908,13 +908,13 @@ static const dmoc_array surface_hess_arrays[] = {
     {"q", 1}, {"t", 1}, {"par", 4}, {"w_g", 1}, {"hess", 0},
 };
 static const dmoc_array gap_rate_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w", 1},
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"gamma", 1},
 };
 static const dmoc_array gap_rate_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_D", 1},
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"gamma_D", 1},
 };
 static const dmoc_array gap_rate_hess_arrays[] = {
-    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_w", 1}, {"hess", 0},
+    {"q", 1}, {"v", 1}, {"t", 1}, {"par", 4}, {"w_gamma", 1}, {"hess", 0},
 };
 static const dmoc_array normal_arrays[] = {
     {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"n", 1},
@@ -935,13 +935,13 @@ static const dmoc_array moving_work_hess_arrays[] = {
     {"q", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"w_W_t", 1}, {"hess", 0},
 };
 static const dmoc_array rate_work_arrays[] = {
-    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_w", 1},
+    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_gamma", 1},
 };
 static const dmoc_array rate_work_jac_arrays[] = {
-    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_w_D", 2},
+    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"W_gamma_D", 2},
 };
 static const dmoc_array rate_work_hess_arrays[] = {
-    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"w_W_w", 1}, {"hess", 1},
+    {"q", 1}, {"v", 1}, {"lam", 1}, {"t", 1}, {"par", 4}, {"w_W_gamma", 1}, {"hess", 1},
 };
 static const dmoc_array min_time_arrays[] = {
     {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}, {"T_min", 1},

@@ -707,20 +707,20 @@ void cart_pendulum_surface_hess(ptrdiff_t n, const double *const in[], const ptr
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* Rates w of the gaps.
+/* Rates gamma of the gaps.
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
  *   in  par[6]
- *   out w[2]
+ *   out gamma[2]
  */
-static inline void gap_rate_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w)
+static inline void gap_rate_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict gamma)
 {
     (void)q;
     (void)t;
     (void)par;
-    w[0] = -v[0];
-    w[1] = v[0];
+    gamma[0] = -v[0];
+    gamma[1] = v[0];
 }
 
 void cart_pendulum_gap_rate(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -734,16 +734,16 @@ void cart_pendulum_gap_rate(ptrdiff_t n, const double *const in[], const ptrdiff
  *   in  v[2]
  *   in  t[1]
  *   in  par[6]
- *   out w_D[2], entries of a 2 x 5 matrix: (0,2) (1,2)
+ *   out gamma_D[2], entries of a 2 x 5 matrix: (0,2) (1,2)
  */
-static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w_D)
+static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict gamma_D)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    w_D[0] = -1.0;
-    w_D[1] = 1.0;
+    gamma_D[0] = -1.0;
+    gamma_D[1] = 1.0;
 }
 
 void cart_pendulum_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -757,16 +757,16 @@ void cart_pendulum_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptr
  *   in  v[2]
  *   in  t[1]
  *   in  par[6]
- *   in  w_w[2]
+ *   in  w_gamma[2]
  *   out hess[0]
  */
-static inline void gap_rate_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_w, double *restrict hess)
+static inline void gap_rate_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_gamma, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    (void)w_w;
+    (void)w_gamma;
     (void)hess;
 }
 
@@ -909,20 +909,20 @@ void cart_pendulum_moving_work_hess(ptrdiff_t n, const double *const in[], const
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* Impulses times rates after an impact, W_w = sum_j lam_j w_j.
+/* Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j.
  *   in  q[2]
  *   in  v[2]
  *   in  lam[2]
  *   in  t[1]
  *   in  par[6]
- *   out W_w[1]
+ *   out W_gamma[1]
  */
-static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w)
+static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_gamma)
 {
     (void)q;
     (void)t;
     (void)par;
-    W_w[0] = lam[1]*v[0] - lam[0]*v[0];
+    W_gamma[0] = lam[1]*v[0] - lam[0]*v[0];
 }
 
 void cart_pendulum_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -937,16 +937,16 @@ void cart_pendulum_rate_work(ptrdiff_t n, const double *const in[], const ptrdif
  *   in  lam[2]
  *   in  t[1]
  *   in  par[6]
- *   out W_w_D[3], entries of a 1 x 7 matrix: (0,2) (0,4) (0,5)
+ *   out W_gamma_D[3], entries of a 1 x 7 matrix: (0,2) (0,4) (0,5)
  */
-static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w_D)
+static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_gamma_D)
 {
     (void)q;
     (void)t;
     (void)par;
-    W_w_D[0] = lam[1] - lam[0];
-    W_w_D[1] = -v[0];
-    W_w_D[2] = v[0];
+    W_gamma_D[0] = lam[1] - lam[0];
+    W_gamma_D[1] = -v[0];
+    W_gamma_D[2] = v[0];
 }
 
 void cart_pendulum_rate_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -961,18 +961,18 @@ void cart_pendulum_rate_work_jac(ptrdiff_t n, const double *const in[], const pt
  *   in  lam[2]
  *   in  t[1]
  *   in  par[6]
- *   in  w_W_w[1]
+ *   in  w_W_gamma[1]
  *   out hess[2], entries of a 7 x 7 matrix: (2,4) (2,5)
  */
-static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_w, double *restrict hess)
+static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_gamma, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)lam;
     (void)t;
     (void)par;
-    hess[0] = -w_W_w[0];
-    hess[1] = w_W_w[0];
+    hess[0] = -w_W_gamma[0];
+    hess[1] = w_W_gamma[0];
 }
 
 void cart_pendulum_rate_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -1119,13 +1119,13 @@ static const dmoc_array surface_hess_arrays[] = {
     {"q", 2}, {"t", 1}, {"par", 6}, {"w_g", 2}, {"hess", 0},
 };
 static const dmoc_array gap_rate_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w", 2},
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"gamma", 2},
 };
 static const dmoc_array gap_rate_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w_D", 2},
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"gamma_D", 2},
 };
 static const dmoc_array gap_rate_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w_w", 2}, {"hess", 0},
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 6}, {"w_gamma", 2}, {"hess", 0},
 };
 static const dmoc_array normal_arrays[] = {
     {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"n", 2},
@@ -1146,13 +1146,13 @@ static const dmoc_array moving_work_hess_arrays[] = {
     {"q", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"w_W_t", 1}, {"hess", 0},
 };
 static const dmoc_array rate_work_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"W_w", 1},
+    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"W_gamma", 1},
 };
 static const dmoc_array rate_work_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"W_w_D", 3},
+    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"W_gamma_D", 3},
 };
 static const dmoc_array rate_work_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"w_W_w", 1}, {"hess", 2},
+    {"q", 2}, {"v", 2}, {"lam", 2}, {"t", 1}, {"par", 6}, {"w_W_gamma", 1}, {"hess", 2},
 };
 static const dmoc_array min_time_arrays[] = {
     {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 6}, {"T_min", 2},

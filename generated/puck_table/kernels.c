@@ -592,22 +592,22 @@ void puck_table_surface_hess(ptrdiff_t n, const double *const in[], const ptrdif
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* Rates w of the gaps.
+/* Rates gamma of the gaps.
  *   in  q[2]
  *   in  v[2]
  *   in  t[1]
  *   in  par[3]
- *   out w[4]
+ *   out gamma[4]
  */
-static inline void gap_rate_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w)
+static inline void gap_rate_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict gamma)
 {
     (void)q;
     (void)t;
     (void)par;
-    w[0] = -v[0];
-    w[1] = v[0];
-    w[2] = -v[1];
-    w[3] = v[1];
+    gamma[0] = -v[0];
+    gamma[1] = v[0];
+    gamma[2] = -v[1];
+    gamma[3] = v[1];
 }
 
 void puck_table_gap_rate(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -621,18 +621,18 @@ void puck_table_gap_rate(ptrdiff_t n, const double *const in[], const ptrdiff_t 
  *   in  v[2]
  *   in  t[1]
  *   in  par[3]
- *   out w_D[4], entries of a 4 x 5 matrix: (0,2) (1,2) (2,3) (3,3)
+ *   out gamma_D[4], entries of a 4 x 5 matrix: (0,2) (1,2) (2,3) (3,3)
  */
-static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict w_D)
+static inline void gap_rate_jac_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, double *restrict gamma_D)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    w_D[0] = -1.0;
-    w_D[1] = 1.0;
-    w_D[2] = -1.0;
-    w_D[3] = 1.0;
+    gamma_D[0] = -1.0;
+    gamma_D[1] = 1.0;
+    gamma_D[2] = -1.0;
+    gamma_D[3] = 1.0;
 }
 
 void puck_table_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -646,16 +646,16 @@ void puck_table_gap_rate_jac(ptrdiff_t n, const double *const in[], const ptrdif
  *   in  v[2]
  *   in  t[1]
  *   in  par[3]
- *   in  w_w[4]
+ *   in  w_gamma[4]
  *   out hess[0]
  */
-static inline void gap_rate_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_w, double *restrict hess)
+static inline void gap_rate_hess_element(const double *restrict q, const double *restrict v, const double *restrict t, const double *restrict par, const double *restrict w_gamma, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)t;
     (void)par;
-    (void)w_w;
+    (void)w_gamma;
     (void)hess;
 }
 
@@ -800,20 +800,20 @@ void puck_table_moving_work_hess(ptrdiff_t n, const double *const in[], const pt
     (void)n, (void)in, (void)stride, (void)out;
 }
 
-/* Impulses times rates after an impact, W_w = sum_j lam_j w_j.
+/* Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j.
  *   in  q[2]
  *   in  v[2]
  *   in  lam[4]
  *   in  t[1]
  *   in  par[3]
- *   out W_w[1]
+ *   out W_gamma[1]
  */
-static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w)
+static inline void rate_work_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_gamma)
 {
     (void)q;
     (void)t;
     (void)par;
-    W_w[0] = lam[1]*v[0] + lam[3]*v[1] - lam[0]*v[0] - lam[2]*v[1];
+    W_gamma[0] = lam[1]*v[0] + lam[3]*v[1] - lam[0]*v[0] - lam[2]*v[1];
 }
 
 void puck_table_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -828,19 +828,19 @@ void puck_table_rate_work(ptrdiff_t n, const double *const in[], const ptrdiff_t
  *   in  lam[4]
  *   in  t[1]
  *   in  par[3]
- *   out W_w_D[6], entries of a 1 x 9 matrix: (0,2) (0,3) (0,4) (0,5) (0,6) (0,7)
+ *   out W_gamma_D[6], entries of a 1 x 9 matrix: (0,2) (0,3) (0,4) (0,5) (0,6) (0,7)
  */
-static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_w_D)
+static inline void rate_work_jac_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, double *restrict W_gamma_D)
 {
     (void)q;
     (void)t;
     (void)par;
-    W_w_D[0] = lam[1] - lam[0];
-    W_w_D[1] = lam[3] - lam[2];
-    W_w_D[2] = -v[0];
-    W_w_D[3] = v[0];
-    W_w_D[4] = -v[1];
-    W_w_D[5] = v[1];
+    W_gamma_D[0] = lam[1] - lam[0];
+    W_gamma_D[1] = lam[3] - lam[2];
+    W_gamma_D[2] = -v[0];
+    W_gamma_D[3] = v[0];
+    W_gamma_D[4] = -v[1];
+    W_gamma_D[5] = v[1];
 }
 
 void puck_table_rate_work_jac(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -855,21 +855,21 @@ void puck_table_rate_work_jac(ptrdiff_t n, const double *const in[], const ptrdi
  *   in  lam[4]
  *   in  t[1]
  *   in  par[3]
- *   in  w_W_w[1]
+ *   in  w_W_gamma[1]
  *   out hess[4], entries of a 9 x 9 matrix: (2,4) (2,5) (3,6) (3,7)
  */
-static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_w, double *restrict hess)
+static inline void rate_work_hess_element(const double *restrict q, const double *restrict v, const double *restrict lam, const double *restrict t, const double *restrict par, const double *restrict w_W_gamma, double *restrict hess)
 {
     (void)q;
     (void)v;
     (void)lam;
     (void)t;
     (void)par;
-    const double w0 = -w_W_w[0];
+    const double w0 = -w_W_gamma[0];
     hess[0] = w0;
-    hess[1] = w_W_w[0];
+    hess[1] = w_W_gamma[0];
     hess[2] = w0;
-    hess[3] = w_W_w[0];
+    hess[3] = w_W_gamma[0];
 }
 
 void puck_table_rate_work_hess(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
@@ -1051,13 +1051,13 @@ static const dmoc_array surface_hess_arrays[] = {
     {"q", 2}, {"t", 1}, {"par", 3}, {"w_g", 4}, {"hess", 0},
 };
 static const dmoc_array gap_rate_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w", 4},
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"gamma", 4},
 };
 static const dmoc_array gap_rate_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_D", 4},
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"gamma_D", 4},
 };
 static const dmoc_array gap_rate_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_w", 4}, {"hess", 0},
+    {"q", 2}, {"v", 2}, {"t", 1}, {"par", 3}, {"w_gamma", 4}, {"hess", 0},
 };
 static const dmoc_array normal_arrays[] = {
     {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"n", 2},
@@ -1078,13 +1078,13 @@ static const dmoc_array moving_work_hess_arrays[] = {
     {"q", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"w_W_t", 1}, {"hess", 0},
 };
 static const dmoc_array rate_work_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_w", 1},
+    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_gamma", 1},
 };
 static const dmoc_array rate_work_jac_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_w_D", 6},
+    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"W_gamma_D", 6},
 };
 static const dmoc_array rate_work_hess_arrays[] = {
-    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"w_W_w", 1}, {"hess", 4},
+    {"q", 2}, {"v", 2}, {"lam", 4}, {"t", 1}, {"par", 3}, {"w_W_gamma", 1}, {"hess", 4},
 };
 static const dmoc_array min_time_arrays[] = {
     {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}, {"T_min", 4},

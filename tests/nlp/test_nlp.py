@@ -84,7 +84,7 @@ def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs
 def test_every_unknown_has_one_place(nlp: Transcription) -> None:
     lay = nlp.layout
     assert np.array_equal(np.concatenate([b.numbers for b in lay.unknowns]), np.arange(nlp.n))
-    assert lay.index_z.shape == (lay.total, (2 + lay.inside) * lay.nq + 2 * lay.nu + 2)
+    assert lay.index_step.shape == (lay.total, (2 + lay.inside) * lay.nq + 2 * lay.nu + 2)
     again = Layout.of(nlp.problem)
     assert all(np.array_equal(a.index, b.index) for a, b in zip(again.unknowns, lay.unknowns, strict=True))
 

@@ -21,7 +21,8 @@ pytestmark = pytest.mark.slow
 T = dynamicsymbols._t
 # Symbols, arguments, results, temporaries and display names of the derivation, the kernels and the generated code.
 MADE = """x_m x_dot_m t_m x_k x_kp1 x_i x_1 x_2 x_dot_1 x_dot_2 t_1 t_2 t_k t_0 h u_k u_kp1 u_free q_k q_kp1 q_i q_k_0 q_kp1_0 q_i_0 u_k_0 u_kp1_0
-    q_0 v_0 u_0 par_0 q_0_1 v_0_1 q_0_2 q v par z lam lam_wall e_wall e_plus e_minus e_plus_D W_t W_w w w0 w1 x0 x1 w_0 w_e w_e_0 w_W_w w_W_w_0 w_plus
+    q_0 v_0 u_0 par_0 q_0_1 v_0_1 q_0_2 q v par z lam lam_wall e_wall e_plus e_minus e_plus_D W_t W_gamma gamma gamma_D x_k
+    w w0 w1 x0 x1 w_0 w_e w_e_0 w_W_gamma w_gamma w_gamma_0 w_plus
     w_minus mu
     mu_0 mu_minus mu_minus_0 mu_plus_0 mu_i_0 sigma sigma_0 lam_0 e_0 a_0 q_c q_c_0 x_ddot x_ddot_bar x_bar delta_x r_plus_x r_minus_x r_i_x r_minus
     r_plus r_d r_i_0 L L_d C C_d M E Q F B Q_x H I N O S pi e i j n D1_Ld_x D3_Ld fd_minus_x g g_wall grad Phi T_min T_min_wall x_free x_dot_k x_k_dot

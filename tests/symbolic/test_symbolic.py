@@ -56,7 +56,7 @@ def test_slot_derivatives_equal_direct_differentiation() -> None:
         e = _readable_element(system, order, DisplayNames.beside(system))
         explicit = dict(e.definitions)
         for expression in (e.L_d, e.e_plus, e.C_d, *e.r_plus, *e.r_i):
-            for i, z in enumerate(e.z):
+            for i, z in enumerate(e.x_k):
                 assert zero(expression.subs(explicit).diff(z) - e.D(expression, i).subs(explicit))
 
 
