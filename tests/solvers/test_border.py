@@ -19,7 +19,7 @@ LAYOUT = ("place", "row", "from_hess", "from_jac", "diagonal")
 
 @pytest.mark.parametrize("wrong", [*ARRAYS, *LAYOUT, "price"])
 def test_a_wrong_size_is_refused_by_name(seed: dmoc.Problem, wrong: str) -> None:
-    nlp = Transcription(seed.but(steps=4), minimal_times=False)
+    nlp = Transcription(seed.but(steps=4))
     m, layout = nlp.n_eq + nlp.n_in, kkt_layout(nlp)
     arrays = {name: np.ones(m if name == "y" else nlp.n) for name in ARRAYS}
     given: dict[str, Any] = {"price": np.ones(m)}
