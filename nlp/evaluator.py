@@ -94,6 +94,6 @@ class Evaluator:
         return self.assembled.jacobian.matrix(self.slopes(x)[self.n :], self.n_eq)
 
     def lagrangian_hessian(self, x: Array, y: Array, w: Array, sigma: float = 1.0) -> Matrix:
-        """Upper triangle of the Hessian of sigma f + y . c + w . d, shape (n, n)."""
-        values = self.program.curvatures(np.ascontiguousarray(x), np.concatenate([y, w]), sigma)
+        """Upper triangle of the Hessian of sigma f + y . c - w . d, shape (n, n)."""
+        values = self.program.curvatures(np.ascontiguousarray(x), np.concatenate([y, -w]), sigma)
         return self.assembled.hessian.matrix(values)

@@ -84,7 +84,7 @@ class Timed(Transcription):
         found = super().lagrangian_hessian(x, y, w[:rest], sigma)
         for i, weight in zip(self._phases, w[rest:], strict=True):
             if weight:
-                at, values = self._sorted[i], weight * self._second(x, i)
+                at, values = self._sorted[i], -weight * self._second(x, i)
                 r, c = np.triu_indices(len(at))
                 found = found + scipy.sparse.csr_matrix((values[r, c], (at[r], at[c])), shape=found.shape)
         return found

@@ -142,7 +142,7 @@ class Descent:
     def _hessian(self, x: Array, reduced: Reduced, D: Array) -> Array:
         """Hessian of the Lagrangian in the scaled kept unknowns, dense."""
         nlp, parts = self.nlp, self.parts
-        upper = nlp.lagrangian_hessian(x, self.y, -self.w)
+        upper = nlp.lagrangian_hessian(x, self.y, self.w)
         Z = np.zeros((nlp.n, len(parts.kept)))
         Z[parts.kept, np.arange(len(parts.kept))] = D
         if reduced.factors is not None:

@@ -81,7 +81,7 @@ def _independent(nlp: Transcription, x: Array, rows: Index) -> Index:
 
 def _newton_step(nlp: Transcription, x: Array, y: Array, w: Array, rows: Index, free: Index) -> Array | None:
     A, G = nlp.equality_jacobian(x), nlp.inequality_jacobian(x)[rows]
-    upper = nlp.lagrangian_hessian(x, y, -w)
+    upper = nlp.lagrangian_hessian(x, y, w)
     H = (upper + scipy.sparse.triu(upper, 1).T).tocsr()
     slope = nlp.cost_gradient(x) + A.T @ y - G.T @ w[rows]
     A, G, H = A[:, free], G[:, free], H[free][:, free]

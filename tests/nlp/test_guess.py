@@ -160,5 +160,5 @@ def test_the_program_with_minimal_times_has_the_derivatives_of_its_differences(s
     slopes = nlp.inequality_jacobian(x).toarray()
     np.testing.assert_allclose(slopes, differences(nlp.inequality), rtol=1e-5, atol=1e-5 * np.abs(slopes).max())
     upper = nlp.lagrangian_hessian(x, np.zeros(nlp.n_eq), w, sigma=0.0).toarray()
-    wanted = differences(lambda x: nlp.inequality_jacobian(x).T @ w)
+    wanted = differences(lambda x: -nlp.inequality_jacobian(x).T @ w)
     np.testing.assert_allclose(upper + np.triu(upper, 1).T, wanted, atol=1e-4 * np.abs(wanted).max())

@@ -141,7 +141,7 @@ def test_hessian_of_the_lagrangian_equals_differences(nlp: Transcription) -> Non
     hessian = upper + np.triu(upper, 1).T
 
     def slope(x: np.ndarray) -> np.ndarray:
-        return 0.7 * nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y + nlp.inequality_jacobian(x).T @ w
+        return 0.7 * nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w
 
     reference = differences(slope, x)
     np.testing.assert_allclose(hessian, reference, rtol=0, atol=1e-7 * np.abs(reference).max())

@@ -294,7 +294,7 @@ def test_the_linear_system_is_that_of_the_program(seed: dmoc.Problem) -> None:
     assert sorted(K.place[free]) == list(range(K.size)) and (np.delete(K.place, free) == -1).all()
     rng = np.random.default_rng(0)
     x, y, w = rng.uniform(0.1, 1, nlp.n), rng.normal(size=nlp.n_eq), rng.normal(size=nlp.n_in)
-    hess = nlp.lagrangian_hessian(x, y, w).tocsr()
+    hess = nlp.lagrangian_hessian(x, y, -w).tocsr()
     jac = scipy.sparse.vstack([nlp.equality_jacobian(x), nlp.inequality_jacobian(x)]).tocsr()
     values = np.zeros(len(K.row) + 1)
     for source, entries in ((hess.data, K.from_hess), (jac.data, K.from_jac)):

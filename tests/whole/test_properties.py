@@ -68,7 +68,7 @@ def test_derivatives_equal_differences(system: dmoc.MechanicalSystem, order: int
     numbers = [(values(x + step * d) - values(x - step * d)) / (2 * step) for d in np.eye(nlp.n)]
     found = slopes(x)
     np.testing.assert_allclose(found, np.array(numbers).T, atol=1e-7 * max(1.0, np.abs(found).max()))
-    weights = np.concatenate([[0.7], y, w])
+    weights = np.concatenate([[0.7], y, -w])
     upper = nlp.lagrangian_hessian(x, y, w, sigma=0.7).toarray()
     second = [weights @ (slopes(x + step * d) - slopes(x - step * d)) / (2 * step) for d in np.eye(nlp.n)]
     np.testing.assert_allclose(upper + np.triu(upper, 1).T, np.array(second), atol=1e-6 * max(1.0, np.abs(upper).max()))
