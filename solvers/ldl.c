@@ -7,13 +7,21 @@
 static int block_rows(const dmoc_ldl *f) { return f->pivots + f->n - f->chain; }
 
 /* First unknown and width of a block row: a pivot, or one unknown of the final group. */
-static int row_first(const dmoc_ldl *f, int k) { return k < f->pivots ? f->first[k] : f->chain + k - f->pivots; }
-static int row_width(const dmoc_ldl *f, int k) { return k < f->pivots ? f->first[k + 1] - f->first[k] : 1; }
+static int row_first(const dmoc_ldl *f, int k)
+{
+    return k < f->pivots ? f->first[k] : f->chain + k - f->pivots;
+}
+static int row_width(const dmoc_ldl *f, int k)
+{
+    return k < f->pivots ? f->first[k + 1] - f->first[k] : 1;
+}
 
 static int compare(const void *a, const void *b) { return *(const int *)a - *(const int *)b; }
 
-/* Collect the pivots in block row k of L: those that reach k in the elimination tree from an entry of K. Returns their number. */
-static int row_pattern(const dmoc_ldl *f, int k, const int *pivot_of, int *parent, int *mark, int *found)
+/* Collect the pivots in block row k of L: those that reach k in the elimination tree from an
+ * entry of K. Returns their number. */
+static int row_pattern(const dmoc_ldl *f, int k, const int *pivot_of, int *parent, int *mark,
+                       int *found)
 {
     int count = 0;
     const int first = row_first(f, k), last = first + row_width(f, k);
@@ -36,8 +44,9 @@ static int row_pattern(const dmoc_ldl *f, int k, const int *pivot_of, int *paren
 static int analyse(dmoc_ldl *f)
 {
     const int rows = block_rows(f);
-    int *pivot_of = malloc(sizeof(int)*(size_t)(f->n + 1)), *parent = malloc(sizeof(int)*(size_t)(rows + 1));
-    int *mark = malloc(sizeof(int)*(size_t)(rows + 1)), *found = malloc(sizeof(int)*(size_t)(rows + 1));
+    const size_t size = sizeof(int)*(size_t)(rows + 1);
+    int *pivot_of = malloc(sizeof(int)*(size_t)(f->n + 1)), *parent = malloc(size);
+    int *mark = malloc(size), *found = malloc(size);
     int room = 16*rows + 16, ok = pivot_of && parent && mark && found;
     f->pattern = malloc(sizeof(int)*(size_t)room);
     ok = ok && f->pattern;
@@ -82,7 +91,8 @@ dmoc_ldl *dmoc_ldl_new(int n, int pivots, const int *first, const int *start, co
     f->dense = malloc(sizeof(double)*(dense*dense + 1));
     f->exchange = malloc(sizeof(int)*(dense + 1));
     f->work = calloc(2*(size_t)n + 2, sizeof(double));
-    int ok = f->first && f->pattern_start && f->column_start && f->filled && f->D && f->dense && f->exchange && f->work;
+    int ok = f->first && f->pattern_start && f->column_start && f->filled;
+    ok = ok && f->D && f->dense && f->exchange && f->work;
     if (ok)
         memcpy(f->first, first, sizeof(int)*many);
     ok = ok && analyse(f);
@@ -105,7 +115,8 @@ void dmoc_ldl_free(dmoc_ldl *f)
 {
     if (!f)
         return;
-    free(f->first), free(f->pattern_start), free(f->pattern), free(f->column_start), free(f->column_row), free(f->filled);
+    free(f->first), free(f->pattern_start), free(f->pattern), free(f->filled);
+    free(f->column_start), free(f->column_row);
     free(f->L), free(f->D), free(f->dense), free(f->exchange), free(f->work);
     free(f);
 }
@@ -113,7 +124,8 @@ void dmoc_ldl_free(dmoc_ldl *f)
 static void count_sign(dmoc_ldl *f, double d) { *(d > 0 ? &f->positive : &f->negative) += 1; }
 
 /* Invert a pivot of one (b = 0) or two unknowns into D and count the signs of its eigenvalues. */
-static void invert_pivot(dmoc_ldl *f, double *D, int width, double a, double b, double c, double tiny)
+static void invert_pivot(dmoc_ldl *f, double *D, int width, double a, double b, double c,
+                         double tiny)
 {
     if (width == 1) {
         if (!(fabs(a) > tiny)) {
@@ -138,8 +150,10 @@ static void invert_pivot(dmoc_ldl *f, double *D, int width, double a, double b, 
     D[0] = c/det, D[1] = -b/det, D[2] = a/det;
 }
 
-/* y -= L_j y_j for the rows of block column j that are filled, for a right-hand side of the given width; called with constant widths. */
-static inline void update(const int *rows, const double *L, int count, int wide, int width, const double yj[4], double *y)
+/* y -= L_j y_j for the rows of block column j that are filled, for a right-hand side of the given
+ * width; called with constant widths. */
+static inline void update(const int *rows, const double *L, int count, int wide, int width,
+                          const double yj[4], double *y)
 {
     for (int p = 0; p < count; ++p) {
         double *to = y + 2*rows[p];
@@ -148,7 +162,8 @@ static inline void update(const int *rows, const double *L, int count, int wide,
     }
 }
 
-/* Row k of L: y = L^-1 K(:, k), L_kj = y_j D_j^-1, and pivot (or row of the final group) left in y and S. */
+/* Row k of L: y = L^-1 K(:, k), L_kj = y_j D_j^-1, and pivot (or row of the final group) left in
+ * y and S. */
 static void eliminate_row(dmoc_ldl *f, const double *values, int k, double S[3])
 {
     const int first = row_first(f, k), width = row_width(f, k);
@@ -204,7 +219,8 @@ static void eliminate_row(dmoc_ldl *f, const double *values, int k, double S[3])
     }
 }
 
-/* Exchange rows and columns i and j of a symmetric matrix stored in full; finished columns of L follow. */
+/* Exchange rows and columns i and j of a symmetric matrix stored in full; finished columns of L
+ * follow. */
 static void swap(double *A, int n, int i, int j)
 {
     for (int c = 0; c < n; ++c) {
@@ -217,7 +233,8 @@ static void swap(double *A, int n, int i, int j)
     }
 }
 
-/* Bunch and Parlett's factorisation with complete pivoting: L below the diagonal, the inverse pivots on it and beside it. */
+/* Bunch and Parlett's factorisation with complete pivoting: L below the diagonal, the inverse
+ * pivots on it and beside it. */
 static void factor_dense(dmoc_ldl *f, double tiny)
 {
     const int n = f->n - f->chain;
@@ -312,7 +329,8 @@ static void solve_dense(const dmoc_ldl *f, double *x)
         k += width;
     }
     for (int k = n - 1; k >= 0; --k) {
-        const int last = k > 0 && f->exchange[k - 1] < 0 ? 1 : 0; /* the second unknown of a pivot of two has no entry beside it */
+        /* The second unknown of a pivot of two has no entry beside it. */
+        const int last = k > 0 && f->exchange[k - 1] < 0 ? 1 : 0;
         for (int i = k + (last || f->exchange[k] >= 0 ? 1 : 2); i < n; ++i)
             x[k] -= A[i*n + k]*x[i];
     }

@@ -234,6 +234,7 @@ def test_an_infeasible_problem(
         repeated(call, seed.kernels, linked, tmp_path / "program")
 
 
+@pytest.mark.slow
 def test_order_4(calls: list[Call], linked: Link, tmp_path: Path) -> None:
     kernels = dmoc.load("cart_pendulum", order=4)
     problem = dmoc.Problem(kernels, **find("cart_pendulum").defaults).but(steps=10)
@@ -241,6 +242,7 @@ def test_order_4(calls: list[Call], linked: Link, tmp_path: Path) -> None:
     repeated(calls[0], kernels, linked, tmp_path / "program")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_no_collision(order: int, calls: list[Call], linked: Link, tmp_path: Path) -> None:
     problem = bryson_denham(20, order)
@@ -248,6 +250,7 @@ def test_no_collision(order: int, calls: list[Call], linked: Link, tmp_path: Pat
     repeated(calls[0], problem.kernels, linked, tmp_path / "program")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_everything_at_once(order: int, calls: list[Call], linked: Link, tmp_path: Path) -> None:
     """Explicit time, moving surfaces, path constraints, periodic states; it need not be solved."""
