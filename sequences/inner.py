@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.active import Kind
-from dmoc.nlp.guess import initial_guesses, reflected
+from dmoc.nlp.guess import Guess, initial_guesses, reflected
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
@@ -66,9 +66,10 @@ def lost(task: Task, why: str) -> Node:
 
 def _solve(task: Task) -> Node:
     begin = time.perf_counter()
+    guesses = initial_guesses(task.problem)
     tried: list[Start] = []
     solved: list[Solution] = []
-    for name, x in _starts(task):
+    for name, x in _starts(task, guesses):
         if solved and name.startswith(SPARE):
             continue
         left = task.seconds - (time.perf_counter() - begin)
@@ -79,7 +80,7 @@ def _solve(task: Task) -> Node:
         tried.append(Start(name, found.status, found.cost if found.minimum else None))
         if found.minimum:
             solved.append(found)
-    node = None if solved else _unsolved(task, tried)
+    node = None if solved else _unsolved(task, guesses, tried)
     if isinstance(node, Solution):
         tried.append(Start("least violation", node.status, node.cost))
         solved.append(node)
@@ -97,17 +98,16 @@ def _solve_from(task: Task, x: Array, seconds: float) -> Solution:
     return found
 
 
-def _starts(task: Task) -> Iterator[tuple[str, Array]]:
+def _starts(task: Task, guesses: Sequence[Guess]) -> Iterator[tuple[str, Array]]:
     problem = task.problem
     if task.parent is not None:
         yield "parent", extended(task.parent, problem)
-    guesses = [g.x for g in initial_guesses(problem)]
-    yield "automatic", guesses[0]
-    for i, x in enumerate(guesses[1:]):
-        yield f"{SPARE} {i + 1}", x
+    yield "automatic", guesses[0].x
+    for i, guess in enumerate(guesses[1:]):
+        yield f"{SPARE} {i + 1}", guess.x
     order = [problem.kernels.surfaces.index(s) for s in problem.sequence]
     for i in range(task.starts):
-        yield f"seeded {i + 1}", shaken(problem, guesses[0], np.random.default_rng([task.seed, i, *order]))
+        yield f"seeded {i + 1}", shaken(problem, guesses[0].x, np.random.default_rng([task.seed, i, *order]))
 
 
 def extended(parent: Solution, problem: Problem) -> Array:
@@ -176,14 +176,14 @@ def _node(task: Task, s: Solution, verdict: Verdict, evidence: tuple[str, ...]) 
     return Node(task.sequence, verdict, s.cost, tuple(p.duration for p in s.phases), evidence, shortest=shortest, solution=bare)
 
 
-def _unsolved(task: Task, tried: list[Start]) -> Node | Solution:
+def _unsolved(task: Task, guesses: Sequence[Guess], tried: list[Start]) -> Node | Solution:
     """Infeasible, unreachable, no answer, or a solution from the feasible motion that the search for the reason has found."""
     problem = task.problem
     ends = ", ".join(f"{s.name}: {s.status}" for s in tried)
     nothing = Node(task.sequence, Verdict.FAILED, evidence=(f"no start came to an answer ({ends})",))
     if not any(s.status == Status.INFEASIBLE for s in tried) or problem.kernels.backend != COMPILED:
         return nothing
-    whole = _least(problem, task.seconds)
+    whole = _least(problem, guesses, task.seconds)
     if whole.violation <= INFEASIBLE:
         found = _solve_from(task, whole.x, task.seconds)
         return found if found.minimum else nothing
@@ -191,16 +191,17 @@ def _unsolved(task: Task, tried: list[Start]) -> Node | Solution:
         # Only the collisions, and as much time as there is: what happens after them is another matter.
         start = dict.fromkeys(problem.periodic) | dict(problem.start)
         latest = (None, problem.final_time_bounds[1])
-        there = _least(problem.but(start=start, goal={}, periodic=(), final_time=latest), task.seconds)
+        there_only = problem.but(start=start, goal={}, periodic=(), final_time=latest)
+        there = _least(there_only, initial_guesses(there_only), task.seconds)
         if there.violation > INFEASIBLE:
             return Node(task.sequence, Verdict.UNREACHABLE if there.least else Verdict.FAILED, evidence=there.sentences)
     return Node(task.sequence, Verdict.INFEASIBLE if whole.least else Verdict.FAILED, evidence=whole.sentences)
 
 
-def _least(problem: Problem, seconds: float) -> Diagnosis:
-    """The least violation from any of the automatic guesses."""
+def _least(problem: Problem, guesses: Sequence[Guess], seconds: float) -> Diagnosis:
+    """The least violation from any of some guesses."""
     found: list[Diagnosis] = []
-    for guess in initial_guesses(problem):
+    for guess in guesses:
         found.append(diagnose(problem, scale_of(problem, guess.x), guess.x, Options(seconds=seconds)))
         if found[-1].violation <= INFEASIBLE:
             return found[-1]

@@ -31,7 +31,7 @@ LEAST_SHRINK = 0.02
 
 
 class Setting(Protocol):
-    """What a run needs of its driver."""
+    """What a run needs to know of the descent that it is part of."""
 
     nlp: Transcription
     parts: Partition
@@ -64,23 +64,23 @@ class _Point:
 class Run:
     """One run of SLSQP in Y = Y_0 + S s over a working set, with the kept equations as constraints."""
 
-    def __init__(self, driver: Setting, x: Array, metric: tuple[Array, Array], working: Working) -> None:
-        self.driver, self.working = driver, working
+    def __init__(self, setting: Setting, x: Array, metric: tuple[Array, Array], working: Working) -> None:
+        self.setting, self.working = setting, working
         self.S = np.hstack([CONSTRAINT_SCALE * metric[0], metric[1]])
-        self.origin = x[driver.parts.kept].copy()
+        self.origin = x[setting.parts.kept].copy()
         self.x = x
         bound = np.concatenate([working.lower, working.upper])
-        self.by_elimination = bound[driver.is_eliminated[bound]]
+        self.by_elimination = bound[setting.is_eliminated[bound]]
         self._point = _Point(np.full(self.S.shape[1], np.nan), None)
         self.tally: Tally | None = None
 
     def _complete(self, s: Array) -> Array | None:
         y = self.origin + self.S @ s
-        return self.driver.elimination.complete(self.x, y) if self._keeps_time(y) else None
+        return self.setting.elimination.complete(self.x, y) if self._keeps_time(y) else None
 
     def _keeps_time(self, y: Array) -> bool:
         """Whether no step size has shrunk to a small share of what it was: negative ones would pass for short ones."""
-        times = np.isin(self.driver.parts.kept, self.driver.nlp.layout.index_h)
+        times = np.isin(self.setting.parts.kept, self.setting.nlp.layout.index_h)
         return bool((y[times] > LEAST_SHRINK * self.origin[times]).all())
 
     def _directions(self, reduced: Reduced) -> Array:
@@ -99,7 +99,7 @@ class Run:
         point = self._at(s)
         if point.reduced is None:
             x = self.x if point.x is None else point.x
-            reduced = self.driver.elimination.reduce(x, self.working.rows, self.by_elimination)
+            reduced = self.setting.elimination.reduce(x, self.working.rows, self.by_elimination)
             if reduced is None:
                 raise Stop(Status.STALLED)
             point.reduced = reduced, self._directions(reduced)
@@ -112,7 +112,7 @@ class Run:
 
     def cost(self, s: Array) -> float:
         x = self._at(s).x
-        return REFUSED if x is None else self.driver.nlp.cost(x)
+        return REFUSED if x is None else self.setting.nlp.cost(x)
 
     def cost_gradient(self, s: Array) -> Array:
         reduced, directions = self._derivatives(s)
@@ -120,8 +120,8 @@ class Run:
 
     def equality(self, s: Array) -> Array:
         x = self._at(s).x
-        rows = self.driver.parts.kept_rows
-        return np.full(len(rows), REFUSED) if x is None else self.driver.nlp.equality(x)[rows]
+        rows = self.setting.parts.kept_rows
+        return np.full(len(rows), REFUSED) if x is None else self.setting.nlp.equality(x)[rows]
 
     def equality_jacobian(self, s: Array) -> Array:
         reduced, directions = self._derivatives(s)
@@ -129,7 +129,7 @@ class Run:
 
     def inequality(self, s: Array) -> Array:
         x = self._at(s).x
-        w, nlp = self.working, self.driver.nlp
+        w, nlp = self.working, self.setting.nlp
         if x is None:
             return np.full(w.size, -REFUSED)
         return np.concatenate([nlp.inequality(x)[w.rows], (x - nlp.lower)[w.lower], (nlp.upper - x)[w.upper]])
@@ -146,9 +146,9 @@ class Run:
     def _bound_slopes(self, unknowns: Index, reduced: Reduced) -> Array:
         """dx_i/dy of the given unknowns."""
         rows = np.zeros((len(unknowns), len(self.origin)))
-        gone = self.driver.is_eliminated[unknowns]
+        gone = self.setting.is_eliminated[unknowns]
         kept = np.flatnonzero(~gone)
-        rows[kept, np.searchsorted(self.driver.parts.kept, unknowns[kept])] = 1.0
+        rows[kept, np.searchsorted(self.setting.parts.kept, unknowns[kept])] = 1.0
         if gone.any():
             order = np.array([int(np.flatnonzero(self.by_elimination == i)[0]) for i in unknowns[gone]], dtype=np.intp)
             rows[gone] = reduced.unknowns[order]
@@ -156,7 +156,7 @@ class Run:
 
     def _constraints(self) -> list[dict[str, Any]]:
         constraints: list[dict[str, Any]] = []
-        if len(self.driver.parts.kept_rows):
+        if len(self.setting.parts.kept_rows):
             constraints.append({"type": "eq", "fun": self.equality, "jac": self.equality_jacobian})
         return constraints
 
@@ -184,7 +184,7 @@ class Run:
         return self.x if x is None else x, y, w, result.status in (0, 8)
 
     def _multipliers(self, found: Array, s: Array) -> tuple[Array, Array]:
-        n_eq = len(self.driver.parts.kept_rows)
+        n_eq = len(self.setting.parts.kept_rows)
         return -found[:n_eq], np.maximum(found[n_eq:], 0.0)
 
 
@@ -194,8 +194,8 @@ class FollowingRun(Run):
     The equations bend, and a line search that weighs their violation against the cost would shorten every step across the bend.
     """
 
-    def __init__(self, driver: Setting, x: Array, metric: tuple[Array, Array], working: Working) -> None:
-        super().__init__(driver, x, metric, working)
+    def __init__(self, setting: Setting, x: Array, metric: tuple[Array, Array], working: Working) -> None:
+        super().__init__(setting, x, metric, working)
         self.move, self.S = metric
         self._point = _Point(np.full(self.S.shape[1], np.nan), None)
         self.r = self._trial_r = np.zeros(self.move.shape[1])
@@ -207,11 +207,11 @@ class FollowingRun(Run):
             return None
         for _ in range(FOLLOWING_LIMIT):
             y = base + self.move @ r
-            full = self.driver.elimination.complete(x, y) if self._keeps_time(y) else None
+            full = self.setting.elimination.complete(x, y) if self._keeps_time(y) else None
             if full is None:
                 return None
             x = full
-            error = self.driver.nlp.equality(x)[self.driver.parts.kept_rows]
+            error = self.setting.nlp.equality(x)[self.setting.parts.kept_rows]
             size = float(np.abs(error).max())
             if size <= EQUATION_TOLERANCE or (size <= 100 * EQUATION_TOLERANCE and size > 0.5 * previous):
                 self._trial_r = r
@@ -228,7 +228,7 @@ class FollowingRun(Run):
     def _newton(self, x: Array, error: Array) -> Array | None:
         """Change of r that cancels the error to first order at x."""
         none = np.zeros(0, dtype=np.intp)
-        reduced = self.driver.elimination.reduce(x, none, none)
+        reduced = self.setting.elimination.reduce(x, none, none)
         if reduced is None:
             return None
         return solve_linear(reduced.equality @ self.move, error)

@@ -45,38 +45,38 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
     """Minimise from x on the condensed program; multipliers of a neighbouring solution do not serve."""
     x = np.clip(x, nlp.lower, nlp.upper)
     tally = Tally(nlp, options, x)
-    driver = Descent(nlp, x)
+    descent = Descent(nlp, x)
     restorations = 0
     try:
-        x = _completed(driver, x)
+        x = _completed(descent, x)
         watch = Watch(IDLE_RUNS)
         while True:
             before = nlp.cost(x)
-            x, found, converged = _round(driver, x, tally)
+            x, found, converged = _round(descent, x, tally)
             slow = abs(nlp.cost(x) - before) <= SLOW * max(1.0, abs(before))
             if found.violation <= HELD and (converged or slow):
-                x, found = _polished(driver, x, options)
+                x, found = _polished(descent, x, options)
             tally.consider(x, nlp.cost(x), found.violation)
             if meets(found, options):
-                return _outcome(driver, Status.SOLVED, "", x, tally)
+                return _outcome(descent, Status.SOLVED, "", x, tally)
             if watch.progressing(found.violation, nlp.cost(x)):
                 continue
             if found.violation <= options.violation:
-                return _outcome(driver, Status.STALLED, f"optimality {found.optimality:.1e}", x, tally)
-            x = _least_violation(driver, x, tally)
+                return _outcome(descent, Status.STALLED, f"optimality {found.optimality:.1e}", x, tally)
+            x = _least_violation(descent, x, tally)
             least = violation(nlp, x)
             if restorations == RESTORATIONS or least > INFEASIBLE:
                 detail = "least violation: " + "; ".join(worst_constraints(nlp, x))
-                return _outcome(driver, Status.STALLED, detail, x, tally)
+                return _outcome(descent, Status.STALLED, detail, x, tally)
             restorations, watch = restorations + 1, Watch(IDLE_RUNS)
-            driver.forget_multipliers()
+            descent.forget_multipliers()
     except Stop as stop:
-        return _outcome(driver, stop.status, "", tally.best, tally)
+        return _outcome(descent, stop.status, "", tally.best, tally)
     except KeyboardInterrupt:
-        return _outcome(driver, Status.INTERRUPTED, "", tally.best, tally)
+        return _outcome(descent, Status.INTERRUPTED, "", tally.best, tally)
     except (np.linalg.LinAlgError, FloatingPointError, ZeroDivisionError) as error:
         return _outcome(
-            driver,
+            descent,
             Status.STALLED,
             f"the equations become singular on the way: {error}",
             tally.best,
@@ -84,50 +84,50 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
         )
 
 
-def _completed(driver: Descent, x: Array) -> Array:
+def _completed(descent: Descent, x: Array) -> Array:
     """Solve for the eliminated unknowns; where that fails from the guess, the guess stays as it is and the first run repairs it."""
-    full = driver.elimination.complete(x, x[driver.parts.kept])
+    full = descent.elimination.complete(x, x[descent.parts.kept])
     return x if full is None else full
 
 
-def _round(driver: Descent, x: Array, tally: Tally) -> tuple[Array, Residuals, bool]:
+def _round(descent: Descent, x: Array, tally: Tally) -> tuple[Array, Residuals, bool]:
     """One metric and one run of SLSQP in it: along the equations if they can be met, else towards them."""
-    if driver.equation_error(x) <= NEAR_EQUATIONS:
-        x = driver.onto_equations(x)
-    metric = driver.metric(x)
+    if descent.equation_error(x) <= NEAR_EQUATIONS:
+        x = descent.onto_equations(x)
+    metric = descent.metric(x)
     if metric is None:
         raise Stop(Status.STALLED)
     if not metric[1].shape[1]:  # the equations leave no freedom: meeting them is all there is to do
-        x = driver.onto_equations(x)
+        x = descent.onto_equations(x)
         tally.step(x)
-        driver.estimate_multipliers(x)
-        return x, residuals(driver.nlp, x, with_bounds(driver.nlp, x, driver.y, driver.w)), True
-    working = driver.working(x)
-    on = driver.equation_error(x) <= ON_EQUATIONS
-    run = FollowingRun(driver, x, metric, working) if on else Run(driver, x, metric, working)
+        descent.estimate_multipliers(x)
+        return x, residuals(descent.nlp, x, with_bounds(descent.nlp, x, descent.y, descent.w)), True
+    working = descent.working(x)
+    on = descent.equation_error(x) <= ON_EQUATIONS
+    run = FollowingRun(descent, x, metric, working) if on else Run(descent, x, metric, working)
     x, y, w, converged = run.minimise(RUN, tally)
-    driver.take_multipliers(x, y, w, working)
-    return x, residuals(driver.nlp, x, with_bounds(driver.nlp, x, driver.y, driver.w)), converged
+    descent.take_multipliers(x, y, w, working)
+    return x, residuals(descent.nlp, x, with_bounds(descent.nlp, x, descent.y, descent.w)), converged
 
 
-def _polished(driver: Descent, x: Array, options: Options) -> tuple[Array, Residuals]:
+def _polished(descent: Descent, x: Array, options: Options) -> tuple[Array, Residuals]:
     """Take Newton steps with the active set that SLSQP found; keep them if they end in a minimum of no higher cost."""
-    rows, bounds = np.flatnonzero(driver.w > 0), np.flatnonzero(driver.bound_force)
-    before = driver.y, driver.w, driver.nlp.cost(x)
-    better, driver.y, driver.w, found = polish(driver.nlp, x, driver.y, driver.w, rows, bounds)
+    rows, bounds = np.flatnonzero(descent.w > 0), np.flatnonzero(descent.bound_force)
+    before = descent.y, descent.w, descent.nlp.cost(x)
+    better, descent.y, descent.w, found = polish(descent.nlp, x, descent.y, descent.w, rows, bounds)
     solved = meets(found, options)
-    lower = driver.nlp.cost(better) <= before[2] + SLOW * max(1.0, abs(before[2]))
-    if solved and lower and driver.is_minimum(better):
+    lower = descent.nlp.cost(better) <= before[2] + SLOW * max(1.0, abs(before[2]))
+    if solved and lower and descent.is_minimum(better):
         return better, found
-    driver.y, driver.w = before[:2]
-    return x, Residuals(np.inf, violation(driver.nlp, x)) if solved else residuals(
-        driver.nlp, x, with_bounds(driver.nlp, x, driver.y, driver.w)
+    descent.y, descent.w = before[:2]
+    return x, Residuals(np.inf, violation(descent.nlp, x)) if solved else residuals(
+        descent.nlp, x, with_bounds(descent.nlp, x, descent.y, descent.w)
     )
 
 
-def _least_violation(driver: Descent, x: Array, tally: Tally) -> Array:
+def _least_violation(descent: Descent, x: Array, tally: Tally) -> Array:
     """Minimise the sum of squared violations of constraints and bounds."""
-    nlp, parts = driver.nlp, driver.parts
+    nlp, parts = descent.nlp, descent.parts
     kept = parts.kept
     gone = parts.eliminated
     rows = np.arange(nlp.n_in)
@@ -136,7 +136,7 @@ def _least_violation(driver: Descent, x: Array, tally: Tally) -> Array:
 
     def completed(y: Array) -> Array | None:
         tally.check_time()
-        return driver.elimination.complete(last["x"], y)
+        return descent.elimination.complete(last["x"], y)
 
     def residual(y: Array) -> Array:
         full = completed(y)
@@ -148,7 +148,7 @@ def _least_violation(driver: Descent, x: Array, tally: Tally) -> Array:
 
     def jacobian(y: Array) -> Array:
         full = completed(y)
-        reduced = None if full is None else driver.elimination.reduce(full, rows, gone)
+        reduced = None if full is None else descent.elimination.reduce(full, rows, gone)
         if full is None or reduced is None:
             raise Stop(Status.STALLED)
         d = nlp.inequality(full) < 0
@@ -163,12 +163,12 @@ def _least_violation(driver: Descent, x: Array, tally: Tally) -> Array:
         return x
     with np.errstate(all="ignore"):
         result = scipy.optimize.least_squares(
-            residual, start, jac=jacobian, bounds=(low, high), x_scale=driver.scale[kept], ftol=1e-10, xtol=1e-10, gtol=1e-12,
+            residual, start, jac=jacobian, bounds=(low, high), x_scale=descent.scale[kept], ftol=1e-10, xtol=1e-10, gtol=1e-12,
             max_nfev=RESTORATION_LIMIT,
         )  # fmt: skip
     full = completed(result.x)
     return x if full is None else full
 
 
-def _outcome(driver: Descent, status: Status, detail: str, x: Array, tally: Tally) -> Ending:
-    return Ending(status, detail, x, with_bounds(driver.nlp, x, driver.y, driver.w), tally.count)
+def _outcome(descent: Descent, status: Status, detail: str, x: Array, tally: Tally) -> Ending:
+    return Ending(status, detail, x, with_bounds(descent.nlp, x, descent.y, descent.w), tally.count)
