@@ -6,9 +6,7 @@ Run:  python benchmarks/accuracy.py            (about a minute)
 from __future__ import annotations
 
 import math
-import statistics
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,10 +23,10 @@ import puck  # noqa: E402
 import seed  # noqa: E402
 import two_bounces  # noqa: E402
 import two_discs  # noqa: E402
+from common import guess, timed  # noqa: E402
 from systems import bouncer_problem, bryson_denham, double_integrator  # noqa: E402
 
 import dmoc  # noqa: E402
-from dmoc.nlp.guess import initial_guesses  # noqa: E402
 
 STEPS = (10, 20, 40, 80, 160)
 REPEATS = 5
@@ -43,7 +41,7 @@ class Case:
     found: Callable[[dmoc.Solution], float]
     known: float
     source: str
-    start: Callable[[dmoc.Problem], np.ndarray] = lambda p: initial_guesses(p)[0].x
+    start: Callable[[dmoc.Problem], np.ndarray] = guess
 
 
 def cost(s: dmoc.Solution) -> float:
@@ -93,12 +91,7 @@ def solve(case: Case, steps: int, order: int) -> tuple[float, dmoc.Solution]:
     """Median time of a solve without guess and check, and the solution."""
     problem = case.problem(steps, order)
     x = case.start(problem)
-    seconds = []
-    for _ in range(REPEATS):
-        begin = time.perf_counter()
-        solution = dmoc.solve(problem, "ipm", guess=x, verify=False)
-        seconds.append(time.perf_counter() - begin)
-    return statistics.median(seconds), solution
+    return timed(lambda: dmoc.solve(problem, "ipm", guess=x, verify=False), REPEATS)
 
 
 def shown_order(errors: list[float]) -> str:

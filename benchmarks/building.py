@@ -12,13 +12,11 @@ from typing import Any
 
 import casadi_pendulum
 import sympy as sp
-from common import Section
+from common import Section, bytes_of_c, clocked
 from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 
 import dmoc
-from dmoc.codegen.text import c_files
 from dmoc.models import catalogue
-from dmoc.symbolic.kernels import model_spec
 
 
 def cart_with_links(links: int) -> dmoc.MechanicalSystem:
@@ -50,9 +48,7 @@ def compare(quick: bool) -> Section:
     models += [] if quick else [("cart, 6 links", cart_with_links(6))]
     for name, system in models:
         cold, warm = _build(system)
-        section.rows.append(
-            (f"dmoc, {name}", f"{cold:.2f}", f"{1e3 * warm:.1f}", f"{len(c_files(model_spec(system))['kernels.c']):,} (any N)")
-        )
+        section.rows.append((f"dmoc, {name}", f"{cold:.2f}", f"{1e3 * warm:.1f}", f"{bytes_of_c(system):,} (any N)"))
     built = casadi_pendulum.program(casadi_pendulum.Case())
     section.rows.append(("CasADi, cart-pendulum, N = 100 + 100, not compiled", f"{built.seconds:.2f}", "no cache", "-"))
     if not quick:
@@ -72,12 +68,8 @@ def _build(system: dmoc.MechanicalSystem) -> tuple[float, float]:
     try:
         with tempfile.TemporaryDirectory() as folder:
             os.environ["DMOC_CACHE"] = folder
-            seconds = []
-            for _ in range(2):
-                begin = time.perf_counter()
-                dmoc.build(system, backend="compiled")
-                seconds.append(time.perf_counter() - begin)
-            return seconds[0], seconds[1]
+            cold, warm = (clocked(lambda: dmoc.build(system, backend="compiled"))[0] for _ in range(2))
+            return cold, warm
     finally:
         os.environ.pop("DMOC_CACHE")
         if before is not None:

@@ -1,8 +1,8 @@
 """Random problems of nine kinds, solved as a user would and judged by an event-driven simulation that shares no code with dmoc.
 
-Run:  python benchmarks/campaign.py [--problems 200] [--out FOLDER]        (about five minutes on two cores)
+Run:  python benchmarks/campaign.py [--problems 200]
 
-Writes a table by kind; the exit status is 1 if any answer with the status `solved` or `grazes` is contradicted.
+Prints a table by kind, which `make bench` writes into its report; the exit status is 1 if any answer with the status `solved` or `grazes` is contradicted.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from campaign_kinds import KINDS, Instance
+from common import Section
 from event_driven import Mechanism
 
 import dmoc
@@ -47,9 +47,9 @@ MOST = {
     "cost": 1e-6,  # of the integral of the inputs
     "excess": 0.03,  # over the known optimum
 }
-NO_EFFECT = (
-    0.01  # speed of approach, relative to the motion's largest one in the same metric, below which a collision has no effect
-)
+# Speed of approach, relative to the motion's largest one in the same metric,
+# below which a collision has no effect.
+NO_EFFECT = 0.01
 UNPLANNED = 0.02  # the same for an impact that was not planned: a motion that cuts a surface between two nodes hits it
 SAME_TIME = 0.02  # of the final time; what is hit so shortly before the end changes nothing on the way
 
@@ -84,14 +84,14 @@ def run_group(numbers: list[int]) -> list[Result]:
         kind, order, instance = draw(number)
         name = instance.description.name
         if (name, order) not in made:
-            made[name, order] = dmoc.build(_system(instance), order=order), Mechanism(instance.description)
+            made[name, order] = dmoc.build(system_of(instance), order=order), Mechanism(instance.description)
         kernels, mechanism = made[name, order]
         for method in ("ipm", "slsqp") if number // len(KINDS) % SLSQP_SHARE == 0 else ("ipm",):
             results.append(_solved(kind, number, order, method, instance, kernels, mechanism))
     return results
 
 
-def _system(instance: Instance) -> dmoc.MechanicalSystem:
+def system_of(instance: Instance) -> dmoc.MechanicalSystem:
     d = instance.description
     return dmoc.MechanicalSystem(
         d.name, coordinates=d.coordinates, inputs=d.inputs, lagrangian=d.lagrangian, forces=d.forces, surfaces=d.surfaces,
@@ -296,9 +296,8 @@ def groups(problems: int) -> Iterator[list[int]]:
 COLUMNS = ("law", "impulse", "limit", "penetration", "segment", "window", "boundary", "cost", "excess")
 
 
-def table(results: list[Result]) -> str:
-    head = ["kind", "method", "solves", "statuses", "confirmed", "contradicted", "doubted", *COLUMNS]
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+def rows(results: list[Result]) -> Iterator[list[Any]]:
+    """A line of the table for each kind and method."""
     for kind in KINDS:
         for method in ("ipm", "slsqp"):
             own = [r for r in results if (r.kind, r.method) == (kind, method)]
@@ -309,40 +308,22 @@ def table(results: list[Result]) -> str:
             doubted = sum(r.status == "not_verified" and not r.against for r in own)
             ends = ", ".join(f"{n} {s}" for s, n in Counter(r.status.split(":")[0] for r in own).most_common())
             worst = [max((r.errors[c] for r in judged if c in r.errors), default=None) for c in COLUMNS]
-            cells = [
-                kind,
-                method,
-                len(own),
-                ends,
-                len(judged) - bad,
-                bad,
-                doubted,
-                *("-" if w is None else f"{w:.1e}" for w in worst),
-            ]
-            lines.append("| " + " | ".join(map(str, cells)) + " |")
-    return "\n".join(lines)
+            shown = ("-" if w is None else f"{w:.1e}" for w in worst)
+            yield [kind, method, len(own), ends, len(judged) - bad, bad, doubted, *shown]
 
 
-HEAD = """# Campaign
-
-{problems} random problems of {kinds} kinds (seed {seed}), restitution 1, 0.8, 0.5 and 0, orders 2 and 4 in turn with {coarse} and {fine} steps a phase, by
-`ipm`, and a fifth of them by `slsqp` too, as a user would solve them: {solves} solves, {judged} of them `solved` or `grazes`, {confirmed} confirmed,
-{contradicted} contradicted. `python benchmarks/campaign.py` writes this file.
+TEXT = """{problems} random problems of {kinds} kinds (seed {seed}), restitution 1, 0.8, 0.5 and 0, orders 2 and 4 in turn with {coarse} and
+{fine} steps a phase, by `ipm`, and every {share}th of a kind by `slsqp` too, as a user would solve them: {solves} solves, {judged} of them `solved` or
+`grazes`, {confirmed} confirmed, {contradicted} contradicted, {broken} ended in a traceback.
 
 The judge is an event-driven simulation with equations of motion of its own (`benchmarks/event_driven.py`). An answer is confirmed if no error exceeds:
 {limits}.
 
 Segments (tenths of a phase) and windows (from a tenth before a collision to a tenth after it) are simulated from the motion's own nodes; their
 errors are measured in the metric of the mass matrix. No segment may meet an impact that was not planned. `excess` is the cost above the optimum, for
-the kind where it is known. A collision whose approach is below 1 % of the motion's speed has no effect, and `solved` must not count it as one. `doubted`
-are answers with the status `not_verified` that the judge finds right. The columns after it show the worst of all answers that are `solved` or `grazes`.
-
-{table}
-
-## Contradicted
-
-{wrong}
-"""
+the kind where it is known. A collision whose approach is below {effect:g} of the motion's speed has no effect, and `solved` must not count it as one.
+`doubted` are answers with the status `not_verified` that the judge finds right. The columns after it show the worst of all answers that are `solved`
+or `grazes`."""
 
 
 def wrong_ones(results: list[Result]) -> list[Result]:
@@ -350,31 +331,40 @@ def wrong_ones(results: list[Result]) -> list[Result]:
     return [r for r in results if r.against and r.status != "not_verified"]
 
 
-def report(results: list[Result], problems: int) -> str:
+def section(results: list[Result], problems: int) -> Section:
     judged = [r for r in results if r.status in VOUCHED]
-    wrong = wrong_ones(results)
     contradicted = sum(bool(r.against) for r in judged)
-    lines = [f"- {r.kind}, problem {r.number}, order {r.order}, {r.method}, {r.status}: {'; '.join(r.against)}" for r in wrong]
-    return HEAD.format(
-        problems=problems, kinds=len(KINDS), seed=SEED, coarse=STEPS[2], fine=STEPS[4], solves=len(results), judged=len(judged),
-        confirmed=len(judged) - contradicted, contradicted=contradicted, limits=", ".join(f"{name} {value:g}" for name, value in MOST.items()),
-        table=table(results), wrong="\n".join(lines) or "None.",
+    wrong = [
+        f"- {r.kind}, problem {r.number}, order {r.order}, {r.method}, {r.status}: {'; '.join(r.against)}"
+        for r in wrong_ones(results)
+    ]
+    text = TEXT.format(
+        problems=problems, kinds=len(KINDS), seed=SEED, coarse=STEPS[2], fine=STEPS[4], share=SLSQP_SHARE, solves=len(results),
+        judged=len(judged), confirmed=len(judged) - contradicted, contradicted=contradicted, effect=NO_EFFECT,
+        broken=sum(r.status == "traceback" for r in results), limits=", ".join(f"{name} {value:g}" for name, value in MOST.items()),
     )  # fmt: skip
+    header = ["kind", "method", "solves", "statuses", "confirmed", "contradicted", "doubted", *COLUMNS]
+    after = "\n".join(["Contradicted:", "", *wrong]) if wrong else ""
+    return Section("Campaign: random problems under another simulation", text, header, list(rows(results)), after)
+
+
+def judged_by_simulation(problems: int) -> list[Result]:
+    with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+        results = [r for part in pool.map(run_group, groups(problems)) for r in part]
+    return sorted(results, key=lambda r: (list(KINDS).index(r.kind), r.method, r.number))
+
+
+def campaign(quick: bool) -> Section:
+    problems = 2 * len(KINDS) if quick else PROBLEMS
+    return section(judged_by_simulation(problems), problems)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--problems", type=int, default=PROBLEMS)
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results", help="folder of the report")
     given = parser.parse_args()
-    begin = time.perf_counter()
-    with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
-        results = [r for part in pool.map(run_group, groups(given.problems)) for r in part]
-    results.sort(key=lambda r: (list(KINDS).index(r.kind), r.method, r.number))
-    text = report(results, given.problems)
-    given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "campaign.md").write_text(text, encoding="utf-8")
-    sys.stdout.write(f"{text}\n{time.perf_counter() - begin:.0f} s\n")
+    results = judged_by_simulation(given.problems)
+    sys.stdout.write(section(results, given.problems).markdown())
     return int(bool(wrong_ones(results)))
 
 

@@ -1,7 +1,8 @@
-"""What the suites share: problems, guesses, timing, tables."""
+"""What the sections share: the report's tables, timing, and the one door to what dmoc does not export."""
 
 from __future__ import annotations
 
+import os
 import platform
 import time
 from collections.abc import Callable, Sequence
@@ -15,18 +16,32 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import dmoc
+from dmoc.codegen.text import c_files
 from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.motion import given_multipliers, named_multipliers, trajectory
 from dmoc.nlp.scaling import scale_of
+from dmoc.nlp.timed import Timed
 from dmoc.nlp.transcription import Transcription
+from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.registry import find
+from dmoc.simulation.check import verify
+from dmoc.solvers import ipm
 from dmoc.solvers.kkt import residuals
-from dmoc.solvers.outcome import Options, Outcome
+from dmoc.solvers.kkt_layout import kkt_layout
+from dmoc.solvers.outcome import Duals, Options, Outcome, Status
 from dmoc.solving.methods import METHODS
+from dmoc.symbolic.kernels import model_spec
+
+ITERATIONS = 1000  # of a solve, at most
+SAME_COST = 1e-6  # relative difference of two costs that are of one minimum
+
+
+# The report -----------------------------------------------------------------------------------------------------------
 
 
 @dataclass
 class Section:
-    """One table of the report."""
+    """One topic of the report: a table with what is true of any numbers in it."""
 
     title: str
     text: str
@@ -35,63 +50,19 @@ class Section:
     after: str = ""
 
     def markdown(self) -> str:
-        lines = [f"## {self.title}", "", self.text, "", "| " + " | ".join(self.header) + " |", "|" + "---|" * len(self.header)]
-        lines += ["| " + " | ".join(str(c) for c in row) + " |" for row in self.rows]
+        lines = [f"## {self.title}", "", self.text, "", table(self.header, self.rows)]
         return "\n".join(lines + (["", self.after] if self.after else [])) + "\n"
 
 
-def seed(**changes: Any) -> dmoc.Problem:
-    """The seed's problem: cart-pendulum, one collision on the left limiter."""
-    return dmoc.Problem(dmoc.load("cart_pendulum"), **{**find("cart_pendulum").defaults, **changes})
-
-
-def program(problem: dmoc.Problem, x: np.ndarray, method: str = "ipm", minimum: bool = False) -> Transcription:
-    """The program of a problem, scaled by a start x or by a minimum, as dmoc.solve makes it."""
-    nlp = Transcription(problem, scale_of(problem, x, minimum), None if METHODS[method].guided else False)
-    _ = nlp.program
-    return nlp
-
-
-def guess(problem: dmoc.Problem) -> np.ndarray:
-    return np.asarray(initial_guesses(problem)[0].x)
-
-
-def timed(run: Callable[[], Any], repeats: int) -> tuple[float, Any]:
-    """Median seconds of several runs, after one that does not count, and the last result."""
-    result = run() if repeats > 1 else None
-    seconds = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        result = run()
-        seconds.append(time.perf_counter() - begin)
-    return median(seconds), result
-
-
-def cost(nlp: Transcription, outcome: Outcome) -> float:
-    return nlp.cost(outcome.x) * nlp.scale.cost
-
-
-def solve(nlp: Transcription, x: np.ndarray, method: str, options: Options, *more: Any) -> tuple[float, Outcome]:
-    """Seconds and outcome of a solve from unknowns x in units of the problem; the outcome is in scaled ones."""
-    with threadpool_limits(1):  # as dmoc.solve does
-        begin = time.perf_counter()
-        outcome = METHODS[method].minimise()(nlp, nlp.scaled(x), options, *more)
-        return time.perf_counter() - begin, outcome
-
-
-def violation(nlp: Transcription, outcome: Outcome) -> float:
-    return residuals(nlp, outcome.x, outcome.duals).violation
+def table(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """A table in Markdown."""
+    lines = ["| " + " | ".join(map(str, row)) + " |" for row in (header, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(header), *lines[1:]])
 
 
 def ms(seconds: float) -> str:
     value = 1e3 * seconds
     return f"{value:.2f}" if value < 10 else f"{value:.1f}" if value < 100 else f"{value:,.0f}"
-
-
-def casadi_start(nlp: Transcription, x: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Durations, coordinates, inputs and impulses of a guess."""
-    lay = nlp.layout
-    return x[lay.index_h] * np.array(lay.steps), x[lay.index_q], x[lay.index_u], x[lay.index_lam]
 
 
 def machine() -> str:
@@ -104,4 +75,123 @@ def machine() -> str:
             versions.append(f"{name} {metadata.version(name)}")
         except metadata.PackageNotFoundError:
             versions.append(f"{name} not installed")
-    return f"{cpu}; Python {platform.python_version()}; " + ", ".join(versions)
+    return f"{cpu}, {os.cpu_count()} cores; Python {platform.python_version()}; " + ", ".join(versions)
+
+
+# Timing ---------------------------------------------------------------------------------------------------------------
+
+
+def clocked(run: Callable[[], Any]) -> tuple[float, Any]:
+    """Seconds of one run, and its result."""
+    begin = time.perf_counter()
+    result = run()
+    return time.perf_counter() - begin, result
+
+
+def timed(run: Callable[[], Any], repeats: int) -> tuple[float, Any]:
+    """Median seconds of several runs, after one that does not count, and the last result."""
+    run()
+    runs = [clocked(run) for _ in range(repeats)]
+    return median(seconds for seconds, _ in runs), runs[-1][1]
+
+
+@dataclass(frozen=True)
+class Solves:
+    """The same solve several times: median seconds of those that succeeded, how many did, the last outcome."""
+
+    seconds: float
+    solved: int
+    runs: int
+    outcome: Outcome
+
+    @property
+    def share(self) -> str:
+        return f"{self.solved}/{self.runs}"
+
+
+def solves(nlp: Transcription, x: np.ndarray, method: str, repeats: int, *more: Any) -> Solves:
+    runs = [solve(nlp, x, method, Options(iterations=ITERATIONS, seconds=600.0), *more) for _ in range(repeats)]
+    good = [seconds for seconds, outcome in runs if outcome.status is Status.SOLVED]
+    return Solves(median(good) if good else np.nan, len(good), repeats, runs[-1][1])
+
+
+# Below the public names of dmoc: programs, drivers and motions by hand ------------------------------------------------
+
+
+def seed(**changes: Any) -> dmoc.Problem:
+    """The seed's problem: cart-pendulum, one collision on the left limiter."""
+    return dmoc.Problem(dmoc.load("cart_pendulum"), **{**find("cart_pendulum").defaults, **changes})
+
+
+def program(problem: dmoc.Problem, x: np.ndarray, method: str = "ipm", minimum: bool = False) -> Transcription:
+    """The program of a problem, scaled by a start x or by a minimum, as dmoc.solve makes it."""
+    make = Timed if METHODS[method].guided else Transcription
+    nlp = make(problem, scale_of(problem, x, minimum))
+    _ = nlp.program
+    return nlp
+
+
+def guess(problem: dmoc.Problem) -> np.ndarray:
+    return np.asarray(initial_guesses(problem)[0].x)
+
+
+def solve(nlp: Transcription, x: np.ndarray, method: str, options: Options, *more: Any) -> tuple[float, Outcome]:
+    """Seconds and outcome of a solve from unknowns x in units of the problem; the outcome is in scaled ones."""
+    with threadpool_limits(1):  # as dmoc.solve does
+        return clocked(lambda: METHODS[method].minimise()(nlp, nlp.scaled(x), options, *(more or (None,))))
+
+
+def cost(nlp: Transcription, outcome: Outcome) -> float:
+    return nlp.cost(outcome.x) * nlp.scale.cost
+
+
+def violation(nlp: Transcription, outcome: Outcome) -> float:
+    return residuals(nlp, outcome.x, outcome.duals).violation
+
+
+def profile(nlp: Transcription, x: np.ndarray) -> tuple[float, dict[str, float]]:
+    """Seconds of the analysis of the linear system, and those of the parts of a solve by ipm."""
+    seconds, K = clocked(lambda: kkt_layout(nlp))
+    return seconds, ipm.profile(nlp, nlp.scaled(x), Options(iterations=ITERATIONS), K)
+
+
+def neighbour(nlp: Transcription, problem: dmoc.Problem, outcome: Outcome) -> tuple[Transcription, np.ndarray, Duals]:
+    """The program of a neighbouring problem with a minimum and its multipliers to start from."""
+    x = nlp.physical(outcome.x)
+    near = program(problem, x, minimum=True)
+    named = named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z)
+    return near, x, Duals(*given_multipliers(near, named))
+
+
+def simulated(nlp: Transcription, x: np.ndarray) -> bool:
+    """Whether the independent simulation confirms unknowns x in units of the problem."""
+    return bool(verify(trajectory(nlp, nlp.scaled(x)), nlp.problem.kernels).passed)
+
+
+def refined(nlp: Transcription, x: np.ndarray, factor: int) -> tuple[Transcription, np.ndarray]:
+    """The program with more steps, and the same motion in its unknowns."""
+    finer = nlp.problem.but(steps=[n * factor for n in nlp.problem.phase_steps])
+    start = unknowns_along(finer, pieces_of(trajectory(nlp, nlp.scaled(x))), x[nlp.layout.index_lam])
+    return program(finer, start), start
+
+
+def casadi_start(nlp: Transcription, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Durations, coordinates, inputs and impulses of a guess."""
+    lay = nlp.layout
+    return x[lay.index_h] * np.array(lay.steps), x[lay.index_q], x[lay.index_u], x[lay.index_lam]
+
+
+def from_casadi(nlp: Transcription, x: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Unknowns with what CasADi found, the others as in x."""
+    lay, y = nlp.layout, x.copy()
+    phases, coordinates = lay.phases, (lay.total + 1) * 2
+    inputs = phases + coordinates
+    y[lay.index_h] = found[:phases] / np.array(lay.steps)
+    y[lay.index_q] = found[phases:inputs].reshape(-1, 2)
+    y[lay.index_u] = found[inputs : inputs + lay.total].reshape(-1, 1)
+    y[lay.index_lam] = found[inputs + lay.total :]
+    return y
+
+
+def bytes_of_c(model: dmoc.MechanicalSystem) -> int:
+    return len(c_files(model_spec(model))["kernels.c"])

@@ -27,10 +27,10 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
+from common import Section, find
 
 import dmoc
 from dmoc.cli import main
-from dmoc.registry import find
 
 Members = dict[str, bytes]
 Rng = np.random.Generator
@@ -365,9 +365,9 @@ def damaged(number: int, seed: int, *, wild: bool = True, draw: bool = True) -> 
             yield kind, ended
 
 
-def table(number: int, seed: int) -> bool:
-    """Print how the files ended, and whether all did well."""
-    signal.signal(signal.SIGALRM, hangs)
+def ends_of(number: int, seed: int) -> tuple[dict[str, Counter[str]], list[str]]:
+    """How the files of each kind of damage ended, and the tracebacks."""
+    before = signal.signal(signal.SIGALRM, hangs)
     ends: dict[str, Counter[str]] = defaultdict(Counter)
     tracebacks = []
     for kind, ended in damaged(number, seed):
@@ -376,15 +376,33 @@ def table(number: int, seed: int) -> bool:
             tracebacks.append(f"{kind}, {ended}")
         ends[kind][ended if ended in ENDS else "traceback"] += 1
     signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
     ends[f"all {number}"] = sum(ends.values(), Counter())
-    print(f"{'damage':<30}" + "".join(f"{end:>10}" for end in (*ENDS, "traceback")))
-    for kind, counts in ends.items():
-        print(f"{kind:<30}" + "".join(f"{counts[end]:>10}" for end in (*ENDS, "traceback")))
-    for text in tracebacks[:20]:
-        print(text)
-    return not tracebacks and not ends[f"all {number}"]["no end"]
+    return ends, tracebacks
+
+
+def section(ends: dict[str, Counter[str]]) -> Section:
+    columns = (*ENDS, "traceback")
+    return Section(
+        "Damaged files",
+        "Solution files and journals with random damage. Each goes through `Solution.load`, `dmoc verify`, `dmoc plot` and a solve that starts from "
+        f"it, or through a search that resumes it. No end: not within {HANGS} s.",
+        ["damage", *columns],
+        [[kind, *(counts[end] for end in columns)] for kind, counts in ends.items()],
+    )
+
+
+def reading(quick: bool) -> Section:
+    return section(ends_of(100 if quick else 1000, 0)[0])
+
+
+def main_of(number: int, seed: int) -> int:
+    ends, tracebacks = ends_of(number, seed)
+    sys.stdout.write(section(ends).markdown())
+    sys.stdout.write("\n".join(tracebacks[:20]))
+    return int(bool(tracebacks) or ends[f"all {number}"]["no end"] > 0)
 
 
 if __name__ == "__main__":
     given = [int(a) for a in sys.argv[1:]]
-    sys.exit(0 if table(*(given + [1000, 0][len(given) :])) else 1)
+    sys.exit(main_of(*(given + [1000, 0][len(given) :])))

@@ -11,15 +11,25 @@ from typing import Any
 
 import casadi_pendulum
 import numpy as np
-from common import Section, casadi_start, guess, ms, program, seed, solve
+from common import (
+    ITERATIONS,
+    Options,
+    Section,
+    Status,
+    casadi_start,
+    from_casadi,
+    guess,
+    ms,
+    program,
+    refined,
+    seed,
+    simulated,
+    solve,
+)
 from common import cost as own_cost
 from threadpoolctl import threadpool_limits
 
 import dmoc
-from dmoc.nlp.motion import trajectory
-from dmoc.nlp.transfer import pieces_of, unknowns_along
-from dmoc.simulation.check import verify
-from dmoc.solvers.outcome import Options, Status
 
 SEED = 2018
 INSTANCES = 200
@@ -33,6 +43,7 @@ METHODS = {
     "slsqp": INSTANCES,
     "uno": 40,
 }  # uno takes seconds an instance
+FINER = (4, 16)  # times the steps, where the simulation contradicts a motion
 CLOSE = 0.1  # relative change of the cost by a refinement that is still the same motion
 SAME = 1e-5  # relative difference of two costs that are the same minimum
 
@@ -71,7 +82,7 @@ def run(task: tuple[int, str]) -> Result:
         if method == "CasADi + IPOPT":
             return _peer(instance, p, x)
         nlp = program(p, x, method)
-        seconds, outcome = solve(nlp, x, method, Options(iterations=1000, seconds=SECONDS))
+        seconds, outcome = solve(nlp, x, method, Options(iterations=ITERATIONS, seconds=SECONDS))
         solved = outcome.status is Status.SOLVED
         passed = solved and confirmed(p, nlp.physical(outcome.x))
         return Result(instance, method, outcome.status.name.lower(), passed, outcome.iterations, seconds, own_cost(nlp, outcome))
@@ -83,17 +94,14 @@ def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
     An inverted pendulum amplifies the error of an open-loop run a thousandfold: what fails at N = 100 may be a good motion all the same.
     """
     coarse = program(p, x)
-    motion = trajectory(coarse, coarse.scaled(x))
-    if verify(motion, p.kernels).passed:
+    if simulated(coarse, x):
         return True
     paid = coarse.cost(coarse.scaled(x)) * coarse.scale.cost
-    for factor in (4, 16):
-        finer = p.but(steps=[n * factor for n in p.phase_steps])
-        start = unknowns_along(finer, pieces_of(motion), x[coarse.layout.index_lam])
-        fine = program(finer, start)
+    for factor in FINER:
+        fine, start = refined(coarse, x, factor)
         _, outcome = solve(fine, start, "ipm", Options(iterations=300, seconds=SECONDS))
         near = outcome.status is Status.SOLVED and abs(own_cost(fine, outcome) - paid) < CLOSE * own_cost(fine, outcome)
-        if near and verify(trajectory(fine, outcome.x), p.kernels).passed:
+        if near and simulated(fine, fine.physical(outcome.x)):
             return True
     return False
 
@@ -104,15 +112,8 @@ def _peer(instance: int, p: dmoc.Problem, x: np.ndarray) -> Result:
     nlp = program(p, x)
     peer = casadi_pendulum.program(case, max_cpu_time=SECONDS)
     seconds, cost, iterations, status, _, found = peer.solve(peer.start(*casadi_start(nlp, x)))
-    own = nlp.layout
-    y = x.copy()
-    phases, nodes = own.phases, (own.total + 1) * 2
-    y[own.index_h] = found[:phases] / np.array(own.steps)
-    y[own.index_q] = found[phases : phases + nodes].reshape(-1, 2)
-    y[own.index_u] = found[phases + nodes : phases + nodes + own.total].reshape(-1, 1)
-    y[own.index_lam] = found[phases + nodes + own.total :]
     solved = status == "Solve_Succeeded"
-    passed = solved and confirmed(p, y)
+    passed = solved and confirmed(p, from_casadi(nlp, x, found))
     return Result(instance, "CasADi + IPOPT", "solved" if solved else status.lower(), passed, iterations, seconds, cost)
 
 
@@ -128,8 +129,8 @@ def campaign(quick: bool) -> Section:
     section = Section(
         f"Robustness: {instances} random instances",
         f"N = 100 + 100, one collision on the left limiter; drawn uniformly (seed {SEED}): {ranges}. One start each, the first automatic guess, "
-        f"at most 1000 iterations and {SECONDS:g} s; as many processes as cores. \"Confirmed\": the independent simulation passes, where N is too coarse "
-        "for it after refining the same motion to 4 or 16 times the steps. \"Best\": no other driver found a lower minimum.",
+        f"at most {ITERATIONS} iterations and {SECONDS:g} s; as many processes as cores. Confirmed: the independent simulation passes, where N is too "
+        f"coarse for it after refining the same motion to {' or '.join(map(str, FINER))} times the steps. Best: no other driver found a lower minimum.",
         ["method", "solved", "confirmed", "best", "iterations, mean", "median", "ms, mean of solved", "median", "not solved"],
     )  # fmt: skip
     for method, count in methods.items():

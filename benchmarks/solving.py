@@ -5,24 +5,31 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import casadi_pendulum
 import numpy as np
-from common import Section, casadi_start, guess, ms, program, seed, solve, timed, violation
+from common import (
+    SAME_COST,
+    Section,
+    casadi_start,
+    clocked,
+    guess,
+    ms,
+    neighbour,
+    profile,
+    program,
+    seed,
+    solves,
+    violation,
+)
 from common import cost as own_cost
 
-import dmoc
-from dmoc.nlp.motion import given_multipliers, named_multipliers
-from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.ipm import profile
-from dmoc.solvers.kkt_layout import kkt_layout
-from dmoc.solvers.outcome import Duals, Options, Outcome
-
-OPTIONS = Options(iterations=1000, seconds=600.0)
+SOLVED = "Solve_Succeeded"  # as CasADi says it
+PEER = "CasADi + IPOPT"
+SLOWEST = 1000  # steps up to which the peer is measured
 
 
 def comparison(quick: bool) -> Section:
@@ -31,31 +38,34 @@ def comparison(quick: bool) -> Section:
     nlp = program(problem, x)
     section = Section(
         "Solve: N = 100 + 100, same guess",
-        "Median time of a solve from the automatic guess. The program is built beforehand: CasADi's expression graph, dmoc's patterns. dmoc's time "
-        "includes the analysis of the linear system. `ipopt` and `uno` run on dmoc's kernels through Python callbacks.",
-        ["method", "ms", "CasADi + IPOPT takes", "iterations", "cost", "violation", "build, ms"],
+        "Median time of the solves from the automatic guess that succeeded. The program is built beforehand: CasADi's expression graph, dmoc's "
+        "patterns. dmoc's time includes the analysis of the linear system. `ipopt` and `uno` run on dmoc's kernels through Python callbacks.",
+        ["method", "solved", "ms", f"{PEER} takes", "iterations", "cost", "violation", "build, ms"],
     )
-    casadi = casadi_pendulum.program(casadi_pendulum.Case(alpha=problem.start["alpha"]))
-    start = casadi.start(*casadi_start(nlp, x))
-    reference, (_, cost, iterations, status, missed, _) = timed(lambda: casadi.solve(start), 3 if quick else 11)
-    rows = [("CasADi + IPOPT", reference, iterations, cost, missed, ms(casadi.seconds), status)]
-    if not quick:
-        compiled = casadi_pendulum.program(casadi_pendulum.Case(alpha=problem.start["alpha"]), compiled=True)
-        seconds, (_, cost, iterations, status, missed, _) = timed(lambda: compiled.solve(start), 11)
-        rows.append(("CasADi + IPOPT, compiled C", seconds, iterations, cost, missed, ms(compiled.seconds), status))
+    reference = np.nan
+    for name, compiled in ((PEER, False), (f"{PEER}, compiled C", True)):
+        if quick and compiled:
+            continue
+        built = casadi_pendulum.program(casadi_pendulum.Case(alpha=problem.start["alpha"]), compiled=compiled)
+        start = built.start(*casadi_start(nlp, x))
+        built.solve(start)
+        runs = [built.solve(start) for _ in range(3 if quick else 11)]
+        good = [seconds for seconds, _, _, status, _, _ in runs if status == SOLVED]
+        seconds = median(good) if good else np.nan
+        reference = seconds if name == PEER else reference
+        _, cost, iterations, _, missed, _ = runs[-1]
+        section.rows.append(
+            (name, f"{len(good)}/{len(runs)}", ms(seconds), f"{reference / seconds:.2g} x", iterations, f"{cost:.6f}", f"{missed:.0e}",
+             ms(built.seconds))
+        )  # fmt: skip
     for method, repeats in (("ipm", 51), ("slsqp", 5), ("ipopt", 5), ("uno", 1)):
-        begin = time.perf_counter()
-        own = program(problem, x, method)
-        built = time.perf_counter() - begin
-        runs = [solve(own, x, method, OPTIONS) for _ in range(3 if quick and repeats > 3 else repeats)]
-        seconds, outcome = median(s for s, _ in runs), runs[-1][1]
-        rows.append(
-            (method, seconds, outcome.iterations, own_cost(own, outcome), violation(own, outcome), ms(built), outcome.status.name)
-        )
-    for name, seconds, iterations, cost, missed, built, status in rows:
-        good = status in ("SOLVED", "Solve_Succeeded")
-        cells = (f"{iterations}", f"{cost:.6f}", f"{missed:.0e}") if good else (status.lower(), "-", "-")
-        section.rows.append((name, ms(seconds), f"{reference / seconds:.2g} x", *cells, built))
+        seconds, own = clocked(lambda m=method: program(problem, x, m))
+        found = solves(own, x, method, min(repeats, 3) if quick else repeats)
+        last = found.outcome
+        section.rows.append(
+            (method, found.share, ms(found.seconds), f"{reference / found.seconds:.2g} x", last.iterations, f"{own_cost(own, last):.6f}",
+             f"{violation(own, last):.0e}", ms(seconds))
+        )  # fmt: skip
     return section
 
 
@@ -71,11 +81,9 @@ def where(quick: bool) -> Section:
         problem = seed(steps=steps)
         x = guess(problem)
         nlp = program(problem, x)
-        begin = time.perf_counter()
-        K = kkt_layout(nlp)
-        analysis = time.perf_counter() - begin
-        runs = [profile(nlp, nlp.scaled(x), OPTIONS, K) for _ in range(3 if quick else 15)]
-        r = sorted(runs, key=lambda r: r["seconds"])[len(runs) // 2]
+        runs = [profile(nlp, x) for _ in range(3 if quick else 15)]
+        analysis = median(seconds for seconds, _ in runs)
+        r = sorted((parts for _, parts in runs), key=lambda r: r["seconds"])[len(runs) // 2]
         parts = (r["seconds_kernels"], r["seconds_linear"], r["seconds"] - r["seconds_kernels"] - r["seconds_linear"])
         each = [f"{1e6 * p / r['iterations']:.0f}" for p in parts]
         section.rows.append((steps, r["iterations"], r["factorisations"], *each, ms(analysis)))
@@ -85,32 +93,32 @@ def where(quick: bool) -> Section:
 def growth(quick: bool, folder: Path) -> Section:
     section = Section(
         "Growth with N",
-        "N steps in each of the two phases; each row in a process of its own. Memory is what a solve adds to the largest resident size.",
+        f"N steps in each of the two phases; each row in a process of its own. Memory is what a solve adds to the largest resident size. {PEER} "
+        f"is measured once, up to N = {300 if quick else SLOWEST}.",
         [
             "N",
-            "ipm: ms",
+            "ipm: solved",
+            "ms",
             "iterations",
             "ms an iteration",
             "memory, MB",
-            "CasADi + IPOPT: ms",
+            f"{PEER}: solved",
+            "ms",
             "iterations",
-            "CasADi + IPOPT takes",
+            f"{PEER} takes",
         ],
         after="![time against N](growth.png)",
     )
     points = []
     for steps in (10, 30, 100, 300, 1000, 3000):
         own = _in_process("ipm", steps, 1 if quick else 5)
-        peer = _in_process("casadi", steps, 1) if steps <= (300 if quick else 1000) else None
+        peer = _in_process("casadi", steps, 1) if steps <= (300 if quick else SLOWEST) else None
         points.append((steps, own, peer))
-        cells = (
-            (ms(peer["seconds"]), peer["iterations"], f"{peer['seconds'] / own['seconds']:.0f} x")
-            if peer
-            else ("not run", "-", "-")
-        )
-        section.rows.append(
-            (steps, ms(own["seconds"]), own["iterations"], ms(own["seconds"] / own["iterations"]), f"{own['memory']:.1f}", *cells)
-        )
+        cells = ["not run", *"---"]
+        if peer:
+            cells = [peer["solved"], ms(peer["seconds"]), peer["iterations"], f"{peer['seconds'] / own['seconds']:.0f} x"]
+        each = ms(own["seconds"] / own["iterations"])
+        section.rows.append((steps, own["solved"], ms(own["seconds"]), own["iterations"], each, f"{own['memory']:.1f}", *cells))
     _plot(points, folder / "growth.png")
     return section
 
@@ -128,13 +136,13 @@ def _measure(what: str, steps: int, repeats: int) -> dict[str, Any]:
     if what == "ipm":
         before = _memory("VmRSS")
         Path("/proc/self/clear_refs").write_text("5")  # from here the peak is that of the solve
-        _, outcome = solve(nlp, x, "ipm", OPTIONS)
+        solves(nlp, x, "ipm", 1)
         memory = _memory("VmHWM") - before
-        seconds = median(solve(nlp, x, "ipm", OPTIONS)[0] for _ in range(repeats))
-        return {"seconds": seconds, "iterations": outcome.iterations, "cost": own_cost(nlp, outcome), "memory": memory}
+        found = solves(nlp, x, "ipm", repeats)
+        return {"seconds": found.seconds, "iterations": found.outcome.iterations, "solved": found.share, "memory": memory}
     casadi = casadi_pendulum.program(casadi_pendulum.Case(alpha=problem.start["alpha"], steps=steps))
-    seconds, cost, iterations, _, _, _ = casadi.solve(casadi.start(*casadi_start(nlp, x)))
-    return {"seconds": seconds, "iterations": iterations, "cost": cost}
+    seconds, _, iterations, status, _, _ = casadi.solve(casadi.start(*casadi_start(nlp, x)))
+    return {"seconds": seconds, "iterations": iterations, "solved": f"{int(status == SOLVED)}/1"}
 
 
 def _memory(name: str) -> float:
@@ -167,22 +175,15 @@ def _plot(points: list[Any], path: Path) -> None:
 def warm(quick: bool) -> Section:
     section = Section(
         "Solving again after a change of 5 %",
-        "From the solution and its multipliers (warm) against the automatic guess (cold), N = 100 + 100; every solve ends at the same cost.",
-        [
-            "change",
-            "ipm cold: ms",
-            "iterations",
-            "ipm warm: ms",
-            "iterations",
-            "cold takes",
-            "ipopt cold: iterations",
-            "warm: iterations",
-        ],
-    )
+        "From the solution and its multipliers (warm) against the automatic guess (cold), N = 100 + 100. Ends: warm and cold cost the same to "
+        f"{SAME_COST:g}, or how much dearer warm is.",
+        ["change", "ipm cold: solved", "ms", "iterations", "ipm warm: solved", "ms", "iterations", "cold takes", "ends",
+         "ipopt cold: solved", "iterations", "ipopt warm: solved", "iterations"],
+    )  # fmt: skip
     base = seed()
     x = guess(base)
     nlp = program(base, x)
-    solved = {m: solve(nlp, x, m, OPTIONS)[1] for m in ("ipm", "ipopt")}
+    first = {m: solves(nlp, x, m, 1).outcome for m in ("ipm", "ipopt")}
     alpha = base.start["alpha"]
     changes = {
         "m_p": {"parameters": {"m_p": 1.05}}, "m_c": {"parameters": {"m_c": 1.05}}, "l": {"parameters": {"l": 0.525}},
@@ -190,29 +191,21 @@ def warm(quick: bool) -> Section:
     }  # fmt: skip
     for name, change in changes.items():
         problem = base.but(**change)
-        cold_start = guess(problem)
-        near = program(problem, cold_start)
-        colds = [solve(near, cold_start, "ipm", OPTIONS) for _ in range(3 if quick else 11)]
-        starts = {m: _neighbour(nlp, problem, outcome) for m, outcome in solved.items()}
-        warms = [solve(starts["ipm"][0], starts["ipm"][1], "ipm", OPTIONS, starts["ipm"][2]) for _ in range(3 if quick else 11)]
-        cold, again = (median(s for s, _ in runs) for runs in (colds, warms))
-        a, b = colds[-1][1], warms[-1][1]
-        c = solve(near, cold_start, "ipopt", OPTIONS)[1]
-        d = solve(starts["ipopt"][0], starts["ipopt"][1], "ipopt", OPTIONS, starts["ipopt"][2])[1]
-        same = abs(own_cost(near, a) - own_cost(starts["ipm"][0], b)) < 1e-6 * own_cost(near, a)
-        section.rows.append(
-            (name, ms(cold), a.iterations, ms(again), f"{b.iterations}{'' if same else ' (other minimum)'}", f"{cold / again:.1f} x", c.iterations,
-             d.iterations)
-        )  # fmt: skip
+        start = guess(problem)
+        cells: list[Any] = []
+        for method, repeats in (("ipm", 3 if quick else 11), ("ipopt", 1)):
+            far = program(problem, start)
+            near, minimum, duals = neighbour(nlp, problem, first[method])
+            cold, again = solves(far, start, method, repeats), solves(near, minimum, method, repeats, duals)
+            if method == "ipm":
+                dearer = own_cost(near, again.outcome) / own_cost(far, cold.outcome) - 1
+                ends = "same" if abs(dearer) < SAME_COST else f"{dearer:+.1e}"
+                cells = [cold.share, ms(cold.seconds), cold.outcome.iterations, again.share, ms(again.seconds), again.outcome.iterations,
+                         f"{cold.seconds / again.seconds:.1f} x", ends]  # fmt: skip
+            else:
+                cells += [cold.share, cold.outcome.iterations, again.share, again.outcome.iterations]
+        section.rows.append((name, *cells))
     return section
-
-
-def _neighbour(nlp: Transcription, problem: dmoc.Problem, outcome: Outcome) -> tuple[Transcription, np.ndarray, Duals]:
-    """The program of a neighbouring problem with a minimum and its multipliers to start from."""
-    x = nlp.physical(outcome.x)
-    near = program(problem, x, minimum=True)
-    named = named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z)
-    return near, x, Duals(*given_multipliers(near, named))
 
 
 if __name__ == "__main__":

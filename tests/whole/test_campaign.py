@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from campaign import Result, _system, judge
+from campaign import Result, judge, system_of
 from campaign_kinds import Instance, block, block_cost
 from event_driven import Description, Mechanism
 from sympy.physics.mechanics import dynamicsymbols
@@ -44,7 +44,7 @@ def solved() -> tuple[Instance, dmoc.Solution, Mechanism]:
         "parameters": {"wall": 1.0}, "bounds": {"u": (-40.0, 40.0)},
     }  # fmt: skip
     instance = Instance(block(), fields, block_cost(1.0, 1.0, 0.0, 1.0, 0.5))
-    solution = dmoc.solve(dmoc.Problem(dmoc.build(_system(instance)), steps=40, **fields), "ipm")
+    solution = dmoc.solve(dmoc.Problem(dmoc.build(system_of(instance)), steps=40, **fields), "ipm")
     assert solution.solved
     return instance, solution, Mechanism(instance.description)
 

@@ -19,6 +19,7 @@ from dmoc.models import catalogue
 from dmoc.registry import build
 
 STEPS = 1000
+FLAGS = "-O2"
 
 # Calls a function of CasADi's C interface for each row, in the way that a solver written in C would.
 LOOP = """
@@ -57,9 +58,18 @@ def functions() -> dict[str, ca.Function]:
 def compare(quick: bool) -> Section:
     section = Section(
         "Kernels: nanoseconds a step",
-        f"Cart-pendulum, {STEPS} steps a call, random states. CasADi's functions hold the same entries, with common subexpressions eliminated; its C "
-        "is compiled with -O2 and called from a loop in C.",
-        ["function", "dmoc C", "CasADi generated C, -O2", "CasADi virtual machine", "dmoc NumPy", "CasADi C takes"],
+        f"Cart-pendulum, {STEPS} steps a call, random states. CasADi's functions are those of its own model, with common subexpressions eliminated; "
+        f"its C is compiled with {FLAGS} and called from a loop in C. Entries are the numbers that a call stores for a step.",
+        [
+            "function",
+            "entries: dmoc",
+            "CasADi",
+            "dmoc C",
+            f"CasADi generated C, {FLAGS}",
+            "CasADi virtual machine",
+            "dmoc NumPy",
+            "CasADi C takes",
+        ],
     )
     compiled = dmoc.load("cart_pendulum")
     numpy = build(catalogue.system("cart_pendulum"), backend="numpy")
@@ -78,7 +88,8 @@ def compare(quick: bool) -> Section:
         machine = function.map(STEPS)
         arguments = [ca.DM(i.T) for i in inputs]
         vm, _ = timed(lambda m=machine, a=arguments: m(*a), max(repeats // 20, 3))
-        section.rows.append((name, *(f"{1e9 * t / STEPS:.0f}" for t in (own, c, vm, slow)), f"{c / own:.2f} x"))
+        entries = (sum(_sizes(compiled, kernel)), sum(function.nnz_out(i) for i in range(function.n_out())))
+        section.rows.append((name, *entries, *(f"{1e9 * t / STEPS:.0f}" for t in (own, c, vm, slow)), f"{c / own:.2f} x"))
     return section
 
 
@@ -87,10 +98,15 @@ def _own(kernels: Kernels, kernel: str, s: dict[str, np.ndarray], repeats: int) 
     time, nothing = np.zeros((1, 1)), np.zeros((1, 0))  # the model does not depend on the time, and its steps have no node inside
     arguments = [s["a"], s["b"], s["u"], s["u"], s["h"], time, nothing, par]
     arguments += [s["s"], s["mm"], s["mp"], nothing] if kernel == "step_hess" else []
-    outputs = kernels.manifest["kernels"][kernel]["outputs"]
-    results = [np.empty((STEPS, len(o["rows"]) if "rows" in o else o["shape"][0])) for o in outputs]
+    results = [np.empty((STEPS, size)) for size in _sizes(kernels, kernel)]
     function = kernels.functions[kernel]
     return timed(lambda: function(*arguments, *results), repeats)[0]
+
+
+def _sizes(kernels: Kernels, kernel: str) -> list[int]:
+    """Numbers that each output of a kernel stores for a row."""
+    outputs = kernels.manifest["kernels"][kernel]["outputs"]
+    return [len(o["rows"]) if "rows" in o else o["shape"][0] for o in outputs]
 
 
 def _generated(function: ca.Function, inputs: list[np.ndarray], repeats: int) -> float:
@@ -101,7 +117,7 @@ def _generated(function: ca.Function, inputs: list[np.ndarray], repeats: int) ->
         generator.add(function)
         text.write_text(generator.dump() + LOOP)
         library = Path(folder) / "f.so"
-        subprocess.run(["gcc", "-O2", "-fPIC", "-shared", "-w", str(text), "-o", str(library), "-lm"], check=True)
+        subprocess.run(["gcc", FLAGS, "-fPIC", "-shared", "-w", str(text), "-o", str(library), "-lm"], check=True)
         c: Any = ctypes.CDLL(str(library))
         sizes = [function.nnz_out(i) for i in range(function.n_out())]
         outputs = [np.empty((STEPS, n)) for n in sizes]
