@@ -10,12 +10,16 @@ from systems import block_system, driven_system, puck_system
 import dmoc
 from dmoc.models import catalogue
 from dmoc.symbolic.continuous import dot, energy, gradient, mass_matrix, momenta, readable, right_hand_side
-from dmoc.symbolic.derivation import _readable_element, tangents
-from dmoc.symbolic.display import DisplayNames
+from dmoc.symbolic.derivation import tangents
+from dmoc.symbolic.discrete import StepElement, step_element
 
 
 def zero(expression: sp.Expr) -> bool:
     return bool(sp.simplify(expression) == 0)
+
+
+def element(system: dmoc.MechanicalSystem, order: int) -> StepElement:
+    return step_element(readable(system), order, sp.Symbol, sp.sympify)
 
 
 def test_equations_of_motion_of_the_source() -> None:
@@ -53,7 +57,7 @@ def test_energy_is_kinetic_plus_potential() -> None:
 @pytest.mark.slow
 def test_slot_derivatives_equal_direct_differentiation() -> None:
     for system, order in ((catalogue.system("cart_pendulum"), 2), (driven_system(), 2), (block_system(), 4)):
-        e = _readable_element(system, order, DisplayNames.beside(system))
+        e = element(system, order)
         explicit = dict(e.definitions)
         for expression in (e.L_d, e.e_plus, e.C_d, *e.r_plus, *e.r_i):
             for i, z in enumerate(e.x_k):
@@ -62,7 +66,7 @@ def test_slot_derivatives_equal_direct_differentiation() -> None:
 
 def test_third_slot_derivative_is_minus_the_energy_of_the_midpoint() -> None:
     system = catalogue.system("cart_pendulum")
-    e, f = _readable_element(system, 2, DisplayNames.beside(system)), readable(system)
+    e, f = element(system, 2), readable(system)
     middle = e.points[0].start
     names = dict(zip((*f.q, *f.v), (*middle.q, *middle.v), strict=True))
     assert zero(e.D(e.L_d, e.at_h) + energy(f).subs(names))
