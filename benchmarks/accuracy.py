@@ -27,9 +27,11 @@ from common import guess, timed  # noqa: E402
 from systems import bouncer_problem, bryson_denham, double_integrator  # noqa: E402
 
 import dmoc  # noqa: E402
+from dmoc.discretisation import ORDERS  # noqa: E402
 
 STEPS = (10, 20, 40, 80, 160)
 REPEATS = 5
+TITLES = {2: "Midpoint rule", 4: "Quadratic steps with two Gauss points", 6: "Cubic steps with three Gauss points"}
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ def per_digit(work: dict[int, dict[str, list[tuple[float, float]]]]) -> list[str
     targets = (1e-3, 1e-4, 1e-5, 1e-6)
     lines = ["| problem | order | " + " | ".join(f"error {t:g}" for t in targets) + " |", "|---" * (len(targets) + 2) + "|"]
     for case in CASES[2:]:
-        for order in (2, 4):
+        for order in ORDERS:
             points = sorted(work[order].get(case.name, []), key=lambda p: -p[1])
             errors = np.log([max(e, 1e-12) for _, e in points])
             times = np.log([s for s, _ in points])
@@ -141,14 +143,15 @@ def per_digit(work: dict[int, dict[str, list[tuple[float, float]]]]) -> list[str
 
 def main() -> None:
     tables, work = {}, {}
-    for order in (2, 4):
+    for order in ORDERS:
         tables[order], work[order] = table(order)
     sources = [f"- {c.name}: {c.source}." for c in CASES]
     text = [
         "# Known answers", "",
         "Relative errors of the quantity (the cost, if nothing else is named) against the number of steps of each phase, by method `ipm`, from",
         "the first automatic guess, without any other start (but for the cart-pole). `python benchmarks/accuracy.py` writes this file.", "",
-        "## Midpoint rule (order 2)", "", *tables[2], "", "## Quadratic steps with two Gauss points (order 4)", "", *tables[4], "",
+        *(line for order in ORDERS for line in (f"## {TITLES[order]} (order {order})", "", *tables[order], "")),
+        "With inputs that are linear in a step the cost of an optimum has the order 4 at most; the motion between has the order of the discretisation.",
         "Inputs that jump or limits that become active between nodes keep the order of the cost at 2 or below (Bryson-Denham).", "",
         "## Time for an error", "",
         f"Median of {REPEATS} solves, without guess and check, interpolated between the meshes above; in brackets extrapolated by the order.", "",

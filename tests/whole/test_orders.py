@@ -1,0 +1,96 @@
+"""The discretisations as data: exact and floating nodes agree, and the orders are those that are measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+from numpy.polynomial.legendre import leggauss
+from scipy.integrate import solve_ivp
+from sympy import symbols
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.discretisation import DISCRETISATIONS, FORMS, ORDERS
+from dmoc.symbolic.discrete import lobatto_nodes, quadrature
+
+G = 9.81
+WALL = 1.2
+
+
+@pytest.fixture(scope="module", params=ORDERS)
+def swinging(request: pytest.FixtureRequest) -> Kernels:
+    """A pendulum with a torque and a wall."""
+    a, u = dynamicsymbols("a u")
+    g = symbols("g")
+    system = dmoc.MechanicalSystem(
+        "swinging", [a], a.diff() ** 2 / 2 + g * sp.cos(a), {g: G}, inputs=[u], forces={a: u},
+        surfaces={"wall": a <= WALL}, cost=u**2 / 2,
+    )  # fmt: skip
+    return dmoc.build(system, order=request.param)
+
+
+def bounced(q: float, v: float, time: float) -> np.ndarray:
+    """State after one elastic bounce off the wall, by an integrator with events."""
+
+    def slope(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], -G * np.sin(y[0])]
+
+    def contact(t: float, y: np.ndarray) -> float:
+        return float(y[0] - WALL)
+
+    contact.terminal, contact.direction = True, 1.0  # type: ignore[attr-defined]
+    settings = {"rtol": 1e-13, "atol": 1e-13, "method": "DOP853"}
+    first = solve_ivp(slope, (0.0, time), [q, v], events=contact, **settings)
+    (hit,) = first.t_events[0]
+    state = first.y_events[0][0] * [1.0, -1.0]
+    return np.asarray(solve_ivp(slope, (hit, time), state, **settings).y[:, -1])
+
+
+def test_the_integrator_has_its_order_through_a_collision(swinging: Kernels) -> None:
+    order = swinging.manifest["order"]
+    wanted, errors = bounced(0.3, 5.0, 1.0), []
+    for steps in (10, 20, 40):
+        run = dmoc.simulate(swinging, [0.3], [5.0], step_size=1 / steps, steps=steps)
+        assert [c.surface for c in run.collisions] == ["wall"]
+        errors.append(float(np.abs([run.q[-1, 0], run.p[-1, 0]] - wanted).max()))
+    assert np.log2(errors[0] / errors[2]) / 2 > order - 0.5
+    assert errors[2] < {2: 5e-3, 4: 5e-6, 6: 5e-9}[order]
+
+
+def test_optima_of_every_order_agree(swinging: Kernels) -> None:
+    """Inputs are at most linear in a step, so that costs differ by h^2 at order 2 and h^4 above."""
+    order = swinging.manifest["order"]
+    problem = dmoc.Problem(
+        swinging, start={"a": 0.3, "a_dot": 5.0}, goal={"a": -0.5, "a_dot": 0.0}, sequence=["wall"], steps=20, final_time=1.0
+    )
+    solution = dmoc.solve(problem, "ipm")
+    assert solution.status == "solved"
+    assert solution.cost == pytest.approx(9.8639525, rel={2: 5e-3, 4: 5e-6, 6: 5e-7}[order])
+    again = dmoc.solve(problem.but(controls="constant"), "ipm")
+    assert again.status == "solved"
+    assert again.cost == pytest.approx(9.8639525, rel=5e-3)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_nodes_and_points_are_those_of_lobatto_and_gauss(order: int) -> None:
+    scheme = DISCRETISATIONS[order]
+    exact = np.array([float(c) for c in lobatto_nodes(scheme.degree)])
+    np.testing.assert_allclose(scheme.nodes, exact, rtol=0, atol=1e-15)
+    places, weights = quadrature(scheme.degree)
+    points, found = leggauss(scheme.points)
+    np.testing.assert_allclose([float(c) for c in places], (1 + points) / 2, rtol=0, atol=1e-15)
+    np.testing.assert_allclose([float(b) for b in weights], found / 2, rtol=0, atol=1e-15)
+    assert len(scheme.nodes) == 2 + scheme.inside
+    at_nodes = np.vander(scheme.nodes, increasing=True) @ scheme.shapes.T
+    np.testing.assert_allclose(at_nodes, np.eye(len(scheme.nodes)), atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("name", "times"), [("constant", [0.5, 2.0]), ("linear", [0.0, 1.0, 3.0]), ("stages", [0.0, 1.0, 1.0, 3.0])]
+)
+def test_rows_of_inputs_stand_for_their_times(name: str, times: list[float]) -> None:
+    form = FORMS[name]
+    assert form.rows(2) == len(times)
+    assert form.times(np.array([0.0, 1.0, 3.0])).tolist() == times
