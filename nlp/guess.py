@@ -303,10 +303,10 @@ class _Dynamics:
 
     def reach(self, prescribed: tuple[int, ...]) -> float:
         """Smallest singular value of the matrix that gives the other accelerations, relative to its rows; 1 if there are no others."""
-        others = [i for i in range(len(self.force)) if i not in prescribed]
+        _, others = _shares(len(self.force), prescribed, False)
         if not others:
             return 1.0
-        scale = 1 / np.sqrt(np.diag(self.mass))
+        scale = 1 / np.sqrt(self.mass.diagonal())
         rows = self.rest @ (self.mass * scale)
         rows /= np.sqrt((rows * rows).sum(axis=1, keepdims=True))
         if len(others) == len(rows) == 1:
@@ -315,10 +315,8 @@ class _Dynamics:
 
     def accelerations(self, prescribed: tuple[int, ...], wanted: Array, free: bool) -> Array:
         """Return q'': the prescribed ones as wanted and the others from the rows without inputs, or the reverse in free motion."""
-        nq = len(self.force)
-        given = [i for i in range(nq) if (i in prescribed) != free]
-        found = [i for i in range(nq) if i not in given]
-        a = np.zeros(nq)
+        given, found = _shares(len(self.force), prescribed, free)
+        a = np.zeros(len(self.force))
         if not free:
             a[given] = wanted[given]
         if found:
@@ -329,6 +327,13 @@ class _Dynamics:
     def drive(self, a: Array) -> Array:
         """Return the inputs that come closest to the accelerations a."""
         return np.asarray(self.inverse @ (self.mass @ a - self.force))
+
+
+@lru_cache(maxsize=64)
+def _shares(nq: int, prescribed: tuple[int, ...], free: bool) -> tuple[list[int], list[int]]:
+    """Coordinates whose accelerations are given, the prescribed ones or, in free motion, the others, and those found from them."""
+    sides = ([i for i in range(nq) if i in prescribed], [i for i in range(nq) if i not in prescribed])
+    return sides[::-1] if free else sides
 
 
 @lru_cache(maxsize=64)
@@ -355,7 +360,7 @@ def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion 
     """Follow a plan by the explicit midpoint rule; None where the motion grows without bound."""
     q, v = plan.positions[0].copy(), plan.velocities[0].copy()
     nodes, inputs, lam, v_a, v_c, free_steps = [q.copy()], [], [], [], [], 0
-    v_B, cost, begin = v.copy(), 0.0, 0.0
+    v_B, cost, begin, s = v.copy(), 0.0, 0.0, list(prescribed)
     fastest = RUNAWAY * np.maximum(problem.reach, np.abs(plan.positions).max(axis=0)) / plan.durations.sum()
     for i, steps in enumerate(problem.phase_steps):
         h = plan.durations[i] / steps
@@ -374,12 +379,11 @@ def _march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion 
             inputs.append(middle.drive(a))
             q, v = q + h * v + h * h / 2 * a, v + h * a
             if not free:  # stay on the spline: sums of steps drift
-                s = list(prescribed)
                 q[s], v[s] = spline.position(t + h)[s], spline.velocity(t + h)[s]
             if not (np.isfinite(q).all() and (np.abs(v) < fastest).all()):
                 return None
             free_steps += free
-            nodes.append(q.copy())
+            nodes.append(q)
         u = np.clip(np.array(inputs[-steps:]).reshape(steps, problem.nu), *problem.input_bounds.T)
         at = np.array(nodes[-steps:])
         times = begin + h * (np.arange(steps) + 0.5)

@@ -89,30 +89,32 @@ class Flow:
         start = np.hstack([q, v, np.zeros((len(q), 1))])
         count = 1
         with np.errstate(all="ignore"):
+            slope = self._slope(start, t0, u0, held)
             while True:
                 self.check_time()
-                y, worst = self._integrate(start, (t0, h, u0, u1), count, held, size)
+                y, worst = self._integrate(start, slope, (t0, h, u0, u1), count, held, size)
                 if not worst > ACCURACY or count >= MOST_STEPS:
                     break
                 count = min(MOST_STEPS, 2 * max(count, int(count * (worst / ACCURACY) ** (1 / 8))))
         return y[:, : self.nq].copy(), y[:, self.nq : 2 * self.nq].copy(), y[:, -1]
 
     def _integrate(
-        self, y: Array, step: tuple[Array, Array, Array, Array], count: int, held: int | None, size: Array
+        self, y: Array, slope: Array, step: tuple[Array, Array, Array, Array], count: int, held: int | None, size: Array
     ) -> tuple[Array, float]:
-        """End states after ``count`` equal steps, and the method's error estimate relative to the sizes (Hairer, Norsett, Wanner, II.10)."""
+        """End states after ``count`` equal steps from y with its slope, and the method's error estimate relative to the sizes (Hairer, Norsett, Wanner, II.10)."""
         t0, h, u0, u1 = step
         part, worst = h[:, None] / count, 0.0
         for k in range(count):
             stages = np.zeros((len(B) + 1, *y.shape))
             flat = stages.reshape(len(B) + 1, -1)
-            for s in range(len(B)):
+            stages[0] = slope
+            for s in range(1, len(B)):
                 share = (k + C[s]) / count
-                at = y + part * (A[s, :s] @ flat[:s]).reshape(y.shape) if s else y
+                at = y + part * (A[s, :s] @ flat[:s]).reshape(y.shape)
                 stages[s] = self._slope(at, t0 + share * h, (1 - share) * u0 + share * u1, held)
             y = y + part * (B @ flat[:-1]).reshape(y.shape)
             share = (k + 1) / count
-            stages[-1] = self._slope(y, t0 + share * h, (1 - share) * u0 + share * u1, held)
+            stages[-1] = slope = self._slope(y, t0 + share * h, (1 - share) * u0 + share * u1, held)
             fifth, third = (np.abs(part * (e @ flat).reshape(y.shape) / size).max(axis=1) for e in (E5, E3))
             error = fifth**2 / np.sqrt(fifth**2 + 0.01 * third**2 + 1e-300)
             worst = max(worst, float(error.max(initial=0.0)))
@@ -123,7 +125,9 @@ class Flow:
         a = self.acceleration(q, v, u, t)
         if held is not None:
             a = np.array([self.on_surface(q[i], v[i], a[i], float(t[i]), held)[0] for i in range(len(q))])
-        return np.hstack([v, a, self.model.power(q, v, u, t)[:, None]])
+        slope = np.empty_like(y)
+        slope[:, : self.nq], slope[:, self.nq : -1], slope[:, -1] = v, a, self.model.power(q, v, u, t)
+        return slope
 
     # Surfaces --------------------------------------------------------------------------------------------------------
 
