@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dmoc.nlp.active import ALONG_THE_WAY
 from dmoc.nlp.problem import MOST_STEPS, Problem
 from dmoc.solution import Mesh, Solution
 from dmoc.solvers.judge import rounded
 from dmoc.solvers.outcome import NOWHERE, Residuals, Status
+from dmoc.solving.mesh_error import barrier, compared, estimate
 
-# The error of a mesh falls by this factor at least when the steps are halved, also where inputs switch between steps.
-SLOWEST_ORDER = 1.0
-# The order that counts on where limits hold inputs or the motion.
-LIMITED_ORDER = 2
 # A quarter of the steps at once where the error is this far above the tolerance, else half of them.
 FAR = 100.0
 # Share of the tolerance that the barrier may take; beyond it a mesh is solved once more, sharper.
@@ -29,6 +25,24 @@ COARSE_FAILURES = 3
 
 Solve = Callable[[Problem, Solution | None, float | None], Solution]
 Check = Callable[[Solution], Solution]
+
+
+@dataclass(frozen=True)
+class History:
+    """Meshes that were solved, each with its solution, and what all tries have taken."""
+
+    solved: tuple[Solution, ...] = ()
+    meshes: tuple[Mesh, ...] = ()
+    failures: int = 0
+    iterations: int = 0
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def error(self) -> float:
+        """The error of the last mesh: the estimate, or what the simulation has found."""
+        if not self.meshes:
+            return np.inf
+        return max(self.meshes[-1].estimate, self.meshes[-1].simulated or 0.0)
 
 
 def refined(problem: Problem, tolerance: float, seconds: float | None, solve: Solve, check: Check) -> Solution:
@@ -51,64 +65,49 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         Solve a problem from the motion of the mesh before or from an automatic guess, to the usual optimality or to a given one; check a solution
         by simulation.
     """
-    begin, meshes, failures = time.perf_counter(), list[Mesh](), 0
-    solved: list[Solution] = []
-    iterations, spent = 0, dict[str, float]()
-
-    def result(s: Solution, error: float, reason: str = "") -> Solution:
-        s = replace(s, meshes=_compared(meshes, solved), error_estimate=error, iterations=iterations)
-        if not reason:
-            return s
-        message = f"the estimated error {error:.2g} exceeds the tolerance {tolerance:g}: {reason}"
-        return replace(s if s.verification else check(s), status=Status.NOT_VERIFIED, message=message)
-
-    error = np.inf
+    begin, past = time.perf_counter(), History()
     while True:
-        s = _from_coarse(problem, solved, solve)
-        iterations += s.iterations
-        if s.minimum and _barrier(s) > BARRIER * tolerance:
-            sharper = _from_coarse(problem, solved, solve, BARRIER * tolerance / _barrier(s) / 2 * s.optimality)
-            iterations += sharper.iterations
-            s = sharper if sharper.solved or sharper.status == Status.INTERRUPTED else s
-        spent = {k: spent.get(k, 0.0) + v for k, v in s.seconds.items()}
-        s = replace(s, seconds=spent)
+        s, past = _solved(problem, past, tolerance, solve)
         if s.status == Status.INTERRUPTED:
-            return replace(result(solved[-1], error), status=s.status, message=s.message) if solved else s
+            return replace(_result(past), status=s.status, message=s.message) if past.solved else s
+        if not s.minimum and past.solved:
+            reason = f"the mesh of {max(problem.phase_steps)} steps a phase ended {s.status} ({s.message})"
+            return _unmet(past, tolerance, check, reason)
         if not s.minimum:
-            if solved:
-                return result(
-                    solved[-1], error, f"the mesh of {max(problem.phase_steps)} steps a phase ended {s.status} ({s.message})"
-                )
-            failures += 1
-            if failures > COARSE_FAILURES or s.status == Status.TIME_LIMIT:
+            past = replace(past, failures=past.failures + 1)
+            if past.failures > COARSE_FAILURES or s.status == Status.TIME_LIMIT:
                 return s
             problem = problem.but(steps=[2 * n for n in problem.phase_steps])
             continue
-        solved.append(s)
-        estimate = _estimate(solved, meshes, problem.order)
-        simulated = None
-        if estimate <= tolerance:
-            solved[-1] = s = check(s)
-            simulated = _simulated(s)
-        meshes.append(Mesh(problem.phase_steps, s.cost, iterations, estimate, simulated))
-        error = max(estimate, simulated or 0.0)
-        if simulated is not None and (simulated <= tolerance or not s.minimum):
-            return result(s, error)
-        steps = [(4 if FAR * tolerance < error < np.inf else 2) * n for n in problem.phase_steps]
-        if len(meshes) > IDLE_MESHES and estimate >= max(m.estimate for m in meshes[-1 - IDLE_MESHES : -1]):
-            return result(s, error, "finer meshes do not make it smaller, rounding errors or the solver's tolerance outweigh it")
-        if max(steps) > MOST_STEPS:
-            return result(s, error, f"finer meshes than {MOST_STEPS} steps a phase are not tried")
-        if seconds is not None and time.perf_counter() - begin > seconds:
-            return result(s, error, "the time limit is reached")
+        past = _measured(past, s, problem, tolerance, check)
+        simulated = past.meshes[-1].simulated
+        if simulated is not None and (simulated <= tolerance or not past.solved[-1].minimum):
+            return _result(past)
+        steps = [(4 if FAR * tolerance < past.error < np.inf else 2) * n for n in problem.phase_steps]
+        late = seconds is not None and time.perf_counter() - begin > seconds
+        reason = _why_not_finer(past, max(steps), late)
+        if reason:
+            return _unmet(past, tolerance, check, reason)
         problem = problem.but(steps=steps)
 
 
-def _from_coarse(problem: Problem, solved: list[Solution], solve: Solve, optimality: float | None = None) -> Solution:
+def _solved(problem: Problem, past: History, tolerance: float, solve: Solve) -> tuple[Solution, History]:
+    """Solve on the next mesh, once more where the barrier takes too much of the tolerance; count what that takes."""
+    s = _from_coarse(problem, past, solve)
+    iterations = past.iterations + s.iterations
+    if s.minimum and barrier(s) > BARRIER * tolerance:
+        sharper = _from_coarse(problem, past, solve, BARRIER * tolerance / barrier(s) / 2 * s.optimality)
+        iterations += sharper.iterations
+        s = sharper if sharper.solved or sharper.status == Status.INTERRUPTED else s
+    seconds = {name: past.seconds.get(name, 0.0) + spent for name, spent in s.seconds.items()}
+    return replace(s, seconds=seconds), replace(past, iterations=iterations, seconds=seconds)
+
+
+def _from_coarse(problem: Problem, past: History, solve: Solve, optimality: float | None = None) -> Solution:
     """Solve from the motion of the last mesh, and where that leads nowhere from an automatic guess."""
-    if not solved:
+    if not past.solved:
         return _rounded(solve(problem, None, optimality))
-    s = _rounded(solve(problem, solved[-1], optimality))
+    s = _rounded(solve(problem, past.solved[-1], optimality))
     return _rounded(solve(problem, None, optimality)) if s.status in NOWHERE else s
 
 
@@ -117,73 +116,39 @@ def _rounded(s: Solution) -> Solution:
     return replace(s, status=Status.SOLVED, message="a local minimum was found, to rounding errors") if sharp else s
 
 
-def _estimate(solved: list[Solution], meshes: list[Mesh], order: int) -> float:
-    """Estimated error of the last solution; infinite for the first.  Two meshes show no order: half of the discretisation's is assumed."""
-    if len(solved) < 2:
-        return np.inf
-    ratio = _ratio(solved[-2], solved[-1])
-    change = _change(solved[-2], solved[-1])
-    limited = _limited(solved[-1])
-    order = min(order, LIMITED_ORDER) if limited else order
-    shown = order / 2
-    if len(solved) > 2:
-        before = _change(solved[-3], solved[-2])
-        shown = _order(before / max(change, 1e-300), _ratio(solved[-3], solved[-2]), ratio, order)
-    fastest = meshes[-1].estimate / ratio**order if limited and np.isfinite(meshes[-1].estimate) else 0.0
-    return float(max(change / (ratio**shown - 1), fastest, _barrier(solved[-1])))
-
-
-def _barrier(s: Solution) -> float:
-    """What the solver's barrier has left of the cost, relative to it."""
-    return s.duality_gap / max(abs(s.cost), _little(s))
-
-
-def _little(s: Solution) -> float:
-    """A cost that is next to none."""
-    return 1e-10 * s.scale.get("cost", 1.0)
-
-
-def _limited(s: Solution) -> bool:
-    """Whether limits hold inputs or the motion along the way, and not only the times."""
-    return any(b.kind in ALONG_THE_WAY for b in s.active_bounds)
-
-
-def _order(quotient: float, first: float, second: float, order: int) -> float:
-    """The order p that two successive changes with a quotient show, (first^p - 1) second^p / (second^p - 1), by bisection."""
-    low, high = SLOWEST_ORDER, float(order)
-
-    def predicted(p: float) -> float:
-        return float((first**p - 1) * second**p / (second**p - 1))
-
-    if quotient >= predicted(high):
-        return high
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (middle, high) if predicted(middle) < quotient else (low, middle)
-    return low
-
-
-def _ratio(coarse: Solution, fine: Solution) -> float:
-    return fine.phases[0].steps / coarse.phases[0].steps
-
-
-def _change(coarse: Solution, fine: Solution) -> float:
-    """Largest relative difference of cost, durations and positions at common nodes."""
-    step = round(_ratio(coarse, fine))
-    cost = abs(fine.cost - coarse.cost) / max(abs(fine.cost), _little(fine))
-    pairs = list(zip(coarse.phases, fine.phases, strict=True))
-    duration = max(abs(b.duration - a.duration) for a, b in pairs) / fine.final_time
-    spread = np.ptp(np.vstack([p.q for p in fine.phases]), axis=0)
-    scale = np.maximum(spread, 1e-6 * np.array([fine.scale.get(name, 1.0) for name in fine.trajectory.coordinates]))
-    place = max(float((np.abs(b.q[::step] - a.q) / scale).max(initial=0.0)) for a, b in pairs)
-    return float(max(cost, duration, place))
+def _measured(past: History, s: Solution, problem: Problem, tolerance: float, check: Check) -> History:
+    """The history with a mesh that was solved; it is simulated where the estimate meets the tolerance."""
+    solved, simulated = (*past.solved, s), None
+    error = estimate(solved, past.meshes, problem.order)
+    if error <= tolerance:
+        s = check(s)
+        solved, simulated = (*past.solved, s), _simulated(s)
+    mesh = Mesh(problem.phase_steps, s.cost, past.iterations, error, simulated)
+    return replace(past, solved=solved, meshes=(*past.meshes, mesh))
 
 
 def _simulated(s: Solution) -> float:
     return float(s.verification["max_segment_defect"]) if s.verification else np.inf
 
 
-def _compared(meshes: list[Mesh], solved: list[Solution]) -> tuple[Mesh, ...]:
-    """The meshes, each with its difference to the finest, which tells whether the estimates are honest."""
-    pairs = zip(meshes, solved, strict=True)
-    return tuple(replace(m, difference=_change(s, solved[-1]) if s is not solved[-1] else None) for m, s in pairs)
+def _why_not_finer(past: History, steps: int, late: bool) -> str:
+    """What speaks against a mesh of so many steps a phase."""
+    before = past.meshes[-1 - IDLE_MESHES : -1]
+    if len(past.meshes) > IDLE_MESHES and past.meshes[-1].estimate >= max(m.estimate for m in before):
+        return "finer meshes do not make it smaller, rounding errors or the solver's tolerance outweigh it"
+    if steps > MOST_STEPS:
+        return f"finer meshes than {MOST_STEPS} steps a phase are not tried"
+    return "the time limit is reached" if late else ""
+
+
+def _result(past: History) -> Solution:
+    """The solution on the finest mesh, with all meshes."""
+    meshes = compared(past.meshes, past.solved)
+    return replace(past.solved[-1], meshes=meshes, error_estimate=past.error, iterations=past.iterations)
+
+
+def _unmet(past: History, tolerance: float, check: Check, reason: str) -> Solution:
+    """The solution on the finest mesh, whose error exceeds the tolerance."""
+    s = _result(past)
+    message = f"the estimated error {past.error:.2g} exceeds the tolerance {tolerance:g}: {reason}"
+    return replace(s if s.verification else check(s), status=Status.NOT_VERIFIED, message=message)

@@ -1,0 +1,84 @@
+"""The error of a solution on a mesh, estimated from the meshes before it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dmoc.nlp.active import ALONG_THE_WAY
+from dmoc.solution import Mesh, Solution
+
+# The error of a mesh falls by this factor at least when the steps are halved, also where inputs switch between steps.
+SLOWEST_ORDER = 1.0
+# The order that counts on where limits hold inputs or the motion.
+LIMITED_ORDER = 2
+
+
+def estimate(solved: Sequence[Solution], meshes: Sequence[Mesh], order: int) -> float:
+    """Estimated error of the last solution; infinite for the first.  Two meshes show no order: half of the discretisation's is assumed."""
+    if len(solved) < 2:
+        return np.inf
+    ratio = _ratio(solved[-2], solved[-1])
+    change = _change(solved[-2], solved[-1])
+    limited = _limited(solved[-1])
+    order = min(order, LIMITED_ORDER) if limited else order
+    shown = order / 2
+    if len(solved) > 2:
+        before = _change(solved[-3], solved[-2])
+        shown = _order(before / max(change, 1e-300), _ratio(solved[-3], solved[-2]), ratio, order)
+    fastest = meshes[-1].estimate / ratio**order if limited and np.isfinite(meshes[-1].estimate) else 0.0
+    return float(max(change / (ratio**shown - 1), fastest, barrier(solved[-1])))
+
+
+def barrier(s: Solution) -> float:
+    """What the solver's barrier has left of the cost, relative to it."""
+    return s.duality_gap / max(abs(s.cost), _little(s))
+
+
+def _little(s: Solution) -> float:
+    """A cost that is next to none."""
+    return 1e-10 * s.scale.get("cost", 1.0)
+
+
+def _limited(s: Solution) -> bool:
+    """Whether limits hold inputs or the motion along the way, and not only the times."""
+    return any(b.kind in ALONG_THE_WAY for b in s.active_bounds)
+
+
+def _order(quotient: float, first: float, second: float, order: int) -> float:
+    """The order p that two successive changes with a quotient show, (first^p - 1) second^p / (second^p - 1), by bisection."""
+    low, high = SLOWEST_ORDER, float(order)
+
+    def predicted(p: float) -> float:
+        return float((first**p - 1) * second**p / (second**p - 1))
+
+    if quotient >= predicted(high):
+        return high
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if predicted(middle) < quotient else (low, middle)
+    return low
+
+
+def _ratio(coarse: Solution, fine: Solution) -> float:
+    return fine.phases[0].steps / coarse.phases[0].steps
+
+
+def _change(coarse: Solution, fine: Solution) -> float:
+    """Largest relative difference of cost, durations and positions at common nodes."""
+    step = round(_ratio(coarse, fine))
+    cost = abs(fine.cost - coarse.cost) / max(abs(fine.cost), _little(fine))
+    pairs = list(zip(coarse.phases, fine.phases, strict=True))
+    duration = max(abs(b.duration - a.duration) for a, b in pairs) / fine.final_time
+    spread = np.ptp(np.vstack([p.q for p in fine.phases]), axis=0)
+    scale = np.maximum(spread, 1e-6 * np.array([fine.scale.get(name, 1.0) for name in fine.trajectory.coordinates]))
+    place = max(float((np.abs(b.q[::step] - a.q) / scale).max(initial=0.0)) for a, b in pairs)
+    return float(max(cost, duration, place))
+
+
+def compared(meshes: Sequence[Mesh], solved: Sequence[Solution]) -> tuple[Mesh, ...]:
+    """The meshes, each with its difference to the finest, which tells whether the estimates are honest."""
+    pairs = zip(meshes, solved, strict=True)
+    return tuple(replace(m, difference=_change(s, solved[-1]) if s is not solved[-1] else None) for m, s in pairs)
