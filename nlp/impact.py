@@ -75,12 +75,12 @@ class ImpactLaw:
             block("contact", (n,), lambda k: f"contact at {at[k]}", lambda s: s.gap[hit]),
         )
 
-    def inequalities(self, problem: Problem, block: Numbering) -> tuple[Block, Block]:
+    def inequalities(self, problem: Problem, lay: Layout, block: Numbering) -> tuple[Block, Block]:
         """Rows of approach and separation."""
-        at, hit = collision_names(problem), self.surfaces
+        at, hit, nodes = collision_names(problem), self.surfaces, lay.collision_nodes
         return (
-            block("approach", ~self.touching, lambda k: f"approach of {at[k]}", lambda s: s.rate[hit]),
-            block("separation", ~self.plain, lambda k: f"separation after {at[k]}", lambda s: s.rate[hit]),
+            block("approach", ~self.touching, lambda k: f"approach of {at[k]}", lambda s: s.rate[hit], nodes),
+            block("separation", ~self.plain, lambda k: f"separation after {at[k]}", lambda s: s.rate[hit], nodes),
         )
 
     def terms(self, lay: Layout, places: Places, momentum: Index, row: Callable[[str], Index]) -> list[Term]:

@@ -161,17 +161,22 @@ def _inequalities(
         goal, sign, value = limits[i]
         return f"goal of {goal.name} {'>=' if sign > 0 else '<='} {value:g}"
 
+    nodes, steps = np.arange(total + 1), np.arange(total)
     return Inequalities(
-        block("gap", _gaps(problem, lay, free_ends), lambda k, j: f"gap to {surfaces[j]} at node {k}", lambda s: s.gap),
-        block("gap inside", within, lambda k, j: f"gap to {surfaces[j]} inside step {k // inside}", lambda s: s.gap),
+        block("gap", _gaps(problem, lay, free_ends), lambda k, j: f"gap to {surfaces[j]} at node {k}", lambda s: s.gap, nodes),
+        block(
+            "gap inside", within, lambda k, j: f"gap to {surfaces[j]} inside step {k // inside}", lambda s: s.gap,
+            np.repeat(steps, inside),
+        ),
         block(
             "path", (total, lay.scheme.points * len(paths)),
             lambda k, j: f"path constraint {paths[j % len(paths)]} in step {k}", lambda s: np.tile(s.path, lay.scheme.points),
+            steps,
         ),
         block("final time >=", (int(0 < low < high),), lambda _: f"final time >= {low:g} s", lambda s: s.time),
         block("final time <=", (int(low < high < np.inf),), lambda _: f"final time <= {high:g} s", lambda s: s.time),
         block("goal", (len(limits),), limit, lambda s: lay.units(s)[bounded]),
-        *law.inequalities(problem, block),
+        *law.inequalities(problem, lay, block),
     )  # fmt: skip
 
 

@@ -37,12 +37,15 @@ class Block:
         Name of the one at a place of that shape, in the user's words.
     size : callable
         Typical sizes, from those of the problem's quantities.
+    nodes : array of int, optional
+        The node at which each row of ``index`` stands, for what follows the chain of steps.
     """
 
     name: str
     index: Index
     label: Label
     size: Size
+    nodes: Index | None = None
 
     @property
     def numbers(self) -> Index:
@@ -73,11 +76,11 @@ class Numbering:
     def __init__(self, first: int = 0) -> None:
         self.next = first
 
-    def __call__(self, name: str, where: tuple[int, ...] | Bools, label: Label, size: Size) -> Block:
+    def __call__(self, name: str, where: tuple[int, ...] | Bools, label: Label, size: Size, nodes: Index | None = None) -> Block:
         """A block of a shape, or of a mask whose False members do not exist."""
         mask = where if isinstance(where, np.ndarray) else np.ones(where, dtype=bool)
         index = np.full(mask.shape, NOWHERE)
         count = int(mask.sum())
         index[mask] = np.arange(self.next, self.next + count)
         self.next += count
-        return Block(name, index, label, size)
+        return Block(name, index, label, size, nodes)

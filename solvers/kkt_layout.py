@@ -48,7 +48,7 @@ class KKTLayout:
 
 def pivots(nlp: Transcription) -> tuple[Index, Index]:
     """Return the indices of K in elimination order and the first position of each pivot; the rest is the final group."""
-    lay, c, d = nlp.layout, nlp.rows.c, nlp.rows.d
+    lay, c = nlp.layout, nlp.rows.c
     n, last = nlp.n, lay.total
 
     def row(r: Index) -> Index:
@@ -63,13 +63,10 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
 
     free = nlp.lower < nlp.upper
     # An inequality at a node comes before the node, which is eliminated with the momentum equation of the node before it.
-    singles.append((row(d.gap.numbers), key(d.gap.places[:, 0] - 1, INEQUALITY)))
+    for block in nlp.inequalities:
+        if block.nodes is not None:
+            singles.append((row(block.numbers), key(block.nodes[block.places[:, 0]] - 1, INEQUALITY)))
     steps = np.arange(lay.total)
-    singles.append((row(d.path.numbers), key(d.path.places[:, 0] - 1, INEQUALITY)))
-    inside = d.gap_inside.places[:, 0] // max(lay.inside, 1)
-    singles.append((row(d.gap_inside.numbers), key(inside - 1, INEQUALITY)))
-    for block in (d.approach, d.separation):
-        singles.append((row(block.numbers), key(lay.collision_nodes[block.places[:, 0]] - 1, INEQUALITY)))
     singles.append((lay.index_u.ravel(), np.repeat(key(lay.step_of_input, INPUT), lay.nu)))
     between = np.repeat(key(steps, INSIDE), c.inside.index.shape[1])
     pairs.append((lay.index_q_i.ravel(), row(c.inside.numbers), between))
