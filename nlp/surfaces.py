@@ -1,4 +1,4 @@
-"""Gaps of a problem's surfaces at a point, their own sizes, and the point of a surface that is near another one."""
+"""The point of a surface that is near another one."""
 
 from __future__ import annotations
 
@@ -13,9 +13,25 @@ from dmoc.nlp.problem import Problem
 NEAR = 1e-9
 # Newton steps towards a surface, and how often one is halved.
 STEPS, HALVINGS = 60, 40
+# Shares of a reach to which distances of contact points count as equal.
+EQUALLY_FAR = 1e-6
 # Where a surface is looked for along a coordinate, in reaches: how far, at how many places, and where searches begin again.
 FARTHEST, SAMPLES = 4.0, 257
 OUTWARD = (0.1, -0.1, 0.3, -0.3, 1.0, -1.0, 2.0, -2.0)
+
+
+def contact_point(problem: Problem, q: Array, before: Array, surface: str, t: float) -> Array:
+    """A point of the surface near q; of several that are equally near the one nearest to the point before.  q itself where none is found.
+
+    A surface of one coordinate is met at its first root on either side of q.
+    """
+    found = crossings(problem, q, surface, t) or [p for p in [onto_surface(problem, q, surface, t)] if p is not None]
+
+    def far(p: Array) -> tuple[float, float]:
+        away, back = (float(np.linalg.norm((p - other) / problem.reach)) for other in (q, before))
+        return round(away / EQUALLY_FAR), back
+
+    return min(found, key=far, default=q)
 
 
 def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Array | None:
@@ -41,7 +57,7 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
     j, row, found = int(involved[0]), problem.kernels.surfaces.index(surface), []
 
     def gap(s: float) -> float:
-        return gap_to(problem, q + s * (np.arange(problem.nq) == j), surface, t)[0]
+        return float(problem.model.gaps(q + s * (np.arange(problem.nq) == j), t)[row])
 
     if abs(gap(0.0)) <= problem.model.gap_rounding(q, t)[row]:
         return [q]
@@ -59,7 +75,7 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
 
 def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:
     q, reach, row = q.copy(), problem.reach, problem.kernels.surfaces.index(surface)
-    gap, slope, _ = gap_to(problem, q, surface, t)
+    gap, slope = problem.model.gaps(q, t)[row], problem.model.gap_slopes(q, t)[row, :-1]
     for _ in range(STEPS):
         if abs(gap) <= problem.model.gap_rounding(q, t)[row]:
             return q
@@ -70,13 +86,14 @@ def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:
         step = -gap / square * weighted * reach
         step /= max(1.0, float(np.abs(step / reach).max()))
         for _ in range(HALVINGS):
-            trial, at, _ = gap_to(problem, q + step, surface, t)
+            trial = problem.model.gaps(q + step, t)[row]
             if abs(trial) < abs(gap):
                 break
             step /= 2
         else:
             return q if near_surface(problem, q, surface, t) else None
-        q, gap, slope = q + step, trial, at
+        q = q + step
+        gap, slope = trial, problem.model.gap_slopes(q, t)[row, :-1]
     return None
 
 
@@ -84,10 +101,3 @@ def near_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> bo
     """Whether a point is meant to lie on a surface: the gap is a small share of its own size."""
     j = problem.kernels.surfaces.index(surface)
     return bool(abs(problem.model.gaps(q, t)[j]) <= NEAR * problem.model.gap_sizes(q, t)[j])
-
-
-def gap_to(problem: Problem, q: Array, surface: str, t: float) -> tuple[float, Array, float]:
-    """Gap to a surface, its gradient, and its partial derivative with respect to the time."""
-    j = problem.kernels.surfaces.index(surface)
-    slope = problem.model.gap_slopes(q, t)[j]
-    return float(problem.model.gaps(q, t)[j]), slope[:-1], float(slope[-1])

@@ -10,8 +10,9 @@ import numpy as np
 
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.active import Kind
-from dmoc.nlp.guess import Guess, initial_guesses, reflected
+from dmoc.nlp.guess import Guess, initial_guesses
 from dmoc.nlp.layout import Layout
+from dmoc.nlp.march import reflected
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.surfaces import onto_surface

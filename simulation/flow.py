@@ -101,7 +101,8 @@ class Flow:
     def _integrate(
         self, y: Array, slope: Array, step: tuple[Array, Array, Array, Array], count: int, held: int | None, size: Array
     ) -> tuple[Array, float]:
-        """End states after ``count`` equal steps from y with its slope, and the method's error estimate relative to the sizes (Hairer, Norsett, Wanner, II.10)."""
+        """End states after ``count`` equal steps from y with its slope, and the method's error estimate relative to the sizes
+        (Hairer, Norsett, Wanner, II.10)."""
         t0, h, u0, u1 = step
         part, worst = h[:, None] / count, 0.0
         for k in range(count):

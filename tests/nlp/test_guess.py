@@ -13,9 +13,10 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
 from dmoc.nlp.feasibility import minimal_time
-from dmoc.nlp.guess import WINDOW, initial_guesses
+from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.timed import Timed, phase_minimal_time
 from dmoc.nlp.transcription import Transcription
+from dmoc.nlp.windows import WINDOW
 from dmoc.registry import find
 
 L, G, M_P, M_C = 0.5, 10.0, 1.0, 1.0

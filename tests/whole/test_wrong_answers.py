@@ -13,8 +13,7 @@ from systems import block_system
 
 import dmoc
 from dmoc.errors import ProblemError
-from dmoc.nlp.guess import contact_point
-from dmoc.nlp.surfaces import crossings, onto_surface
+from dmoc.nlp.surfaces import contact_point, crossings, onto_surface
 from dmoc.nlp.transcription import Transcription
 
 pytestmark = pytest.mark.slow
