@@ -1,4 +1,4 @@
-"""What the sections share: the report's tables, timing, and the one door to what dmoc does not export."""
+"""What the sections share: tables, timing, and the one door to what dmoc does not export."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ITERATIONS = 1000  # of a solve, at most
 SAME_COST = 1e-6  # relative difference of two costs that are of one minimum
 
 
-# The report -----------------------------------------------------------------------------------------------------------
+# The report ---------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -61,13 +61,26 @@ def table(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def ms(seconds: float) -> str:
+    """Milliseconds, or a dash where nothing succeeded."""
     value = 1e3 * seconds
+    if np.isnan(value):
+        return "-"
     return f"{value:.2f}" if value < 10 else f"{value:.1f}" if value < 100 else f"{value:,.0f}"
 
 
+def ratio(seconds: float, reference: float) -> str:
+    """How many times the reference a time is, to two digits."""
+    quotient = seconds / reference
+    if np.isnan(quotient):
+        return "-"
+    return f"{quotient:.0f} x" if quotient >= 10 else f"{quotient:.2g} x"
+
+
 def machine() -> str:
-    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines() if Path("/proc/cpuinfo").exists() else []
-    cpu = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
+    named = (line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+    cpu = next(named, platform.machine())
     packages = ("dmoc", "numpy", "scipy", "casadi", "ipyopt", "unopy", "opty")
     versions = []
     for name in packages:
@@ -75,10 +88,11 @@ def machine() -> str:
             versions.append(f"{name} {metadata.version(name)}")
         except metadata.PackageNotFoundError:
             versions.append(f"{name} not installed")
-    return f"{cpu}, {os.cpu_count()} cores; Python {platform.python_version()}; " + ", ".join(versions)
+    python = f"Python {platform.python_version()}"
+    return f"{cpu}, {os.cpu_count()} cores; {python}; {', '.join(versions)}"
 
 
-# Timing ---------------------------------------------------------------------------------------------------------------
+# Timing -------------------------------------------------------------------------------------------
 
 
 def clocked(run: Callable[[], Any]) -> tuple[float, Any]:
@@ -97,7 +111,7 @@ def timed(run: Callable[[], Any], repeats: int) -> tuple[float, Any]:
 
 @dataclass(frozen=True)
 class Solves:
-    """The same solve several times: median seconds of those that succeeded, how many did, the last outcome."""
+    """The same solve several times: median seconds and number of those that succeeded."""
 
     seconds: float
     solved: int
@@ -110,12 +124,13 @@ class Solves:
 
 
 def solves(nlp: Transcription, x: np.ndarray, method: str, repeats: int, *more: Any) -> Solves:
-    runs = [solve(nlp, x, method, Options(iterations=ITERATIONS, seconds=600.0), *more) for _ in range(repeats)]
+    options = Options(iterations=ITERATIONS, seconds=600.0)
+    runs = [solve(nlp, x, method, options, *more) for _ in range(repeats)]
     good = [seconds for seconds, outcome in runs if outcome.status is Status.SOLVED]
     return Solves(median(good) if good else np.nan, len(good), repeats, runs[-1][1])
 
 
-# Below the public names of dmoc: programs, drivers and motions by hand ------------------------------------------------
+# Below the public names of dmoc: programs, drivers and motions by hand ----------------------------
 
 
 def seed(**changes: Any) -> dmoc.Problem:
@@ -123,7 +138,12 @@ def seed(**changes: Any) -> dmoc.Problem:
     return dmoc.Problem(dmoc.load("cart_pendulum"), **{**find("cart_pendulum").defaults, **changes})
 
 
-def program(problem: dmoc.Problem, x: np.ndarray, method: str = "ipm", minimum: bool = False) -> Transcription:
+def program(
+    problem: dmoc.Problem,
+    x: np.ndarray,
+    method: str = "ipm",
+    minimum: bool = False,
+) -> Transcription:
     """The program of a problem, scaled by a start x or by a minimum, as dmoc.solve makes it."""
     make = Timed if METHODS[method].guided else Transcription
     nlp = make(problem, scale_of(problem, x, minimum))
@@ -135,8 +155,14 @@ def guess(problem: dmoc.Problem) -> np.ndarray:
     return np.asarray(initial_guesses(problem)[0].x)
 
 
-def solve(nlp: Transcription, x: np.ndarray, method: str, options: Options, *more: Any) -> tuple[float, Outcome]:
-    """Seconds and outcome of a solve from unknowns x in units of the problem; the outcome is in scaled ones."""
+def solve(
+    nlp: Transcription,
+    x: np.ndarray,
+    method: str,
+    options: Options,
+    *more: Any,
+) -> tuple[float, Outcome]:
+    """Seconds and outcome of a solve; x is in units of the problem, the outcome in scaled ones."""
     with threadpool_limits(1):  # as dmoc.solve does
         return clocked(lambda: METHODS[method].minimise()(nlp, nlp.scaled(x), options, *(more or (None,))))
 
@@ -155,7 +181,11 @@ def profile(nlp: Transcription, x: np.ndarray) -> tuple[float, dict[str, float]]
     return seconds, ipm.profile(nlp, nlp.scaled(x), Options(iterations=ITERATIONS), K)
 
 
-def neighbour(nlp: Transcription, problem: dmoc.Problem, outcome: Outcome) -> tuple[Transcription, np.ndarray, Duals]:
+def neighbour(
+    nlp: Transcription,
+    problem: dmoc.Problem,
+    outcome: Outcome,
+) -> tuple[Transcription, np.ndarray, Duals]:
     """The program of a neighbouring problem with a minimum and its multipliers to start from."""
     x = nlp.physical(outcome.x)
     near = program(problem, x, minimum=True)
@@ -171,7 +201,8 @@ def simulated(nlp: Transcription, x: np.ndarray) -> bool:
 def refined(nlp: Transcription, x: np.ndarray, factor: int) -> tuple[Transcription, np.ndarray]:
     """The program with more steps, and the same motion in its unknowns."""
     finer = nlp.problem.but(steps=[n * factor for n in nlp.problem.phase_steps])
-    start = unknowns_along(finer, pieces_of(trajectory(nlp, nlp.scaled(x))), x[nlp.layout.index_lam])
+    pieces = pieces_of(trajectory(nlp, nlp.scaled(x)))
+    start = unknowns_along(finer, pieces, x[nlp.layout.index_lam])
     return program(finer, start), start
 
 

@@ -1,4 +1,4 @@
-"""Two checkouts against each other: the same solves in turn, in one run, so that the machine's drift meets both.
+"""Two checkouts against each other: the same solves in turn, so that the machine's drift meets both.
 
     python benchmarks/compare.py OTHER [--rounds 15] [--python PYTHON]
 
@@ -32,7 +32,7 @@ ROUNDS = 15
 
 @dataclass(frozen=True)
 class Once:
-    """One run of a task: seconds, whether it succeeded, and the cost it found (or another number that tells answers apart)."""
+    """One run of a task: seconds, whether it succeeded, and a number that tells answers apart."""
 
     seconds: float
     good: bool
@@ -41,7 +41,7 @@ class Once:
 
 @dataclass
 class Task:
-    """What is compared: made once in each process, run in every round; slow ones in some rounds only."""
+    """What is compared: made once in each process, run in every round or, if slow, in some."""
 
     name: str
     make: Callable[[Any], Callable[[], Once]]
@@ -108,11 +108,11 @@ def tasks() -> list[Task]:
     ]
 
 
-# The two processes ----------------------------------------------------------------------------------------------------
+# The two processes --------------------------------------------------------------------------------
 
 
 def serve() -> None:
-    """Run tasks by their numbers, one a line, and answer each with its result; the first run of a task does not count."""
+    """Run tasks by their numbers, one a line; the first run of a task does not count."""
     import dmoc
 
     made: dict[int, Callable[[], Once]] = {}

@@ -49,7 +49,7 @@ SAME = 1e-5  # relative difference of two costs that are the same minimum
 
 
 @dataclass(frozen=True)
-class Result:
+class Trial:
     instance: int
     method: str
     status: str
@@ -73,7 +73,7 @@ def problem(instance: int) -> dmoc.Problem:
     )  # fmt: skip
 
 
-def run(task: tuple[int, str]) -> Result:
+def run(task: tuple[int, str]) -> Trial:
     """Solve one instance with one method and confirm a success by simulation."""
     instance, method = task
     p = problem(instance)
@@ -85,7 +85,7 @@ def run(task: tuple[int, str]) -> Result:
         seconds, outcome = solve(nlp, x, method, Options(iterations=ITERATIONS, seconds=SECONDS))
         solved = outcome.status is Status.SOLVED
         passed = solved and confirmed(p, nlp.physical(outcome.x))
-        return Result(instance, method, outcome.status.name.lower(), passed, outcome.iterations, seconds, own_cost(nlp, outcome))
+        return Trial(instance, method, outcome.status.name.lower(), passed, outcome.iterations, seconds, own_cost(nlp, outcome))
 
 
 def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
@@ -106,7 +106,7 @@ def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
     return False
 
 
-def _peer(instance: int, p: dmoc.Problem, x: np.ndarray) -> Result:
+def _peer(instance: int, p: dmoc.Problem, x: np.ndarray) -> Trial:
     d = draw(instance)
     case = casadi_pendulum.Case(d["m_p"], d["m_c"], d["l"], alpha=d["alpha"], force=d["F"], final_time=d["T"])
     nlp = program(p, x)
@@ -114,10 +114,10 @@ def _peer(instance: int, p: dmoc.Problem, x: np.ndarray) -> Result:
     seconds, cost, iterations, status, _, found = peer.solve(peer.start(*casadi_start(nlp, x)))
     solved = status == "Solve_Succeeded"
     passed = solved and confirmed(p, from_casadi(nlp, x, found))
-    return Result(instance, "CasADi + IPOPT", "solved" if solved else status.lower(), passed, iterations, seconds, cost)
+    return Trial(instance, "CasADi + IPOPT", "solved" if solved else status.lower(), passed, iterations, seconds, cost)
 
 
-def campaign(quick: bool) -> Section:
+def compare(quick: bool) -> Section:
     instances = 20 if quick else INSTANCES
     methods = {m: min(n, instances) for m, n in METHODS.items() if not quick or m in ("ipm", "ipopt")}
     tasks = [(i, m) for m, n in methods.items() for i in range(n)]

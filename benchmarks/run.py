@@ -38,7 +38,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "growth": lambda quick: solving.growth(quick, folder),
         "kernels": evaluating.compare,
         "build": building.compare,
-        "robust": robustness.campaign,
+        "robust": robustness.compare,
         "campaign": campaign.campaign,
         "warm": solving.warm,
         "search": searching.compare,

@@ -1,4 +1,4 @@
-"""Time to solve the seed's problem, from the same guess to the same cost; where the time goes; growth with the number of steps."""
+"""Time to solve the seed's problem from the same guess; where it goes; growth with N; warm starts."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from common import (
     neighbour,
     profile,
     program,
+    ratio,
     seed,
     solves,
     violation,
@@ -55,7 +56,7 @@ def comparison(quick: bool) -> Section:
         reference = seconds if name == PEER else reference
         _, cost, iterations, _, missed, _ = runs[-1]
         section.rows.append(
-            (name, f"{len(good)}/{len(runs)}", ms(seconds), f"{reference / seconds:.2g} x", iterations, f"{cost:.6f}", f"{missed:.0e}",
+            (name, f"{len(good)}/{len(runs)}", ms(seconds), ratio(reference, seconds), iterations, f"{cost:.6f}", f"{missed:.0e}",
              ms(built.seconds))
         )  # fmt: skip
     for method, repeats in (("ipm", 51), ("slsqp", 5), ("ipopt", 5), ("uno", 1)):
@@ -63,7 +64,7 @@ def comparison(quick: bool) -> Section:
         found = solves(own, x, method, min(repeats, 3) if quick else repeats)
         last = found.outcome
         section.rows.append(
-            (method, found.share, ms(found.seconds), f"{reference / found.seconds:.2g} x", last.iterations, f"{own_cost(own, last):.6f}",
+            (method, found.share, ms(found.seconds), ratio(reference, found.seconds), last.iterations, f"{own_cost(own, last):.6f}",
              f"{violation(own, last):.0e}", ms(seconds))
         )  # fmt: skip
     return section
@@ -116,7 +117,7 @@ def growth(quick: bool, folder: Path) -> Section:
         points.append((steps, own, peer))
         cells = ["not run", *"---"]
         if peer:
-            cells = [peer["solved"], ms(peer["seconds"]), peer["iterations"], f"{peer['seconds'] / own['seconds']:.0f} x"]
+            cells = [peer["solved"], ms(peer["seconds"]), peer["iterations"], ratio(peer["seconds"], own["seconds"])]
         each = ms(own["seconds"] / own["iterations"])
         section.rows.append((steps, own["solved"], ms(own["seconds"]), own["iterations"], each, f"{own['memory']:.1f}", *cells))
     _plot(points, folder / "growth.png")
@@ -142,7 +143,8 @@ def _measure(what: str, steps: int, repeats: int) -> dict[str, Any]:
         return {"seconds": found.seconds, "iterations": found.outcome.iterations, "solved": found.share, "memory": memory}
     casadi = casadi_pendulum.program(casadi_pendulum.Case(alpha=problem.start["alpha"], steps=steps))
     seconds, _, iterations, status, _, _ = casadi.solve(casadi.start(*casadi_start(nlp, x)))
-    return {"seconds": seconds, "iterations": iterations, "solved": f"{int(status == SOLVED)}/1"}
+    good = status == SOLVED
+    return {"seconds": seconds if good else np.nan, "iterations": iterations, "solved": f"{int(good)}/1"}
 
 
 def _memory(name: str) -> float:
@@ -201,7 +203,7 @@ def warm(quick: bool) -> Section:
                 dearer = own_cost(near, again.outcome) / own_cost(far, cold.outcome) - 1
                 ends = "same" if abs(dearer) < SAME_COST else f"{dearer:+.1e}"
                 cells = [cold.share, ms(cold.seconds), cold.outcome.iterations, again.share, ms(again.seconds), again.outcome.iterations,
-                         f"{cold.seconds / again.seconds:.1f} x", ends]  # fmt: skip
+                         ratio(cold.seconds, again.seconds), ends]  # fmt: skip
             else:
                 cells += [cold.share, cold.outcome.iterations, again.share, again.outcome.iterations]
         section.rows.append((name, *cells))

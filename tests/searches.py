@@ -22,7 +22,7 @@ def command(*arguments: str) -> list[str]:
 
 
 def suicidal(journal: Path, nodes: int, workers: int = 1) -> list[str]:
-    """A process with the same search that kills itself after so many nodes, without a chance to tidy up."""
+    """A process with the same search that kills itself after so many nodes, without tidying up."""
     program = f"""
 import os, signal, dmoc
 from dmoc.registry import find

@@ -1,4 +1,4 @@
-"""`dmoc search`: what it writes and tells, and what is left of it where something fails or Ctrl-C is pressed."""
+"""`dmoc search`: what it writes and tells, also where something fails or Ctrl-C is pressed."""
 
 from __future__ import annotations
 

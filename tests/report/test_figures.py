@@ -1,4 +1,4 @@
-"""The figure of a motion, by what it shows: curves, jumps, bounds, collisions, snapshots, labels."""
+"""The figure of a motion, by what it shows: curves, jumps, bounds, collisions, snapshots."""
 
 from __future__ import annotations
 

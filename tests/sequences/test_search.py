@@ -1,4 +1,4 @@
-"""The search over sequences: the best of all against a closed form, verdicts with evidence, strategies, budgets."""
+"""The search over sequences: the best against a closed form, evidence, strategies, budgets."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def test_the_parents_motion_is_bent_to_the_surface(table: dmoc.Problem) -> None:
 
 
 def test_a_collision_that_must_be_followed_by_another_is_reachable(table: dmoc.Problem) -> None:
-    """A fast puck under weak forces hits the west wall after the east wall, like it or not: (east) has no motion, (east, west) has."""
+    """A fast puck under weak forces hits the west wall after the east wall, like it or not."""
     fast = table.but(
         start={"x": 0.3, "y": 0.5, "x_dot": 3.0, "y_dot": 0.0},
         goal={},

@@ -1,4 +1,4 @@
-"""Workers of a search: any number gives the same answer, and what happens where they die, fail or take too long."""
+"""Workers of a search: any number gives the same answer; what happens where they die or fail."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_a_cluster_of_two_processes() -> None:
 
 
 def test_ctrl_c_in_the_solve_after_a_diagnosis_ends_the_search(table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every solve of a node passes an interrupt on, also the one that starts from the motion of least violation."""
+    """Every solve of a node passes an interrupt on, also that from the motion of least violation."""
     problem = table.but(sequence=["east"], steps=10)
     failed = replace(dmoc.solve(problem, "ipm", verify=False), status="infeasible")
     diagnosed: list[bool] = []
