@@ -18,7 +18,7 @@ NO_FORCE = 1e-7
 NO_IMPULSE = 1e-6
 
 
-class Kind(Enum):
+class BoundKind(Enum):
     """What is held; the values are the texts, in which ``s`` is that of a plural."""
 
     GAP = "gap to {name} at {places} node{s}"
@@ -41,7 +41,7 @@ class Kind(Enum):
 
 
 # Those that hold inputs or the motion along the way, and not only the times.
-ALONG_THE_WAY = (Kind.GAP, Kind.PATH, Kind.INPUT, Kind.COORDINATE)
+ALONG_THE_WAY = (BoundKind.GAP, BoundKind.PATH, BoundKind.INPUT, BoundKind.COORDINATE)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,7 +50,7 @@ class ActiveBound(str):
 
     Attributes
     ----------
-    kind : Kind
+    kind : BoundKind
     name : str
         The input, coordinate, surface or path constraint, the number of the phase, number and
         surface of the collision; of others the whole text.
@@ -62,25 +62,25 @@ class ActiveBound(str):
         Steps or nodes in which it holds.
     """
 
-    kind: Kind
+    kind: BoundKind
     name: str
     side: str = ""
     value: float | None = None
     places: int = 0
 
-    def __new__(cls, kind: Kind, name: str, side: str = "", value: float | None = None, places: int = 0) -> ActiveBound:
+    def __new__(cls, kind: BoundKind, name: str, side: str = "", value: float | None = None, places: int = 0) -> ActiveBound:
         said = "" if value is None else f"{value:g}"
         plural = "s" * (places > 1)
         text = kind.value.format(name=name, side=side, value=said, places=places, s=plural)
         return super().__new__(cls, text)
 
-    def __getnewargs__(self) -> tuple[Kind, str, str, float | None, int]:  # type: ignore[override]
+    def __getnewargs__(self) -> tuple[BoundKind, str, str, float | None, int]:  # type: ignore[override]
         return self.kind, self.name, self.side, self.value, self.places
 
     @classmethod
     def read(cls, text: str) -> ActiveBound:
         """The bound that a text says; its value has the digits of the text."""
-        for kind in Kind:
+        for kind in BoundKind:
             found = re.fullmatch(kind.pattern, text, re.DOTALL)
             given = {} if found is None else found.groupdict()
             try:
@@ -91,7 +91,7 @@ class ActiveBound(str):
             bound = cls(kind, given.get("name", ""), given.get("side", ""), value, places)
             if bound == text:
                 return bound
-        return cls(Kind.OTHER, text)
+        return cls(BoundKind.OTHER, text)
 
 
 def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[ActiveBound, ...]:
@@ -107,15 +107,15 @@ def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBoun
         held = np.flatnonzero(w[rows] > np.maximum(d[rows], NO_FORCE))
         columns = block.places[held, -1].tolist()
         if block is nlp.rows.d.gap:
-            yield from _counted(Kind.GAP, [kernels.surfaces[j] for j in columns])
+            yield from _counted(BoundKind.GAP, [kernels.surfaces[j] for j in columns])
         elif block is nlp.rows.d.path:
             paths = kernels.manifest["path_constraints"]
-            yield from _counted(Kind.PATH, [paths[j % len(paths)] for j in columns])
+            yield from _counted(BoundKind.PATH, [paths[j % len(paths)] for j in columns])
         else:
-            yield from (ActiveBound(Kind.OTHER, block.name_of(int(i))) for i in held)
+            yield from (ActiveBound(BoundKind.OTHER, block.name_of(int(i))) for i in held)
 
 
-def _counted(kind: Kind, names: list[str]) -> Iterator[ActiveBound]:
+def _counted(kind: BoundKind, names: list[str]) -> Iterator[ActiveBound]:
     for name, places in Counter(names).items():
         yield ActiveBound(kind, name, places=places)
 
@@ -130,9 +130,9 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
     for i, k in enumerate(lay.index_h):
         for side, limit, active in ends:
             if active[k]:
-                yield ActiveBound(Kind.DURATION, str(i), side, float(limit[k] * lay.steps[i]))
+                yield ActiveBound(BoundKind.DURATION, str(i), side, float(limit[k] * lay.steps[i]))
     inputs, coordinates = (kernels.inputs, lay.index_u), (kernels.coordinates, lay.index_q)
-    for kind, (names, index) in ((Kind.INPUT, inputs), (Kind.COORDINATE, coordinates)):
+    for kind, (names, index) in ((BoundKind.INPUT, inputs), (BoundKind.COORDINATE, coordinates)):
         for j, name in enumerate(names):
             for side, limit, active in ends:
                 held = limit[index[active[index[:, j]], j]]
@@ -143,4 +143,4 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
 def _impulses(nlp: Transcription, x: Array) -> Iterator[ActiveBound]:
     for i, k in enumerate(nlp.layout.index_lam):
         if x[k] <= NO_IMPULSE:
-            yield ActiveBound(Kind.IMPULSE, f"{i + 1} ({nlp.problem.sequence[i]})")
+            yield ActiveBound(BoundKind.IMPULSE, f"{i + 1} ({nlp.problem.sequence[i]})")

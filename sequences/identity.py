@@ -1,4 +1,5 @@
-"""What tells a journal from those of other searches: a digest of all that the answer of a node depends on."""
+"""What tells a journal from those of other searches: a digest of all that the answer of a node
+depends on."""
 
 from __future__ import annotations
 

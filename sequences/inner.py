@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.codegen.kernels import COMPILED, Array
-from dmoc.nlp.active import Kind
+from dmoc.nlp.active import BoundKind
 from dmoc.nlp.guess import Guess, initial_guesses
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.march import reflected
@@ -172,7 +172,7 @@ def _confirmed(task: Task, solved: list[Solution]) -> Node:
 
 
 def _node(task: Task, s: Solution, verdict: Verdict, evidence: tuple[str, ...]) -> Node:
-    shortest = tuple(b for b in s.active_bounds if b.kind is Kind.DURATION and b.side == ">=")
+    shortest = tuple(b for b in s.active_bounds if b.kind is BoundKind.DURATION and b.side == ">=")
     bare = replace(s, kernels=None)  # travels without the kernels, which the caller has
     return Node(task.sequence, verdict, s.cost, tuple(p.duration for p in s.phases), evidence, shortest=shortest, solution=bare)
 

@@ -16,8 +16,8 @@ from dmoc.nlp.problem import Problem
 from dmoc.solving.methods import METHODS
 
 STRATEGIES = ("exhaustive", "best-first", "beam")
-# Share of the largest final time that a phase keeps, unless the search is told otherwise: bounces at ever shorter intervals would
-# pump energy without limit (Zeno).
+# Share of the largest final time that a phase keeps, unless the search is told otherwise: bounces
+# at ever shorter intervals would pump energy without limit (Zeno).
 SHORTEST = 0.01
 DEEPEST = 12  # the tree grows with the power of the depth
 MOST, MOST_WORKERS = 2**31 - 1, 1000  # of what is counted, of processes
@@ -25,7 +25,8 @@ MOST, MOST_WORKERS = 2**31 - 1, 1000  # of what is counted, of processes
 
 @dataclass(frozen=True)
 class Settings:
-    """The keywords of :func:`dmoc.search`, with the surfaces and the shortest phase that stand for those not given."""
+    """The keywords of :func:`dmoc.search`, with the surfaces and the shortest phase that stand for
+    those not given."""
 
     max_collisions: int
     surfaces: tuple[str, ...]

@@ -15,7 +15,8 @@ from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Workers
 from dmoc.sequences.settings import Settings
 
-# Nodes that best-first looks at before it chooses again: a fixed number, so that the answer does not depend on the number of workers.
+# Nodes that best-first looks at before it chooses again: a fixed number, so that the answer does
+# not depend on the number of workers.
 ROUND = 8
 
 

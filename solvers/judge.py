@@ -1,4 +1,5 @@
-"""What is said of the point where a method has ended: one judge for all methods, one set of tolerances."""
+"""What is said of the point where a method has ended: one judge for all methods, one set of
+tolerances."""
 
 from __future__ import annotations
 
@@ -8,8 +9,8 @@ from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Ending, Options, Outcome, Residuals, Status
 
-# A larger violation, relative to the sizes of the constraints, where a method gets no further counts
-# as infeasible, a smaller one as feasible.
+# A larger violation, relative to the sizes of the constraints, where a method gets no further
+# counts as infeasible, a smaller one as feasible.
 INFEASIBLE = 1e-6
 # On fine meshes rounding errors end a solve before it is sharp.  A point with these residuals
 # counts as solved there: the cost is wrong by the square of the optimality only.

@@ -1,4 +1,5 @@
-"""What every method takes and returns: options, statuses with sentences, iterations, ending, outcome."""
+"""What every method takes and returns: options, statuses with sentences, iterations, ending,
+outcome."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ OPTIMALITY, VIOLATION, ITERATIONS = 1e-6, 1e-10, 1000
 
 
 class Status(enum.StrEnum):
-    """How a solve ended, or what the check made of it; ``sentence`` says what happened and what helps."""
+    """How a solve ended, or what the check made of it; ``sentence`` says what happened and what
+    helps."""
 
     SOLVED = "solved"
     GRAZES = "grazes"  # solved, but a collision has no effect
@@ -41,7 +43,8 @@ SENTENCES = {
     Status.STALLED: "no further progress was possible before optimality: try another guess or other steps",
     Status.INTERRUPTED: "the solve was interrupted: the best iterate so far is kept",
 }
-# A local minimum that nothing contradicts; any local minimum of the program; no feasible point or no minimum, whatever the limits.
+# A local minimum that nothing contradicts; any local minimum of the program; no feasible point or
+# no minimum, whatever the limits.
 MINIMA = (Status.SOLVED, Status.GRAZES)
 CONVERGED = (*MINIMA, Status.NOT_VERIFIED)
 NOWHERE = (Status.INFEASIBLE, Status.STALLED)
@@ -65,7 +68,8 @@ class Options:
     optimality : float
         Largest residual of stationarity and complementarity of a solution, relative to the cost.
     violation : float
-        Largest violation of a constraint or bound of a solution, relative to the size of the constraint or unknown.
+        Largest violation of a constraint or bound of a solution, relative to the size of the
+        constraint or unknown.
     iterations : int
         Iteration limit.
     seconds : float or None
@@ -83,9 +87,11 @@ class Options:
 
 @dataclass(frozen=True)
 class Duals:
-    """Multipliers in L = f + y . c - w . d - z . x: w >= 0, and z >= 0 at a lower bound, <= 0 at an upper one.
+    """Multipliers in L = f + y . c - w . d - z . x: w >= 0, and z >= 0 at a lower bound, <= 0 at an
+    upper one.
 
-    The program and the compiled methods know rows (c | d) and one vector for them, with L = f + ``rows`` . (c | d) - z . x.
+    The program and the compiled methods know rows (c | d) and one vector for them, with
+    L = f + ``rows`` . (c | d) - z . x.
     """
 
     y: Array
@@ -105,8 +111,8 @@ class Duals:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Optimality: stationarity and complementarity relative to the cost.  Violation: largest |c|, -d
-    or excess over a bound, relative to the size of the constraint or unknown."""
+    """Optimality: stationarity and complementarity relative to the cost.  Violation: largest |c|,
+    -d or excess over a bound, relative to the size of the constraint or unknown."""
 
     optimality: float
     violation: float

@@ -1,7 +1,8 @@
 """SciPy's SLSQP on the full program as it stands: all unknowns, all constraints.
 
-It serves as the measure of what the condensed form gains, and is practical up to some tens of steps.  SLSQP places unknowns no
-better than costs can be compared, so that Newton's method on the active set has the last word.
+It serves as the measure of what the condensed form gains, and is practical up to some tens of
+steps.  SLSQP places unknowns no better than costs can be compared, so that Newton's method on the
+active set has the last word.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from dmoc.solvers.outcome import Duals, Ending, Options, Status
 from dmoc.solvers.polish import polish
 from dmoc.solvers.tally import Stop, Tally, Watch
 
-# Accuracy asked of SLSQP: it stands for optimality, step and violation at once, relative to the cost.
+# Accuracy asked of SLSQP: it stands for optimality, step and violation at once, relative to the
+# cost.
 ACCURACY = 1e-10
 # Iterations in a row that may pass without progress, and starts with a fresh Hessian.
 IDLE_ITERATIONS = 100

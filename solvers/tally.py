@@ -1,4 +1,5 @@
-"""What a driver in Python keeps of its iterations: their number, limits, the best one, whether they get anywhere."""
+"""What a driver in Python keeps of its iterations: their number, limits, the best one, whether they
+get anywhere."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt import violation
 from dmoc.solvers.outcome import Iteration, Options, Status
 
-# Violation below which the cost decides which iterate is the better one, and from which Newton's method can be tried.
+# Violation below which the cost decides which iterate is the better one, and from which Newton's
+# method can be tried.
 HELD = 1e-6
 
 
@@ -44,7 +46,8 @@ class Tally:
         self.check_time()
 
     def consider(self, x: Array, cost: float, worst: float) -> None:
-        """Keep x if it is the best so far: of the least violation, and of the least cost where the violations are small."""
+        """Keep x if it is the best so far: of the least violation, and of the least cost where the
+        violations are small."""
         rank = self._ranked(cost, worst)
         if rank <= self._rank:
             self._rank, self.best = rank, x
@@ -59,8 +62,8 @@ class Tally:
 
 
 class Watch:
-    """Tells whether the iterates still get somewhere: towards the constraints, or, once they hold, to lower cost; ``patience`` of them
-    in a row may get nowhere."""
+    """Tells whether the iterates still get somewhere: towards the constraints, or, once they hold,
+    to lower cost; ``patience`` of them in a row may get nowhere."""
 
     def __init__(self, patience: int) -> None:
         self.patience = patience

@@ -1,1 +1,2 @@
-"""The way from a problem to its solution: programs, starts, a method, the judge, the check, meshes."""
+"""The way from a problem to its solution: programs, starts, a method, the judge, the check,
+meshes."""

@@ -1,4 +1,5 @@
-"""From the starts to one outcome: a method from one start, from several, and what is done where it ends without a solution."""
+"""From the starts to one outcome: a method from one start, from several, and what is done where it
+ends without a solution."""
 
 from __future__ import annotations
 
@@ -21,19 +22,19 @@ Minimise: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
 
 
 @dataclass(frozen=True)
-class Ended:
+class Attempt:
     """The program that was solved last, its outcome, and what conflicts in it."""
 
     nlp: Transcription
     outcome: Outcome
     conflicts: tuple[str, ...] = ()
 
-    def counting(self, iterations: int) -> Ended:
+    def counting(self, iterations: int) -> Attempt:
         """The same with another number of iterations."""
         return replace(self, outcome=replace(self.outcome, iterations=iterations))
 
 
-def ended(programs: Programs, starts: Starts, method: Method, form: str, options: Options) -> Ended:
+def attempted(programs: Programs, starts: Starts, method: Method, form: str, options: Options) -> Attempt:
     """Solve by a method, and by what takes over from it; say what conflicts where nothing helps."""
     begin = time.perf_counter()
     nlp = programs.program(method.guided)
@@ -86,10 +87,10 @@ def _first_success(
     points: Sequence[Array],
     options: Options,
     minimise: Minimise,
-) -> Ended:
+) -> Attempt:
     """Solve from one start after the other until one succeeds or a limit is reached; else return
     the least violation."""
-    tried: list[Ended] = []
+    tried: list[Attempt] = []
     count, begin = 0, time.perf_counter()
     for x in points:
         found = _minimised(programs, nlp, x, remaining(options, begin, count), minimise)
@@ -106,7 +107,7 @@ def _best_of_all(
     points: Sequence[Array],
     options: Options,
     minimise: Minimise,
-) -> Ended:
+) -> Attempt:
     """Solve from every start and return the cheapest minimum, one whose collisions all have an
     effect if there is one; where there is none, what the first success is."""
     begin = time.perf_counter()
@@ -116,7 +117,7 @@ def _best_of_all(
         return first
     solved = [first]
 
-    def best() -> Ended:
+    def best() -> Attempt:
         return min(solved, key=lambda s: (bool(s.nlp.law.touching.any()), s.nlp.cost(s.outcome.x)))
 
     for x in points[1:]:
@@ -133,7 +134,7 @@ def _best_of_all(
     return best().counting(count)
 
 
-def _taken_over(programs: Programs, before: Ended, points: Sequence[Array], options: Options, second: Method) -> Ended:
+def _taken_over(programs: Programs, before: Attempt, points: Sequence[Array], options: Options, second: Method) -> Attempt:
     """What a second method finds; the end as it was where that finds nothing either."""
     outcome, minimise = before.outcome, _with(second.minimise(), None)
     again = _best_of_all(programs, programs.program(second.guided), points, options, minimise)
@@ -144,7 +145,7 @@ def _taken_over(programs: Programs, before: Ended, points: Sequence[Array], opti
     return before.counting(count)
 
 
-def _explained(before: Ended, x: Array, options: Options, minimise: Minimise) -> Ended:
+def _explained(before: Attempt, x: Array, options: Options, minimise: Minimise) -> Attempt:
     """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve
     from."""
     begin = time.perf_counter()
@@ -152,16 +153,16 @@ def _explained(before: Ended, x: Array, options: Options, minimise: Minimise) ->
     try:
         diagnosis = diagnose(nlp.problem, nlp.scale, x, options)
     except KeyboardInterrupt:
-        return Ended(nlp, replace(outcome, status=Status.INTERRUPTED))
+        return Attempt(nlp, replace(outcome, status=Status.INTERRUPTED))
     if diagnosis.violation <= INFEASIBLE and outcome.iterations < options.iterations:
         left = remaining(options, begin, outcome.iterations)
         again = minimise(nlp, nlp.scaled(diagnosis.x), left)
         if again.status is not Status.INFEASIBLE:
-            return Ended(nlp, again).counting(outcome.iterations + again.iterations)
-    return Ended(nlp, outcome, diagnosis.sentences)
+            return Attempt(nlp, again).counting(outcome.iterations + again.iterations)
+    return Attempt(nlp, outcome, diagnosis.sentences)
 
 
-def _minimised(programs: Programs, nlp: Transcription, x: Array, options: Options, minimise: Minimise) -> Ended:
+def _minimised(programs: Programs, nlp: Transcription, x: Array, options: Options, minimise: Minimise) -> Attempt:
     """Solve from one start; an estimated minimal time that limits the solution is dropped, because
     the dynamics decide and not the estimate, and collisions without effect become touches."""
     begin = time.perf_counter()
@@ -177,20 +178,20 @@ def _minimised(programs: Programs, nlp: Transcription, x: Array, options: Option
         outcome = continued(nlp, outcome)
     at = suspects(nlp, outcome.x)
     if not len(at) or outcome.status not in (Status.SOLVED, *NOWHERE):
-        return Ended(nlp, outcome)
+        return Attempt(nlp, outcome)
     touching = programs.touches(nlp, at)
     touched = continued(touching, outcome)
     if touched.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
-        return Ended(nlp, replace(outcome, status=touched.status))
+        return Attempt(nlp, replace(outcome, status=touched.status))
     if touched.status is not Status.SOLVED:
-        return Ended(nlp, outcome).counting(touched.iterations)
+        return Attempt(nlp, outcome).counting(touched.iterations)
     if not pays(touching, touched):
-        return Ended(touching, touched)
+        return Attempt(touching, touched)
     again = continued(nlp, replace(touched, x=pushed(nlp, touched.x, at)))
     cheaper = outcome.status is not Status.SOLVED or nlp.cost(again.x) <= nlp.cost(outcome.x)
     if again.status is Status.SOLVED and cheaper:
-        return Ended(nlp, again)
-    return Ended(nlp, outcome).counting(again.iterations)
+        return Attempt(nlp, again)
+    return Attempt(nlp, outcome).counting(again.iterations)
 
 
 def _limited_by_times(nlp: Transcription, outcome: Outcome, violation: float) -> bool:

@@ -10,14 +10,16 @@ import numpy as np
 from dmoc.nlp.active import ALONG_THE_WAY
 from dmoc.solution import Mesh, Solution
 
-# The error of a mesh falls by this factor at least when the steps are halved, also where inputs switch between steps.
+# The error of a mesh falls by this factor at least when the steps are halved, also where inputs
+# switch between steps.
 SLOWEST_ORDER = 1.0
 # The order that counts on where limits hold inputs or the motion.
 LIMITED_ORDER = 2
 
 
 def estimate(solved: Sequence[Solution], meshes: Sequence[Mesh], order: int) -> float:
-    """Estimated error of the last solution; infinite for the first.  Two meshes show no order: half of the discretisation's is assumed."""
+    """Estimated error of the last solution; infinite for the first.  Two meshes show no order: half
+    of the discretisation's is assumed."""
     if len(solved) < 2:
         return np.inf
     ratio = _ratio(solved[-2], solved[-1])
@@ -48,7 +50,8 @@ def _limited(s: Solution) -> bool:
 
 
 def _order(quotient: float, first: float, second: float, order: int) -> float:
-    """The order p that two successive changes with a quotient show, (first^p - 1) second^p / (second^p - 1), by bisection."""
+    """The order p that two successive changes with a quotient show, (first^p - 1) second^p /
+    (second^p - 1), by bisection."""
     low, high = SLOWEST_ORDER, float(order)
 
     def predicted(p: float) -> float:
@@ -79,6 +82,7 @@ def _change(coarse: Solution, fine: Solution) -> float:
 
 
 def compared(meshes: Sequence[Mesh], solved: Sequence[Solution]) -> tuple[Mesh, ...]:
-    """The meshes, each with its difference to the finest, which tells whether the estimates are honest."""
+    """The meshes, each with its difference to the finest, which tells whether the estimates are
+    honest."""
     pairs = zip(meshes, solved, strict=True)
     return tuple(replace(m, difference=_change(s, solved[-1]) if s is not solved[-1] else None) for m, s in pairs)

@@ -1,4 +1,5 @@
-"""The methods of :func:`dmoc.solve`, one entry for each; what solves is loaded when it is first asked for."""
+"""The methods of :func:`dmoc.solve`, one entry for each; what solves is loaded when it is first
+asked for."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ Judged: TypeAlias = "Callable[[Transcription, Array, Options, Duals | None], Out
 
 
 class Form(StrEnum):
-    """The program that slsqp gets: coordinates eliminated by the equations of motion, or all there is."""
+    """The program that slsqp gets: coordinates eliminated by the equations of motion, or all there
+    is."""
 
     CONDENSED = "condensed"
     FULL = "full"

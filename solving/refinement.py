@@ -1,4 +1,5 @@
-"""Mesh refinement: more steps until the estimated and the simulated error of the solution meet a tolerance."""
+"""Mesh refinement: more steps until the estimated and the simulated error of the solution meet a
+tolerance."""
 
 from __future__ import annotations
 
@@ -48,11 +49,13 @@ class History:
 def refined(problem: Problem, tolerance: float, seconds: float | None, solve: Solve, check: Check) -> Solution:
     """Solve on finer and finer meshes, each from the motion of the one before.
 
-    The error of a mesh is the largest relative change, against the mesh before, of the cost, of the durations and of the positions at common nodes,
-    divided by r^p - 1 (Richardson; r is the ratio of the steps, p the order that the last three meshes show, at most that of the
-    discretisation).  Where limits hold inputs or the motion, a switch falls between two nodes and the changes are irregular: p is then 2 at
-    most, and no estimate falls faster from mesh to mesh than by r^p.  None is below what the solver's barrier has left of the cost.  The mesh is
-    fine enough when this estimate and the errors over segments found by the independent simulation meet the tolerance.
+    The error of a mesh is the largest relative change, against the mesh before, of the cost, of the
+    durations and of the positions at common nodes, divided by r^p - 1 (Richardson; r is the ratio
+    of the steps, p the order that the last three meshes show, at most that of the discretisation).
+    Where limits hold inputs or the motion, a switch falls between two nodes and the changes are
+    irregular: p is then 2 at most, and no estimate falls faster from mesh to mesh than by r^p.
+    None is below what the solver's barrier has left of the cost.  The mesh is fine enough when this
+    estimate and the errors over segments found by the independent simulation meet the tolerance.
 
     Parameters
     ----------
@@ -62,8 +65,8 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
     seconds : float, optional
         Limit.
     solve, check : callables
-        Solve a problem from the motion of the mesh before or from an automatic guess, to the usual optimality or to a given one; check a solution
-        by simulation.
+        Solve a problem from the motion of the mesh before or from an automatic guess, to the usual
+        optimality or to a given one; check a solution by simulation.
     """
     begin, past = time.perf_counter(), History()
     while True:
@@ -92,7 +95,8 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
 
 
 def _solved(problem: Problem, past: History, tolerance: float, solve: Solve) -> tuple[Solution, History]:
-    """Solve on the next mesh, once more where the barrier takes too much of the tolerance; count what that takes."""
+    """Solve on the next mesh, once more where the barrier takes too much of the tolerance; count
+    what that takes."""
     s = _from_coarse(problem, past, solve)
     iterations = past.iterations + s.iterations
     if s.minimum and barrier(s) > BARRIER * tolerance:
@@ -104,7 +108,8 @@ def _solved(problem: Problem, past: History, tolerance: float, solve: Solve) -> 
 
 
 def _from_coarse(problem: Problem, past: History, solve: Solve, optimality: float | None = None) -> Solution:
-    """Solve from the motion of the last mesh, and where that leads nowhere from an automatic guess."""
+    """Solve from the motion of the last mesh, and where that leads nowhere from an automatic
+    guess."""
     if not past.solved:
         return _rounded(solve(problem, None, optimality))
     s = _rounded(solve(problem, past.solved[-1], optimality))
@@ -117,7 +122,8 @@ def _rounded(s: Solution) -> Solution:
 
 
 def _measured(past: History, s: Solution, problem: Problem, tolerance: float, check: Check) -> History:
-    """The history with a mesh that was solved; it is simulated where the estimate meets the tolerance."""
+    """The history with a mesh that was solved; it is simulated where the estimate meets the
+    tolerance."""
     solved, simulated = (*past.solved, s), None
     error = estimate(solved, past.meshes, problem.order)
     if error <= tolerance:

@@ -12,15 +12,15 @@ from dmoc.simulation.check import OutOfTimeError, Verification
 from dmoc.solution import Solution
 from dmoc.solvers.kkt import duality_gap
 from dmoc.solvers.outcome import Status
-from dmoc.solving.attempts import Ended
+from dmoc.solving.attempts import Attempt
 from dmoc.trajectory import Trajectory
 
 
-def solution_of(ended: Ended, method: str, seconds: Mapping[str, float]) -> Solution:
+def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> Solution:
     """The solution in the user's words and units."""
-    nlp, outcome = ended.nlp, ended.outcome
+    nlp, outcome = attempt.nlp, attempt.outcome
     problem = nlp.problem
-    motion, status, message = trajectory(nlp, outcome.x), outcome.status, _message(ended)
+    motion, status, message = trajectory(nlp, outcome.x), outcome.status, _message(attempt)
     if status is Status.SOLVED and any(c.grazes for c in motion.collisions):
         status, message = Status.GRAZES, f"{message}; {without_effect(motion)}"
     return Solution(
@@ -38,21 +38,21 @@ def solution_of(ended: Ended, method: str, seconds: Mapping[str, float]) -> Solu
         unknowns=nlp.physical(outcome.x),
         scale=nlp.scale.named(problem),
         reference=problem.kernels.reference or problem.kernels.name,
-        conflicts=ended.conflicts,
+        conflicts=attempt.conflicts,
         duality_gap=duality_gap(nlp, outcome.x, outcome.duals),
         kernels=problem.kernels,
     )
 
 
-def _message(ended: Ended) -> str:
+def _message(attempt: Attempt) -> str:
     """What happened, with the conflicts or the detail of the method."""
-    outcome = ended.outcome
+    outcome = attempt.outcome
     detail = f" ({outcome.detail})" if outcome.detail else ""
-    conflicts = "; ".join(ended.conflicts)
+    conflicts = "; ".join(attempt.conflicts)
     message = outcome.status.sentence + (f": {conflicts}" if conflicts else detail)
     singular = None
     if outcome.status is not Status.SOLVED:
-        singular = singular_at(ended.nlp, outcome.x)
+        singular = singular_at(attempt.nlp, outcome.x)
     if singular is None:
         return message
     return (

@@ -1,4 +1,5 @@
-"""Solve a problem: programs, starts, a method, the check, and meshes where a tolerance asks for them."""
+"""Solve a problem: programs, starts, a method, the check, and meshes where a tolerance asks for
+them."""
 
 from __future__ import annotations
 
@@ -15,15 +16,16 @@ from dmoc.nlp.scaling import scale_of
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options
 from dmoc.solvers.threads import ONE_THREAD
-from dmoc.solving.attempts import ended, remaining
+from dmoc.solving.attempts import attempted, remaining
 from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method
 from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
 from dmoc.solving.result import checked, solution_of
 from dmoc.solving.sensitivity import check_problem
-from dmoc.solving.starts import Guess, starts_of
+from dmoc.solving.starts import Given, starts_of
 
-# A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier may be driven further down.
+# A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
+# may be driven further down.
 BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
 MOST_ITERATIONS = 2**31 - 1  # what the compiled method can count
 
@@ -49,17 +51,21 @@ def solve(
     ----------
     problem : Problem
     method : {"slsqp", "ipm", "ipopt", "uno"}
-        SciPy's sequential quadratic programming on the condensed program; the compiled interior-point method of dmoc; IPOPT; Uno.  The
-        last two are extras.  The default is "slsqp", with a tolerance "ipm".
+        SciPy's sequential quadratic programming on the condensed program; the compiled
+        interior-point method of dmoc; IPOPT; Uno.  The last two are extras.  The default is
+        "slsqp", with a tolerance "ipm".
     tolerance : float, optional
-        Refine the mesh, beginning with the problem's steps, until the estimated relative error of cost, durations and positions and the simulated
-        errors over segments are below it.  The solution has the estimate and the meshes.
+        Refine the mesh, beginning with the problem's steps, until the estimated relative error of
+        cost, durations and positions and the simulated errors over segments are below it.  The
+        solution has the estimate and the meshes.
     form : {"condensed", "full"}
-        For slsqp: "condensed" eliminates coordinates by solving the discrete equations of motion; "full" leaves all unknowns to the
-        solver, which is practical up to some tens of steps.  The other methods work on the full sparse program.
+        For slsqp: "condensed" eliminates coordinates by solving the discrete equations of motion;
+        "full" leaves all unknowns to the solver, which is practical up to some tens of steps.  The
+        other methods work on the full sparse program.
     guess : Solution or array, optional
-        Where to start; by default an automatic guess.  A solution must have the same number of collisions; one on another mesh
-        or of another order is interpolated, the multipliers of one with the same steps serve too (not with slsqp).
+        Where to start; by default an automatic guess.  A solution must have the same number of
+        collisions; one on another mesh or of another order is interpolated, the multipliers of one
+        with the same steps serve too (not with slsqp).
     optimality, violation : float
         Tolerances of the optimality residual and of the constraints.
     iterations : int
@@ -70,7 +76,8 @@ def solve(
     verify : bool
         Check a converged solution by simulation; one that fails has the status "not_verified".
     reference : str
-        How the model was named, where its kernels do not know; kept in the solution so that it can be found again.
+        How the model was named, where its kernels do not know; kept in the solution so that it can
+        be found again.
 
     Returns
     -------
@@ -116,7 +123,7 @@ class Request:
     verify: bool
 
 
-def _on_meshes(problem: Problem, guess: Guess, request: Request, tolerance: float) -> Solution:
+def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: float) -> Solution:
     """Solve on finer and finer meshes; only the finest is checked."""
     begin, options = time.perf_counter(), request.options
     base = min(options.optimality, max(tolerance, BASE_OPTIMALITY))
@@ -132,7 +139,7 @@ def _on_meshes(problem: Problem, guess: Guess, request: Request, tolerance: floa
     return refined(problem, tolerance, options.seconds, on_mesh, check)
 
 
-def _solved(problem: Problem, guess: Guess, request: Request) -> Solution:
+def _solved(problem: Problem, guess: Given, request: Request) -> Solution:
     """Solve on one mesh."""
     method, options = request.method, request.options
     method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
@@ -143,7 +150,7 @@ def _solved(problem: Problem, guess: Guess, request: Request) -> Solution:
         guessed = time.perf_counter()
         scale = scale_of(problem, starts.points[0], starts.minimum)
         left = _in_units(remaining(options, begin), scale.cost)
-        found = ended(Programs(problem, scale), starts, method, request.form, left)
+        found = attempted(Programs(problem, scale), starts, method, request.form, left)
         solved = time.perf_counter()
         seconds = {"build": problem.kernels.seconds, "guess": guessed - begin, "solve": solved - guessed}
         solution = solution_of(found, method.name, seconds)

@@ -20,7 +20,7 @@ from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Duals
 
-Guess: TypeAlias = Solution | Array | None
+Given: TypeAlias = Solution | Array | None
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Starts:
         return Duals(*given_multipliers(nlp, self.multipliers))
 
 
-def starts_of(problem: Problem, guess: Guess, deadline: float = np.inf) -> Starts:
+def starts_of(problem: Problem, guess: Given, deadline: float = np.inf) -> Starts:
     """Read a guess, or make the automatic ones until a time of ``time.perf_counter``.
 
     Raises

@@ -1,7 +1,9 @@
-"""Collisions without effect: where the best motion would rather not collide, it touches the surface without an impulse.
+"""Collisions without effect: where the best motion would rather not collide, it touches the surface
+without an impulse.
 
-The law of impact, e (E+ - E-) - W = -lam (gamma+ + e gamma-)/2, has no slope in any unknown at a touch, lam = gamma- = gamma+ = 0, so that a solver ends
-beside it or not at all.  Stated as g = 0, gamma = 0, lam = 0 a touch is regular; its multipliers tell whether a real collision would cost less.
+The law of impact, e (E+ - E-) - W = -lam (gamma+ + e gamma-)/2, has no slope in any unknown at a touch, lam
+= gamma- = gamma+ = 0, so that a solver ends beside it or not at all.  Stated as g = 0, gamma = 0, lam = 0 a
+touch is regular; its multipliers tell whether a real collision would cost less.
 """
 
 from __future__ import annotations
@@ -14,7 +16,8 @@ from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt import cost_size
 from dmoc.solvers.outcome import Outcome
 
-# A collision whose rate of approach or impulse is below this share of its size is suspected of being none.
+# A collision whose rate of approach or impulse is below this share of its size is suspected of
+# being none.
 SUSPECT = 1e-3
 # Slope of the cost along a real collision, relative to the cost, below which it would pay.
 PAYS = 1e-6
@@ -44,8 +47,8 @@ def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
 def pays(nlp: Transcription, outcome: Outcome) -> bool:
     """Whether the cost of a minimum that touches falls where a touch becomes a collision.
 
-    A collision with the rate of approach s has gamma+ = -e s and lam = (1 + e) s / (n . M^-1 n), so that dJ/ds = e y + (1 + e) dL/dlam / (n . M^-1 n) with
-    the multiplier y of gamma = 0.
+    A collision with the rate of approach s has gamma+ = -e s and lam = (1 + e) s / (n . M^-1 n), so
+    that dJ/ds = e y + (1 + e) dL/dlam / (n . M^-1 n) with the multiplier y of gamma = 0.
     """
     lay, x, duals = nlp.layout, outcome.x, outcome.duals
     slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ duals.y - nlp.inequality_jacobian(x).T @ duals.w

@@ -9,18 +9,18 @@ from dataclasses import replace
 import pytest
 
 import dmoc
-from dmoc.nlp.active import ActiveBound, Kind
+from dmoc.nlp.active import ActiveBound, BoundKind
 from dmoc.solvers.outcome import SENTENCES, Status
 
 BOUNDS = {
-    "gap to post at 1 node": ActiveBound(Kind.GAP, "post", places=1),
-    "gap to post at 12 nodes": ActiveBound(Kind.GAP, "post", places=12),
-    "path constraint reach in 3 steps": ActiveBound(Kind.PATH, "reach", places=3),
-    "duration of phase 1 >= 0.4 s": ActiveBound(Kind.DURATION, "1", ">=", 0.4),
-    "F >= -25 in 1 step": ActiveBound(Kind.INPUT, "F", ">=", -25.0, 1),
-    "x <= 1.5e-05 in 2 nodes": ActiveBound(Kind.COORDINATE, "x", "<=", 1.5e-5, 2),
-    "impulse of collision 2 (left) >= 0": ActiveBound(Kind.IMPULSE, "2 (left)"),
-    "final time <= 1 s": ActiveBound(Kind.OTHER, "final time <= 1 s"),
+    "gap to post at 1 node": ActiveBound(BoundKind.GAP, "post", places=1),
+    "gap to post at 12 nodes": ActiveBound(BoundKind.GAP, "post", places=12),
+    "path constraint reach in 3 steps": ActiveBound(BoundKind.PATH, "reach", places=3),
+    "duration of phase 1 >= 0.4 s": ActiveBound(BoundKind.DURATION, "1", ">=", 0.4),
+    "F >= -25 in 1 step": ActiveBound(BoundKind.INPUT, "F", ">=", -25.0, 1),
+    "x <= 1.5e-05 in 2 nodes": ActiveBound(BoundKind.COORDINATE, "x", "<=", 1.5e-5, 2),
+    "impulse of collision 2 (left) >= 0": ActiveBound(BoundKind.IMPULSE, "2 (left)"),
+    "final time <= 1 s": ActiveBound(BoundKind.OTHER, "final time <= 1 s"),
 }
 
 
@@ -44,7 +44,7 @@ def test_a_solution_and_its_file_tell_the_same_bounds(seed: dmoc.Problem) -> Non
     problem = seed.but(steps=20, durations=[(0.1, None), (None, None)], bounds={"F": (-28, 28)})
     kept = dmoc.solve(problem, "ipm", verify=False)
     kinds = {b.kind for b in kept.active_bounds}
-    assert {Kind.DURATION, Kind.INPUT} <= kinds and "duration of phase 0 >= 0.1 s" in kept.active_bounds
+    assert {BoundKind.DURATION, BoundKind.INPUT} <= kinds and "duration of phase 0 >= 0.1 s" in kept.active_bounds
     again = dmoc.Solution.from_bytes(kept.to_bytes())
     assert again.active_bounds == kept.active_bounds
     assert [b.kind for b in again.active_bounds] == [b.kind for b in kept.active_bounds]

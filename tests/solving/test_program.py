@@ -1,0 +1,40 @@
+"""Each program of a problem is made once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import block_and_wall
+import pytest
+
+import dmoc
+from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.scaling import scale_of
+from dmoc.nlp.transcription import Transcription
+from dmoc.solving.program import Programs
+
+
+def test_programs_are_kept() -> None:
+    problem = block_and_wall.problem(0.8, 10)
+    programs = Programs(problem, scale_of(problem, initial_guesses(problem)[0].x))
+    guided, free = programs.program(guided=True), programs.program()
+    assert guided is programs.program(guided=True) and free is programs.free(guided) is not guided
+    touching = programs.touches(free, [0])
+    assert touching is programs.touches(free, [0]) is programs.free(programs.touches(guided, [0]))
+    assert touching.touching.tolist() == [True] and not free.touching.any()
+
+
+@pytest.mark.parametrize(("force", "status", "most"), [(200, "solved", 2), (1, "infeasible", 3)])
+def test_a_solve_makes_few_programs(monkeypatch: pytest.MonkeyPatch, force: float, status: str, most: int) -> None:
+    """One for the guess, one to solve, and one for the least violation where there is no solution."""
+    problem = block_and_wall.problem(0.8, 10).but(bounds={"u": (-force, force)})
+    made: list[object] = []
+    make = Transcription.__init__
+
+    def counted(self: Transcription, *given: Any, **named: Any) -> None:
+        made.append(self)
+        make(self, *given, **named)
+
+    monkeypatch.setattr(Transcription, "__init__", counted)
+    assert dmoc.solve(problem, "ipm").status == status
+    assert 0 < len(made) <= most
