@@ -30,6 +30,7 @@ MATRICES = {
     "M_D": "dynamics_jac",
     "F_D": "dynamics_jac",
     "g_D": "surface_jac",
+    "p_D": "momentum_jac",
     "C_d_D": "step_jac",
     "r_d_D": "path_jac",
     "Phi_D": "terminal_cost_jac",
@@ -111,6 +112,10 @@ class Model:
     def momentum(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """p = dL/dv, shape (..., nq)."""
         return self._at("momentum", q, self._state(v), _column(t))[0]
+
+    def momentum_slopes(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
+        """Derivatives of p with respect to (q, v, t), shape (..., nq, 2 nq + 1)."""
+        return self._full("p_D", self._at("momentum_jac", q, self._state(v), _column(t))[0])
 
     def energy(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """E = v . p - L, shape (...)."""

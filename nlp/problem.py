@@ -36,6 +36,7 @@ class Boundary:
     position: Array
     velocity: Array
     momentum: Array
+    by_velocity: bool = False  # the momenta stand for velocities that were given
 
     @property
     def needs_velocity(self) -> bool:
@@ -338,7 +339,8 @@ class Problem:
         momentum = self.model.momentum(at, velocity[:, 0])
         if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
             return boundary
-        return Boundary(boundary.position, np.full_like(velocity, (-np.inf, np.inf)), np.repeat(momentum[:, None], 2, axis=1))
+        free, fixed_momentum = np.full_like(velocity, (-np.inf, np.inf)), np.repeat(momentum[:, None], 2, axis=1)
+        return Boundary(boundary.position, free, fixed_momentum, by_velocity=True)
 
     def _check_mass_matrix(self) -> None:
         mass, force = self.model.equations(self.start_position)

@@ -34,7 +34,7 @@ class Sensitivities(TypedDict):
     restitution : by surface that is hit, with respect to its coefficient e
     surfaces : by surface, with respect to moving it outwards by one unit of its gap
     final_time : with respect to the final time or its active bound; 0 where it is free
-    start, goal : by state, with respect to the value or the active bound; velocities that are fixed all together count as momenta
+    start, goal : by state, with respect to the value or the active bound; its other states as given
     bounds : by input or coordinate and side, with respect to the bound, as "F <="
     """
 
@@ -71,15 +71,15 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
         ends = [_lagrangian(problem.unchecked(restitution=e), x, {**named, "energy": law}) for e in (high, low)]
         return 2 * (ends[0] - ends[1])
 
-    lay, rows, force = nlp.layout, nlp.rows, np.concatenate([-y, w])
+    _lay, rows, force = nlp.layout, nlp.rows, np.concatenate([-y, w])
     time = sum(force[rows.c.final_time.numbers]) + sum(force[rows.d.earliest.numbers])
     return {
         "parameters": {name: change(name, value) for name, value in values.items()},
         "restitution": {s: coefficient(s) for s in dict.fromkeys(problem.sequence)},
         "surfaces": _surfaces(nlp, y, w),
         "final_time": float(time - sum(force[rows.d.latest.numbers])),
-        "start": _ends(problem, z, (lay.index_q[0], lay.index_v_B, lay.index_p_B), nlp),
-        "goal": _ends(problem, z, (lay.index_q[-1], lay.index_v_E, lay.index_p_E), nlp),
+        "start": _ends(nlp, x, z, 0),
+        "goal": _ends(nlp, x, z, -1),
         "bounds": _bounds(nlp, z),
     }
 
@@ -106,14 +106,28 @@ def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
     return found
 
 
-def _ends(problem: Problem, z: Array, places: tuple[Index, Index, Index], nlp: Transcription) -> dict[str, float]:
-    """Multipliers of the bounds of the states at one end, where there are bounds."""
+def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]:
+    """Multipliers of the bounds of the states at one end, where there are bounds.
+
+    Where momenta stand for velocities that were given, p = dL/dv(q, v, t), those of q and v follow
+    from them by the chain rule.
+    """
+    lay, names = nlp.layout, nlp.kernels.coordinates
+    at_start = node == 0
+    boundary = nlp.problem.start_bounds if at_start else nlp.problem.goal_bounds
+    q, p = lay.index_q[node], lay.index_p_B if at_start else lay.index_p_E
+    v = lay.index_v_B if at_start else lay.index_v_E
+    states: list[tuple[Callable[[str], str], Index, Array]] = [(str, q, z[q]), (momentum_name, p, z[p])]
+    if boundary.by_velocity:
+        model, t = nlp.problem.model, lay.times(x)[node]
+        slopes = model.momentum_slopes(x[q], model.velocity(x[q], x[p], t), t)
+        by_q, by_v = z[p] @ slopes[:, : lay.nq], z[p] @ slopes[:, lay.nq : 2 * lay.nq]
+        states = [(str, q, z[q] + by_q), (velocity_name, p, by_v)]
     found = {}
-    namings: tuple[Callable[[str], str], ...] = (str, velocity_name, momentum_name)
-    for index, name in zip(places, namings, strict=True):
-        for i, coordinate in zip(index, problem.kernels.coordinates, strict=False):
+    for naming, index, forces in [*states, (velocity_name, v, z[v])]:
+        for i, name, force in zip(index, names, forces, strict=False):
             if nlp.lower[i] > -np.inf or nlp.upper[i] < np.inf:
-                found[name(coordinate)] = float(z[i])
+                found[naming(name)] = float(force)
     return found
 
 

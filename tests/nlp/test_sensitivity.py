@@ -39,10 +39,27 @@ def test_block_and_wall(order: int) -> None:
     assert found["surfaces"]["wall"] == pytest.approx(found["parameters"]["wall"], rel=1e-9)
     assert found["final_time"] == pytest.approx(slope(problem, solution, lambda d: {"final_time": 1 + d}), rel=1e-6)
     assert found["start"]["x"] == pytest.approx(slope(problem, solution, lambda d: {"start": {"x": d}}), rel=1e-6)
-    again = slope(
-        problem, solution, lambda d: {"goal": {"x": 0, "x_dot": d}}
-    )  # the mass is 1: velocity and momentum are the same
-    assert found["goal"]["p_x"] == pytest.approx(again, rel=1e-6)
+    again = slope(problem, solution, lambda d: {"goal": {"x": 0, "x_dot": d}})
+    assert found["goal"]["x_dot"] == pytest.approx(again, rel=1e-6)
+    assert set(found["goal"]) == {"x", "x_dot"}
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_states_are_told_as_they_were_given(end: str) -> None:
+    """The mass matrix of the cart-pendulum couples both velocities and depends on the angle."""
+    reference = find("cart_pendulum")
+    moving = {"alpha_dot": 0.4, "x_dot": -0.7}
+    problem = dmoc.Problem(
+        reference.kernels(), start={"alpha": 0.5, "x": 0.0, **moving}, sequence=["left"], steps=30, final_time=1.0,
+        goal={"alpha": 1.2, "x": 0.3, **moving},
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", optimality=1e-9, verify=False)
+    found = dmoc.sensitivities(problem, solution)[end]
+    given = dict(getattr(problem, end))
+    assert set(found) == set(given)
+    for name, value in given.items():
+        again = slope(problem, solution, lambda d, n=name, v=value: {end: {**given, n: v + d}})
+        assert found[name] == pytest.approx(again, rel=1e-4, abs=1e-4)
 
 
 @pytest.mark.parametrize("e", [1.0, 0.0])
