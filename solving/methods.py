@@ -137,8 +137,8 @@ METHODS = {
             needs_compiled=True,
             tries_all=True,  # further starts cost it next to nothing
         ),
-        Method("ipopt", "IPOPT", "dmoc.solvers.external:solve_ipopt", package="ipyopt"),
-        Method("uno", "Uno", "dmoc.solvers.external:solve_uno", package="unopy"),
+        Method("ipopt", "IPOPT, an extra", "dmoc.solvers.external:solve_ipopt", package="ipyopt"),
+        Method("uno", "filter SQP, an extra", "dmoc.solvers.external:solve_uno", package="unopy"),
     )
 }
 # Of a single solve, of a refinement, and of a search.

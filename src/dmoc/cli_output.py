@@ -52,7 +52,7 @@ def coloured(good: bool, word: str) -> Text:
 def print_summary(solution: Solution) -> None:
     """What was found, and how."""
     table = Table(show_header=False, box=None)
-    message = solution.message.removesuffix(": " + "; ".join(solution.conflicts)) if solution.conflicts else solution.message
+    message = solution.message.replace(": " + "; ".join(solution.conflicts), "") if solution.conflicts else solution.message
     table.add_row("status", Text.assemble(coloured(solution.solved, solution.status), f": {message}"))
     for conflict in solution.conflicts:
         table.add_row("conflict", conflict)

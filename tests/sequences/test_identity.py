@@ -75,6 +75,7 @@ def test_settings_of_a_node_tell_its_journal_from_others(problem: dmoc.Problem, 
 
 
 def test_a_field_that_is_added_counts(problem: dmoc.Problem) -> None:
+    assert SEARCHED == ("sequence", "durations")  # what the search sets itself, node by node
     found = {name.partition(".")[2] for name in facts(problem, SETTINGS)} - {""}
     assert found == {f.name for f in (*fields(dmoc.Problem), *fields(Settings))} - {*SEARCHED, *ELSEWHERE}
 
