@@ -20,8 +20,10 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row, restitution_row
-from dmoc.simulation.flow import PLACES, Contact, Flow, Lost, Sizes, quintic
-from dmoc.trajectory import GRAZING, Collision, Trajectory
+from dmoc.simulation.amplification import amplification, nodes_of_segments
+from dmoc.simulation.flow import PLACES, Contact, Flow, Lost, quintic
+from dmoc.simulation.sizes import sizes_of
+from dmoc.trajectory import GRAZING, Trajectory
 
 # What a motion may miss and still count as confirmed.  Errors of states are relative to the ranges of coordinates and momenta, energies to the
 # kinetic energy, penetration and excess of soft limits to the ranges, the law of impact to the largest rate of the gap.
@@ -36,11 +38,9 @@ SAME_CONTACT = 0.05
 # A node within this share of the gap's size lies on the surface; so many in a row slide along it.  A motion that slides may enter the surface between
 # its nodes as far as penetration may be, one that only touches it less far: it would bounce.
 ON_ARC, LASTING, TOUCHING = 1e-4, 3, 3e-4
-SEGMENTS = 10  # of a phase
 OFF_SURFACE = 1e-6  # gap of a planned collision, relative to how far the coordinates move it, that a solver may leave
 ASTRAY = 100.0  # ranges from the motion at which an open-loop run ends
 SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to the largest inertias
-PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
 
 
 class OutOfTimeError(SimulationError):
@@ -135,7 +135,7 @@ class _Check:
         self.deadline = np.inf if seconds is None else time.perf_counter() + seconds
         restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
         self.model = Model(kernels, parameter_row(kernels, trajectory.parameters, SimulationError))
-        self.sizes = _sizes(trajectory, self.model)
+        self.sizes = sizes_of(trajectory, self.model)
         self.flow = Flow(self.model, self.sizes, restitution, self._allowance, self._check_time)
         self.arcs = self._arcs()
 
@@ -172,7 +172,7 @@ class _Check:
         defects, work, penetration, excess = self.steps()
         energy, (law, own) = self.energy_error(work), self.impact_errors()
         segments = self.segments()
-        amplification = self.amplification()
+        amplified = amplification(self.trajectory, self.flow)
         terminal, contacts = self.open_loop()
         missed, extra = self.compare(contacts)
         failures = [f"the collision with {surface!r} is {gap:.3g} off it" for surface, gap in self.off_surface()]
@@ -197,18 +197,18 @@ class _Check:
                 self.compare(self.on_the_way()) if not failures and worst <= UNSTABLE_SEGMENT else (missed, extra)
             )
             followed = not (failures or missed_on_way or extra_on_way) and worst <= UNSTABLE_SEGMENT
-            if followed and amplification * WEIGHED >= min(terminal, 1.0):
+            if followed and amplified * WEIGHED >= min(terminal, 1.0):
                 note = (
-                    f"the motion is unstable: it amplifies errors {amplification:.3g} times, so that an open-loop run leaves it "
+                    f"the motion is unstable: it amplifies errors {amplified:.3g} times, so that an open-loop run leaves it "
                     f"({'; '.join(lost)}), while every segment is right to {worst:.1g}"
                 )
                 missed, extra = missed_on_way, extra_on_way
             else:
                 failures = lost + failures
-        unstable = f" (the motion amplifies errors {amplification:.3g} times)" if amplification * WEIGHED > 1 else ""
+        unstable = f" (the motion amplifies errors {amplified:.3g} times)" if amplified * WEIGHED > 1 else ""
         message = "; ".join(failures) + f": too coarse{unstable}, take more steps" if failures else note
         return Verification(
-            not failures, message, terminal, amplification, float(defects.max(initial=0.0)), segments, energy, law, missed, extra,
+            not failures, message, terminal, amplified, float(defects.max(initial=0.0)), segments, energy, law, missed, extra,
             penetration, max(excess, inputs), tuple(contacts),
         )  # fmt: skip
 
@@ -267,21 +267,11 @@ class _Check:
         energies = [self.model.energy(p.q, p.v, p.t) for p in phases]
         found = [abs(e[-1] - e[0] - w) for e, w in zip(energies, work, strict=True)]
         for collision, before, after in zip(self.trajectory.collisions, phases, energies[1:], strict=False):
-            v = self._after(collision, before.q[-1], before.v[-1])[0]
+            v = self.flow.planned_impact(collision, before.q[-1], before.v[-1])[0]
             found.append(abs(after[0] - self.model.energy(before.q[-1], v, before.t[-1])))
         return float(np.nan_to_num(max(found), nan=np.inf)) / self.sizes.energy
 
     # Collisions ------------------------------------------------------------------------------------------------------
-
-    def _after(self, collision: Collision, q: Array, v: Array) -> tuple[Array, float, float]:
-        """The law of impact; a planned collision that grazes has none."""
-        j = self.kernels.surfaces.index(collision.surface)
-        if collision.grazes:
-            return v, 0.0, 0.0
-        try:
-            return self.flow.impact(q, v, collision.time, j, self.trajectory.restitution[collision.surface])
-        except Lost:
-            return np.full_like(v, np.nan), np.nan, np.nan
 
     def impact_errors(self) -> tuple[float, float]:
         """Errors of the rate after a collision, of the impulse, and rates that approach after it or leave before it: relative to the largest
@@ -291,7 +281,7 @@ class _Check:
             j, q, t = self.kernels.surfaces.index(c.surface), before.q[-1], c.time
             slope = self.model.gap_slopes(q, t)[j]
             w = [float(slope[: self.nq] @ v + slope[self.nq]) for v in (before.v[-1], after.v[0])]
-            _, impulse, _ = self._after(c, q, before.v[-1])
+            _, impulse, _ = self.flow.planned_impact(c, q, before.v[-1])
             e = 0.0 if c.grazes else self.trajectory.restitution[c.surface]
             n = slope[: self.nq]
             try:
@@ -317,15 +307,12 @@ class _Check:
 
     # Segments and amplification --------------------------------------------------------------------------------------
 
-    def _cuts(self, steps: int) -> Array:
-        return np.unique(np.linspace(0, steps, SEGMENTS + 1).round().astype(int))
-
     def segments(self) -> Array:
         """Errors over segments, all of a phase integrated side by side from the motion's own states, without contacts."""
         errors = []
         for phase in self.trajectory.phases:
             u0, u1 = self.trajectory.input_ends(phase)
-            cuts, h = self._cuts(phase.steps), np.diff(phase.t)
+            cuts, h = nodes_of_segments(phase.steps), np.diff(phase.t)
             first, last = cuts[:-1], cuts[1:]
             q, v = phase.q[first].copy(), phase.v[first].copy()
             for j in range(int((last - first).max())):
@@ -339,7 +326,7 @@ class _Check:
         """Contacts met in segments, each simulated from the motion's own state; one that ends in a planned collision meets it a little early or late."""
         contacts = list[Contact]()
         for i, phase in enumerate(self.trajectory.phases):
-            cuts = self._cuts(phase.steps)
+            cuts = nodes_of_segments(phase.steps)
             for first, last in pairwise(cuts):
                 met = list[Contact]()
                 try:
@@ -385,55 +372,6 @@ class _Check:
             return [Contact(collision.surface, t, 1.0)]
         return []
 
-    def amplification(self) -> float:
-        """Largest ratio of an error at the end to one at a segment's start, by the linearised flow in sizes of positions and velocities."""
-        n, nq = 2 * self.nq, self.nq
-        unit = np.concatenate([self.sizes.q, self.sizes.v])
-        product, worst = np.eye(n), 1.0
-        for i in reversed(range(len(self.trajectory.phases))):
-            phase = self.trajectory.phases[i]
-            if i < len(self.trajectory.collisions):
-                product = product @ self._saltation(i, unit)
-            u0, u1 = self.trajectory.input_ends(phase)
-            cuts = self._cuts(phase.steps)
-            first, last = cuts[:-1], cuts[1:]
-            rows = np.hstack([phase.q[first], phase.v[first]])[:, None, :] + PERTURBED * np.vstack([np.eye(n), -np.eye(n)]) * unit
-            y, h = rows.reshape(-1, n), np.diff(phase.t)
-            for j in range(int((last - first).max())):
-                k = np.minimum(first + j, last - 1).repeat(2 * n)
-                on = (first + j < last).repeat(2 * n)
-                q, v, _ = self.flow.advance(y[:, :nq].copy(), y[:, nq:].copy(), phase.t[k], h[k], u0[k], u1[k])
-                y = np.where(on[:, None], np.hstack([q, v]), y)
-            ends = y.reshape(len(first), 2, n, n)
-            for s in reversed(range(len(first))):
-                product = product @ ((ends[s, 0] - ends[s, 1]).T / (2 * PERTURBED * unit[:, None]))
-                if not np.isfinite(product).all():
-                    return float("inf")
-                worst = max(worst, float(np.linalg.norm(product, 2)))
-        return worst
-
-    def _saltation(self, i: int, unit: Array) -> Array:
-        """Derivative of the state after a collision, at its planned time, with respect to the state before it, in sizes."""
-        c, before, after = self.trajectory.collisions[i], self.trajectory.phases[i], self.trajectory.phases[i + 1]
-        j, nq, t = self.kernels.surfaces.index(c.surface), self.nq, c.time
-        slope = self.model.gap_slopes(before.q[-1], t)[j]
-        rate = float(slope[:nq] @ before.v[-1] + slope[nq])
-        if c.grazes or not rate > 0:
-            return np.eye(2 * nq)
-        ends = ((before, -1, self.trajectory.input_ends(before)[1][-1]), (after, 0, self.trajectory.input_ends(after)[0][0]))
-        a = [self.flow.acceleration(p.q[k], p.v[k], u, t) for p, k, u in ends]
-
-        def through(y: Array) -> Array:
-            q, v = y[:nq], y[nq:]
-            late = -float(slope[:nq] @ (q - before.q[-1])) / rate  # until the surface is met
-            q, v = q + late * v, v + late * a[0]
-            v = self._after(c, q, v)[0]
-            return np.concatenate([q - late * v, v - late * a[1]])
-
-        y = np.concatenate([before.q[-1], before.v[-1]])
-        changes = [(through(y + d) - through(y - d)) / (2 * PERTURBED * unit) for d in PERTURBED * np.diag(unit)]
-        return np.array(changes).T
-
     # Open loop -------------------------------------------------------------------------------------------------------
 
     def open_loop(self) -> tuple[float, list[Contact]]:
@@ -465,25 +403,3 @@ class _Check:
                 missed.append(f"the collision with {planned.surface!r} at {planned.time:.4g} s")
 
         return tuple(missed), tuple(f"a contact with {c.surface!r} at {c.time:.4g} s" for c in left if c.jump > GRAZING)
-
-
-def _sizes(trajectory: Trajectory, model: Model) -> Sizes:
-    """Ranges of a motion; what does not move counts by a small share of what its energy could make of it, so that roundings stay small."""
-    q = np.vstack([p.q for p in trajectory.phases])
-    v, p = (np.abs(np.vstack([getattr(phase, name) for phase in trajectory.phases])).max(axis=0) for name in "vp")
-    t = np.concatenate([phase.t for phase in trajectory.phases])
-    M = model.mass(q, t)
-    inertia = np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0)
-    speeds = np.vstack([phase.v for phase in trajectory.phases])
-    kinetic = float(np.einsum("ki,kij,kj->k", speeds, M, speeds).max()) / 2
-    time = trajectory.final_time
-    spread = np.ptp(q, axis=0)
-    little = 1e-6 * np.sqrt(2 * kinetic / inertia)
-    size_q = np.maximum(spread, little * time)
-    size_q = np.where(size_q > 0, size_q, np.where(np.abs(q).max(axis=0) > 0, np.abs(q).max(axis=0), 1.0))
-    size_v = np.maximum(np.maximum(v, little), 1e-6 * size_q / time)
-    size_p = np.maximum(p, inertia * size_v * 1e-6)
-    slope = np.abs(model.gap_slopes(q, t)).max(axis=0)
-    gap, rate = slope @ np.append(size_q, time), slope @ np.append(size_v, 1.0)
-    largest = kinetic if kinetic > 0 else float(size_p @ size_v)
-    return Sizes(size_q, size_v, np.where(size_p > 0, size_p, 1.0), gap, rate, time, largest if largest > 0 else 1.0)

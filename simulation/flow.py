@@ -17,6 +17,8 @@ from scipy.optimize import brentq
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
+from dmoc.simulation.sizes import Sizes
+from dmoc.trajectory import Collision
 
 # Error of an integration over a step, as a share of the sizes, far below the discretisation errors that are to be seen; most steps in one.
 ACCURACY, MOST_STEPS = 1e-11, 64
@@ -27,20 +29,6 @@ TOUCH, RELEASED = 1e-9, 1e-7
 PLACES = np.linspace(0.0, 1.0, 9)
 MOST_IMPACTS = 100  # within one step
 A, B, C, E3, E5 = DOP853.A, DOP853.B, DOP853.C, DOP853.E3, DOP853.E5
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """Sizes of a motion: ranges of the coordinates, largest velocities and momenta (nq,), gaps and their rates (nc,), final time, and the
-    largest kinetic energy."""
-
-    q: Array
-    v: Array
-    p: Array
-    gap: Array
-    rate: Array
-    time: float
-    energy: float
 
 
 @dataclass(frozen=True)
@@ -152,6 +140,16 @@ class Flow:
         rate = float(n @ v + moving)
         impulse = (1 + e) * rate / float(n @ response)
         return v - impulse * response, impulse, rate
+
+    def planned_impact(self, collision: Collision, q: Array, v: Array) -> tuple[Array, float, float]:
+        """The law of impact at a planned collision; one that grazes has none."""
+        if collision.grazes:
+            return v, 0.0, 0.0
+        j = self.model.kernels.surfaces.index(collision.surface)
+        try:
+            return self.impact(q, v, collision.time, j, float(self.restitution[j]))
+        except Lost:
+            return np.full_like(v, np.nan), np.nan, np.nan
 
     def on_surface(self, q: Array, v: Array, a: Array, t: float, j: int) -> tuple[Array, float]:
         """The acceleration that keeps the rate of a gap, and the second derivative of the gap without the contact."""
