@@ -126,8 +126,6 @@ class Elimination:
         """Return x with the kept unknowns y and the eliminated ones solved for, started from those in x; None if Newton fails."""
         x = x.copy()
         x[self.parts.kept] = y
-        if not self.size:
-            return x
         previous, scale = np.inf, 1.0
         for _ in range(NEWTON_LIMIT):
             with np.errstate(all="ignore"):
@@ -163,8 +161,6 @@ class Elimination:
         K_Y, D_Y = self._K_Y.dense(equality), self._D_Y.dense(inequality, rows)
         f_Y = cost[parts.kept]
         B_Y = np.zeros((len(columns), len(parts.kept)))
-        if not self.size:
-            return Reduced(f_Y, K_Y, D_Y, B_Y, None)
         factors = self.factor(x)
         if factors is None:
             return None
@@ -209,4 +205,4 @@ class Reduced:
     equality: Array
     inequality: Array
     unknowns: Array
-    factors: Factors | None
+    factors: Factors

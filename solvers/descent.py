@@ -145,8 +145,7 @@ class Descent:
         upper = nlp.lagrangian_hessian(x, self.y, self.w)
         Z = np.zeros((nlp.n, len(parts.kept)))
         Z[parts.kept, np.arange(len(parts.kept))] = D
-        if reduced.factors is not None:
-            Z[parts.eliminated] = -reduced.factors.solve(self.elimination.kept_columns(x) * D)
+        Z[parts.eliminated] = -reduced.factors.solve(self.elimination.kept_columns(x) * D)
         H = Z.T @ ((upper + scipy.sparse.triu(upper, 1).T) @ Z)
         return np.asarray((H + H.T) / 2)
 
@@ -167,8 +166,6 @@ class Descent:
 
     def _complete_multipliers(self, x: Array, reduced: Reduced) -> None:
         """Multipliers of the eliminated equations, which make the Lagrangian stationary in the eliminated unknowns."""
-        if reduced.factors is None:
-            return
         nlp, parts = self.nlp, self.parts
         self.y[parts.used_rows] = 0.0
         slope = (
