@@ -16,10 +16,8 @@ from dmoc.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.errors import ProblemError
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
+from dmoc.nlp.admissible import check_admissible, check_mass_matrix
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
-
-# Share of the gap's largest possible rate below which a state on a surface does not move into it.
-MOVING_INTO = 1e-9
 
 IN_PHASE = " steps in each phase"
 BOX = "expected a pair (lower, upper) such as (-5, 5) or (None, 5), where (5, 5) holds the value 5"
@@ -125,9 +123,9 @@ class Problem:
             self.duration_bounds,
         )
         _ = self.start_bounds, self.goal_bounds
-        self._check_mass_matrix()
-        self._check_admissible("start", self.start_bounds)
-        self._check_admissible("goal", self.goal_bounds)
+        check_mass_matrix(self)
+        check_admissible(self, "start", self.start_bounds)
+        check_admissible(self, "goal", self.goal_bounds)
 
     def but(self, **changes: Any) -> Problem:
         """Return the same problem with some fields replaced."""
@@ -341,59 +339,6 @@ class Problem:
             return boundary
         free, fixed_momentum = np.full_like(velocity, (-np.inf, np.inf)), np.repeat(momentum[:, None], 2, axis=1)
         return Boundary(boundary.position, free, fixed_momentum, by_velocity=True)
-
-    def _check_mass_matrix(self) -> None:
-        mass, force = self.model.equations(self.start_position)
-        values = dict(zip(self.kernels.parameters, self.parameter_values[0], strict=True))
-        suspects = [f"{n}={values[n]:g}" for n in self.kernels.manifest["mass_parameters"] if values[n] <= 0]
-        cause = f" ({', '.join(suspects)})" if suspects else ""
-        if not (np.isfinite(mass).all() and np.isfinite(force).all()):
-            raise ProblemError(f"the equations of motion are not finite at the start{cause}: check the parameters and the start.")
-        if np.linalg.eigvalsh(mass)[0] <= 1e-14 * np.abs(mass).max():
-            remedy = "expected positive masses and lengths" if suspects else "check the parameters and the start"
-            raise ProblemError(f"the mass matrix is not positive definite at the start{cause}: {remedy}.")
-
-    def _check_admissible(self, end: str, boundary: Boundary) -> None:
-        """Check the gaps at a fixed position; a gap that contains a coordinate left free is the solver's business."""
-        fixed = boundary.position[:, 0] == boundary.position[:, 1]
-        if not self.kernels.surfaces or not fixed.any():
-            return
-        at = np.where(fixed, boundary.position[:, 0], 0.0)
-        gaps = self.model.gaps(at)
-        ends = [np.where(b[:, 0] == b[:, 1], b[:, 0], 0.0) for b in (self.start_bounds.position, self.goal_bounds.position)]
-        rounding = np.max([self.model.gap_rounding(q) for q in (at, *ends)], axis=0)
-        for j, surface in enumerate(self.kernels.surfaces):
-            if end == "goal" and surface in self.kernels.manifest["moving_surfaces"]:
-                continue
-            involved = self.kernels.manifest["surface_coordinates"][surface]
-            state = ", ".join(f"{self.kernels.coordinates[i]}={at[i]:g}" for i in involved)
-            if fixed[involved].all() and not gaps[j] <= rounding[j]:
-                raise ProblemError(
-                    f"the {end} ({state}) lies behind surface {surface!r}, {gaps[j]:g} outside the admissible set g <= 0: move the {end} or the surface."
-                )
-            if end == "start" and fixed.all() and gaps[j] >= -rounding[j]:
-                self._check_leaving(at, j, state)
-
-    def _check_leaving(self, q: Array, j: int, state: str) -> None:
-        """Refuse a start on a surface with a fixed velocity that moves into it."""
-        v = self._fixed_velocity(q)
-        if v is None:
-            return
-        rate, slope = float(self.model.gap_rates(q, v)[j]), self.model.gap_slopes(q)[j]
-        if rate > MOVING_INTO * float(np.abs(slope) @ np.append(np.abs(v), 1.0)):
-            raise ProblemError(
-                f"the start ({state}) lies on surface {self.kernels.surfaces[j]!r} and moves into it (the gap changes by {rate:g} per second): "
-                "give a velocity that leaves it, or leave the velocity free."
-            )
-
-    def _fixed_velocity(self, q: Array) -> Array | None:
-        """The velocity at the start where it is fixed, by itself or by momenta."""
-        velocity, momentum = self.start_bounds.velocity, self.start_bounds.momentum
-        if (velocity[:, 0] == velocity[:, 1]).all():
-            return velocity[:, 0]
-        if not (momentum[:, 0] == momentum[:, 1]).all():
-            return None
-        return self.model.velocity(q, momentum[:, 0])
 
 
 def midpoints(bounds: Array, default: Array) -> Array:
