@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 import dmoc
 from dmoc.codegen.text import c_files
 from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.motion import given_multipliers, named_multipliers, trajectory
+from dmoc.nlp.readout import given_multipliers, named_multipliers, trajectory
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.timed import Timed
 from dmoc.nlp.transcription import Transcription

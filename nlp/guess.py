@@ -17,7 +17,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Layout
-from dmoc.nlp.march import Motion, excess_of, march, resting
+from dmoc.nlp.march import March, excess_of, march, resting
 from dmoc.nlp.plan import Plan, end_velocity, plan_of, prescribed_of
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
@@ -179,7 +179,7 @@ def _cheapest_decade(problem: Problem) -> float:
 # Unknowns ------------------------------------------------------------------------------------------------------------
 
 
-def _unknowns(problem: Problem, plan: Plan, motion: Motion) -> Array:
+def _unknowns(problem: Problem, plan: Plan, motion: March) -> Array:
     lay = Layout.of(problem)
     x = np.zeros(lay.size)
     x[lay.index_h] = plan.durations / np.array(problem.phase_steps)

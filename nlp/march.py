@@ -16,7 +16,7 @@ RUNAWAY = 1e6
 
 
 @dataclass(frozen=True)
-class Motion:
+class March:
     """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities before and after the collisions (collisions, nq), steps in
     windows, velocities at both ends, cost."""
 
@@ -31,7 +31,7 @@ class Motion:
     cost: float
 
 
-def march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion | None:
+def march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> March | None:
     """Follow a plan by the explicit midpoint rule; None where the motion grows without bound."""
     q, v = plan.positions[0].copy(), plan.velocities[0].copy()
     nodes, inputs, lam, v_a, v_c, free_steps = [q.copy()], [], [], [], [], 0
@@ -70,7 +70,7 @@ def march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> Motion |
             v_c.append(v)
             lam.append(impulse)
     before, after = (np.array(found).reshape(len(lam), problem.nq) for found in (v_a, v_c))
-    return Motion(
+    return March(
         np.array(nodes), np.array(inputs).reshape(len(inputs), problem.nu), np.array(lam), before, after, free_steps, v_B, v, cost
     )
 
@@ -105,7 +105,7 @@ def reflected(problem: Problem, q: Array, v: Array, surface: str, t: float) -> t
     return v - impulse * response, impulse
 
 
-def resting(problem: Problem, plan: Plan) -> Motion:
+def resting(problem: Problem, plan: Plan) -> March:
     """Straight lines between the via points: the last resort."""
     pieces = [
         a + np.linspace(0, 1, n + 1)[:-1, None] * (b - a)
@@ -113,7 +113,7 @@ def resting(problem: Problem, plan: Plan) -> Motion:
     ]
     q = np.vstack([*pieces, plan.positions[-1:]])
     u = np.tile(midpoints(problem.input_bounds, np.zeros(problem.nu)), (len(q) - 1, 1))
-    return Motion(
+    return March(
         q,
         u,
         np.zeros(len(problem.sequence)),

@@ -13,8 +13,8 @@ from typing import TypedDict
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.motion import given_multipliers
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.readout import given_multipliers
 from dmoc.nlp.tables import NOWHERE, Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.symbolic.names import momentum_name, velocity_name

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from dmoc.nlp.active import active_bounds
-from dmoc.nlp.motion import named_multipliers, singular_at, trajectory
+from dmoc.nlp.readout import named_multipliers, singular_at, trajectory
 from dmoc.simulation.check import OutOfTimeError, Verification
 from dmoc.solution import Solution
 from dmoc.solvers.kkt import duality_gap

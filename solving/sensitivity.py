@@ -7,8 +7,8 @@ from typing import Any
 from dmoc.arguments import shown
 from dmoc.errors import ProblemError
 from dmoc.nlp.layout import Layout
-from dmoc.nlp.motion import given_multipliers
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.readout import given_multipliers
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.sensitivity import Sensitivities
 from dmoc.nlp.sensitivity import sensitivities as find_sensitivities

@@ -13,8 +13,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.errors import ProblemError
 from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.layout import Layout
-from dmoc.nlp.motion import given_multipliers
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.readout import given_multipliers
 from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.solution import Solution

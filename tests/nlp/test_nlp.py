@@ -11,7 +11,7 @@ from systems import driven_system
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.nlp.layout import Layout
-from dmoc.nlp.motion import trajectory
+from dmoc.nlp.readout import trajectory
 from dmoc.nlp.transcription import Transcription
 
 

@@ -1,4 +1,4 @@
-"""From unknowns to a motion, and from its multipliers to those by kind."""
+"""What a result says, read out of unknowns and multipliers: the motion, and the multipliers by kind."""
 
 from __future__ import annotations
 
