@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,6 +27,19 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DMOC_CACHE", str(folder))
         yield folder
+
+
+@pytest.fixture
+def reads(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """A clock that goes by a second whenever it is read, and how often it was."""
+    count = [0]
+
+    def jumping() -> float:
+        count[0] += 1
+        return float(count[0])
+
+    monkeypatch.setattr(time, "perf_counter", jumping)
+    return count
 
 
 @pytest.fixture(scope="session")
