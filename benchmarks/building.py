@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-import time
 import types
 import warnings
 from typing import Any
@@ -87,19 +86,21 @@ def _opty(links: int) -> float:
         from opty.direct_collocation import ConstraintCollocator
 
     system = cart_with_links(links)
-    begin = time.perf_counter()
-    t, (x, *_) = dynamicsymbols._t, system.coordinates
-    speeds = [sp.Function(f"u_{i}")(t) for i in range(len(system.coordinates))]
-    kinematics = [u - q.diff(t) for u, q in zip(speeds, system.coordinates, strict=True)]
-    method = LagrangesMethod(system.lagrangian, system.coordinates)
-    equations = method.form_lagranges_equations()
-    equations[list(system.coordinates).index(x)] -= system.inputs[0]
-    equations = equations.subs({q.diff(t): u for q, u in zip(system.coordinates, speeds, strict=True)})
-    nodes = 201
-    collocator = ConstraintCollocator(
-        sp.Matrix([*kinematics, *equations]), (*system.coordinates, *speeds), nodes, 1.0 / (nodes - 1),
-        known_parameter_map={s: v for s, v in system.parameters.items() if str(s) != "stop"}, time_symbol=t,
-    )  # fmt: skip
-    collocator.generate_constraint_function()
-    collocator.generate_jacobian_function()
-    return time.perf_counter() - begin
+
+    def made() -> None:
+        t, (x, *_) = dynamicsymbols._t, system.coordinates
+        speeds = [sp.Function(f"u_{i}")(t) for i in range(len(system.coordinates))]
+        kinematics = [u - q.diff(t) for u, q in zip(speeds, system.coordinates, strict=True)]
+        method = LagrangesMethod(system.lagrangian, system.coordinates)
+        equations = method.form_lagranges_equations()
+        equations[list(system.coordinates).index(x)] -= system.inputs[0]
+        equations = equations.subs({q.diff(t): u for q, u in zip(system.coordinates, speeds, strict=True)})
+        nodes = 201
+        collocator = ConstraintCollocator(
+            sp.Matrix([*kinematics, *equations]), (*system.coordinates, *speeds), nodes, 1.0 / (nodes - 1),
+            known_parameter_map={s: v for s, v in system.parameters.items() if str(s) != "stop"}, time_symbol=t,
+        )  # fmt: skip
+        collocator.generate_constraint_function()
+        collocator.generate_jacobian_function()
+
+    return clocked(made)[0]

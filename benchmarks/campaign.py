@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator
@@ -65,7 +64,6 @@ class Result:
     status: str
     errors: dict[str, float] = field(default_factory=dict)
     against: list[str] = field(default_factory=list)
-    solve_seconds: float = 0.0
 
 
 def draw(number: int) -> tuple[str, int, Instance]:
@@ -101,7 +99,6 @@ def system_of(instance: Instance) -> dmoc.MechanicalSystem:
 
 def _solved(kind: str, number: int, order: int, method: str, instance: Instance, kernels: Any, mechanism: Mechanism) -> Result:
     result = Result(kind, number, order, method, "")
-    begin = time.perf_counter()
     try:
         problem = dmoc.Problem(kernels, steps=STEPS[order], **instance.problem)
         solution = dmoc.solve(problem, method, seconds=SECONDS)
@@ -111,7 +108,6 @@ def _solved(kind: str, number: int, order: int, method: str, instance: Instance,
     except Exception:  # a traceback is a finding, and the other problems go on
         result.status, result.against = "traceback", [traceback.format_exc().strip().splitlines()[-1]]
         return result
-    result.solve_seconds = time.perf_counter() - begin
     result.status = solution.status
     if solution.status in (*VOUCHED, "not_verified"):
         judge(result, instance, solution, mechanism)

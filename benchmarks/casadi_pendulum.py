@@ -6,12 +6,12 @@ bounds of the angle.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from common import clocked
 
 HALF = 0.5
 
@@ -62,9 +62,7 @@ class Program:
 
     def solve(self, x0: np.ndarray) -> tuple[float, float, int, str, float, np.ndarray]:
         """Return seconds, cost, iterations, status, violation and unknowns."""
-        begin = time.perf_counter()
-        found = self.solver(x0=x0, **self.bounds)
-        seconds = time.perf_counter() - begin
+        seconds, found = clocked(lambda: self.solver(x0=x0, **self.bounds))
         stats = self.solver.stats()
         g, x = np.array(found["g"]).ravel(), np.array(found["x"]).ravel()
         b = self.bounds
@@ -81,7 +79,12 @@ class Program:
 
 def program(case: Case, compiled: bool = False, unrolled: bool = True, **ipopt: Any) -> Program:
     """Build the program; unrolled into scalar operations (fastest to evaluate), or with a map over the steps (fastest to build)."""
-    begin = time.perf_counter()
+    seconds, (solver, bounds) = clocked(lambda: built(case, compiled, unrolled, **ipopt))
+    return Program(solver, bounds, case, seconds)
+
+
+def built(case: Case, compiled: bool, unrolled: bool, **ipopt: Any) -> tuple[Any, dict[str, np.ndarray]]:
+    """CasADi's solver and the bounds."""
     n, phases = case.steps, len(case.sequence) + 1
     total = n * phases
     step = step_function(case)
@@ -133,4 +136,4 @@ def program(case: Case, compiled: bool = False, unrolled: bool = True, **ipopt: 
     if compiled:
         options |= {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O2"]}}
     solver = ca.nlpsol("solver", "ipopt", {"x": x, "f": ca.sum2(cost), "g": ca.vertcat(*g)}, options)
-    return Program(solver, bounds, case, time.perf_counter() - begin)
+    return solver, bounds

@@ -396,7 +396,7 @@ def reading(quick: bool) -> Section:
     return section(ends_of(100 if quick else 1000, 0)[0])
 
 
-def main_of(number: int, seed: int) -> int:
+def report(number: int, seed: int) -> int:
     ends, tracebacks = ends_of(number, seed)
     sys.stdout.write(section(ends).markdown())
     sys.stdout.write("\n".join(tracebacks[:20]))
@@ -405,4 +405,4 @@ def main_of(number: int, seed: int) -> int:
 
 if __name__ == "__main__":
     given = [int(a) for a in sys.argv[1:]]
-    sys.exit(main_of(*(given + [1000, 0][len(given) :])))
+    sys.exit(report(*(given + [1000, 0][len(given) :])))
