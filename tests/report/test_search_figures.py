@@ -12,7 +12,6 @@ from systems import block_system
 
 import dmoc
 from dmoc.report.tree import COLOURS, MOST_LABELS, plot_motions, plot_tree
-from dmoc.trajectory import input_times
 
 NODES = [
     ((), "feasible", 5.3408),
@@ -112,7 +111,7 @@ def test_inputs_of_order_4_are_drawn_at_their_times() -> None:
     inputs = next(a for a in figure.axes if a.get_ylabel() == "$u$")
     (line,) = inputs.lines
     (phase,) = motion.phases
-    drawn = np.column_stack([input_times(motion.controls, phase.t), phase.u[:, 0]])
+    drawn = np.column_stack([motion.input_times(phase), phase.u[:, 0]])
     np.testing.assert_array_equal(line.get_xydata(), drawn)
 
 

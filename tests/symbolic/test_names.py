@@ -111,7 +111,7 @@ def valued(expression: Any, point: dict[str, float]) -> float:
 def step_of(derivation: Derivation, parameters: dict[str, float]) -> dict[str, float]:
     """The numbers of a step under the names that the derivation prints, the points inside the step as it defines them."""
     (text,) = (s.text for s in derivation.sections if s.title == "First derivatives")
-    unknowns = re.search(r"z = \((.*?)\)", text)[1].split(", ")  # type: ignore[index]
+    unknowns = re.search(r"x_k = \((.*?)\)", text)[1].split(", ")  # type: ignore[index]
     assert not set(parameters) & set(unknowns)
     point = parameters | dict(zip(unknowns, (0.3, 0.7, 1.1, -0.4, 0.2, 0.9, 0.55), strict=False))
     (section,) = (s for s in derivation.sections if s.title.endswith(" of a step"))
