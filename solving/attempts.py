@@ -41,12 +41,15 @@ def attempted(programs: Programs, starts: Starts, method: Method, form: str, opt
     points = [nlp.scaled(x) for x in starts.points]
     minimise = _with(method.minimise(form), starts.duals(nlp))
     tries = _best_of_all if method.tries_all else _first_success
-    found = tries(programs, nlp, points, options, minimise)
-    if programs.problem.kernels.backend != COMPILED:
+    compiled = programs.problem.kernels.backend == COMPILED
+    second = METHODS[method.falls_back_on] if compiled and method.falls_back_on else None
+    kept = options.iterations // 2 if second is not None else 0  # for what takes over
+    found = tries(programs, nlp, points, replace(options, iterations=options.iterations - kept), minimise)
+    if not compiled:
         return found
-    if found.outcome.status in NOWHERE and method.falls_back_on is not None:
+    if second is not None and found.outcome.status in (*NOWHERE, Status.ITERATION_LIMIT):
         left = remaining(options, begin, found.outcome.iterations)
-        found = _taken_over(programs, found, points, left, METHODS[method.falls_back_on])
+        found = _taken_over(programs, found, points, left, second)
     if found.outcome.status is Status.INFEASIBLE:
         left = remaining(options, begin, found.outcome.iterations)
         found = _explained(found, starts.points[0], left, minimise)
