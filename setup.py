@@ -5,12 +5,25 @@ from pathlib import Path
 from setuptools import Extension, setup
 
 LAYERS = (
-    "symbolic", "codegen", "generated", "mechanics", "models", "nlp", "solvers", "simulation", "report",
-    "solving", "sequences",
-)  # fmt: skip
+    "symbolic",
+    "codegen",
+    "generated",
+    "mechanics",
+    "models",
+    "nlp",
+    "solvers",
+    "simulation",
+    "report",
+    "solving",
+    "sequences",
+)
 KERNEL = "codegen/dmoc_kernel.h"
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off"]
-SOLVER_FLAGS = ["-std=c11", "-O3", "-ffp-contract=off"]  # unrolls the loops of the factorisation: an eighth less time in all
+SOLVER_FLAGS = [
+    "-std=c11",
+    "-O3",
+    "-ffp-contract=off",
+]  # unrolls the loops of the factorisation: an eighth less time in all
 
 models = sorted(p.parent.name for p in Path("generated").glob("*/manifest.json"))
 package_dir = {"dmoc": "src/dmoc"}
@@ -29,7 +42,11 @@ extensions = [
 ]
 extensions += [
     Extension(
-        "dmoc.codegen.border", ["codegen/border.pyx"], depends=[KERNEL], include_dirs=["codegen"], extra_compile_args=FLAGS
+        "dmoc.codegen.border",
+        ["codegen/border.pyx"],
+        depends=[KERNEL],
+        include_dirs=["codegen"],
+        extra_compile_args=FLAGS,
     ),
     Extension(
         "dmoc.simulation.stepper",
@@ -58,7 +75,13 @@ extensions += [
 def cythonized() -> list[Extension]:
     from Cython.Build import cythonize
 
-    return cythonize(extensions, include_path=["codegen", "nlp"], build_dir="build/cython", language_level=3, quiet=True)
+    return cythonize(
+        extensions,
+        include_path=["codegen", "nlp"],
+        build_dir="build/cython",
+        language_level=3,
+        quiet=True,
+    )
 
 
 setup(
@@ -67,8 +90,14 @@ setup(
     package_data={
         "dmoc": ["py.typed"],
         "dmoc.codegen": ["templates/*.jinja", "*.pyx", "*.pxd", "*.pyi", "*.h"],
-        **{f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pyi", "*.c", "*.h"] for layer in ("nlp", "solvers", "simulation")},
-        **{f"dmoc.generated.{model}": ["*.c", "*.h", "*.pyx", "*.pyi", "manifest.json"] for model in models},
+        **{
+            f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pyi", "*.c", "*.h"]
+            for layer in ("nlp", "solvers", "simulation")
+        },
+        **{
+            f"dmoc.generated.{model}": ["*.c", "*.h", "*.pyx", "*.pyi", "manifest.json"]
+            for model in models
+        },
     },
     ext_modules=cythonized(),
 )

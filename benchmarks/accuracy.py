@@ -1,4 +1,5 @@
-"""Errors against known answers for several numbers of steps and both discretisations; writes docs/known_answers.md.
+"""Errors against known answers for several numbers of steps and both discretisations; writes
+docs/known_answers.md.
 
 Run:  python benchmarks/accuracy.py            (about a minute)
 """
@@ -31,12 +32,17 @@ from dmoc.discretisation import ORDERS  # noqa: E402
 
 STEPS = (10, 20, 40, 80, 160)
 REPEATS = 5
-TITLES = {2: "Midpoint rule", 4: "Quadratic steps with two Gauss points", 6: "Cubic steps with three Gauss points"}
+TITLES = {
+    2: "Midpoint rule",
+    4: "Quadratic steps with two Gauss points",
+    6: "Cubic steps with three Gauss points",
+}
 
 
 @dataclass(frozen=True)
 class Case:
-    """A problem by steps and order, the quantity that is compared, its known value, and where that comes from."""
+    """A problem by steps and order, the quantity that is compared, its known value, and where
+    that comes from."""
 
     name: str
     problem: Callable[[int, int], dmoc.Problem]
@@ -53,7 +59,13 @@ def cost(s: dmoc.Solution) -> float:
 CASES = (
     Case("double integrator, rest to rest", double_integrator, cost, 12.0, "closed form"),
     Case("Bryson-Denham, l = 1/9", bryson_denham, cost, 4.0, "closed form"),
-    Case("block and wall, e = 1", lambda n, o: block_and_wall.problem(1.0, n, o), cost, 24.0, "closed form"),
+    Case(
+        "block and wall, e = 1",
+        lambda n, o: block_and_wall.problem(1.0, n, o),
+        cost,
+        24.0,
+        "closed form",
+    ),
     Case(
         "block and wall, e = 0.8",
         lambda n, o: block_and_wall.problem(0.8, n, o),
@@ -69,15 +81,35 @@ CASES = (
         "closed form",
     ),
     Case(
-        "block and wall, e = 0", lambda n, o: block_and_wall.problem(0.0, n, o), cost, block_and_wall.known(0.0)[0], "closed form"
+        "block and wall, e = 0",
+        lambda n, o: block_and_wall.problem(0.0, n, o),
+        cost,
+        block_and_wall.known(0.0)[0],
+        "closed form",
     ),
     Case(
-        "two bounces up to a peak: v0", two_bounces.problem, lambda s: float(s.phases[0].v[0, 0]), two_bounces.V0, "closed form"
+        "two bounces up to a peak: v0",
+        two_bounces.problem,
+        lambda s: float(s.phases[0].v[0, 0]),
+        two_bounces.V0,
+        "closed form",
     ),
     Case("two discs", two_discs.problem, cost, 1.39654216, "Zhong, Han, Brikis (2022), task 3"),
     Case("puck: east, north, west", puck.problem, cost, 0.415, "closed form (unfolded)"),
-    Case("periodic bouncer, e = 0.7", lambda n, o: bouncer_problem(0.7, n, o)[0], cost, bouncer_problem(0.7)[1], "closed form"),
-    Case("seed (cart-pendulum, left)", seed.problem, cost, seed.LIMIT, "both discretisations, N = 1600 and 320"),
+    Case(
+        "periodic bouncer, e = 0.7",
+        lambda n, o: bouncer_problem(0.7, n, o)[0],
+        cost,
+        bouncer_problem(0.7)[1],
+        "closed form",
+    ),
+    Case(
+        "seed (cart-pendulum, left)",
+        seed.problem,
+        cost,
+        seed.LIMIT,
+        "both discretisations, N = 1600 and 320",
+    ),
     Case(
         "cart-pole, Kelly's motion",
         cart_pole.problem,
@@ -103,7 +135,10 @@ def shown_order(errors: list[float]) -> str:
 
 
 def table(order: int) -> tuple[list[str], dict[str, list[tuple[float, float]]]]:
-    lines = ["| problem | known value | " + " | ".join(f"N = {n}" for n in STEPS) + " | order |", "|---" * (len(STEPS) + 3) + "|"]
+    lines = [
+        "| problem | known value | " + " | ".join(f"N = {n}" for n in STEPS) + " | order |",
+        "|---" * (len(STEPS) + 3) + "|",
+    ]
     work: dict[str, list[tuple[float, float]]] = {}
     for case in CASES:
         errors, cells = [], []
@@ -115,7 +150,11 @@ def table(order: int) -> tuple[list[str], dict[str, list[tuple[float, float]]]]:
             errors.append(abs(case.found(solution) - case.known) / abs(case.known))
             cells.append(f"{errors[-1]:.1e}")
             work.setdefault(case.name, []).append((seconds, errors[-1]))
-        lines.append(f"| {case.name} | {case.known:.9g} | " + " | ".join(cells) + f" | {shown_order(errors)} |")
+        lines.append(
+            f"| {case.name} | {case.known:.9g} | "
+            + " | ".join(cells)
+            + f" | {shown_order(errors)} |"
+        )
         print(lines[-1], flush=True)
     return lines, work
 
@@ -123,7 +162,10 @@ def table(order: int) -> tuple[list[str], dict[str, list[tuple[float, float]]]]:
 def per_digit(work: dict[int, dict[str, list[tuple[float, float]]]]) -> list[str]:
     """Time of a solve for a given error, interpolated between meshes."""
     targets = (1e-3, 1e-4, 1e-5, 1e-6)
-    lines = ["| problem | order | " + " | ".join(f"error {t:g}" for t in targets) + " |", "|---" * (len(targets) + 2) + "|"]
+    lines = [
+        "| problem | order | " + " | ".join(f"error {t:g}" for t in targets) + " |",
+        "|---" * (len(targets) + 2) + "|",
+    ]
     for case in CASES[2:]:
         for order in ORDERS:
             points = sorted(work[order].get(case.name, []), key=lambda p: -p[1])
@@ -133,8 +175,10 @@ def per_digit(work: dict[int, dict[str, list[tuple[float, float]]]]) -> list[str
             for target in targets:
                 x = math.log(target)
                 if x < errors[-1]:
-                    slope = order * math.log(2)  # halving the steps' size divides the error by 2^order and doubles the time
-                    cells.append(f"({1e3 * math.exp(times[-1] + (errors[-1] - x) / slope * math.log(2)):.2g} ms)")
+                    # Half the steps' size divides the error by 2^order and doubles the time.
+                    slope = order * math.log(2)
+                    far = times[-1] + (errors[-1] - x) / slope * math.log(2)
+                    cells.append(f"({1e3 * math.exp(far):.2g} ms)")
                 else:
                     cells.append(f"{1e3 * math.exp(float(np.interp(-x, -errors, times))):.2g} ms")
             lines.append(f"| {case.name} | {order} | " + " | ".join(cells) + " |")
@@ -147,19 +191,41 @@ def main() -> None:
         tables[order], work[order] = table(order)
     sources = [f"- {c.name}: {c.source}." for c in CASES]
     text = [
-        "# Known answers", "",
-        "Relative errors of the quantity (the cost, if nothing else is named) against the number of steps of each phase, by method `ipm`, from",
-        "the first automatic guess, without any other start (but for the cart-pole). `python benchmarks/accuracy.py` writes this file.", "",
-        *(line for order in ORDERS for line in (f"## {TITLES[order]} (order {order})", "", *tables[order], "")),
-        "With inputs that are linear in a step the cost of an optimum has the order 4 at most; the motion between has the order of the discretisation.",
-        "Inputs that jump or limits that become active between nodes keep the order of the cost at 2 or below (Bryson-Denham).", "",
-        "## Time for an error", "",
-        f"Median of {REPEATS} solves, without guess and check, interpolated between the meshes above; in brackets extrapolated by the order.", "",
-        *per_digit(work), "", "## Where the known values come from", "", *sources, "",
-        "The cart-pole has a cheaper minimum, 57.9448, which the automatic guesses lead to; Kelly's motion is found from the straight guess of",
-        "the paper, which stands in `examples/cart_pole.py`. CasADi with RK4 steps and IPOPT from the straight guess gives",
-        "59.13, 58.888 and 58.828 with 50, 100 and 200 steps of constant input, towards the same 58.808.",
-    ]  # fmt: skip
+        "# Known answers",
+        "",
+        "Relative errors of the quantity (the cost, if nothing else is named) against the number "
+        "of steps of each phase, by method `ipm`, from",
+        "the first automatic guess, without any other start (but for the cart-pole). `python "
+        "benchmarks/accuracy.py` writes this file.",
+        "",
+        *(
+            line
+            for order in ORDERS
+            for line in (f"## {TITLES[order]} (order {order})", "", *tables[order], "")
+        ),
+        "With inputs that are linear in a step the cost of an optimum has the order 4 at most; the "
+        "motion between has the order of the discretisation.",
+        "Inputs that jump or limits that become active between nodes keep the order of the cost at "
+        "2 or below (Bryson-Denham).",
+        "",
+        "## Time for an error",
+        "",
+        f"Median of {REPEATS} solves, without guess and check, interpolated between the meshes "
+        "above; in brackets extrapolated by the order.",
+        "",
+        *per_digit(work),
+        "",
+        "## Where the known values come from",
+        "",
+        *sources,
+        "",
+        "The cart-pole has a cheaper minimum, 57.9448, which the automatic guesses lead to; "
+        "Kelly's motion is found from the straight guess of",
+        "the paper, which stands in `examples/cart_pole.py`. CasADi with RK4 steps and IPOPT from "
+        "the straight guess gives",
+        "59.13, 58.888 and 58.828 with 50, 100 and 200 steps of constant input, towards the same "
+        "58.808.",
+    ]
     (ROOT / "docs" / "known_answers.md").write_text("\n".join(text) + "\n", encoding="utf-8")
 
 

@@ -1,8 +1,10 @@
-"""Random problems of nine kinds, solved as a user would and judged by an event-driven simulation that shares no code with dmoc.
+"""Random problems of nine kinds, solved as a user would and judged by an event-driven simulation
+that shares no code with dmoc.
 
 Run:  python benchmarks/campaign.py [--problems 200]
 
-Prints a table by kind, which `make bench` writes into its report; the exit status is 1 if any answer with the status `solved` or `grazes` is contradicted.
+Prints a table by kind, which `make bench` writes into its report; the exit status is 1 if any
+answer with the status `solved` or `grazes` is contradicted.
 """
 
 from __future__ import annotations
@@ -33,9 +35,11 @@ VOUCHED = ("solved", "grazes")  # statuses that say: this motion is right
 SLSQP_SHARE = 5  # every fifth problem is solved by slsqp too
 STEPS = {2: 40, 4: 20}
 SEGMENTS = 10  # of a phase
-# What an answer may miss and still be confirmed; the discretisation errs by some 1e-3 with so many steps.
+# What an answer may miss and still be confirmed; the discretisation errs by some 1e-3 with so many
+# steps.
 MOST = {
-    "segment": 0.02,  # of the motion's extent and speed, in the metric of the mass matrix, over a tenth of a phase
+    # of the motion's extent and speed, in the metric of the mass matrix, over a tenth of a phase
+    "segment": 0.02,
     "law": 0.05,  # of the speed of approach
     "impulse": 0.05,  # of (1 + e) w / (n . M^-1 n)
     "gap": 1e-6,  # at a collision, of the gap's range
@@ -49,8 +53,12 @@ MOST = {
 # Speed of approach, relative to the motion's largest one in the same metric,
 # below which a collision has no effect.
 NO_EFFECT = 0.01
-UNPLANNED = 0.02  # the same for an impact that was not planned: a motion that cuts a surface between two nodes hits it
-SAME_TIME = 0.02  # of the final time; what is hit so shortly before the end changes nothing on the way
+# the same for an impact that was not planned: a motion that cuts a surface between two nodes hits
+# it
+UNPLANNED = 0.02
+SAME_TIME = (
+    0.02  # of the final time; what is hit so shortly before the end changes nothing on the way
+)
 
 
 @dataclass
@@ -82,7 +90,10 @@ def run_group(numbers: list[int]) -> list[Result]:
         kind, order, instance = draw(number)
         name = instance.description.name
         if (name, order) not in made:
-            made[name, order] = dmoc.build(system_of(instance), order=order), Mechanism(instance.description)
+            made[name, order] = (
+                dmoc.build(system_of(instance), order=order),
+                Mechanism(instance.description),
+            )
         kernels, mechanism = made[name, order]
         for method in ("ipm", "slsqp") if number // len(KINDS) % SLSQP_SHARE == 0 else ("ipm",):
             results.append(_solved(kind, number, order, method, instance, kernels, mechanism))
@@ -92,12 +103,26 @@ def run_group(numbers: list[int]) -> list[Result]:
 def system_of(instance: Instance) -> dmoc.MechanicalSystem:
     d = instance.description
     return dmoc.MechanicalSystem(
-        d.name, coordinates=d.coordinates, inputs=d.inputs, lagrangian=d.lagrangian, forces=d.forces, surfaces=d.surfaces,
-        parameters=d.parameters, cost=sum(u**2 for u in d.inputs) / 2,
-    )  # fmt: skip
+        d.name,
+        coordinates=d.coordinates,
+        inputs=d.inputs,
+        lagrangian=d.lagrangian,
+        forces=d.forces,
+        surfaces=d.surfaces,
+        parameters=d.parameters,
+        cost=sum(u**2 for u in d.inputs) / 2,
+    )
 
 
-def _solved(kind: str, number: int, order: int, method: str, instance: Instance, kernels: Any, mechanism: Mechanism) -> Result:
+def _solved(
+    kind: str,
+    number: int,
+    order: int,
+    method: str,
+    instance: Instance,
+    kernels: Any,
+    mechanism: Mechanism,
+) -> Result:
     result = Result(kind, number, order, method, "")
     try:
         problem = dmoc.Problem(kernels, steps=STEPS[order], **instance.problem)
@@ -106,7 +131,10 @@ def _solved(kind: str, number: int, order: int, method: str, instance: Instance,
         result.status = f"refused: {error}"
         return result
     except Exception:  # a traceback is a finding, and the other problems go on
-        result.status, result.against = "traceback", [traceback.format_exc().strip().splitlines()[-1]]
+        result.status, result.against = (
+            "traceback",
+            [traceback.format_exc().strip().splitlines()[-1]],
+        )
         return result
     result.status = solution.status
     if solution.status in (*VOUCHED, "not_verified"):
@@ -127,7 +155,9 @@ class Motion:
 
     def length(self, q: np.ndarray, t: float, a: np.ndarray) -> float:
         """Length of a vector of coordinates or velocities in the metric of the mass matrix."""
-        M = self.mechanism.motion(q, np.zeros(len(q)), np.zeros(self.phases[0]["inputs"][1].shape[1]), t, self.par)[0]
+        M = self.mechanism.motion(
+            q, np.zeros(len(q)), np.zeros(self.phases[0]["inputs"][1].shape[1]), t, self.par
+        )[0]
         return float(np.sqrt(max(a @ M @ a, 0.0)))
 
 
@@ -138,8 +168,12 @@ def read(solution: dmoc.Solution, mechanism: Mechanism) -> Motion:
         first, last = solution.trajectory.input_ends(p)
         u = np.vstack([first, last[-1:]])
         v = np.array([mechanism.velocity(*row, par) for row in zip(p.q, p.p, u, p.t, strict=True)])
-        phases.append({"t": p.t, "q": p.q, "v": v, "inputs": (p.t, np.asarray(first), np.asarray(last))})
-    gaps = np.array([mechanism.gaps(q, t, par) for p in phases for q, t in zip(p["q"], p["t"], strict=True)])
+        phases.append(
+            {"t": p.t, "q": p.q, "v": v, "inputs": (p.t, np.asarray(first), np.asarray(last))}
+        )
+    gaps = np.array(
+        [mechanism.gaps(q, t, par) for p in phases for q, t in zip(p["q"], p["t"], strict=True)]
+    )
     bare = Motion(mechanism, par, phases, 1.0, 1.0, np.ptp(gaps, axis=0))
     middle = np.vstack([p["q"] for p in phases]).mean(axis=0)
     rows = [(q, t, v) for p in phases for q, t, v in zip(p["q"], p["t"], p["v"], strict=True)]
@@ -148,7 +182,9 @@ def read(solution: dmoc.Solution, mechanism: Mechanism) -> Motion:
     return Motion(mechanism, par, phases, extent, speed, bare.gap_ranges)
 
 
-def judge(result: Result, instance: Instance, solution: dmoc.Solution, mechanism: Mechanism) -> None:
+def judge(
+    result: Result, instance: Instance, solution: dmoc.Solution, mechanism: Mechanism
+) -> None:
     motion = read(solution, mechanism)
     e = [float(solution.trajectory.restitution[s]) for s in mechanism.surfaces]
     worst = result.errors
@@ -162,18 +198,33 @@ def judge(result: Result, instance: Instance, solution: dmoc.Solution, mechanism
         worst["excess"] = solution.cost / instance.known_cost - 1
     for i, collision in enumerate(solution.collisions):
         _collision(result, motion, i, collision, e)
-    result.against += [f"{name} {value:.2g}" for name, value in worst.items() if name in MOST and not value <= MOST[name]]
+    result.against += [
+        f"{name} {value:.2g}"
+        for name, value in worst.items()
+        if name in MOST and not value <= MOST[name]
+    ]
 
 
-def _segments(motion: Motion, solution: dmoc.Solution, e: list[float]) -> tuple[float, float, list[str]]:
-    """Largest error of a free flight over a tenth of a phase, the largest gap on the way, and impacts that were not planned."""
+def _segments(
+    motion: Motion, solution: dmoc.Solution, e: list[float]
+) -> tuple[float, float, list[str]]:
+    """Largest error of a free flight over a tenth of a phase, the largest gap on the way, and
+    impacts that were not planned."""
     worst, deepest, unplanned = 0.0, -np.inf, list[str]()
     final = float(motion.phases[-1]["t"][-1])
     for i, p in enumerate(motion.phases):
         planned = solution.collisions[i].surface if i < len(solution.collisions) else ""
         ends = np.unique(np.linspace(0, len(p["t"]) - 1, SEGMENTS + 1).round().astype(int))
         for a, b in pairwise(ends):
-            flight = partial(motion.mechanism.fly, p["inputs"], p["t"][a], p["t"][b], p["q"][a], p["v"][a], motion.par)
+            flight = partial(
+                motion.mechanism.fly,
+                p["inputs"],
+                p["t"][a],
+                p["t"][b],
+                p["q"][a],
+                p["v"][a],
+                motion.par,
+            )
             free = flight()
             worst = max(worst, _distance(motion, free.q, free.v, p["q"][b], p["v"][b], p["t"][b]))
             deepest = max(deepest, free.deepest)
@@ -182,23 +233,35 @@ def _segments(motion: Motion, solution: dmoc.Solution, e: list[float]) -> tuple[
             for met in flight(e, UNPLANNED * motion.speed).impacts:
                 close = met.time > p["t"][-1] - SAME_TIME * final
                 if not (close and (met.surface == planned or not planned)):
-                    unplanned.append(f"an impact on {met.surface} at {met.time:.4g} s was not planned")
+                    unplanned.append(
+                        f"an impact on {met.surface} at {met.time:.4g} s was not planned"
+                    )
     return worst, deepest, unplanned
 
 
-def _distance(motion: Motion, q: np.ndarray, v: np.ndarray, q_goal: np.ndarray, v_goal: np.ndarray, t: float) -> float:
+def _distance(
+    motion: Motion, q: np.ndarray, v: np.ndarray, q_goal: np.ndarray, v_goal: np.ndarray, t: float
+) -> float:
     place = motion.length(q_goal, t, q - q_goal) / motion.extent
     return max(place, motion.length(q_goal, t, v - v_goal) / motion.speed)
 
 
 def _limits(motion: Motion, instance: Instance, solution: dmoc.Solution) -> float:
-    """Largest violation of an input's limits anywhere in a step, relative to their range: linear inputs are largest at its ends."""
+    """Largest violation of an input's limits anywhere in a step, relative to their range: linear
+    inputs are largest at its ends."""
     worst = 0.0
     for j, u in enumerate(solution.trajectory.inputs):
         low, high = instance.problem.get("bounds", {}).get(u, (-np.inf, np.inf))
         if np.isfinite(high - low):
-            values = np.concatenate([np.concatenate([p["inputs"][1][:, j], p["inputs"][2][:, j]]) for p in motion.phases])
-            worst = max(worst, float(max(values.max() - high, low - values.min(), 0.0) / (high - low)))
+            values = np.concatenate(
+                [
+                    np.concatenate([p["inputs"][1][:, j], p["inputs"][2][:, j]])
+                    for p in motion.phases
+                ]
+            )
+            worst = max(
+                worst, float(max(values.max() - high, low - values.min(), 0.0) / (high - low))
+            )
     return worst
 
 
@@ -211,10 +274,22 @@ def _boundary(motion: Motion, instance: Instance, solution: dmoc.Solution) -> fl
         (instance.problem["goal"], last["q"][-1], last["v"][-1], last["t"][-1]),
     ):
         names = solution.trajectory.coordinates
-        dq = np.array([q[i] - given[n] if np.ndim(given.get(n, ())) == 0 else 0.0 for i, n in enumerate(names)])
+        dq = np.array(
+            [
+                q[i] - given[n] if np.ndim(given.get(n, ())) == 0 else 0.0
+                for i, n in enumerate(names)
+            ]
+        )
         rest = 0.0 if given is instance.problem["start"] else ()
-        dv = np.array([v[i] - w if np.ndim(w := given.get(f"{n}_dot", rest)) == 0 else 0.0 for i, n in enumerate(names)])
-        worst = max(worst, motion.length(q, t, dq) / motion.extent, motion.length(q, t, dv) / motion.speed)
+        dv = np.array(
+            [
+                v[i] - w if np.ndim(w := given.get(f"{n}_dot", rest)) == 0 else 0.0
+                for i, n in enumerate(names)
+            ]
+        )
+        worst = max(
+            worst, motion.length(q, t, dq) / motion.extent, motion.length(q, t, dv) / motion.speed
+        )
     return worst
 
 
@@ -228,55 +303,73 @@ def _cost(motion: Motion, solution: dmoc.Solution) -> float:
 
 
 def _collision(result: Result, motion: Motion, i: int, collision: Any, e: list[float]) -> None:
-    """The law of impact at a planned collision, and a simulation from the segment before it to the segment after it."""
+    """The law of impact at a planned collision, and a simulation from the segment before it to
+    the segment after it."""
     before, after = motion.phases[i], motion.phases[i + 1]
     j, t, q = motion.mechanism.surfaces.index(collision.surface), before["t"][-1], before["q"][-1]
     _, w = motion.mechanism.approach(j, q, before["v"][-1], t, motion.par)
     n, w_plus = motion.mechanism.approach(j, q, after["v"][0], t, motion.par)
     M = motion.mechanism.motion(q, before["v"][-1], before["inputs"][2][-1], t, motion.par)[0]
     mobility = float(n @ np.linalg.solve(M, n))
-    speed = np.sqrt(mobility) * motion.speed  # the largest speed of approach that the kinetic energy allows
+    # The largest speed of approach that the kinetic energy allows.
+    speed = np.sqrt(mobility) * motion.speed
     wanted = (1 + e[j]) * w / mobility
     worst = result.errors
     worst["gap"] = max(
-        worst.get("gap", 0.0), abs(float(motion.mechanism.gaps(q, t, motion.par)[j])) / float(motion.gap_ranges[j])
+        worst.get("gap", 0.0),
+        abs(float(motion.mechanism.gaps(q, t, motion.par)[j])) / float(motion.gap_ranges[j]),
     )
-    if abs(w) < NO_EFFECT * speed and abs(collision.impulse) * np.sqrt(mobility) < NO_EFFECT * motion.speed:
+    if (
+        abs(w) < NO_EFFECT * speed
+        and abs(collision.impulse) * np.sqrt(mobility) < NO_EFFECT * motion.speed
+    ):
         worst["without effect"] = worst.get("without effect", 0) + 1
         if result.status == "solved":
             result.against.append(f"collision {i} has no effect")
         return
     if w < 0:
         result.against.append(f"collision {i} departs before it hits")
-    worst["law"] = max(worst.get("law", 0.0), abs(w_plus + e[j] * w) / max(abs(w), NO_EFFECT * speed))
+    worst["law"] = max(
+        worst.get("law", 0.0), abs(w_plus + e[j] * w) / max(abs(w), NO_EFFECT * speed)
+    )
     worst["impulse"] = max(
         worst.get("impulse", 0.0),
-        abs(collision.impulse - wanted) / max(abs(wanted), NO_EFFECT * motion.speed / np.sqrt(mobility)),
+        abs(collision.impulse - wanted)
+        / max(abs(wanted), NO_EFFECT * motion.speed / np.sqrt(mobility)),
     )
     _window(result, motion, i, collision, e, NO_EFFECT * motion.speed)
 
 
-def _window(result: Result, motion: Motion, i: int, collision: Any, e: list[float], least: float) -> None:
+def _window(
+    result: Result, motion: Motion, i: int, collision: Any, e: list[float], least: float
+) -> None:
     before, after = motion.phases[i], motion.phases[i + 1]
-    a, b = len(before["t"]) - 1 - (len(before["t"]) - 1) // SEGMENTS, (len(after["t"]) - 1) // SEGMENTS
+    a, b = (
+        len(before["t"]) - 1 - (len(before["t"]) - 1) // SEGMENTS,
+        (len(after["t"]) - 1) // SEGMENTS,
+    )
     inputs = tuple(
         np.concatenate([x[:-1] if k == 0 else x, y])
         for k, (x, y) in enumerate(zip(before["inputs"], after["inputs"], strict=True))
     )
-    flight = motion.mechanism.fly(inputs, before["t"][a], after["t"][b], before["q"][a], before["v"][a], motion.par, e, least)  # type: ignore[arg-type]
+    flight = motion.mechanism.fly(
+        inputs, before["t"][a], after["t"][b], before["q"][a], before["v"][a], motion.par, e, least
+    )  # type: ignore[arg-type]
     met = [m for m in flight.impacts if m.surface == collision.surface]
     if not met:
         result.against.append(f"the simulation misses collision {i}")
         return
     if len(flight.impacts) > 1:
-        result.against.append(f"the simulation meets {len(flight.impacts)} impacts at collision {i}")
+        result.against.append(
+            f"the simulation meets {len(flight.impacts)} impacts at collision {i}"
+        )
     if abs(met[0].time - collision.time) > SAME_TIME * motion.phases[-1]["t"][-1]:
         result.against.append(f"collision {i} comes {abs(met[0].time - collision.time):.2g} s off")
     error = _distance(motion, flight.q, flight.v, after["q"][b], after["v"][b], after["t"][b])
     result.errors["window"] = max(result.errors.get("window", 0.0), error)
 
 
-# Report --------------------------------------------------------------------------------------------------------------
+# Report -------------------------------------------------------------------------------------------
 
 
 def groups(problems: int) -> Iterator[list[int]]:
@@ -289,7 +382,17 @@ def groups(problems: int) -> Iterator[list[int]]:
     yield from (chosen[key] for key in sorted(chosen))
 
 
-COLUMNS = ("law", "impulse", "limit", "penetration", "segment", "window", "boundary", "cost", "excess")
+COLUMNS = (
+    "law",
+    "impulse",
+    "limit",
+    "penetration",
+    "segment",
+    "window",
+    "boundary",
+    "cost",
+    "excess",
+)
 
 
 def rows(results: list[Result]) -> Iterator[list[Any]]:
@@ -302,24 +405,31 @@ def rows(results: list[Result]) -> Iterator[list[Any]]:
             judged = [r for r in own if r.status in VOUCHED]
             bad = sum(bool(r.against) for r in judged)
             doubted = sum(r.status == "not_verified" and not r.against for r in own)
-            ends = ", ".join(f"{n} {s}" for s, n in Counter(r.status.split(":")[0] for r in own).most_common())
-            worst = [max((r.errors[c] for r in judged if c in r.errors), default=None) for c in COLUMNS]
+            ends = ", ".join(
+                f"{n} {s}" for s, n in Counter(r.status.split(":")[0] for r in own).most_common()
+            )
+            worst = [
+                max((r.errors[c] for r in judged if c in r.errors), default=None) for c in COLUMNS
+            ]
             shown = ("-" if w is None else f"{w:.1e}" for w in worst)
             yield [kind, method, len(own), ends, len(judged) - bad, bad, doubted, *shown]
 
 
-TEXT = """{problems} random problems of {kinds} kinds (seed {seed}), restitution 1, 0.8, 0.5 and 0, orders 2 and 4 in turn with {coarse} and
-{fine} steps a phase, by `ipm`, and every {share}th of a kind by `slsqp` too, as a user would solve them: {solves} solves, {judged} of them `solved` or
+TEXT = """{problems} random problems of {kinds} kinds (seed {seed}), restitution 1, 0.8, 0.5 and
+0, orders 2 and 4 in turn with {coarse} and {fine} steps a phase, by `ipm`, and every {share}th of
+a kind by `slsqp` too, as a user would solve them: {solves} solves, {judged} of them `solved` or
 `grazes`, {confirmed} confirmed, {contradicted} contradicted, {broken} ended in a traceback.
 
-The judge is an event-driven simulation with equations of motion of its own (`benchmarks/event_driven.py`). An answer is confirmed if no error exceeds:
-{limits}.
+The judge is an event-driven simulation with equations of motion of its own
+(`benchmarks/event_driven.py`). An answer is confirmed if no error exceeds: {limits}.
 
-Segments (tenths of a phase) and windows (from a tenth before a collision to a tenth after it) are simulated from the motion's own nodes; their
-errors are measured in the metric of the mass matrix. No segment may meet an impact that was not planned. `excess` is the cost above the optimum, for
-the kind where it is known. A collision whose approach is below {effect:g} of the motion's speed has no effect, and `solved` must not count it as one.
-`doubted` are answers with the status `not_verified` that the judge finds right. The columns after it show the worst of all answers that are `solved`
-or `grazes`."""
+Segments (tenths of a phase) and windows (from a tenth before a collision to a tenth after it) are
+simulated from the motion's own nodes; their errors are measured in the metric of the mass matrix.
+No segment may meet an impact that was not planned. `excess` is the cost above the optimum, for
+the kind where it is known. A collision whose approach is below {effect:g} of the motion's speed
+has no effect, and `solved` must not count it as one.
+`doubted` are answers with the status `not_verified` that the judge finds right. The columns after
+it show the worst of all answers that are `solved` or `grazes`."""
 
 
 def wrong_ones(results: list[Result]) -> list[Result]:
@@ -331,17 +441,43 @@ def section(results: list[Result], problems: int) -> Section:
     judged = [r for r in results if r.status in VOUCHED]
     contradicted = sum(bool(r.against) for r in judged)
     wrong = [
-        f"- {r.kind}, problem {r.number}, order {r.order}, {r.method}, {r.status}: {'; '.join(r.against)}"
+        f"- {r.kind}, problem {r.number}, order {r.order}, {r.method}, {r.status}: "
+        f"{'; '.join(r.against)}"
         for r in wrong_ones(results)
     ]
     text = TEXT.format(
-        problems=problems, kinds=len(KINDS), seed=SEED, coarse=STEPS[2], fine=STEPS[4], share=SLSQP_SHARE, solves=len(results),
-        judged=len(judged), confirmed=len(judged) - contradicted, contradicted=contradicted, effect=NO_EFFECT,
-        broken=sum(r.status == "traceback" for r in results), limits=", ".join(f"{name} {value:g}" for name, value in MOST.items()),
-    )  # fmt: skip
-    header = ["kind", "method", "solves", "statuses", "confirmed", "contradicted", "doubted", *COLUMNS]
+        problems=problems,
+        kinds=len(KINDS),
+        seed=SEED,
+        coarse=STEPS[2],
+        fine=STEPS[4],
+        share=SLSQP_SHARE,
+        solves=len(results),
+        judged=len(judged),
+        confirmed=len(judged) - contradicted,
+        contradicted=contradicted,
+        effect=NO_EFFECT,
+        broken=sum(r.status == "traceback" for r in results),
+        limits=", ".join(f"{name} {value:g}" for name, value in MOST.items()),
+    )
+    header = [
+        "kind",
+        "method",
+        "solves",
+        "statuses",
+        "confirmed",
+        "contradicted",
+        "doubted",
+        *COLUMNS,
+    ]
     after = "\n".join(["Contradicted:", "", *wrong]) if wrong else ""
-    return Section("Campaign: random problems under another simulation", text, header, list(rows(results)), after)
+    return Section(
+        "Campaign: random problems under another simulation",
+        text,
+        header,
+        list(rows(results)),
+        after,
+    )
 
 
 def judged_by_simulation(problems: int) -> list[Result]:

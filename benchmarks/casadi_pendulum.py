@@ -1,7 +1,8 @@
-"""The seed's problem as a user of CasADi would write it: midpoint variational integrator, elastic collisions, IPOPT.
+"""The seed's problem as a user of CasADi would write it: midpoint variational integrator, elastic
+collisions, IPOPT.
 
-Written from the equations of Kern & Gross (2018), independently of dmoc's own derivation.  Durations T_i are unknowns, the limiters are
-bounds of the angle.
+Written from the equations of Kern & Gross (2018), independently of dmoc's own derivation.
+Durations T_i are unknowns, the limiters are bounds of the angle.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ HALF = 0.5
 
 @dataclass(frozen=True)
 class Case:
-    """Data of one instance: parameters, start angle, bounds of force and final time, steps of each phase, sequence of limiters."""
+    """Data of one instance: parameters, start angle, bounds of force and final time, steps of
+    each phase, sequence of limiters."""
 
     m_p: float = 1.0
     m_c: float = 1.0
@@ -34,7 +36,8 @@ class Case:
 
 
 def step_function(case: Case) -> ca.Function:
-    """Momenta at both ends of a step, discrete energies at both ends and cost, as functions of (q_k, q_kp1, u, h)."""
+    """Momenta at both ends of a step, discrete energies at both ends and cost, as functions of
+    (q_k, q_kp1, u, h)."""
     a, b, u, h = ca.SX.sym("a", 2), ca.SX.sym("b", 2), ca.SX.sym("u"), ca.SX.sym("h")
     q, v = (a + b) / 2, (b - a) / h
     kinetic = HALF * (case.m_p + case.m_c) * v[1] ** 2 + HALF * case.m_p * case.l**2 * v[0] ** 2
@@ -57,7 +60,9 @@ class Program:
     case: Case
     seconds: float
 
-    def start(self, durations: np.ndarray, q: np.ndarray, u: np.ndarray, impulses: np.ndarray) -> np.ndarray:
+    def start(
+        self, durations: np.ndarray, q: np.ndarray, u: np.ndarray, impulses: np.ndarray
+    ) -> np.ndarray:
         return np.concatenate([durations, q.ravel(), u.ravel(), impulses])
 
     def solve(self, x0: np.ndarray) -> tuple[float, float, int, str, float, np.ndarray]:
@@ -78,12 +83,15 @@ class Program:
 
 
 def program(case: Case, compiled: bool = False, unrolled: bool = True, **ipopt: Any) -> Program:
-    """Build the program; unrolled into scalar operations (fastest to evaluate), or with a map over the steps (fastest to build)."""
+    """Build the program; unrolled into scalar operations (fastest to evaluate), or with a map
+    over the steps (fastest to build)."""
     seconds, (solver, bounds) = clocked(lambda: built(case, compiled, unrolled, **ipopt))
     return Program(solver, bounds, case, seconds)
 
 
-def built(case: Case, compiled: bool, unrolled: bool, **ipopt: Any) -> tuple[Any, dict[str, np.ndarray]]:
+def built(
+    case: Case, compiled: bool, unrolled: bool, **ipopt: Any
+) -> tuple[Any, dict[str, np.ndarray]]:
     """CasADi's solver and the bounds."""
     n, phases = case.steps, len(case.sequence) + 1
     total = n * phases
@@ -94,7 +102,9 @@ def built(case: Case, compiled: bool, unrolled: bool, **ipopt: Any) -> tuple[Any
     h = ca.horzcat(*[ca.repmat(T[i] / n, 1, n) for i in range(phases)])
     if unrolled:
         parts = [step(q[:, k], q[:, k + 1], u[k], h[k]) for k in range(total)]
-        r_minus, r_plus, e_plus, e_minus, cost = (ca.horzcat(*column) for column in zip(*parts, strict=True))
+        r_minus, r_plus, e_plus, e_minus, cost = (
+            ca.horzcat(*column) for column in zip(*parts, strict=True)
+        )
     else:
         r_minus, r_plus, e_plus, e_minus, cost = step.map(total)(q[:, :-1], q[:, 1:], u, h)
     g, low, high = [], [], []
@@ -127,13 +137,20 @@ def built(case: Case, compiled: bool, unrolled: bool, **ipopt: Any) -> tuple[Any
     force = np.full(total, case.force)
     none = np.zeros(phases - 1)
     bounds = {
-        "lbx": np.concatenate([np.full(phases, 1e-3 * case.final_time), q_low.T.ravel(), -force, none]),
+        "lbx": np.concatenate(
+            [np.full(phases, 1e-3 * case.final_time), q_low.T.ravel(), -force, none]
+        ),
         "ubx": np.concatenate([np.full(phases, np.inf), q_high.T.ravel(), force, none + np.inf]),
         "lbg": np.array(low),
         "ubg": np.array(high),
     }
-    options: dict[str, Any] = {"ipopt": {"print_level": 0, "tol": 1e-8, **ipopt}, "print_time": False}
+    options: dict[str, Any] = {
+        "ipopt": {"print_level": 0, "tol": 1e-8, **ipopt},
+        "print_time": False,
+    }
     if compiled:
         options |= {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O2"]}}
-    solver = ca.nlpsol("solver", "ipopt", {"x": x, "f": ca.sum2(cost), "g": ca.vertcat(*g)}, options)
+    solver = ca.nlpsol(
+        "solver", "ipopt", {"x": x, "f": ca.sum2(cost), "g": ca.vertcat(*g)}, options
+    )
     return solver, bounds

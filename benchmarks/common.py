@@ -164,7 +164,9 @@ def solve(
 ) -> tuple[float, Outcome]:
     """Seconds and outcome of a solve; x is in units of the problem, the outcome in scaled ones."""
     with threadpool_limits(1):  # as dmoc.solve does
-        return clocked(lambda: METHODS[method].minimise()(nlp, nlp.scaled(x), options, *(more or (None,))))
+        return clocked(
+            lambda: METHODS[method].minimise()(nlp, nlp.scaled(x), options, *(more or (None,)))
+        )
 
 
 def cost(nlp: Transcription, outcome: Outcome) -> float:

@@ -1,11 +1,13 @@
-"""Two checkouts against each other: the same solves in turn, so that the machine's drift meets both.
+"""Two checkouts against each other: the same solves in turn, so that the machine's drift meets
+both.
 
     python benchmarks/compare.py OTHER [--rounds 15] [--python PYTHON]
 
-OTHER is the folder of the other checkout, installed in an environment of its own, OTHER/.venv (or the one of PYTHON).  Each
-checkout works in a process of its own that stays; every round runs every task in both, and which comes first changes from
-round to round.  The table shows the medians, the ratio of the medians (above 1: this checkout is slower), the quartiles of
-the rounds' ratios, how many of the solves failed, and how far the answers are apart.  Public names alone are used, so that
+OTHER is the folder of the other checkout, installed in an environment of its own, OTHER/.venv (or
+the one of PYTHON).  Each checkout works in a process of its own that stays; every round runs every
+task in both, and which comes first changes from round to round.  The table shows the medians, the
+ratio of the medians (above 1: this checkout is slower), the quartiles of the rounds' ratios, how
+many of the solves failed, and how far the answers are apart.  Public names alone are used, so that
 older checkouts take part.
 """
 
@@ -52,10 +54,14 @@ class Task:
 def seed(dmoc: Any, steps: int = 100, order: int = 2) -> Any:
     """The problem of Kern & Gross (2018): one collision on the left limiter."""
     return dmoc.Problem(
-        dmoc.load("cart_pendulum", order=order), start={"alpha": 0.15 * pi, "x": 0.0},
-        goal={"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0}, sequence=["left"], steps=steps, final_time=(None, 1.0),
+        dmoc.load("cart_pendulum", order=order),
+        start={"alpha": 0.15 * pi, "x": 0.0},
+        goal={"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0},
+        sequence=["left"],
+        steps=steps,
+        final_time=(None, 1.0),
         bounds={"F": (-200, 200), "x": (-10, 10)},
-    )  # fmt: skip
+    )
 
 
 def solved(method: str, part: str = "solve", **changes: Any) -> Callable[[Any], Callable[[], Once]]:
@@ -129,7 +135,9 @@ def serve() -> None:
 @contextmanager
 def worker(python: Path) -> Iterator[Callable[[int], Once]]:
     command = [str(python), __file__, "--serve"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd="/") as running:
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd="/"
+    ) as running:
         assert running.stdin is not None and running.stdout is not None
         tell, answers = running.stdin, running.stdout
 
@@ -138,7 +146,9 @@ def worker(python: Path) -> Iterator[Callable[[int], Once]]:
             tell.flush()
             answer = answers.readline()
             if not answer:
-                raise SystemExit(f"error: {python} ended in task '{tasks()[number].name}': see above.")
+                raise SystemExit(
+                    f"error: {python} ended in task '{tasks()[number].name}': see above."
+                )
             return Once(*json.loads(answer))
 
         yield ask
@@ -165,7 +175,17 @@ def compare(this: Path, other: Path, rounds: int) -> list[Task]:
 
 
 def table(compared: list[Task]) -> str:
-    head = ["task", "runs", "this, ms", "other, ms", "this / other", "quartiles", "failed: this", "other", "answers differ by"]
+    head = [
+        "task",
+        "runs",
+        "this, ms",
+        "other, ms",
+        "this / other",
+        "quartiles",
+        "failed: this",
+        "other",
+        "answers differ by",
+    ]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for task in compared:
         times = np.array([[a.seconds, b.seconds] for a, b in task.runs])
@@ -173,17 +193,31 @@ def table(compared: list[Task]) -> str:
         low, high = np.quantile(times[:, 0] / times[:, 1], (0.25, 0.75))
         failed = [sum(not pair[side].good for pair in task.runs) for side in (0, 1)]
         apart = max(abs(a.answer - b.answer) / max(abs(b.answer), 1e-300) for a, b in task.runs)
-        cells = (task.name, len(task.runs), f"{1e3 * this:.4g}", f"{1e3 * other:.4g}", f"{this / other:.3f}",
-                 f"{low:.3f} to {high:.3f}", *failed, f"{apart:.1e}")  # fmt: skip
+        cells = (
+            task.name,
+            len(task.runs),
+            f"{1e3 * this:.4g}",
+            f"{1e3 * other:.4g}",
+            f"{this / other:.3f}",
+            f"{low:.3f} to {high:.3f}",
+            *failed,
+            f"{apart:.1e}",
+        )
         lines.append("| " + " | ".join(map(str, cells)) + " |")
     return "\n".join(lines)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("other", type=Path, nargs="?", help="folder of the other checkout")
     parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--python", type=Path, help="interpreter of the other checkout (default: OTHER/.venv/bin/python)")
+    parser.add_argument(
+        "--python",
+        type=Path,
+        help="interpreter of the other checkout (default: OTHER/.venv/bin/python)",
+    )
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.serve:
@@ -193,7 +227,9 @@ def main() -> None:
         parser.error("name the folder of the other checkout, or its interpreter")
     other = given.python or given.other.resolve() / PYTHON
     if not other.exists():
-        parser.error(f"{other} does not exist: install the other checkout into an environment of its own")
+        parser.error(
+            f"{other} does not exist: install the other checkout into an environment of its own"
+        )
     print(table(compare(Path(sys.executable), other, max(given.rounds, 1))))
 
 

@@ -1,9 +1,10 @@
-"""A thousand damaged solution files and journals: each is refused in one sentence, or what it holds can be used.
+"""A thousand damaged solution files and journals: each is refused in one sentence, or what it holds
+can be used.
 
     python damaged_files.py [number] [seed]
 
-Every file goes through `Solution.load`, `dmoc verify`, `dmoc plot` and a solve that starts from it, or through a search that resumes it.
-The exit status is 1 if anything but a sentence came out.
+Every file goes through `Solution.load`, `dmoc verify`, `dmoc plot` and a solve that starts from it,
+or through a search that resumes it. The exit status is 1 if anything but a sentence came out.
 """
 
 from __future__ import annotations
@@ -38,9 +39,31 @@ HANGS = 15  # seconds after which a reader does not come back
 ENDS = ("refused", "loaded", "no end")
 WILD = ("array: large",)  # whole files of motions that take very long to follow
 ODD: tuple[Any, ...] = (
-    None, True, -1, 0, 3, 2.5, 1e300, float("nan"), float("inf"), 10**400, 2**70, "", "left", "a b", "[/x]", "\x1b[31m", "\ud800", "$\\frac{$",
-    "../../x.py:run", [], [0], [[0.0]], {}, {"a": 1},
-)  # fmt: skip
+    None,
+    True,
+    -1,
+    0,
+    3,
+    2.5,
+    1e300,
+    float("nan"),
+    float("inf"),
+    10**400,
+    2**70,
+    "",
+    "left",
+    "a b",
+    "[/x]",
+    "\x1b[31m",
+    "\ud800",
+    "$\\frac{$",
+    "../../x.py:run",
+    [],
+    [0],
+    [[0.0]],
+    {},
+    {"a": 1},
+)
 ARRAYS: dict[str, Callable[[np.ndarray, Rng], np.ndarray]] = {
     "emptied": lambda a, _: a[:0],
     "shortened": lambda a, _: a[:-1],
@@ -75,7 +98,7 @@ def _poked(a: np.ndarray, rng: Rng, value: float) -> np.ndarray:
     return a
 
 
-# Damage to bytes ------------------------------------------------------------------------------------------------------
+# Damage to bytes ----------------------------------------------------------------------------------
 
 
 def flipped(content: bytes, rng: Rng) -> bytes:
@@ -106,7 +129,7 @@ def noise(content: bytes, rng: Rng) -> bytes:
 BYTES = (flipped, cut, blanked, doubled, noise)
 
 
-# Damage to solution files ---------------------------------------------------------------------------------------------
+# Damage to solution files -------------------------------------------------------------------------
 
 
 def members(content: bytes) -> Members:
@@ -144,7 +167,13 @@ def _change(tree: Any, place: list[str], value: Any) -> None:
 
 
 def places(tree: Any, way: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    items = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
+    items = (
+        tree.items()
+        if isinstance(tree, dict)
+        else enumerate(tree)
+        if isinstance(tree, list)
+        else ()
+    )
     for name, value in items:
         yield (*way, str(name))
         yield from places(value, (*way, str(name)))
@@ -171,9 +200,20 @@ def other_header(content: bytes, rng: Rng) -> bytes:
 def strange_text(content: bytes, rng: Rng) -> bytes:
     text = members(content)["header.json"]
     strange = [
-        b"", b"{", b"[" * 100_000, b'{"a":' * 50_000, b"\xff\xfe", b"null", b"[]", b"1" * 5000, b'{"format": 3}', b'{"format": "x"}',
-        b" " * (5 * 2**20) + text, text.replace(b'"status"', b'"status": "solved", "status"', 1), text + text,
-    ]  # fmt: skip
+        b"",
+        b"{",
+        b"[" * 100_000,
+        b'{"a":' * 50_000,
+        b"\xff\xfe",
+        b"null",
+        b"[]",
+        b"1" * 5000,
+        b'{"format": 3}',
+        b'{"format": "x"}',
+        b" " * (5 * 2**20) + text,
+        text.replace(b'"status"', b'"status": "solved", "status"', 1),
+        text + text,
+    ]
     return archive(members(content) | {"header.json": strange[rng.integers(len(strange))]})
 
 
@@ -181,7 +221,9 @@ def strange_archive(content: bytes, rng: Rng) -> bytes:
     parts = members(content)
     name = str(rng.choice(list(parts)))
     few = {n: d for n, d in parts.items() if n != name}
-    bomb = b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (%d,), }" % 2**40
+    bomb = (
+        b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (%d,), }" % 2**40
+    )
     made = [
         lambda: archive(few),
         lambda: archive([*parts.items(), (name, parts[name])]),
@@ -220,7 +262,7 @@ SOLUTIONS: dict[str, Callable[[bytes, Rng], bytes]] = {
 }
 
 
-# Damage to journals ---------------------------------------------------------------------------------------------------
+# Damage to journals -------------------------------------------------------------------------------
 
 
 def statement(text: str) -> Callable[[Path, Rng], None]:
@@ -234,16 +276,32 @@ def statement(text: str) -> Callable[[Path, Rng], None]:
 def other_row(path: Path, rng: Rng) -> None:
     """One value of one row: another type, another text, another solution."""
     with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as database:
-        rows = list(database.execute("SELECT rowid, sequence, summary, solution FROM nodes ORDER BY rowid"))
+        rows = list(
+            database.execute("SELECT rowid, sequence, summary, solution FROM nodes ORDER BY rowid")
+        )
         row, sequence, summary, solution = rows[rng.integers(len(rows))]
         column = str(rng.choice(["sequence", "summary", "solution"]))
-        values: list[Any] = [None, 1, 2.5, "", "x", b"", b"\x00", b"\xff\xfe", "[" * 50_000, solution, sequence]
+        values: list[Any] = [
+            None,
+            1,
+            2.5,
+            "",
+            "x",
+            b"",
+            b"\x00",
+            b"\xff\xfe",
+            "[" * 50_000,
+            solution,
+            sequence,
+        ]
         if column == "summary":
             values += [other_text(summary, rng) for _ in range(20)]
         if column == "solution" and solution:
             values += [damage(solution, rng) for damage in SOLUTIONS.values()]
         value = values[rng.integers(len(values))]
-        with contextlib.suppress(sqlite3.Error, UnicodeEncodeError):  # a row that SQLite itself refuses
+        with contextlib.suppress(
+            sqlite3.Error, UnicodeEncodeError
+        ):  # a row that SQLite itself refuses
             database.execute(f"UPDATE nodes SET {column} = ? WHERE rowid = ?", (value, row))
 
 
@@ -259,8 +317,12 @@ JOURNALS: dict[str, Callable[[Path, Rng], None]] = {
     **{f"journal: {f.__name__}": bytewise(f) for f in BYTES},
     "journal: other row": other_row,
     "journal: another table": statement("CREATE TABLE more (a)"),
-    "journal: a trigger": statement("CREATE TRIGGER t AFTER INSERT ON nodes BEGIN DELETE FROM nodes; END"),
-    "journal: a view": statement("ALTER TABLE nodes RENAME TO rest; CREATE VIEW nodes AS SELECT * FROM rest"),
+    "journal: a trigger": statement(
+        "CREATE TRIGGER t AFTER INSERT ON nodes BEGIN DELETE FROM nodes; END"
+    ),
+    "journal: a view": statement(
+        "ALTER TABLE nodes RENAME TO rest; CREATE VIEW nodes AS SELECT * FROM rest"
+    ),
     "journal: other columns": statement("ALTER TABLE nodes ADD COLUMN more"),
     "journal: no rows about it": statement("DELETE FROM about"),
     "journal: other rows about it": statement("UPDATE about SET value = x'ff'"),
@@ -276,13 +338,17 @@ def hangs(_: int, __: FrameType | None) -> None:
     raise NoEndError
 
 
-# Readers --------------------------------------------------------------------------------------------------------------
+# Readers ------------------------------------------------------------------------------------------
 
 
 def command(*arguments: str) -> int:
     """Run the command line here; a sentence, and never a traceback, is what it may say."""
     said = io.StringIO()
-    with mock.patch.object(sys, "argv", ["dmoc", *arguments]), contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+    with (
+        mock.patch.object(sys, "argv", ["dmoc", *arguments]),
+        contextlib.redirect_stdout(said),
+        contextlib.redirect_stderr(said),
+    ):
         try:
             main()
         except SystemExit as end:
@@ -337,8 +403,11 @@ def example(folder: Path) -> tuple[dmoc.Problem, bytes, Path]:
     return problem, replace(solution, meshes=(mesh,), error_estimate=1e-3).to_bytes(), journal
 
 
-def damaged(number: int, seed: int, *, wild: bool = True, draw: bool = True) -> Iterator[tuple[str, str]]:
-    """Yield the kind of damage of each file and how its reading ended: "refused", "loaded", "no end", or a traceback."""
+def damaged(
+    number: int, seed: int, *, wild: bool = True, draw: bool = True
+) -> Iterator[tuple[str, str]]:
+    """Yield the kind of damage of each file and how its reading ended: "refused", "loaded", "no
+    end", or a traceback."""
     kinds = [k for k in (*SOLUTIONS, *JOURNALS) if wild or k not in WILD]
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
@@ -385,7 +454,8 @@ def section(ends: dict[str, Counter[str]]) -> Section:
     columns = (*ENDS, "traceback")
     return Section(
         "Damaged files",
-        "Solution files and journals with random damage. Each goes through `Solution.load`, `dmoc verify`, `dmoc plot` and a solve that starts from "
+        "Solution files and journals with random damage. Each goes through `Solution.load`, `dmoc "
+        "verify`, `dmoc plot` and a solve that starts from "
         f"it, or through a search that resumes it. No end: not within {HANGS} s.",
         ["damage", *columns],
         [[kind, *(counts[end] for end in columns)] for kind, counts in ends.items()],

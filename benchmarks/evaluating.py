@@ -21,10 +21,12 @@ from dmoc.registry import build
 STEPS = 1000
 FLAGS = "-O2"
 
-# Calls a function of CasADi's C interface for each row, in the way that a solver written in C would.
+# Calls a function of CasADi's C interface for each row, in the way that a solver written in C
+# would.
 LOOP = """
 typedef int function(const double **, double **, long long *, double *, int);
-void loop(function *f, long long n, int inputs, const double **in, const long long *in_size, int outputs, double **out,
+void loop(function *f, long long n, int inputs, const double **in, const long long *in_size,
+          int outputs, double **out,
           const long long *out_size, const double **arg, double **res, long long *iw, double *w)
 {
     for (long long k = 0; k < n; ++k) {
@@ -50,16 +52,22 @@ def functions() -> dict[str, ca.Function]:
     hessian = ca.triu(ca.hessian(weighted, z)[0])
     return {
         "residual": ca.Function("residual", [a, b, u, h], values, {"cse": True}),
-        "Jacobian": ca.Function("jacobian", [a, b, u, h], [ca.jacobian(v, z) for v in values], {"cse": True}),
-        "Hessian": ca.Function("hessian", [a, b, u, h, sigma, mu_minus, mu_plus], [hessian], {"cse": True}),
+        "Jacobian": ca.Function(
+            "jacobian", [a, b, u, h], [ca.jacobian(v, z) for v in values], {"cse": True}
+        ),
+        "Hessian": ca.Function(
+            "hessian", [a, b, u, h, sigma, mu_minus, mu_plus], [hessian], {"cse": True}
+        ),
     }
 
 
 def compare(quick: bool) -> Section:
     section = Section(
         "Kernels: nanoseconds a step",
-        f"Cart-pendulum, {STEPS} steps a call, random states. CasADi's functions are those of its own model, with common subexpressions eliminated; "
-        f"its C is compiled with {FLAGS} and called from a loop in C. Entries are the numbers that a call stores for a step.",
+        f"Cart-pendulum, {STEPS} steps a call, random states. CasADi's functions are those of its "
+        "own model, with common subexpressions eliminated; "
+        f"its C is compiled with {FLAGS} and called from a loop in C. Entries are the numbers that "
+        "a call stores for a step.",
         [
             "function",
             "entries: dmoc",
@@ -88,14 +96,23 @@ def compare(quick: bool) -> Section:
         machine = function.map(STEPS)
         arguments = [ca.DM(i.T) for i in inputs]
         vm, _ = timed(lambda m=machine, a=arguments: m(*a), max(repeats // 20, 3))
-        entries = (sum(_sizes(compiled, kernel)), sum(function.nnz_out(i) for i in range(function.n_out())))
-        section.rows.append((name, *entries, *(f"{1e9 * t / STEPS:.0f}" for t in (own, c, vm, slow)), ratio(c, own)))
+        entries = (
+            sum(_sizes(compiled, kernel)),
+            sum(function.nnz_out(i) for i in range(function.n_out())),
+        )
+        section.rows.append(
+            (name, *entries, *(f"{1e9 * t / STEPS:.0f}" for t in (own, c, vm, slow)), ratio(c, own))
+        )
     return section
 
 
 def _own(kernels: Kernels, kernel: str, s: dict[str, np.ndarray], repeats: int) -> float:
     par = np.array([[1.0, 1.0, 0.5, 10.0, np.pi / 10, 9 * np.pi / 10]])
-    time, nothing = np.zeros((1, 1)), np.zeros((1, 0))  # the model does not depend on the time, and its steps have no node inside
+    # The model does not depend on the time, and its steps have no node inside.
+    time, nothing = (
+        np.zeros((1, 1)),
+        np.zeros((1, 0)),
+    )
     arguments = [s["a"], s["b"], s["u"], s["u"], s["h"], time, nothing, par]
     arguments += [s["s"], s["mm"], s["mp"], nothing] if kernel == "step_hess" else []
     results = [np.empty((STEPS, size)) for size in _sizes(kernels, kernel)]
@@ -117,7 +134,10 @@ def _generated(function: ca.Function, inputs: list[np.ndarray], repeats: int) ->
         generator.add(function)
         text.write_text(generator.dump() + LOOP)
         library = Path(folder) / "f.so"
-        subprocess.run(["gcc", FLAGS, "-fPIC", "-shared", "-w", str(text), "-o", str(library), "-lm"], check=True)
+        subprocess.run(
+            ["gcc", FLAGS, "-fPIC", "-shared", "-w", str(text), "-o", str(library), "-lm"],
+            check=True,
+        )
         c: Any = ctypes.CDLL(str(library))
         sizes = [function.nnz_out(i) for i in range(function.n_out())]
         outputs = [np.empty((STEPS, n)) for n in sizes]
@@ -136,6 +156,15 @@ def _generated(function: ca.Function, inputs: list[np.ndarray], repeats: int) ->
             np.zeros(function.sz_w() + 1),
         ]
         entry = ctypes.cast(getattr(c, function.name()), ctypes.c_void_p)
-        call = (entry, ctypes.c_longlong(STEPS), len(args), pointers(args), lengths(args), len(outputs), pointers(outputs), lengths(outputs),
-                *(ctypes.c_void_p(s.ctypes.data) for s in scratch))  # fmt: skip
+        call = (
+            entry,
+            ctypes.c_longlong(STEPS),
+            len(args),
+            pointers(args),
+            lengths(args),
+            len(outputs),
+            pointers(outputs),
+            lengths(outputs),
+            *(ctypes.c_void_p(s.ctypes.data) for s in scratch),
+        )
         return timed(lambda: c.loop(*call), repeats)[0]

@@ -1,7 +1,9 @@
-"""An event-driven simulation that shares no code with dmoc: equations of motion by SymPy, events by SciPy's DOP853, an own law of impact.
+"""An event-driven simulation that shares no code with dmoc: equations of motion by SymPy, events by
+SciPy's DOP853, an own law of impact.
 
-M q'' = F(q, q', u, t) with M = d^2 L/dq'^2 and F = Q + dL/dq - (d^2 L/dq' dq) q' - d^2 L/dq' dt.  A surface is a gap g(q, t) <= 0 with the normal
-n = dg/dq and the speed of approach w = n . q' + dg/dt; an impact is the impulse -lam n with lam = (1 + e) w / (n . M^-1 n), so that w becomes -e w.
+M q'' = F(q, q', u, t) with M = d^2 L/dq'^2 and F = Q + dL/dq - (d^2 L/dq' dq) q' - d^2 L/dq' dt.  A
+surface is a gap g(q, t) <= 0 with the normal n = dg/dq and the speed of approach w = n . q' +
+dg/dt; an impact is the impulse -lam n with lam = (1 + e) w / (n . M^-1 n), so that w becomes -e w.
 """
 
 from __future__ import annotations
@@ -47,7 +49,8 @@ class Impact:
 
 @dataclass
 class Flight:
-    """What a simulation met: the state at its end, impacts, and the largest gap of each surface on the way."""
+    """What a simulation met: the state at its end, impacts, and the largest gap of each surface
+    on the way."""
 
     q: np.ndarray
     v: np.ndarray
@@ -56,24 +59,33 @@ class Flight:
 
 
 class Mechanism:
-    """Numeric equations of motion and gaps of a description; ``par`` is the row of parameter values in its order."""
+    """Numeric equations of motion and gaps of a description; ``par`` is the row of parameter
+    values in its order."""
 
     def __init__(self, given: Description) -> None:
         t = dynamicsymbols._t
         rates = [c.diff(t) for c in given.coordinates]
         q, v, u = (
-            sp.symbols(f"{letter}:{n}") for letter, n in (("q_", len(rates)), ("v_", len(rates)), ("u_", len(given.inputs)))
+            sp.symbols(f"{letter}:{n}")
+            for letter, n in (("q_", len(rates)), ("v_", len(rates)), ("u_", len(given.inputs)))
         )
         tau = sp.Symbol("tau_time")
 
         def plain(expression: Any) -> Any:
             e = sp.sympify(expression).subs(dict(zip(rates, v, strict=True)))
-            return e.subs(dict(zip([*given.coordinates, *given.inputs], [*q, *u], strict=True))).subs(t, tau)
+            return e.subs(
+                dict(zip([*given.coordinates, *given.inputs], [*q, *u], strict=True))
+            ).subs(t, tau)
 
         lagrangian = plain(given.lagrangian)
         momenta = sp.Matrix([lagrangian.diff(s) for s in v])
         Q = sp.Matrix([plain(given.forces.get(c, 0)) for c in given.coordinates])
-        force = Q + sp.Matrix([lagrangian.diff(s) for s in q]) - momenta.jacobian(q) * sp.Matrix(v) - momenta.diff(tau)
+        force = (
+            Q
+            + sp.Matrix([lagrangian.diff(s) for s in q])
+            - momenta.jacobian(q) * sp.Matrix(v)
+            - momenta.diff(tau)
+        )
         self.surfaces = list(given.surfaces)
         gaps = sp.Matrix([plain(r.lts - r.gts) for r in given.surfaces.values()])
         slopes = gaps.jacobian(q)
@@ -85,12 +97,16 @@ class Mechanism:
         self._gaps = _numeric([*q, tau, *par], list(gaps))
         self._slopes = _numeric([*q, tau, *par], [*slopes, *gaps.diff(tau)])
 
-    def motion(self, q: np.ndarray, v: np.ndarray, u: np.ndarray, t: float, par: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def motion(
+        self, q: np.ndarray, v: np.ndarray, u: np.ndarray, t: float, par: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Mass matrix and force."""
         values = np.array(self._motion(*q, *v, *u, t, *par), dtype=float)
         return values[: self.nq**2].reshape(self.nq, self.nq), values[self.nq**2 :]
 
-    def velocity(self, q: np.ndarray, p: np.ndarray, u: np.ndarray, t: float, par: np.ndarray) -> np.ndarray:
+    def velocity(
+        self, q: np.ndarray, p: np.ndarray, u: np.ndarray, t: float, par: np.ndarray
+    ) -> np.ndarray:
         """Velocity of a momentum; p = M v + what the Lagrangian has linear in v."""
         rest = np.zeros(self.nq)
         offset = np.array(self._momenta(*q, *rest, *u, t, *par), dtype=float)
@@ -99,14 +115,23 @@ class Mechanism:
     def gaps(self, q: np.ndarray, t: float, par: np.ndarray) -> np.ndarray:
         return np.array(self._gaps(*q, t, *par), dtype=float)
 
-    def approach(self, j: int, q: np.ndarray, v: np.ndarray, t: float, par: np.ndarray) -> tuple[np.ndarray, float]:
+    def approach(
+        self, j: int, q: np.ndarray, v: np.ndarray, t: float, par: np.ndarray
+    ) -> tuple[np.ndarray, float]:
         """Normal of a surface and speed of approach to it."""
         values = np.array(self._slopes(*q, t, *par), dtype=float)
         n = values[: len(self.surfaces) * self.nq].reshape(-1, self.nq)[j]
         return n, float(n @ v + values[len(self.surfaces) * self.nq + j])
 
     def impact(
-        self, j: int, q: np.ndarray, v: np.ndarray, u: np.ndarray, t: float, par: np.ndarray, e: float
+        self,
+        j: int,
+        q: np.ndarray,
+        v: np.ndarray,
+        u: np.ndarray,
+        t: float,
+        par: np.ndarray,
+        e: float,
     ) -> tuple[np.ndarray, Impact]:
         """Velocity after an impact."""
         n, w = self.approach(j, q, v, t, par)
@@ -115,12 +140,21 @@ class Mechanism:
         return v - lam * back, Impact(self.surfaces[j], t, w, lam)
 
     def fly(
-        self, inputs: Inputs, begin: float, end: float, q: np.ndarray, v: np.ndarray, par: np.ndarray,
-        restitution: Sequence[float] | None = None, least: float = 0.0,
-    ) -> Flight:  # fmt: skip
-        """Simulate from one time to another, through the impacts that approach faster than ``least``, a speed in the metric of M.
+        self,
+        inputs: Inputs,
+        begin: float,
+        end: float,
+        q: np.ndarray,
+        v: np.ndarray,
+        par: np.ndarray,
+        restitution: Sequence[float] | None = None,
+        least: float = 0.0,
+    ) -> Flight:
+        """Simulate from one time to another, through the impacts that approach faster than
+        ``least``, a speed in the metric of M.
 
-        Without coefficients of restitution nothing is hit: the motion passes through the surfaces, and the largest gap shows how far.
+        Without coefficients of restitution nothing is hit: the motion passes through the surfaces,
+        and the largest gap shows how far.
         """
         flight = Flight(np.array(q, dtype=float), np.array(v, dtype=float))
         nodes, first, last = inputs
@@ -136,9 +170,17 @@ class Mechanism:
         return flight
 
     def _step(
-        self, u: Callable[[float], np.ndarray], a: float, b: float, flight: Flight, par: np.ndarray, restitution: Sequence[float] | None, least: float
-    ) -> float:  # fmt: skip
-        """Simulate smooth inputs from a to b, or to the first impact; return the time that is reached."""
+        self,
+        u: Callable[[float], np.ndarray],
+        a: float,
+        b: float,
+        flight: Flight,
+        par: np.ndarray,
+        restitution: Sequence[float] | None,
+        least: float,
+    ) -> float:
+        """Simulate smooth inputs from a to b, or to the first impact; return the time that is
+        reached."""
 
         def rate(t: float, y: np.ndarray) -> np.ndarray:
             M, F = self.motion(y[: self.nq], y[self.nq :], u(t), t, par)
@@ -154,7 +196,16 @@ class Mechanism:
         start = np.concatenate([flight.q, flight.v])
         events = [] if restitution is None else [gap(j) for j in range(len(self.surfaces))]
         atol = ABSOLUTE * max(1.0, float(np.abs(start).max()))
-        run = solve_ivp(rate, (a, b), start, method="DOP853", rtol=RELATIVE, atol=atol, events=events, dense_output=True)
+        run = solve_ivp(
+            rate,
+            (a, b),
+            start,
+            method="DOP853",
+            rtol=RELATIVE,
+            atol=atol,
+            events=events,
+            dense_output=True,
+        )
         if not run.success:
             raise ArithmeticError(run.message)
         met = sorted((t, j) for j in range(len(events)) for t in run.t_events[j])
@@ -162,15 +213,23 @@ class Mechanism:
         for t, j in met:
             y = run.sol(t)
             n, w = self.approach(j, y[: self.nq], y[self.nq :], t, par)
-            if w > least * np.sqrt(float(n @ np.linalg.solve(self.motion(y[: self.nq], y[self.nq :], u(t), t, par)[0], n))):
+            if w > least * np.sqrt(
+                float(
+                    n @ np.linalg.solve(self.motion(y[: self.nq], y[self.nq :], u(t), t, par)[0], n)
+                )
+            ):
                 stop, hit = t, j
                 break
         for t in a + (stop - a) * BETWEEN:
-            flight.deepest = max(flight.deepest, float(self.gaps(run.sol(t)[: self.nq], t, par).max()))
+            flight.deepest = max(
+                flight.deepest, float(self.gaps(run.sol(t)[: self.nq], t, par).max())
+            )
         y = run.sol(stop)
         flight.q, flight.v = y[: self.nq], y[self.nq :]
         if hit is not None and restitution is not None:
-            flight.v, impact = self.impact(hit, flight.q, flight.v, u(stop), stop, par, restitution[hit])
+            flight.v, impact = self.impact(
+                hit, flight.q, flight.v, u(stop), stop, par, restitution[hit]
+            )
             flight.impacts.append(impact)
             if len(flight.impacts) > MOST_IMPACTS:
                 raise ArithmeticError("impacts accumulate")

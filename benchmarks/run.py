@@ -24,8 +24,9 @@ import solving  # noqa: TID251 - the suite beside this file
 
 HEAD = """# Benchmarks
 
-Written by `make bench`{quick}. Times drift between machines and runs; ratios come from one run. A solve that failed has no time: how many
-succeeded stands beside it. Two checkouts are compared by `benchmarks/compare.py`; errors against known answers are in `docs/known_answers.md`.
+Written by `make bench`{quick}. Times drift between machines and runs; ratios come from one run. A
+solve that failed has no time: how many succeeded stands beside it. Two checkouts are compared by
+`benchmarks/compare.py`; errors against known answers are in `docs/known_answers.md`.
 
 Machine: {machine}.
 """
@@ -47,16 +48,22 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--quick", action="store_true", help="few repeats, no slow peers")
     parser.add_argument("--only", default="", help=f"print some of {','.join(sections(Path()))}")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results", help="folder of the report")
+    parser.add_argument(
+        "--out", type=Path, default=Path(__file__).parent / "results", help="folder of the report"
+    )
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     every = sections(given.out)
     chosen = given.only.split(",") if given.only else list(every)
     if unknown := [name for name in chosen if name not in every]:
-        parser.error(f"--only {given.only}: no section {unknown[0]}: expected some of {', '.join(every)}")
+        parser.error(
+            f"--only {given.only}: no section {unknown[0]}: expected some of {', '.join(every)}"
+        )
     texts = []
     for name in chosen:
         sys.stderr.write(f"{name} ... ")

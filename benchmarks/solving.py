@@ -1,4 +1,5 @@
-"""Time to solve the seed's problem from the same guess; where it goes; growth with N; warm starts."""
+"""Time to solve the seed's problem from the same guess; where it goes; growth with N; warm
+starts."""
 
 from __future__ import annotations
 
@@ -39,15 +40,19 @@ def comparison(quick: bool) -> Section:
     nlp = program(problem, x)
     section = Section(
         "Solve: N = 100 + 100, same guess",
-        "Median time of the solves from the automatic guess that succeeded. The program is built beforehand: CasADi's expression graph, dmoc's "
-        "patterns. dmoc's time includes the analysis of the linear system. `ipopt` and `uno` run on dmoc's kernels through Python callbacks.",
+        "Median time of the solves from the automatic guess that succeeded. The program is built "
+        "beforehand: CasADi's expression graph, dmoc's "
+        "patterns. dmoc's time includes the analysis of the linear system. `ipopt` and `uno` run "
+        "on dmoc's kernels through Python callbacks.",
         ["method", "solved", "ms", f"{PEER} takes", "iterations", "cost", "violation", "build, ms"],
     )
     reference = np.nan
     for name, compiled in ((PEER, False), (f"{PEER}, compiled C", True)):
         if quick and compiled:
             continue
-        built = casadi_pendulum.program(casadi_pendulum.Case(alpha=problem.start["alpha"]), compiled=compiled)
+        built = casadi_pendulum.program(
+            casadi_pendulum.Case(alpha=problem.start["alpha"]), compiled=compiled
+        )
         start = built.start(*casadi_start(nlp, x))
         built.solve(start)
         runs = [built.solve(start) for _ in range(3 if quick else 11)]
@@ -56,17 +61,33 @@ def comparison(quick: bool) -> Section:
         reference = seconds if name == PEER else reference
         _, cost, iterations, _, missed, _ = runs[-1]
         section.rows.append(
-            (name, f"{len(good)}/{len(runs)}", ms(seconds), ratio(reference, seconds), iterations, f"{cost:.6f}", f"{missed:.0e}",
-             ms(built.seconds))
-        )  # fmt: skip
+            (
+                name,
+                f"{len(good)}/{len(runs)}",
+                ms(seconds),
+                ratio(reference, seconds),
+                iterations,
+                f"{cost:.6f}",
+                f"{missed:.0e}",
+                ms(built.seconds),
+            )
+        )
     for method, repeats in (("ipm", 51), ("slsqp", 5), ("ipopt", 5), ("uno", 1)):
         seconds, own = clocked(lambda m=method: program(problem, x, m))
         found = solves(own, x, method, min(repeats, 3) if quick else repeats)
         last = found.outcome
         section.rows.append(
-            (method, found.share, ms(found.seconds), ratio(reference, found.seconds), last.iterations, f"{own_cost(own, last):.6f}",
-             f"{violation(own, last):.0e}", ms(seconds))
-        )  # fmt: skip
+            (
+                method,
+                found.share,
+                ms(found.seconds),
+                ratio(reference, found.seconds),
+                last.iterations,
+                f"{own_cost(own, last):.6f}",
+                f"{violation(own, last):.0e}",
+                ms(seconds),
+            )
+        )
     return section
 
 
@@ -74,9 +95,18 @@ def where(quick: bool) -> Section:
     """Shares of an iteration of the interior-point method."""
     section = Section(
         "Where the time of `ipm` goes",
-        "Microseconds an iteration: kernels (values, first and second derivatives, assembled), linear system (factorisations, solves, refinement), "
+        "Microseconds an iteration: kernels (values, first and second derivatives, assembled), "
+        "linear system (factorisations, solves, refinement), "
         "the rest (vectors, line search, one call into Python).",
-        ["N", "iterations", "factorisations", "kernels, us", "linear system, us", "rest, us", "analysis before the first, ms"],
+        [
+            "N",
+            "iterations",
+            "factorisations",
+            "kernels, us",
+            "linear system, us",
+            "rest, us",
+            "analysis before the first, ms",
+        ],
     )
     for steps in (100, 1000):
         problem = seed(steps=steps)
@@ -85,7 +115,11 @@ def where(quick: bool) -> Section:
         runs = [profile(nlp, x) for _ in range(3 if quick else 15)]
         analysis = median(seconds for seconds, _ in runs)
         r = sorted((parts for _, parts in runs), key=lambda r: r["seconds"])[len(runs) // 2]
-        parts = (r["seconds_kernels"], r["seconds_linear"], r["seconds"] - r["seconds_kernels"] - r["seconds_linear"])
+        parts = (
+            r["seconds_kernels"],
+            r["seconds_linear"],
+            r["seconds"] - r["seconds_kernels"] - r["seconds_linear"],
+        )
         each = [f"{1e6 * p / r['iterations']:.0f}" for p in parts]
         section.rows.append((steps, r["iterations"], r["factorisations"], *each, ms(analysis)))
     return section
@@ -94,7 +128,8 @@ def where(quick: bool) -> Section:
 def growth(quick: bool, folder: Path) -> Section:
     section = Section(
         "Growth with N",
-        f"N steps in each of the two phases; each row in a process of its own. Memory is what a solve adds to the largest resident size. {PEER} "
+        "N steps in each of the two phases; each row in a process of its own. Memory is what a "
+        f"solve adds to the largest resident size. {PEER} "
         f"is measured once, up to N = {300 if quick else SLOWEST}.",
         [
             "N",
@@ -117,9 +152,24 @@ def growth(quick: bool, folder: Path) -> Section:
         points.append((steps, own, peer))
         cells = ["not run", *"---"]
         if peer:
-            cells = [peer["solved"], ms(peer["seconds"]), peer["iterations"], ratio(peer["seconds"], own["seconds"])]
+            cells = [
+                peer["solved"],
+                ms(peer["seconds"]),
+                peer["iterations"],
+                ratio(peer["seconds"], own["seconds"]),
+            ]
         each = ms(own["seconds"] / own["iterations"])
-        section.rows.append((steps, own["solved"], ms(own["seconds"]), own["iterations"], each, f"{own['memory']:.1f}", *cells))
+        section.rows.append(
+            (
+                steps,
+                own["solved"],
+                ms(own["seconds"]),
+                own["iterations"],
+                each,
+                f"{own['memory']:.1f}",
+                *cells,
+            )
+        )
     _plot(points, folder / "growth.png")
     return section
 
@@ -140,11 +190,22 @@ def _measure(what: str, steps: int, repeats: int) -> dict[str, Any]:
         solves(nlp, x, "ipm", 1)
         memory = _memory("VmHWM") - before
         found = solves(nlp, x, "ipm", repeats)
-        return {"seconds": found.seconds, "iterations": found.outcome.iterations, "solved": found.share, "memory": memory}
-    casadi = casadi_pendulum.program(casadi_pendulum.Case(alpha=problem.start["alpha"], steps=steps))
+        return {
+            "seconds": found.seconds,
+            "iterations": found.outcome.iterations,
+            "solved": found.share,
+            "memory": memory,
+        }
+    casadi = casadi_pendulum.program(
+        casadi_pendulum.Case(alpha=problem.start["alpha"], steps=steps)
+    )
     seconds, _, iterations, status, _, _ = casadi.solve(casadi.start(*casadi_start(nlp, x)))
     good = status == SOLVED
-    return {"seconds": seconds if good else np.nan, "iterations": iterations, "solved": f"{int(good)}/1"}
+    return {
+        "seconds": seconds if good else np.nan,
+        "iterations": iterations,
+        "solved": f"{int(good)}/1",
+    }
 
 
 def _memory(name: str) -> float:
@@ -177,20 +238,37 @@ def _plot(points: list[Any], path: Path) -> None:
 def warm(quick: bool) -> Section:
     section = Section(
         "Solving again after a change of 5 %",
-        "From the solution and its multipliers (warm) against the automatic guess (cold), N = 100 + 100. Ends: warm and cold cost the same to "
+        "From the solution and its multipliers (warm) against the automatic guess (cold), N = 100 "
+        "+ 100. Ends: warm and cold cost the same to "
         f"{SAME_COST:g}, or how much dearer warm is.",
-        ["change", "ipm cold: solved", "ms", "iterations", "ipm warm: solved", "ms", "iterations", "cold takes", "ends",
-         "ipopt cold: solved", "iterations", "ipopt warm: solved", "iterations"],
-    )  # fmt: skip
+        [
+            "change",
+            "ipm cold: solved",
+            "ms",
+            "iterations",
+            "ipm warm: solved",
+            "ms",
+            "iterations",
+            "cold takes",
+            "ends",
+            "ipopt cold: solved",
+            "iterations",
+            "ipopt warm: solved",
+            "iterations",
+        ],
+    )
     base = seed()
     x = guess(base)
     nlp = program(base, x)
     first = {m: solves(nlp, x, m, 1).outcome for m in ("ipm", "ipopt")}
     alpha = base.start["alpha"]
     changes = {
-        "m_p": {"parameters": {"m_p": 1.05}}, "m_c": {"parameters": {"m_c": 1.05}}, "l": {"parameters": {"l": 0.525}},
-        "start angle": {"start": {**base.start, "alpha": 1.05 * alpha}}, "final time": {"final_time": (None, 1.05)},
-    }  # fmt: skip
+        "m_p": {"parameters": {"m_p": 1.05}},
+        "m_c": {"parameters": {"m_c": 1.05}},
+        "l": {"parameters": {"l": 0.525}},
+        "start angle": {"start": {**base.start, "alpha": 1.05 * alpha}},
+        "final time": {"final_time": (None, 1.05)},
+    }
     for name, change in changes.items():
         problem = base.but(**change)
         start = guess(problem)
@@ -198,14 +276,30 @@ def warm(quick: bool) -> Section:
         for method, repeats in (("ipm", 3 if quick else 11), ("ipopt", 1)):
             far = program(problem, start)
             near, minimum, duals = neighbour(nlp, problem, first[method])
-            cold, again = solves(far, start, method, repeats), solves(near, minimum, method, repeats, duals)
+            cold, again = (
+                solves(far, start, method, repeats),
+                solves(near, minimum, method, repeats, duals),
+            )
             if method == "ipm":
                 dearer = own_cost(near, again.outcome) / own_cost(far, cold.outcome) - 1
                 ends = "same" if abs(dearer) < SAME_COST else f"{dearer:+.1e}"
-                cells = [cold.share, ms(cold.seconds), cold.outcome.iterations, again.share, ms(again.seconds), again.outcome.iterations,
-                         ratio(cold.seconds, again.seconds), ends]  # fmt: skip
+                cells = [
+                    cold.share,
+                    ms(cold.seconds),
+                    cold.outcome.iterations,
+                    again.share,
+                    ms(again.seconds),
+                    again.outcome.iterations,
+                    ratio(cold.seconds, again.seconds),
+                    ends,
+                ]
             else:
-                cells += [cold.share, cold.outcome.iterations, again.share, again.outcome.iterations]
+                cells += [
+                    cold.share,
+                    cold.outcome.iterations,
+                    again.share,
+                    again.outcome.iterations,
+                ]
         section.rows.append((name, *cells))
     return section
 

@@ -1,10 +1,13 @@
-"""Write, compile and load: generated text becomes a module, kept in a cache by the content it was made from.
+"""Write, compile and load: generated text becomes a module, kept in a cache by the content it was
+made from.
 
-A cache entry is a folder ``<model>-<key>`` with the sources, the extension and ``build.json``, which holds the key and the digest of every
-other file.  An entry is made in a folder of its own and renamed into place under a lock, so that processes building at once
-do not see half an entry; an entry that is not whole is made again.  The digests find damage; against others stand the rights of the folder, the
-entries and the files: what others could have written is not loaded.  The compiled module holds the digest of its sources, as its manifest does, so
-that a module and a manifest of different sources never meet.
+A cache entry is a folder ``<model>-<key>`` with the sources, the extension and ``build.json``,
+which holds the key and the digest of every other file.  An entry is made in a folder of its own and
+renamed into place under a lock, so that processes building at once do not see half an entry; an
+entry that is not whole is made again.  The digests find damage; against others stand the rights of
+the folder, the entries and the files: what others could have written is not loaded.  The compiled
+module holds the digest of its sources, as its manifest does, so that a module and a manifest of
+different sources never meet.
 """
 
 from __future__ import annotations
@@ -36,8 +39,9 @@ from dmoc.codegen.private import is_private, make_folder, remove, safe_folder, w
 from dmoc.errors import BuildError
 from dmoc.symbolic.names import check_name
 
-# The kernels decide the speed of a solve; the wrapper only hands over their table, so it is compiled quickly instead.  Contraction into
-# fused operations stays off so that results are the same on every machine.  A warning is no reason to refuse a user's model.
+# The kernels decide the speed of a solve; the wrapper only hands over their table, so it is
+# compiled quickly instead.  Contraction into fused operations stays off so that results are the
+# same on every machine.  A warning is no reason to refuse a user's model.
 KERNEL_FLAGS = ("-std=c11", "-O2", "-fPIC", "-ffp-contract=off", "-w")
 WRAPPER_FLAGS = ("-O1", "-fPIC", "-w")
 BUILD_RECORD = "build.json"
@@ -55,7 +59,8 @@ def cache_directory() -> Path:
 
 
 def compiler() -> list[str]:
-    """Return the C compiler's command: $CC if set, else the one Python was built with, else cc or gcc.
+    """Return the C compiler's command: $CC if set, else the one Python was built with, else cc or
+    gcc.
 
     Raises
     ------
@@ -77,9 +82,14 @@ def compiler() -> list[str]:
 
 
 def build_cached(
-    name: str, key: str, texts: Callable[[], Mapping[str, str]], fallback: Callable[[], str] | None = None, force: bool = False
+    name: str,
+    key: str,
+    texts: Callable[[], Mapping[str, str]],
+    fallback: Callable[[], str] | None = None,
+    force: bool = False,
 ) -> Kernels:
-    """Return compiled kernels from the cache, building them first if they are missing, stale or damaged.
+    """Return compiled kernels from the cache, building them first if they are missing, stale or
+    damaged.
 
     Parameters
     ----------
@@ -110,7 +120,11 @@ def build_cached(
     except BuildError as error:
         if fallback is None:
             raise
-        warnings.warn(f"{error} The NumPy kernels are used instead; they are much slower.", RuntimeWarning, stacklevel=3)
+        warnings.warn(
+            f"{error} The NumPy kernels are used instead; they are much slower.",
+            RuntimeWarning,
+            stacklevel=3,
+        )
         files = texts()
         return numpy_kernels(json.loads(files["manifest.json"]), fallback())
     try:
@@ -124,17 +138,20 @@ def build_cached(
                 kernels = _load_entry(entry, digest)
     except OSError as error:
         raise BuildError(
-            f"the kernel cache {cache} cannot be written ({error.strerror}): set DMOC_CACHE to a writable folder."
+            f"the kernel cache {cache} cannot be written ({error.strerror}): set DMOC_CACHE to a "
+            "writable folder."
         ) from None
     if kernels is None:
         raise BuildError(
-            f"the kernels in {entry} were built and cannot be loaded, or are not those of their manifest: remove that folder and try again."
+            f"the kernels in {entry} were built and cannot be loaded, or are not those of their "
+            "manifest: remove that folder and try again."
         )
     return Kernels(kernels.manifest, kernels.module, COMPILED, time.perf_counter() - start)
 
 
 def load_installed(package: str) -> Kernels | None:
-    """Return the kernels of an installed package of generated code, or None if its extension was not compiled.
+    """Return the kernels of an installed package of generated code, or None if its extension was
+    not compiled.
 
     Raises
     ------
@@ -148,7 +165,8 @@ def load_installed(package: str) -> Kernels | None:
     manifest = json.loads(_installed_manifest(package))
     if not _belong_together(module, manifest):
         raise BuildError(
-            f"the compiled kernels of model {manifest['name']!r} were made from other sources than those installed: install dmoc again (in a checkout: "
+            f"the compiled kernels of model {manifest['name']!r} were made from other sources than "
+            "those installed: install dmoc again (in a checkout: "
             "pip install -e .)."
         )
     return Kernels(manifest, module, COMPILED)
@@ -159,7 +177,8 @@ def _installed_manifest(package: str) -> str:
 
 
 def _belong_together(module: types.ModuleType, manifest: Mapping[str, Any]) -> bool:
-    """Whether a module was compiled from the sources that a manifest describes: sizes of other sources reach beyond its arrays."""
+    """Whether a module was compiled from the sources that a manifest describes: sizes of other
+    sources reach beyond its arrays."""
     return bool(getattr(module, "CODE", None) == manifest.get("code", ""))
 
 
@@ -177,10 +196,12 @@ def header() -> dict[str, str]:
 
 
 def arrived(manifest: Mapping[str, Any], backend: str, files: Mapping[str, str]) -> Kernels:
-    """Return kernels that come from another process: those installed or in the cache here, or built once more from their sources.
+    """Return kernels that come from another process: those installed or in the cache here, or built
+    once more from their sources.
 
-    What is here serves if it has the same manifest, digest of its sources included.  What is built gets the key of its texts, whatever they say
-    of themselves, so that it is never taken for a model of the user.
+    What is here serves if it has the same manifest, digest of its sources included.  What is built
+    gets the key of its texts, whatever they say of themselves, so that it is never taken for a
+    model of the user.
 
     Raises
     ------
@@ -191,15 +212,21 @@ def arrived(manifest: Mapping[str, Any], backend: str, files: Mapping[str, str])
         return numpy_kernels(manifest, files[NUMPY_TEXT])
     if sorted(files) != sorted(SOURCES):
         raise BuildError(
-            f"the kernels that arrived hold the files {', '.join(sorted(files))}: expected {', '.join(sorted(SOURCES))}."
+            f"the kernels that arrived hold the files {', '.join(sorted(files))}: expected "
+            f"{', '.join(sorted(SOURCES))}."
         )
     described = json.loads(files["manifest.json"])
     name = check_name(described["name"], "model")
     installed = f"dmoc.generated.{name}"
-    if importlib.util.find_spec(installed) is not None and _installed_manifest(installed) == files["manifest.json"]:
+    if (
+        importlib.util.find_spec(installed) is not None
+        and _installed_manifest(installed) == files["manifest.json"]
+    ):
         kernels = load_installed(installed)
     else:
-        kernels = _found(cache_directory(), name, _entry_key(f"{described['fingerprint']}\n{described['title']}"))
+        kernels = _found(
+            cache_directory(), name, _entry_key(f"{described['fingerprint']}\n{described['title']}")
+        )
     if kernels is not None and kernels.manifest == described:
         return kernels
     text = json.dumps(dict(files), sort_keys=True)
@@ -215,7 +242,8 @@ def numpy_kernels(manifest: Mapping[str, Any], text: str) -> Kernels:
 
 
 def write_files(directory: Path, files: Mapping[str, str]) -> list[Path]:
-    """Write generated files into ``directory``, each whole or not at all, and return their paths."""
+    """Write generated files into ``directory``, each whole or not at all, and return their
+    paths."""
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, text in sorted(files.items()):
@@ -227,7 +255,8 @@ def write_files(directory: Path, files: Mapping[str, str]) -> list[Path]:
 
 
 def _entry_key(key: str) -> str:
-    """Digest of the model, the generator, the compiler's command and the Python that loads the result."""
+    """Digest of the model, the generator, the compiler's command and the Python that loads the
+    result."""
     digest = hashlib.sha256(key.encode())
     for package in ("dmoc.symbolic", "dmoc.codegen"):
         for path in sorted(_sources(package)):
@@ -251,7 +280,11 @@ def _entry(folder: Path, name: str, digest: str) -> Path:
 
 def _found(cache: Path, name: str, digest: str) -> Kernels | None:
     """Return kernels from the cache folder, if it exists and holds them."""
-    return _load_entry(_entry(safe_folder(cache), name, digest), digest) if os.path.isdir(cache) else None
+    return (
+        _load_entry(_entry(safe_folder(cache), name, digest), digest)
+        if os.path.isdir(cache)
+        else None
+    )
 
 
 def _make_entry(entry: Path, digest: str, files: Mapping[str, str], command: list[str]) -> None:
@@ -261,7 +294,9 @@ def _make_entry(entry: Path, digest: str, files: Mapping[str, str], command: lis
         write_files(folder, files)
         compile_extension(folder, command)
         digests = {p.name: _digest(p) for p in sorted(folder.iterdir())}
-        write_whole(folder / BUILD_RECORD, json.dumps({"key": digest, "files": digests}, indent=1) + "\n")
+        write_whole(
+            folder / BUILD_RECORD, json.dumps({"key": digest, "files": digests}, indent=1) + "\n"
+        )
         for path in folder.iterdir():
             path.chmod(0o600)  # also where the user's files are open to a group
         remove(entry)
@@ -269,12 +304,15 @@ def _make_entry(entry: Path, digest: str, files: Mapping[str, str], command: lis
 
 
 def compile_extension(folder: Path, command: list[str]) -> Path:
-    """Compile the sources in ``folder`` into an extension module beside them and return its path."""
+    """Compile the sources in ``folder`` into an extension module beside them and return its
+    path."""
     from Cython.Compiler import Main, Options
 
     translate: Any = Main.compile_single  # Cython's compiler is untyped
     make_options: Any = Main.CompilationOptions  # type: ignore[attr-defined]
-    options = make_options(Options.default_options, output_file=str(folder / "wrapper_cython.c"), language_level=3)
+    options = make_options(
+        Options.default_options, output_file=str(folder / "wrapper_cython.c"), language_level=3
+    )
     result = translate(str(folder / f"{WRAPPER}.pyx"), options, full_module_name=WRAPPER)
     if result.num_errors:
         raise BuildError(f"Cython cannot translate {folder / WRAPPER}.pyx: see its messages above.")
@@ -292,11 +330,15 @@ def compile_extension(folder: Path, command: list[str]) -> Path:
 def _run(command: list[str], folder: Path) -> None:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        raise BuildError(f"the compiler failed.\n  command: {shlex.join(command)}\n  output: {done.stderr.strip()}")
+        raise BuildError(
+            f"the compiler failed.\n  command: {shlex.join(command)}\n  output: "
+            f"{done.stderr.strip()}"
+        )
 
 
 def _load_entry(entry: Path, digest: str) -> Kernels | None:
-    """Load an entry if it is complete, undamaged, of this key, and nobody else could have written it."""
+    """Load an entry if it is complete, undamaged, of this key, and nobody else could have
+    written it."""
     extension = entry / f"{WRAPPER}{sysconfig.get_config_var('EXT_SUFFIX')}"
     try:
         if not all(is_private(path) for path in (entry, *entry.iterdir())):

@@ -1,4 +1,5 @@
-"""Loaded kernels: one object for the compiled and for the NumPy backend.  Needs neither SymPy nor a compiler."""
+"""Loaded kernels: one object for the compiled and for the NumPy backend.  Needs neither SymPy
+nor a compiler."""
 
 from __future__ import annotations
 
@@ -28,11 +29,13 @@ class Kernels:
     manifest : mapping
         Names, sizes, parameters and sparsity patterns of the model.
     module : module
-        Compiled: a table of C functions, ``KERNELS``, and the digest of their sources, ``CODE``.  On NumPy: the functions.
+        Compiled: a table of C functions, ``KERNELS``, and the digest of their sources, ``CODE``.
+        On NumPy: the functions.
     backend : str
         "compiled" or "numpy".
     seconds : float
-        Time spent on derivation, generation and compilation when the kernels were made; 0 if they were found ready.
+        Time spent on derivation, generation and compilation when the kernels were made; 0 if they
+        were found ready.
     reference : str
         How the user named the model, where he did: by it the model is found again.
     """
@@ -44,10 +47,15 @@ class Kernels:
     reference: str = field(default="", compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Kernels travel between processes as their sources; see :func:`dmoc.codegen.build.arrived`."""
+        """Kernels travel between processes as their sources; see
+        :func:`dmoc.codegen.build.arrived`."""
         from dmoc.codegen.build import arrived, sources
 
-        return arrived, (dict(self.manifest), self.backend, sources(self)), {"reference": self.reference}
+        return (
+            arrived,
+            (dict(self.manifest), self.backend, sources(self)),
+            {"reference": self.reference},
+        )
 
     @property
     def name(self) -> str:
@@ -94,7 +102,8 @@ class Kernels:
 
     @cached_property
     def functions(self) -> Mapping[str, Callable[..., None]]:
-        """Each kernel as a function of its inputs and then its outputs, C-contiguous float64 arrays of shape (n, size)."""
+        """Each kernel as a function of its inputs and then its outputs, C-contiguous float64
+        arrays of shape (n, size)."""
         if self.backend == NUMPY:
             return {name: getattr(self.module, name) for name in self.manifest["kernels"]}
         return functions(self.module.KERNELS)
@@ -102,7 +111,10 @@ class Kernels:
     @cached_property
     def _sizes(self) -> dict[str, list[int]]:
         """Sizes of the outputs of each kernel."""
-        return {name: [_size(o) for o in facts["outputs"]] for name, facts in self.manifest["kernels"].items()}
+        return {
+            name: [_size(o) for o in facts["outputs"]]
+            for name, facts in self.manifest["kernels"].items()
+        }
 
     def outputs(self, kernel: str) -> list[str]:
         """Names of the outputs of a kernel, in order."""

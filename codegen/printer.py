@@ -1,7 +1,8 @@
-"""Expressions to text: shared subexpressions per kernel, then one formatting method per kind of node.
+"""Expressions to text: shared subexpressions per kernel, then one formatting method per kind of
+node.
 
-The text does not depend on hash seeds, because the terms of sums and products are sorted by their text; numbers are printed with 17
-significant digits.
+The text does not depend on hash seeds, because the terms of sums and products are sorted by their
+text; numbers are printed with 17 significant digits.
 """
 
 from __future__ import annotations
@@ -22,14 +23,16 @@ CONDITIONS = ("StrictLessThan", "LessThan", "Equality", "Unequality", "And", "Or
 
 @dataclass(frozen=True)
 class Listing:
-    """A kernel as straight-line code: local assignments, then one right-hand side per stored output value."""
+    """A kernel as straight-line code: local assignments, then one right-hand side per stored
+    output value."""
 
     locals: tuple[tuple[str, str], ...]
     outputs: tuple[tuple[str, tuple[str, ...]], ...]
 
 
 class Printer(ABC):
-    """Prints expressions in one language; subclasses say how it writes symbols, calls, powers and conditions."""
+    """Prints expressions in one language; subclasses say how it writes symbols, calls, powers
+    and conditions."""
 
     functions: ClassVar[Mapping[str, str]] = {}
 
@@ -54,7 +57,7 @@ class Printer(ABC):
     def both(self, conditions: Sequence[str], word: str) -> str:
         """Join conditions by "And" or "Or"."""
 
-    # One method per kind of node -------------------------------------------------------------------------------------
+    # One method per kind of node ------------------------------------------------------------------
 
     def _print(self, e: Any) -> tuple[str, int]:
         if e.is_Symbol:
@@ -75,7 +78,9 @@ class Printer(ABC):
             return self._piecewise(e)
         if kind in self.functions:
             return self.call(kind, *(self.text(a) for a in e.args)), _ATOM
-        raise GenerationError(f"the expression {e} ({kind}) cannot be printed as {type(self).__name__[:-7]} code.")
+        raise GenerationError(
+            f"the expression {e} ({kind}) cannot be printed as {type(self).__name__[:-7]} code."
+        )
 
     def _number(self, e: Any) -> tuple[str, int]:
         value = float(e)
@@ -96,7 +101,9 @@ class Printer(ABC):
 
     def _signed(self, e: Any) -> tuple[bool, str]:
         """Split a term into its sign and the text of its magnitude."""
-        coefficient = e.args[0] if e.is_Mul and e.args[0].is_Number else (e if e.is_Number else None)
+        coefficient = (
+            e.args[0] if e.is_Mul and e.args[0].is_Number else (e if e.is_Number else None)
+        )
         if coefficient is not None and float(coefficient) < 0:
             return True, self._wrap(-e, _PRODUCT)
         return False, self._wrap(e, _PRODUCT)
@@ -140,7 +147,9 @@ class Printer(ABC):
                 return self.conditional(branches, self.text(value)), _ATOM
             if kind != "BooleanFalse":
                 branches.append((self.text(value), self.condition(condition)))
-        raise GenerationError(f"the Piecewise {e} has no value elsewhere: end it with (value, True).")
+        raise GenerationError(
+            f"the Piecewise {e} has no value elsewhere: end it with (value, True)."
+        )
 
     def condition(self, c: Any) -> str:
         kind = type(c).__name__
@@ -164,7 +173,9 @@ class CPrinter(Printer):
     """C11 with <math.h>; the template defines the small integer powers."""
 
     functions: ClassVar[Mapping[str, str]] = {
-        n: n for n in "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log exp sqrt pow".split()
+        n: n
+        for n in "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log exp sqrt "
+        "pow".split()
     }
 
     def conditional(self, branches: Sequence[tuple[str, str]], otherwise: str) -> str:
@@ -197,12 +208,15 @@ class NumPyPrinter(Printer):
 
 
 def listing(spec: KernelSpec, printer: type[Printer], component: str) -> Listing:
-    """Print a kernel: definitions, shared subexpressions as ``w0, w1, ...``, outputs; nothing that no output needs.
+    """Print a kernel: definitions, shared subexpressions as ``w0, w1, ...``, outputs; nothing that
+    no output needs.
 
     ``component`` is the format of an input component, for instance ``"{name}[{i}]"``.
     """
     names = {
-        str(s): component.format(name=argument.name, i=i) for argument in spec.inputs for i, s in enumerate(argument.symbols)
+        str(s): component.format(name=argument.name, i=i)
+        for argument in spec.inputs
+        for i, s in enumerate(argument.symbols)
     }
     wanted = [e for output in spec.outputs for e in output.expressions]
     shared, reduced = se.cse(wanted) if wanted else ([], [])
@@ -223,7 +237,9 @@ def listing(spec: KernelSpec, printer: type[Printer], component: str) -> Listing
         assignments.append((names[str(symbol)], text))
     write = printer(names)
     values = iter(reduced)
-    outputs = tuple((o.name, tuple(write.text(next(values)) for _ in o.expressions)) for o in spec.outputs)
+    outputs = tuple(
+        (o.name, tuple(write.text(next(values)) for _ in o.expressions)) for o in spec.outputs
+    )
     return Listing(tuple(assignments), outputs)
 
 

@@ -1,4 +1,5 @@
-"""Folders and files that nobody but the user can change, and files that are written whole or not at all."""
+"""Folders and files that nobody but the user can change, and files that are written whole or not
+at all."""
 
 from __future__ import annotations
 
@@ -27,14 +28,16 @@ def make_folder(folder: Path) -> None:
 
 
 def safe_folder(folder: Path) -> Path:
-    """Return an existing folder, free of links, if what lies in it is the user's; otherwise warn once and return a temporary folder."""
+    """Return an existing folder, free of links, if what lies in it is the user's; otherwise warn
+    once and return a temporary folder."""
     real = folder.resolve()
     why = _objection(real)
     return real if why is None else _instead_of(folder, why)
 
 
 def _objection(folder: Path) -> str | None:
-    """Say why others could change what lies in a folder, by way of it or of one above it; None if they cannot."""
+    """Say why others could change what lies in a folder, by way of it or of one above it; None
+    if they cannot."""
     me = os.geteuid()
     for place in (folder, *folder.parents[:-1]):
         facts = place.stat()
@@ -48,7 +51,8 @@ def _objection(folder: Path) -> str | None:
 @cache
 def _instead_of(folder: Path, why: str) -> Path:
     warnings.warn(
-        f"the kernel cache {folder} is not used, because {why}, and kernels are built for this process alone: take away the others' right to write "
+        f"the kernel cache {folder} is not used, because {why}, and kernels are built for this "
+        "process alone: take away the others' right to write "
         "(chmod go-w), or set DMOC_CACHE to a folder of your own.",
         RuntimeWarning,
         stacklevel=5,
@@ -58,7 +62,8 @@ def _instead_of(folder: Path, why: str) -> Path:
     why_not = _objection(made)
     if why_not is not None:
         raise BuildError(
-            f"kernels cannot be built in {made}, because {why_not}: set TMPDIR or DMOC_CACHE to a folder of your own."
+            f"kernels cannot be built in {made}, because {why_not}: set TMPDIR or DMOC_CACHE to a "
+            "folder of your own."
         )
     return made
 
@@ -69,7 +74,8 @@ def _remove(folder: Path, process: int) -> None:
 
 
 def is_private(path: Path) -> bool:
-    """Whether a path is a folder or a file itself, no link, that belongs to the user and to whom others cannot write."""
+    """Whether a path is a folder or a file itself, no link, that belongs to the user and to whom
+    others cannot write."""
     facts = path.lstat()
     plain = stat.S_ISREG(facts.st_mode) or stat.S_ISDIR(facts.st_mode)
     return plain and facts.st_uid == os.geteuid() and not facts.st_mode & OTHERS_WRITE

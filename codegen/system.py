@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 BACKENDS = ("auto", "compiled", "numpy")
 
 
-def build(system: MechanicalSystem, *, order: int = 2, backend: str = "auto", force: bool = False) -> Kernels:
+def build(
+    system: MechanicalSystem, *, order: int = 2, backend: str = "auto", force: bool = False
+) -> Kernels:
     """Derive, generate, compile and load the kernels of a system; cached by content.
 
     Parameters
@@ -53,7 +55,13 @@ def build(system: MechanicalSystem, *, order: int = 2, backend: str = "auto", fo
         model = model_spec(system, order)
         return numpy_kernels(manifest(model), numpy_text(model))
     fallback = (lambda: numpy_text(model_spec(system, order))) if backend == "auto" else None
-    return build_cached(system.name, model_key(system, order), lambda: c_files(model_spec(system, order)), fallback, force)
+    return build_cached(
+        system.name,
+        model_key(system, order),
+        lambda: c_files(model_spec(system, order)),
+        fallback,
+        force,
+    )
 
 
 def kernels_of(model: Any) -> Kernels:
@@ -65,5 +73,6 @@ def kernels_of(model: Any) -> Kernels:
     if isinstance(model, MechanicalSystem):
         return build(model)
     raise ProblemError(
-        f"kernels = {shown(model)}: expected the kernels of a model (dmoc.build, dmoc.load), or a MechanicalSystem."
+        f"kernels = {shown(model)}: expected the kernels of a model (dmoc.build, dmoc.load), or a "
+        "MechanicalSystem."
     )

@@ -45,7 +45,9 @@ def _digest(files: dict[str, str]) -> str:
 
 def numpy_text(model: ModelSpec) -> str:
     """Return a NumPy module with the same functions as the compiled one."""
-    return _render("numpy.py", {"name": model.name, "kernels": [_numpy_kernel(k) for k in model.kernels]})
+    return _render(
+        "numpy.py", {"name": model.name, "kernels": [_numpy_kernel(k) for k in model.kernels]}
+    )
 
 
 def manifest(model: ModelSpec) -> dict[str, Any]:
@@ -76,9 +78,17 @@ def manifest(model: ModelSpec) -> dict[str, Any]:
 
 def _render(name: str, values: dict[str, Any]) -> str:
     environment = jinja2.Environment(
-        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, undefined=jinja2.StrictUndefined, autoescape=False
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+        autoescape=False,
     )
-    source = resources.files(__package__).joinpath("templates", f"{name}.jinja").read_text(encoding="utf-8")
+    source = (
+        resources.files(__package__)
+        .joinpath("templates", f"{name}.jinja")
+        .read_text(encoding="utf-8")
+    )
     return environment.from_string(source).render(values)
 
 
@@ -112,7 +122,9 @@ def _c_kernel(spec: KernelSpec) -> dict[str, Any]:
         "arrays": ", ".join(f'{{"{a.name}", {a.size}}}' for a in _arrays(spec)),
         "unused": unused,
         "locals": list(code.locals),
-        "assignments": [(f"{name}[{i}]", v) for name, values in code.outputs for i, v in enumerate(values)],
+        "assignments": [
+            (f"{name}[{i}]", v) for name, values in code.outputs for i, v in enumerate(values)
+        ],
     }
 
 
@@ -120,7 +132,9 @@ def _numpy_kernel(spec: KernelSpec) -> dict[str, Any]:
     code = listing(spec, NumPyPrinter, "{name}[..., {i}]")
     return _common(spec) | {
         "locals": list(code.locals),
-        "assignments": [(f"{name}[..., {i}]", v) for name, values in code.outputs for i, v in enumerate(values)],
+        "assignments": [
+            (f"{name}[..., {i}]", v) for name, values in code.outputs for i, v in enumerate(values)
+        ],
     }
 
 
@@ -133,7 +147,15 @@ def _layout(output: Output) -> str:
 
 def _legend(model: ModelSpec) -> list[str]:
     """Say which component of an argument is which quantity."""
-    groups = {"q": "coordinates", "u": "inputs", "g": "surfaces", "r_d": "path_constraints", "par": "parameters"}
+    groups = {
+        "q": "coordinates",
+        "u": "inputs",
+        "g": "surfaces",
+        "r_d": "path_constraints",
+        "par": "parameters",
+    }
     return [
-        f"{letter} = ({', '.join(model.facts[key])})" for letter, key in groups.items() if model.facts[key]
-    ]  # fmt: skip
+        f"{letter} = ({', '.join(model.facts[key])})"
+        for letter, key in groups.items()
+        if model.facts[key]
+    ]

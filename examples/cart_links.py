@@ -1,6 +1,8 @@
-"""A cart carries a chain of links from rest to rest; on the way the first link must bounce off a stop on the cart.
+"""A cart carries a chain of links from rest to rest; on the way the first link must bounce off a
+stop on the cart.
 
-No value is published: the midpoint rule is compared with the discretisation of order 4, and with the momentum that the impulse must change.
+No value is published: the midpoint rule is compared with the discretisation of order 4, and with
+the momentum that the impulse must change.
 
 Run:  python examples/cart_links.py [FOLDER] [LINKS]
 """
@@ -17,7 +19,8 @@ from dmoc.report.shapes import Picture
 
 
 def system(links: int) -> dmoc.MechanicalSystem:
-    """Point masses on massless links; the angles are absolute, 0 is hanging, and the stop acts on the first one."""
+    """Point masses on massless links; the angles are absolute, 0 is hanging, and the stop acts
+    on the first one."""
     x, F = dynamicsymbols("x F")
     angles = dynamicsymbols(f"a1:{links + 1}")
     m_c, m, l, g, stop = sp.symbols("m_c m l g stop")
@@ -28,25 +31,44 @@ def system(links: int) -> dmoc.MechanicalSystem:
         kinetic += m * tip.diff(t).dot(tip.diff(t)) / 2
         potential += m * g * tip[1]
     return dmoc.MechanicalSystem(
-        f"cart_{links}_links", coordinates=[x, *angles], inputs=[F], lagrangian=kinetic - potential, forces={x: F},
-        surfaces={"stop": angles[0] >= -stop}, parameters={m_c: 1.0, m: 0.2, l: 0.4, g: 9.81, stop: 0.2}, cost=F**2 / 2,
+        f"cart_{links}_links",
+        coordinates=[x, *angles],
+        inputs=[F],
+        lagrangian=kinetic - potential,
+        forces={x: F},
+        surfaces={"stop": angles[0] >= -stop},
+        parameters={m_c: 1.0, m: 0.2, l: 0.4, g: 9.81, stop: 0.2},
+        cost=F**2 / 2,
         units={x: "m", F: "N"} | dict.fromkeys(angles, "rad"),
-    )  # fmt: skip
+    )
 
 
 def problem(links: int = 2, steps: int = 60, order: int = 2) -> dmoc.Problem:
     hanging = {f"a{i + 1}": 0.0 for i in range(links)}
     rest = {"x_dot": 0.0} | {f"a{i + 1}_dot": 0.0 for i in range(links)}
     return dmoc.Problem(
-        dmoc.build(system(links), order=order), start={"x": 0.0} | hanging, goal={"x": 1.0} | hanging | rest, sequence=["stop"],
-        steps=steps, final_time=1.5, bounds={"F": (-30.0, 30.0)}, restitution=0.7,
-    )  # fmt: skip
+        dmoc.build(system(links), order=order),
+        start={"x": 0.0} | hanging,
+        goal={"x": 1.0} | hanging | rest,
+        sequence=["stop"],
+        steps=steps,
+        final_time=1.5,
+        bounds={"F": (-30.0, 30.0)},
+        restitution=0.7,
+    )
 
 
 def shape(q, parameters) -> Picture:
     l, x = parameters["l"], q[0]
-    joints = np.vstack([[(x, 0.0)], np.stack([x + l * np.cumsum(np.sin(q[1:])), -l * np.cumsum(np.cos(q[1:]))], axis=1)])
-    cart = np.array([(x - 0.1, -0.05), (x + 0.1, -0.05), (x + 0.1, 0.05), (x - 0.1, 0.05), (x - 0.1, -0.05)])
+    joints = np.vstack(
+        [
+            [(x, 0.0)],
+            np.stack([x + l * np.cumsum(np.sin(q[1:])), -l * np.cumsum(np.cos(q[1:]))], axis=1),
+        ]
+    )
+    cart = np.array(
+        [(x - 0.1, -0.05), (x + 0.1, -0.05), (x + 0.1, 0.05), (x - 0.1, 0.05), (x - 0.1, -0.05)]
+    )
     return Picture((joints,), tuple(map(tuple, joints[1:])), bodies=(cart,))
 
 
@@ -54,8 +76,17 @@ def main() -> None:
     links = int(sys.argv[2]) if len(sys.argv) > 2 else 2
     solution, fine = dmoc.solve(problem(links), "ipm"), dmoc.solve(problem(links, 40, 4), "ipm")
     hit, fine_hit = solution.collisions[0], fine.collisions[0]
-    rows = [("cost, order 2 against 4", solution.cost, fine.cost), ("time of the hit", hit.time, fine_hit.time)]
-    rows.append(("impulse and jump of p_a1", hit.impulse, float(hit.momentum_after[1] - hit.momentum_before[1])))
+    rows = [
+        ("cost, order 2 against 4", solution.cost, fine.cost),
+        ("time of the hit", hit.time, fine_hit.time),
+    ]
+    rows.append(
+        (
+            "impulse and jump of p_a1",
+            hit.impulse,
+            float(hit.momentum_after[1] - hit.momentum_before[1]),
+        )
+    )
     show("cart_links", rows, solution, shape)
 
 

@@ -1,4 +1,5 @@
-"""Swing up a pole on a cart, after M. Kelly, "An Introduction to Trajectory Optimization" (2017): least int F^2 dt, 58.88 in Dymos' test.
+"""Swing up a pole on a cart, after M. Kelly, "An Introduction to Trajectory Optimization" (2017):
+least int F^2 dt, 58.88 in Dymos' test.
 
 Kelly's straight guess leads to his motion, the automatic guesses to a cheaper one.
 
@@ -27,16 +28,26 @@ def system() -> dmoc.MechanicalSystem:
     velocity = tip.diff(t)
     kinetic = m_c * x.diff(t) ** 2 / 2 + m_p * velocity.dot(velocity) / 2
     return dmoc.MechanicalSystem(
-        "cart_pole", coordinates=[x, theta], inputs=[F], lagrangian=kinetic - m_p * g * tip[1], forces={x: F},
-        parameters={m_c: 1.0, m_p: 0.3, l: 0.5, g: 9.81}, cost=F**2, units={x: "m", theta: "rad", F: "N"},
-    )  # fmt: skip
+        "cart_pole",
+        coordinates=[x, theta],
+        inputs=[F],
+        lagrangian=kinetic - m_p * g * tip[1],
+        forces={x: F},
+        parameters={m_c: 1.0, m_p: 0.3, l: 0.5, g: 9.81},
+        cost=F**2,
+        units={x: "m", theta: "rad", F: "N"},
+    )
 
 
 def problem(steps: int = 100, order: int = 2) -> dmoc.Problem:
     return dmoc.Problem(
-        dmoc.build(system(), order=order), start={"x": 0.0, "theta": 0.0}, goal={"x": 1.0, "x_dot": 0.0, "theta": np.pi, "theta_dot": 0.0},
-        steps=steps, final_time=2.0, bounds={"F": (-20.0, 20.0), "x": (-2.0, 2.0)},
-    )  # fmt: skip
+        dmoc.build(system(), order=order),
+        start={"x": 0.0, "theta": 0.0},
+        goal={"x": 1.0, "x_dot": 0.0, "theta": np.pi, "theta_dot": 0.0},
+        steps=steps,
+        final_time=2.0,
+        bounds={"F": (-20.0, 20.0), "x": (-2.0, 2.0)},
+    )
 
 
 def straight(problem: dmoc.Problem) -> np.ndarray:
@@ -51,7 +62,9 @@ def straight(problem: dmoc.Problem) -> np.ndarray:
 def shape(q, parameters) -> Picture:
     x, theta, l = q[0], q[1], parameters["l"]
     tip = (x + l * np.sin(theta), -l * np.cos(theta))
-    cart = np.array([(x - 0.1, -0.05), (x + 0.1, -0.05), (x + 0.1, 0.05), (x - 0.1, 0.05), (x - 0.1, -0.05)])
+    cart = np.array(
+        [(x - 0.1, -0.05), (x + 0.1, -0.05), (x + 0.1, 0.05), (x - 0.1, 0.05), (x - 0.1, -0.05)]
+    )
     return Picture((np.array([(x, 0.0), tip]),), (tip,), bodies=(cart,))
 
 

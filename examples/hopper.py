@@ -1,7 +1,9 @@
-"""A one-legged hopper: a body on a springy leg with a motor in the leg and one in the hip hops forward, each hop like the one before.
+"""A one-legged hopper: a body on a springy leg with a motor in the leg and one in the hip hops
+forward, each hop like the one before.
 
-The foot hits the ground with restitution 0.5 and leaves it at once.  In a period T the ground's only impulse must carry the weight, lam = M g T, and
-keep the forward momentum, since it is normal to the ground: both are known without solving anything.
+The foot hits the ground with restitution 0.5 and leaves it at once.  In a period T the ground's
+only impulse must carry the weight, lam = M g T, and keep the forward momentum, since it is normal
+to the ground: both are known without solving anything.
 
 Run:  python examples/hopper.py [FOLDER]
 """
@@ -18,35 +20,58 @@ G = 9.81
 
 
 def system() -> dmoc.MechanicalSystem:
-    x, y, phi, r, F, tau = dynamicsymbols(
-        "x y phi r F tau"
-    )  # body, angle and length of the leg; force along it, torque of the hip
+    # Body, angle and length of the leg; force along it, torque of the hip.
+    x, y, phi, r, F, tau = dynamicsymbols("x y phi r F tau")
     M, m, J, k, r_0, g = sp.symbols("M m J k r_0 g")
     t = dynamicsymbols._t
     foot = sp.Matrix([x + r * sp.sin(phi), y - r * sp.cos(phi)])
-    kinetic = M * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2 + m * foot.diff(t).dot(foot.diff(t)) / 2 + J * phi.diff(t) ** 2 / 2
+    kinetic = (
+        M * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2
+        + m * foot.diff(t).dot(foot.diff(t)) / 2
+        + J * phi.diff(t) ** 2 / 2
+    )
     potential = M * g * y + m * g * foot[1] + k * (r - r_0) ** 2 / 2
     return dmoc.MechanicalSystem(
-        "hopper", coordinates=[x, y, phi, r], inputs=[F, tau], lagrangian=kinetic - potential, forces={r: F, phi: tau},
-        surfaces={"ground": foot[1] >= 0}, parameters={M: 1.0, m: 0.3, J: 0.05, k: 60.0, r_0: 0.5, g: G},
-        cost=(F**2 + 10 * tau**2) / 2, dissipation=0.2 * r.diff(t) ** 2 / 2,
+        "hopper",
+        coordinates=[x, y, phi, r],
+        inputs=[F, tau],
+        lagrangian=kinetic - potential,
+        forces={r: F, phi: tau},
+        surfaces={"ground": foot[1] >= 0},
+        parameters={M: 1.0, m: 0.3, J: 0.05, k: 60.0, r_0: 0.5, g: G},
+        cost=(F**2 + 10 * tau**2) / 2,
+        dissipation=0.2 * r.diff(t) ** 2 / 2,
         units={x: "m", y: "m", phi: "rad", r: "m", F: "N", tau: "N m"},
-    )  # fmt: skip
+    )
 
 
 def problem(steps: int = 40, order: int = 2) -> dmoc.Problem:
     states = ("y", "phi", "r")
     return dmoc.Problem(
-        dmoc.build(system(), order=order), start={"x": 0.0, "p_x": (0.1, 10.0), "phi": 0.3}, goal={"x": 0.5},
-        periodic=[*states, "p_x", *(f"p_{s}" for s in states)], sequence=["ground"], steps=steps, final_time=(0.45, 0.6),
-        bounds={"F": (-100.0, 100.0), "tau": (-10.0, 10.0), "r": (0.3, 0.7), "phi": (-0.6, 0.6), "y": (0.3, 1.5)}, restitution=0.5,
-    )  # fmt: skip
+        dmoc.build(system(), order=order),
+        start={"x": 0.0, "p_x": (0.1, 10.0), "phi": 0.3},
+        goal={"x": 0.5},
+        periodic=[*states, "p_x", *(f"p_{s}" for s in states)],
+        sequence=["ground"],
+        steps=steps,
+        final_time=(0.45, 0.6),
+        bounds={
+            "F": (-100.0, 100.0),
+            "tau": (-10.0, 10.0),
+            "r": (0.3, 0.7),
+            "phi": (-0.6, 0.6),
+            "y": (0.3, 1.5),
+        },
+        restitution=0.5,
+    )
 
 
 def shape(q, parameters) -> Picture:
     x, y, phi, r = q
     foot = (x + r * np.sin(phi), y - r * np.cos(phi))
-    return Picture((np.array([(x, y), foot]),), ((x, y), foot), (np.array([(-0.2, 0.0), (0.8, 0.0)]),))
+    return Picture(
+        (np.array([(x, y), foot]),), ((x, y), foot), (np.array([(-0.2, 0.0), (0.8, 0.0)]),)
+    )
 
 
 def main() -> None:
@@ -59,7 +84,11 @@ def main() -> None:
         ("cost", solution.cost, None),
         ("period", solution.final_time, None),
     ]
-    rows += [(f"{name} at the end and start", last.q[-1, i], first.q[0, i]) for i, name in enumerate(("x", "y", "phi", "r")) if i]
+    rows += [
+        (f"{name} at the end and start", last.q[-1, i], first.q[0, i])
+        for i, name in enumerate(("x", "y", "phi", "r"))
+        if i
+    ]
     show("hopper", rows, solution, shape)
 
 

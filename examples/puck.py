@@ -1,7 +1,9 @@
-"""A puck among four walls must change its velocity; the walls do the work.  Which walls, and in which order?
+"""A puck among four walls must change its velocity; the walls do the work.  Which walls, and in
+which order?
 
-Unfolding the walls makes every sequence a free motion with the least cost 6 d^2 / T^3 - 6 d w / T^2 + 2 w^2 / T in each direction, where d is the
-distance beyond v_0 T and w the change of the velocity.
+Unfolding the walls makes every sequence a free motion with the least cost 6 d^2 / T^3 - 6 d w / T^2
++ 2 w^2 / T in each direction, where d is the distance beyond v_0 T and w the change of the
+velocity.
 
 Run:  python examples/puck.py [FOLDER]
 """
@@ -15,7 +17,8 @@ SEQUENCE = ("east", "north", "west")
 
 
 def known(start: dict, goal: dict, T: float) -> float:
-    """The least cost of the sequence east, north, west on a table of 1 by 1: x unfolds to x + 2, y to 2 - y."""
+    """The least cost of the sequence east, north, west on a table of 1 by 1: x unfolds to x + 2,
+    y to 2 - y."""
     unfolded = (
         (start["x"], start["x_dot"], goal["x"] + 2, goal["x_dot"]),
         (start["y"], start["y_dot"], 2 - goal["y"], -goal["y_dot"]),
@@ -29,7 +32,9 @@ def known(start: dict, goal: dict, T: float) -> float:
 
 def problem(steps: int = 40, order: int = 2) -> dmoc.Problem:
     reference = find("puck_table")
-    return dmoc.Problem(reference.kernels(order), **{**reference.defaults, "sequence": SEQUENCE, "steps": steps})
+    return dmoc.Problem(
+        reference.kernels(order), **{**reference.defaults, "sequence": SEQUENCE, "steps": steps}
+    )
 
 
 def main() -> None:
@@ -38,7 +43,11 @@ def main() -> None:
     tree = dmoc.search(p.but(sequence=()), max_collisions=3)
     print(f"best of {len(tree.nodes)} sequences: {', '.join(tree.best.sequence)}")
     fine = dmoc.solve(problem(20, 4), "ipm")
-    show("puck", [("cost, order 2", tree.best.cost, exact), ("cost, order 4", fine.cost, exact)], tree.best.solution)
+    show(
+        "puck",
+        [("cost, order 2", tree.best.cost, exact), ("cost, order 4", fine.cost, exact)],
+        tree.best.solution,
+    )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """Search for the best sequence of collisions on a dask.distributed cluster.
 
-Run:  python examples/search_dask.py [SCHEDULER]
-Without the address of a scheduler, one is started on this machine with two worker processes.  The kernels are built once here and
-travel to workers that do not find them.
+Run:  python examples/search_dask.py [SCHEDULER] Without the address of a scheduler, one is started
+on this machine with two worker processes.  The kernels are built once here and travel to workers
+that do not find them.
 """
 
 import sys
@@ -18,14 +18,19 @@ def main(address: str | None) -> int:
     reference = find("puck_table")
     problem = dmoc.Problem(reference.kernels(), **reference.defaults)
     cluster = (
-        LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) if address is None else address
+        LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
+        if address is None
+        else address
     )
     with Client(cluster) as client:
         workers = len(client.scheduler_info()["workers"])
         result = dmoc.search(problem, max_collisions=2, executor=client.get_executor())
     if address is None:
         cluster.close()
-    print(f"{workers} workers, {len(result.nodes)} sequences in {result.seconds:.1f} s: {result.counts}")
+    print(
+        f"{workers} workers, {len(result.nodes)} sequences in {result.seconds:.1f} s: "
+        f"{result.counts}"
+    )
     if result.best is None:
         print("no confirmed motion")
         return 1

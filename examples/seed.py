@@ -1,6 +1,7 @@
 """Swing up the pendulum of Kern & Gross (2018) by bouncing it off the left limiter.
 
-The reference value is that of an independent transcription of the same discrete problem; as the steps get smaller the cost tends to 129.9843.
+The reference value is that of an independent transcription of the same discrete problem; as the
+steps get smaller the cost tends to 129.9843.
 
 Run:  python examples/seed.py [FOLDER]
 """
@@ -27,7 +28,10 @@ def main() -> None:
         (f"duration of phase {i}", p.duration, exact)
         for i, (p, exact) in enumerate(zip(solution.phases, KNOWN["phases"], strict=True))
     ]
-    rows += [("impulse", solution.collisions[0].impulse, None), ("cost, order 4, refined to 1e-6", fine.cost, LIMIT)]
+    rows += [
+        ("impulse", solution.collisions[0].impulse, None),
+        ("cost, order 4, refined to 1e-6", fine.cost, LIMIT),
+    ]
     show("seed", rows, solution)
 
 

@@ -1,5 +1,5 @@
-"""What every example prints and writes: found against known values; a solution file and a figure in the folder given on the command line
-(default: figures)."""
+"""What every example prints and writes: found against known values; a solution file and a figure
+in the folder given on the command line (default: figures)."""
 
 import sys
 from pathlib import Path
@@ -10,8 +10,11 @@ from rich.table import Table
 import dmoc
 
 
-def show(name: str, rows: list[tuple[str, float, float | None]], solution: dmoc.Solution, shape=None) -> None:
-    """Print a table of (what, found, known), save and draw the motion, and exit with 1 if it is not solved and confirmed by the simulation."""
+def show(
+    name: str, rows: list[tuple[str, float, float | None]], solution: dmoc.Solution, shape=None
+) -> None:
+    """Print a table of (what, found, known), save and draw the motion, and exit with 1 if it is
+    not solved and confirmed by the simulation."""
     console = Console()
     table = Table(name, "found", "known", "difference", box=None, header_style="bold")
     for what, found, known in rows:
@@ -20,10 +23,14 @@ def show(name: str, rows: list[tuple[str, float, float | None]], solution: dmoc.
     console.print(table, highlight=False)
     check = solution.verification or {}
     errors = ", ".join(
-        f"{name.replace('_', ' ')} {check[name]:.1e}" for name in ("terminal_error", "energy_error") if name in check
+        f"{name.replace('_', ' ')} {check[name]:.1e}"
+        for name in ("terminal_error", "energy_error")
+        if name in check
     )
     console.print(
-        f"{solution.status}: {solution.message}; {solution.iterations} iterations; simulation: {errors}", highlight=False
+        f"{solution.status}: {solution.message}; {solution.iterations} iterations; simulation: "
+        f"{errors}",
+        highlight=False,
     )
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "figures")
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,8 @@
-"""A ball is shot up from the floor so that its peak after two lossy bounces is half a metre high: how fast?
+"""A ball is shot up from the floor so that its peak after two lossy bounces is half a metre high:
+how fast?
 
-Each bounce keeps 0.9 of the speed, so that v0 = sqrt(2 g 0.5) / 0.81; there is no input, and the three durations are free.
+Each bounce keeps 0.9 of the speed, so that v0 = sqrt(2 g 0.5) / 0.81; there is no input, and the
+three durations are free.
 
 Run:  python examples/two_bounces.py [FOLDER]
 """
@@ -20,16 +22,25 @@ def system() -> dmoc.MechanicalSystem:
     y = dynamicsymbols("y")
     g = sp.Symbol("g")
     return dmoc.MechanicalSystem(
-        "ball", coordinates=[y], lagrangian=y.diff(dynamicsymbols._t) ** 2 / 2 - g * y, surfaces={"floor": y >= 0}, parameters={g: GRAVITY},
+        "ball",
+        coordinates=[y],
+        lagrangian=y.diff(dynamicsymbols._t) ** 2 / 2 - g * y,
+        surfaces={"floor": y >= 0},
+        parameters={g: GRAVITY},
         units={y: "m"},
-    )  # fmt: skip
+    )
 
 
 def problem(steps: int = 50, order: int = 2) -> dmoc.Problem:
     return dmoc.Problem(
-        dmoc.build(system(), order=order), start={"y": 0.0, "y_dot": (0.1, 20.0)}, goal={"y": PEAK, "y_dot": 0.0},
-        sequence=["floor", "floor"], steps=steps, final_time=(0.1, 5.0), restitution=E,
-    )  # fmt: skip
+        dmoc.build(system(), order=order),
+        start={"y": 0.0, "y_dot": (0.1, 20.0)},
+        goal={"y": PEAK, "y_dot": 0.0},
+        sequence=["floor", "floor"],
+        steps=steps,
+        final_time=(0.1, 5.0),
+        restitution=E,
+    )
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
-"""A disc is pushed so that it knocks another one into the origin, after Zhong, Han and Brikis, "Differentiable Physics Simulations with
-Contacts" (2022), task 3; several differentiable simulators miss the optimum, J = 1.39654216.
+"""A disc is pushed so that it knocks another one into the origin, after Zhong, Han and Brikis,
+"Differentiable Physics Simulations with Contacts" (2022), task 3; several differentiable simulators
+miss the optimum, J = 1.39654216.
 
 The gap is one between two bodies, and its normal turns with them; the cost has a terminal part.
 
@@ -37,9 +38,12 @@ def system() -> dmoc.MechanicalSystem:
 
 def problem(steps: int = 50, order: int = 2) -> dmoc.Problem:
     return dmoc.Problem(
-        dmoc.build(system(), order=order), start={"x1": -2.0, "y1": -2.0, "x2": -1.0, "y2": -1.0}, sequence=["contact"], steps=steps,
+        dmoc.build(system(), order=order),
+        start={"x1": -2.0, "y1": -2.0, "x2": -1.0, "y2": -1.0},
+        sequence=["contact"],
+        steps=steps,
         final_time=1.0,
-    )  # fmt: skip
+    )
 
 
 def shape(q, parameters) -> Picture:
@@ -52,7 +56,11 @@ def main() -> None:
     solution = dmoc.solve(problem(), "ipm")
     collision = solution.collisions[0]
     normal = collision.position[2:] - collision.position[:2]
-    speed = float(normal @ (collision.momentum_before[:2] - collision.momentum_before[2:]) / np.linalg.norm(normal))
+    speed = float(
+        normal
+        @ (collision.momentum_before[:2] - collision.momentum_before[2:])
+        / np.linalg.norm(normal)
+    )
     rows = [
         ("cost", solution.cost, KNOWN["cost"]),
         ("time of the hit", collision.time, KNOWN["time"]),

@@ -1,1 +1,2 @@
-"""A model with its values: masses, forces, momenta, gaps and steps as arrays of mathematical shapes."""
+"""A model with its values: masses, forces, momenta, gaps and steps as arrays of mathematical
+shapes."""

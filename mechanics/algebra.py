@@ -1,4 +1,5 @@
-"""Small linear systems that never raise and never let LAPACK write: what has no finite solution is not a number."""
+"""Small linear systems that never raise and never let LAPACK write: what has no finite solution
+is not a number."""
 
 from __future__ import annotations
 
@@ -8,7 +9,8 @@ from dmoc.codegen.kernels import Array
 
 
 def solved(A: Array, b: Array) -> Array:
-    """A^-1 b for a matrix, or row by row for stacks of matrices and vectors; not a number where A is singular or not finite."""
+    """A^-1 b for a matrix, or row by row for stacks of matrices and vectors; not a number where
+    A is singular or not finite."""
     stacked = b.ndim == A.ndim - 1 and A.ndim > 2
     right = b[..., None] if stacked else b
     if not (np.isfinite(A).all() and np.isfinite(b).all()):
@@ -21,7 +23,8 @@ def solved(A: Array, b: Array) -> Array:
 
 
 def least_squares(A: Array, b: Array) -> Array:
-    """The shortest x of least |A x - b|; not a number where A or b is not finite or the decomposition fails."""
+    """The shortest x of least |A x - b|; not a number where A or b is not finite or the
+    decomposition fails."""
     nothing = np.full((A.shape[1], *b.shape[1:]), np.nan)
     if not (np.isfinite(A).all() and np.isfinite(b).all()):
         return nothing

@@ -1,16 +1,16 @@
 """A model with its parameter values: the kernels as functions of states and steps.
 
-This is the one place that knows the names of the kernels and of their outputs beside the terms of the
-program (:mod:`dmoc.nlp.rows`, :mod:`dmoc.nlp.impact`) and the integrator.
+This is the one place that knows the names of the kernels and of their outputs beside the terms of
+the program (:mod:`dmoc.nlp.rows`, :mod:`dmoc.nlp.impact`) and the integrator.
 
 Shapes
 ------
-Positions ``q``, velocities ``v`` and momenta ``p`` have the shape (nq,) for one state or (n, nq) for
-rows of states, inputs ``u`` (nu,) or (n, nu), times ``t`` () or (n,); results have the leading axis of
-``q``.  What is one row beside n others serves all of them.  Velocities and inputs that are not given
+Positions ``q``, velocities ``v`` and momenta ``p`` have the shape (nq,) for one state or (n, nq)
+for rows of states, inputs ``u`` (nu,) or (n, nu), times ``t`` () or (n,); results have the leading
+axis of ``q``.  One row beside n others serves all.  Velocities and inputs that are not given
 are zero, as is the time.  A step is the list of its n rows (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i),
-each of shape (n, size) or (1, size); its derivatives are those with respect to x_k, the same quantities
-side by side.
+each of shape (n, size) or (1, size); its derivatives are those with respect to x_k, the same
+quantities side by side.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ MATRICES = {
     "Phi_D": "terminal_cost_jac",
     "T_min_D": "min_time_jac",
 }
-# A point lies on a surface up to this share of the gap's own size: what rounding leaves of coordinates
-# that were computed.
+# A point lies on a surface up to this share of the gap's own size: what rounding leaves of
+# coordinates that were computed.
 ROUNDING = 1e-12
 # Relative change of a coordinate or parameter that tells how much of a gap comes from it.
 NUDGE = 1e-3
@@ -74,9 +74,11 @@ class Model:
         """Number of surfaces."""
         return len(self.kernels.surfaces)
 
-    # Equations of motion ---------------------------------------------------------------------------
+    # Equations of motion --------------------------------------------------------------------------
 
-    def equations(self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0) -> tuple[Array, Array]:
+    def equations(
+        self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
+    ) -> tuple[Array, Array]:
         """M and F of the equations of motion M q'' = F, shapes (..., nq, nq) and (..., nq)."""
         M, F = self._at("dynamics", q, self._state(v), self._input(u), _column(t))
         return M.reshape(*F.shape, self.nq), F
@@ -85,29 +87,38 @@ class Model:
         """M, shape (..., nq, nq)."""
         return self.equations(q, t=t)[0]
 
-    def acceleration(self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0) -> Array:
+    def acceleration(
+        self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
+    ) -> Array:
         """M^-1 F, shape (..., nq); not a number where M is singular."""
         return solved(*self.equations(q, v, u, t))
 
     def equations_slopes(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
     ) -> tuple[Array, Array]:
-        """Derivatives of M and F with respect to (q, v), shapes (..., nq, nq, 2 nq), (..., nq, 2 nq)."""
+        """Derivatives of M and F with respect to (q, v), shapes (..., nq, nq, 2 nq), (..., nq, 2
+        nq)."""
         M, F = self._at("dynamics_jac", q, self._state(v), self._input(u), _column(t))
         state = slice(2 * self.nq)  # the derivatives with respect to u and t follow
         forces = self._full("F_D", F)[..., state]
-        return self._full("M_D", M)[..., state].reshape(*forces.shape[:-1], *forces.shape[-2:]), forces
+        return self._full("M_D", M)[..., state].reshape(
+            *forces.shape[:-1], *forces.shape[-2:]
+        ), forces
 
-    def input_matrix(self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0) -> Array:
+    def input_matrix(
+        self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
+    ) -> Array:
         """B = dQ/du, shape (..., nq, nu)."""
         (B,) = self._at("input_matrix", q, self._state(v), self._input(u), _column(t))
         return B.reshape(*B.shape[:-1], self.nq, self.nu)
 
-    def power(self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0) -> Array:
+    def power(
+        self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
+    ) -> Array:
         """The power Q . v - dL/dt that changes the energy, shape (...)."""
         return self._at("force", q, self._state(v), self._input(u), _column(t))[1][..., 0]
 
-    # Momentum and energy ---------------------------------------------------------------------------
+    # Momentum and energy --------------------------------------------------------------------------
 
     def momentum(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """p = dL/dv, shape (..., nq)."""
@@ -125,7 +136,7 @@ class Model:
         """v = M^-1 (p - dL/dv(q, 0, t)), shape (..., nq); not a number where M is singular."""
         return solved(self.mass(q, t), p - self.momentum(q, t=t))
 
-    # Surfaces --------------------------------------------------------------------------------------
+    # Surfaces -------------------------------------------------------------------------------------
 
     def gaps(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Gaps g <= 0, shape (..., nc)."""
@@ -139,11 +150,15 @@ class Model:
 
     def gap_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Rates of the gaps along a motion, shape (..., nc)."""
-        return self._at("gap_rate", q, _rows(v), _column(t))[0] if self.nc else np.zeros((*q.shape[:-1], 0))
+        return (
+            self._at("gap_rate", q, _rows(v), _column(t))[0]
+            if self.nc
+            else np.zeros((*q.shape[:-1], 0))
+        )
 
     def gap_sizes(self, q: Array, t: float = 0.0) -> Array:
-        """Sizes of the gaps at one position, shape (nc,): the sum of what each coordinate and each parameter s
-        contributes, |dg/ds s|.
+        """Sizes of the gaps at one position, shape (nc,): the sum of what each coordinate and each
+        parameter s contributes, |dg/ds s|.
 
         Rounding errors of a gap are about 1e-16 of its size, whatever its unit.
         """
@@ -163,13 +178,15 @@ class Model:
         change = solved(self.mass(q, t), n)
         return change, float(n @ change)
 
-    # Costs -----------------------------------------------------------------------------------------
+    # Costs ----------------------------------------------------------------------------------------
 
     def running_cost(self, q: Array, v: Array | None, u: Array, t: ArrayLike = 0.0) -> Array:
         """The integrand of the cost, shape (...)."""
         return self._at("running_cost", q, self._state(v), _rows(u), _column(t))[0][..., 0]
 
-    def running_cost_curvatures(self, q: Array, v: Array | None, u: Array, t: ArrayLike = 0.0) -> Array:
+    def running_cost_curvatures(
+        self, q: Array, v: Array | None, u: Array, t: ArrayLike = 0.0
+    ) -> Array:
         """Second derivatives of the integrand in each input, shape (..., nu)."""
         return self._at("running_cost", q, self._state(v), _rows(u), _column(t))[1]
 
@@ -186,7 +203,7 @@ class Model:
         (slopes,) = self._at("terminal_cost_jac", q, _rows(v), _column(t))
         return self._full("Phi_D", slopes)[..., 0, :]
 
-    # Steps -----------------------------------------------------------------------------------------
+    # Steps ----------------------------------------------------------------------------------------
 
     def step_momenta(self, step: Sequence[Array]) -> tuple[Array, Array]:
         """Momenta at the start and at the end of steps, shape (n, nq) each."""
@@ -204,7 +221,12 @@ class Model:
     def step_cost_curvatures(self, step: Sequence[Array]) -> Array:
         """Second derivatives of the costs of steps in each entry of x_k, of its shape."""
         inside = step[-1].shape[1]
-        weights = (np.zeros((1, self.nq)), np.zeros((1, self.nq)), np.ones((1, 1)), np.zeros((1, inside)))
+        weights = (
+            np.zeros((1, self.nq)),
+            np.zeros((1, self.nq)),
+            np.ones((1, 1)),
+            np.zeros((1, inside)),
+        )
         (stored,) = self.kernels.call("step_hess", *step, self.par, *weights)
         rows, columns = self.kernels.pattern("step_hess", "hess")
         found = np.zeros((len(stored), sum(part.shape[1] for part in step)))
@@ -212,14 +234,15 @@ class Model:
         return found
 
     def path(self, step: Sequence[Array]) -> Array:
-        """Path constraints of steps, shape (n, nr), those of one place within the step after the other."""
+        """Path constraints of steps, shape (n, nr), those of one place within the step after the
+        other."""
         return self.kernels.call("path", *step, self.par)[0]
 
     def path_slopes(self, step: Sequence[Array]) -> Array:
         """Their derivatives with respect to x_k, shape (n, nr, size of x_k)."""
         return self._full("r_d_D", self.kernels.call("path_jac", *step, self.par)[0])
 
-    # Minimal times ---------------------------------------------------------------------------------
+    # Minimal times --------------------------------------------------------------------------------
 
     @property
     def has_minimal_times(self) -> bool:
@@ -227,16 +250,18 @@ class Model:
         return self.kernels.has("min_time")
 
     def minimal_times(self, q_k: Array, q_kp1: Array, h: float, q_c: Array, a: Array) -> Array:
-        """Shortest time to each surface at the acceleration a, from the middle of a phase's first step
-        (q_k, q_kp1, h) to its collision q_c, shape (nc,)."""
+        """Shortest time to each surface at the acceleration a, from the middle of a phase's
+        first step (q_k, q_kp1, h) to its collision q_c, shape (nc,)."""
         return self._at("min_time", q_k, _rows(q_kp1), _column(h), _rows(q_c), _rows(a))[0]
 
-    def minimal_time_slopes(self, q_k: Array, q_kp1: Array, h: float, q_c: Array, a: Array) -> Array:
+    def minimal_time_slopes(
+        self, q_k: Array, q_kp1: Array, h: float, q_c: Array, a: Array
+    ) -> Array:
         """Its derivatives with respect to (q_k, q_kp1, h, q_c, a), shape (nc, 4 nq + 1)."""
         rows = (_rows(q_kp1), _column(h), _rows(q_c), _rows(a))
         return self._full("T_min_D", self._at("min_time_jac", q_k, *rows)[0])
 
-    # Rows ------------------------------------------------------------------------------------------
+    # Rows -----------------------------------------------------------------------------------------
 
     def _at(self, kernel: str, q: Array, *rows: Array) -> tuple[Array, ...]:
         """Results of a kernel at rows of states, or at a single one without the leading axis."""

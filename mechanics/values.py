@@ -1,4 +1,5 @@
-"""Values that belong to a model, read from what a user gives: its parameters and the coefficients of restitution."""
+"""Values that belong to a model, read from what a user gives: its parameters and the
+coefficients of restitution."""
 
 from __future__ import annotations
 
@@ -13,15 +14,20 @@ from dmoc.errors import ProblemError
 from dmoc.symbolic.names import name_of
 
 
-def parameter_row(kernels: Kernels, changes: Mapping[Any, Any], error: Kind = ProblemError) -> Array:
-    """Parameter values in the model's order, shape (1, npar): the model's own, some of them changed."""
+def parameter_row(
+    kernels: Kernels, changes: Mapping[Any, Any], error: Kind = ProblemError
+) -> Array:
+    """Parameter values in the model's order, shape (1, npar): the model's own, some of them
+    changed."""
     values = kernels.parameters
     for name, value in by_name(changes, "parameters", error).items():
         check_known(name, values, "parameter", error=error)
         values[name] = number(value, f"parameter {name}", error)
     for name, given in values.items():
         if given is None:
-            raise error(f"parameter {name} of model {kernels.name!r} has no value: set it ({name}=...).")
+            raise error(
+                f"parameter {name} of model {kernels.name!r} has no value: set it ({name}=...)."
+            )
     return np.array([list(values.values())], dtype=float)
 
 
@@ -38,7 +44,9 @@ def restitution_row(kernels: Kernels, given: Any, error: Kind = ProblemError) ->
         if surface not in surfaces:
             among = f"expected one of {', '.join(surfaces)}" if surfaces else "the model has none"
             raise error(f"restitution of {shown(surface)}: unknown surface, {among}.")
-    coefficients = [_coefficient(named.get(s, 1.0), f"restitution of {s!r}", error) for s in surfaces]
+    coefficients = [
+        _coefficient(named.get(s, 1.0), f"restitution of {s!r}", error) for s in surfaces
+    ]
     return np.array(coefficients, dtype=float)
 
 
@@ -56,6 +64,8 @@ def by_name(given: Any, what: str, error: Kind = ProblemError) -> dict[str, Any]
     for key, value in given.items():
         name = name_of(key)
         if name in named:
-            raise error(f"{what} gives {shown(name)} twice, as a text and as a symbol: give it once.")
+            raise error(
+                f"{what} gives {shown(name)} twice, as a text and as a symbol: give it once."
+            )
         named[name] = value
     return named

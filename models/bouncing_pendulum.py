@@ -1,4 +1,5 @@
-"""A pendulum that bounces off a wall through its rest position: the classical test of energy over many impacts.
+"""A pendulum that bounces off a wall through its rest position: the classical test of energy over
+many impacts.
 
 The angle theta is measured from the downward vertical; the wall keeps theta >= 0.
 """

@@ -1,7 +1,8 @@
-"""Pendulum on a cart with limiters (Kern & Gross 2018): the pendulum's angle is stopped on both sides.
+"""Pendulum on a cart with limiters (Kern & Gross 2018): the pendulum's angle is stopped on both
+sides.
 
-The angle alpha is measured from the horizontal, so that alpha = pi/2 is upright.  The point mass is at
-(x + l cos(alpha), l sin(alpha)); the input is the horizontal force on the cart.
+The angle alpha is measured from the horizontal, so that alpha = pi/2 is upright.  The point mass is
+at (x + l cos(alpha), l sin(alpha)); the input is the horizontal force on the cart.
 """
 
 from __future__ import annotations

@@ -36,7 +36,8 @@ ENTRIES = {
     ),
     "cart_pendulum_hanging": Entry(
         "cart_pendulum",
-        "swing it up from hanging at rest, through a collision and past lost controllability at alpha = 0",
+        "swing it up from hanging at rest, through a collision and past lost controllability at "
+        "alpha = 0",
         {
             "start": {"alpha": -pi / 2, "x": 0.0},
             "goal": {"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0},
@@ -49,7 +50,8 @@ ENTRIES = {
     ),
     "puck_table": Entry(
         "puck_table",
-        "a puck that moves fast and must come back moving: the walls can do the work (for dmoc search)",
+        "a puck that moves fast and must come back moving: the walls can do the work (for dmoc "
+        "search)",
         {
             "start": {"x": 0.3, "y": 0.2, "x_dot": 1.5, "y_dot": 0.4},
             "goal": {"x": 0.4, "y": 0.7, "x_dot": 1.2, "y_dot": -0.3},
@@ -58,7 +60,10 @@ ENTRIES = {
             "final_time": 2.0,
         },
     ),
-    "bouncing_pendulum": Entry("bouncing_pendulum", "a pendulum without inputs that bounces off a wall (forward simulation)"),
+    "bouncing_pendulum": Entry(
+        "bouncing_pendulum",
+        "a pendulum without inputs that bounces off a wall (forward simulation)",
+    ),
 }
 
 

@@ -1,4 +1,5 @@
-"""A puck on an air table with four walls: the simplest system in which the best sequence of collisions is worth a search.
+"""A puck on an air table with four walls: the simplest system in which the best sequence of
+collisions is worth a search.
 
 Unfolding the walls makes every sequence a free motion, so that its cost is known in closed form.
 """

@@ -68,7 +68,9 @@ class ActiveBound(str):
     value: float | None = None
     places: int = 0
 
-    def __new__(cls, kind: BoundKind, name: str, side: str = "", value: float | None = None, places: int = 0) -> ActiveBound:
+    def __new__(
+        cls, kind: BoundKind, name: str, side: str = "", value: float | None = None, places: int = 0
+    ) -> ActiveBound:
         said = "" if value is None else f"{value:g}"
         plural = "s" * (places > 1)
         text = kind.value.format(name=name, side=side, value=said, places=places, s=plural)

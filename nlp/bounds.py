@@ -13,13 +13,14 @@ from dmoc.nlp.sizes import Scale
 from dmoc.nlp.surfaces import near_surface
 from dmoc.symbolic.names import momentum_name, velocity_name
 
-# The smallest step that is distinguishable from none, relative to the final time: shorter steps divide rounding errors by h^2.
+# The smallest step that is distinguishable from none, relative to the final time: shorter steps
+# divide rounding errors by h^2.
 SMALLEST_STEP = 1e-8
 # A bound that lies on the surface to be hit gives way by this share of the coordinate's size.
 GIVES_WAY = 1e-3
-# Where collisions would rather merge, a phase between them shrinks to nothing and its equations with
-# it: share of the largest final time (or of its own longest duration) that each phase of a motion with
-# collisions keeps, unless the problem says otherwise.
+# Where collisions would rather merge, a phase between them shrinks to nothing and its equations
+# with it: share of the largest final time (or of its own longest duration) that each phase of a
+# motion with collisions keeps, unless the problem says otherwise.
 SHORTEST_PHASE = 1e-3
 
 
@@ -37,10 +38,14 @@ def goal_rows(problem: Problem, lay: Layout) -> list[Goal]:
     return found
 
 
-def limits(problem: Problem, lay: Layout, law: ImpactLaw, scale: Scale, goals: list[Goal]) -> tuple[Array, Array]:
+def limits(
+    problem: Problem, lay: Layout, law: ImpactLaw, scale: Scale, goals: list[Goal]
+) -> tuple[Array, Array]:
     """Lower and upper bounds of x; ``goals`` are constraints and bound nothing."""
     box = np.tile((-np.inf, np.inf), (lay.size, 1))
-    box[lay.index_h] = np.maximum(_durations(problem) / np.array(lay.steps)[:, None], SMALLEST_STEP * scale.time)
+    box[lay.index_h] = np.maximum(
+        _durations(problem) / np.array(lay.steps)[:, None], SMALLEST_STEP * scale.time
+    )
     box[lay.index_q] = problem.coordinate_bounds
     box[lay.index_u] = problem.input_bounds
     box[lay.index_lam] = np.stack([np.zeros(len(lay.index_lam)), law.most_impulse], axis=1)
@@ -70,13 +75,19 @@ def _durations(problem: Problem) -> Array:
     latest = problem.final_time_bounds[1]
     shortest = SHORTEST_PHASE * latest if len(problem.sequence) and np.isfinite(latest) else 0.0
     low, high = problem.duration_bounds.T
-    return np.stack([np.where(low > 0, low, np.minimum(shortest, SHORTEST_PHASE * high)), high], axis=1)
+    return np.stack(
+        [np.where(low > 0, low, np.minimum(shortest, SHORTEST_PHASE * high)), high], axis=1
+    )
 
 
-def _at_contacts(problem: Problem, lay: Layout, scale: Scale, box: Array) -> list[tuple[int, int, float]]:
-    """Limits of coordinates at collision nodes that lie on the surface itself, which leaves no interior.
+def _at_contacts(
+    problem: Problem, lay: Layout, scale: Scale, box: Array
+) -> list[tuple[int, int, float]]:
+    """Limits of coordinates at collision nodes that lie on the surface itself, which leaves no
+    interior.
 
-    Returns unknown, side, and a limit that gives way a little; the contact keeps the coordinate where it was.
+    Returns unknown, side, and a limit that gives way a little; the contact keeps the coordinate
+    where it was.
     """
     found = []
     manifest = problem.kernels.manifest
@@ -90,5 +101,7 @@ def _at_contacts(problem: Problem, lay: Layout, scale: Scale, box: Array) -> lis
             q[j] = box[lay.index_q[node, j], side]
             if np.isfinite(q[j]) and near_surface(problem, q, surface):
                 size = max(abs(q[j]), scale.q[j])
-                found.append((int(lay.index_q[node, j]), side, float(q[j] + sign * GIVES_WAY * size)))
+                found.append(
+                    (int(lay.index_q[node, j]), side, float(q[j] + sign * GIVES_WAY * size))
+                )
     return found

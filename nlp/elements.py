@@ -1,8 +1,9 @@
-"""From terms to the plain arrays of a program: values, first and second derivatives, patterns, units.
+"""From terms to the plain arrays of a program: values, first and second derivatives, patterns,
+units.
 
-Every term is a kernel family: ``name`` for values, ``name_jac`` and ``name_hess`` for derivatives with
-respect to all its arguments.  The columns of a derivative are the arguments' positions in the pool, where
-these are unknowns.
+Every term is a kernel family: ``name`` for values, ``name_jac`` and ``name_hess`` for derivatives
+with respect to all its arguments.  The columns of a derivative are the arguments' positions in the
+pool, where these are unknowns.
 """
 
 from __future__ import annotations
@@ -86,7 +87,8 @@ class Assembled:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Derivatives of a term before their slots are known: positions in (f | c | d) or rows of the Hessian, columns, factors, for each result."""
+    """Derivatives of a term before their slots are known: positions in (f | c | d) or rows of
+    the Hessian, columns, factors, for each result."""
 
     kernel: str
     arguments: tuple[Index, ...]
@@ -96,13 +98,17 @@ class _Part:
 
 
 def assembled(s: Statement) -> Assembled:
-    """Lay the program out: its three passes over elements, with slots in patterns that are analysed here."""
+    """Lay the program out: its three passes over elements, with slots in patterns that are
+    analysed here."""
     inverse, none = s.inverse, np.zeros(0, dtype=np.intp)
     linear = s.linear.factors * inverse[1 + s.linear.rows]
     values = PassData(
-        np.concatenate([[0.0], s.linear.constants * inverse[1:]]), 1 + s.linear.rows, s.linear.columns, linear,
+        np.concatenate([[0.0], s.linear.constants * inverse[1:]]),
+        1 + s.linear.rows,
+        s.linear.columns,
+        linear,
         tuple(_values(s, term, inverse) for term in s.terms),
-    )  # fmt: skip
+    )
     slopes = [_slopes(s, term, inverse) for term in s.terms]
     cells = [(r - 1, c) for p in slopes for r, c in zip(p.rows, p.columns, strict=True)]
     jacobian = SparsePattern((s.m, s.n), [*cells, (s.linear.rows, s.linear.columns)])
@@ -110,11 +116,16 @@ def assembled(s: Statement) -> Assembled:
     constant = np.zeros(s.n + jacobian.size)
     constant[s.n + linear_slots] = linear * s.unit[s.linear.columns]
     # The gradient of f first, dense, then the entries of the Jacobian.
-    at = [np.where(r == -1, c, np.where(k >= 0, s.n + k, NOWHERE)) for k, (r, c) in zip(slots, cells, strict=True)]
+    at = [
+        np.where(r == -1, c, np.where(k >= 0, s.n + k, NOWHERE))
+        for k, (r, c) in zip(slots, cells, strict=True)
+    ]
     to_slopes = PassData(constant, none, none, np.zeros(0), _elements(slopes, at))
     curvatures = [p for p in (_curvatures(s, term) for term in s.terms) if p is not None]
     hessian = SparsePattern((s.n, s.n), [(p.rows[0], p.columns[0]) for p in curvatures])
-    to_curvatures = PassData(np.zeros(hessian.size), none, none, np.zeros(0), _elements(curvatures, hessian.slots))
+    to_curvatures = PassData(
+        np.zeros(hessian.size), none, none, np.zeros(0), _elements(curvatures, hessian.slots)
+    )
     data = ProgramData(
         equalities=s.equalities,
         lower=s.lower,
@@ -148,7 +159,8 @@ def _values(s: Statement, term: Term, inverse: Array) -> ElementData:
 
 
 def _unknowns(s: Statement, term: Term) -> Index:
-    """The unknowns among the arguments of a term, shape (n, sum of sizes); NOWHERE for what is none."""
+    """The unknowns among the arguments of a term, shape (n, sum of sizes); NOWHERE for what is
+    none."""
     n = len(term.rows[0])
     at = np.hstack([np.broadcast_to(a, (n, a.shape[1])) for a in term.arguments])
     return np.where(at < s.n, at, NOWHERE)
@@ -164,14 +176,16 @@ def _slopes(s: Statement, term: Term, inverse: Array) -> _Part:
         rows.append(np.where(row == NOWHERE, NOWHERE, row))
         columns.append(column)
         factors.append(np.broadcast_to(term.factor, row.shape) * inverse[row] * s.unit[column])
-    return _Part(kernel, (*term.arguments, _parameters(s)), tuple(rows), tuple(columns), tuple(factors))
+    return _Part(
+        kernel, (*term.arguments, _parameters(s)), tuple(rows), tuple(columns), tuple(factors)
+    )
 
 
 def _curvatures(s: Statement, term: Term) -> _Part | None:
     """Second derivatives of a term, weighted with the multipliers of its rows.
 
-    Two arguments may be one unknown (inputs that are constant in a step): their mixed derivative counts
-    twice on the diagonal.
+    Two arguments may be one unknown (inputs that are constant in a step): their mixed derivative
+    counts twice on the diagonal.
     """
     kernel, unknowns = f"{term.kernel}_hess", _unknowns(s, term)
     i, j = s.kernels.pattern(kernel, "hess")
@@ -179,7 +193,12 @@ def _curvatures(s: Statement, term: Term) -> _Part | None:
         return None
     a, b = unknowns[:, i], unknowns[:, j]
     lost = (a == NOWHERE) | (b == NOWHERE)
-    factor = np.broadcast_to(term.factor, a.shape) * np.where((a == b) & (i != j), 2.0, 1.0) * s.unit[a] * s.unit[b]
+    factor = (
+        np.broadcast_to(term.factor, a.shape)
+        * np.where((a == b) & (i != j), 2.0, 1.0)
+        * s.unit[a]
+        * s.unit[b]
+    )
     arguments = (*term.arguments, _parameters(s), *(_multipliers(s, r) for r in term.rows))
     rows = np.where(lost, NOWHERE, np.minimum(a, b))
     return _Part(kernel, arguments, (rows,), (np.maximum(a, b),), (factor,))
@@ -193,4 +212,7 @@ def _multipliers(s: Statement, rows: Index) -> Index:
 
 def _elements(parts: Sequence[_Part], slots: Sequence[Index]) -> tuple[ElementData, ...]:
     remaining = iter(slots)
-    return tuple(ElementData(p.kernel, p.arguments, tuple(next(remaining) for _ in p.rows), p.factors) for p in parts)
+    return tuple(
+        ElementData(p.kernel, p.arguments, tuple(next(remaining) for _ in p.rows), p.factors)
+        for p in parts
+    )

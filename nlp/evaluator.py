@@ -16,7 +16,8 @@ Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
 
 
 class Evaluator:
-    """Evaluates (f | c | d)(x) of a program and its derivatives; what it is made of comes from its subclass."""
+    """Evaluates (f | c | d)(x) of a program and its derivatives; what it is made of comes from
+    its subclass."""
 
     kernels: Kernels
     n: int

@@ -1,8 +1,9 @@
 """Minimal collision times: how soon a phase can end in its collision at full input.
 
-The equations of motion at averaged coefficients, half-way between the phase's start and its collision, with the inputs at the bounds
-that drive towards the surface, give constant accelerations a; with them the gap is a quadratic in time, and its first root is T_min
-(Kern & Gross 2018, "implementation issue #3").  It is an estimate: it guides the solver and is never the last word.
+The equations of motion at averaged coefficients, half-way between the phase's start and its
+collision, with the inputs at the bounds that drive towards the surface, give constant accelerations
+a; with them the gap is a quadratic in time, and its first root is T_min (Kern & Gross 2018,
+"implementation issue #3").  It is an estimate: it guides the solver and is never the last word.
 """
 
 from __future__ import annotations
@@ -14,13 +15,17 @@ from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
 
 
-def averaged_accelerations(model: Model, q: Array, v: Array, q_c: Array, surface: int, bounds: Array) -> tuple[Array, Array]:
-    """Return a = M^-1 F half-way between q and q_c at full input towards a surface, and da/dq half-way.
+def averaged_accelerations(
+    model: Model, q: Array, v: Array, q_c: Array, surface: int, bounds: Array
+) -> tuple[Array, Array]:
+    """Return a = M^-1 F half-way between q and q_c at full input towards a surface, and da/dq
+    half-way.
 
     Parameters
     ----------
     q, v, q_c : arrays of shape (nq,)
-        State at the start and position at the collision; the coefficients are taken at (q + q_c)/2 and v.
+        State at the start and position at the collision; the coefficients are taken at (q + q_c)/2
+        and v.
     surface : int
         Index of the surface.
     bounds : array of shape (nu, 2)
@@ -49,8 +54,9 @@ def minimal_time(
 ) -> tuple[float, Array]:
     """Return T_min of a phase and its gradient with respect to y = (q_k, q_kp1, h, q_c).
 
-    q_k and q_kp1 are the nodes of the phase's first step of size h, and q_c is its collision node.  T_min is infinite, with a zero gradient,
-    where the quadratic has no root ahead; it is 0 where an input is unbounded, because then nothing limits the acceleration.
+    q_k and q_kp1 are the nodes of the phase's first step of size h, and q_c is its collision node.
+    T_min is infinite, with a zero gradient, where the quadratic has no root ahead; it is 0 where an
+    input is unbounded, because then nothing limits the acceleration.
     """
     nq = len(q_k)
     if not np.isfinite(bounds).all():

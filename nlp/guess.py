@@ -1,10 +1,13 @@
-"""An initial guess from boundary values, collision positions and the equations of motion (Kern & Gross 2018, issues #1 and #2).
+"""An initial guess from boundary values, collision positions and the equations of motion (Kern &
+Gross 2018, issues #1 and #2).
 
-As many coordinates as there are inputs are *prescribed* by cubic splines that match the boundary values and the collision positions.  The
-accelerations of the others follow from the rows of the equations of motion that no input enters, the inputs from the other rows.
-The matrix that gives those accelerations can become singular (cart-pendulum: at alpha = k pi, where cart accelerations exert no torque on
-the pendulum).  Inside a window around such a point nothing is prescribed: the motion is free, the other coordinates are unaccelerated.
-The final time is varied until the inputs keep their bounds.
+As many coordinates as there are inputs are *prescribed* by cubic splines that match the boundary
+values and the collision positions.  The accelerations of the others follow from the rows of the
+equations of motion that no input enters, the inputs from the other rows. The matrix that gives
+those accelerations can become singular (cart-pendulum: at alpha = k pi, where cart accelerations
+exert no torque on the pendulum).  Inside a window around such a point nothing is prescribed: the
+motion is free, the other coordinates are unaccelerated. The final time is varied until the inputs
+keep their bounds.
 """
 
 from __future__ import annotations
@@ -24,14 +27,17 @@ from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import on_finer
 
-# Ratio of successive final times; how many steps a motion gets while they are compared, and a phase at least.
+# Ratio of successive final times; how many steps a motion gets while they are compared, and a phase
+# at least.
 TIME_RATIO = 1.2
 COARSE_STEPS = 80
 FEWEST_STEPS = 8
-# Violation of the discrete equations, relative to the momenta, above which a guess that obeys the equations of motion has drifted off its goal.
+# Violation of the discrete equations, relative to the momenta, above which a guess that obeys the
+# equations of motion has drifted off its goal.
 DRIFTED = 30.0
-# Where neither the problem nor its dynamics say anything about the final time, a search for the cheapest begins here and goes so many decades at most;
-# and the largest time that is tried, relative to what is known.
+# Where neither the problem nor its dynamics say anything about the final time, a search for the
+# cheapest begins here and goes so many decades at most; and the largest time that is tried,
+# relative to what is known.
 NO_TIME, MOST_DECADES, AROUND = 1.0, 24, 10.0
 # Steps of a phase that a guess is marched with; finer meshes interpolate it.
 MOST_MARCHED = 400
@@ -67,13 +73,16 @@ class Guess:
 def initial_guesses(problem: Problem, deadline: float = np.inf) -> tuple[Guess, ...]:
     """Return guesses for all unknowns of ``problem``, the better one first.
 
-    The final times that are tried keep the problem's bounds; among those that keep the bounds of the inputs the one of least cost is taken, and if
-    there is none, the one that violates them least.  After the ``deadline``, a time of ``time.perf_counter``, no further one is tried.
-    Phases of very many steps are marched with fewer and interpolated.
+    The final times that are tried keep the problem's bounds; among those that keep the bounds of
+    the inputs the one of least cost is taken, and if there is none, the one that violates them
+    least.  After the ``deadline``, a time of ``time.perf_counter``, no further one is tried. Phases
+    of very many steps are marched with fewer and interpolated.
     """
     if max(problem.phase_steps) > MOST_MARCHED:
         few = problem.but(steps=[min(n, MOST_MARCHED) for n in problem.phase_steps])
-        return tuple(replace(g, x=on_finer(problem, few, g.x)) for g in initial_guesses(few, deadline))
+        return tuple(
+            replace(g, x=on_finer(problem, few, g.x)) for g in initial_guesses(few, deadline)
+        )
     with np.errstate(all="ignore"):
         return _guesses(problem, deadline)
 
@@ -95,12 +104,17 @@ def _guesses(problem: Problem, deadline: float) -> tuple[Guess, ...]:
         if best is None or rank < best:
             best = rank
     final_time = float(best[2] if best else times[-1])
-    # An underactuated motion may drift far from the goal; then splines for all coordinates, which ignore the rows without
-    # inputs, violate the discrete equations less.
+    # An underactuated motion may drift far from the goal; then splines for all coordinates, which
+    # ignore the rows without inputs, violate the discrete equations less.
     guesses = []
-    choices = [(choice, final_time, False) for choice in dict.fromkeys((prescribed, tuple(range(problem.nq))))]
+    choices = [
+        (choice, final_time, False)
+        for choice in dict.fromkeys((prescribed, tuple(range(problem.nq))))
+    ]
     latest = problem.final_time_bounds[1]
-    if np.isfinite(latest) and final_time < MUCH_SHORTER * latest:  # a hurried guess says little about what there is time for
+    if (
+        np.isfinite(latest) and final_time < MUCH_SHORTER * latest
+    ):  # a hurried guess says little about what there is time for
         choices.append((choices[-1][0], latest, False))
     if problem.sequence:
         choices.append((prescribed, final_time, True))
@@ -111,13 +125,24 @@ def _guesses(problem: Problem, deadline: float) -> tuple[Guess, ...]:
         motion = march(problem, plan, choice)
         if motion is not None:
             x = _unknowns(problem, plan, motion)
-            guesses.append(Guess(x, length, _names(problem, choice), motion.free_steps, excess_of(problem, motion.u)))
+            guesses.append(
+                Guess(
+                    x,
+                    length,
+                    _names(problem, choice),
+                    motion.free_steps,
+                    excess_of(problem, motion.u),
+                )
+            )
     if not guesses:
         plan = plan_of(problem, prescribed, final_time)
         motion = resting(problem, plan)
         guesses.append(Guess(_unknowns(problem, plan, motion), final_time, (), 0, 0.0))
     nlp = Transcription(problem, scale_of(problem, guesses[-1].x))
-    errors = [float(np.abs(nlp.equality(np.clip(nlp.scaled(g.x), nlp.lower, nlp.upper))).max()) for g in guesses]
+    errors = [
+        float(np.abs(nlp.equality(np.clip(nlp.scaled(g.x), nlp.lower, nlp.upper))).max())
+        for g in guesses
+    ]
     drifted = errors[0] > DRIFTED and min(errors[1:], default=np.inf) < errors[0]
     return tuple(guesses[1:] + guesses[:1] if drifted else guesses)
 
@@ -126,7 +151,7 @@ def _names(problem: Problem, choice: tuple[int, ...]) -> tuple[str, ...]:
     return tuple(problem.kernels.coordinates[i] for i in choice)
 
 
-# Choices -------------------------------------------------------------------------------------------------------------
+# Choices ------------------------------------------------------------------------------------------
 
 
 def _final_times(problem: Problem) -> list[float]:
@@ -144,7 +169,8 @@ def _final_times(problem: Problem) -> list[float]:
 
 
 def _natural_time(problem: Problem) -> float:
-    """Time that the reaches take at the speeds of the start, at the forces at rest, or at full input."""
+    """Time that the reaches take at the speeds of the start, at the forces at rest, or at full
+    input."""
     reach = problem.reach
     q = problem.start_position
     boundary = problem.start_bounds
@@ -154,12 +180,17 @@ def _natural_time(problem: Problem) -> float:
     times = [reach[i] / abs(v[i]) for i in range(problem.nq) if v[i] != 0]
     for u in (np.zeros(problem.nu), *full):
         a = np.abs(problem.model.acceleration(q, u=u))
-        times += [float(np.sqrt(2 * reach[i] / a[i])) for i in range(problem.nq) if np.isfinite(a[i]) and a[i] > 0]
+        times += [
+            float(np.sqrt(2 * reach[i] / a[i]))
+            for i in range(problem.nq)
+            if np.isfinite(a[i]) and a[i] > 0
+        ]
     return float(np.median(times)) if times else _cheapest_decade(problem)
 
 
 def _cheapest_decade(problem: Problem) -> float:
-    """The final time, by powers of ten, whose motion along splines costs least: all that a cost of time and effort says."""
+    """The final time, by powers of ten, whose motion along splines costs least: all that a cost
+    of time and effort says."""
     coarse, every = problem.but(steps=FEWEST_STEPS), tuple(range(problem.nq))
 
     def cost(final_time: float) -> float:
@@ -176,7 +207,7 @@ def _cheapest_decade(problem: Problem) -> float:
     return at
 
 
-# Unknowns ------------------------------------------------------------------------------------------------------------
+# Unknowns -----------------------------------------------------------------------------------------
 
 
 def _unknowns(problem: Problem, plan: Plan, motion: March) -> Array:

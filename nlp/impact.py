@@ -1,13 +1,14 @@
 """The law of impact: its unknowns, its equations, its parameters.
 
-At a collision with surface j the momentum jumps by an impulse lam >= 0 along the gradient of the gap,
-and the rates gamma- of the gap before and gamma+ after it obey Newton's law of restitution, gamma+ = -e gamma-::
+At a collision with surface j the momentum jumps by an impulse lam >= 0 along the gradient of the
+gap, and the rates gamma- of the gap before and gamma+ after it obey Newton's law of restitution,
+gamma+ = -e gamma-::
 
     momentum    r_plus(before) + r_minus(after) = lam grad g(q_c)
     arrival     r_plus(last step before) - dL/dv(q_c, v_a) = 0
     departure   r_minus(first step after) + dL/dv(q_c, v_c) = 0
     energy      e (e_plus(before) - e_minus(after) - W_t) - (1 - e)/2 W_gamma = 0
-                gamma(q_c, v_c) = 0                        instead where e = 0, and where a collision only touches
+                gamma(q_c, v_c) = 0             where e = 0, and where a collision only touches
     contact     g(q_c) = 0
     approach    gamma(q_c, v_a) >= 0                       but for touches, whose rate is known
     separation  -gamma(q_c, v_c) >= 0                      where the law does not fix that rate
@@ -51,7 +52,9 @@ class ImpactLaw:
     @classmethod
     def of(cls, problem: Problem, lay: Layout, touching: Index) -> ImpactLaw:
         touches = np.isin(np.arange(len(lay.surfaces)), touching)
-        return cls(lay.surfaces, np.where(touches, 0.0, problem.restitution_values[lay.surfaces]), touches)
+        return cls(
+            lay.surfaces, np.where(touches, 0.0, problem.restitution_values[lay.surfaces]), touches
+        )
 
     @property
     def plain(self) -> Bools:
@@ -69,9 +72,24 @@ class ImpactLaw:
         v = [velocity_name(q) for q in problem.kernels.coordinates]
         plain = self.plain
         return (
-            block("arrival", (n, len(v)), lambda k, i: f"velocity {v[i]} before {at[k]}", lambda s: s.p),
-            block("departure", (n, len(v)), lambda k, i: f"velocity {v[i]} after {at[k]}", lambda s: s.p),
-            block("energy", (n,), lambda k: f"energy at {at[k]}", lambda s: np.where(plain, s.rate[hit], s.energy)),
+            block(
+                "arrival",
+                (n, len(v)),
+                lambda k, i: f"velocity {v[i]} before {at[k]}",
+                lambda s: s.p,
+            ),
+            block(
+                "departure",
+                (n, len(v)),
+                lambda k, i: f"velocity {v[i]} after {at[k]}",
+                lambda s: s.p,
+            ),
+            block(
+                "energy",
+                (n,),
+                lambda k: f"energy at {at[k]}",
+                lambda s: np.where(plain, s.rate[hit], s.energy),
+            ),
             block("contact", (n,), lambda k: f"contact at {at[k]}", lambda s: s.gap[hit]),
         )
 
@@ -79,12 +97,27 @@ class ImpactLaw:
         """Rows of approach and separation."""
         at, hit, nodes = collision_names(problem), self.surfaces, lay.collision_nodes
         return (
-            block("approach", ~self.touching, lambda k: f"approach of {at[k]}", lambda s: s.rate[hit], nodes),
-            block("separation", ~self.plain, lambda k: f"separation after {at[k]}", lambda s: s.rate[hit], nodes),
+            block(
+                "approach",
+                ~self.touching,
+                lambda k: f"approach of {at[k]}",
+                lambda s: s.rate[hit],
+                nodes,
+            ),
+            block(
+                "separation",
+                ~self.plain,
+                lambda k: f"separation after {at[k]}",
+                lambda s: s.rate[hit],
+                nodes,
+            ),
         )
 
-    def terms(self, lay: Layout, places: Places, momentum: Index, row: Callable[[str], Index]) -> list[Term]:
-        """Terms of all rows of the law; ``momentum`` are the rows of the nodes' momenta, ``row`` gives those of a block by name."""
+    def terms(
+        self, lay: Layout, places: Places, momentum: Index, row: Callable[[str], Index]
+    ) -> list[Term]:
+        """Terms of all rows of the law; ``momentum`` are the rows of the nodes' momenta, ``row``
+        gives those of a block by name."""
         nodes = lay.collision_nodes
         if not len(nodes):
             return []
@@ -93,7 +126,11 @@ class ImpactLaw:
         energy, e = row("energy")[:, None], self.e[:, None]
         law = np.where(self.plain[:, None], NOWHERE, energy)
         before, after = places.step(nodes - 1), places.step(nodes)
-        no_p, no_cost, no_inside = like(q), like(energy), np.full((len(nodes), lay.inside * lay.nq), NOWHERE)
+        no_p, no_cost, no_inside = (
+            like(q),
+            like(energy),
+            np.full((len(nodes), lay.inside * lay.nq), NOWHERE),
+        )
         found = [
             Term("normal", (q, lam, t), (momentum[nodes],), -1.0),
             Term("surface", (q, t), (self._by_surface(row("contact"), places),)),

@@ -59,13 +59,22 @@ class Layout:
         names, u = problem.kernels.coordinates, problem.kernels.inputs
         steps, form, scheme = problem.phase_steps, FORMS[problem.control_form], problem.scheme
         nq, total, phases = len(names), sum(steps), len(steps)
-        surfaces = np.array([problem.kernels.surfaces.index(s) for s in problem.sequence], dtype=np.intp)
+        surfaces = np.array(
+            [problem.kernels.surfaces.index(s) for s in problem.sequence], dtype=np.intp
+        )
         p, v = [momentum_name(c) for c in names], [velocity_name(c) for c in names]
         hits, at = phases - 1, collision_names(problem)
         periodic = any(name in problem.periodic for name in v)
         at_start = problem.start_bounds.needs_velocity or periodic
-        at_end = problem.goal_bounds.needs_velocity or periodic or bool(problem.kernels.manifest["terminal_velocity"])
-        row_steps, rows_at_start = _steps_of_rows(form, steps), frozenset(_first_rows(form, steps).tolist())
+        at_end = (
+            problem.goal_bounds.needs_velocity
+            or periodic
+            or bool(problem.kernels.manifest["terminal_velocity"])
+        )
+        row_steps, rows_at_start = (
+            _steps_of_rows(form, steps),
+            frozenset(_first_rows(form, steps).tolist()),
+        )
 
         def place_of_input(k: int) -> str:
             if form.jumps:
@@ -79,22 +88,43 @@ class Layout:
         table = (
             block("h", (phases,), lambda i: f"step size of phase {i}", lambda s: s.h),
             block("q", (total + 1, nq), lambda k, i: f"{names[i]} at node {k}", lambda s: s.q),
-            block("u", (len(row_steps), len(u)), lambda k, i: f"{u[i]} {place_of_input(k)}", lambda s: s.u),
+            block(
+                "u",
+                (len(row_steps), len(u)),
+                lambda k, i: f"{u[i]} {place_of_input(k)}",
+                lambda s: s.u,
+            ),
             block("lam", (hits,), lambda i: f"impulse of {at[i]}", lambda s: s.lam[surfaces]),
             block("p_B", (nq,), lambda i: f"{p[i]} at the start", lambda s: s.p),
             block("p_E", (nq,), lambda i: f"{p[i]} at the goal", lambda s: s.p),
-            block("v_B", (nq * at_start,), lambda i: f"{v[i]} at the start", lambda s: s.v[: nq * at_start]),
-            block("v_E", (nq * at_end,), lambda i: f"{v[i]} at the goal", lambda s: s.v[: nq * at_end]),
+            block(
+                "v_B",
+                (nq * at_start,),
+                lambda i: f"{v[i]} at the start",
+                lambda s: s.v[: nq * at_start],
+            ),
+            block(
+                "v_E", (nq * at_end,), lambda i: f"{v[i]} at the goal", lambda s: s.v[: nq * at_end]
+            ),
             block("v_a", (hits, nq), lambda k, i: f"{v[i]} before {at[k]}", lambda s: s.v),
             block("v_c", (hits, nq), lambda k, i: f"{v[i]} after {at[k]}", lambda s: s.v),
-            block("t", ((total + 1) * problem.explicit_time,), lambda k: f"time of node {k}", lambda s: s.time),
             block(
-                "q_i", (total, scheme.inside * nq),
-                lambda k, i: f"{names[i % nq]} {place_inside(i // nq)} step {k}", lambda s: np.tile(s.q, scheme.inside),
+                "t",
+                ((total + 1) * problem.explicit_time,),
+                lambda k: f"time of node {k}",
+                lambda s: s.time,
             ),
-        )  # fmt: skip
+            block(
+                "q_i",
+                (total, scheme.inside * nq),
+                lambda k, i: f"{names[i % nq]} {place_inside(i // nq)} step {k}",
+                lambda s: np.tile(s.q, scheme.inside),
+            ),
+        )
         indices = {f"index_{b.name}": b.index for b in table}
-        return cls(nq, len(u), steps, form, scheme, problem.explicit_time, surfaces, table, **indices)
+        return cls(
+            nq, len(u), steps, form, scheme, problem.explicit_time, surfaces, table, **indices
+        )
 
     @property
     def size(self) -> int:
@@ -165,7 +195,8 @@ class Layout:
 
     @cached_property
     def index_step(self) -> Index:
-        """Unknowns x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of each step; t_k is nowhere in a model without explicit time."""
+        """Unknowns x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of each step; t_k is nowhere in a
+        model without explicit time."""
         return np.hstack(
             [
                 self.index_q[:-1],
@@ -180,7 +211,8 @@ class Layout:
 
     @cached_property
     def time_columns(self) -> Index:
-        """Unknown t of each node, shape (total + 1, 1); nowhere in a model without explicit time."""
+        """Unknown t of each node, shape (total + 1, 1); nowhere in a model without explicit
+        time."""
         return self.index_t[:, None] if self.timed else np.full((self.total + 1, 1), NOWHERE)
 
     def times(self, x: Array) -> Array:
@@ -193,7 +225,8 @@ class Layout:
         return np.split(x_k, np.cumsum([self.nq, self.nq, self.nu, self.nu, 1, 1]), axis=1)
 
     def step_inputs(self, x: Array) -> list[Array]:
-        """Return q_k, q_kp1, u_k, u_kp1, h, t_k and q_i of every step as arrays of shape (total, size)."""
+        """Return q_k, q_kp1, u_k, u_kp1, h, t_k and q_i of every step as arrays of shape (total,
+        size)."""
         parts = [np.ascontiguousarray(x[at]) for at in self.split(self.index_step)]
         if not self.timed:
             parts[5] = np.zeros((self.total, 1))

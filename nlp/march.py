@@ -1,4 +1,5 @@
-"""A motion along a plan: prescribed coordinates on cubic splines, the others by their equations of motion, step by step."""
+"""A motion along a plan: prescribed coordinates on cubic splines, the others by their equations
+of motion, step by step."""
 
 from __future__ import annotations
 
@@ -11,14 +12,15 @@ from dmoc.nlp.plan import Plan
 from dmoc.nlp.problem import Problem, midpoints
 from dmoc.nlp.windows import WINDOW, Dynamics
 
-# Speed, in reaches of the coordinates per final time, above which a motion counts as growing without bound.
+# Speed, in reaches of the coordinates per final time, above which a motion counts as growing
+# without bound.
 RUNAWAY = 1e6
 
 
 @dataclass(frozen=True)
 class March:
-    """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities before and after the collisions (collisions, nq), steps in
-    windows, velocities at both ends, cost."""
+    """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities before and
+    after the collisions (collisions, nq), steps in windows, velocities at both ends, cost."""
 
     q: Array
     u: Array
@@ -36,7 +38,11 @@ def march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> March | 
     q, v = plan.positions[0].copy(), plan.velocities[0].copy()
     nodes, inputs, lam, v_a, v_c, free_steps = [q.copy()], [], [], [], [], 0
     v_B, cost, begin, s = v.copy(), 0.0, 0.0, list(prescribed)
-    fastest = RUNAWAY * np.maximum(problem.reach, np.abs(plan.positions).max(axis=0)) / plan.durations.sum()
+    fastest = (
+        RUNAWAY
+        * np.maximum(problem.reach, np.abs(plan.positions).max(axis=0))
+        / plan.durations.sum()
+    )
     for i, steps in enumerate(problem.phase_steps):
         h = plan.durations[i] / steps
         target = (plan.positions[i + 1], plan.velocities[i + 1])
@@ -71,7 +77,15 @@ def march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> March | 
             lam.append(impulse)
     before, after = (np.array(found).reshape(len(lam), problem.nq) for found in (v_a, v_c))
     return March(
-        np.array(nodes), np.array(inputs).reshape(len(inputs), problem.nu), np.array(lam), before, after, free_steps, v_B, v, cost
+        np.array(nodes),
+        np.array(inputs).reshape(len(inputs), problem.nu),
+        np.array(lam),
+        before,
+        after,
+        free_steps,
+        v_B,
+        v,
+        cost,
     )
 
 
@@ -95,13 +109,18 @@ class _Spline:
 
 
 def reflected(problem: Problem, q: Array, v: Array, surface: str, t: float) -> tuple[Array, float]:
-    """Velocity after an impact, and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n) with n = grad g."""
+    """Velocity after an impact, and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n) with n
+    = grad g."""
     j = problem.kernels.surfaces.index(surface)
     *slope, moving = problem.model.gap_slopes(q, t)[j]
     normal = np.array(slope)
     response, inertia = problem.model.impulse_response(q, normal, t)
     approach = float(normal @ v) + moving
-    impulse = max((1 + float(problem.restitution_values[j])) * approach / inertia, 0.0) if inertia > 0 else 0.0
+    impulse = (
+        max((1 + float(problem.restitution_values[j])) * approach / inertia, 0.0)
+        if inertia > 0
+        else 0.0
+    )
     return v - impulse * response, impulse
 
 

@@ -1,4 +1,5 @@
-"""The statement of an optimal control problem: boundary states, sequence of collisions, steps, bounds, parameters."""
+"""The statement of an optimal control problem: boundary states, sequence of collisions, steps,
+bounds, parameters."""
 
 from __future__ import annotations
 
@@ -22,14 +23,17 @@ from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 IN_PHASE = " steps in each phase"
 BOX = "expected a pair (lower, upper) such as (-5, 5) or (None, 5), where (5, 5) holds the value 5"
 
-MOST_STEPS = 100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
+MOST_STEPS = (
+    100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
+)
 # Unknowns of all steps; the compiled method takes some 2.5 kB for each of them, 5 GB for so many.
 MOST_UNKNOWNS = 2_000_000
 
 
 @dataclass(frozen=True)
 class Boundary:
-    """Bounds of the state at one end: shape (nq, 2) each; equal bounds fix a value, infinite ones leave it free."""
+    """Bounds of the state at one end: shape (nq, 2) each; equal bounds fix a value, infinite
+    ones leave it free."""
 
     position: Array
     velocity: Array
@@ -48,11 +52,14 @@ class Problem:
     Parameters
     ----------
     kernels : Kernels or MechanicalSystem
-        The model's kernels, from :func:`dmoc.build` or :func:`dmoc.load`; those of a system are built, of order 2.
+        The model's kernels, from :func:`dmoc.build` or :func:`dmoc.load`; those of a system are
+        built, of order 2.
     start, goal : mapping
-        State at both ends by name: a coordinate ("alpha"), a velocity ("alpha_dot") or a momentum ("p_alpha"); SymPy symbols serve as
-        names.  A number fixes a value, a pair bounds it (None for no bound), None leaves it free.  Every position must be given at the
-        start, unless it is periodic; a velocity that is not given there is zero.  At the goal, what is not given is free.
+        State at both ends by name: a coordinate ("alpha"), a velocity ("alpha_dot") or a momentum
+        ("p_alpha"); SymPy symbols serve as names.  A number fixes a value, a pair bounds it (None
+        for no bound), None leaves it free.  Every position must be given at the start, unless it is
+        periodic; a velocity that is not given there is zero.  At the goal, what is not given is
+        free.
     sequence : sequence of str
         Surfaces in the order of the collisions; empty for a motion without collisions.
     steps : int or sequence of int
@@ -66,21 +73,23 @@ class Problem:
     parameters : mapping, optional
         Parameter values that replace the model's.
     controls : {"constant", "linear", "stages"}, optional
-        Inputs constant in each step, linear between nodes, or linear in each step with values of its own at both ends.  Kernels of order
-        2 take "constant" (default) or "linear", those of a higher order "stages" (default) or "constant".
+        Inputs constant in each step, linear between nodes, or linear in each step with values of
+        its own at both ends.  Kernels of order 2 take "constant" (default) or "linear", those of a
+        higher order "stages" (default) or "constant".
     restitution : number or mapping, optional
-        Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic): 1 is elastic (default), 0 perfectly plastic, the contact
-        released at once.
+        Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic): 1 is elastic
+        (default), 0 perfectly plastic, the contact released at once.
     periodic : sequence of str, optional
-        States (coordinates, velocities, momenta by name) that end as they start; one that ``start`` does not give is free there.
+        States (coordinates, velocities, momenta by name) that end as they start; one that ``start``
+        does not give is free there.
     minimal_times : bool, optional
         Bound each phase before a collision from below by the estimated shortest time at full input.
 
     Raises
     ------
     ProblemError
-        If a name is unknown, a value is missing, not finite or reversed, the start or goal lies outside the admissible set, or the mass
-        matrix at the start is not positive definite.
+        If a name is unknown, a value is missing, not finite or reversed, the start or goal lies
+        outside the admissible set, or the mass matrix at the start is not positive definite.
     """
 
     kernels: Kernels
@@ -107,12 +116,19 @@ class Problem:
             check_known(surface, self.kernels.surfaces, "surface", "in the sequence")
         if not isinstance(self.control_form, str) or self.control_form not in self.scheme.controls:
             known = ", ".join(self.scheme.controls)
-            raise ProblemError(f"controls = {shown(self.controls)}: expected one of {known} with kernels of order {self.order}.")
+            raise ProblemError(
+                f"controls = {shown(self.controls)}: expected one of {known} with kernels of order "
+                f"{self.order}."
+            )
         put(self, "minimal_times", flag(self.minimal_times, "minimal_times"))
         self._normalise_steps()
         self._normalise_periodic()
         if self.durations is not None:
-            put(self, "durations", tuple(listed(self.durations, "durations", "ranges, one for each phase")))
+            put(
+                self,
+                "durations",
+                tuple(listed(self.durations, "durations", "ranges, one for each phase")),
+            )
         # The properties below check what they read.
         _ = (
             self.parameter_values,
@@ -132,13 +148,14 @@ class Problem:
         return replace(self, **changes)
 
     def unchecked(self, **changes: Any) -> Problem:
-        """Return the same problem with some fields replaced as they are: small changes may leave the admissible set by as little."""
+        """Return the same problem with some fields replaced as they are: small changes may leave
+        the admissible set by as little."""
         other = object.__new__(Problem)
         for item in fields(self):
             object.__setattr__(other, item.name, changes.get(item.name, getattr(self, item.name)))
         return other
 
-    # Sizes -----------------------------------------------------------------------------------------------------------
+    # Sizes ----------------------------------------------------------------------------------------
 
     @property
     def nq(self) -> int:
@@ -172,7 +189,7 @@ class Problem:
         """The form of the inputs: ``controls``, or the default of the order."""
         return self.scheme.controls[0] if self.controls is None else self.controls
 
-    # Values ----------------------------------------------------------------------------------------------------------
+    # Values ---------------------------------------------------------------------------------------
 
     @cached_property
     def parameter_values(self) -> Array:
@@ -191,7 +208,8 @@ class Problem:
 
     @cached_property
     def start_position(self) -> Array:
-        """The position at the start: fixed values, middles of ranges, and for free ones what their bounds have nearest to zero."""
+        """The position at the start: fixed values, middles of ranges, and for free ones what
+        their bounds have nearest to zero."""
         return midpoints(self.start_bounds.position, np.zeros(self.nq))
 
     @cached_property
@@ -201,8 +219,9 @@ class Problem:
 
     @cached_property
     def reach(self) -> Array:
-        """How far each coordinate may be expected to move: to the goal, to zero, to the surfaces of the sequence, or, where that says nothing, what the
-        inertias make of the reach of the others, shape (nq,)."""
+        """How far each coordinate may be expected to move: to the goal, to zero, to the surfaces
+        of the sequence, or, where that says nothing, what the inertias make of the reach of the
+        others, shape (nq,)."""
         start, goal = self.start_position, midpoints(self.goal_bounds.position, self.start_position)
         known = np.max(np.abs([goal - start, start, goal]), axis=0)
         if self.kernels.surfaces:
@@ -213,7 +232,9 @@ class Problem:
                     away = np.where(size > 0, gaps[j] / size, 0.0)
                 known = np.where((known == 0) & np.isfinite(away), away, known)
         box = self.coordinate_bounds
-        width = np.where(np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0)
+        width = np.where(
+            np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
+        )
         known = np.where(known > 0, known, width)
         root = np.sqrt(np.abs(self.inertia))
         known = np.where(known > 0, known, (known * root).max() / np.where(root > 0, root, 1.0))
@@ -247,10 +268,15 @@ class Problem:
         if self.durations is None:
             return np.tile((0.0, np.inf), (self.phases, 1))
         if len(self.durations) != self.phases:
-            raise ProblemError(f"durations has {len(self.durations)} entries: expected one for each of the {self.phases} phases.")
-        return np.array([_duration(d, f"durations of phase {i}") for i, d in enumerate(self.durations)])
+            raise ProblemError(
+                f"durations has {len(self.durations)} entries: expected one for each of the "
+                f"{self.phases} phases."
+            )
+        return np.array(
+            [_duration(d, f"durations of phase {i}") for i, d in enumerate(self.durations)]
+        )
 
-    # Checks ----------------------------------------------------------------------------------------------------------
+    # Checks ---------------------------------------------------------------------------------------
 
     def _normalise_steps(self) -> None:
         given = self.steps
@@ -260,14 +286,18 @@ class Problem:
                 for i, n in enumerate(listed(given, "steps", "numbers"))
             )
             if len(values) != self.phases:
-                raise ProblemError(f"steps = {shown(given)}: expected one number, or one for each of the {self.phases} phases.")
+                raise ProblemError(
+                    f"steps = {shown(given)}: expected one number, or one for each of the "
+                    f"{self.phases} phases."
+                )
             object.__setattr__(self, "steps", values)
         else:
             object.__setattr__(self, "steps", whole(given, "steps", 2, MOST_STEPS, unit=IN_PHASE))
         unknowns = sum(self.phase_steps) * (self.nq + self.nu) * self.scheme.degree
         if unknowns > MOST_UNKNOWNS:
             raise ProblemError(
-                f"steps = {shown(given)} makes {unknowns} unknowns in {self.phases} phases: expected at most {MOST_UNKNOWNS}, more would not fit "
+                f"steps = {shown(given)} makes {unknowns} unknowns in {self.phases} phases: "
+                f"expected at most {MOST_UNKNOWNS}, more would not fit "
                 "in memory; take fewer steps."
             )
 
@@ -282,7 +312,9 @@ class Problem:
     @property
     def phase_steps(self) -> tuple[int, ...]:
         """Steps N_i of each phase."""
-        return tuple(self.steps) if isinstance(self.steps, Sequence) else (self.steps,) * self.phases
+        return (
+            tuple(self.steps) if isinstance(self.steps, Sequence) else (self.steps,) * self.phases
+        )
 
     @property
     def states(self) -> list[str]:
@@ -292,7 +324,12 @@ class Problem:
 
     def _boxes(self, names: Sequence[str]) -> Array:
         for name in self.bounds:
-            check_known(name, [*self.kernels.inputs, *self.kernels.coordinates], "input or coordinate", "in the bounds")
+            check_known(
+                name,
+                [*self.kernels.inputs, *self.kernels.coordinates],
+                "input or coordinate",
+                "in the bounds",
+            )
         boxes = [limits(self.bounds.get(name), f"bounds of {name}", BOX) for name in names]
         return np.array(boxes, dtype=float).reshape(len(names), 2)
 
@@ -306,24 +343,37 @@ class Problem:
         position, velocity, momentum = [], [], []
         for q, v, p in zip(coordinates, velocities, momenta, strict=True):
             if end == "start" and q not in given and q not in self.periodic:
-                raise ProblemError(f"the start of {q} is not given: give a number, a range, or None to leave it free.")
+                raise ProblemError(
+                    f"the start of {q} is not given: give a number, a range, or None to leave it "
+                    "free."
+                )
             rest = 0.0 if end == "start" and not {v, p} & {*given, *self.periodic} else free
             position.append(interval(given.get(q, free), f"{end} of {q}"))
             velocity.append(interval(given.get(v, rest), f"{end} of {v}"))
             momentum.append(interval(given.get(p, free), f"{end} of {p}"))
         for q, v, p in zip(coordinates, velocities, momenta, strict=True):
             if all(isinstance(given.get(n), (int, float, np.number)) for n in (v, p)):
-                raise ProblemError(f"the {end} of {q} has a fixed velocity ({v}) and a fixed momentum ({p}): give one of them.")
+                raise ProblemError(
+                    f"the {end} of {q} has a fixed velocity ({v}) and a fixed momentum ({p}): give "
+                    "one of them."
+                )
         boundary = Boundary(np.array(position), np.array(velocity), np.array(momentum))
-        for q, (low, high), (below, above) in zip(coordinates, boundary.position, self.coordinate_bounds, strict=True):
+        for q, (low, high), (below, above) in zip(
+            coordinates, boundary.position, self.coordinate_bounds, strict=True
+        ):
             if high < below or low > above:
-                raise ProblemError(f"the {end} of {q} ({low:g} to {high:g}) lies outside its bounds {below:g} to {above:g}.")
+                raise ProblemError(
+                    f"the {end} of {q} ({low:g} to {high:g}) lies outside its bounds {below:g} to "
+                    f"{above:g}."
+                )
         return self._velocity_to_momentum(boundary)
 
     def _velocity_to_momentum(self, boundary: Boundary) -> Boundary:
-        """Express fully fixed velocities at a fully fixed position as momenta, which needs no further unknowns.
+        """Express fully fixed velocities at a fully fixed position as momenta, which needs no
+        further unknowns.
 
-        The same is done for rest at any position where L has no terms linear in the velocities, so that p = M(q) v = 0.
+        The same is done for rest at any position where L has no terms linear in the velocities, so
+        that p = M(q) v = 0.
         """
         velocity = boundary.velocity
         if np.isfinite(boundary.momentum).any() or not (velocity[:, 0] == velocity[:, 1]).all():
@@ -337,12 +387,16 @@ class Problem:
         momentum = self.model.momentum(at, velocity[:, 0])
         if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
             return boundary
-        free, fixed_momentum = np.full_like(velocity, (-np.inf, np.inf)), np.repeat(momentum[:, None], 2, axis=1)
+        free, fixed_momentum = (
+            np.full_like(velocity, (-np.inf, np.inf)),
+            np.repeat(momentum[:, None], 2, axis=1),
+        )
         return Boundary(boundary.position, free, fixed_momentum, by_velocity=True)
 
 
 def midpoints(bounds: Array, default: Array) -> Array:
-    """A value for each pair of bounds: the middle of two finite ones, else the default moved within them."""
+    """A value for each pair of bounds: the middle of two finite ones, else the default moved
+    within them."""
     finite = np.isfinite(bounds).all(axis=1)
     with np.errstate(invalid="ignore"):
         middle = (bounds / 2).sum(axis=1)  # the sum of both could overflow
@@ -352,5 +406,8 @@ def midpoints(bounds: Array, default: Array) -> Array:
 def _duration(value: Any, what: str) -> Range:
     low, high = interval(value, what)
     if high <= 0 or -np.inf < low < 0:
-        raise ProblemError(f"{what} = {shown(value)}: expected a positive time in seconds, or a range such as (0.1, None).")
+        raise ProblemError(
+            f"{what} = {shown(value)}: expected a positive time in seconds, or a range such as "
+            "(0.1, None)."
+        )
     return max(low, 0.0), high

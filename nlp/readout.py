@@ -1,4 +1,5 @@
-"""What a result says, read out of unknowns and multipliers: the motion, and the multipliers by kind."""
+"""What a result says, read out of unknowns and multipliers: the motion, and the multipliers by
+kind."""
 
 from __future__ import annotations
 
@@ -13,12 +14,14 @@ from dmoc.trajectory import Collision, Phase, Trajectory
 
 # A collision that changes no momentum by more than this share of its size has no effect.
 NO_EFFECT = 1e-3
-# Smallest eigenvalue of a mass matrix, relative to the inertias at the start, below which it counts as singular.
+# Smallest eigenvalue of a mass matrix, relative to the inertias at the start, below which it counts
+# as singular.
 SINGULAR = 1e-6
 
 
 def trajectory(nlp: Transcription, x: Array) -> Trajectory:
-    """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities, inputs, collisions."""
+    """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities,
+    inputs, collisions."""
     lay, problem = nlp.layout, nlp.problem
     p_start, p_end = nlp.momenta(x)
     x = nlp.physical(x)
@@ -31,7 +34,9 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         p = np.vstack([p_start[first : first + 1], p_end[first:last]])
         at = np.ascontiguousarray(q[first : last + 1])
         inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
-        phases.append(Phase(t, at, p, problem.model.velocity(at, p, t), np.ascontiguousarray(inputs)))
+        phases.append(
+            Phase(t, at, p, problem.model.velocity(at, p, t), np.ascontiguousarray(inputs))
+        )
         begin = float(t[-1])
         if i < lay.phases - 1:
             collisions.append(
@@ -48,18 +53,28 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
             )
     kernels = problem.kernels
     return Trajectory(
-        kernels.name, str(kernels.manifest["fingerprint"]), tuple(kernels.coordinates), tuple(kernels.inputs),
-        dict(zip(kernels.parameters, map(float, problem.parameter_values[0]), strict=True)), tuple(phases), tuple(collisions),
-        problem.control_form, problem.input_bounds, problem.coordinate_bounds,
-        dict(zip(kernels.surfaces, problem.restitution_values.tolist(), strict=True)), problem.order,
-    )  # fmt: skip
+        kernels.name,
+        str(kernels.manifest["fingerprint"]),
+        tuple(kernels.coordinates),
+        tuple(kernels.inputs),
+        dict(zip(kernels.parameters, map(float, problem.parameter_values[0]), strict=True)),
+        tuple(phases),
+        tuple(collisions),
+        problem.control_form,
+        problem.input_bounds,
+        problem.coordinate_bounds,
+        dict(zip(kernels.surfaces, problem.restitution_values.tolist(), strict=True)),
+        problem.order,
+    )
 
 
 def _rates(nlp: Transcription, x: Array, i: int, t: float) -> tuple[float, float]:
     """Rates of the gap before and after collision i, from the unknowns in units of the problem."""
     lay, j = nlp.layout, int(nlp.layout.surfaces[i])
     q = x[lay.index_q[lay.collision_nodes[i]]]
-    before, after = (nlp.problem.model.gap_rates(q, x[v[i]], t)[j] for v in (lay.index_v_a, lay.index_v_c))
+    before, after = (
+        nlp.problem.model.gap_rates(q, x[v[i]], t)[j] for v in (lay.index_v_a, lay.index_v_c)
+    )
     return float(before), float(after)
 
 
@@ -69,7 +84,8 @@ def _without_effect(before: Array, after: Array, largest: Array) -> bool:
 
 
 def singular_at(nlp: Transcription, x: Array) -> float | None:
-    """First time at which the mass matrix is not positive definite, up to rounding errors of its entries; None if it is everywhere."""
+    """First time at which the mass matrix is not positive definite, up to rounding errors of its
+    entries; None if it is everywhere."""
     y = nlp.physical(x)
     q, t = y[nlp.layout.index_q], nlp.layout.times(y)
     root = 1 / np.sqrt(np.abs(nlp.problem.inertia))
@@ -80,8 +96,8 @@ def singular_at(nlp: Transcription, x: Array) -> float | None:
 
 
 def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[str, Array]:
-    """Multipliers by kind of constraint, in units of the problem; those of the momentum equations in the shape (nodes, nq), "bounds" those
-    of the unknowns."""
+    """Multipliers by kind of constraint, in units of the problem; those of the momentum
+    equations in the shape (nodes, nq), "bounds" those of the unknowns."""
     units = _units_of_multipliers(nlp)
     y, w, z = y * units[0], w * units[1], z * units[2]
     found = np.concatenate([y, w])
@@ -91,17 +107,25 @@ def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[
 
 
 def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[Array, Array, Array]:
-    """Return y, w and z from multipliers by kind; kinds of another shape, or that are not given, are zero."""
+    """Return y, w and z from multipliers by kind; kinds of another shape, or that are not given,
+    are zero."""
 
     def collected(blocks: list[Block]) -> Array:
         parts = [np.ravel(named.get(b.name, ())) for b in blocks]
-        fitting = [p if len(p) == b.count else np.zeros(b.count) for p, b in zip(parts, blocks, strict=True)]
+        fitting = [
+            p if len(p) == b.count else np.zeros(b.count)
+            for p, b in zip(parts, blocks, strict=True)
+        ]
         return np.concatenate([*fitting, np.zeros(0)])
 
     z = np.asarray(named.get("bounds", ()))
     units = _units_of_multipliers(nlp)
     z = z if len(z) == nlp.n else np.zeros(nlp.n)
-    return collected(nlp.equalities) / units[0], collected(nlp.inequalities) / units[1], z / units[2]
+    return (
+        collected(nlp.equalities) / units[0],
+        collected(nlp.inequalities) / units[1],
+        z / units[2],
+    )
 
 
 def _units_of_multipliers(nlp: Transcription) -> tuple[Array, Array, Array]:

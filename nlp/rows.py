@@ -1,18 +1,19 @@
-"""The table of the constraints (c | d), c = 0 and d >= 0, numbered once: names, sizes, terms and linear parts.
+"""The table of the constraints (c | d), c = 0 and d >= 0, numbered once: names, sizes, terms and
+linear parts.
 
 Equalities, node by node along the whole chain of steps::
 
-    momentum    r_plus(k-1) + r_minus(k) - lam grad g(q_c) [+ p_B at the start, - p_E at the end] = 0
-    inside      r_i(k) = 0                                        in each step with nodes inside
-    time        t_kp1 - t_k - h = 0                               in each step, where the model depends on the time
-    arrival, departure, energy, contact                           at each collision: the law of impact
+    momentum    r_plus(k-1) + r_minus(k) - lam grad g(q_c) = 0; + p_B at the start, - p_E at the end
+    inside      r_i(k) = 0                     in each step with nodes inside
+    time        t_kp1 - t_k - h = 0            in each step, where the model depends on the time
+    arrival, departure, energy, contact        at each collision: the law of impact
     velocity    p_B - dL/dv(q_0, v_B) = 0, p_E - dL/dv(q_N, v_E) = 0    where velocities are needed
     final time  t_E - value = 0                                   where it is fixed
     periodic    state at the end - state at the start = 0
     goal        unknown - value = 0                               where goals are rows
 
-Inequalities: gaps -g(q_k) at every node and inside the steps, path constraints r_d of every step, bounds
-of the final time, goals that are ranges, and approach and separation of the law of impact.
+Inequalities: gaps -g(q_k) at every node and inside the steps, path constraints r_d of every step,
+bounds of the final time, goals that are ranges, and approach and separation of the law of impact.
 """
 
 from __future__ import annotations
@@ -71,7 +72,8 @@ class Equalities:
 
 @dataclass(frozen=True, eq=False)
 class Inequalities:
-    """Rows d; gaps have the shapes (nodes, nc) and (nodes inside steps, nc), path constraints (steps, points * r)."""
+    """Rows d; gaps have the shapes (nodes, nc) and (nodes inside steps, nc), path constraints
+    (steps, points * r)."""
 
     gap: Block
     gap_inside: Block
@@ -85,7 +87,8 @@ class Inequalities:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """All rows, and what the linear ones say; ``goals`` are those of ``c.goal``, ``limits`` (goal, sign, value) those of ``d.goal``."""
+    """All rows, and what the linear ones say; ``goals`` are those of ``c.goal``, ``limits``
+    (goal, sign, value) those of ``d.goal``."""
 
     c: Equalities
     d: Inequalities
@@ -109,11 +112,17 @@ class Rows:
         return sum(b.count for b in self.inequalities)
 
 
-def rows_of(problem: Problem, lay: Layout, law: ImpactLaw, free_ends: tuple[Bools, Bools], goals: Sequence[Goal]) -> Rows:
+def rows_of(
+    problem: Problem,
+    lay: Layout,
+    law: ImpactLaw,
+    free_ends: tuple[Bools, Bools],
+    goals: Sequence[Goal],
+) -> Rows:
     """The rows of a problem.
 
-    ``free_ends`` tells which coordinates of the first and of the last node are not fixed, ``goals`` are
-    those that are constraints instead of bounds.
+    ``free_ends`` tells which coordinates of the first and of the last node are not fixed, ``goals``
+    are those that are constraints instead of bounds.
     """
     block = Numbering()
     fixed = tuple(g for g in goals if g.low == g.high)
@@ -123,7 +132,9 @@ def rows_of(problem: Problem, lay: Layout, law: ImpactLaw, free_ends: tuple[Bool
     return Rows(c, _inequalities(problem, lay, law, free_ends, limits, block), fixed, limits)
 
 
-def _equalities(problem: Problem, lay: Layout, law: ImpactLaw, goals: tuple[Goal, ...], block: Numbering) -> Equalities:
+def _equalities(
+    problem: Problem, lay: Layout, law: ImpactLaw, goals: tuple[Goal, ...], block: Numbering
+) -> Equalities:
     names, total, nq = problem.kernels.coordinates, lay.total, lay.nq
     low, high = problem.final_time_bounds
     states = lay.states(names)
@@ -131,19 +142,48 @@ def _equalities(problem: Problem, lay: Layout, law: ImpactLaw, goals: tuple[Goal
     ends = np.array([states[name][1] for name in problem.periodic], dtype=np.intp)
     wanted = np.array([g.unknown for g in goals], dtype=np.intp)
     return Equalities(
-        block("momentum", (total + 1, nq), lambda k, i: f"momentum of {names[i]} at node {k}", lambda s: s.p),
         block(
-            "inside", (total, lay.inside * nq),
-            lambda k, i: f"equation of motion of {names[i % nq]} in step {k}", lambda s: np.tile(s.p, lay.inside),
+            "momentum",
+            (total + 1, nq),
+            lambda k, i: f"momentum of {names[i]} at node {k}",
+            lambda s: s.p,
+        ),
+        block(
+            "inside",
+            (total, lay.inside * nq),
+            lambda k, i: f"equation of motion of {names[i % nq]} in step {k}",
+            lambda s: np.tile(s.p, lay.inside),
         ),
         block("time", (total * lay.timed,), lambda k: f"time of node {k + 1}", lambda s: s.time),
         *law.equations(problem, block),
-        block("start velocity", lay.index_v_B.shape, lambda i: f"{p[i]} at the start", lambda s: s.p[: len(lay.index_v_B)]),
-        block("goal velocity", lay.index_v_E.shape, lambda i: f"{p[i]} at the goal", lambda s: s.p[: len(lay.index_v_E)]),
-        block("final time", (int(low == high),), lambda _: f"final time = {low:g} s", lambda s: s.time),
-        block("periodic", (len(ends),), lambda i: f"periodic {problem.periodic[i]}", lambda s: lay.units(s)[ends]),
-        block("goal", (len(goals),), lambda i: f"goal of {goals[i].name}", lambda s: lay.units(s)[wanted]),
-    )  # fmt: skip
+        block(
+            "start velocity",
+            lay.index_v_B.shape,
+            lambda i: f"{p[i]} at the start",
+            lambda s: s.p[: len(lay.index_v_B)],
+        ),
+        block(
+            "goal velocity",
+            lay.index_v_E.shape,
+            lambda i: f"{p[i]} at the goal",
+            lambda s: s.p[: len(lay.index_v_E)],
+        ),
+        block(
+            "final time", (int(low == high),), lambda _: f"final time = {low:g} s", lambda s: s.time
+        ),
+        block(
+            "periodic",
+            (len(ends),),
+            lambda i: f"periodic {problem.periodic[i]}",
+            lambda s: lay.units(s)[ends],
+        ),
+        block(
+            "goal",
+            (len(goals),),
+            lambda i: f"goal of {goals[i].name}",
+            lambda s: lay.units(s)[wanted],
+        ),
+    )
 
 
 def _inequalities(
@@ -163,21 +203,42 @@ def _inequalities(
 
     nodes, steps = np.arange(total + 1), np.arange(total)
     return Inequalities(
-        block("gap", _gaps(problem, lay, free_ends), lambda k, j: f"gap to {surfaces[j]} at node {k}", lambda s: s.gap, nodes),
         block(
-            "gap inside", within, lambda k, j: f"gap to {surfaces[j]} inside step {k // inside}", lambda s: s.gap,
+            "gap",
+            _gaps(problem, lay, free_ends),
+            lambda k, j: f"gap to {surfaces[j]} at node {k}",
+            lambda s: s.gap,
+            nodes,
+        ),
+        block(
+            "gap inside",
+            within,
+            lambda k, j: f"gap to {surfaces[j]} inside step {k // inside}",
+            lambda s: s.gap,
             np.repeat(steps, inside),
         ),
         block(
-            "path", (total, lay.scheme.points * len(paths)),
-            lambda k, j: f"path constraint {paths[j % len(paths)]} in step {k}", lambda s: np.tile(s.path, lay.scheme.points),
+            "path",
+            (total, lay.scheme.points * len(paths)),
+            lambda k, j: f"path constraint {paths[j % len(paths)]} in step {k}",
+            lambda s: np.tile(s.path, lay.scheme.points),
             steps,
         ),
-        block("final time >=", (int(0 < low < high),), lambda _: f"final time >= {low:g} s", lambda s: s.time),
-        block("final time <=", (int(low < high < np.inf),), lambda _: f"final time <= {high:g} s", lambda s: s.time),
+        block(
+            "final time >=",
+            (int(0 < low < high),),
+            lambda _: f"final time >= {low:g} s",
+            lambda s: s.time,
+        ),
+        block(
+            "final time <=",
+            (int(low < high < np.inf),),
+            lambda _: f"final time <= {high:g} s",
+            lambda s: s.time,
+        ),
         block("goal", (len(limits),), limit, lambda s: lay.units(s)[bounded]),
         *law.inequalities(problem, lay, block),
-    )  # fmt: skip
+    )
 
 
 def _gaps(problem: Problem, lay: Layout, free_ends: tuple[Bools, Bools]) -> Bools:
@@ -197,7 +258,8 @@ def _gaps(problem: Problem, lay: Layout, free_ends: tuple[Bools, Bools]) -> Bool
 
 
 def terms(problem: Problem, lay: Layout, rows: Rows, law: ImpactLaw) -> list[Term]:
-    """All terms of the cost and of the rows that are not linear; those that enter nothing are left out."""
+    """All terms of the cost and of the rows that are not linear; those that enter nothing are
+    left out."""
     c, d = rows.c, rows.d
     places = Places(lay, lay.size + rows.n_eq + rows.n_in + 1, len(problem.kernels.surfaces))
     q, none, nodes = lay.index_q, np.full((1, 1), places.zero), np.arange(lay.total + 1)
@@ -211,9 +273,19 @@ def terms(problem: Problem, lay: Layout, rows: Rows, law: ImpactLaw) -> list[Ter
         Term("surface", (lay.index_q_i.reshape(-1, lay.nq), none), (d.gap_inside.index,), -1.0),
         Term("path", step, (d.path.index,)),
     ]
-    for block, node, v in ((c.start_velocity, 0, lay.index_v_B), (c.goal_velocity, lay.total, lay.index_v_E)):
+    for block, node, v in (
+        (c.start_velocity, 0, lay.index_v_B),
+        (c.goal_velocity, lay.total, lay.index_v_E),
+    ):
         if block.count:
-            found.append(Term("momentum", (q[[node]], v[None], places.times(nodes[[node]])), (block.index[None],), -1.0))
+            found.append(
+                Term(
+                    "momentum",
+                    (q[[node]], v[None], places.times(nodes[[node]])),
+                    (block.index[None],),
+                    -1.0,
+                )
+            )
     v_E = lay.index_v_E if len(lay.index_v_E) else np.full(lay.nq, NOWHERE)
     end = (q[-1:], places.known(v_E[None]), places.known(lay.time_columns[-1:]))
     found.append(Term("terminal_cost", end, (cost[:1],)))
@@ -224,7 +296,9 @@ def linear_rows(problem: Problem, lay: Layout, rows: Rows) -> list[LinearRow]:
     """The rows that are linear in x, or have a linear part."""
     c, d, (low, high) = rows.c, rows.d, problem.final_time_bounds
     steps, one = np.array(lay.steps, dtype=float), np.ones(1)
-    found = [LinearRow(r, lay.index_h, steps, -low) for r in (*c.final_time.numbers, *d.earliest.numbers)]
+    found = [
+        LinearRow(r, lay.index_h, steps, -low) for r in (*c.final_time.numbers, *d.earliest.numbers)
+    ]
     found += [LinearRow(r, lay.index_h, -steps, high) for r in d.latest.numbers]
     states = lay.states(problem.kernels.coordinates)
     for r, name in zip(c.periodic.numbers, problem.periodic, strict=True):
@@ -237,7 +311,8 @@ def linear_rows(problem: Problem, lay: Layout, rows: Rows) -> list[LinearRow]:
 
 
 def unit_entries(lay: Layout, rows: Rows) -> list[tuple[Index, Index, float]]:
-    """Rows, unknowns and factor of the linear parts that come one to a row: boundary momenta and the clock."""
+    """Rows, unknowns and factor of the linear parts that come one to a row: boundary momenta and
+    the clock."""
     c, momentum = rows.c, rows.c.momentum.index
     t = c.time.numbers
     steps = lay.phase_of_step[: len(t)]

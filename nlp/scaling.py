@@ -1,7 +1,8 @@
 """Sizes of a problem's quantities, read off a first motion, so that no result depends on units.
 
-Solvers and judges see unknowns divided by their sizes, constraints divided by theirs, and the cost divided by its own.  Each size follows from
-others of the same kind, never from a number of ours, so that a problem stated in other units has the same scaled program.
+Solvers and judges see unknowns divided by their sizes, constraints divided by theirs, and the cost
+divided by its own.  Each size follows from others of the same kind, never from a number of ours, so
+that a problem stated in other units has the same scaled program.
 """
 
 from __future__ import annotations
@@ -15,17 +16,20 @@ from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
 
-# What hardly moves counts by this share of what it could do with the kinetic energy that others have.
+# What hardly moves counts by this share of what it could do with the kinetic energy that others
+# have.
 STILL = 0.1
-# Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at least.
+# Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at
+# least.
 FLAT = 1e-3
-# Scaled cost of a first motion, and of a minimum, which costs less: what constraints of size 1 are weighed against in merit functions and barriers.
+# Scaled cost of a first motion, and of a minimum, which costs less: what constraints of size 1 are
+# weighed against in merit functions and barriers.
 FIRST_COST, MINIMUM_COST = 100.0, 10.0
 
 
 def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
-    """Read sizes off the unknowns x of a motion, a first one or a minimum: ranges, velocities, momenta, inputs, gaps; the cost with its slopes and
-    curvatures."""
+    """Read sizes off the unknowns x of a motion, a first one or a minimum: ranges, velocities,
+    momenta, inputs, gaps; the cost with its slopes and curvatures."""
     lay, model = Layout.of(problem), problem.model
     h = x[lay.index_h]
     time = float(h @ np.array(lay.steps))
@@ -37,7 +41,9 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         mass, F = model.equations(middle, rates, t=now)
         inertia = _finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0)
         kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
-        size_q = _ranges(problem, q, time, inertia, float(kinetic), _finite(np.abs(F).max(axis=0), 0.0))
+        size_q = _ranges(
+            problem, q, time, inertia, float(kinetic), _finite(np.abs(F).max(axis=0), 0.0)
+        )
         size_v = np.maximum(np.abs(rates).max(axis=0), size_q / time)
         p = model.momentum(middle, rates, now)
         size_p = np.maximum(_finite(np.abs(p).max(axis=0), 0.0), inertia * size_q / time)
@@ -45,7 +51,20 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         gap, rate = _gaps(problem, q, t, (size_q, size_v, time))
         energy = float(size_p @ size_v) / 2
         path = np.ones(len(problem.kernels.manifest["path_constraints"]))
-        scale = Scale(time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, path, h.copy())
+        scale = Scale(
+            time,
+            1.0,
+            energy,
+            size_q,
+            size_v,
+            size_p,
+            size_u,
+            gap,
+            rate,
+            energy / rate,
+            path,
+            h.copy(),
+        )
         sizes = lay.units(scale)
         cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
         return replace(scale, cost=cost, path=_path(problem, lay, x, sizes))
@@ -55,23 +74,31 @@ def _finite(values: Array, otherwise: float) -> Array:
     return np.where(np.isfinite(values), values, otherwise)
 
 
-def _ranges(problem: Problem, q: Array, time: float, inertia: Array, kinetic: float, force: Array) -> Array:
-    """Ranges of the coordinates; one that hardly moves by its share of the energy, and where nothing moves by what there is to go by."""
+def _ranges(
+    problem: Problem, q: Array, time: float, inertia: Array, kinetic: float, force: Array
+) -> Array:
+    """Ranges of the coordinates; one that hardly moves by its share of the energy, and where
+    nothing moves by what there is to go by."""
     spread = np.maximum(np.ptp(q, axis=0), STILL * time * np.sqrt(2 * kinetic / inertia))
     box = problem.coordinate_bounds
-    width = np.where(np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0)
+    width = np.where(
+        np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
+    )
     for other in (np.abs(q).max(axis=0), width, force * time**2 / inertia):
         spread = np.where(spread > 0, spread, other)
     return np.where(spread > 0, spread, 1.0)
 
 
 def _inputs(problem: Problem, u: Array, state: tuple[Array, Array, Array], force: Array) -> Array:
-    """Sizes of the inputs: of their values and of what changes a momentum by its size, at most their bounds."""
+    """Sizes of the inputs: of their values and of what changes a momentum by its size, at most
+    their bounds."""
     if not problem.nu:
         return np.zeros(0)
     q, v, t = state
     reach = np.abs(problem.model.input_matrix(q, v, t=t)).max(axis=0)
-    needed = np.where(reach > 0, force[:, None] / np.where(reach > 0, reach, 1.0), np.inf).min(axis=0)
+    needed = np.where(reach > 0, force[:, None] / np.where(reach > 0, reach, 1.0), np.inf).min(
+        axis=0
+    )
     size = np.maximum(np.abs(u).max(axis=0, initial=0.0), _finite(needed, 0.0))
     box = problem.input_bounds
     limit = np.abs(box).max(axis=1)
@@ -79,8 +106,11 @@ def _inputs(problem: Problem, u: Array, state: tuple[Array, Array, Array], force
     return np.where(size > 0, size, 1.0)
 
 
-def _gaps(problem: Problem, q: Array, t: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Array]:
-    """Sizes of gaps and of their rates: how far coordinates, velocities and a time of their sizes move them."""
+def _gaps(
+    problem: Problem, q: Array, t: Array, sizes: tuple[Array, Array, float]
+) -> tuple[Array, Array]:
+    """Sizes of gaps and of their rates: how far coordinates, velocities and a time of their
+    sizes move them."""
     size_q, size_v, time = sizes
     if not problem.model.nc:
         return np.ones(0), np.ones(0)
@@ -91,7 +121,8 @@ def _gaps(problem: Problem, q: Array, t: Array, sizes: tuple[Array, Array, float
 
 
 def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) -> float:
-    """Size of the cost: its value, at least a small share of what its slopes and curvatures make of the sizes of the unknowns."""
+    """Size of the cost: its value, at least a small share of what its slopes and curvatures make
+    of the sizes of the unknowns."""
     model, step = problem.model, lay.step_inputs(x)
     local = np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
     slope = np.abs(model.step_cost_slopes(step) * local).sum()
@@ -108,13 +139,16 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
 
 
 def _path(problem: Problem, lay: Layout, x: Array, sizes: Array) -> Array:
-    """Sizes of the path constraints: the largest change that an unknown of its size makes in any step."""
+    """Sizes of the path constraints: the largest change that an unknown of its size makes in any
+    step."""
     names = problem.kernels.manifest["path_constraints"]
     if not names:
         return np.ones(0)
     step = lay.step_inputs(x)
     local = np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
-    changes = _finite(np.abs(problem.model.path_slopes(step) * local[:, None]), 0.0).max(axis=(0, 2))
+    changes = _finite(np.abs(problem.model.path_slopes(step) * local[:, None]), 0.0).max(
+        axis=(0, 2)
+    )
     values = _finite(np.abs(problem.model.path(step)), 0.0).max(axis=0)
     size, at = (a.reshape(-1, len(names)).max(axis=0) for a in (changes, values))
     size = np.where(size > 0, size, at)

@@ -1,8 +1,9 @@
 """Derivatives of the optimal cost with respect to what a problem is given, from the multipliers.
 
-At a regular minimum the derivative of the optimal cost with respect to a quantity theta is the partial derivative of the Lagrangian
-L = f + y . c - w . d - z . (x - bounds) with respect to theta at fixed x, y, w, z (the envelope theorem; A. V. Fiacco, "Introduction
-to Sensitivity and Stability Analysis in Nonlinear Programming", 1983).
+At a regular minimum the derivative of the optimal cost with respect to a quantity theta is the
+partial derivative of the Lagrangian L = f + y . c - w . d - z . (x - bounds) with respect to theta
+at fixed x, y, w, z (the envelope theorem; A. V. Fiacco, "Introduction to Sensitivity and Stability
+Analysis in Nonlinear Programming", 1983).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from dmoc.nlp.tables import NOWHERE, Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.symbolic.names import momentum_name, velocity_name
 
-# Relative change of a parameter for differences of order 4: the error of the formula (1e-12) and that of rounding (1e-13 / 1e-3) are both small.
+# Relative change of a parameter for differences of order 4: the error of the formula (1e-12) and
+# that of rounding (1e-13 / 1e-3) are both small.
 CHANGE = 1e-3
 # Places and weights of the differences.
 DIFFERENCE = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
@@ -48,7 +50,8 @@ class Sensitivities(TypedDict):
 
 
 def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) -> Sensitivities:
-    """Return the derivatives of the optimal cost at a minimum x with its multipliers by kind (of the program without minimal times)."""
+    """Return the derivatives of the optimal cost at a minimum x with its multipliers by kind (of
+    the program without minimal times)."""
     nlp = Transcription(problem)
     y, w, z = given_multipliers(nlp, multipliers)
     # Solvers leave out fixed unknowns: their multipliers make the Lagrangian stationary.
@@ -60,15 +63,24 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     def change(name: str, value: float) -> float:
         step = CHANGE * (abs(value) or 1.0)
         parts = [
-            c * _lagrangian(problem.unchecked(parameters=values | {name: value + k * step}), x, named) for k, c in DIFFERENCE
+            c
+            * _lagrangian(problem.unchecked(parameters=values | {name: value + k * step}), x, named)
+            for k, c in DIFFERENCE
         ]
         return float(sum(parts) / step)
 
-    def coefficient(surface: str) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
+    def coefficient(
+        surface: str,
+    ) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
         law = np.asarray(named.get("energy", np.zeros(0)))
         law = law * np.where(nlp.law.plain, -2 / np.maximum(x[nlp.layout.index_lam], 1e-300), 1.0)
-        high, low = ({**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.5))
-        ends = [_lagrangian(problem.unchecked(restitution=e), x, {**named, "energy": law}) for e in (high, low)]
+        high, low = (
+            {**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.5)
+        )
+        ends = [
+            _lagrangian(problem.unchecked(restitution=e), x, {**named, "energy": law})
+            for e in (high, low)
+        ]
         return 2 * (ends[0] - ends[1])
 
     _lay, rows, force = nlp.layout, nlp.rows, np.concatenate([-y, w])
@@ -117,7 +129,10 @@ def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]
     boundary = nlp.problem.start_bounds if at_start else nlp.problem.goal_bounds
     q, p = lay.index_q[node], lay.index_p_B if at_start else lay.index_p_E
     v = lay.index_v_B if at_start else lay.index_v_E
-    states: list[tuple[Callable[[str], str], Index, Array]] = [(str, q, z[q]), (momentum_name, p, z[p])]
+    states: list[tuple[Callable[[str], str], Index, Array]] = [
+        (str, q, z[q]),
+        (momentum_name, p, z[p]),
+    ]
     if boundary.by_velocity:
         model, t = nlp.problem.model, lay.times(x)[node]
         slopes = model.momentum_slopes(x[q], model.velocity(x[q], x[p], t), t)
@@ -141,7 +156,10 @@ def _bounds(nlp: Transcription, z: Array) -> dict[str, float]:
     ):
         for j, name in enumerate(names):
             held = z[index[:, j]]
-            for sign, limit, value in (("<=", box[j, 1], held[held < 0].sum()), (">=", box[j, 0], held[held > 0].sum())):
+            for sign, limit, value in (
+                ("<=", box[j, 1], held[held < 0].sum()),
+                (">=", box[j, 0], held[held > 0].sum()),
+            ):
                 if np.isfinite(limit):
                     found[f"{name} {sign}"] = float(value)
     return found

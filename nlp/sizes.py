@@ -13,8 +13,8 @@ from dmoc.symbolic.names import momentum_name, velocity_name
 
 @dataclass(frozen=True)
 class Scale:
-    """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,); gaps, their rates and impulses (nc,); path
-    constraints; step sizes (phases,)."""
+    """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
+    gaps, their rates and impulses (nc,); path constraints; step sizes (phases,)."""
 
     time: float
     cost: float
@@ -33,7 +33,9 @@ class Scale:
     def none(cls, problem: Problem) -> Scale:
         """Everything counts in its own unit."""
         kernels = problem.kernels
-        nq, nu, nc = (np.ones(len(names)) for names in (kernels.coordinates, kernels.inputs, kernels.surfaces))
+        nq, nu, nc = (
+            np.ones(len(names)) for names in (kernels.coordinates, kernels.inputs, kernels.surfaces)
+        )
         path = np.ones(len(kernels.manifest["path_constraints"]))
         return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, path, np.ones(problem.phases))
 
@@ -44,5 +46,7 @@ class Scale:
         for name, sizes in ((str, self.q), (velocity_name, self.v), (momentum_name, self.p)):
             found |= dict(zip(map(name, kernels.coordinates), sizes.tolist(), strict=True))
         found |= dict(zip(kernels.inputs, self.u.tolist(), strict=True))
-        found |= {f"gap to {s}": size for s, size in zip(kernels.surfaces, self.gap.tolist(), strict=True)}
+        found |= {
+            f"gap to {s}": size for s, size in zip(kernels.surfaces, self.gap.tolist(), strict=True)
+        }
         return found

@@ -13,12 +13,14 @@ from dmoc.nlp.tables import Index
 
 
 class SparsePattern:
-    """A CSR pattern made of contributions (row, column), given in groups; a negative row stands for none.
+    """A CSR pattern made of contributions (row, column), given in groups; a negative row stands for
+    none.
 
     Attributes
     ----------
     slots : list of integer arrays
-        For each group, the entry that each contribution is added to, -1 for none; of the shape of the group.
+        For each group, the entry that each contribution is added to, -1 for none; of the shape of
+        the group.
     indptr, indices : arrays
         The pattern in CSR form.
     """
@@ -32,7 +34,12 @@ class SparsePattern:
         slots[wanted] = slot
         ends = np.cumsum([len(f) for f in flat])
         self.slots = (
-            [s.reshape(row.shape) for s, (row, _) in zip(np.split(slots, ends[:-1]), groups, strict=True)] if groups else []
+            [
+                s.reshape(row.shape)
+                for s, (row, _) in zip(np.split(slots, ends[:-1]), groups, strict=True)
+            ]
+            if groups
+            else []
         )
         self.shape = shape
         self.indices: NDArray[np.int32] = (entries % shape[1]).astype(np.int32)
@@ -43,11 +50,17 @@ class SparsePattern:
     def size(self) -> int:
         return len(self.indices)
 
-    def matrix(self, values: Array, first: int = 0, last: int | None = None) -> scipy.sparse.csr_matrix:
+    def matrix(
+        self, values: Array, first: int = 0, last: int | None = None
+    ) -> scipy.sparse.csr_matrix:
         """Return rows first to last with the given values of all entries."""
         last = self.shape[0] if last is None else last
         a, b = self.indptr[first], self.indptr[last]
         matrix = scipy.sparse.csr_matrix((last - first, self.shape[1]))
-        matrix.data, matrix.indices, matrix.indptr = values[a:b], self.indices[a:b], self.indptr[first : last + 1] - a
+        matrix.data, matrix.indices, matrix.indptr = (
+            values[a:b],
+            self.indices[a:b],
+            self.indptr[first : last + 1] - a,
+        )
         matrix.has_canonical_format = True
         return matrix

@@ -8,24 +8,28 @@ from scipy.optimize import brentq
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.problem import Problem
 
-# A point whose gap is below this share of its size is near enough to the surface: what decimals, or Newton's method where the surface bends
-# away, leave of a point that is meant to lie on it.
+# A point whose gap is below this share of its size is near enough to the surface: what decimals, or
+# Newton's method where the surface bends away, leave of a point that is meant to lie on it.
 NEAR = 1e-9
 # Newton steps towards a surface, and how often one is halved.
 STEPS, HALVINGS = 60, 40
 # Shares of a reach to which distances of contact points count as equal.
 EQUALLY_FAR = 1e-6
-# Where a surface is looked for along a coordinate, in reaches: how far, at how many places, and where searches begin again.
+# Where a surface is looked for along a coordinate, in reaches: how far, at how many places, and
+# where searches begin again.
 FARTHEST, SAMPLES = 4.0, 257
 OUTWARD = (0.1, -0.1, 0.3, -0.3, 1.0, -1.0, 2.0, -2.0)
 
 
 def contact_point(problem: Problem, q: Array, before: Array, surface: str, t: float) -> Array:
-    """A point of the surface near q; of several that are equally near the one nearest to the point before.  q itself where none is found.
+    """A point of the surface near q; of several that are equally near the one nearest to the point
+    before.  q itself where none is found.
 
     A surface of one coordinate is met at its first root on either side of q.
     """
-    found = crossings(problem, q, surface, t) or [p for p in [onto_surface(problem, q, surface, t)] if p is not None]
+    found = crossings(problem, q, surface, t) or [
+        p for p in [onto_surface(problem, q, surface, t)] if p is not None
+    ]
 
     def far(p: Array) -> tuple[float, float]:
         away, back = (float(np.linalg.norm((p - other) / problem.reach)) for other in (q, before))
@@ -37,11 +41,14 @@ def contact_point(problem: Problem, q: Array, before: Array, surface: str, t: fl
 def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Array | None:
     """Return a point of g = 0 at time t near q, or None where none was found.
 
-    Newton steps along the gradient in the metric of the problem's reach, each at most one reach long and shortened until the gap gets smaller.
-    Where that ends beside the surface, at a point of least distance, they begin again from places to both sides of q along each coordinate.
+    Newton steps along the gradient in the metric of the problem's reach, each at most one reach
+    long and shortened until the gap gets smaller. Where that ends beside the surface, at a point of
+    least distance, they begin again from places to both sides of q along each coordinate.
     """
     involved = problem.kernels.manifest["surface_coordinates"][surface]
-    sides = [d * problem.reach * (np.arange(problem.nq) == j) for d in (0.0, *OUTWARD) for j in involved]
+    sides = [
+        d * problem.reach * (np.arange(problem.nq) == j) for d in (0.0, *OUTWARD) for j in involved
+    ]
     for away in sides:
         found = _newton(problem, q + away, surface, t)
         if found is not None:
@@ -50,7 +57,8 @@ def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Ar
 
 
 def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[Array]:
-    """The first points of a surface of one coordinate to both sides of q, up to four reaches away; none for other surfaces."""
+    """The first points of a surface of one coordinate to both sides of q, up to four reaches
+    away; none for other surfaces."""
     involved = problem.kernels.manifest["surface_coordinates"][surface]
     if len(involved) > 1:
         return []
@@ -68,7 +76,9 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
         crossed = np.flatnonzero(gaps[1:] * gaps[0] <= 0)
         if len(crossed):
             k = int(crossed[0]) + 1
-            root = float(brentq(gap, places[k - 1], places[k], xtol=1e-15 * problem.reach[j], rtol=1e-14))
+            root = float(
+                brentq(gap, places[k - 1], places[k], xtol=1e-15 * problem.reach[j], rtol=1e-14)
+            )
             found.append(q + root * (np.arange(problem.nq) == j))
     return found
 

@@ -1,4 +1,5 @@
-"""What unknowns and rows have in common: blocks of one kind, numbered in the order they are declared."""
+"""What unknowns and rows have in common: blocks of one kind, numbered in the order they are
+declared."""
 
 from __future__ import annotations
 
@@ -67,7 +68,9 @@ class Block:
 
     def sizes(self, scale: Scale) -> Array:
         """Typical sizes of all members."""
-        return np.asarray(np.broadcast_to(self.size(scale), self.index.shape)[self.index != NOWHERE])
+        return np.asarray(
+            np.broadcast_to(self.size(scale), self.index.shape)[self.index != NOWHERE]
+        )
 
 
 class Numbering:
@@ -76,7 +79,14 @@ class Numbering:
     def __init__(self, first: int = 0) -> None:
         self.next = first
 
-    def __call__(self, name: str, where: tuple[int, ...] | Bools, label: Label, size: Size, nodes: Index | None = None) -> Block:
+    def __call__(
+        self,
+        name: str,
+        where: tuple[int, ...] | Bools,
+        label: Label,
+        size: Size,
+        nodes: Index | None = None,
+    ) -> Block:
         """A block of a shape, or of a mask whose False members do not exist."""
         mask = where if isinstance(where, np.ndarray) else np.ones(where, dtype=bool)
         index = np.full(mask.shape, NOWHERE)

@@ -1,8 +1,9 @@
-"""The physics of the program as a table of terms: which kernel, on which arguments, enters which rows.
+"""The physics of the program as a table of terms: which kernel, on which arguments, enters which
+rows.
 
 A term is n rows of a kernel family; its values, first and second derivatives follow from the family
-(:mod:`dmoc.nlp.elements`).  Arguments are positions in the pool (:mod:`dmoc.nlp.program`): those below
-the number of unknowns are the unknowns that the term depends on.
+(:mod:`dmoc.nlp.elements`).  Arguments are positions in the pool (:mod:`dmoc.nlp.program`): those
+below the number of unknowns are the unknowns that the term depends on.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ class Term:
     arguments : tuple of positions, shape (n, size) or (1, size)
         Those before the parameters.
     rows : tuple of arrays of int, shape (n, size)
-        For each result, the rows of (c | d) that its components enter; COST for the cost, NOWHERE for none.
+        For each result, the rows of (c | d) that its components enter; COST for the cost, NOWHERE
+        for none.
     factor : float or array of shape (n, 1)
     """
 
@@ -46,7 +48,8 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Positions of arguments in the pool; ``zero`` is that of a zero, ``nc`` the number of surfaces."""
+    """Positions of arguments in the pool; ``zero`` is that of a zero, ``nc`` the number of
+    surfaces."""
 
     lay: Layout
     zero: int

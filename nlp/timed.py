@@ -1,4 +1,5 @@
-"""The program with the minimal times of its phases as further inequalities, which guide a method that has no barrier."""
+"""The program with the minimal times of its phases as further inequalities, which guide a method
+that has no barrier."""
 
 from __future__ import annotations
 
@@ -29,7 +30,9 @@ def phase_minimal_time(problem: Problem, lay: Layout, x: Array, i: int) -> float
 def _unknowns(lay: Layout, i: int) -> Index:
     """Unknowns y = (q_k, q_kp1, h, q_c) of the minimal time of phase i."""
     first, last = lay.ends[i], lay.ends[i + 1]
-    return np.concatenate([lay.index_q[first], lay.index_q[first + 1], lay.index_h[[i]], lay.index_q[last]])
+    return np.concatenate(
+        [lay.index_q[first], lay.index_q[first + 1], lay.index_h[[i]], lay.index_q[last]]
+    )
 
 
 def _minimal_time(problem: Problem, lay: Layout, y: Array, i: int) -> tuple[float, Array]:
@@ -40,19 +43,26 @@ def _minimal_time(problem: Problem, lay: Layout, y: Array, i: int) -> tuple[floa
 
 
 class Timed(Transcription):
-    """Further inequalities T_i - T_min >= 0 of the phases before a collision, where every input is bounded.
+    """Further inequalities T_i - T_min >= 0 of the phases before a collision, where every input is
+    bounded.
 
-    They come after all others.  Their second derivatives are differences: small rows, and rarely active.
+    They come after all others.  Their second derivatives are differences: small rows, and rarely
+    active.
     """
 
-    def __init__(self, problem: Problem, scale: Scale | None = None, touching: Sequence[int] = ()) -> None:
+    def __init__(
+        self, problem: Problem, scale: Scale | None = None, touching: Sequence[int] = ()
+    ) -> None:
         super().__init__(problem, scale, touching=touching)
         bounded = problem.nu > 0 and bool(np.isfinite(problem.input_bounds).all())
         estimated = problem.minimal_times and bounded and problem.model.has_minimal_times
         count = len(problem.sequence) if estimated else 0
         number = Numbering(self.n_eq + self.n_in)
         self._block = number(
-            "minimal time", (count,), lambda i: f"minimal time of phase {i} -> {problem.sequence[i]}", lambda s: s.time
+            "minimal time",
+            (count,),
+            lambda i: f"minimal time of phase {i} -> {problem.sequence[i]}",
+            lambda s: s.time,
         )
         self._known: dict[int, tuple[Array, float, Array]] = {}
         self.n_in += count
@@ -66,18 +76,27 @@ class Timed(Transcription):
         return self._block.numbers - self.n_eq
 
     def inequality(self, x: Array) -> Array:
-        return np.concatenate([super().inequality(x), [self._reserve(x, i)[0] for i in self._phases]])
+        return np.concatenate(
+            [super().inequality(x), [self._reserve(x, i)[0] for i in self._phases]]
+        )
 
     def inequality_slopes(self, x: Array) -> Array:
-        return np.concatenate([super().inequality_slopes(x), *(self._reserve(x, i)[1] for i in self._phases)])
+        return np.concatenate(
+            [super().inequality_slopes(x), *(self._reserve(x, i)[1] for i in self._phases)]
+        )
 
     def inequality_jacobian(self, x: Array) -> Matrix:
         rows = super().inequality_jacobian(x)
         # Zeros stay in the pattern, which is analysed once.
         times = [self._sorted[i] for i in self._phases]
         starts = np.cumsum([rows.indptr[-1], *(len(t) for t in times)])
-        indices, indptr = np.concatenate([rows.indices, *times]), np.concatenate([rows.indptr, starts[1:]])
-        return scipy.sparse.csr_matrix((self.inequality_slopes(x), indices, indptr), shape=(self.n_in, self.n))
+        indices, indptr = (
+            np.concatenate([rows.indices, *times]),
+            np.concatenate([rows.indptr, starts[1:]]),
+        )
+        return scipy.sparse.csr_matrix(
+            (self.inequality_slopes(x), indices, indptr), shape=(self.n_in, self.n)
+        )
 
     def lagrangian_hessian(self, x: Array, y: Array, w: Array, sigma: float = 1.0) -> Matrix:
         rest = self.rows.n_in
@@ -86,7 +105,9 @@ class Timed(Transcription):
             if weight:
                 at, values = self._sorted[i], -weight * self._second(x, i)
                 r, c = np.triu_indices(len(at))
-                found = found + scipy.sparse.csr_matrix((values[r, c], (at[r], at[c])), shape=found.shape)
+                found = found + scipy.sparse.csr_matrix(
+                    (values[r, c], (at[r], at[c])), shape=found.shape
+                )
         return found
 
     @property
@@ -99,7 +120,8 @@ class Timed(Transcription):
         return [np.sort(_unknowns(self.layout, i)) for i in self._phases]
 
     def _reserve(self, x: Array, i: int) -> tuple[float, Array]:
-        """T_i - T_min and its gradient with respect to the sorted scaled unknowns; the last point is remembered.
+        """T_i - T_min and its gradient with respect to the sorted scaled unknowns; the last point
+        is remembered.
 
         Without an estimate nothing is demanded.
         """
@@ -111,12 +133,20 @@ class Timed(Transcription):
             shortest, slope = _minimal_time(self.problem, self.layout, y, i)
             slope = -slope
             slope[at_h] += steps
-            left = float(steps * y[at_h] - (shortest if np.isfinite(shortest) else 0.0)) / self.scale.time
-            known = self._known[i] = y, left, (slope * self.unit[at] / self.scale.time)[np.argsort(at)]
+            left = (
+                float(steps * y[at_h] - (shortest if np.isfinite(shortest) else 0.0))
+                / self.scale.time
+            )
+            known = self._known[i] = (
+                y,
+                left,
+                (slope * self.unit[at] / self.scale.time)[np.argsort(at)],
+            )
         return known[1], known[2]
 
     def _second(self, x: Array, i: int) -> Array:
-        """Second derivative of T_i - T_min in the sorted scaled unknowns, by central differences of its gradient."""
+        """Second derivative of T_i - T_min in the sorted scaled unknowns, by central differences
+        of its gradient."""
         at = _unknowns(self.layout, i)
         order, unit = np.argsort(at), self.unit[at]
         y = x[at] * unit

@@ -1,4 +1,5 @@
-"""The nonlinear program of a problem: from its tables of unknowns and rows to values and derivatives.
+"""The nonlinear program of a problem: from its tables of unknowns and rows to values and
+derivatives.
 
 Everything here works on scaled unknowns and returns scaled values (:mod:`dmoc.nlp.scaling`): x of
 :class:`Transcription` is x divided by ``unit``, a row of (c | d) is divided by its ``row_unit``.
@@ -43,13 +44,18 @@ class Transcription(Evaluator):
     lower, upper : arrays, shape (n,)
         Bounds of the scaled unknowns; ``limits`` are those of the unknowns.
     goal_as_rows : bool
-        Values of the goal are constraints instead of bounds of the unknowns, so that they can be missed by some amount.
+        Values of the goal are constraints instead of bounds of the unknowns, so that they can be
+        missed by some amount.
     touching : sequence of int
         Collisions that touch their surface without an impulse.
     """
 
     def __init__(
-        self, problem: Problem, scale: Scale | None = None, goal_as_rows: bool = False, touching: Sequence[int] | Index = ()
+        self,
+        problem: Problem,
+        scale: Scale | None = None,
+        goal_as_rows: bool = False,
+        touching: Sequence[int] | Index = (),
     ) -> None:
         self.problem, self.kernels, self.goal_as_rows = problem, problem.kernels, goal_as_rows
         self.scale = Scale.none(problem) if scale is None else scale
@@ -113,5 +119,6 @@ class Transcription(Evaluator):
         return np.asarray(y / self.unit)
 
     def momenta(self, x: Array) -> tuple[Array, Array]:
-        """Return p at the start and at the end of every step in units of the problem, shape (total, nq) each."""
+        """Return p at the start and at the end of every step in units of the problem, shape
+        (total, nq) each."""
         return self.problem.model.step_momenta(self.layout.step_inputs(self.physical(x)))

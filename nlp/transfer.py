@@ -14,7 +14,8 @@ from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.trajectory import Trajectory
 
-# How far inside of its step an input at a node counts where inputs may jump there, as a share of the step.
+# How far inside of its step an input at a node counts where inputs may jump there, as a share of
+# the step.
 INSIDE = 1e-6
 
 
@@ -30,11 +31,15 @@ class Piece:
 
 
 def pieces_of(trajectory: Trajectory) -> list[Piece]:
-    return [Piece(p.t, p.q, p.v, _times_of_inputs(trajectory.controls, p.t), p.u) for p in trajectory.phases]
+    return [
+        Piece(p.t, p.q, p.v, _times_of_inputs(trajectory.controls, p.t), p.u)
+        for p in trajectory.phases
+    ]
 
 
 def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence[float]) -> Array:
-    """Return x along the pieces, one for each phase of the problem: positions by cubic, inputs by linear interpolation."""
+    """Return x along the pieces, one for each phase of the problem: positions by cubic, inputs
+    by linear interpolation."""
     lay = Layout.of(problem)
     x = np.zeros(lay.size)
     nodes, inside, inputs, times = [], [], [], []
@@ -56,7 +61,10 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     if lay.timed:
         x[lay.index_t] = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
     x[lay.index_q_i] = np.vstack(inside)
-    ends = ((pieces[0], 0, lay.index_p_B, lay.index_v_B), (pieces[-1], -1, lay.index_p_E, lay.index_v_E))
+    ends = (
+        (pieces[0], 0, lay.index_p_B, lay.index_v_B),
+        (pieces[-1], -1, lay.index_p_E, lay.index_v_E),
+    )
     for piece, k, index_p, index_v in ends:
         x[index_p] = problem.model.momentum(piece.q[k], piece.v[k], piece.t[k])
         if len(index_v):
@@ -74,7 +82,9 @@ def on_finer(problem: Problem, few: Problem, x: Array) -> Array:
         nodes, at = np.ascontiguousarray(q[first : last + 1]), t[first : last + 1]
         v = np.gradient(nodes, h[i], axis=0)
         rows = slice(lay.row_u_k[first], lay.row_u_kp1[last - 1] + 1)
-        pieces.append(Piece(at, nodes, v, _times_of_inputs(lay.form.name, at), x[lay.index_u][rows]))
+        pieces.append(
+            Piece(at, nodes, v, _times_of_inputs(lay.form.name, at), x[lay.index_u][rows])
+        )
     for index, side, k in ((lay.index_v_a, pieces[:-1], -1), (lay.index_v_c, pieces[1:], 0)):
         for known, piece in zip(x[index], side, strict=True):
             piece.v[k] = known

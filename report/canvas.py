@@ -25,7 +25,9 @@ def new_figure(width: float, height: float) -> Figure:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
-        raise MissingExtraError("Matplotlib is needed to plot: install it with `pip install 'dmoc[plot]'`.") from None
+        raise MissingExtraError(
+            "Matplotlib is needed to plot: install it with `pip install 'dmoc[plot]'`."
+        ) from None
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -43,7 +45,10 @@ def write(figure: Figure, path: Path) -> None:
 
 def symbol(name: str) -> str:
     """A name as mathematics: greek names become letters, what follows an underscore a subscript."""
-    greek = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega".split()
+    greek = (
+        "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau "
+        "phi chi psi omega"
+    ).split()
     head, _, tail = name.partition("_")
 
     def letter(text: str) -> str:

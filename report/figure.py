@@ -1,4 +1,5 @@
-"""The figure of a motion: snapshots before and after the collisions, positions, momenta with their jumps, inputs with their bounds."""
+"""The figure of a motion: snapshots before and after the collisions, positions, momenta with
+their jumps, inputs with their bounds."""
 
 from __future__ import annotations
 
@@ -22,7 +23,9 @@ GREY = "#8a8a8a"
 SNAPSHOTS = 8  # of each phase, equally spaced in time
 
 
-def plot(trajectory: Trajectory, path: str | os.PathLike[str] | None = None, shape: Shape | None = None) -> Figure:
+def plot(
+    trajectory: Trajectory, path: str | os.PathLike[str] | None = None, shape: Shape | None = None
+) -> Figure:
     """Draw a motion.
 
     Parameters
@@ -76,7 +79,8 @@ def _finish(axes: Axes, label: str) -> None:
 
 
 def _positions(axes: Axes, trajectory: Trajectory) -> None:
-    """Coordinates; the second and later ones on an axis of their own if their ranges differ much."""
+    """Coordinates; the second and later ones on an axis of their own if their ranges differ
+    much."""
     q = np.vstack([p.q for p in trajectory.phases])
     spans = np.ptp(q, axis=0)
     apart = q.shape[1] == 2 and spans.max() > 3 * max(spans.min(), 1e-12)
@@ -84,7 +88,9 @@ def _positions(axes: Axes, trajectory: Trajectory) -> None:
     for i, name in enumerate(trajectory.coordinates):
         target = axes.twinx() if apart and i == 1 else axes
         for phase in trajectory.phases:
-            (line,) = target.plot(phase.t, phase.q[:, i], color=COLOURS[i % len(COLOURS)], label=f"${symbol(name)}$")
+            (line,) = target.plot(
+                phase.t, phase.q[:, i], color=COLOURS[i % len(COLOURS)], label=f"${symbol(name)}$"
+            )
         lines.append(line)
         if target is not axes:
             target.set_ylabel(f"${symbol(name)}$", color=COLOURS[i])
@@ -104,7 +110,12 @@ def _momenta(axes: Axes, trajectory: Trajectory) -> None:
     for i, name in enumerate(trajectory.coordinates):
         colour = COLOURS[i % len(COLOURS)]
         for k, phase in enumerate(trajectory.phases):
-            axes.plot(phase.t, phase.p[:, i], color=colour, label=f"$p_{{{symbol(name)}}}$" if k == 0 else None)
+            axes.plot(
+                phase.t,
+                phase.p[:, i],
+                color=colour,
+                label=f"$p_{{{symbol(name)}}}$" if k == 0 else None,
+            )
         for before, after in pairwise(trajectory.phases):
             ends = (before.p[-1, i], after.p[0, i])
             axes.plot([before.t[-1]] * 2, ends, color=colour, linestyle=":", linewidth=1.2)
@@ -119,20 +130,25 @@ def _inputs(axes: Axes, trajectory: Trajectory) -> None:
         for k, phase in enumerate(trajectory.phases):
             label = f"${symbol(name)}$" if k == 0 else None
             if not trajectory.input_form.width:
-                axes.stairs(phase.u[:, i], phase.t, baseline=None, color=colour, label=label, linewidth=1.5)
+                axes.stairs(
+                    phase.u[:, i], phase.t, baseline=None, color=colour, label=label, linewidth=1.5
+                )
             else:
                 axes.plot(trajectory.input_times(phase), phase.u[:, i], color=colour, label=label)
         name = f"${symbol(name)}$ " if len(trajectory.inputs) > 1 else ""
         for bound in trajectory.input_bounds[i]:
             if np.isfinite(bound):
                 _bound(axes, bound, values, colour, name, i)
-    _finish(axes, "inputs" if len(trajectory.inputs) > 1 else f"input ${symbol(trajectory.inputs[0])}$")
+    _finish(
+        axes, "inputs" if len(trajectory.inputs) > 1 else f"input ${symbol(trajectory.inputs[0])}$"
+    )
     if len(trajectory.inputs) > 1:
         axes.legend(loc="best", frameon=False)
 
 
 def _bound(axes: Axes, bound: float, values: Array, colour: str, name: str, line: int) -> None:
-    """A line where the bound is near the values, else a note of its value: a far one would flatten the curves."""
+    """A line where the bound is near the values, else a note of its value: a far one would
+    flatten the curves."""
     low, high = float(values.min()), float(values.max())
     span = max(high - low, 1e-12)
     if low - span <= bound <= high + span:
@@ -142,7 +158,13 @@ def _bound(axes: Axes, bound: float, values: Array, colour: str, name: str, line
     text = f"{name}upper bound {bound:g} \u2191" if above else f"{name}lower bound {bound:g} \u2193"
     place = 0.97 - 0.09 * line if above else 0.03 + 0.09 * line
     axes.annotate(
-        text, (0.995, place), xycoords="axes fraction", ha="right", va="top" if above else "bottom", fontsize=8, color=GREY
+        text,
+        (0.995, place),
+        xycoords="axes fraction",
+        ha="right",
+        va="top" if above else "bottom",
+        fontsize=8,
+        color=GREY,
     )
 
 
@@ -164,23 +186,40 @@ def _collision_lines(curves: list[Axes], trajectory: Trajectory) -> None:
 def _snapshots(figure: Figure, grid: object, trajectory: Trajectory, shape: Shape) -> None:
     from matplotlib.colors import to_rgba
 
-    pictures = [[shape(q, trajectory.parameters) for q in _at_times(phase)] for phase in trajectory.phases]
-    points = np.vstack([line for picture in pictures for shot in picture for line in (*shot.lines, *shot.bodies)])
+    pictures = [
+        [shape(q, trajectory.parameters) for q in _at_times(phase)] for phase in trajectory.phases
+    ]
+    points = np.vstack(
+        [line for picture in pictures for shot in picture for line in (*shot.lines, *shot.bodies)]
+    )
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.08 * max(high - low)
     for i, picture in enumerate(pictures):
         axes = figure.add_subplot(grid[0, i])  # type: ignore[index]
         contact = picture[-1] if i < len(trajectory.collisions) else picture[0]
         for line in contact.limits:
-            axes.plot(line[:, 0], line[:, 1], color="#b0b0b0", linewidth=2.5, solid_capstyle="butt", zorder=1)
+            axes.plot(
+                line[:, 0],
+                line[:, 1],
+                color="#b0b0b0",
+                linewidth=2.5,
+                solid_capstyle="butt",
+                zorder=1,
+            )
         for k, shot in enumerate(picture):
             strength = 0.2 + 0.8 * k / max(len(picture) - 1, 1)
             for line in shot.lines:
-                axes.plot(line[:, 0], line[:, 1], color=to_rgba(COLOURS[0], strength), linewidth=1.6)
+                axes.plot(
+                    line[:, 0], line[:, 1], color=to_rgba(COLOURS[0], strength), linewidth=1.6
+                )
             for line in shot.bodies if k in (0, len(picture) - 1) else ():
-                axes.plot(line[:, 0], line[:, 1], color=to_rgba(COLOURS[0], strength), linewidth=1.2)
+                axes.plot(
+                    line[:, 0], line[:, 1], color=to_rgba(COLOURS[0], strength), linewidth=1.2
+                )
             for x, y in shot.masses:
-                axes.plot(x, y, "o", color=to_rgba(COLOURS[1], strength), markersize=6, markeredgewidth=0)
+                axes.plot(
+                    x, y, "o", color=to_rgba(COLOURS[1], strength), markersize=6, markeredgewidth=0
+                )
         axes.set_xlim(low[0] - margin, high[0] + margin)
         axes.set_ylim(low[1] - margin, high[1] + margin)
         axes.set_aspect("equal", adjustable="box")

@@ -1,4 +1,5 @@
-"""How the shipped models look: positions of their parts in the plane.  Other models are drawn as curves only."""
+"""How the shipped models look: positions of their parts in the plane.  Other models are drawn as
+curves only."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from dmoc.trajectory import Array
 
 @dataclass(frozen=True)
 class Picture:
-    """Lines (arrays of points), point masses, limits of the motion, and bodies that are drawn at both ends only, in metres."""
+    """Lines (arrays of points), point masses, limits of the motion, and bodies that are drawn at
+    both ends only, in metres."""
 
     lines: tuple[Array, ...]
     masses: tuple[tuple[float, float], ...]
@@ -33,7 +35,13 @@ def _cart_pendulum(q: Array, parameters: Mapping[str, float]) -> Picture:
     alpha, x, l = float(q[0]), float(q[1]), parameters["l"]
     tip = (x + l * cos(alpha), l * sin(alpha))
     width, height = 0.24 * l, 0.12 * l
-    corners = [(-width, -height), (width, -height), (width, height), (-width, height), (-width, -height)]
+    corners = [
+        (-width, -height),
+        (width, -height),
+        (width, height),
+        (-width, height),
+        (-width, -height),
+    ]
     cart = np.array([(x + a, b) for a, b in corners])
     rod = np.array([(x, 0.0), tip])
     limits = tuple(

@@ -1,4 +1,5 @@
-"""Figures of a search: the tree of sequences with its verdicts, and the best motions side by side."""
+"""Figures of a search: the tree of sequences with its verdicts, and the best motions side by
+side."""
 
 from __future__ import annotations
 
@@ -30,7 +31,10 @@ MOST_LABELS = 130
 ROW, COLUMN = 0.27, 2.3  # inches of a leaf and of a depth
 
 
-def plot_tree(nodes: Sequence[tuple[tuple[str, ...], str, float | None]], path: str | os.PathLike[str] | None = None) -> Figure:
+def plot_tree(
+    nodes: Sequence[tuple[tuple[str, ...], str, float | None]],
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
     """Draw the tree of sequences: verdict by colour, cost on the nodes.
 
     Parameters
@@ -58,15 +62,28 @@ def plot_tree(nodes: Sequence[tuple[tuple[str, ...], str, float | None]], path: 
         if labelled:
             weight = "bold" if v == "optimal" else "normal"
             axes.text(
-                len(s), rows[s], text.strip(), ha="center", va="center", fontsize=7.5, weight=weight, zorder=2,
+                len(s),
+                rows[s],
+                text.strip(),
+                ha="center",
+                va="center",
+                fontsize=7.5,
+                weight=weight,
+                zorder=2,
                 bbox={"boxstyle": "round,pad=0.25", "fc": COLOURS[v], "ec": "none", "alpha": 0.9},
-            )  # fmt: skip
+            )
         else:
-            axes.plot(len(s), rows[s], "o", color=COLOURS[v], ms=7 if v == "optimal" else 4, zorder=2)
+            axes.plot(
+                len(s), rows[s], "o", color=COLOURS[v], ms=7 if v == "optimal" else 4, zorder=2
+            )
     from matplotlib.lines import Line2D
 
     counts = {v: sum(1 for w in verdict.values() if w == v) for v in COLOURS}
-    handles = [Line2D([], [], marker="s", ls="", color=COLOURS[v], label=f"{v} ({n})") for v, n in counts.items() if n]
+    handles = [
+        Line2D([], [], marker="s", ls="", color=COLOURS[v], label=f"{v} ({n})")
+        for v, n in counts.items()
+        if n
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=8)
     axes.set_xlim(-0.5, depth + 0.5)
     axes.set_ylim(max(rows.values(), default=0) + 0.8, -0.8)
@@ -102,7 +119,9 @@ def _rows(sequences: list[tuple[str, ...]]) -> dict[tuple[str, ...], float]:
     return rows
 
 
-def plot_motions(motions: Sequence[tuple[str, float, Trajectory]], path: str | os.PathLike[str] | None = None) -> Figure:
+def plot_motions(
+    motions: Sequence[tuple[str, float, Trajectory]], path: str | os.PathLike[str] | None = None
+) -> Figure:
     """Draw motions side by side: coordinates and inputs over time, collisions as lines.
 
     Parameters

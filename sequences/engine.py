@@ -59,8 +59,8 @@ class SearchResult:
     seconds : float
     problem : Problem
     broken : str
-        What broke the search off, other than its caller and its budgets: a journal that could not be written, an executor that took no more
-        work; empty where nothing did.
+        What broke the search off, other than its caller and its budgets: a journal that could not
+        be written, an executor that took no more work; empty where nothing did.
     """
 
     nodes: tuple[Node, ...]
@@ -104,7 +104,14 @@ class SearchResult:
         from dmoc.report.tree import plot_motions
 
         chosen = [n for n in self.ranked() if n.solution is not None][:most]
-        return plot_motions([(n.name, n.cost or 0.0, n.solution.trajectory) for n in chosen if n.solution is not None], path)
+        return plot_motions(
+            [
+                (n.name, n.cost or 0.0, n.solution.trajectory)
+                for n in chosen
+                if n.solution is not None
+            ],
+            path,
+        )
 
 
 def search(
@@ -129,20 +136,23 @@ def search(
 ) -> SearchResult:
     """Search for the best sequence of collisions.
 
-    The nodes of a tree are the sequences of surfaces up to a depth, from the empty one on, repeated hits included.  Each is solved from
-    its parent's motion, from the automatic guesses and from seeded starts, and gets a verdict with its evidence; the children of one whose
-    last collision cannot be made are not looked at.
+    The nodes of a tree are the sequences of surfaces up to a depth, from the empty one on, repeated
+    hits included.  Each is solved from its parent's motion, from the automatic guesses and from
+    seeded starts, and gets a verdict with its evidence; the children of one whose last collision
+    cannot be made are not looked at.
 
     Parameters
     ----------
     problem : Problem
-        Its own sequence does not matter; it has one number of steps for every phase and no durations.
+        Its own sequence does not matter; it has one number of steps for every phase and no
+        durations.
     max_collisions : int
         Depth of the tree.
     surfaces : sequence of str, optional
         Surfaces that may be hit; all by default.
     strategy : {"exhaustive", "best-first", "beam"}
-        All nodes; those first whose parents cost least; the children of the ``beam`` best nodes of each depth.
+        All nodes; those first whose parents cost least; the children of the ``beam`` best nodes of
+        each depth.
     beam : int
     starts : int
         Seeded starts of each node, beside the parent's motion and the automatic guesses.
@@ -152,13 +162,15 @@ def search(
     workers : int
         Processes of this machine.
     executor : concurrent.futures.Executor, optional
-        Where nodes are solved instead: ``Client(...).get_executor()`` of dask.distributed, for example.
+        Where nodes are solved instead: ``Client(...).get_executor()`` of dask.distributed, for
+        example.
     seconds, max_nodes : optional
         Budgets of time and of nodes; nodes of a journal count too.
     node_seconds : float
         Time limit of a node; one that fails is tried once more.
     shortest_phase : float, optional
-        Shortest duration of a phase in seconds; by default a hundredth of the largest final time, where that is bounded.
+        Shortest duration of a phase in seconds; by default a hundredth of the largest final time,
+        where that is bounded.
     journal : path, optional
         SQLite file of finished nodes.
     resume : bool
@@ -177,11 +189,28 @@ def search(
         If an argument does not fit.
     """
     if not isinstance(problem, Problem):
-        raise SearchError(f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., ...) states it.")
+        raise SearchError(
+            f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., "
+            "...) states it."
+        )
     settings = Settings(
-        max_collisions, surfaces_of(problem, surfaces), strategy, beam, starts, seed, method, workers, executor, seconds, node_seconds,
-        max_nodes, shortest_of(problem, shortest_phase), journal, resume, progress,
-    )  # fmt: skip
+        max_collisions,
+        surfaces_of(problem, surfaces),
+        strategy,
+        beam,
+        starts,
+        seed,
+        method,
+        workers,
+        executor,
+        seconds,
+        node_seconds,
+        max_nodes,
+        shortest_of(problem, shortest_phase),
+        journal,
+        resume,
+        progress,
+    )
     check(problem, settings)
     return _searched(problem, settings)
 
@@ -191,7 +220,11 @@ def _searched(problem: Problem, settings: Settings) -> SearchResult:
     tree = Tree(problem, settings)
     with ExitStack() as stack:
         if settings.journal is not None:
-            tree.keep(stack.enter_context(Journal(settings.journal, identity(problem, settings), settings.resume)))
+            tree.keep(
+                stack.enter_context(
+                    Journal(settings.journal, identity(problem, settings), settings.resume)
+                )
+            )
         stopped, broken = _walked(tree, settings, _workers(settings, stack), begin)
     return replace(_result(tree, stopped, time.perf_counter() - begin), broken=broken)
 
@@ -208,14 +241,19 @@ def _workers(settings: Settings, stack: ExitStack) -> Workers:
 
 
 def _walked(tree: Tree, settings: Settings, workers: Workers, begin: float) -> tuple[str, str]:
-    """Look at nodes until there are no more; return what stopped it before that, and what broke it off."""
+    """Look at nodes until there are no more; return what stopped it before that, and what broke
+    it off."""
     seconds, most = settings.seconds, settings.max_nodes
     deadline = np.inf if seconds is None else time.monotonic() + seconds
     try:
         for round_ in tree.rounds():
             for _ in tree.solve(round_, workers, deadline):
                 if settings.progress is not None:
-                    settings.progress(Progress(tree.counts(), tree.waiting, tree.best(), time.perf_counter() - begin))
+                    settings.progress(
+                        Progress(
+                            tree.counts(), tree.waiting, tree.best(), time.perf_counter() - begin
+                        )
+                    )
                 if time.monotonic() > deadline:
                     break
             if seconds is not None and time.monotonic() > deadline and tree.waiting:
@@ -241,7 +279,9 @@ def _result(tree: Tree, stopped: str, seconds: float) -> SearchResult:
         best = best.judged(Verdict.OPTIMAL)
         tree.nodes[best.sequence] = best
     whole = [
-        replace(n, solution=None if n.solution is None else replace(n.solution, kernels=problem.kernels))
+        replace(
+            n, solution=None if n.solution is None else replace(n.solution, kernels=problem.kernels)
+        )
         for n in tree.nodes.values()
     ]
     nodes = tuple(sorted(whole, key=lambda n: tree.place(n.sequence)))
@@ -257,12 +297,24 @@ def _notes(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -
     if tree.passed_over:
         notes.append(f"the beam passed over {tree.passed_over} sequences")
     by_depth = [
-        min((n.cost for n in nodes if len(n.sequence) == d and n.verdict in CONFIRMED and n.cost is not None), default=np.inf)
+        min(
+            (
+                n.cost
+                for n in nodes
+                if len(n.sequence) == d and n.verdict in CONFIRMED and n.cost is not None
+            ),
+            default=np.inf,
+        )
         for d in range(depth + 1)
     ]
-    if best is not None and len(best.sequence) == depth > 0 and by_depth[depth] < min(by_depth[:-1]):
+    if (
+        best is not None
+        and len(best.sequence) == depth > 0
+        and by_depth[depth] < min(by_depth[:-1])
+    ):
         notes.append(
-            f"the best sequence has all {depth} collisions (cost {by_depth[depth]:.6g}, with fewer {min(by_depth[:-1]):.6g}): more may cost less"
+            f"the best sequence has all {depth} collisions (cost {by_depth[depth]:.6g}, with fewer "
+            f"{min(by_depth[:-1]):.6g}): more may cost less"
         )
     for verdict, meaning in (
         (Verdict.FAILED, "came to no answer"),
@@ -274,6 +326,7 @@ def _notes(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -
     held = [n for n in nodes if n.shortest]
     if held:
         notes.append(
-            f"{len(held)} motions are held by the shortest phase of {tree.settings.shortest_phase:g} s: their collisions would rather merge"
+            f"{len(held)} motions are held by the shortest phase of "
+            f"{tree.settings.shortest_phase:g} s: their collisions would rather merge"
         )
     return tuple(notes)

@@ -15,8 +15,18 @@ from dmoc.sequences.settings import Settings
 SEARCHED = ("sequence", "durations")
 # Settings that decide which nodes are looked at, when and where, and not what the answer of one is.
 ELSEWHERE = (
-    "max_collisions", "strategy", "beam", "workers", "executor", "seconds", "node_seconds", "max_nodes", "journal", "resume", "progress",
-)  # fmt: skip
+    "max_collisions",
+    "strategy",
+    "beam",
+    "workers",
+    "executor",
+    "seconds",
+    "node_seconds",
+    "max_nodes",
+    "journal",
+    "resume",
+    "progress",
+)
 
 
 def _end(bounds: Boundary) -> object:
@@ -42,7 +52,9 @@ def facts(problem: Problem, settings: Settings) -> dict[str, object]:
     for field in fields(Problem):
         if field.name not in SEARCHED:
             meaning = MEANING.get(field.name)
-            found[f"problem.{field.name}"] = meaning(problem) if meaning else getattr(problem, field.name)
+            found[f"problem.{field.name}"] = (
+                meaning(problem) if meaning else getattr(problem, field.name)
+            )
     for field in fields(Settings):
         if field.name not in ELSEWHERE:
             found[f"settings.{field.name}"] = getattr(settings, field.name)

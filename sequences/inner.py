@@ -1,4 +1,5 @@
-"""The inner problem: one sequence, several starts, a verdict with evidence.  Runs in any process."""
+"""The inner problem: one sequence, several starts, a verdict with evidence.  Runs in any
+process."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ from dmoc.solving.solve import solve
 
 # Relative difference of two costs that belong to the same minimum.
 SAME = 1e-5
-# Spread of seeded starts: of the logarithm of durations, and of coordinates relative to their range.
+# Spread of seeded starts: of the logarithm of durations, and of coordinates relative to their
+# range.
 SPREAD_TIME, SPREAD_PLACE = 0.4, 0.3
 # Further automatic guesses are used where the first starts found nothing.
 SPARE = "spare"
@@ -37,7 +39,8 @@ ITERATIONS = 200
 
 @dataclass(frozen=True)
 class Task:
-    """One sequence to be solved: the problem, the parent's motion, further starts, method, limit in seconds."""
+    """One sequence to be solved: the problem, the parent's motion, further starts, method, limit
+    in seconds."""
 
     problem: Problem
     parent: Solution | None
@@ -53,7 +56,8 @@ class Task:
 
 
 def solve_node(task: Task) -> Node:
-    """Solve from every start; return the node with its verdict.  An error is an answer too: the search goes on."""
+    """Solve from every start; return the node with its verdict.  An error is an answer too: the
+    search goes on."""
     try:
         return _solve(task)
     except Exception as error:
@@ -88,12 +92,20 @@ def _solve(task: Task) -> Node:
     solved.sort(key=lambda s: (not s.solved, s.cost))
     if node is None or isinstance(node, Solution):
         node = _confirmed(task, solved)
-    return replace(node, starts=tuple(tried), minima=_minima(solved), attempts=task.attempts, seconds=time.perf_counter() - begin)
+    return replace(
+        node,
+        starts=tuple(tried),
+        minima=_minima(solved),
+        attempts=task.attempts,
+        seconds=time.perf_counter() - begin,
+    )
 
 
 def _solve_from(task: Task, x: Array, seconds: float) -> Solution:
     """Solve; an interrupted solve keeps its best iterate, but a search wants to know."""
-    found = solve(task.problem, task.method, guess=x, iterations=ITERATIONS, seconds=seconds, verify=False)
+    found = solve(
+        task.problem, task.method, guess=x, iterations=ITERATIONS, seconds=seconds, verify=False
+    )
     if found.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     return found
@@ -108,11 +120,15 @@ def _starts(task: Task, guesses: Sequence[Guess]) -> Iterator[tuple[str, Array]]
         yield f"{SPARE} {i + 1}", guess.x
     order = [problem.kernels.surfaces.index(s) for s in problem.sequence]
     for i in range(task.starts):
-        yield f"seeded {i + 1}", shaken(problem, guesses[0].x, np.random.default_rng([task.seed, i, *order]))
+        yield (
+            f"seeded {i + 1}",
+            shaken(problem, guesses[0].x, np.random.default_rng([task.seed, i, *order])),
+        )
 
 
 def extended(parent: Solution, problem: Problem) -> Array:
-    """Unknowns of a motion with one more collision: the parent's last phase, bent to touch the surface where it comes closest to it."""
+    """Unknowns of a motion with one more collision: the parent's last phase, bent to touch the
+    surface where it comes closest to it."""
     surface = problem.sequence[-1]
     *earlier, last = pieces_of(parent.trajectory)
     steps = len(last.t) - 1
@@ -124,15 +140,21 @@ def extended(parent: Solution, problem: Problem) -> Array:
     bend = np.zeros(problem.nq) if met is None else met - last.q[k]
     share = np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, 0, steps - k + 1)[1:]])
     q = last.q + share[:, None] * bend
-    rates = [last.v[part] + sign * bend / np.ptp(last.t[part]) for part, sign in ((slice(k + 1), 1), (slice(k, None), -1))]
+    rates = [
+        last.v[part] + sign * bend / np.ptp(last.t[part])
+        for part, sign in ((slice(k + 1), 1), (slice(k, None), -1))
+    ]
     before = replace(last, t=last.t[: k + 1], q=q[: k + 1], v=rates[0])
     after = replace(last, t=last.t[k:], q=q[k:], v=rates[1])
     _, impulse = reflected(problem, q[k], rates[0][-1], surface, float(last.t[k]))
-    return unknowns_along(problem, [*earlier, before, after], [*(c.impulse for c in parent.collisions), impulse])
+    return unknowns_along(
+        problem, [*earlier, before, after], [*(c.impulse for c in parent.collisions), impulse]
+    )
 
 
 def shaken(problem: Problem, x: Array, rng: np.random.Generator) -> Array:
-    """A guess with other durations and another path; what is fixed stays, because the solver clips it to its bounds."""
+    """A guess with other durations and another path; what is fixed stays, because the solver
+    clips it to its bounds."""
     lay = Layout.of(problem)
     x = x.copy()
     x[lay.index_h] *= np.exp(SPREAD_TIME * rng.normal(size=lay.phases))
@@ -155,7 +177,8 @@ def _minima(solved: list[Solution]) -> tuple[float, ...]:
 
 
 def _confirmed(task: Task, solved: list[Solution]) -> Node:
-    """The cheapest motion that the simulation confirms; the cheapest of all where it confirms none."""
+    """The cheapest motion that the simulation confirms; the cheapest of all where it confirms
+    none."""
     first = ""
     for s in solved:
         check = s.verify()
@@ -174,14 +197,25 @@ def _confirmed(task: Task, solved: list[Solution]) -> Node:
 def _node(task: Task, s: Solution, verdict: Verdict, evidence: tuple[str, ...]) -> Node:
     shortest = tuple(b for b in s.active_bounds if b.kind is BoundKind.DURATION and b.side == ">=")
     bare = replace(s, kernels=None)  # travels without the kernels, which the caller has
-    return Node(task.sequence, verdict, s.cost, tuple(p.duration for p in s.phases), evidence, shortest=shortest, solution=bare)
+    return Node(
+        task.sequence,
+        verdict,
+        s.cost,
+        tuple(p.duration for p in s.phases),
+        evidence,
+        shortest=shortest,
+        solution=bare,
+    )
 
 
 def _unsolved(task: Task, guesses: Sequence[Guess], tried: list[Start]) -> Node | Solution:
-    """Infeasible, unreachable, no answer, or a solution from the feasible motion that the search for the reason has found."""
+    """Infeasible, unreachable, no answer, or a solution from the feasible motion that the search
+    for the reason has found."""
     problem = task.problem
     ends = ", ".join(f"{s.name}: {s.status}" for s in tried)
-    nothing = Node(task.sequence, Verdict.FAILED, evidence=(f"no start came to an answer ({ends})",))
+    nothing = Node(
+        task.sequence, Verdict.FAILED, evidence=(f"no start came to an answer ({ends})",)
+    )
     if not any(s.status == Status.INFEASIBLE for s in tried) or problem.kernels.backend != COMPILED:
         return nothing
     whole = _least(problem, guesses, task.seconds)
@@ -189,21 +223,32 @@ def _unsolved(task: Task, guesses: Sequence[Guess], tried: list[Start]) -> Node 
         found = _solve_from(task, whole.x, task.seconds)
         return found if found.minimum else nothing
     if problem.sequence:
-        # Only the collisions, and as much time as there is: what happens after them is another matter.
+        # Only the collisions, and as much time as there is: what happens after them is another
+        # matter.
         start = dict.fromkeys(problem.periodic) | dict(problem.start)
         latest = (None, problem.final_time_bounds[1])
         there_only = problem.but(start=start, goal={}, periodic=(), final_time=latest)
         there = _least(there_only, initial_guesses(there_only), task.seconds)
         if there.violation > INFEASIBLE:
-            return Node(task.sequence, Verdict.UNREACHABLE if there.least else Verdict.FAILED, evidence=there.sentences)
-    return Node(task.sequence, Verdict.INFEASIBLE if whole.least else Verdict.FAILED, evidence=whole.sentences)
+            return Node(
+                task.sequence,
+                Verdict.UNREACHABLE if there.least else Verdict.FAILED,
+                evidence=there.sentences,
+            )
+    return Node(
+        task.sequence,
+        Verdict.INFEASIBLE if whole.least else Verdict.FAILED,
+        evidence=whole.sentences,
+    )
 
 
 def _least(problem: Problem, guesses: Sequence[Guess], seconds: float) -> Diagnosis:
     """The least violation from any of some guesses."""
     found: list[Diagnosis] = []
     for guess in guesses:
-        found.append(diagnose(problem, scale_of(problem, guess.x), guess.x, Options(seconds=seconds)))
+        found.append(
+            diagnose(problem, scale_of(problem, guess.x), guess.x, Options(seconds=seconds))
+        )
         if found[-1].violation <= INFEASIBLE:
             return found[-1]
     return min(found, key=lambda d: (not d.least, d.violation))

@@ -28,28 +28,36 @@ class Journal:
     identity : str
         Digest of problem and settings; a journal of another identity is refused.
     resume : bool
-        Go on with the nodes of an existing journal; without it an existing journal is an error, so that nothing is lost.
+        Go on with the nodes of an existing journal; without it an existing journal is an error, so
+        that nothing is lost.
 
     Raises
     ------
     SearchError
-        If the file is no journal, is damaged, belongs to another problem, exists without ``resume``, or cannot be written.  It is left
-        as it was.
+        If the file is no journal, is damaged, belongs to another problem, exists without
+        ``resume``, or cannot be written.  It is left as it was.
     """
 
     def __init__(self, path: str | os.PathLike[str], identity: str, resume: bool) -> None:
         self.path = Path(path)
         try:
-            filled = self.path.exists() and self.path.stat().st_size > 0  # a search that was killed at once leaves an empty file
+            # A search that was killed at once leaves an empty file.
+            filled = self.path.exists() and self.path.stat().st_size > 0
             if self.path.exists() and not self.path.is_file():
-                raise SearchError(f"journal {self.path} is a folder or a device: name another file.")
+                raise SearchError(
+                    f"journal {self.path} is a folder or a device: name another file."
+                )
             if filled and not resume:
                 raise SearchError(f"journal {self.path} exists: resume it, or name another file.")
             if resume and not self.path.exists():
-                raise SearchError(f"journal {self.path} does not exist: nothing can be resumed from it.")
+                raise SearchError(
+                    f"journal {self.path} does not exist: nothing can be resumed from it."
+                )
             self.database = sqlite3.connect(self.path, isolation_level=None)
         except (OSError, sqlite3.Error) as error:
-            raise SearchError(f"{self.path} cannot be used as a journal ({error}): name another file.") from None
+            raise SearchError(
+                f"{self.path} cannot be used as a journal ({error}): name another file."
+            ) from None
         try:
             if filled:
                 self._check(identity)
@@ -59,33 +67,47 @@ class Journal:
             self.close()
             if isinstance(error, SearchError):
                 raise
-            raise SearchError(f"{self.path} cannot be used as a journal ({error}): name another file.") from None
+            raise SearchError(
+                f"{self.path} cannot be used as a journal ({error}): name another file."
+            ) from None
 
     def _make(self, identity: str) -> None:
         """All at once: a journal is complete or empty."""
         self.database.execute("BEGIN IMMEDIATE")
         for table in TABLES.values():
             self.database.execute(table)
-        self.database.executemany("INSERT INTO about VALUES (?, ?)", [("format", FORMAT), ("identity", identity)])
+        self.database.executemany(
+            "INSERT INTO about VALUES (?, ?)", [("format", FORMAT), ("identity", identity)]
+        )
         self.database.execute("COMMIT")
 
     def _check(self, identity: str) -> None:
         """Look at everything before anything is written."""
-        expected: set[tuple[str, str, str | None]] = {("table", name, sql) for name, sql in TABLES.items()}
+        expected: set[tuple[str, str, str | None]] = {
+            ("table", name, sql) for name, sql in TABLES.items()
+        }
         expected |= {("index", f"sqlite_autoindex_{name}_1", None) for name in TABLES}
         if set(self.database.execute("SELECT type, name, sql FROM sqlite_master")) != expected:
             raise SearchError(f"{self.path} is the database of something else: name another file.")
         if list(self.database.execute("PRAGMA quick_check(1)")) != [("ok",)]:
             raise SearchError(f"journal {self.path} is damaged: start anew with another file.")
-        if set(self.database.execute("SELECT name, value FROM about")) != {("format", FORMAT), ("identity", identity)}:
-            raise SearchError(f"journal {self.path} belongs to another problem or to other settings: name another file.")
+        if set(self.database.execute("SELECT name, value FROM about")) != {
+            ("format", FORMAT),
+            ("identity", identity),
+        }:
+            raise SearchError(
+                f"journal {self.path} belongs to another problem or to other settings: name "
+                "another file."
+            )
 
     def finished(self) -> Mapping[tuple[str, ...], Node]:
         try:
             rows = self.database.execute("SELECT sequence, summary, solution FROM nodes")
             nodes = [Node.from_row(*row) for row in rows]
         except (sqlite3.Error, Refused, SolutionFileError):
-            raise SearchError(f"journal {self.path} is damaged: start anew with another file.") from None
+            raise SearchError(
+                f"journal {self.path} is damaged: start anew with another file."
+            ) from None
         return {n.sequence: n for n in nodes}
 
     def add(self, node: Node) -> None:
@@ -97,5 +119,10 @@ class Journal:
     def __enter__(self) -> Journal:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()

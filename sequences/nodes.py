@@ -7,7 +7,21 @@ import json
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dmoc.schema import Choice, Context, Either, Listed, Name, Nothing, Number, Record, Refused, Text, Whole, dumped, plain
+from dmoc.schema import (
+    Choice,
+    Context,
+    Either,
+    Listed,
+    Name,
+    Nothing,
+    Number,
+    Record,
+    Refused,
+    Text,
+    Whole,
+    dumped,
+    plain,
+)
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Status
 
@@ -19,10 +33,13 @@ class Verdict(enum.StrEnum):
 
     OPTIMAL = "optimal"  # the best of the tree
     FEASIBLE = "feasible"
-    GRAZES = "grazes"  # the best motion touches a surface of the sequence without colliding: no motion of this sequence
+    # the best motion touches a surface of the sequence without colliding: no motion of this
+    # sequence
+    GRAZES = "grazes"
     UNVERIFIED = "unverified"  # solved, and the simulation contradicts it
     INFEASIBLE = "infeasible"  # its collisions can be made, the goal cannot be reached after them
-    UNREACHABLE = "unreachable"  # its last collision cannot be made: no sequence that begins with it is looked at
+    # its last collision cannot be made: no sequence that begins with it is looked at
+    UNREACHABLE = "unreachable"
     FAILED = "failed"  # no answer: a limit was reached, or a worker died
 
 
@@ -50,7 +67,8 @@ class Node:
     evidence : tuple of str
         Why the verdict is what it is.
     starts : tuple of Start
-        Every start that was tried; "automatic" is the first guess, from which ``dmoc solve`` starts too.
+        Every start that was tried; "automatic" is the first guess, from which ``dmoc solve`` starts
+        too.
     minima : tuple of float
         Costs of the different local minima, the least first.
     shortest : tuple of str
@@ -85,7 +103,9 @@ class Node:
             "cost": self.cost,
             "phases": list(self.phases),
             "evidence": list(self.evidence),
-            "starts": [{"name": s.name, "status": str(s.status), "cost": s.cost} for s in self.starts],
+            "starts": [
+                {"name": s.name, "status": str(s.status), "cost": s.cost} for s in self.starts
+            ],
             "minima": list(self.minima),
             "shortest": list(self.shortest),
             "attempts": self.attempts,
@@ -100,7 +120,11 @@ class Node:
     @classmethod
     def from_row(cls, sequence: object, summary: object, data: object) -> Node:
         """Return the node of a row; raise Refused or SolutionFileError if it is none."""
-        if not (isinstance(sequence, str) and isinstance(summary, str) and isinstance(data, (bytes, type(None)))):
+        if not (
+            isinstance(sequence, str)
+            and isinstance(summary, str)
+            and isinstance(data, (bytes, type(None)))
+        ):
             raise Refused("a row has other types")
         node: Node = NODE.read(plain(summary), "", Context())
         if json.dumps(list(node.sequence)) != sequence:
@@ -120,14 +144,23 @@ def _wrong(node: Node) -> str | None:
     s = node.solution
     if (s is None) != (node.cost is None) or (s is None) != (node.verdict not in WITH_MOTION):
         return "a verdict, its cost and its motion do not fit together"
-    if s is not None and (s.cost != node.cost or tuple(c.surface for c in s.collisions) != node.sequence):
+    if s is not None and (
+        s.cost != node.cost or tuple(c.surface for c in s.collisions) != node.sequence
+    ):
         return "a motion is that of another node"
     return None
 
 
 WITH_MOTION = (Verdict.OPTIMAL, Verdict.FEASIBLE, Verdict.GRAZES, Verdict.UNVERIFIED)
 # One line for each field in a row of the journal.
-START = Record(Start, {"name": Text(), "status": Choice(tuple(Status)), "cost": Either(Nothing(), Number(special=True))})
+START = Record(
+    Start,
+    {
+        "name": Text(),
+        "status": Choice(tuple(Status)),
+        "cost": Either(Nothing(), Number(special=True)),
+    },
+)
 NODE = Record(
     Node,
     {

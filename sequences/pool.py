@@ -1,4 +1,5 @@
-"""Runs nodes here, in processes of this machine, or in any executor; a node that fails is tried once more."""
+"""Runs nodes here, in processes of this machine, or in any executor; a node that fails is tried
+once more."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ from dmoc.sequences.nodes import Node, Verdict
 from dmoc.solvers.outcome import Status
 
 ATTEMPTS = 2
-# A worker that is this many times over a node's limit hangs, and is stopped; seconds are added for guesses and checks.
+# A worker that is this many times over a node's limit hangs, and is stopped; seconds are added for
+# guesses and checks.
 HANGS_AFTER, GRACE = 3.0, 30.0
 # Nodes that an executor of unknown size gets at a time.
 AHEAD = 16
@@ -35,7 +37,8 @@ class NoMoreWork(Exception):  # noqa: N818 - it ends a search and loses nothing
 
 
 def _needs_another(node: Node) -> bool:
-    """Whether a worker was lost or the time ran out, and the node has not had its second attempt."""
+    """Whether a worker was lost or the time ran out, and the node has not had its second
+    attempt."""
     lost = not node.starts or any(s.status == Status.TIME_LIMIT for s in node.starts)
     return node.verdict is Verdict.FAILED and lost and node.attempts < ATTEMPTS
 
@@ -54,7 +57,8 @@ def here(tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
 
 
 def in_executor(executor: Executor, tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
-    """In an executor of the caller's; errors of its workers, and answers that do not come, are taken as a failed attempt."""
+    """In an executor of the caller's; errors of its workers, and answers that do not come, are
+    taken as a failed attempt."""
     waiting, running = deque(tasks), dict[Future[Node], Task]()
     since: dict[Future[Node], float] = {}
     try:
@@ -73,7 +77,9 @@ def in_executor(executor: Executor, tasks: Sequence[Task], deadline: float) -> I
                         node = future.result()
                     except Exception as error:
                         node = lost(task, f"{type(error).__name__}: {error}")
-                elif future.running() and time.monotonic() - since.setdefault(future, time.monotonic()) > _most(task):
+                elif future.running() and time.monotonic() - since.setdefault(
+                    future, time.monotonic()
+                ) > _most(task):
                     node = lost(task, f"the worker did not answer within {_most(task):.0f} s")
                 else:
                     continue
@@ -92,7 +98,8 @@ def _most(task: Task) -> float:
 
 
 class Processes:
-    """Worker processes of this machine; a worker that dies or hangs costs one attempt of the nodes it may have had."""
+    """Worker processes of this machine; a worker that dies or hangs costs one attempt of the
+    nodes it may have had."""
 
     def __init__(self, workers: int) -> None:
         self.workers = workers
@@ -100,11 +107,16 @@ class Processes:
 
     def __call__(self, tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
         waiting = deque(tasks)
-        suspects: deque[Task] = deque()  # were running when a worker died: one of them may be to blame, so each runs alone
+        # Were running when a worker died: one of them may be to blame, so each runs alone.
+        suspects: deque[Task] = deque()
         running: dict[Future[Node], tuple[Task, float]] = {}
         while (waiting or suspects or running) and time.monotonic() < deadline:
             broken = self._feed(waiting, suspects, running)
-            done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED) if running else (set(), None)
+            done, _ = (
+                wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
+                if running
+                else (set(), None)
+            )
             for future in done:
                 task, _ = running.pop(future)
                 try:
@@ -118,7 +130,9 @@ class Processes:
                     suspects.append(replace(task, attempts=node.attempts + 1))
                 else:
                     yield node
-            late = [f for f, (task, since) in running.items() if time.monotonic() - since > _most(task)]
+            late = [
+                f for f, (task, since) in running.items() if time.monotonic() - since > _most(task)
+            ]
             if broken or late:
                 for future, (task, _) in running.items():
                     if future in late:
@@ -131,14 +145,25 @@ class Processes:
                 running.clear()
                 self.stop()
 
-    def _feed(self, waiting: deque[Task], suspects: deque[Task], running: dict[Future[Node], tuple[Task, float]]) -> bool:
-        """Give the workers something to do, suspects alone; whether the pool turns out to be broken."""
+    def _feed(
+        self,
+        waiting: deque[Task],
+        suspects: deque[Task],
+        running: dict[Future[Node], tuple[Task, float]],
+    ) -> bool:
+        """Give the workers something to do, suspects alone; whether the pool turns out to be
+        broken."""
         alone = bool(suspects)
         source = suspects if alone else waiting
         while source and len(running) < (1 if alone else self.workers):
             try:
-                with _interrupts_wait():  # also for ever in the worker processes that are started here
-                    running[self._workers().submit(solve_node, source[0])] = (source[0], time.monotonic())
+                with (
+                    _interrupts_wait()
+                ):  # also for ever in the worker processes that are started here
+                    running[self._workers().submit(solve_node, source[0])] = (
+                        source[0],
+                        time.monotonic(),
+                    )
             except BrokenProcessPool:  # a worker died between two nodes
                 return True
             source.popleft()
@@ -162,8 +187,10 @@ class Processes:
 
 @contextmanager
 def _interrupts_wait() -> Iterator[None]:
-    """Hold Ctrl-C back from this thread until the end, and from processes and threads that it starts meanwhile."""
-    resource_tracker.ensure_running()  # it is started with the first worker, and until Python 3.12 that lets Ctrl-C through again
+    """Hold Ctrl-C back from this thread until the end, and from processes and threads that it
+    starts meanwhile."""
+    # it is started with the first worker, and until Python 3.12 that lets Ctrl-C through again
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

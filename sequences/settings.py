@@ -50,14 +50,19 @@ def surfaces_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...
     """The surfaces that may be hit: all of the model, or some of them."""
     known = problem.kernels.surfaces
     if not known:
-        raise SearchError(f"model {problem.kernels.name!r} has no surfaces: there are no sequences to search.")
+        raise SearchError(
+            f"model {problem.kernels.name!r} has no surfaces: there are no sequences to search."
+        )
     chosen = tuple(known if given is None else names(given, "surfaces", "surfaces", SearchError))
     for name in chosen:
         if name not in known:
-            raise SearchError(f"unknown surface {shown(name)} in surfaces: expected some of {', '.join(known)}.")
+            raise SearchError(
+                f"unknown surface {shown(name)} in surfaces: expected some of {', '.join(known)}."
+            )
     if not chosen or len(set(chosen)) < len(chosen):
         raise SearchError(
-            f"surfaces = {', '.join(chosen) or 'none'}: expected each surface once, and at least one of {', '.join(known)}."
+            f"surfaces = {', '.join(chosen) or 'none'}: expected each surface once, and at least "
+            f"one of {', '.join(known)}."
         )
     return chosen
 
@@ -69,7 +74,9 @@ def shortest_of(problem: Problem, given: float | None) -> float:
         return SHORTEST * latest if np.isfinite(latest) else 0.0
     shortest = number(given, "shortest_phase", SearchError)
     if shortest < 0:
-        raise SearchError(f"shortest_phase = {shown(given)}: expected a duration in seconds, 0 or more.")
+        raise SearchError(
+            f"shortest_phase = {shown(given)}: expected a duration in seconds, 0 or more."
+        )
     return shortest
 
 
@@ -81,8 +88,12 @@ def check(problem: Problem, s: Settings) -> None:
     flag(s.resume, "resume", SearchError)
     function(s.progress, "progress", SearchError)
     if s.executor is not None and not callable(getattr(s.executor, "submit", None)):
-        raise SearchError(f"executor = {shown(s.executor)}: expected a concurrent.futures.Executor, or None.")
-    if s.journal is not None and (not isinstance(s.journal, (str, os.PathLike)) or "\0" in str(s.journal)):
+        raise SearchError(
+            f"executor = {shown(s.executor)}: expected a concurrent.futures.Executor, or None."
+        )
+    if s.journal is not None and (
+        not isinstance(s.journal, (str, os.PathLike)) or "\0" in str(s.journal)
+    ):
         raise SearchError(f"journal = {shown(s.journal)}: expected the path of a file, or None.")
     if s.resume and s.journal is None:
         raise SearchError("resume needs the journal of the search that shall go on: name it.")
@@ -110,8 +121,16 @@ def _check_problem(problem: Problem, s: Settings) -> None:
     method = METHODS[s.method]
     method.require(problem.kernels.backend, SearchError)
     if not isinstance(problem.steps, int):
-        raise SearchError(f"steps = {problem.steps!r}: expected one number for every phase, because sequences differ in length.")
+        raise SearchError(
+            f"steps = {problem.steps!r}: expected one number for every phase, because sequences "
+            "differ in length."
+        )
     if problem.durations is not None:
-        raise SearchError("the problem bounds the durations of its phases, whose number differs in a search: use shortest_phase.")
-    method.check_size(problem.steps, (s.max_collisions + 1) * problem.steps * problem.nu, SearchError)
+        raise SearchError(
+            "the problem bounds the durations of its phases, whose number differs in a search: use "
+            "shortest_phase."
+        )
+    method.check_size(
+        problem.steps, (s.max_collisions + 1) * problem.steps * problem.nu, SearchError
+    )
     problem.but(sequence=s.surfaces[:1] * s.max_collisions)

@@ -55,13 +55,17 @@ class Tree:
             self.frontier.sort(key=self._rank if strategy == "best-first" else self.place)
             count = len(self.frontier) if strategy != "best-first" else ROUND
             if strategy == "beam" and len(self.frontier[0]) > 1:
-                parents = sorted({s[:-1] for s in self.frontier}, key=lambda s: self._cost(s))[:beam]
+                parents = sorted({s[:-1] for s in self.frontier}, key=lambda s: self._cost(s))[
+                    :beam
+                ]
                 chosen = [s for s in self.frontier if s[:-1] in parents]
                 self.passed_over += len(self.frontier) - len(chosen)
                 self.frontier, count = chosen, len(chosen)
             yield self.frontier[:count]
 
-    def solve(self, sequences: list[tuple[str, ...]], workers: Workers, deadline: float) -> Iterator[Node]:
+    def solve(
+        self, sequences: list[tuple[str, ...]], workers: Workers, deadline: float
+    ) -> Iterator[Node]:
         """Solve sequences; each finished node is recorded and its children join the frontier."""
         most = self.settings.max_nodes
         room = len(sequences) if most is None else max(most - len(self.nodes), 0)
@@ -79,7 +83,10 @@ class Tree:
     def _add(self, node: Node) -> Node:
         self.nodes[node.sequence] = node
         self.frontier.remove(node.sequence)
-        if node.verdict is not Verdict.UNREACHABLE and len(node.sequence) < self.settings.max_collisions:
+        if (
+            node.verdict is not Verdict.UNREACHABLE
+            and len(node.sequence) < self.settings.max_collisions
+        ):
             self.frontier += [(*node.sequence, s) for s in self.settings.surfaces]
         return node
 

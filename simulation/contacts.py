@@ -1,4 +1,5 @@
-"""Impacts on several surfaces at once: corners, flat landings, bodies that touch when one of them is hit."""
+"""Impacts on several surfaces at once: corners, flat landings, bodies that touch when one of
+them is hit."""
 
 from __future__ import annotations
 
@@ -9,22 +10,31 @@ from dmoc.codegen.kernels import Array
 
 # A rate below this share of the rates that the impacts exchange is a rounding error.
 NOISE = 1e-11
-# Rates of approach that differ by less than this share count as equal: the first surface of the model comes first.
+# Rates of approach that differ by less than this share count as equal: the first surface of the
+# model comes first.
 EQUAL = 1e-9
-# Single impacts after which surfaces that lose energy are taken as plastic, and perfectly elastic ones are given up.
+# Single impacts after which surfaces that lose energy are taken as plastic, and perfectly elastic
+# ones are given up.
 MOST_IMPACTS = 100
 # Sweeps over the surfaces of plastic impacts.
 MOST_SWEEPS = 10_000
 
 
 def simultaneous(
-    gaps: Array, tolerance: Array, rates: Array, size: Array, response: Array, restitution: Array, moment: float
+    gaps: Array,
+    tolerance: Array,
+    rates: Array,
+    size: Array,
+    response: Array,
+    restitution: Array,
+    moment: float,
 ) -> list[tuple[int, float]] | None:
     """Impulses of the impacts at one moment, in their order, as pairs of surface and impulse.
 
-    Surfaces that are touched and approached get single impacts, lam = (1 + e) gamma / (n . M^-1 n), the hardest first, until every one that is
-    touched opens or rests.  Where all of those are plastic they act together: lam >= 0, rates after <= 0, one of the two zero; only their sum has
-    a meaning, not the momenta between them.
+    Surfaces that are touched and approached get single impacts, lam = (1 + e) gamma / (n . M^-1 n),
+    the hardest first, until every one that is touched opens or rests.  Where all of those are
+    plastic they act together: lam >= 0, rates after <= 0, one of the two zero; only their sum has a
+    meaning, not the momenta between them.
 
     Parameters
     ----------
@@ -56,7 +66,9 @@ def simultaneous(
         found.append((j, impulse))
 
     while (hit := np.logical_and(touched(), rates > NOISE * size)).any():
-        if not restitution[touched()].any() or (len(found) >= MOST_IMPACTS and (restitution[touched()] < 1).any()):
+        if not restitution[touched()].any() or (
+            len(found) >= MOST_IMPACTS and (restitution[touched()] < 1).any()
+        ):
             on = np.flatnonzero(touched())
             for k, impulse in zip(on, plastic(response[np.ix_(on, on)], rates[on]), strict=True):
                 if impulse > 0:
@@ -71,12 +83,15 @@ def simultaneous(
 
 
 def plastic(response: Array, rates: Array) -> Array:
-    """Impulses lam >= 0 after which no rate is positive, and those with an impulse vanish: projected Gauss-Seidel sweeps."""
+    """Impulses lam >= 0 after which no rate is positive, and those with an impulse vanish:
+    projected Gauss-Seidel sweeps."""
     impulses = np.zeros(len(rates))
     for _ in range(MOST_SWEEPS):
         before = impulses.copy()
         for j in range(len(rates)):
-            impulses[j] = max(0.0, impulses[j] + (rates[j] - response[j] @ impulses) / response[j, j])
+            impulses[j] = max(
+                0.0, impulses[j] + (rates[j] - response[j] @ impulses) / response[j, j]
+            )
         if np.abs(impulses - before).max() <= np.finfo(float).eps * impulses.max():
             break
     return impulses

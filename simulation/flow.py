@@ -1,7 +1,9 @@
-"""The continuous equations of motion of a model, integrated independently of every discretisation: flow, contacts, impacts.
+"""The continuous equations of motion of a model, integrated independently of every discretisation:
+flow, contacts, impacts.
 
-SciPy's coefficients of the Dormand-Prince method of order 8 integrate M q'' = F(q, q', u, t), many states side by side, with as many equal steps
-as its error estimate asks for.  Nothing depends on units: tolerances are shares of the sizes of the motion that is looked at.
+SciPy's coefficients of the Dormand-Prince method of order 8 integrate M q'' = F(q, q', u, t), many
+states side by side, with as many equal steps as its error estimate asks for.  Nothing depends on
+units: tolerances are shares of the sizes of the motion that is looked at.
 """
 
 from __future__ import annotations
@@ -20,10 +22,11 @@ from dmoc.mechanics.model import Model
 from dmoc.simulation.sizes import Sizes
 from dmoc.trajectory import Collision
 
-# Error of an integration over a step, as a share of the sizes, far below the discretisation errors that are to be seen; most steps in one.
+# Error of an integration over a step, as a share of the sizes, far below the discretisation errors
+# that are to be seen; most steps in one.
 ACCURACY, MOST_STEPS = 1e-11, 64
-# Gap that the integration's errors leave where it touches, and approach speed below which a contact has no impact, as shares of the sizes
-# of gap and rate.
+# Gap that the integration's errors leave where it touches, and approach speed below which a contact
+# has no impact, as shares of the sizes of gap and rate.
 TOUCH, RELEASED = 1e-9, 1e-7
 # Where in a step crossings are looked for.
 PLACES = np.linspace(0.0, 1.0, 9)
@@ -33,7 +36,8 @@ A, B, C, E3, E5 = DOP853.A, DOP853.B, DOP853.C, DOP853.E3, DOP853.E5
 
 @dataclass(frozen=True)
 class Contact:
-    """A contact met by a simulation; ``jump`` is its largest change of a momentum relative to the largest momentum."""
+    """A contact met by a simulation; ``jump`` is its largest change of a momentum relative to
+    the largest momentum."""
 
     surface: str
     time: float
@@ -47,8 +51,8 @@ class Lost(Exception):  # noqa: N818 - it is caught where the simulation began
 class Flow:
     """Equations of motion with fixed parameters.
 
-    ``restitution`` holds the coefficients of the surfaces (nc,); ``allowance(t)`` how far motions may enter them at times t, shape (n, nc);
-    ``check_time`` is called in long loops and may raise.
+    ``restitution`` holds the coefficients of the surfaces (nc,); ``allowance(t)`` how far motions
+    may enter them at times t, shape (n, nc); ``check_time`` is called in long loops and may raise.
     """
 
     def __init__(
@@ -59,7 +63,7 @@ class Flow:
         self.allowance, self.check_time = allowance, check_time
         self.nq = model.nq
 
-    # Smooth motion ---------------------------------------------------------------------------------------------------
+    # Smooth motion --------------------------------------------------------------------------------
 
     def acceleration(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """M^-1 F for one state or rows of them; not a number where M is singular."""
@@ -72,7 +76,8 @@ class Flow:
     def advance(
         self, q: Array, v: Array, t0: Array, h: Array, u0: Array, u1: Array, held: int | None = None
     ) -> tuple[Array, Array, Array]:
-        """Integrate rows of states over one step each, inputs linear from u0 to u1; return q, v and the work done."""
+        """Integrate rows of states over one step each, inputs linear from u0 to u1; return q, v
+        and the work done."""
         size = np.concatenate([self.sizes.q, self.sizes.v, [self.sizes.energy]])
         start = np.hstack([q, v, np.zeros((len(q), 1))])
         count = 1
@@ -87,10 +92,16 @@ class Flow:
         return y[:, : self.nq].copy(), y[:, self.nq : 2 * self.nq].copy(), y[:, -1]
 
     def _integrate(
-        self, y: Array, slope: Array, step: tuple[Array, Array, Array, Array], count: int, held: int | None, size: Array
+        self,
+        y: Array,
+        slope: Array,
+        step: tuple[Array, Array, Array, Array],
+        count: int,
+        held: int | None,
+        size: Array,
     ) -> tuple[Array, float]:
-        """End states after ``count`` equal steps from y with its slope, and the method's error estimate relative to the sizes
-        (Hairer, Norsett, Wanner, II.10)."""
+        """End states after ``count`` equal steps from y with its slope, and the method's error
+        estimate relative to the sizes (Hairer, Norsett, Wanner, II.10)."""
         t0, h, u0, u1 = step
         part, worst = h[:, None] / count, 0.0
         for k in range(count):
@@ -104,7 +115,9 @@ class Flow:
             y = y + part * (B @ flat[:-1]).reshape(y.shape)
             share = (k + 1) / count
             stages[-1] = slope = self._slope(y, t0 + share * h, (1 - share) * u0 + share * u1, held)
-            fifth, third = (np.abs(part * (e @ flat).reshape(y.shape) / size).max(axis=1) for e in (E5, E3))
+            fifth, third = (
+                np.abs(part * (e @ flat).reshape(y.shape) / size).max(axis=1) for e in (E5, E3)
+            )
             error = fifth**2 / np.sqrt(fifth**2 + 0.01 * third**2 + 1e-300)
             worst = max(worst, float(error.max(initial=0.0)))
         return y, worst
@@ -113,12 +126,18 @@ class Flow:
         q, v = y[:, : self.nq].copy(), y[:, self.nq : 2 * self.nq].copy()
         a = self.acceleration(q, v, u, t)
         if held is not None:
-            a = np.array([self.on_surface(q[i], v[i], a[i], float(t[i]), held)[0] for i in range(len(q))])
+            a = np.array(
+                [self.on_surface(q[i], v[i], a[i], float(t[i]), held)[0] for i in range(len(q))]
+            )
         slope = np.empty_like(y)
-        slope[:, : self.nq], slope[:, self.nq : -1], slope[:, -1] = v, a, self.model.power(q, v, u, t)
+        slope[:, : self.nq], slope[:, self.nq : -1], slope[:, -1] = (
+            v,
+            a,
+            self.model.power(q, v, u, t),
+        )
         return slope
 
-    # Surfaces --------------------------------------------------------------------------------------------------------
+    # Surfaces -------------------------------------------------------------------------------------
 
     def response(self, q: Array, t: float, n: Array) -> Array:
         """M^-1 n."""
@@ -133,7 +152,8 @@ class Flow:
         return float(slope[: self.nq] @ v + slope[self.nq])
 
     def impact(self, q: Array, v: Array, t: float, j: int, e: float) -> tuple[Array, float, float]:
-        """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) gamma / (n . M^-1 n); the impulse lam and the rate gamma before it."""
+        """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) gamma / (n . M^-1 n); the
+        impulse lam and the rate gamma before it."""
         *normal, moving = self.model.gap_slopes(q, t)[j]
         n = np.array(normal)
         response = self.response(q, t, n)
@@ -141,7 +161,9 @@ class Flow:
         impulse = (1 + e) * rate / float(n @ response)
         return v - impulse * response, impulse, rate
 
-    def planned_impact(self, collision: Collision, q: Array, v: Array) -> tuple[Array, float, float]:
+    def planned_impact(
+        self, collision: Collision, q: Array, v: Array
+    ) -> tuple[Array, float, float]:
         """The law of impact at a planned collision; one that grazes has none."""
         if collision.grazes:
             return v, 0.0, 0.0
@@ -152,7 +174,8 @@ class Flow:
             return np.full_like(v, np.nan), np.nan, np.nan
 
     def on_surface(self, q: Array, v: Array, a: Array, t: float, j: int) -> tuple[Array, float]:
-        """The acceleration that keeps the rate of a gap, and the second derivative of the gap without the contact."""
+        """The acceleration that keeps the rate of a gap, and the second derivative of the gap
+        without the contact."""
         small = 1e-6 * self.sizes.time
         ahead, behind = (self.model.gap_slopes(q + s * v, t + s)[j] for s in (small, -small))
         n = self.model.gap_slopes(q, t)[j, : self.nq]
@@ -161,12 +184,19 @@ class Flow:
         response = self.response(q, t, n)
         return a - second / float(n @ response) * response, second
 
-    # With contacts ---------------------------------------------------------------------------------------------------
+    # With contacts --------------------------------------------------------------------------------
 
     def through_contacts(
-        self, q: Array, v: Array, span: tuple[float, float], u0: Array, u1: Array, contacts: list[Contact]
+        self,
+        q: Array,
+        v: Array,
+        span: tuple[float, float],
+        u0: Array,
+        u1: Array,
+        contacts: list[Contact],
     ) -> tuple[Array, Array]:
-        """Integrate one state over a step, through the contacts that it meets, which are added to ``contacts``."""
+        """Integrate one state over a step, through the contacts that it meets, which are added
+        to ``contacts``."""
         t0, t1 = span
 
         def inputs(t: float) -> Array:
@@ -177,7 +207,9 @@ class Flow:
         for _ in range(MOST_IMPACTS):
             held = self._resting(q, v, t, inputs(t))
 
-            def until(end: float, begin: float = t, q: Array = q, v: Array = v, held: int | None = held) -> tuple[Array, Array]:
+            def until(
+                end: float, begin: float = t, q: Array = q, v: Array = v, held: int | None = held
+            ) -> tuple[Array, Array]:
                 span = (np.array([begin]), np.array([end - begin]))
                 found = self.advance(q[None], v[None], *span, inputs(begin), inputs(end), held)
                 return found[0][0], found[1][0]
@@ -205,11 +237,14 @@ class Flow:
         return float((np.abs(jump) / self.sizes.p).max())
 
     def _resting(self, q: Array, v: Array, t: float, u: Array) -> int | None:
-        """A plastic surface that the state touches without approaching it, while the acceleration pushes into it."""
+        """A plastic surface that the state touches without approaching it, while the
+        acceleration pushes into it."""
         if not self.model.nc:
             return None
         gaps = self.model.gaps(q, t)
-        near = np.flatnonzero((np.abs(gaps) <= 10 * TOUCH * self.sizes.gap) & (self.restitution == 0))
+        near = np.flatnonzero(
+            (np.abs(gaps) <= 10 * TOUCH * self.sizes.gap) & (self.restitution == 0)
+        )
         if not len(near):
             return None
         slopes, a = self.model.gap_slopes(q, t), self.acceleration(q, v, u, t)
@@ -220,10 +255,16 @@ class Flow:
         return None
 
     def _first_hit(
-        self, start: tuple[Array, Array], end: tuple[Array, Array], span: tuple[float, float], inputs: Callable[[float], Array],
-        until: Callable[[float], tuple[Array, Array]], held: int | None,
-    ) -> tuple[float, int] | None:  # fmt: skip
-        """Time and surface of the first crossing in a step; the surface that holds the motion is not crossed."""
+        self,
+        start: tuple[Array, Array],
+        end: tuple[Array, Array],
+        span: tuple[float, float],
+        inputs: Callable[[float], Array],
+        until: Callable[[float], tuple[Array, Array]],
+        held: int | None,
+    ) -> tuple[float, int] | None:
+        """Time and surface of the first crossing in a step; the surface that holds the motion is
+        not crossed."""
         if not self.model.nc:
             return None
         t, t1 = span
@@ -239,31 +280,53 @@ class Flow:
             return float(gaps[j] - self.allowance(np.array([s]))[0, j])
 
         for j in range(gaps.shape[1]):
-            # What has entered a surface where it might, and leaves it, is met again only after it has been outside.
+            # What has entered a surface where it might, and leaves it, is met again only after it
+            # has been outside.
             leaving = gaps[0, j] > touch[j] and self.rate(start[0], start[1], t, j) < 0
-            outside = int(np.argmax(gaps[:, j] <= touch[j])) if leaving and (gaps[:, j] <= touch[j]).any() else 0
+            outside = (
+                int(np.argmax(gaps[:, j] <= touch[j]))
+                if leaving and (gaps[:, j] <= touch[j]).any()
+                else 0
+            )
             over = np.flatnonzero(gaps[:, j] > touch[j])
             over = over[over > outside] if leaving else over
             if j == held or not len(over) or (leaving and not outside):
                 continue
             k = int(over[0])
-            if k == 0 or gaps[k - 1, j] >= -touch[j]:  # starts on the surface: look for the last moment inside
-                inside = [s for s in np.linspace(times[max(k - 1, 0)], times[k], 17)[1:-1] if k and gap(s, j) < -touch[j]]
-                if not inside:  # leaves the admissible set at once: the contact is where the step starts
+            if (
+                k == 0 or gaps[k - 1, j] >= -touch[j]
+            ):  # starts on the surface: look for the last moment inside
+                inside = [
+                    s
+                    for s in np.linspace(times[max(k - 1, 0)], times[k], 17)[1:-1]
+                    if k and gap(s, j) < -touch[j]
+                ]
+                if (
+                    not inside
+                ):  # leaves the admissible set at once: the contact is where the step starts
                     return t if k <= 1 else float(times[k - 1]), j
                 low = float(inside[-1])
             else:
                 low = float(times[k - 1])
-            if gap(low, j) >= 0 or gap(float(times[k]), j) <= 0:  # the path between the nodes was only close
+            if (
+                gap(low, j) >= 0 or gap(float(times[k]), j) <= 0
+            ):  # the path between the nodes was only close
                 continue
-            at = float(brentq(gap, low, float(times[k]), args=(j,), xtol=1e-14 * self.sizes.time, rtol=1e-14))
+            at = float(
+                brentq(
+                    gap, low, float(times[k]), args=(j,), xtol=1e-14 * self.sizes.time, rtol=1e-14
+                )
+            )
             if first is None or at < first[0]:
                 first = at, j
         return first
 
 
-def quintic(q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, a1: Array, h: Any) -> Callable[[Any], Array]:
-    """The polynomial of degree 5 with given positions, velocities and accelerations at both ends of a step, at shares of it."""
+def quintic(
+    q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, a1: Array, h: Any
+) -> Callable[[Any], Array]:
+    """The polynomial of degree 5 with given positions, velocities and accelerations at both ends
+    of a step, at shares of it."""
     d, s, c = q1 - q0 - h * v0 - h * h / 2 * a0, h * (v1 - v0 - h * a0), h * h * (a1 - a0)
     c3, c4, c5 = 10 * d - 4 * s + c / 2, -15 * d + 7 * s - c, 6 * d - 3 * s + c / 2
 

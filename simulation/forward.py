@@ -61,10 +61,12 @@ def simulate(
 ) -> Simulation:
     """Simulate a system through its collisions.
 
-    Each step solves r_minus(q_k, q_{k+1}) + p_k = 0.  A step that crosses a surface is split at the collision: first
-    (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam) from the balance of energy and the conservation of
-    tangential momentum.  Several collisions in one step are handled one after the other; impacts on several surfaces at the same moment too,
-    see :func:`dmoc.simulation.contacts.simultaneous`.  Ctrl-C ends a run, which leaves the interpreter to other threads.
+    Each step solves r_minus(q_k, q_{k+1}) + p_k = 0.  A step that crosses a surface is split at the
+    collision: first (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam)
+    from the balance of energy and the conservation of tangential momentum.  Several collisions in
+    one step are handled one after the other; impacts on several surfaces at the same moment too,
+    see :func:`dmoc.simulation.contacts.simultaneous`.  Ctrl-C ends a run, which leaves the
+    interpreter to other threads.
 
     Parameters
     ----------
@@ -90,22 +92,26 @@ def simulate(
     Raises
     ------
     SimulationError
-        If an argument does not fit, a step has no solution, the mass matrix becomes singular, the motion stays on a surface (lasting
-        contact), or collisions accumulate (Zeno).
+        If an argument does not fit, a step has no solution, the mass matrix becomes singular, the
+        motion stays on a surface (lasting contact), or collisions accumulate (Zeno).
     """
     if not isinstance(kernels, Kernels):
         raise SimulationError(
-            f"kernels = {kernels!r}: expected the kernels of a model, from dmoc.build(system) or dmoc.load(name)."
+            f"kernels = {kernels!r}: expected the kernels of a model, from dmoc.build(system) or "
+            "dmoc.load(name)."
         )
     nq, nu = len(kernels.coordinates), len(kernels.inputs)
     steps, every = _whole(steps, "steps"), _whole(every, "every")
     h = _number(step_size)
     if not (0 < h < np.inf and h * steps < np.inf):
         raise SimulationError(
-            f"step_size = {_shown(step_size)}: expected a positive number of seconds, and a finite time of all steps."
+            f"step_size = {_shown(step_size)}: expected a positive number of seconds, and a finite "
+            "time of all steps."
         )
     _check_room(steps, every, nq)
-    model = Model(kernels, parameter_row(kernels, {} if parameters is None else parameters, SimulationError))
+    model = Model(
+        kernels, parameter_row(kernels, {} if parameters is None else parameters, SimulationError)
+    )
     q = _vector(position, kernels.coordinates, "position")
     v = _vector(np.zeros(nq) if velocity is None else velocity, kernels.coordinates, "velocity")
     u = _inputs(inputs, steps, nu)
@@ -114,7 +120,10 @@ def simulate(
         t, positions, momenta = stepper.run(q, model.momentum(q, v), u, h, every)
         velocities = model.velocity(positions, momenta, t)
         if not np.isfinite(velocities).all():
-            raise SimulationError("the mass matrix is singular where the motion ends: check the parameters, and stop before it.")
+            raise SimulationError(
+                "the mass matrix is singular where the motion ends: check the parameters, and stop "
+                "before it."
+            )
         energy = model.energy(positions, velocities, t)
     collisions = tuple(
         Collision(kernels.surfaces[j], time, at, float(lam), before, after)
@@ -123,7 +132,7 @@ def simulate(
     return Simulation(t, positions, momenta, energy, collisions)
 
 
-# What a user gives ---------------------------------------------------------------------------------------------------
+# What a user gives --------------------------------------------------------------------------------
 
 
 def _number(given: object) -> float:
@@ -138,7 +147,11 @@ def _number(given: object) -> float:
 
 def _shown(given: object) -> str:
     """A wrong value in a sentence, cut where it is long."""
-    text = f"{given:.6e}" if isinstance(given, int) and abs(given) > MOST_STEPS and _number(given) < np.inf else ""
+    text = (
+        f"{given:.6e}"
+        if isinstance(given, int) and abs(given) > MOST_STEPS and _number(given) < np.inf
+        else ""
+    )
     try:
         text = text or repr(given)
     except ValueError:  # integers of thousands of digits
@@ -147,18 +160,28 @@ def _shown(given: object) -> str:
 
 
 def _whole(given: object, name: str) -> int:
-    if isinstance(given, bool) or not isinstance(given, (int, np.integer)) or not 1 <= given <= MOST_STEPS:
-        raise SimulationError(f"{name} = {_shown(given)}: expected a whole number of at least 1 and at most {MOST_STEPS:.0e}.")
+    if (
+        isinstance(given, bool)
+        or not isinstance(given, (int, np.integer))
+        or not 1 <= given <= MOST_STEPS
+    ):
+        raise SimulationError(
+            f"{name} = {_shown(given)}: expected a whole number of at least 1 and at most "
+            f"{MOST_STEPS:.0e}."
+        )
     return int(given)
 
 
 def _check_room(steps: int, every: int, nq: int) -> None:
-    """Refuse what the recorded nodes, their mass matrices among it, would not fit into, before anything is allocated."""
+    """Refuse what the recorded nodes, their mass matrices among it, would not fit into, before
+    anything is allocated."""
     size = 8 * (steps // every + 1) * (2 + 6 * nq + nq * nq)
     if size > MOST_BYTES:
         raise SimulationError(
-            f"steps = {steps} with every = {every}: recording {steps // every + 1} nodes needs {size / 1e9:.3g} GB of memory, at most "
-            f"{MOST_BYTES / 1e9:.3g} GB are used; record fewer nodes, with every = {-(-every * size // MOST_BYTES)} or more."
+            f"steps = {steps} with every = {every}: recording {steps // every + 1} nodes needs "
+            f"{size / 1e9:.3g} GB of memory, at most "
+            f"{MOST_BYTES / 1e9:.3g} GB are used; record fewer nodes, with every = "
+            f"{-(-every * size // MOST_BYTES)} or more."
         )
 
 
@@ -178,7 +201,8 @@ def _inputs(given: ArrayLike | None, steps: int, nu: int) -> Array:
 
 
 def _floats(given: object) -> Array:
-    """An array of floats; text and complex numbers are no numbers here.  Raises TypeError, ValueError or OverflowError."""
+    """An array of floats; text and complex numbers are no numbers here.  Raises TypeError,
+    ValueError or OverflowError."""
     raw = np.asarray(given)
     if raw.dtype.kind not in "iufO":
         raise TypeError
@@ -193,12 +217,18 @@ def _vector(given: Mapping[str, float] | ArrayLike, names: list[str], what: str)
         given = {name_of(n): value for n, value in given.items()}
         unknown = [n for n in given if n not in names]
         if unknown:
-            raise SimulationError(f"{what} names {unknown[0]!r}: expected coordinates out of {', '.join(names)}.")
+            raise SimulationError(
+                f"{what} names {unknown[0]!r}: expected coordinates out of {', '.join(names)}."
+            )
         given = [given.get(n, 0.0) for n in names]
     try:
         vector = np.array(_floats(given))
     except (TypeError, ValueError, OverflowError):
-        raise SimulationError(f"{what} = {shown}: expected {len(names)} finite numbers ({', '.join(names)}).") from None
+        raise SimulationError(
+            f"{what} = {shown}: expected {len(names)} finite numbers ({', '.join(names)})."
+        ) from None
     if vector.shape != (len(names),) or not np.isfinite(vector).all():
-        raise SimulationError(f"{what} = {shown}: expected {len(names)} finite numbers ({', '.join(names)}).")
+        raise SimulationError(
+            f"{what} = {shown}: expected {len(names)} finite numbers ({', '.join(names)})."
+        )
     return vector

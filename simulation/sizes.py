@@ -13,8 +13,8 @@ from dmoc.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of a motion: ranges of the coordinates, largest velocities and momenta (nq,), gaps and their rates (nc,), final time, and the
-    largest kinetic energy."""
+    """Sizes of a motion: ranges of the coordinates, largest velocities and momenta (nq,), gaps
+    and their rates (nc,), final time, and the largest kinetic energy."""
 
     q: Array
     v: Array
@@ -26,9 +26,13 @@ class Sizes:
 
 
 def sizes_of(trajectory: Trajectory, model: Model) -> Sizes:
-    """Ranges of a motion; what does not move counts by a small share of what its energy could make of it, so that roundings stay small."""
+    """Ranges of a motion; what does not move counts by a small share of what its energy could
+    make of it, so that roundings stay small."""
     q = np.vstack([p.q for p in trajectory.phases])
-    v, p = (np.abs(np.vstack([getattr(phase, name) for phase in trajectory.phases])).max(axis=0) for name in "vp")
+    v, p = (
+        np.abs(np.vstack([getattr(phase, name) for phase in trajectory.phases])).max(axis=0)
+        for name in "vp"
+    )
     t = np.concatenate([phase.t for phase in trajectory.phases])
     M = model.mass(q, t)
     inertia = np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0)
@@ -38,10 +42,20 @@ def sizes_of(trajectory: Trajectory, model: Model) -> Sizes:
     spread = np.ptp(q, axis=0)
     little = 1e-6 * np.sqrt(2 * kinetic / inertia)
     size_q = np.maximum(spread, little * time)
-    size_q = np.where(size_q > 0, size_q, np.where(np.abs(q).max(axis=0) > 0, np.abs(q).max(axis=0), 1.0))
+    size_q = np.where(
+        size_q > 0, size_q, np.where(np.abs(q).max(axis=0) > 0, np.abs(q).max(axis=0), 1.0)
+    )
     size_v = np.maximum(np.maximum(v, little), 1e-6 * size_q / time)
     size_p = np.maximum(p, inertia * size_v * 1e-6)
     slope = np.abs(model.gap_slopes(q, t)).max(axis=0)
     gap, rate = slope @ np.append(size_q, time), slope @ np.append(size_v, 1.0)
     largest = kinetic if kinetic > 0 else float(size_p @ size_v)
-    return Sizes(size_q, size_v, np.where(size_p > 0, size_p, 1.0), gap, rate, time, largest if largest > 0 else 1.0)
+    return Sizes(
+        size_q,
+        size_v,
+        np.where(size_p > 0, size_p, 1.0),
+        gap,
+        rate,
+        time,
+        largest if largest > 0 else 1.0,
+    )

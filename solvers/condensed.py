@@ -1,11 +1,14 @@
-"""The condensed form: coordinates inside segments are eliminated by solving the discrete equations of motion.
+"""The condensed form: coordinates inside segments are eliminated by solving the discrete equations
+of motion.
 
-The chain of steps is cut into segments.  Within a segment the momentum equation of node k determines q_{k+1}, and the equations of step k
-the node inside it and the time of its end, where there are such unknowns.  The eliminated unknowns X follow from the remaining ones Y by a
-Newton iteration on a banded matrix, and derivatives with respect to Y come from adjoint solves with the same factors.  What stays as an
-unknown is Y = (h, u, lam, boundary values, and the two nodes that start each segment); what stays as a constraint is everything that the
-elimination did not use.  One segment a phase is single shooting; more make the program less nonlinear, so that the driver needs fewer
-iterations, each of which costs more.
+The chain of steps is cut into segments.  Within a segment the momentum equation of node k
+determines q_{k+1}, and the equations of step k the node inside it and the time of its end, where
+there are such unknowns.  The eliminated unknowns X follow from the remaining ones Y by a Newton
+iteration on a banded matrix, and derivatives with respect to Y come from adjoint solves with the
+same factors.  What stays as an unknown is Y = (h, u, lam, boundary values, and the two nodes that
+start each segment); what stays as a constraint is everything that the elimination did not use.  One
+segment a phase is single shooting; more make the program less nonlinear, so that the driver needs
+fewer iterations, each of which costs more.
 """
 
 from __future__ import annotations
@@ -48,11 +51,18 @@ def partition(nlp: Transcription, segments: int) -> Partition:
         for a, b in pairwise(cuts):
             start = a if a == 0 else a + 1  # the first node's momentum equation starts the chain
             nodes, rows = np.arange(start + 1, b), np.arange(start, b - 1)
-            # Step by step, so that the matrix is banded: the node inside step k, node k + 1 and its time.
+            # Step by step, so that the matrix is banded: the node inside step k, node k + 1 and its
+            # time.
             timed = [layout.index_t[nodes][:, None]] if layout.timed else []
             clocks = [rows_of.time.index[rows][:, None]] if layout.timed else []
-            gone_parts.append(np.hstack([layout.index_q_i[rows], layout.index_q[nodes], *timed]).ravel())
-            used_parts.append(np.hstack([rows_of.inside.index[rows], rows_of.momentum.index[rows], *clocks]).ravel())
+            gone_parts.append(
+                np.hstack([layout.index_q_i[rows], layout.index_q[nodes], *timed]).ravel()
+            )
+            used_parts.append(
+                np.hstack(
+                    [rows_of.inside.index[rows], rows_of.momentum.index[rows], *clocks]
+                ).ravel()
+            )
         if i < layout.phases - 1:  # the velocities beside the collision
             gone_parts += [layout.index_v_a[i], layout.index_v_c[i]]
             used_parts += [rows_of.arrival.index[i], rows_of.departure.index[i]]
@@ -66,9 +76,12 @@ def partition(nlp: Transcription, segments: int) -> Partition:
 
 
 class _Submatrix:
-    """Picks a fixed set of rows and columns out of matrices with one pattern, given by the values of their entries."""
+    """Picks a fixed set of rows and columns out of matrices with one pattern, given by the
+    values of their entries."""
 
-    def __init__(self, pattern: Matrix, rows: Index, columns: Index, transposed: bool = False) -> None:
+    def __init__(
+        self, pattern: Matrix, rows: Index, columns: Index, transposed: bool = False
+    ) -> None:
         numbered = pattern.copy()
         numbered.data = np.arange(1.0, len(pattern.data) + 1)
         part = numbered[rows][:, columns]
@@ -123,7 +136,8 @@ class Elimination:
         return len(self.parts.eliminated)
 
     def complete(self, x: Array, y: Array) -> Array | None:
-        """Return x with the kept unknowns y and the eliminated ones solved for, started from those in x; None if Newton fails."""
+        """Return x with the kept unknowns y and the eliminated ones solved for, started from
+        those in x; None if Newton fails."""
         x = x.copy()
         x[self.parts.kept] = y
         previous, scale = np.inf, 1.0
@@ -134,7 +148,9 @@ class Elimination:
                 if not np.isfinite(error):
                     return None
                 scale = max(scale, float(np.abs(self.nlp.momenta(x)[1] / self.nlp.scale.p).max()))
-            if error <= NEWTON_TOLERANCE * scale or (error <= 1e4 * NEWTON_TOLERANCE * scale and error > 0.3 * previous):
+            if error <= NEWTON_TOLERANCE * scale or (
+                error <= 1e4 * NEWTON_TOLERANCE * scale and error > 0.3 * previous
+            ):
                 return x
             previous = error
             factors = self.factor(x)
@@ -144,7 +160,8 @@ class Elimination:
         return None
 
     def factor(self, x: Array) -> Factors | None:
-        """Factor the derivative of the eliminated equations with respect to the eliminated unknowns."""
+        """Factor the derivative of the eliminated equations with respect to the eliminated
+        unknowns."""
         values = self.nlp.equality_slopes(x)
         band = np.zeros((2 * self._kl + self._ku + 1, self.size), order="F")
         band[self._band] = values[self._E_X.source]
@@ -154,7 +171,8 @@ class Elimination:
         return Factors(lu, pivots, self._kl, self._ku) if info == 0 else None
 
     def reduce(self, x: Array, rows: Index, columns: Index) -> Reduced | None:
-        """Derivatives with respect to y of the cost, of the kept equations, of the inequalities ``rows`` and of x[columns]."""
+        """Derivatives with respect to y of the cost, of the kept equations, of the inequalities
+        ``rows`` and of x[columns]."""
         cost, equality = self.nlp.cost_gradient(x), self.nlp.equality_slopes(x)
         inequality = self.nlp.inequality_slopes(x) if len(rows) else np.zeros(0)
         parts = self.parts
@@ -166,18 +184,28 @@ class Elimination:
             return None
         picked = np.zeros((len(columns), self.size))
         picked[np.arange(len(columns)), self._place[columns]] = 1.0
-        right = np.vstack([cost[parts.eliminated][None], self._K_X.dense(equality), self._D_X.dense(inequality, rows), picked])
+        right = np.vstack(
+            [
+                cost[parts.eliminated][None],
+                self._K_X.dense(equality),
+                self._D_X.dense(inequality, rows),
+                picked,
+            ]
+        )
         adjoint = factors.solve(right.T, transposed=True)
         change = -self._E_Y_T.times(equality, adjoint).T
         a, b, c = 1, 1 + len(K_Y), 1 + len(K_Y) + len(D_Y)
-        return Reduced(f_Y + change[0], K_Y + change[a:b], D_Y + change[b:c], B_Y + change[c:], factors)
+        return Reduced(
+            f_Y + change[0], K_Y + change[a:b], D_Y + change[b:c], B_Y + change[c:], factors
+        )
 
     def kept_columns(self, x: Array) -> Array:
         """Derivative of the eliminated equations with respect to the kept unknowns, dense."""
         return self._E_Y.dense(self.nlp.equality_slopes(x))
 
     def multipliers(self, stationarity: Array, factors: Factors) -> Array:
-        """Multipliers of the eliminated equations that make ``stationarity`` + J^T y vanish in the eliminated unknowns."""
+        """Multipliers of the eliminated equations that make ``stationarity`` + J^T y vanish in
+        the eliminated unknowns."""
         return -factors.solve(stationarity[self.parts.eliminated], transposed=True)
 
 
@@ -191,7 +219,9 @@ class Factors:
     ku: int
 
     def solve(self, right: Array, transposed: bool = False) -> Array:
-        solution, info = lapack.dgbtrs(self.lu, self.kl, self.ku, right, self.pivots, trans=int(transposed))
+        solution, info = lapack.dgbtrs(
+            self.lu, self.kl, self.ku, right, self.pivots, trans=int(transposed)
+        )
         if info != 0:
             raise ValueError(f"dgbtrs: argument {-info} is wrong")
         return np.asarray(solution)
@@ -199,7 +229,8 @@ class Factors:
 
 @dataclass(frozen=True)
 class Reduced:
-    """Gradient of the cost, Jacobians of the kept equations, of chosen inequalities and of chosen eliminated unknowns, dense, in y."""
+    """Gradient of the cost, Jacobians of the kept equations, of chosen inequalities and of
+    chosen eliminated unknowns, dense, in y."""
 
     cost: Array
     equality: Array

@@ -1,4 +1,5 @@
-"""The state of SLSQP on a condensed program between two runs: multipliers, working set, metric, equations."""
+"""The state of SLSQP on a condensed program between two runs: multipliers, working set, metric,
+equations."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Reduced, partition
 from dmoc.solvers.runs import EQUATION_TOLERANCE, FOLLOWING_LIMIT, Working
 
-# Segments of each phase in the condensed form: fewer make the program more nonlinear, more make each iteration more expensive.
+# Segments of each phase in the condensed form: fewer make the program more nonlinear, more make
+# each iteration more expensive.
 SEGMENTS = 16
 # Curvatures below this share of the cost's own count as flat; it bounds the first step along them.
 FLATTEST = 1e-3
@@ -25,7 +27,8 @@ SHORTEST_SHARE = 1e-3
 
 
 class Descent:
-    """What runs of SLSQP on one condensed program share: multipliers, working set, metric, equations."""
+    """What runs of SLSQP on one condensed program share: multipliers, working set, metric,
+    equations."""
 
     def __init__(self, nlp: Transcription, x: Array) -> None:
         self.nlp = nlp
@@ -43,7 +46,8 @@ class Descent:
         self._always()
 
     def _always(self) -> None:
-        """Inequalities that shape the problem from the start: beside collisions, on the times, and on steps and impulses."""
+        """Inequalities that shape the problem from the start: beside collisions, on the times,
+        and on steps and impulses."""
         nlp, lay = self.nlp, self.nlp.layout
         d = nlp.rows.d
         for c, s in zip(lay.collision_nodes, lay.surfaces, strict=True):
@@ -55,10 +59,15 @@ class Descent:
         for index in (lay.index_h, lay.index_lam):
             self.watched_lower[index] = np.isfinite(nlp.lower[index])
             self.watched_upper[index] = np.isfinite(nlp.upper[index])
-        self.permanent = (self.watched_rows.copy(), self.watched_lower.copy(), self.watched_upper.copy())
+        self.permanent = (
+            self.watched_rows.copy(),
+            self.watched_lower.copy(),
+            self.watched_upper.copy(),
+        )
 
     def _scale(self, x: Array) -> Array:
-        """Typical size of a change of each unknown; for inputs the size that changes the cost by one half."""
+        """Typical size of a change of each unknown; for inputs the size that changes the cost by
+        one half."""
         nlp, lay = self.nlp, self.nlp.layout
         scale = np.ones(nlp.n)
         q = x[lay.index_q]
@@ -77,19 +86,26 @@ class Descent:
             scale[lay.index_u[lay.row_u_k]] = size
         return scale
 
-    # Working set -----------------------------------------------------------------------------------------------------
+    # Working set ----------------------------------------------------------------------------------
 
     def working(self, x: Array) -> Working:
-        """Return the watched inequalities; watch those that are violated or nearly so, forget those that have become idle."""
+        """Return the watched inequalities; watch those that are violated or nearly so, forget
+        those that have become idle."""
         nlp = self.nlp
         d = nlp.inequality(x)
         near = NEAR * self.scale
         with np.errstate(invalid="ignore"):
             below, above = x - nlp.lower, nlp.upper - x
-        self.watched_rows = (self.watched_rows & ((d < 1e-1) | (self.w > 0))) | (d < NEAR) | self.permanent[0]
+        self.watched_rows = (
+            (self.watched_rows & ((d < 1e-1) | (self.w > 0))) | (d < NEAR) | self.permanent[0]
+        )
         idle = 1e3 * near
-        self.watched_lower = (self.watched_lower & (below < idle)) | (below < near) | self.permanent[1]
-        self.watched_upper = (self.watched_upper & (above < idle)) | (above < near) | self.permanent[2]
+        self.watched_lower = (
+            (self.watched_lower & (below < idle)) | (below < near) | self.permanent[1]
+        )
+        self.watched_upper = (
+            (self.watched_upper & (above < idle)) | (above < near) | self.permanent[2]
+        )
         free = np.isin(np.arange(nlp.n), self.free)
         return Working(
             np.flatnonzero(self.watched_rows),
@@ -97,13 +113,14 @@ class Descent:
             np.flatnonzero(self.watched_upper & free),
         )
 
-    # Metric ----------------------------------------------------------------------------------------------------------
+    # Metric ---------------------------------------------------------------------------------------
 
     def metric(self, x: Array) -> tuple[Array, Array] | None:
         """Return (move, null), shapes (n_y, rank) and (n_y, n_y - rank): S = (move | null).
 
-        The columns of ``move`` change the kept equations one by one, dK = I, and are conjugate to those of ``null``, which leave
-        the equations as they are and make the Hessian of the Lagrangian the identity, up to signs and the flattest curvatures.
+        The columns of ``move`` change the kept equations one by one, dK = I, and are conjugate to
+        those of ``null``, which leave the equations as they are and make the Hessian of the
+        Lagrangian the identity, up to signs and the flattest curvatures.
         """
         none = np.zeros(0, dtype=np.intp)
         reduced = self.elimination.reduce(x, none, none)
@@ -123,14 +140,20 @@ class Descent:
         return D[:, None] * move, D[:, None] * null
 
     def is_minimum(self, x: Array) -> bool:
-        """Whether the Hessian of the Lagrangian is positive where the equations and the active inequalities stay as they are."""
+        """Whether the Hessian of the Lagrangian is positive where the equations and the active
+        inequalities stay as they are."""
         rows, bounds = np.flatnonzero(self.w > 0), np.flatnonzero(self.bound_force)
         reduced = self.elimination.reduce(x, rows, bounds[self.is_eliminated[bounds]])
         if reduced is None:
             return False
         D = self.scale[self.parts.kept]
         fixed = np.flatnonzero(np.isin(self.parts.kept, bounds))
-        held = np.vstack([reduced.equality, reduced.inequality, reduced.unknowns, np.eye(len(D))[fixed]]) * D
+        held = (
+            np.vstack(
+                [reduced.equality, reduced.inequality, reduced.unknowns, np.eye(len(D))[fixed]]
+            )
+            * D
+        )
         if not np.isfinite(held).all():
             return False
         null = _split(held)[1]
@@ -162,25 +185,32 @@ class Descent:
         """Least-squares multipliers of the kept equations."""
         D = self.scale[self.parts.kept]
         if len(reduced.equality):
-            self.y[self.parts.kept_rows] = -np.nan_to_num(least_squares((reduced.equality * D).T, reduced.cost * D))
+            self.y[self.parts.kept_rows] = -np.nan_to_num(
+                least_squares((reduced.equality * D).T, reduced.cost * D)
+            )
 
     def _complete_multipliers(self, x: Array, reduced: Reduced) -> None:
-        """Multipliers of the eliminated equations, which make the Lagrangian stationary in the eliminated unknowns."""
+        """Multipliers of the eliminated equations, which make the Lagrangian stationary in the
+        eliminated unknowns."""
         nlp, parts = self.nlp, self.parts
         self.y[parts.used_rows] = 0.0
         slope = (
-            nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ self.y - nlp.inequality_jacobian(x).T @ self.w - self.bound_force
+            nlp.cost_gradient(x)
+            + nlp.equality_jacobian(x).T @ self.y
+            - nlp.inequality_jacobian(x).T @ self.w
+            - self.bound_force
         )
         self.y[parts.used_rows] = self.elimination.multipliers(slope, reduced.factors)
 
-    # Equations -------------------------------------------------------------------------------------------------------
+    # Equations ------------------------------------------------------------------------------------
 
     def equation_error(self, x: Array) -> float:
         """Largest violation of an equality constraint."""
         return float(np.abs(self.nlp.equality(x)).max())
 
     def onto_equations(self, x: Array) -> Array:
-        """Meet the kept equations by Gauss-Newton steps of least scaled length; returns the best point found."""
+        """Meet the kept equations by Gauss-Newton steps of least scaled length; returns the best
+        point found."""
         none = np.zeros(0, dtype=np.intp)
         D = self.scale[self.parts.kept]
         error = self.equation_error(x)
@@ -194,7 +224,9 @@ class Descent:
             step = D * least_squares(reduced.equality * D, -c)
             share, better = 1.0, None
             while share > SHORTEST_SHARE and better is None:
-                trial = self.elimination.complete(x, self._within_times(x, x[self.parts.kept] + share * step))
+                trial = self.elimination.complete(
+                    x, self._within_times(x, x[self.parts.kept] + share * step)
+                )
                 if trial is not None and self.equation_error(trial) < (1 - 0.1 * share) * error:
                     better = trial
                 share /= 2
@@ -211,7 +243,11 @@ class Descent:
         return y
 
     def forget_multipliers(self) -> None:
-        self.y, self.w, self.bound_force = np.zeros(self.nlp.n_eq), np.zeros(self.nlp.n_in), np.zeros(self.nlp.n)
+        self.y, self.w, self.bound_force = (
+            np.zeros(self.nlp.n_eq),
+            np.zeros(self.nlp.n_in),
+            np.zeros(self.nlp.n),
+        )
 
     def take_multipliers(self, x: Array, y_kept: Array, w_working: Array, working: Working) -> None:
         self.y = np.zeros(self.nlp.n_eq)
@@ -230,7 +266,8 @@ class Descent:
 
 
 def _split(A: Array) -> tuple[Array, Array]:
-    """Return a right inverse of A (if its rows are independent, else of its row space) and an orthonormal basis of its null space."""
+    """Return a right inverse of A (if its rows are independent, else of its row space) and an
+    orthonormal basis of its null space."""
     if not A.shape[0]:
         return np.zeros((A.shape[1], 0)), np.eye(A.shape[1])
     U, sizes, Vt = np.linalg.svd(A, full_matrices=True)

@@ -1,8 +1,9 @@
 """Why a problem has no feasible point, in the user's words and units.
 
-The motion of least violation is sought once more with the constraints priced as a user would: what the laws of motion say (momentum and
-energy) costs most to violate, so that the violation moves to what the user asked for - goal, contacts, gaps, path constraints, times -
-and the bounds that then carry multipliers are those that stand against it.
+The motion of least violation is sought once more with the constraints priced as a user would: what
+the laws of motion say (momentum and energy) costs most to violate, so that the violation moves to
+what the user asked for - goal, contacts, gaps, path constraints, times - and the bounds that then
+carry multipliers are those that stand against it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from dmoc.solvers.ipm import least_violation
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
 
-# Prices of a violation relative to that of missing the goal: of what limits the motion, and of the laws of motion.
+# Prices of a violation relative to that of missing the goal: of what limits the motion, and of the
+# laws of motion.
 LIMITS = 10.0
 LAWS = 1000.0
 # Share of the largest violation below which another is not worth a word.
@@ -35,7 +37,8 @@ CLEARLY = 1e-3
 # Iterations that an explanation is worth.
 ITERATIONS = 300
 MOST_LINES = 4
-# Units of momenta by the unit of the coordinate; of another coordinate, the unit of its momentum is not known.
+# Units of momenta by the unit of the coordinate; of another coordinate, the unit of its momentum is
+# not known.
 MOMENTUM_UNITS = {"m": "kg m/s", "rad": "kg m2/s"}
 
 
@@ -43,8 +46,9 @@ MOMENTUM_UNITS = {"m": "kg m/s", "rad": "kg m2/s"}
 class Diagnosis:
     """Least violation of a problem.
 
-    ``x`` are its unknowns, ``violation`` the largest violation relative to the size of the constraint, ``least`` whether the search for it
-    ended at a minimum, ``missed`` what is not met and by how much, ``against`` the bounds and constraints that hold it there, ``times`` what the
+    ``x`` are its unknowns, ``violation`` the largest violation relative to the size of the
+    constraint, ``least`` whether the search for it ended at a minimum, ``missed`` what is not met
+    and by how much, ``against`` the bounds and constraints that hold it there, ``times`` what the
     shortest collision times say.
     """
 
@@ -58,7 +62,12 @@ class Diagnosis:
     @property
     def sentences(self) -> tuple[str, ...]:
         parts = (
-            [] if self.least else ["the search for the least violation did not come to an end; the best motion that was found:"]
+            []
+            if self.least
+            else [
+                "the search for the least violation did not come to an end; the best motion that "
+                "was found:"
+            ]
         )
         parts += [*self.missed[:MOST_LINES], *self.times]
         if self.against:
@@ -67,9 +76,11 @@ class Diagnosis:
 
 
 def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diagnosis:
-    """Seek the motion of least violation from the unknowns x and say what it misses; needs compiled kernels.
+    """Seek the motion of least violation from the unknowns x and say what it misses; needs compiled
+    kernels.
 
-    x is best an initial guess: where a solver has given up, the motion may have left what the user had in mind.
+    x is best an initial guess: where a solver has given up, the motion may have left what the user
+    had in mind.
     """
     nlp = Transcription(problem, scale, goal_as_rows=True)
     limits = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
@@ -77,7 +88,8 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
     if outcome.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     missed = _missed(nlp, outcome.x)
-    # What is violated does not hold anything up, and the barrier leaves small multipliers everywhere.
+    # What is violated does not hold anything up, and the barrier leaves small multipliers
+    # everywhere.
     w = np.where(nlp.inequality(outcome.x) < -INFEASIBLE, 0.0, outcome.duals.w)
     z = outcome.duals.z
     faint = FAINT * max(float(np.abs(z).max(initial=0.0)), float(w.max(initial=0.0)), 1e-300)
@@ -85,7 +97,14 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
     against = active_bounds(nlp, outcome.x, w, z) if outcome.status is Status.INFEASIBLE else ()
     amount = max((value for value, _ in missed), default=0.0)
     least = outcome.status in (Status.SOLVED, Status.INFEASIBLE)
-    return Diagnosis(nlp.physical(outcome.x), amount, least, tuple(text for _, text in missed), against, _times(nlp, outcome.x))
+    return Diagnosis(
+        nlp.physical(outcome.x),
+        amount,
+        least,
+        tuple(text for _, text in missed),
+        against,
+        _times(nlp, outcome.x),
+    )
 
 
 def _prices(nlp: Transcription) -> Array:
@@ -93,26 +112,39 @@ def _prices(nlp: Transcription) -> Array:
     c, d = nlp.rows.c, nlp.rows.d
     for block in (c.goal, c.periodic, d.goal):
         price[block.numbers] = 1.0
-    for block in (c.momentum, c.inside, c.time, c.arrival, c.departure, c.energy, c.start_velocity, c.goal_velocity):
+    for block in (
+        c.momentum,
+        c.inside,
+        c.time,
+        c.arrival,
+        c.departure,
+        c.energy,
+        c.start_velocity,
+        c.goal_velocity,
+    ):
         price[block.numbers] = LAWS
     return price
 
 
 def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
-    """Amount and text of what is not met, the worst of each kind of constraint and coordinate or surface, largest first."""
+    """Amount and text of what is not met, the worst of each kind of constraint and coordinate or
+    surface, largest first."""
     amounts = np.concatenate([np.abs(nlp.equality(x)), -nlp.inequality(x)])
     found = []
     for rows, text, unit in _kinds(nlp):
         k = int(np.argmax(amounts[rows])) if len(rows) else 0
         if len(rows) and amounts[rows[k]] > INFEASIBLE:
             amount = amounts[rows[k]] * nlp.row_unit[rows[k]]
-            found.append((float(amounts[rows[k]]), f"{text(k)} by {amount:.3g}{' ' + unit if unit else ''}"))
+            found.append(
+                (float(amounts[rows[k]]), f"{text(k)} by {amount:.3g}{' ' + unit if unit else ''}")
+            )
     found.sort(reverse=True)
     return [(amount, text) for amount, text in found if amount > NEGLIGIBLE * found[0][0]]
 
 
 def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], str]]:
-    """Rows of each kind, what is said of one of them that is violated, and the unit of its amount."""
+    """Rows of each kind, what is said of one of them that is violated, and the unit of its
+    amount."""
     problem, kernels, rows = nlp.problem, nlp.kernels, nlp.rows
     units, names, c, d = kernels.manifest["units"], kernels.coordinates, rows.c, rows.d
 
@@ -127,7 +159,11 @@ def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], st
         unit = _unit(involved[0], units) if len(involved) == 1 else ""
         yield np.array([row]), said(f"collision {i + 1} misses {surface!r}"), unit
     for j, q in enumerate(names):
-        yield c.momentum.index[:, j], said(f"the momentum of {q} jumps at node {{k}}"), _unit(f"p_{q}", units)
+        yield (
+            c.momentum.index[:, j],
+            said(f"the momentum of {q} jumps at node {{k}}"),
+            _unit(f"p_{q}", units),
+        )
         for inside in range(nlp.layout.inside):
             column = c.inside.index[:, inside * len(names) + j]
             yield column, said(f"the equation of motion of {q} is violated in step {{k}}"), ""
@@ -136,13 +172,21 @@ def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], st
     yield c.departure.numbers, said("the velocity after a collision does not fit its momentum"), ""
     yield c.final_time.numbers, said("the final time is missed"), "s"
     for row, name in zip(c.periodic.numbers, problem.periodic, strict=True):
-        yield np.array([row]), said(f"{name} at the end misses its value at the start"), _unit(name, units)
+        yield (
+            np.array([row]),
+            said(f"{name} at the end misses its value at the start"),
+            _unit(name, units),
+        )
     for end, block in (("start", c.start_velocity), ("goal", c.goal_velocity)):
         for row, q in zip(block.numbers, names, strict=False):
             text = f"the momentum of {q} at the {end} does not fit the velocity"
             yield np.array([row]), said(text), _unit(f"p_{q}", units)
     for i, row in enumerate(c.energy.numbers):
-        yield np.array([row]), said(f"collision {i + 1} ({problem.sequence[i]}) violates its law of restitution"), ""
+        yield (
+            np.array([row]),
+            said(f"collision {i + 1} ({problem.sequence[i]}) violates its law of restitution"),
+            "",
+        )
     for j, surface in enumerate(kernels.surfaces):
         kept = np.flatnonzero(d.gap.index[:, j] != NOWHERE)
         passes = [f"the motion passes {surface} at node {k}" for k in kept]
@@ -168,7 +212,11 @@ def _unit(name: str, units: dict[str, str]) -> str:
 def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
     """Phases whose estimated shortest time at full input exceeds what the bounds allow."""
     problem, lay = nlp.problem, nlp.layout
-    if not problem.nu or not np.isfinite(problem.input_bounds).all() or not problem.model.has_minimal_times:
+    if (
+        not problem.nu
+        or not np.isfinite(problem.input_bounds).all()
+        or not problem.model.has_minimal_times
+    ):
         return ()
     low, high = problem.duration_bounds.T
     found = []
@@ -176,10 +224,13 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
         allowed = min(high[i], problem.final_time_bounds[1] - (low.sum() - low[i]))
         at = x.copy()
         if i == 0:  # the start is known: a motion of least violation may have left it
-            at[lay.index_q[0]] = np.clip(at[lay.index_q[0]], nlp.lower[lay.index_q[0]], nlp.upper[lay.index_q[0]])
+            at[lay.index_q[0]] = np.clip(
+                at[lay.index_q[0]], nlp.lower[lay.index_q[0]], nlp.upper[lay.index_q[0]]
+            )
         shortest = phase_minimal_time(problem, lay, at * nlp.unit, i)
         if np.isfinite(shortest) and shortest > (1 + CLEARLY) * allowed:
             found.append(
-                f"phase {i} -> {surface!r}: the shortest time at full input is about {shortest:.3g} s, the bounds allow {allowed:.3g} s"
+                f"phase {i} -> {surface!r}: the shortest time at full input is about "
+                f"{shortest:.3g} s, the bounds allow {allowed:.3g} s"
             )
     return tuple(found)

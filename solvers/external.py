@@ -18,7 +18,8 @@ from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt import violation
 from dmoc.solvers.outcome import Duals, Ending, Iteration, Options, Status
 
-# IPOPT measures optimality after scaling the cost by its steepest slope, which is that of a step size, 1e4 times the others.
+# IPOPT measures optimality after scaling the cost by its steepest slope, which is that of a step
+# size, 1e4 times the others.
 IPOPT_TOLERANCE = 1e-10
 # Costs shall agree with those of other methods to more digits than anyone asks for.
 UNO_TOLERANCE = 1e-8
@@ -36,7 +37,8 @@ IPOPT_STATUSES = {
 
 
 class _Callbacks:
-    """The program as functions of the solvers' kind; what the user raises in a callback is kept and raised afterwards."""
+    """The program as functions of the solvers' kind; what the user raises in a callback is kept
+    and raised afterwards."""
 
     def __init__(self, nlp: Transcription, options: Options) -> None:
         self.nlp, self.options, self.m = nlp, options, nlp.n_eq + nlp.n_in
@@ -70,21 +72,32 @@ class _Callbacks:
         self.count += 1
         try:
             if self.options.progress is not None:
-                self.options.progress(Iteration(self.count, cost, infeasibility if x is None else violation(self.nlp, x)))
+                self.options.progress(
+                    Iteration(
+                        self.count, cost, infeasibility if x is None else violation(self.nlp, x)
+                    )
+                )
         except BaseException as error:  # the solver in between would lose it
             self.raised = error
         return self.raised is None and time.perf_counter() < self.deadline
 
 
-def solve_ipopt(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
+def solve_ipopt(
+    nlp: Transcription, x: Array, options: Options, duals: Duals | None = None
+) -> Ending:
     """Minimise with IPOPT (Waechter & Biegler 2006) and the exact Hessian."""
     ipyopt: Any = import_module("ipyopt")
     functions = _Callbacks(nlp, options)
     m = functions.m
     settings: dict[str, Any] = {
-        "print_level": 0, "sb": "yes", "tol": min(options.optimality, IPOPT_TOLERANCE), "constr_viol_tol": options.violation,
-        "max_iter": options.iterations, "bound_relax_factor": 0.0, "acceptable_iter": 0,
-    }  # fmt: skip
+        "print_level": 0,
+        "sb": "yes",
+        "tol": min(options.optimality, IPOPT_TOLERANCE),
+        "constr_viol_tol": options.violation,
+        "max_iter": options.iterations,
+        "bound_relax_factor": 0.0,
+        "acceptable_iter": 0,
+    }
     if duals is not None:
         settings |= {
             "warm_start_init_point": "yes",
@@ -100,18 +113,39 @@ def solve_ipopt(nlp: Transcription, x: Array, options: Options, duals: Duals | N
         return functions.report(None, cost, violation)
 
     problem = ipyopt.Problem(
-        nlp.n, nlp.lower, nlp.upper, m, np.zeros(m), np.concatenate([np.zeros(nlp.n_eq), np.full(nlp.n_in, np.inf)]),
-        functions.jacobian, functions.hessian, functions.f, functions.gradient, functions.g, functions.slopes, hessian, report,
+        nlp.n,
+        nlp.lower,
+        nlp.upper,
+        m,
+        np.zeros(m),
+        np.concatenate([np.zeros(nlp.n_eq), np.full(nlp.n_in, np.inf)]),
+        functions.jacobian,
+        functions.hessian,
+        functions.f,
+        functions.gradient,
+        functions.g,
+        functions.slopes,
+        hessian,
+        report,
         ipopt_options=settings,
-    )  # fmt: skip
+    )
     y, z_lower, z_upper = np.zeros(m), np.zeros(nlp.n), np.zeros(nlp.n)
     if duals is not None:
         y[:] = duals.rows
         z_lower[:], z_upper[:] = np.maximum(duals.z, 0.0), np.maximum(-duals.z, 0.0)
-    x, _, code = problem.solve(np.clip(x, nlp.lower, nlp.upper), mult_g=y, mult_x_L=z_lower, mult_x_U=z_upper)
+    x, _, code = problem.solve(
+        np.clip(x, nlp.lower, nlp.upper), mult_g=y, mult_x_L=z_lower, mult_x_U=z_upper
+    )
     found = Duals.of_rows(nlp.n_eq, y, z_lower - z_upper)
     status = IPOPT_STATUSES.get(int(code), Status.STALLED)
-    return _ended(functions, x, found, status, f"IPOPT ended with code {int(code)}", max(functions.count - 1, 0))
+    return _ended(
+        functions,
+        x,
+        found,
+        status,
+        f"IPOPT ended with code {int(code)}",
+        max(functions.count - 1, 0),
+    )
 
 
 def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
@@ -119,11 +153,15 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
     unopy: Any = import_module("unopy")
     functions = _Callbacks(nlp, options)
     m = functions.m
-    model = unopy.Model(unopy.PROBLEM_NONLINEAR, nlp.n, nlp.lower, nlp.upper, unopy.ZERO_BASED_INDEXING)
+    model = unopy.Model(
+        unopy.PROBLEM_NONLINEAR, nlp.n, nlp.lower, nlp.upper, unopy.ZERO_BASED_INDEXING
+    )
     model.set_objective(unopy.MINIMIZE, functions.f, functions.gradient)
     upper = np.concatenate([np.zeros(nlp.n_eq), np.full(nlp.n_in, np.inf)])
     rows, columns = functions.jacobian
-    model.set_constraints(m, functions.g, np.zeros(m), upper, len(rows), rows, columns, functions.slopes)
+    model.set_constraints(
+        m, functions.g, np.zeros(m), upper, len(rows), rows, columns, functions.slopes
+    )
     rows, columns = functions.hessian
 
     def hessian(x: Array, sigma: float, y: Array, out: Array) -> None:
@@ -138,9 +176,12 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
     solver = unopy.UnoSolver()
     solver.set_preset("filtersqp")
     for name, value in (
-        ("logger", "SILENT"), ("max_iterations", options.iterations), ("primal_tolerance", options.violation),
-        ("dual_tolerance", min(options.optimality, UNO_TOLERANCE)), ("time_limit", 1e20 if options.seconds is None else options.seconds),
-    ):  # fmt: skip
+        ("logger", "SILENT"),
+        ("max_iterations", options.iterations),
+        ("primal_tolerance", options.violation),
+        ("dual_tolerance", min(options.optimality, UNO_TOLERANCE)),
+        ("time_limit", 1e20 if options.seconds is None else options.seconds),
+    ):
         solver.set_option(name, value)
 
     def stop(x: Array, *rest: Any) -> bool:
@@ -160,14 +201,28 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
         unopy.OptimizationStatus.USER_TERMINATION: Status.TIME_LIMIT,
     }
     status = ended.get(result.optimization_status, Status.STALLED)
-    if result.solution_status in (unopy.SolutionStatus.INFEASIBLE_STATIONARY_POINT, unopy.SolutionStatus.INFEASIBLE_SMALL_STEP):
+    if result.solution_status in (
+        unopy.SolutionStatus.INFEASIBLE_STATIONARY_POINT,
+        unopy.SolutionStatus.INFEASIBLE_SMALL_STEP,
+    ):
         status = Status.INFEASIBLE
-    detail = f"Uno ended with {result.optimization_status.name.lower()}, {result.solution_status.name.lower()}"
-    return _ended(functions, np.array(result.primal_solution)[: nlp.n], found, status, detail, int(result.number_iterations))
+    detail = (
+        f"Uno ended with {result.optimization_status.name.lower()}, "
+        f"{result.solution_status.name.lower()}"
+    )
+    return _ended(
+        functions,
+        np.array(result.primal_solution)[: nlp.n],
+        found,
+        status,
+        detail,
+        int(result.number_iterations),
+    )
 
 
 class _Silence:
-    """Keep what Uno's subproblem solver prints, which no option stops, away from standard output."""
+    """Keep what Uno's subproblem solver prints, which no option stops, away from standard
+    output."""
 
     def __enter__(self) -> None:
         sys.stdout.flush()
@@ -190,7 +245,9 @@ class _Silence:
             os.dup2(self.nowhere, 1)
 
 
-def _ended(functions: _Callbacks, x: Array, duals: Duals, status: Status, detail: str, iterations: int) -> Ending:
+def _ended(
+    functions: _Callbacks, x: Array, duals: Duals, status: Status, detail: str, iterations: int
+) -> Ending:
     """The ending of a solver; what was raised in a callback is raised."""
     if isinstance(functions.raised, KeyboardInterrupt):
         status = Status.INTERRUPTED

@@ -18,14 +18,23 @@ from dmoc.solvers.kkt_layout import KKTLayout, kkt_layout
 from dmoc.solvers.outcome import Duals, Ending, Iteration, Options, Status
 
 Report: TypeAlias = Callable[[int, float, float, float, bool], None]
-STATUSES = (Status.SOLVED, Status.INFEASIBLE, Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STALLED, Status.INTERRUPTED)
-# First barrier parameter, relative to the cost: of a start without multipliers, and of a neighbouring solution.
+STATUSES = (
+    Status.SOLVED,
+    Status.INFEASIBLE,
+    Status.ITERATION_LIMIT,
+    Status.TIME_LIMIT,
+    Status.STALLED,
+    Status.INTERRUPTED,
+)
+# First barrier parameter, relative to the cost: of a start without multipliers, and of a
+# neighbouring solution.
 COLD, WARM, LEAST = 3e-4, 1e-6, 1e-6
-# The barrier leaves every cost too high by mu for each bound: costs shall agree with other methods to more digits than anyone asks for.
-# A point this sharp that gets no sharper has met rounding errors, whatever is asked for.
+# The barrier leaves every cost too high by mu for each bound: costs shall agree with other methods
+# to more digits than anyone asks for. A point this sharp that gets no sharper has met rounding
+# errors, whatever is asked for.
 BARRIER_END = 1e-9
-# Largest ratio of a step size in two iterates: on 200 random pendulums, 1.25 took 23 iterations on average and 1.1 took 25; 2 took 33, and
-# without a limit 6 failed and the others took 77.
+# Largest ratio of a step size in two iterates: on 200 random pendulums, 1.25 took 23 iterations on
+# average and 1.1 took 25; 2 took 33, and without a limit 6 failed and the others took 77.
 STRETCH = 1.25
 
 
@@ -35,21 +44,28 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
 
 
 def least_violation(nlp: Transcription, x: Array, options: Options, price: Array) -> Ending:
-    """Minimise the sum of violations, weighted by ``price`` of shape (n_eq + n_in,), from x; solved where nothing is violated.
+    """Minimise the sum of violations, weighted by ``price`` of shape (n_eq + n_in,), from x; solved
+    where nothing is violated.
 
-    The multipliers are those of the weighted sum: those of bounds and constraints that hold it up are not zero.
+    The multipliers are those of the weighted sum: those of bounds and constraints that hold it up
+    are not zero.
     """
     return _run(nlp, x, options, None, price)
 
 
 def profile(nlp: Transcription, x: Array, options: Options, prepared: KKTLayout) -> dict[str, Any]:
-    """Minimise from x; return counts and seconds: iterations, factorisations, seconds_kernels, seconds_linear, seconds."""
+    """Minimise from x; return counts and seconds: iterations, factorisations, seconds_kernels,
+    seconds_linear, seconds."""
     x = np.clip(x, nlp.lower, nlp.upper)
     y, z_lower, z_upper = np.zeros(nlp.n_eq + nlp.n_in), np.zeros(nlp.n), np.zeros(nlp.n)
-    return _minimise(nlp, prepared, x, y, z_lower, z_upper, options, False, None, _listener(options)[0])
+    return _minimise(
+        nlp, prepared, x, y, z_lower, z_upper, options, False, None, _listener(options)[0]
+    )
 
 
-def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, price: Array | None = None) -> Ending:
+def _run(
+    nlp: Transcription, x: Array, options: Options, duals: Duals | None, price: Array | None = None
+) -> Ending:
     begin = time.perf_counter()
     x = np.clip(x, nlp.lower, nlp.upper)
     start = duals or Duals(np.zeros(nlp.n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
@@ -59,8 +75,12 @@ def _run(nlp: Transcription, x: Array, options: Options, duals: Duals | None, pr
     try:
         prepared = kkt_layout(nlp)
         if options.seconds is not None:  # the analysis counts too
-            options = replace(options, seconds=max(options.seconds - (time.perf_counter() - begin), 1e-9))
-        result = _minimise(nlp, prepared, x, y, z_lower, z_upper, options, duals is not None, price, report)
+            options = replace(
+                options, seconds=max(options.seconds - (time.perf_counter() - begin), 1e-9)
+            )
+        result = _minimise(
+            nlp, prepared, x, y, z_lower, z_upper, options, duals is not None, price, report
+        )
         status = STATUSES[result["status"]]
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
@@ -81,21 +101,45 @@ def _listener(options: Options) -> tuple[Report, Callable[[], int]]:
 
 
 def _minimise(
-    nlp: Transcription, prepared: KKTLayout, x: Array, y: Array, z_lower: Array, z_upper: Array, options: Options, warm: bool,
-    price: Array | None, report: Report,
-) -> dict[str, Any]:  # fmt: skip
+    nlp: Transcription,
+    prepared: KKTLayout,
+    x: Array,
+    y: Array,
+    z_lower: Array,
+    z_upper: Array,
+    options: Options,
+    warm: bool,
+    price: Array | None,
+    report: Report,
+) -> dict[str, Any]:
     """Call the compiled method, which works on x and the multipliers in place."""
     return interior_point(
-        nlp.program, prepared, sizes(nlp, x), _stretches(nlp), x, y, z_lower, z_upper, price=price, least_violation=price is not None,
-        optimality=min(options.optimality, BARRIER_END), demanded=max(options.optimality, BARRIER_END), violation=options.violation,
-        least_cost=LEAST_COST, infeasible=INFEASIBLE,
-        mu=max((WARM if warm else COLD) * abs(nlp.cost(x)), LEAST), warm=warm, iterations=options.iterations,
-        seconds=np.inf if options.seconds is None else options.seconds, report=report,
-    )  # fmt: skip
+        nlp.program,
+        prepared,
+        sizes(nlp, x),
+        _stretches(nlp),
+        x,
+        y,
+        z_lower,
+        z_upper,
+        price=price,
+        least_violation=price is not None,
+        optimality=min(options.optimality, BARRIER_END),
+        demanded=max(options.optimality, BARRIER_END),
+        violation=options.violation,
+        least_cost=LEAST_COST,
+        infeasible=INFEASIBLE,
+        mu=max((WARM if warm else COLD) * abs(nlp.cost(x)), LEAST),
+        warm=warm,
+        iterations=options.iterations,
+        seconds=np.inf if options.seconds is None else options.seconds,
+        report=report,
+    )
 
 
 def sizes(nlp: Transcription, x: Array) -> Array:
-    """Typical changes of the unknowns: step sizes count in their own size, all others in their units."""
+    """Typical changes of the unknowns: step sizes count in their own size, all others in their
+    units."""
     size = np.ones(nlp.n)
     size[nlp.layout.index_h] = x[nlp.layout.index_h]
     return size

@@ -37,7 +37,8 @@ def verdict(word: Status, left: Residuals, options: Options) -> Status:
         return Status.SOLVED
     if word in LIMITS:
         return word
-    known = np.isfinite(left.optimality) and np.isfinite(left.violation)  # beyond the numbers nothing is
+    # Beyond the numbers nothing is.
+    known = np.isfinite(left.optimality) and np.isfinite(left.violation)
     return Status.INFEASIBLE if known and left.violation > INFEASIBLE else Status.STALLED
 
 

@@ -8,11 +8,13 @@ from dmoc.codegen.kernels import Array
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.outcome import Duals, Residuals
 
-# Multipliers of this size and smaller leave the residuals unscaled (Waechter & Biegler 2006, section 2.1).
+# Multipliers of this size and smaller leave the residuals unscaled (Waechter & Biegler 2006,
+# section 2.1).
 SCALE_FROM = 100.0
 # Distance to a bound, relative to its size, at which it counts as active.
 ACTIVE = 1e-8
-# A scaled cost below it counts as this much where residuals are compared with the cost: one that vanishes sets no measure.
+# A scaled cost below it counts as this much where residuals are compared with the cost: one that
+# vanishes sets no measure.
 LEAST_COST = 1e-2
 
 
@@ -22,9 +24,12 @@ def cost_size(nlp: Transcription, x: Array) -> float:
 
 
 def duality_gap(nlp: Transcription, x: Array, duals: Duals) -> float:
-    """Sum of the products of inequalities and bounds with their multipliers, in units of the cost: about what a barrier has left of it."""
+    """Sum of the products of inequalities and bounds with their multipliers, in units of the
+    cost: about what a barrier has left of it."""
     z = np.where(nlp.lower < nlp.upper, duals.z, 0.0)
-    return nlp.scale.cost * float(np.abs(duals.w * nlp.inequality(x)).sum() + np.abs(z * _distance(nlp, x, z)).sum())
+    return nlp.scale.cost * float(
+        np.abs(duals.w * nlp.inequality(x)).sum() + np.abs(z * _distance(nlp, x, z)).sum()
+    )
 
 
 def _distance(nlp: Transcription, x: Array, z: Array) -> Array:
@@ -44,21 +49,29 @@ def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
     multipliers = np.concatenate([duals.y, duals.w, z])
     scale = max(SCALE_FROM, float(np.abs(multipliers).mean())) / SCALE_FROM
     scale *= cost_size(nlp, x)
-    worst = max(float(np.abs(slope * reach).max(initial=0.0)), float(np.abs(products).max(initial=0.0))) / scale
+    worst = (
+        max(float(np.abs(slope * reach).max(initial=0.0)), float(np.abs(products).max(initial=0.0)))
+        / scale
+    )
     return Residuals(worst if np.isfinite(worst) else np.inf, violation(nlp, x))
 
 
 def with_bounds(nlp: Transcription, x: Array, y: Array, w: Array) -> Duals:
-    """Complete the multipliers of a method that has none for bounds: the slope at a bound, where it points out of the feasible set."""
+    """Complete the multipliers of a method that has none for bounds: the slope at a bound, where
+    it points out of the feasible set."""
     slope = _slope(nlp, x, y, w)
     size = np.maximum(1.0, np.abs(x))
     with np.errstate(invalid="ignore"):
-        held = ((x - nlp.lower <= ACTIVE * size) & (slope > 0)) | ((nlp.upper - x <= ACTIVE * size) & (slope < 0))
+        held = ((x - nlp.lower <= ACTIVE * size) & (slope > 0)) | (
+            (nlp.upper - x <= ACTIVE * size) & (slope < 0)
+        )
     return Duals(y, w, np.where(held, slope, 0.0))
 
 
 def _slope(nlp: Transcription, x: Array, y: Array, w: Array) -> Array:
-    return np.asarray(nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w)
+    return np.asarray(
+        nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w
+    )
 
 
 def violation(nlp: Transcription, x: Array) -> float:

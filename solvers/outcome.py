@@ -38,9 +38,11 @@ SENTENCES = {
     Status.GRAZES: "a local minimum was found",
     Status.NOT_VERIFIED: "a local minimum was found",
     Status.INFEASIBLE: "no feasible motion was found",
-    Status.ITERATION_LIMIT: "the iteration limit was reached: raise it, or start from a better guess",
+    Status.ITERATION_LIMIT: "the iteration limit was reached: raise it, or start from a better "
+    "guess",
     Status.TIME_LIMIT: "the time limit was reached: raise it, or start from a better guess",
-    Status.STALLED: "no further progress was possible before optimality: try another guess or other steps",
+    Status.STALLED: "no further progress was possible before optimality: try another guess or "
+    "other steps",
     Status.INTERRUPTED: "the solve was interrupted: the best iterate so far is kept",
 }
 # A local minimum that nothing contradicts; any local minimum of the program; no feasible point or

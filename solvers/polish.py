@@ -1,7 +1,9 @@
-"""Newton's method on the optimality conditions with a known active set: the last digits of a solution and of its multipliers.
+"""Newton's method on the optimality conditions with a known active set: the last digits of a
+solution and of its multipliers.
 
-A driver that compares costs cannot place unknowns better than the square root of the rounding error of the cost.  From such a point one
-or two Newton steps on the full sparse system reach rounding error, and give exact multipliers of every constraint.
+A driver that compares costs cannot place unknowns better than the square root of the rounding error
+of the cost.  From such a point one or two Newton steps on the full sparse system reach rounding
+error, and give exact multipliers of every constraint.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ from dmoc.solvers.outcome import Residuals
 STEPS = 6
 
 
-def polish(nlp: Transcription, x: Array, y: Array, w: Array, rows: Index, bounds: Index) -> tuple[Array, Array, Array, Residuals]:
+def polish(
+    nlp: Transcription, x: Array, y: Array, w: Array, rows: Index, bounds: Index
+) -> tuple[Array, Array, Array, Residuals]:
     """Improve a solution while its residuals fall; return it with its multipliers and residuals.
 
     Parameters
@@ -34,7 +38,8 @@ def polish(nlp: Transcription, x: Array, y: Array, w: Array, rows: Index, bounds
 
     Notes
     -----
-    Solves, for the steps of x, y and of the active part of w, with H the Hessian of L, A = dc/dx, G = dd/dx of the active rows::
+    Solves, for the steps of x, y and of the active part of w, with H the Hessian of L, A = dc/dx,
+    G = dd/dx of the active rows::
 
         [ H   A'  -G' ] [dx]     [ grad L ]
         [ A   0    0  ] [dy] = - [ c      ]
@@ -57,7 +62,10 @@ def polish(nlp: Transcription, x: Array, y: Array, w: Array, rows: Index, bounds
         y = y + step[len(free) : len(free) + nlp.n_eq]
         w = w.copy()
         w[rows] += step[len(free) + nlp.n_eq :]
-        if not np.isfinite(x).all() or (w[rows] < -ACTIVE * max(1.0, np.abs(w).max(initial=0.0))).any():
+        if (
+            not np.isfinite(x).all()
+            or (w[rows] < -ACTIVE * max(1.0, np.abs(w).max(initial=0.0))).any()
+        ):
             break
         now = residuals(nlp, x, with_bounds(nlp, x, y, np.maximum(w, 0.0)))
         if max(now.optimality, now.violation) >= max(best[3].optimality, best[3].violation):
@@ -75,11 +83,15 @@ def _onto_bounds(nlp: Transcription, x: Array, bounds: Index) -> Array:
 
 def _independent(nlp: Transcription, x: Array, rows: Index) -> Index:
     """Leave out active rows without a slope in the free unknowns: a gap at a fixed start, say."""
-    slope = abs(nlp.inequality_jacobian(x)[rows][:, np.flatnonzero(nlp.lower != nlp.upper)]).sum(axis=1)
+    slope = abs(nlp.inequality_jacobian(x)[rows][:, np.flatnonzero(nlp.lower != nlp.upper)]).sum(
+        axis=1
+    )
     return rows[np.asarray(slope).ravel() > 0]
 
 
-def _newton_step(nlp: Transcription, x: Array, y: Array, w: Array, rows: Index, free: Index) -> Array | None:
+def _newton_step(
+    nlp: Transcription, x: Array, y: Array, w: Array, rows: Index, free: Index
+) -> Array | None:
     A, G = nlp.equality_jacobian(x), nlp.inequality_jacobian(x)[rows]
     upper = nlp.lagrangian_hessian(x, y, w)
     H = (upper + scipy.sparse.triu(upper, 1).T).tocsr()

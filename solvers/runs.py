@@ -1,4 +1,5 @@
-"""Runs of SLSQP: a few iterations in the unknowns s of a metric, towards the equations or along them."""
+"""Runs of SLSQP: a few iterations in the unknowns s of a metric, towards the equations or along
+them."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from dmoc.solvers.tally import Stop, Tally
 
 # Weight of the constraint directions in the metric against the null space.
 CONSTRAINT_SCALE = 0.1
-# Accuracy asked of SLSQP: it stands for optimality, step and violation at once, relative to the cost.
+# Accuracy asked of SLSQP: it stands for optimality, step and violation at once, relative to the
+# cost.
 SLSQP_ACCURACY = 1e-12
 # What a trial step that cannot be completed reports, so that the line search shortens it.
 REFUSED = 1e10
@@ -62,9 +64,12 @@ class _Point:
 
 
 class Run:
-    """One run of SLSQP in Y = Y_0 + S s over a working set, with the kept equations as constraints."""
+    """One run of SLSQP in Y = Y_0 + S s over a working set, with the kept equations as
+    constraints."""
 
-    def __init__(self, setting: Setting, x: Array, metric: tuple[Array, Array], working: Working) -> None:
+    def __init__(
+        self, setting: Setting, x: Array, metric: tuple[Array, Array], working: Working
+    ) -> None:
         self.setting, self.working = setting, working
         self.S = np.hstack([CONSTRAINT_SCALE * metric[0], metric[1]])
         self.origin = x[setting.parts.kept].copy()
@@ -79,7 +84,8 @@ class Run:
         return self.setting.elimination.complete(self.x, y) if self._keeps_time(y) else None
 
     def _keeps_time(self, y: Array) -> bool:
-        """Whether no step size has shrunk to a small share of what it was: negative ones would pass for short ones."""
+        """Whether no step size has shrunk to a small share of what it was: negative ones would
+        pass for short ones."""
         times = np.isin(self.setting.parts.kept, self.setting.nlp.layout.index_h)
         return bool((y[times] > LEAST_SHRINK * self.origin[times]).all())
 
@@ -132,7 +138,9 @@ class Run:
         w, nlp = self.working, self.setting.nlp
         if x is None:
             return np.full(w.size, -REFUSED)
-        return np.concatenate([nlp.inequality(x)[w.rows], (x - nlp.lower)[w.lower], (nlp.upper - x)[w.upper]])
+        return np.concatenate(
+            [nlp.inequality(x)[w.rows], (x - nlp.lower)[w.lower], (nlp.upper - x)[w.upper]]
+        )
 
     def inequality_jacobian(self, s: Array) -> Array:
         reduced, directions = self._derivatives(s)
@@ -140,7 +148,9 @@ class Run:
 
     def _working_slopes(self, reduced: Reduced) -> Array:
         """Derivatives of the working set with respect to y."""
-        lower, upper = (self._bound_slopes(index, reduced) for index in (self.working.lower, self.working.upper))
+        lower, upper = (
+            self._bound_slopes(index, reduced) for index in (self.working.lower, self.working.upper)
+        )
         return np.vstack([reduced.inequality, lower, -upper])
 
     def _bound_slopes(self, unknowns: Index, reduced: Reduced) -> Array:
@@ -150,7 +160,10 @@ class Run:
         kept = np.flatnonzero(~gone)
         rows[kept, np.searchsorted(self.setting.parts.kept, unknowns[kept])] = 1.0
         if gone.any():
-            order = np.array([int(np.flatnonzero(self.by_elimination == i)[0]) for i in unknowns[gone]], dtype=np.intp)
+            order = np.array(
+                [int(np.flatnonzero(self.by_elimination == i)[0]) for i in unknowns[gone]],
+                dtype=np.intp,
+            )
             rows[gone] = reduced.unknowns[order]
         return rows
 
@@ -161,11 +174,14 @@ class Run:
         return constraints
 
     def minimise(self, iterations: int, tally: Tally) -> tuple[Array, Array, Array, bool]:
-        """Run SLSQP; return x, multipliers of the kept equations and of the working set, and whether it converged."""
+        """Run SLSQP; return x, multipliers of the kept equations and of the working set, and
+        whether it converged."""
         self.tally = tally
         constraints = self._constraints()
         if self.working.size:
-            constraints.append({"type": "ineq", "fun": self.inequality, "jac": self.inequality_jacobian})
+            constraints.append(
+                {"type": "ineq", "fun": self.inequality, "jac": self.inequality_jacobian}
+            )
         start = np.zeros(self.S.shape[1])
         accuracy = SLSQP_ACCURACY * max(1.0, abs(self.cost(start)))
 
@@ -176,9 +192,14 @@ class Run:
 
         with np.errstate(all="ignore"):
             result = scipy.optimize.minimize(
-                self.cost, start, jac=self.cost_gradient, method="SLSQP", constraints=constraints, callback=report,
+                self.cost,
+                start,
+                jac=self.cost_gradient,
+                method="SLSQP",
+                constraints=constraints,
+                callback=report,
                 options={"maxiter": iterations, "ftol": accuracy},
-            )  # fmt: skip
+            )
         x = self._at(result.x).x
         y, w = self._multipliers(np.asarray(result.multipliers), result.x)
         return self.x if x is None else x, y, w, result.status in (0, 8)
@@ -189,12 +210,16 @@ class Run:
 
 
 class FollowingRun(Run):
-    """A run along the manifold of the kept equations: y = y_0 + null s + move r, where r(s) solves them.
+    """A run along the manifold of the kept equations: y = y_0 + null s + move r, where r(s) solves
+    them.
 
-    The equations bend, and a line search that weighs their violation against the cost would shorten every step across the bend.
+    The equations bend, and a line search that weighs their violation against the cost would shorten
+    every step across the bend.
     """
 
-    def __init__(self, setting: Setting, x: Array, metric: tuple[Array, Array], working: Working) -> None:
+    def __init__(
+        self, setting: Setting, x: Array, metric: tuple[Array, Array], working: Working
+    ) -> None:
         super().__init__(setting, x, metric, working)
         self.move, self.S = metric
         self._point = _Point(np.full(self.S.shape[1], np.nan), None)
@@ -213,7 +238,9 @@ class FollowingRun(Run):
             x = full
             error = self.setting.nlp.equality(x)[self.setting.parts.kept_rows]
             size = float(np.abs(error).max())
-            if size <= EQUATION_TOLERANCE or (size <= 100 * EQUATION_TOLERANCE and size > 0.5 * previous):
+            if size <= EQUATION_TOLERANCE or (
+                size <= 100 * EQUATION_TOLERANCE and size > 0.5 * previous
+            ):
                 self._trial_r = r
                 return x
             if not size < 1e3 * min(previous, 1.0):

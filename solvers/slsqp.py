@@ -1,15 +1,18 @@
 """SciPy's SLSQP on the condensed program, restarted in the metric of the exact Hessian.
 
-SLSQP builds its Hessian from first derivatives, one rank-two update an iteration, starting from the identity, and its work grows with the cube
-of the unknowns.  Four things make it practical here:
+SLSQP builds its Hessian from first derivatives, one rank-two update an iteration, starting from the
+identity, and its work grows with the cube of the unknowns.  Four things make it practical here:
 
 * the coordinates inside segments are eliminated (:mod:`dmoc.solvers.condensed`);
-* SLSQP runs for a few iterations at a time in unknowns s with y = y_0 + M s, where M is chosen from the exact Hessian of the Lagrangian
-  so that the identity *is* the Hessian on the constraints' null space, and the constraints depend on one part of s alone: its first
-  step is then a Newton step;
-* once the equations are nearly met, they are solved in every trial point, so that SLSQP sees the inequalities alone: equations bend, and
+* SLSQP runs for a few iterations at a time in unknowns s with y = y_0 + M s, where M is chosen from
+  the exact Hessian of the Lagrangian
+  so that the identity *is* the Hessian on the constraints' null space, and the constraints depend
+  on one part of s alone: its first step is then a Newton step;
+* once the equations are nearly met, they are solved in every trial point, so that SLSQP sees the
+  inequalities alone: equations bend, and
   a line search that weighs their violation against the cost shortens every step across the bend;
-* of the many inequalities (gaps and bounds at every node) only those that are or may become active are passed to it; the others are checked
+* of the many inequalities (gaps and bounds at every node) only those that are or may become active
+  are passed to it; the others are checked
   after every run and added when they are violated.
 """
 
@@ -28,7 +31,8 @@ from dmoc.solvers.polish import polish
 from dmoc.solvers.runs import REFUSED, FollowingRun, Run
 from dmoc.solvers.tally import HELD, Stop, Tally, Watch
 
-# SLSQP iterations between two metrics: enough to settle the active set, few enough to profit from the exact Hessian.
+# SLSQP iterations between two metrics: enough to settle the active set, few enough to profit from
+# the exact Hessian.
 RUN = 5
 # Runs in a row that may pass without progress, and searches for a feasible point before giving up.
 IDLE_RUNS = 8
@@ -36,13 +40,15 @@ RESTORATIONS = 2
 RESTORATION_LIMIT = 60
 # Relative change of the cost in a run below which Newton's method is tried.
 SLOW = 1e-3
-# Violation of the equations below which they are met before a run, and below which a run follows them.
+# Violation of the equations below which they are met before a run, and below which a run follows
+# them.
 NEAR_EQUATIONS = 0.1
 ON_EQUATIONS = 1e-8
 
 
 def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
-    """Minimise from x on the condensed program; multipliers of a neighbouring solution do not serve."""
+    """Minimise from x on the condensed program; multipliers of a neighbouring solution do not
+    serve."""
     x = np.clip(x, nlp.lower, nlp.upper)
     tally = Tally(nlp, options, x)
     descent = Descent(nlp, x)
@@ -62,7 +68,9 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
             if watch.progressing(found.violation, nlp.cost(x)):
                 continue
             if found.violation <= options.violation:
-                return _outcome(descent, Status.STALLED, f"optimality {found.optimality:.1e}", x, tally)
+                return _outcome(
+                    descent, Status.STALLED, f"optimality {found.optimality:.1e}", x, tally
+                )
             x = _least_violation(descent, x, tally)
             least = violation(nlp, x)
             if restorations == RESTORATIONS or least > INFEASIBLE:
@@ -85,13 +93,15 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
 
 
 def _completed(descent: Descent, x: Array) -> Array:
-    """Solve for the eliminated unknowns; where that fails from the guess, the guess stays as it is and the first run repairs it."""
+    """Solve for the eliminated unknowns; where that fails from the guess, the guess stays as it
+    is and the first run repairs it."""
     full = descent.elimination.complete(x, x[descent.parts.kept])
     return x if full is None else full
 
 
 def _round(descent: Descent, x: Array, tally: Tally) -> tuple[Array, Residuals, bool]:
-    """One metric and one run of SLSQP in it: along the equations if they can be met, else towards them."""
+    """One metric and one run of SLSQP in it: along the equations if they can be met, else
+    towards them."""
     if descent.equation_error(x) <= NEAR_EQUATIONS:
         x = descent.onto_equations(x)
     metric = descent.metric(x)
@@ -107,11 +117,16 @@ def _round(descent: Descent, x: Array, tally: Tally) -> tuple[Array, Residuals, 
     run = FollowingRun(descent, x, metric, working) if on else Run(descent, x, metric, working)
     x, y, w, converged = run.minimise(RUN, tally)
     descent.take_multipliers(x, y, w, working)
-    return x, residuals(descent.nlp, x, with_bounds(descent.nlp, x, descent.y, descent.w)), converged
+    return (
+        x,
+        residuals(descent.nlp, x, with_bounds(descent.nlp, x, descent.y, descent.w)),
+        converged,
+    )
 
 
 def _polished(descent: Descent, x: Array, options: Options) -> tuple[Array, Residuals]:
-    """Take Newton steps with the active set that SLSQP found; keep them if they end in a minimum of no higher cost."""
+    """Take Newton steps with the active set that SLSQP found; keep them if they end in a minimum
+    of no higher cost."""
     rows, bounds = np.flatnonzero(descent.w > 0), np.flatnonzero(descent.bound_force)
     before = descent.y, descent.w, descent.nlp.cost(x)
     better, descent.y, descent.w, found = polish(descent.nlp, x, descent.y, descent.w, rows, bounds)
@@ -144,7 +159,13 @@ def _least_violation(descent: Descent, x: Array, tally: Tally) -> Array:
             return np.full(len(parts.kept_rows) + nlp.n_in + len(gone), REFUSED)
         last["x"] = full
         excess = np.minimum(full - nlp.lower, 0.0) + np.maximum(full - nlp.upper, 0.0)
-        return np.concatenate([nlp.equality(full)[parts.kept_rows], np.minimum(nlp.inequality(full), 0.0), excess[gone]])
+        return np.concatenate(
+            [
+                nlp.equality(full)[parts.kept_rows],
+                np.minimum(nlp.inequality(full), 0.0),
+                excess[gone],
+            ]
+        )
 
     def jacobian(y: Array) -> Array:
         full = completed(y)
@@ -154,18 +175,28 @@ def _least_violation(descent: Descent, x: Array, tally: Tally) -> Array:
         d = nlp.inequality(full) < 0
         outside = ((full < nlp.lower) | (full > nlp.upper))[gone]
         tally.step(full)
-        return np.vstack([reduced.equality, reduced.inequality * d[:, None], reduced.unknowns * outside[:, None]])
+        return np.vstack(
+            [reduced.equality, reduced.inequality * d[:, None], reduced.unknowns * outside[:, None]]
+        )
 
-    margin = 1e-12 * np.maximum(1.0, np.abs(x[kept]))  # least_squares wants a start strictly inside its bounds
+    # Least_squares wants a start strictly inside its bounds.
+    margin = 1e-12 * np.maximum(1.0, np.abs(x[kept]))
     start = np.clip(x[kept], low + margin, high - margin)
     full = completed(start)
     if full is None or not np.isfinite(residual(start)).all():
         return x
     with np.errstate(all="ignore"):
         result = scipy.optimize.least_squares(
-            residual, start, jac=jacobian, bounds=(low, high), x_scale=descent.scale[kept], ftol=1e-10, xtol=1e-10, gtol=1e-12,
+            residual,
+            start,
+            jac=jacobian,
+            bounds=(low, high),
+            x_scale=descent.scale[kept],
+            ftol=1e-10,
+            xtol=1e-10,
+            gtol=1e-12,
             max_nfev=RESTORATION_LIMIT,
-        )  # fmt: skip
+        )
     full = completed(result.x)
     return x if full is None else full
 

@@ -66,13 +66,33 @@ def _run(nlp: Transcription, x: Array, tally: Tally) -> tuple[Array, Array, Arra
             raise Stop(Status.STALLED)
 
     constraints: list[dict[str, Any]] = [
-        {"type": "eq", "fun": lambda s: nlp.equality(full(s)), "jac": lambda s: nlp.equality_jacobian(full(s)).toarray()[:, free]},
-        {"type": "ineq", "fun": lambda s: nlp.inequality(full(s)), "jac": lambda s: nlp.inequality_jacobian(full(s)).toarray()[:, free]},
-    ]  # fmt: skip
+        {
+            "type": "eq",
+            "fun": lambda s: nlp.equality(full(s)),
+            "jac": lambda s: nlp.equality_jacobian(full(s)).toarray()[:, free],
+        },
+        {
+            "type": "ineq",
+            "fun": lambda s: nlp.inequality(full(s)),
+            "jac": lambda s: nlp.inequality_jacobian(full(s)).toarray()[:, free],
+        },
+    ]
     result = scipy.optimize.minimize(
-        lambda s: nlp.cost(full(s)), x[free], jac=lambda s: nlp.cost_gradient(full(s))[free], method="SLSQP",
-        bounds=np.stack([nlp.lower[free], nlp.upper[free]], axis=1), constraints=constraints, callback=report,
-        options={"maxiter": tally.options.iterations, "ftol": ACCURACY * max(1.0, abs(nlp.cost(x)))},
-    )  # fmt: skip
+        lambda s: nlp.cost(full(s)),
+        x[free],
+        jac=lambda s: nlp.cost_gradient(full(s))[free],
+        method="SLSQP",
+        bounds=np.stack([nlp.lower[free], nlp.upper[free]], axis=1),
+        constraints=constraints,
+        callback=report,
+        options={
+            "maxiter": tally.options.iterations,
+            "ftol": ACCURACY * max(1.0, abs(nlp.cost(x))),
+        },
+    )
     multipliers = np.asarray(result.multipliers)
-    return full(result.x), -multipliers[: nlp.n_eq], np.maximum(multipliers[nlp.n_eq : nlp.n_eq + nlp.n_in], 0.0)
+    return (
+        full(result.x),
+        -multipliers[: nlp.n_eq],
+        np.maximum(multipliers[nlp.n_eq : nlp.n_eq + nlp.n_in], 0.0),
+    )

@@ -33,7 +33,9 @@ class Tally:
         self.count = 0
         self.best = x
         self._rank = self._ranked(nlp.cost(x), violation(nlp, x))
-        self._deadline = np.inf if options.seconds is None else time.perf_counter() + options.seconds
+        self._deadline = (
+            np.inf if options.seconds is None else time.perf_counter() + options.seconds
+        )
 
     def step(self, x: Array) -> None:
         self.count += 1
@@ -71,7 +73,9 @@ class Watch:
 
     def progressing(self, violation: float, cost: float) -> bool:
         held = violation <= HELD
-        better = violation < 0.9 * self.violation or (held and cost < self.cost - 1e-7 * max(1.0, abs(cost)))
+        better = violation < 0.9 * self.violation or (
+            held and cost < self.cost - 1e-7 * max(1.0, abs(cost))
+        )
         self.violation = min(violation, self.violation)
         self.cost = min(cost, self.cost) if held else self.cost
         self.idle = 0 if better else self.idle + 1

@@ -1,4 +1,5 @@
-"""One thread for linear algebra while solves run: the matrices are small, and several threads would wait for each other."""
+"""One thread for linear algebra while solves run: the matrices are small, and several threads
+would wait for each other."""
 
 from __future__ import annotations
 
@@ -9,9 +10,11 @@ from threadpoolctl import OpenBLASController, ThreadpoolController
 
 
 class OneThread:
-    """A context that limits the process's linear algebra to one thread, also when contexts of several threads overlap.
+    """A context that limits the process's linear algebra to one thread, also when contexts of
+    several threads overlap.
 
-    The limit belongs to the process: the first one to enter sets it, the last one to leave restores what was before.
+    The limit belongs to the process: the first one to enter sets it, the last one to leave restores
+    what was before.
     """
 
     def __init__(self) -> None:
@@ -23,7 +26,8 @@ class OneThread:
     def __enter__(self) -> None:
         with self._lock:
             if self._users == 0:
-                # Looking for the libraries takes longer than a solve of the compiled method, so it is done once.
+                # Looking for the libraries takes longer than a solve of the compiled method, so it
+                # is done once.
                 self._controller = self._controller or ThreadpoolController()
                 self._limit = self._controller.limit(limits=1)
             self._users += 1
@@ -38,7 +42,8 @@ class OneThread:
 
 
 def _give_up_control() -> None:
-    """Since threadpoolctl 3.8 OpenBLAS obeys only the thread that has set a limit first, and the last to leave may be another one."""
+    """Since threadpoolctl 3.8 OpenBLAS obeys only the thread that has set a limit first, and the
+    last to leave may be another one."""
     give_up = getattr(OpenBLASController, "clear_controlling_thread", None)
     if give_up is not None:
         give_up(force=True)

@@ -34,7 +34,9 @@ class Attempt:
         return replace(self, outcome=replace(self.outcome, iterations=iterations))
 
 
-def attempted(programs: Programs, starts: Starts, method: Method, form: str, options: Options) -> Attempt:
+def attempted(
+    programs: Programs, starts: Starts, method: Method, form: str, options: Options
+) -> Attempt:
     """Solve by a method, and by what takes over from it; say what conflicts where nothing helps."""
     begin = time.perf_counter()
     nlp = programs.program(method.guided)
@@ -44,7 +46,9 @@ def attempted(programs: Programs, starts: Starts, method: Method, form: str, opt
     compiled = programs.problem.kernels.backend == COMPILED
     second = METHODS[method.falls_back_on] if compiled and method.falls_back_on else None
     kept = options.iterations // 2 if second is not None else 0  # for what takes over
-    found = tries(programs, nlp, points, replace(options, iterations=options.iterations - kept), minimise)
+    found = tries(
+        programs, nlp, points, replace(options, iterations=options.iterations - kept), minimise
+    )
     if not compiled:
         return found
     if second is not None and found.outcome.status in (*NOWHERE, Status.ITERATION_LIMIT):
@@ -137,7 +141,9 @@ def _best_of_all(
     return best().counting(count)
 
 
-def _taken_over(programs: Programs, before: Attempt, points: Sequence[Array], options: Options, second: Method) -> Attempt:
+def _taken_over(
+    programs: Programs, before: Attempt, points: Sequence[Array], options: Options, second: Method
+) -> Attempt:
     """What a second method finds; the end as it was where that finds nothing either."""
     outcome, minimise = before.outcome, _with(second.minimise(), None)
     again = _best_of_all(programs, programs.program(second.guided), points, options, minimise)
@@ -165,7 +171,9 @@ def _explained(before: Attempt, x: Array, options: Options, minimise: Minimise) 
     return Attempt(nlp, outcome, diagnosis.sentences)
 
 
-def _minimised(programs: Programs, nlp: Transcription, x: Array, options: Options, minimise: Minimise) -> Attempt:
+def _minimised(
+    programs: Programs, nlp: Transcription, x: Array, options: Options, minimise: Minimise
+) -> Attempt:
     """Solve from one start; an estimated minimal time that limits the solution is dropped, because
     the dynamics decide and not the estimate, and collisions without effect become touches."""
     begin = time.perf_counter()

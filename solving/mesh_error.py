@@ -30,7 +30,9 @@ def estimate(solved: Sequence[Solution], meshes: Sequence[Mesh], order: int) -> 
     if len(solved) > 2:
         before = _change(solved[-3], solved[-2])
         shown = _order(before / max(change, 1e-300), _ratio(solved[-3], solved[-2]), ratio, order)
-    fastest = meshes[-1].estimate / ratio**order if limited and np.isfinite(meshes[-1].estimate) else 0.0
+    fastest = (
+        meshes[-1].estimate / ratio**order if limited and np.isfinite(meshes[-1].estimate) else 0.0
+    )
     return float(max(change / (ratio**shown - 1), fastest, barrier(solved[-1])))
 
 
@@ -76,7 +78,9 @@ def _change(coarse: Solution, fine: Solution) -> float:
     pairs = list(zip(coarse.phases, fine.phases, strict=True))
     duration = max(abs(b.duration - a.duration) for a, b in pairs) / fine.final_time
     spread = np.ptp(np.vstack([p.q for p in fine.phases]), axis=0)
-    scale = np.maximum(spread, 1e-6 * np.array([fine.scale.get(name, 1.0) for name in fine.trajectory.coordinates]))
+    scale = np.maximum(
+        spread, 1e-6 * np.array([fine.scale.get(name, 1.0) for name in fine.trajectory.coordinates])
+    )
     place = max(float((np.abs(b.q[::step] - a.q) / scale).max(initial=0.0)) for a, b in pairs)
     return float(max(cost, duration, place))
 
@@ -85,4 +89,7 @@ def compared(meshes: Sequence[Mesh], solved: Sequence[Solution]) -> tuple[Mesh, 
     """The meshes, each with its difference to the finest, which tells whether the estimates are
     honest."""
     pairs = zip(meshes, solved, strict=True)
-    return tuple(replace(m, difference=_change(s, solved[-1]) if s is not solved[-1] else None) for m, s in pairs)
+    return tuple(
+        replace(m, difference=_change(s, solved[-1]) if s is not solved[-1] else None)
+        for m, s in pairs
+    )

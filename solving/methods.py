@@ -77,7 +77,9 @@ class Method:
         module, name = (self.full if form == Form.FULL and self.full else self.driver).split(":")
         driver: Driver = getattr(import_module(module), name)
 
-        def minimise(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Outcome:
+        def minimise(
+            nlp: Transcription, x: Array, options: Options, duals: Duals | None = None
+        ) -> Outcome:
             return judged(nlp, driver(nlp, x, options, duals), options)
 
         return minimise
@@ -94,7 +96,8 @@ class Method:
         """
         if self.needs_compiled and backend != "compiled":
             raise error(
-                f"method {self.name} needs compiled kernels: install a C compiler and build the model again, or use slsqp."
+                f"method {self.name} needs compiled kernels: install a C compiler and build the "
+                "model again, or use slsqp."
             )
         if self.package is None:
             return
@@ -105,7 +108,8 @@ class Method:
             import_module(self.package)
         except ImportError:
             raise MissingExtraError(
-                f"method {self.name} needs {self.package}: install it with `pip install 'dmoc[{self.name}]'`."
+                f"method {self.name} needs {self.package}: install it with `pip install "
+                f"'dmoc[{self.name}]'`."
             ) from None
 
     def check_size(self, steps: Any, inputs: int, error: type[DmocError] = ProblemError) -> None:

@@ -46,7 +46,9 @@ class History:
         return max(self.meshes[-1].estimate, self.meshes[-1].simulated or 0.0)
 
 
-def refined(problem: Problem, tolerance: float, seconds: float | None, solve: Solve, check: Check) -> Solution:
+def refined(
+    problem: Problem, tolerance: float, seconds: float | None, solve: Solve, check: Check
+) -> Solution:
     """Solve on finer and finer meshes, each from the motion of the one before.
 
     The error of a mesh is the largest relative change, against the mesh before, of the cost, of the
@@ -74,7 +76,10 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         if s.status == Status.INTERRUPTED:
             return replace(_result(past), status=s.status, message=s.message) if past.solved else s
         if not s.minimum and past.solved:
-            reason = f"the mesh of {max(problem.phase_steps)} steps a phase ended {s.status} ({s.message})"
+            reason = (
+                f"the mesh of {max(problem.phase_steps)} steps a phase ended {s.status} "
+                f"({s.message})"
+            )
             return _unmet(past, tolerance, check, reason)
         if not s.minimum:
             past = replace(past, failures=past.failures + 1)
@@ -86,7 +91,9 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         simulated = past.meshes[-1].simulated
         if simulated is not None and (simulated <= tolerance or not past.solved[-1].minimum):
             return _result(past)
-        steps = [(4 if FAR * tolerance < past.error < np.inf else 2) * n for n in problem.phase_steps]
+        steps = [
+            (4 if FAR * tolerance < past.error < np.inf else 2) * n for n in problem.phase_steps
+        ]
         late = seconds is not None and time.perf_counter() - begin > seconds
         reason = _why_not_finer(past, max(steps), late)
         if reason:
@@ -94,20 +101,26 @@ def refined(problem: Problem, tolerance: float, seconds: float | None, solve: So
         problem = problem.but(steps=steps)
 
 
-def _solved(problem: Problem, past: History, tolerance: float, solve: Solve) -> tuple[Solution, History]:
+def _solved(
+    problem: Problem, past: History, tolerance: float, solve: Solve
+) -> tuple[Solution, History]:
     """Solve on the next mesh, once more where the barrier takes too much of the tolerance; count
     what that takes."""
     s = _from_coarse(problem, past, solve)
     iterations = past.iterations + s.iterations
     if s.minimum and barrier(s) > BARRIER * tolerance:
-        sharper = _from_coarse(problem, past, solve, BARRIER * tolerance / barrier(s) / 2 * s.optimality)
+        sharper = _from_coarse(
+            problem, past, solve, BARRIER * tolerance / barrier(s) / 2 * s.optimality
+        )
         iterations += sharper.iterations
         s = sharper if sharper.solved or sharper.status == Status.INTERRUPTED else s
     seconds = {name: past.seconds.get(name, 0.0) + spent for name, spent in s.seconds.items()}
     return replace(s, seconds=seconds), replace(past, iterations=iterations, seconds=seconds)
 
 
-def _from_coarse(problem: Problem, past: History, solve: Solve, optimality: float | None = None) -> Solution:
+def _from_coarse(
+    problem: Problem, past: History, solve: Solve, optimality: float | None = None
+) -> Solution:
     """Solve from the motion of the last mesh, and where that leads nowhere from an automatic
     guess."""
     if not past.solved:
@@ -118,10 +131,16 @@ def _from_coarse(problem: Problem, past: History, solve: Solve, optimality: floa
 
 def _rounded(s: Solution) -> Solution:
     sharp = s.status == Status.STALLED and rounded(Residuals(s.optimality, s.max_violation))
-    return replace(s, status=Status.SOLVED, message="a local minimum was found, to rounding errors") if sharp else s
+    return (
+        replace(s, status=Status.SOLVED, message="a local minimum was found, to rounding errors")
+        if sharp
+        else s
+    )
 
 
-def _measured(past: History, s: Solution, problem: Problem, tolerance: float, check: Check) -> History:
+def _measured(
+    past: History, s: Solution, problem: Problem, tolerance: float, check: Check
+) -> History:
     """The history with a mesh that was solved; it is simulated where the estimate meets the
     tolerance."""
     solved, simulated = (*past.solved, s), None
@@ -140,8 +159,13 @@ def _simulated(s: Solution) -> float:
 def _why_not_finer(past: History, steps: int, late: bool) -> str:
     """What speaks against a mesh of so many steps a phase."""
     before = past.meshes[-1 - IDLE_MESHES : -1]
-    if len(past.meshes) > IDLE_MESHES and past.meshes[-1].estimate >= max(m.estimate for m in before):
-        return "finer meshes do not make it smaller, rounding errors or the solver's tolerance outweigh it"
+    if len(past.meshes) > IDLE_MESHES and past.meshes[-1].estimate >= max(
+        m.estimate for m in before
+    ):
+        return (
+            "finer meshes do not make it smaller, rounding errors or the solver's tolerance "
+            "outweigh it"
+        )
     if steps > MOST_STEPS:
         return f"finer meshes than {MOST_STEPS} steps a phase are not tried"
     return "the time limit is reached" if late else ""
@@ -150,7 +174,9 @@ def _why_not_finer(past: History, steps: int, late: bool) -> str:
 def _result(past: History) -> Solution:
     """The solution on the finest mesh, with all meshes."""
     meshes = compared(past.meshes, past.solved)
-    return replace(past.solved[-1], meshes=meshes, error_estimate=past.error, iterations=past.iterations)
+    return replace(
+        past.solved[-1], meshes=meshes, error_estimate=past.error, iterations=past.iterations
+    )
 
 
 def _unmet(past: History, tolerance: float, check: Check, reason: str) -> Solution:

@@ -56,7 +56,8 @@ def _message(attempt: Attempt) -> str:
     if singular is None:
         return message
     return (
-        f"{message}; the mass matrix is singular or negative on the way, first at {singular:.4g} s: "
+        f"{message}; the mass matrix is singular or negative on the way, first at {singular:.4g} "
+        "s: "
         "check the parameters and the bounds"
     )
 
@@ -64,7 +65,10 @@ def _message(attempt: Attempt) -> str:
 def without_effect(motion: Trajectory) -> str:
     """Name the collisions that have no effect."""
     grazing = [f"{i + 1} ({c.surface})" for i, c in enumerate(motion.collisions) if c.grazes]
-    return f"collision {' and '.join(grazing)} has no effect: the motion touches the surface without an impulse"
+    return (
+        f"collision {' and '.join(grazing)} has no effect: the motion touches the surface "
+        "without an impulse"
+    )
 
 
 def checked(solution: Solution, seconds: float | None = None) -> Solution:
@@ -77,7 +81,10 @@ def checked(solution: Solution, seconds: float | None = None) -> Solution:
         check = None
     spent = {**solution.seconds, "verify": time.perf_counter() - start}
     if check is None:
-        message = f"{solution.message}, but the time limit was reached before the simulation had checked it: raise it"
+        message = (
+            f"{solution.message}, but the time limit was reached before the simulation had "
+            "checked it: raise it"
+        )
         return replace(solution, status=Status.TIME_LIMIT, message=message, seconds=spent)
     solution = replace(solution, verification=_summary(check), seconds=spent)
     if check.passed:

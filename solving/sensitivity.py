@@ -45,7 +45,9 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
             "solved."
         )
     if not solution.converged:
-        raise ProblemError(f"the solution has the status '{solution.status}': sensitivities need a minimum.")
+        raise ProblemError(
+            f"the solution has the status '{solution.status}': sensitivities need a minimum."
+        )
     check_same_model(solution, problem.kernels)
     scale = scale_of(problem, solution.unknowns, minimum=True)
     nlp = Programs(problem, scale).program()
@@ -62,4 +64,7 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
 def check_problem(problem: Any) -> None:
     """Refuse what is no Problem."""
     if not isinstance(problem, Problem):
-        raise ProblemError(f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., ...) states it.")
+        raise ProblemError(
+            f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., "
+            "...) states it."
+        )

@@ -152,7 +152,11 @@ def _solved(problem: Problem, guess: Given, request: Request) -> Solution:
         left = _in_units(remaining(options, begin), scale.cost)
         found = attempted(Programs(problem, scale), starts, method, request.form, left)
         solved = time.perf_counter()
-        seconds = {"build": problem.kernels.seconds, "guess": guessed - begin, "solve": solved - guessed}
+        seconds = {
+            "build": problem.kernels.seconds,
+            "guess": guessed - begin,
+            "solve": solved - guessed,
+        }
         solution = solution_of(found, method.name, seconds)
     if not (request.verify and solution.minimum):
         return solution

@@ -62,11 +62,13 @@ def _from_solution(problem: Problem, guess: Solution) -> Starts:
     given = [*guess.trajectory.coordinates, *guess.trajectory.inputs]
     if given != names:
         raise ProblemError(
-            f"guess is a motion of {', '.join(given)}: expected one of the coordinates and inputs {', '.join(names)}."
+            f"guess is a motion of {', '.join(given)}: expected one of the coordinates and inputs "
+            f"{', '.join(names)}."
         )
     if len(guess.phases) != problem.phases:
         raise ProblemError(
-            f"guess has {len(guess.collisions)} collisions: expected a motion with {problem.phases - 1}, as the problem has."
+            f"guess has {len(guess.collisions)} collisions: expected a motion with "
+            f"{problem.phases - 1}, as the problem has."
         )
     if not _same_mesh(problem, guess):
         impulses = [c.impulse for c in guess.collisions]
@@ -90,10 +92,13 @@ def _given(problem: Problem, guess: Array) -> Array:
     except (TypeError, ValueError):  # rows of different lengths
         given = np.array(None)
     if given.dtype.kind not in "iuf":
-        raise ProblemError(f"guess = {shown(guess)}: expected a Solution, or an array of {size} unknowns.")
+        raise ProblemError(
+            f"guess = {shown(guess)}: expected a Solution, or an array of {size} unknowns."
+        )
     x = given.astype(float)
     if x.shape != (size,) or not np.isfinite(x).all():
         raise ProblemError(
-            f"guess has shape {x.shape}: expected {size} finite unknowns, from a solution of the same model with the same steps."
+            f"guess has shape {x.shape}: expected {size} finite unknowns, from a solution of the "
+            "same model with the same steps."
         )
     return x

@@ -1,9 +1,10 @@
 """Collisions without effect: where the best motion would rather not collide, it touches the surface
 without an impulse.
 
-The law of impact, e (E+ - E-) - W = -lam (gamma+ + e gamma-)/2, has no slope in any unknown at a touch, lam
-= gamma- = gamma+ = 0, so that a solver ends beside it or not at all.  Stated as g = 0, gamma = 0, lam = 0 a
-touch is regular; its multipliers tell whether a real collision would cost less.
+The law of impact, e (E+ - E-) - W = -lam (gamma+ + e gamma-)/2, has no slope in any unknown at a
+touch, lam
+= gamma- = gamma+ = 0, so that a solver ends beside it or not at all.  Stated as g = 0, gamma = 0,
+lam = 0 a touch is regular; its multipliers tell whether a real collision would cost less.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ def suspects(nlp: Transcription, x: Array) -> Index:
         return np.zeros(0, dtype=np.intp)
     y = nlp.physical(x)
     hit = (np.arange(len(nodes)), lay.surfaces)
-    before = nlp.problem.model.gap_rates(y[lay.index_q[nodes]], y[lay.index_v_a], lay.times(y)[nodes])[hit]
+    before = nlp.problem.model.gap_rates(
+        y[lay.index_q[nodes]], y[lay.index_v_a], lay.times(y)[nodes]
+    )[hit]
     faint = (before <= SUSPECT * nlp.scale.rate[lay.surfaces]) | (x[lay.index_lam] <= SUSPECT)
     return np.flatnonzero(faint & ~nlp.law.touching)
 
@@ -51,7 +54,11 @@ def pays(nlp: Transcription, outcome: Outcome) -> bool:
     that dJ/ds = e y + (1 + e) dL/dlam / (n . M^-1 n) with the multiplier y of gamma = 0.
     """
     lay, x, duals = nlp.layout, outcome.x, outcome.duals
-    slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ duals.y - nlp.inequality_jacobian(x).T @ duals.w
+    slope = (
+        nlp.cost_gradient(x)
+        + nlp.equality_jacobian(x).T @ duals.y
+        - nlp.inequality_jacobian(x).T @ duals.w
+    )
     y, model = nlp.physical(x), nlp.problem.model
     times = lay.times(y)
     for i in np.flatnonzero(nlp.law.touching):

@@ -1,7 +1,8 @@
-"""The functions of a system in bare symbols: the common start of the derivation shown to people and of the kernels.
+"""The functions of a system in bare symbols: the common start of the derivation shown to people and
+of the kernels.
 
-The functions below use nothing but arithmetic and ``.diff``; they work on SymPy expressions, which people read, and on SymEngine
-expressions, which become kernels.
+The functions below use nothing but arithmetic and ``.diff``; they work on SymPy expressions, which
+people read, and on SymEngine expressions, which become kernels.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from dmoc.symbolic.system import MechanicalSystem
 
 @dataclass(frozen=True)
 class Continuous:
-    """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi, g_j, r_j."""
+    """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
+    g_j, r_j."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -40,7 +42,13 @@ class Continuous:
 
     @classmethod
     def of(
-        cls, system: MechanicalSystem, q: Sequence[Any], v: Sequence[Any], u: Sequence[Any], t: Any, par: Sequence[Any]
+        cls,
+        system: MechanicalSystem,
+        q: Sequence[Any],
+        v: Sequence[Any],
+        u: Sequence[Any],
+        t: Any,
+        par: Sequence[Any],
     ) -> Continuous:
         """Rewrite the functions of ``system`` in the given SymPy symbols."""
         table = dict(zip(system.velocities, v, strict=True))
@@ -50,7 +58,8 @@ class Continuous:
         table[dynamicsymbols._t] = t
 
         def rewrite(expression: Any) -> Any:
-            # All at once, from the outside: a velocity contains its coordinate, that the time, and a symbol of the model may look like a given one.
+            # All at once, from the outside: a velocity contains its coordinate, that the time, and
+            # a symbol of the model may look like a given one.
             return expression.xreplace(table)
 
         return cls(
@@ -77,9 +86,18 @@ class Continuous:
             return tuple(convert(value) for value in values)
 
         return Continuous(
-            each(self.q), each(self.v), each(self.u), convert(self.t), each(self.par), convert(self.L), each(self.Q), convert(self.C),
-            convert(self.Phi), each(self.g), each(self.r),
-        )  # fmt: skip
+            each(self.q),
+            each(self.v),
+            each(self.u),
+            convert(self.t),
+            each(self.par),
+            convert(self.L),
+            each(self.Q),
+            convert(self.C),
+            convert(self.Phi),
+            each(self.g),
+            each(self.r),
+        )
 
 
 def readable(system: MechanicalSystem) -> Continuous:
@@ -96,21 +114,28 @@ def readable(system: MechanicalSystem) -> Continuous:
 
 
 def _elementary(expression: Any) -> Any:
-    """Write functions with a kink as Piecewise, which can be differentiated, and refuse what no printer knows."""
+    """Write functions with a kink as Piecewise, which can be differentiated, and refuse what no
+    printer knows."""
     kinks = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Heaviside)
     if expression.has(*kinks):
-        expression = sp.piecewise_fold(expression.replace(lambda e: isinstance(e, kinks), lambda e: e.rewrite(sp.Piecewise)))
+        expression = sp.piecewise_fold(
+            expression.replace(lambda e: isinstance(e, kinks), lambda e: e.rewrite(sp.Piecewise))
+        )
     for node in sp.preorder_traversal(expression):
         if not _is_printable(node):
             raise GenerationError(
-                f"{sp.sstr(node)} cannot be turned into C: use +, -, *, /, powers, Abs, sign, Min, Max, Piecewise and "
+                f"{sp.sstr(node)} cannot be turned into C: use +, -, *, /, powers, Abs, sign, Min, "
+                "Max, Piecewise and "
                 f"{', '.join(sorted(FUNCTIONS))}, exp, sqrt."
             )
     return expression
 
 
 def _is_printable(node: Any) -> bool:
-    if isinstance(node, (sp.Add, sp.Mul, sp.Pow, sp.Symbol, sp.exp, sp.Piecewise, Boolean, sp.Rational, sp.Float)):
+    if isinstance(
+        node,
+        (sp.Add, sp.Mul, sp.Pow, sp.Symbol, sp.exp, sp.Piecewise, Boolean, sp.Rational, sp.Float),
+    ):
         return not isinstance(node, (sp.Not, sp.Xor, sp.ITE))
     if isinstance(node, ExprCondPair) or node in (sp.pi, sp.E):
         return True
@@ -158,13 +183,13 @@ def gap_rates(f: Continuous) -> list[Any]:
 
 
 def impact_work(f: Continuous, lam: Sequence[Any]) -> tuple[Any, Any]:
-    """W_t = lam . dg/dt and W_gamma = lam . gamma with the rates gamma of the gaps after the collision.
+    """W_t = lam . dg/dt and W_gamma = lam . gamma with the rates gamma of the gaps after the
+    collision.
 
     The law of restitution is e (E+ - E- - W_t) = (1 - e)/2 W_gamma.  In the continuous theory
     E+ - E- = lam (dg/dt - (gamma- + gamma)/2), so that the difference of both sides is
-    -lam (gamma + e gamma-)/2:
-    Newton's law as the mean of the balance of energy (e = 1) and of the plastic impact (e = 0), with a
-    simple root for every e.
+    -lam (gamma + e gamma-)/2: Newton's law as the mean of the balance of energy (e = 1) and of the
+    plastic impact (e = 0), with a simple root for every e.
     """
     moving = [s * g.diff(f.t) for s, g in zip(lam, f.g, strict=True)]
     rates = [s * w for s, w in zip(lam, gap_rates(f), strict=True)]

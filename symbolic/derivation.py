@@ -29,7 +29,8 @@ from dmoc.symbolic.system import MechanicalSystem, check_system
 
 LATEX_WIDTH = 220  # characters of source in a line of an equation, about the width of a page
 LEFT = "left side"  # what a name stands for
-WIDTH = 110  # of a line of text; wider equations are printed on one logical line, without two-dimensional layout
+# of a line of text; wider equations are printed on one logical line, without two-dimensional layout
+WIDTH = 110
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,9 @@ class Derivation:
             body.append(f"\\section{{{_escape(section.title)}}}")
             body.append(_escape(section.text))
             if section.pattern:
-                body.append("\\begin{verbatim}\n" + "\n".join(section.pattern) + "\n\\end{verbatim}")
+                body.append(
+                    "\\begin{verbatim}\n" + "\n".join(section.pattern) + "\n\\end{verbatim}"
+                )
             body += [f"\\equationline{{{_latex_equation(e)}}}" for e in section.equations]
         return _DOCUMENT.replace("TITLE", _escape(self.title)).replace("BODY", "\n\n".join(body))
 
@@ -107,7 +110,12 @@ BODY
 def _escape(text: str) -> str:
     for character in "&%#_":
         text = text.replace(character, f"\\{character}")
-    return text.replace("^", r"\^{}").replace("~", r"\~{}").replace("<=", r"$\le$").replace(">=", r"$\ge$")
+    return (
+        text.replace("^", r"\^{}")
+        .replace("~", r"\~{}")
+        .replace("<=", r"$\le$")
+        .replace(">=", r"$\ge$")
+    )
 
 
 def _latex_equation(equation: Equation) -> str:
@@ -124,7 +132,11 @@ def _latex_equation(equation: Equation) -> str:
             lines.append("")
         lines[-1] += piece
     lines[0] = lines[0].removeprefix("+ ")
-    return f"\\begin{{aligned}} {equation.latex_name} ={{}}& " + r" \\ & ".join(lines) + r" \end{aligned}"
+    return (
+        f"\\begin{{aligned}} {equation.latex_name} ={{}}& "
+        + r" \\ & ".join(lines)
+        + r" \end{aligned}"
+    )
 
 
 def _latex(expression: Any) -> str:
@@ -139,16 +151,18 @@ def _text(equation: Equation) -> str:
     if max(map(len, lines)) + len(head) > WIDTH:
         return f"{head}{sp.sstr(equation.right)}"
     middle = len(lines) // 2
-    return "\n".join((head if i == middle else " " * len(head)) + line for i, line in enumerate(lines)) + (
-        "\n" if len(lines) > 1 else ""
-    )
+    return "\n".join(
+        (head if i == middle else " " * len(head)) + line for i, line in enumerate(lines)
+    ) + ("\n" if len(lines) > 1 else "")
 
 
 def derive(system: MechanicalSystem, order: int = 2) -> Derivation:
-    """Derive a system from its Lagrangian to the derivatives of its discrete equations, in the discretisation of the given order.
+    """Derive a system from its Lagrangian to the derivatives of its discrete equations, in the
+    discretisation of the given order.
 
-    The result prints as text, gives a LaTeX document by ``latex()``, and displays itself in notebooks.  A quantity of the derivation whose usual
-    name the model uses itself is marked: ``h~``.
+    The result prints as text, gives a LaTeX document by ``latex()``, and displays itself in
+    notebooks.  A quantity of the derivation whose usual name the model uses itself is marked:
+    ``h~``.
     """
     check_system(system)
     check_order(order)
@@ -164,13 +178,17 @@ def derive(system: MechanicalSystem, order: int = 2) -> Derivation:
         *_derivative_sections(element, names),
     ]
     if names.marked:
-        note = f" {', '.join(names.marked)} with {MARK} are quantities of the derivation: the name without it is taken."
+        note = (
+            f" {', '.join(names.marked)} with {MARK} are quantities of the derivation: the "
+            "name without it is taken."
+        )
         sections[0] = replace(sections[0], text=sections[0].text + note)
     return Derivation(f"Derivation of the model {system.name}", tuple(sections))
 
 
 def tangents(normal: Sequence[Any]) -> list[list[Any]]:
-    """Return nq - 1 vectors t with t . normal = 0 identically, for a gradient that is nowhere zero in one component."""
+    """Return nq - 1 vectors t with t . normal = 0 identically, for a gradient that is nowhere
+    zero in one component."""
     pivot = next((i for i, n in enumerate(normal) if n.is_nonzero), None)
     if pivot is None:
         pivot = next(i for i, n in enumerate(normal) if n != 0)
@@ -183,16 +201,22 @@ def tangents(normal: Sequence[Any]) -> list[list[Any]]:
     return vectors
 
 
-def _continuous_sections(system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Iterable[Section]:
+def _continuous_sections(
+    system: MechanicalSystem, f: Continuous, own: DisplayNames
+) -> Iterable[Section]:
     names = [str(q) for q in f.q]
     tex = [latex_symbol(str(q)) for q in f.q]
     accelerations = [own.symbol(f"{n}_ddot", "acceleration") for n in names]
     time = ", t" if f.L.has(f.t) else ""
     yield Section(
-        "Lagrangian", f"L(q, q'{time}) with the coordinates q = (" + ", ".join(names) + ").", (_equation(own, "L", "L", f.L),)
+        "Lagrangian",
+        f"L(q, q'{time}) with the coordinates q = (" + ", ".join(names) + ").",
+        (_equation(own, "L", "L", f.L),),
     )
     yield Section("Momenta", "p = dL/dq'.", tuple(_each(own, "p", names, tex, momenta(f))))
-    yield Section("Mass matrix", "M = d2L/dq'2.", (_equation(own, "M", "M", sp.Matrix(mass_matrix(f))),))
+    yield Section(
+        "Mass matrix", "M = d2L/dq'2.", (_equation(own, "M", "M", sp.Matrix(mass_matrix(f))),)
+    )
     yield Section("Energy", "E = p . q' - L.", (_equation(own, "E", "E", sp.expand(energy(f))),))
     work = dot(f.Q, [own.symbol(f"delta_{n}", "variation") for n in names])
     forces = [Equation("delta W", r"\delta W", work), *_each(own, "Q", names, tex, f.Q)]
@@ -200,59 +224,113 @@ def _continuous_sections(system: MechanicalSystem, f: Continuous, own: DisplayNa
         forces.append(Equation("dQ/du", r"\partial Q / \partial u", sp.Matrix(input_matrix(f))))
     yield Section("Virtual work and generalised forces", "delta W = Q . delta q.", tuple(forces))
     left = sp.Matrix(mass_matrix(f)) * sp.Matrix(accelerations)
-    motion = [Equation(sp.sstr(a), _latex(a), b) for a, b in zip(left, right_hand_side(f), strict=True)]
+    motion = [
+        Equation(sp.sstr(a), _latex(a), b) for a, b in zip(left, right_hand_side(f), strict=True)
+    ]
     partial = " - d2L/dq'dt" if time else ""
-    yield Section("Equations of motion", f"M q'' = dL/dq - (d2L/dq'dq) q'{partial} + Q.", tuple(motion))
+    yield Section(
+        "Equations of motion", f"M q'' = dL/dq - (d2L/dq'dq) q'{partial} + Q.", tuple(motion)
+    )
     if f.g:
         equations = []
         for name, g in zip(system.surfaces, f.g, strict=True):
             equations.append(_equation(own, f"g_{name}", f"g_{{\\mathrm{{{_escape(name)}}}}}", g))
             equations.append(
-                Equation(f"grad g_{name}", f"\\nabla g_{{\\mathrm{{{_escape(name)}}}}}", sp.Matrix([gradient(g, f.q)]))
+                Equation(
+                    f"grad g_{name}",
+                    f"\\nabla g_{{\\mathrm{{{_escape(name)}}}}}",
+                    sp.Matrix([gradient(g, f.q)]),
+                )
             )
             if g.has(f.t):
-                equations.append(Equation(f"dg_{name}/dt", f"\\partial_t g_{{\\mathrm{{{_escape(name)}}}}}", g.diff(f.t)))
-        yield Section("Unilateral constraints", "g <= 0; the gradient points out of the admissible set.", tuple(equations))
+                equations.append(
+                    Equation(
+                        f"dg_{name}/dt",
+                        f"\\partial_t g_{{\\mathrm{{{_escape(name)}}}}}",
+                        g.diff(f.t),
+                    )
+                )
+        yield Section(
+            "Unilateral constraints",
+            "g <= 0; the gradient points out of the admissible set.",
+            tuple(equations),
+        )
 
 
-def _discrete_sections(system: MechanicalSystem, e: StepElement, own: DisplayNames) -> Iterable[Section]:
+def _discrete_sections(
+    system: MechanicalSystem, e: StepElement, own: DisplayNames
+) -> Iterable[Section]:
     n = len(e.q_k)
     names = [name_of(q) for q in system.coordinates]
     tex = [latex_symbol(x) for x in names]
     middle = len(e.points) == 1
     place = "Midpoint" if middle else "Quadrature points"
-    text = "Coordinates and velocities of the midpoint rule" if middle else (
-        "Coordinates and velocities at the two Gauss points of the polynomial through the nodes k (start), i (middle) and k+1 (end)"
-    )  # fmt: skip
-    used = {s for p in e.points for f in (p.start, p.end) for part in (f.L, *f.Q, f.C, *f.r) for s in part.free_symbols}
+    text = (
+        "Coordinates and velocities of the midpoint rule"
+        if middle
+        else (
+            "Coordinates and velocities at the two Gauss points of the polynomial through the "
+            "nodes k (start), i (middle) and k+1 (end)"
+        )
+    )
+    used = {
+        s
+        for p in e.points
+        for f in (p.start, p.end)
+        for part in (f.L, *f.Q, f.C, *f.r)
+        for s in part.free_symbols
+    }
     times = {p.start.t for p in e.points}
     yield Section(
-        f"{place} of a step", f"{text}, in the step from node k to node k+1 of size h.",
-        tuple(Equation(str(s), latex_symbol(str(s)), value) for s, value in e.definitions if s in used or s not in times),
-    )  # fmt: skip
+        f"{place} of a step",
+        f"{text}, in the step from node k to node k+1 of size h.",
+        tuple(
+            Equation(str(s), latex_symbol(str(s)), value)
+            for s, value in e.definitions
+            if s in used or s not in times
+        ),
+    )
     slots = [e.D(e.L_d, i) for i in range(2 * n)]
     yield Section(
-        "Discrete Lagrangian", "L_d, the quadrature of L over the step, with its derivatives in the first, second and third slot.",
-        (_equation(own, "L_d", "L_d", e.L_d), *_each(own, "D1_Ld", names, tex, slots[:n], "D_1 L_d"),
-         *_each(own, "D2_Ld", names, tex, slots[n:], "D_2 L_d"), _equation(own, "D3_Ld", "D_3 L_d", e.D(e.L_d, e.at_h))),
-    )  # fmt: skip
+        "Discrete Lagrangian",
+        "L_d, the quadrature of L over the step, with its derivatives in the first, second and "
+        "third slot.",
+        (
+            _equation(own, "L_d", "L_d", e.L_d),
+            *_each(own, "D1_Ld", names, tex, slots[:n], "D_1 L_d"),
+            *_each(own, "D2_Ld", names, tex, slots[n:], "D_2 L_d"),
+            _equation(own, "D3_Ld", "D_3 L_d", e.D(e.L_d, e.at_h)),
+        ),
+    )
     yield Section(
         "Discrete forces",
-        "fd_minus = h/2 Q with the input u_k, fd_plus = h/2 Q with the input u_kp1." if middle else
-        "The virtual work of Q at the quadrature points on the first and the last node; inputs are linear in the step, from u_k to u_kp1.",
-        (*_each(own, "fd_minus", names, tex, e.fd_minus, "f_d^-"), *_each(own, "fd_plus", names, tex, e.fd_plus, "f_d^+")),
-    )  # fmt: skip
+        "fd_minus = h/2 Q with the input u_k, fd_plus = h/2 Q with the input u_kp1."
+        if middle
+        else "The virtual work of Q at the quadrature points on the first and the last node; "
+        "inputs are linear in the step, from u_k to u_kp1.",
+        (
+            *_each(own, "fd_minus", names, tex, e.fd_minus, "f_d^-"),
+            *_each(own, "fd_plus", names, tex, e.fd_plus, "f_d^+"),
+        ),
+    )
     inside = "" if middle else " Node inside the step: r_i = 0."
     yield Section(
         "Discrete Euler-Lagrange equations",
-        "r_minus = D1_Ld + fd_minus is -p at the step's start, r_plus = D2_Ld + fd_plus is p at its end. "
-        f"Interior nodes: r_plus(k-1) + r_minus(k) = 0. Start: r_minus(0) + p_B = 0. End: r_plus(N-1) - p_E = 0.{inside}",
-        (*_each(own, "r_minus", names, tex, e.r_minus, "r^-"), *_each(own, "r_plus", names, tex, e.r_plus, "r^+"),
-         *(_each(own, "r_i", names, tex, e.r_i, "r^i") if e.r_i else ())),
-    )  # fmt: skip
+        "r_minus = D1_Ld + fd_minus is -p at the step's start, r_plus = D2_Ld + fd_plus is p at "
+        "its end. "
+        "Interior nodes: r_plus(k-1) + r_minus(k) = 0. Start: r_minus(0) + p_B = 0. End: "
+        f"r_plus(N-1) - p_E = 0.{inside}",
+        (
+            *_each(own, "r_minus", names, tex, e.r_minus, "r^-"),
+            *_each(own, "r_plus", names, tex, e.r_plus, "r^+"),
+            *(_each(own, "r_i", names, tex, e.r_i, "r^i") if e.r_i else ()),
+        ),
+    )
 
 
-def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement, own: DisplayNames) -> Iterable[Section]:
+def _collision_sections(
+    system: MechanicalSystem, f: Continuous, e: StepElement, own: DisplayNames
+) -> Iterable[Section]:
     if not f.g:
         return
     names = [str(q) for q in f.q]
@@ -263,12 +341,16 @@ def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement,
     for name, g in zip(system.surfaces, f.g, strict=True):
         normal = gradient(g, f.q)
         tag = f"\\mathrm{{{_escape(name)}}}"
-        momentum = sp.Matrix([a + b - lam * c for a, b, c in zip(before, after, normal, strict=True)])
+        momentum = sp.Matrix(
+            [a + b - lam * c for a, b, c in zip(before, after, normal, strict=True)]
+        )
         equations.append(Equation(f"0 (position, {name})", f"0_{{{tag}}}", g))
         equations.append(Equation(f"0 (momentum, {name})", f"0_{{{tag}}}", momentum))
         for t in tangents(normal):
             total = [a + b for a, b in zip(before, after, strict=True)]
-            equations.append(Equation(f"0 (tangential momentum, {name})", f"0_{{{tag}}}", dot(t, total)))
+            equations.append(
+                Equation(f"0 (tangential momentum, {name})", f"0_{{{tag}}}", dot(t, total))
+            )
     impulses = [own.symbol(f"lam_{n}", "impulse") for n in system.surfaces]
     equations.append(_equation(own, "e_plus", "e^+", e.e_plus))
     equations.append(_equation(own, "e_minus", "e^-", e.e_minus))
@@ -277,16 +359,22 @@ def _collision_sections(system: MechanicalSystem, f: Continuous, e: StepElement,
     equations.append(_equation(own, "W_gamma", r"W_\gamma", rate))
     yield Section(
         "Collision conditions",
-        "At a collision node q_c: g(q_c) = 0; only the normal part of the momentum jumps, r_plus(before) + r_minus(after) = lam grad g, "
-        "or, without the impulse lam >= 0, its projection on the tangents vanishes. With the coefficient of restitution e "
+        "At a collision node q_c: g(q_c) = 0; only the normal part of the momentum jumps, "
+        "r_plus(before) + r_minus(after) = lam grad g, "
+        "or, without the impulse lam >= 0, its projection on the tangents vanishes. With the "
+        "coefficient of restitution e "
         "and the rate gamma = grad g . q' + dg/dt of the gap after the collision, "
-        "e (e_plus(before) - e_minus(after) - W_t) = (1 - e)/2 W_gamma with W_t = lam dg/dt and W_gamma = lam gamma: the mean of the "
-        "balance of energy (e = 1) and of the plastic impact gamma = 0 (e = 0), which is Newton's law gamma = -e gamma(before).",
+        "e (e_plus(before) - e_minus(after) - W_t) = (1 - e)/2 W_gamma with W_t = lam dg/dt and "
+        "W_gamma = lam gamma: the mean of the "
+        "balance of energy (e = 1) and of the plastic impact gamma = 0 (e = 0), which is Newton's "
+        "law gamma = -e gamma(before).",
         tuple(equations),
     )
 
 
-def _cost_sections(system: MechanicalSystem, f: Continuous, e: StepElement, own: DisplayNames) -> Iterable[Section]:
+def _cost_sections(
+    system: MechanicalSystem, f: Continuous, e: StepElement, own: DisplayNames
+) -> Iterable[Section]:
     middle = len(e.points) == 1
     text = (
         "C_d = h/2 (C with u_k + C with u_kp1) at the midpoint."
@@ -295,16 +383,23 @@ def _cost_sections(system: MechanicalSystem, f: Continuous, e: StepElement, own:
     )
     yield Section("Discrete cost", text, (_equation(own, "C_d", "C_d", e.C_d),))
     if f.Phi != 0:
-        yield Section("Terminal cost", "Phi at the final time is added to the cost.", (_equation(own, "Phi", r"\Phi", f.Phi),))
+        yield Section(
+            "Terminal cost",
+            "Phi at the final time is added to the cost.",
+            (_equation(own, "Phi", r"\Phi", f.Phi),),
+        )
     if e.r_d:
         names = list(system.path_constraints) * len(e.points)
         paths = [
-            _equation(own, f"r_{n}", f"r_{{\\mathrm{{{_escape(n)}}}}}", r, "path") for n, r in zip(names, e.r_d, strict=True)
+            _equation(own, f"r_{n}", f"r_{{\\mathrm{{{_escape(n)}}}}}", r, "path")
+            for n, r in zip(names, e.r_d, strict=True)
         ]
         yield Section("Path constraints", "r_d >= 0 in every step.", tuple(paths))
 
 
-def _feasibility_section(system: MechanicalSystem, f: Continuous, own: DisplayNames) -> Iterable[Section]:
+def _feasibility_section(
+    system: MechanicalSystem, f: Continuous, own: DisplayNames
+) -> Iterable[Section]:
     if not f.g or any(g.has(f.t) for g in f.g):
         return
     a = [own.symbol(f"{q}_ddot_bar", "averaged") for q in f.q]
@@ -312,18 +407,26 @@ def _feasibility_section(system: MechanicalSystem, f: Continuous, own: DisplayNa
     equations = []
     for name, g in zip(system.surfaces, f.g, strict=True):
         tag = f"\\mathrm{{{_escape(name)}}}"
-        equations.append(_equation(own, f"T_min_{name}", f"T_{{\\min,{tag}}}", first_root(*approach(g, f, a, half_way))))
+        equations.append(
+            _equation(
+                own, f"T_min_{name}", f"T_{{\\min,{tag}}}", first_root(*approach(g, f, a, half_way))
+            )
+        )
     yield Section(
         "Minimal collision time",
-        "First root of g + g' t + g'' t^2/2. The accelerations (_ddot_bar) are constant: M q'' = F at averaged coefficients, half-way (_bar) between "
-        "the phase's start and its collision, with the inputs at the bounds that drive towards the surface.",
+        "First root of g + g' t + g'' t^2/2. The accelerations (_ddot_bar) are constant: M q'' = F "
+        "at averaged coefficients, half-way (_bar) between "
+        "the phase's start and its collision, with the inputs at the bounds that drive towards the "
+        "surface.",
         tuple(equations),
     )
 
 
 def _derivative_sections(e: StepElement, own: DisplayNames) -> Iterable[Section]:
     n = len(e.q_k)
-    rows = {f"r_minus_{i}": r for i, r in enumerate(e.r_minus)} | {f"r_plus_{i}": r for i, r in enumerate(e.r_plus)}
+    rows = {f"r_minus_{i}": r for i, r in enumerate(e.r_minus)} | {
+        f"r_plus_{i}": r for i, r in enumerate(e.r_plus)
+    }
     rows |= {f"r_i_{i}": r for i, r in enumerate(e.r_i)}
     rows |= {"e_plus": e.e_plus, "e_minus": e.e_minus, "C_d": e.C_d}
     equations, pattern = [], []
@@ -331,14 +434,23 @@ def _derivative_sections(e: StepElement, own: DisplayNames) -> Iterable[Section]
         derivatives = e.gradient(row)
         pattern.append(f"  {name:>10}  " + " ".join("x" if d != 0 else "." for d in derivatives))
         equations += [
-            Equation(f"d{name}/d{z}", f"\\partial {_row_tex(name)} / \\partial {latex_symbol(str(z))}", d)
-            for z, d in zip(e.x_k, derivatives, strict=True) if d != 0
-        ]  # fmt: skip
+            Equation(
+                f"d{name}/d{z}", f"\\partial {_row_tex(name)} / \\partial {latex_symbol(str(z))}", d
+            )
+            for z, d in zip(e.x_k, derivatives, strict=True)
+            if d != 0
+        ]
     columns = "x_k = (" + ", ".join(map(str, e.x_k)) + ")"
     yield Section(
-        "First derivatives", f"Columns {columns}; x marks what is not identically zero.", tuple(equations), tuple(pattern)
+        "First derivatives",
+        f"Columns {columns}; x marks what is not identically zero.",
+        tuple(equations),
+        tuple(pattern),
     )
-    mu = [own.symbol(f"mu_minus_{i}", "weight") for i in range(n)], [own.symbol(f"mu_plus_{i}", "weight") for i in range(n)]
+    mu = (
+        [own.symbol(f"mu_minus_{i}", "weight") for i in range(n)],
+        [own.symbol(f"mu_plus_{i}", "weight") for i in range(n)],
+    )
     mu_i = [own.symbol(f"mu_i_{i}", "weight") for i in range(len(e.r_i))]
     sigma, w_plus, w_minus = (own.symbol(name, "weight") for name in ("sigma", "w_plus", "w_minus"))
     weighted = [
@@ -349,14 +461,27 @@ def _derivative_sections(e: StepElement, own: DisplayNames) -> Iterable[Section]
         hessian = e.hessian(expression)
         grid = ["  " + " ".join("x" if d != 0 else "." for d in row) for row in hessian]
         second = [
-            Equation(f"d2/d{a}d{b}", f"\\partial^2/\\partial {latex_symbol(str(a))}\\,\\partial {latex_symbol(str(b))}", hessian[i][j])
-            for i, a in enumerate(e.x_k) for j, b in enumerate(e.x_k) if j >= i and hessian[i][j] != 0
-        ]  # fmt: skip
+            Equation(
+                f"d2/d{a}d{b}",
+                f"\\partial^2/\\partial {latex_symbol(str(a))}\\,\\partial {latex_symbol(str(b))}",
+                hessian[i][j],
+            )
+            for i, a in enumerate(e.x_k)
+            for j, b in enumerate(e.x_k)
+            if j >= i and hessian[i][j] != 0
+        ]
         inside = " + mu_i . r_i" if e.r_i else ""
         what = (
-            f"sigma C_d + mu_minus . r_minus + mu_plus . r_plus{inside}" if title == "step" else "w_plus e_plus + w_minus e_minus"
+            f"sigma C_d + mu_minus . r_minus + mu_plus . r_plus{inside}"
+            if title == "step"
+            else "w_plus e_plus + w_minus e_minus"
         )
-        yield Section(f"Second derivatives ({title})", f"Upper triangle for {what}.", tuple(second), tuple(grid))
+        yield Section(
+            f"Second derivatives ({title})",
+            f"Upper triangle for {what}.",
+            tuple(second),
+            tuple(grid),
+        )
 
 
 def _row_tex(name: str) -> str:
@@ -365,7 +490,9 @@ def _row_tex(name: str) -> str:
     )
 
 
-def _equation(own: DisplayNames, name: str, latex: str, right: Any, meaning: str = LEFT) -> Equation:
+def _equation(
+    own: DisplayNames, name: str, latex: str, right: Any, meaning: str = LEFT
+) -> Equation:
     """An equation whose left side has a name of its own."""
     given = own(name, meaning)
     marks = len(given) - len(name)
@@ -373,7 +500,12 @@ def _equation(own: DisplayNames, name: str, latex: str, right: Any, meaning: str
 
 
 def _each(
-    own: DisplayNames, letter: str, names: Sequence[str], tex: Sequence[str], values: Sequence[Any], latex: str | None = None
+    own: DisplayNames,
+    letter: str,
+    names: Sequence[str],
+    tex: Sequence[str],
+    values: Sequence[Any],
+    latex: str | None = None,
 ) -> list[Equation]:
     """One equation for each coordinate."""
     head = latex or letter
@@ -384,11 +516,18 @@ def _each(
 
 
 def _readable_element(system: MechanicalSystem, order: int, own: DisplayNames) -> StepElement:
-    """The step element in symbols with the user's names: alpha_k, alpha_kp1, alpha_m (midpoint) or alpha_1, alpha_2, F_k, F_kp1, h."""
+    """The step element in symbols with the user's names: alpha_k, alpha_kp1, alpha_m (midpoint)
+    or alpha_1, alpha_2, F_k, F_kp1, h."""
     names = [name_of(q) for q in system.coordinates]
     inputs = [name_of(u) for u in system.inputs]
-    table = {f"{part}_{i}": f"{n}_{part[2:]}" for part in ("q_k", "q_kp1", "q_i") for i, n in enumerate(names)}
-    table |= {f"{part}_{i}": f"{n}_{part[2:]}" for part in ("u_k", "u_kp1") for i, n in enumerate(inputs)}
+    table = {
+        f"{part}_{i}": f"{n}_{part[2:]}"
+        for part in ("q_k", "q_kp1", "q_i")
+        for i, n in enumerate(names)
+    }
+    table |= {
+        f"{part}_{i}": f"{n}_{part[2:]}" for part in ("u_k", "u_kp1") for i, n in enumerate(inputs)
+    }
 
     def point(name: str) -> Any:
         return own.symbol(f"{name}_m", "midpoint") if order == 2 else sp.Symbol(name)

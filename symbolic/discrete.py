@@ -1,19 +1,23 @@
-"""The step element: discrete Lagrangian, forces, momenta, energies and cost of one step (Galerkin variational integrators).
+"""The step element: discrete Lagrangian, forces, momenta, energies and cost of one step (Galerkin
+variational integrators).
 
-A step of size h from t_k carries a polynomial q(c) of degree d through its nodes, c in [0, 1], and every integral over the step is taken by Gauss
-quadrature with points c_i and weights b_i.  With the shape functions phi_a of the nodes a::
+A step of size h from t_k carries a polynomial q(c) of degree d through its nodes, c in [0, 1], and
+every integral over the step is taken by Gauss quadrature with points c_i and weights b_i.  With the
+shape functions phi_a of the nodes a::
 
     q_i = sum_a phi_a(c_i) q_a      v_i = sum_a phi_a'(c_i) q_a / h      t_i = t_k + c_i h
     L_d = h sum_i b_i L(q_i, v_i, t_i)      fd_a = h sum_i b_i phi_a(c_i) Q_i
-    r_a = D_a L_d + fd_a:   r_minus (first node) = -p at the step's start,   r_plus (last node) = p at its end,   r_i (inside) = 0
-    e_plus = D_h L_d - h sum_i b_i c_i Q_i . v_i               at fixed t_k:        -(energy) at the step's end
-    e_minus = D_h L_d + h sum_i b_i (1 - c_i) Q_i . v_i        at fixed t_k + h:    -(energy) at the step's start
+    r_a = D_a L_d + fd_a:   r_minus (first node) = -p at the step's start,
+                            r_plus (last node) = p at its end,   r_i (inside) = 0
+    e_plus = D_h L_d - h sum_i b_i c_i Q_i . v_i           at fixed t_k:      -(energy) at the end
+    e_minus = D_h L_d + h sum_i b_i (1 - c_i) Q_i . v_i    at fixed t_k + h:  -(energy) at the start
     C_d = h sum_i b_i C_i
 
-d = 1 with one point is the midpoint rule (Kern & Gross 2018), of order 2; its forces and cost take the input u_k at the start and u_kp1 at the end of the
-step, fd_minus = h/2 Q(u_k), fd_plus = h/2 Q(u_kp1), C_d = h/2 (C(u_k) + C(u_kp1)), so that inputs linear in a step have no null space.  d = 2 with
-Lobatto nodes (start, middle, end) and two points is of order 4; inputs are linear in the step, from u_k at its start to u_kp1 at its end, so that limits
-of both hold everywhere in between.
+d = 1 with one point is the midpoint rule (Kern & Gross 2018), of order 2; its forces and cost take
+the input u_k at the start and u_kp1 at the end of the step, fd_minus = h/2 Q(u_k), fd_plus = h/2
+Q(u_kp1), C_d = h/2 (C(u_k) + C(u_kp1)), so that inputs linear in a step have no null space.  d = 2
+with Lobatto nodes (start, middle, end) and two points is of order 4; inputs are linear in the step,
+from u_k at its start to u_kp1 at its end, so that limits of both hold everywhere in between.
 """
 
 from __future__ import annotations
@@ -31,8 +35,9 @@ from dmoc.symbolic.continuous import Continuous, dot
 
 @dataclass(frozen=True)
 class Point:
-    """A quadrature point: its place c and weight b, the shape functions and their derivatives at c by node (first, last, inside), and the
-    functions of the system in the symbols of the point, with the input of the step's start side and of its end side."""
+    """A quadrature point: its place c and weight b, the shape functions and their derivatives at
+    c by node (first, last, inside), and the functions of the system in the symbols of the point,
+    with the input of the step's start side and of its end side."""
 
     c: Any
     b: Any
@@ -43,12 +48,17 @@ class Point:
 
     def mean(self, value: Callable[[Continuous], Any]) -> Any:
         """A function of the system, the mean of both sides where their inputs differ."""
-        return value(self.start) if self.start is self.end else (value(self.start) + value(self.end)) / 2
+        return (
+            value(self.start)
+            if self.start is self.end
+            else (value(self.start) + value(self.end)) / 2
+        )
 
 
 @dataclass(frozen=True)
 class StepElement:
-    """The element in the symbols of its quadrature points, which the total derivative :meth:`D` resolves."""
+    """The element in the symbols of its quadrature points, which the total derivative :meth:`D`
+    resolves."""
 
     points: tuple[Point, ...]
     q_k: tuple[Any, ...]
@@ -61,7 +71,8 @@ class StepElement:
 
     @property
     def x_k(self) -> tuple[Any, ...]:
-        """The unknowns of the step, (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i), in this order everywhere."""
+        """The unknowns of the step, (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i), in this order
+        everywhere."""
         return (*self.q_k, *self.q_kp1, *self.u_k, *self.u_kp1, self.h, self.t_k, *self.q_i)
 
     @property
@@ -83,16 +94,20 @@ class StepElement:
             f = p.start
             columns = list(zip(*self.nodes, strict=True))
             found += [(s, dot(p.phi, column)) for s, column in zip(f.q, columns, strict=True)]
-            found += [(s, dot(p.slope, column) / self.h) for s, column in zip(f.v, columns, strict=True)]
+            found += [
+                (s, dot(p.slope, column) / self.h) for s, column in zip(f.v, columns, strict=True)
+            ]
             found.append((f.t, self.t_k + p.c * self.h))
         return tuple(found)
 
     def D(self, expression: Any, i: int) -> Any:
-        """Total derivative of an expression in the symbols of the points, u_k, u_kp1 and h with respect to ``x_k[i]``."""
+        """Total derivative of an expression in the symbols of the points, u_k, u_kp1 and h with
+        respect to ``x_k[i]``."""
         node, j = self._node(i)
         if node is not None:
             parts = [
-                p.phi[node] * expression.diff(p.start.q[j]) + p.slope[node] * expression.diff(p.start.v[j]) / self.h
+                p.phi[node] * expression.diff(p.start.q[j])
+                + p.slope[node] * expression.diff(p.start.v[j]) / self.h
                 for p in self.points
             ]
             return sum(parts[1:], start=parts[0])
@@ -100,7 +115,9 @@ class StepElement:
         if i == self.at_h:
             for p in self.points:
                 total = total + p.c * expression.diff(p.start.t)
-                total = total - sum((v / self.h * expression.diff(v) for v in p.start.v), start=0 * self.h)
+                total = total - sum(
+                    (v / self.h * expression.diff(v) for v in p.start.v), start=0 * self.h
+                )
         elif i == self.at_h + 1:
             for p in self.points:
                 total = total + expression.diff(p.start.t)
@@ -166,7 +183,9 @@ class StepElement:
     def r_i(self) -> list[Any]:
         """Equations of the nodes inside the step."""
         nodes = range(2, len(self.nodes))
-        return [r for node in nodes for r in self._momentum(node, self._force(node, lambda p: p.start))]
+        return [
+            r for node in nodes for r in self._momentum(node, self._force(node, lambda p: p.start))
+        ]
 
     @cached_property
     def e_plus(self) -> Any:
@@ -187,8 +206,11 @@ class StepElement:
         return [r for p in self.points for r in p.start.r]
 
 
-def step_element(f: Continuous, order: int, make: Callable[[str], Any], exact: Callable[[Any], Any]) -> StepElement:
-    """Build the element of ``f``; ``make(name)`` makes a symbol and ``exact(number)`` a number of the expression type in use."""
+def step_element(
+    f: Continuous, order: int, make: Callable[[str], Any], exact: Callable[[Any], Any]
+) -> StepElement:
+    """Build the element of ``f``; ``make(name)`` makes a symbol and ``exact(number)`` a number
+    of the expression type in use."""
     n, m = len(f.q), len(f.u)
     check_order(order)
     degree = DISCRETISATIONS[order].degree
@@ -204,13 +226,17 @@ def step_element(f: Continuous, order: int, make: Callable[[str], Any], exact: C
         if len(places) == 1:
             start, end = _with_inputs(here, u_k), _with_inputs(here, u_kp1)
         else:
-            between = tuple(exact(1 - c) * a + exact(c) * b for a, b in zip(u_k, u_kp1, strict=True))
+            between = tuple(
+                exact(1 - c) * a + exact(c) * b for a, b in zip(u_k, u_kp1, strict=True)
+            )
             start = end = _with_inputs(here, between)
         phi = tuple(exact(s) for s in _shapes(nodes, c))
         slope = tuple(exact(s) for s in _shapes(nodes, c, 1))
         points.append(Point(exact(c), exact(b), phi, slope, start, end))
     q_i = vector("q_i", n * (len(nodes) - 2))
-    return StepElement(tuple(points), vector("q_k", n), vector("q_kp1", n), q_i, u_k, u_kp1, make("h"), make("t_k"))
+    return StepElement(
+        tuple(points), vector("q_k", n), vector("q_kp1", n), q_i, u_k, u_kp1, make("h"), make("t_k")
+    )
 
 
 def quadrature(degree: int) -> tuple[list[Any], list[Any]]:
@@ -248,7 +274,12 @@ def _renamed(f: Continuous, number: int, make: Callable[[str], Any]) -> Continuo
     """The functions in symbols of their own for one quadrature point."""
     old = (*f.q, *f.v, f.t)
     table = {s: make(f"{s}_{number}") for s in old}
-    return replace(_substituted(f, table), q=tuple(table[s] for s in f.q), v=tuple(table[s] for s in f.v), t=table[f.t])
+    return replace(
+        _substituted(f, table),
+        q=tuple(table[s] for s in f.q),
+        v=tuple(table[s] for s in f.v),
+        t=table[f.t],
+    )
 
 
 def _with_inputs(f: Continuous, u: tuple[Any, ...]) -> Continuous:

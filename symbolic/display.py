@@ -1,4 +1,5 @@
-"""Names in the derivation that people read: those of the model stay, and no other symbol has the same."""
+"""Names in the derivation that people read: those of the model stay, and no other symbol has the
+same."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ MARK = "~"  # no name of a model contains it
 
 
 class DisplayNames:
-    """Gives each quantity of the derivation a name of its own: the usual one, marked where the model or another quantity has it."""
+    """Gives each quantity of the derivation a name of its own: the usual one, marked where the
+    model or another quantity has it."""
 
     def __init__(self, taken: Iterable[str]) -> None:
         self._taken = {form for name in taken for form in (name, latex_symbol(name))}
@@ -28,7 +30,8 @@ class DisplayNames:
         return cls([*coordinates, *map(velocity_name, coordinates), *others, "t"])
 
     def __call__(self, usual: str, meaning: str) -> str:
-        """Return the name of the quantity whose usual name and meaning are given, the same one each time."""
+        """Return the name of the quantity whose usual name and meaning are given, the same one
+        each time."""
         if (usual, meaning) not in self._given:
             name = usual
             while name in self._taken or latex_symbol(name) in self._taken:
@@ -47,7 +50,8 @@ class DisplayNames:
 
 
 def latex_symbol(name: str) -> str:
-    """Write a name of the derivation as mathematics: alpha_dot_kp1 is \\dot{\\alpha}_{k+1}, r_plus_x is r^+_{x}, x_m~ is \\tilde{x}_{m}."""
+    """Write a name of the derivation as mathematics: alpha_dot_kp1 is \\dot{\\alpha}_{k+1},
+    r_plus_x is r^+_{x}, x_m~ is \\tilde{x}_{m}."""
     plain = name.rstrip(MARK)
     head, *rest = plain.split("_")
     letter = sp.latex(sp.Symbol("lambda" if head == "lam" else head))

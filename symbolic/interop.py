@@ -1,7 +1,8 @@
 """From models of sympy.physics.mechanics to coordinates, Lagrangian and generalised forces.
 
-A LagrangesMethod has a Lagrangian in q and q'; JointsMethod and System describe bodies and joints with generalised speeds u, which the kinematic
-differential equations replace by q'.  Loads F at velocities v become generalised forces Q_i = F . dv/dq_i'.
+A LagrangesMethod has a Lagrangian in q and q'; JointsMethod and System describe bodies and joints
+with generalised speeds u, which the kinematic differential equations replace by q'.  Loads F at
+velocities v become generalised forces Q_i = F . dv/dq_i'.
 """
 
 from __future__ import annotations
@@ -11,7 +12,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import sympy as sp
-from sympy.physics.mechanics import JointsMethod, LagrangesMethod, Lagrangian, Point, ReferenceFrame, System, dynamicsymbols
+from sympy.physics.mechanics import (
+    JointsMethod,
+    LagrangesMethod,
+    Lagrangian,
+    Point,
+    ReferenceFrame,
+    System,
+    dynamicsymbols,
+)
 
 from dmoc.arguments import shown
 from dmoc.errors import ModelError
@@ -19,7 +28,8 @@ from dmoc.errors import ModelError
 
 @dataclass(frozen=True)
 class Imported:
-    """Coordinates, Lagrangian, generalised forces by coordinate, and the generalised speeds in terms of q'."""
+    """Coordinates, Lagrangian, generalised forces by coordinate, and the generalised speeds in
+    terms of q'."""
 
     coordinates: list[Any]
     lagrangian: Any
@@ -30,10 +40,13 @@ class Imported:
 def from_lagranges_method(method: Any) -> Imported:
     """Read a ``sympy.physics.mechanics.LagrangesMethod`` without constraints."""
     if not isinstance(method, LagrangesMethod):
-        raise ModelError(f"{shown(method)} is not a LagrangesMethod: expected one from sympy.physics.mechanics.")
+        raise ModelError(
+            f"{shown(method)} is not a LagrangesMethod: expected one from sympy.physics.mechanics."
+        )
     if len(method.coneqs):
         raise ModelError(
-            f"the LagrangesMethod has {len(method.coneqs)} constraint equations: expected independent coordinates; eliminate the dependent ones."
+            f"the LagrangesMethod has {len(method.coneqs)} constraint equations: expected "
+            "independent coordinates; eliminate the dependent ones."
         )
     coordinates = list(method.q)
     forces = _generalised_forces(coordinates, method.forcelist or (), method.inertial, {})
@@ -43,17 +56,32 @@ def from_lagranges_method(method: Any) -> Imported:
 def from_joints(model: Any) -> Imported:
     """Read a ``JointsMethod`` or a ``System`` of bodies and joints without constraints."""
     if not isinstance(model, (JointsMethod, System)):
-        raise ModelError(f"{shown(model)} is no model: expected a JointsMethod or a System from sympy.physics.mechanics.")
-    constraints = [*getattr(model, "holonomic_constraints", ()), *getattr(model, "nonholonomic_constraints", ())]
+        raise ModelError(
+            f"{shown(model)} is no model: expected a JointsMethod or a System from "
+            "sympy.physics.mechanics."
+        )
+    constraints = [
+        *getattr(model, "holonomic_constraints", ()),
+        *getattr(model, "nonholonomic_constraints", ()),
+    ]
     if constraints:
         raise ModelError(
-            f"the model has {len(constraints)} constraint equations: expected a tree of joints with independent coordinates."
+            f"the model has {len(constraints)} constraint equations: expected a tree of joints "
+            "with independent coordinates."
         )
     coordinates = list(model.q)
     speeds = _speeds(model)
-    loads = [*model.loads, *(load for actuator in getattr(model, "actuators", ()) for load in actuator.to_loads())]
+    loads = [
+        *model.loads,
+        *(load for actuator in getattr(model, "actuators", ()) for load in actuator.to_loads()),
+    ]
     lagrangian = _replaced(Lagrangian(model.frame, *model.bodies), speeds)
-    return Imported(coordinates, lagrangian, _generalised_forces(coordinates, loads, model.frame, speeds), speeds)
+    return Imported(
+        coordinates,
+        lagrangian,
+        _generalised_forces(coordinates, loads, model.frame, speeds),
+        speeds,
+    )
 
 
 def _speeds(model: Any) -> dict[Any, Any]:
@@ -64,7 +92,8 @@ def _speeds(model: Any) -> dict[Any, Any]:
     found = sp.solve(list(model.kdes), others, dict=True) if others else [{}]
     if len(found) != 1 or set(found[0]) != set(others):
         raise ModelError(
-            "the kinematic differential equations do not give the generalised speeds: expected one equation for each speed."
+            "the kinematic differential equations do not give the generalised speeds: expected one "
+            "equation for each speed."
         )
     return dict(found[0])
 
@@ -87,7 +116,8 @@ def _generalised_forces(
             velocity = place.ang_vel_in(frame)
         else:
             raise ModelError(
-                f"the load on {place} acts on a {type(place).__name__}: expected a Point (force) or a ReferenceFrame (torque)."
+                f"the load on {place} acts on a {type(place).__name__}: expected a Point (force) "
+                "or a ReferenceFrame (torque)."
             )
         matrix = velocity.to_matrix(frame).applyfunc(lambda e: _replaced(e, speeds))
         load = vector.to_matrix(frame).applyfunc(lambda e: _replaced(e, speeds))

@@ -1,7 +1,8 @@
 """From a system to the list of kernels that the numerical layers call.
 
-Letters: ``nq`` coordinates, ``nu`` inputs, ``nc`` surfaces; ``x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i)``; ``a_D`` is the derivative
-of a with respect to the inputs of its kernel before the parameters, ``hess`` an upper triangle of second derivatives of a weighted sum.
+Letters: ``nq`` coordinates, ``nu`` inputs, ``nc`` surfaces; ``x_k = (q_k, q_kp1, u_k, u_kp1, h,
+t_k, q_i)``; ``a_D`` is the derivative of a with respect to the inputs of its kernel before the
+parameters, ``hess`` an upper triangle of second derivatives of a weighted sum.
 """
 
 from __future__ import annotations
@@ -44,21 +45,33 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
         return tuple(sp.Symbol(f"{name}_{i}", real=True) for i in range(size))
 
     t = sp.Symbol("t", real=True)
-    f = Continuous.of(system, symbols("q", nq), symbols("v", nq), symbols("u", nu), t, symbols("par", npar)).to_symengine()
+    f = Continuous.of(
+        system, symbols("q", nq), symbols("v", nq), symbols("u", nu), t, symbols("par", npar)
+    ).to_symengine()
     e = step_element(f, order, se.Symbol, se.sympify)
-    kernels = [*_step_kernels(f, e), *_state_kernels(f), *_surface_kernels(f), *_terminal_kernels(f), *_feasibility_kernels(f)]
-    return ModelSpec(system.name, model_fingerprint(system, order), _facts(system, f, order), tuple(kernels))
+    kernels = [
+        *_step_kernels(f, e),
+        *_state_kernels(f),
+        *_surface_kernels(f),
+        *_terminal_kernels(f),
+        *_feasibility_kernels(f),
+    ]
+    return ModelSpec(
+        system.name, model_fingerprint(system, order), _facts(system, f, order), tuple(kernels)
+    )
 
 
 def model_key(system: MechanicalSystem, order: int = 2) -> str:
-    """Return the key of the kernels of ``system`` in a cache: the fingerprint and the title, which the manifest holds."""
+    """Return the key of the kernels of ``system`` in a cache: the fingerprint and the title,
+    which the manifest holds."""
     check_system(system)
     check_order(order)
     return f"{model_fingerprint(system, order)}\n{_title(system)}"
 
 
 def model_fingerprint(system: MechanicalSystem, order: int) -> str:
-    """What solutions depend on: the content of ``system``, its units, the order and the format of the kernel list."""
+    """What solutions depend on: the content of ``system``, its units, the order and the format
+    of the kernel list."""
     units = "".join(f"\n{name} {unit}" for name, unit in system.units.items())
     return hashlib.sha256(f"{FORMAT}\n{order}\n{system.fingerprint()}{units}".encode()).hexdigest()
 
@@ -71,7 +84,8 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
     in_mass = set().union(*(e.free_symbols for row in mass_matrix(f) for e in row))
     in_forces = set().union(set(), *(e.free_symbols for row in input_matrix(f) for e in row))
     surface_coordinates = {
-        name: [i for i, s in enumerate(f.q) if s in g.free_symbols] for name, g in zip(system.surfaces, f.g, strict=True)
+        name: [i for i, s in enumerate(f.q) if s in g.free_symbols]
+        for name, g in zip(system.surfaces, f.g, strict=True)
     }
     return {
         "format": FORMAT,
@@ -83,10 +97,16 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
         "units": dict(system.units),
         "surfaces": list(system.surfaces),
         "surface_coordinates": surface_coordinates,
-        "moving_surfaces": [name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols],
+        "moving_surfaces": [
+            name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
+        ],
         "path_constraints": list(system.path_constraints),
-        "parameters": {name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()},
-        "mass_parameters": [name_of(s) for s, x in zip(system.parameters, f.par, strict=True) if x in in_mass],
+        "parameters": {
+            name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
+        },
+        "mass_parameters": [
+            name_of(s) for s, x in zip(system.parameters, f.par, strict=True) if x in in_mass
+        ],
         "inputs_enter_linearly": not in_forces & set(f.u),
         "terminal_velocity": bool(f.Phi.free_symbols & set(f.v)),
     }
@@ -104,10 +124,11 @@ def _family(
 ) -> list[KernelSpec]:
     """A kernel with its derivatives with respect to all components of ``inputs``, in this order.
 
-    ``name`` has the values; ``name_jac`` the matrices ``a_D`` of their first derivatives, one for each
-    output a; ``name_hess``, where second ones are wanted, the upper triangle of the second derivatives of sum_a w_a . a, with the
-    weights w_a of every output as further inputs, in the order of the outputs.  ``derive(e, i)`` is
-    the derivative of an expression with respect to component i, where that is not a partial one.
+    ``name`` has the values; ``name_jac`` the matrices ``a_D`` of their first derivatives, one for
+    each output a; ``name_hess``, where second ones are wanted, the upper triangle of the second
+    derivatives of sum_a w_a . a, with the weights w_a of every output as further inputs, in the
+    order of the outputs.  ``derive(e, i)`` is the derivative of an expression with respect to
+    component i, where that is not a partial one.
     """
     symbols = [s for i in inputs for s in i.symbols]
     size, derivative = len(symbols), derive or (lambda e, i: e.diff(symbols[i]))
@@ -117,7 +138,9 @@ def _family(
 
     arguments, listed = (*inputs, par), ", ".join(i.name for i in inputs)
     values = tuple(Output.vector(a, v) for a, v in outputs.items())
-    slopes = tuple(Output.matrix(f"{a}_D", [gradient_of(e) for e in v], size) for a, v in outputs.items())
+    slopes = tuple(
+        Output.matrix(f"{a}_D", [gradient_of(e) for e in v], size) for a, v in outputs.items()
+    )
     text = f"First derivatives of `{name}` with respect to ({listed})."
     found = [
         KernelSpec(name, summary, arguments, values, definitions),
@@ -125,12 +148,18 @@ def _family(
     ]
     if second:
         weights = tuple(Input.vector(f"w_{a}", len(v)) for a, v in outputs.items())
-        total = dot([s for w in weights for s in w.symbols], [e for v in outputs.values() for e in v])
+        total = dot(
+            [s for w in weights for s in w.symbols], [e for v in outputs.values() for e in v]
+        )
         first = gradient_of(total)
-        rows = [[derivative(first[i], j) if j >= i else 0 for j in range(size)] for i in range(size)]
+        rows = [
+            [derivative(first[i], j) if j >= i else 0 for j in range(size)] for i in range(size)
+        ]
         curvatures = (Output.matrix("hess", rows, size, upper=True),)
         text = f"Second derivatives of the weighted sum of all results of `{name}`."
-        found.append(KernelSpec(f"{name}_hess", text, (*arguments, *weights), curvatures, definitions))
+        found.append(
+            KernelSpec(f"{name}_hess", text, (*arguments, *weights), curvatures, definitions)
+        )
     return found
 
 
@@ -153,12 +182,15 @@ def _step_kernels(f: Continuous, e: StepElement) -> list[KernelSpec]:
     if f.r:
         families.append(("path", "Path constraints r_d >= 0 of a step.", {"r_d": e.r_d}))
     par = Input("par", f.par)
-    found = [_family(*family[:2], inputs, family[2], par, e.D, e.definitions) for family in families]
+    found = [
+        _family(*family[:2], inputs, family[2], par, e.D, e.definitions) for family in families
+    ]
     return [kernel for family in found for kernel in family]
 
 
 def _state_kernels(f: Continuous) -> list[KernelSpec]:
-    """Kernels of the continuous equations: they serve the initial guess and the independent check."""
+    """Kernels of the continuous equations: they serve the initial guess and the independent
+    check."""
     q, v, u, t, par = _inputs(f)
     mass = [entry for row in mass_matrix(f) for entry in row]
     force = right_hand_side(f)
@@ -167,22 +199,44 @@ def _state_kernels(f: Continuous) -> list[KernelSpec]:
     summary = "Equations of motion M q'' = F: M row by row, F."
     return [
         *_family("dynamics", summary, (q, v, u, t), {"M": mass, "F": force}, par, second=False),
-        KernelSpec("input_matrix", "B = dQ/du row by row.", (q, v, u, t, par), (Output.vector("B", b),)),
-        KernelSpec("force", "Generalised forces Q, and the power Q . v - dL/dt that changes the energy.",
-                   (q, v, u, t, par), (Output.vector("Q", f.Q), Output.vector("power", [power]))),
+        KernelSpec(
+            "input_matrix", "B = dQ/du row by row.", (q, v, u, t, par), (Output.vector("B", b),)
+        ),
+        KernelSpec(
+            "force",
+            "Generalised forces Q, and the power Q . v - dL/dt that changes the energy.",
+            (q, v, u, t, par),
+            (Output.vector("Q", f.Q), Output.vector("power", [power])),
+        ),
         *_family("momentum", "Momenta p = dL/dv.", (q, v, t), {"p": momenta(f)}, par),
-        KernelSpec("energy", "Energy E = v . p - L.", (q, v, t, par), (Output.vector("E", [energy(f)]),)),
-        KernelSpec("running_cost", "Integrand C of the cost and its second derivatives in u.", (q, v, u, t, par),
-                   (Output.vector("C", [f.C]), Output.vector("C_DD_u", [f.C.diff(s).diff(s) for s in f.u]))),
-    ]  # fmt: skip
+        KernelSpec(
+            "energy", "Energy E = v . p - L.", (q, v, t, par), (Output.vector("E", [energy(f)]),)
+        ),
+        KernelSpec(
+            "running_cost",
+            "Integrand C of the cost and its second derivatives in u.",
+            (q, v, u, t, par),
+            (
+                Output.vector("C", [f.C]),
+                Output.vector("C_DD_u", [f.C.diff(s).diff(s) for s in f.u]),
+            ),
+        ),
+    ]
 
 
 def _inputs(f: Continuous) -> tuple[Input, Input, Input, Input, Input]:
-    return Input("q", f.q), Input("v", f.v), Input("u", f.u), Input("t", (f.t,)), Input("par", f.par)
+    return (
+        Input("q", f.q),
+        Input("v", f.v),
+        Input("u", f.u),
+        Input("t", (f.t,)),
+        Input("par", f.par),
+    )
 
 
 def _surface_kernels(f: Continuous) -> list[KernelSpec]:
-    """Kernels of the gaps g(q, t), of the normal impulse lam . grad g and of the work of an impact."""
+    """Kernels of the gaps g(q, t), of the normal impulse lam . grad g and of the work of an
+    impact."""
     if not f.g:
         return []
     q, v, _, t, par = _inputs(f)
@@ -192,12 +246,24 @@ def _surface_kernels(f: Continuous) -> list[KernelSpec]:
     return [
         *_family("surface", "Gaps g <= 0.", (q, t), {"g": f.g}, par),
         *_family("gap_rate", "Rates gamma of the gaps.", (q, v, t), {"gamma": gap_rates(f)}, par),
-        *_family("normal", "Normal impulse n = sum_j lam_j grad g_j.", (q, lam, t), {"n": normal}, par),
-        *_family("moving_work", "Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact.",
-                 (q, lam, t), {"W_t": [moving]}, par),
-        *_family("rate_work", "Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j.",
-                 (q, v, lam, t), {"W_gamma": [rate]}, par),
-    ]  # fmt: skip
+        *_family(
+            "normal", "Normal impulse n = sum_j lam_j grad g_j.", (q, lam, t), {"n": normal}, par
+        ),
+        *_family(
+            "moving_work",
+            "Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact.",
+            (q, lam, t),
+            {"W_t": [moving]},
+            par,
+        ),
+        *_family(
+            "rate_work",
+            "Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j.",
+            (q, v, lam, t),
+            {"W_gamma": [rate]},
+            par,
+        ),
+    ]
 
 
 def _terminal_kernels(f: Continuous) -> list[KernelSpec]:
@@ -209,11 +275,12 @@ def _terminal_kernels(f: Continuous) -> list[KernelSpec]:
 
 
 def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
-    """Shortest time to a surface that stands still: first root of the quadratic g + g' t + g'' t^2 / 2, from the middle of a
-    phase's first step.
+    """Shortest time to a surface that stands still: first root of the quadratic g + g' t + g'' t^2
+    / 2, from the middle of a phase's first step.
 
-    ``a`` are the averaged accelerations at full input.  The state half a step after the phase's start is (qm, v), so that h/2 is
-    added to the root; the directions of g'' are taken half-way between qm and the collision q_c.
+    ``a`` are the averaged accelerations at full input.  The state half a step after the phase's
+    start is (qm, v), so that h/2 is added to the root; the directions of g'' are taken half-way
+    between qm and the collision q_c.
     """
     if not f.g or any(f.t in g.free_symbols for g in f.g):
         return []
@@ -232,10 +299,14 @@ def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
 
     summary = "Shortest time to each surface at averaged full acceleration."
     par = Input("par", f.par)
-    return _family("min_time", summary, inputs, {"T_min": times}, par, derive, e.definitions, second=False)
+    return _family(
+        "min_time", summary, inputs, {"T_min": times}, par, derive, e.definitions, second=False
+    )
 
 
-def approach(g: Any, f: Continuous, a: Sequence[Any], half_way: dict[Any, Any]) -> tuple[Any, Any, Any]:
+def approach(
+    g: Any, f: Continuous, a: Sequence[Any], half_way: dict[Any, Any]
+) -> tuple[Any, Any, Any]:
     """Return g, g' and g'' along the motion with velocity v and acceleration a."""
     slope = gradient(g, f.q)
     curvature = [dot(gradient(s, f.q), f.v) for s in slope]
@@ -243,6 +314,7 @@ def approach(g: Any, f: Continuous, a: Sequence[Any], half_way: dict[Any, Any]) 
 
 
 def first_root(g: Any, rate: Any, acceleration: Any) -> Any:
-    """First positive root of g + rate t + acceleration t^2 / 2 for g < 0; not a number, or not positive, where there is none."""
+    """First positive root of g + rate t + acceleration t^2 / 2 for g < 0; not a number, or not
+    positive, where there is none."""
     half = 1 / (1 + g**0)  # exact in the expression type of g
     return -2 * g / (rate + (rate**2 - 2 * g * acceleration) ** half)

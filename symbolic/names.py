@@ -11,13 +11,14 @@ from dmoc.errors import ModelError
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _LONGEST = 64
-# What SymPy prints for alpha(t) and for its first derivative; of a sum or a second derivative nothing is the name.
+# What SymPy prints for alpha(t) and for its first derivative; of a sum or a second derivative
+# nothing is the name.
 _APPLIED, _RATE = re.compile(r"([^()\s]+)\(\w+\)"), re.compile(r"Derivative\((.+), \w+\)")
 _C_KEYWORDS = frozenset(
-    """alignas alignof auto bool break case char const constexpr continue default do double else enum
-    extern false float for goto if inline int long nullptr register restrict return short signed sizeof
-    static static_assert struct switch thread_local true typedef typeof typeof_unqual union unsigned
-    void volatile while""".split()
+    """alignas alignof auto bool break case char const constexpr continue default do
+    double else enum extern false float for goto if inline int long nullptr register
+    restrict return short signed sizeof static static_assert struct switch
+    thread_local true typedef typeof typeof_unqual union unsigned void volatile while""".split()
 )
 
 
@@ -48,7 +49,8 @@ def check_name(name: Any, role: str) -> str:
         raise ModelError(f"{role} name {shown(name)} is a {type(name).__name__}: expected a text.")
     if not _IDENTIFIER.fullmatch(name) or len(name) > _LONGEST:
         raise ModelError(
-            f"{role} name {name!r} is not a C identifier: use a letter followed by at most {_LONGEST - 1} letters, "
+            f"{role} name {name!r} is not a C identifier: use a letter followed by at most "
+            f"{_LONGEST - 1} letters, "
             "digits or underscores (ASCII)."
         )
     if name in _C_KEYWORDS or keyword.iskeyword(name):

@@ -1,7 +1,8 @@
-"""The contract between the symbolic layer and code generation: named inputs, named outputs, expressions.
+"""The contract between the symbolic layer and code generation: named inputs, named outputs,
+expressions.
 
-A :class:`KernelSpec` describes one function of a few small vectors.  Nothing in it is mechanics: code generation
-prints, compiles and loads it without knowing what it means.
+A :class:`KernelSpec` describes one function of a few small vectors.  Nothing in it is mechanics:
+code generation prints, compiles and loads it without knowing what it means.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ import symengine as se
 
 Expression = Any  # a SymEngine expression; SymEngine ships no type information
 
-# The functions that expressions may contain beside +, *, powers, numbers, pi, e and Piecewise: each printer knows them all.
-FUNCTIONS = frozenset("sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log".split())
+# The functions that expressions may contain beside +, *, powers, numbers, pi, e and Piecewise: each
+# printer knows them all.
+FUNCTIONS = frozenset(
+    "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh log".split()
+)
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,9 @@ class Input:
 class Output:
     """A named result.
 
-    ``shape`` is the shape of the full array.  ``entries`` lists the index of each stored value: all of them for a
-    dense vector, the structural nonzeros for a matrix.  ``expressions`` are the stored values in the same order.
+    ``shape`` is the shape of the full array.  ``entries`` lists the index of each stored value: all
+    of them for a dense vector, the structural nonzeros for a matrix.  ``expressions`` are the
+    stored values in the same order.
     """
 
     name: str
@@ -52,12 +57,19 @@ class Output:
     def vector(cls, name: str, expressions: Sequence[Expression]) -> Output:
         """Make a dense vector output."""
         size = len(expressions)
-        return cls(name, (size,), tuple((i,) for i in range(size)), tuple(se.sympify(e) for e in expressions))
+        return cls(
+            name,
+            (size,),
+            tuple((i,) for i in range(size)),
+            tuple(se.sympify(e) for e in expressions),
+        )
 
     @classmethod
-    def matrix(cls, name: str, rows: Sequence[Sequence[Expression]], columns: int, upper: bool = False) -> Output:
-        """Make a sparse matrix output: entries that are identically zero are left out, as is a strict lower triangle
-        when ``upper`` is set."""
+    def matrix(
+        cls, name: str, rows: Sequence[Sequence[Expression]], columns: int, upper: bool = False
+    ) -> Output:
+        """Make a sparse matrix output: entries that are identically zero are left out, as is a
+        strict lower triangle when ``upper`` is set."""
         entries = []
         values = []
         for i, row in enumerate(rows):
@@ -87,7 +99,8 @@ class KernelSpec:
 
 @dataclass(frozen=True)
 class ModelSpec:
-    """All kernels of one model, and the plain facts about it that the numerical layers need (JSON types only)."""
+    """All kernels of one model, and the plain facts about it that the numerical layers need
+    (JSON types only)."""
 
     name: str
     fingerprint: str

@@ -1,4 +1,5 @@
-"""The description of a mechanical system: coordinates, inputs, Lagrangian, forces, surfaces, parameters, cost."""
+"""The description of a mechanical system: coordinates, inputs, Lagrangian, forces, surfaces,
+parameters, cost."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_nam
 if TYPE_CHECKING:
     from dmoc.symbolic.interop import Imported
 
-# Constants of an expression must be numbers of C; a parameter or a mass is also multiplied by itself.
+# Constants of an expression must be numbers of C; a parameter or a mass is also multiplied by
+# itself.
 LARGEST = sp.Integer(10) ** 307
 LARGEST_PARAMETER = 1e100
 
@@ -45,10 +47,12 @@ class MechanicalSystem:
     forces : mapping of coordinate to Expr, optional
         Generalised forces Q(q, q', u, t): the coefficients of the virtual work, dW = Q . dq.
     dissipation : Expr, optional
-        Rayleigh function R(q, q'), which adds -dR/dq' to the forces: ``d * x.diff()**2 / 2`` is a damper d.
+        Rayleigh function R(q, q'), which adds -dR/dq' to the forces: ``d * x.diff()**2 / 2`` is a
+        damper d.
     surfaces : mapping of str to relation, optional
-        Unilateral constraints by name, as relations between expressions in q, and in t if they move: ``{"left": alpha >= a_min}``.  Each
-        becomes a gap g(q, t) <= 0 whose gradient points out of the admissible set.
+        Unilateral constraints by name, as relations between expressions in q, and in t if they
+        move: ``{"left": alpha >= a_min}``.  Each becomes a gap g(q, t) <= 0 whose gradient points
+        out of the admissible set.
     cost : Expr, optional
         Integrand C(q, q', u, t) of the cost.
     terminal_cost : Expr, optional
@@ -63,13 +67,14 @@ class MechanicalSystem:
     Raises
     ------
     ModelError
-        If a name cannot be used, a symbol is unknown or unused, the mass matrix is singular, or a relation is not
-        of the expected form.
+        If a name cannot be used, a symbol is unknown or unused, the mass matrix is singular, or a
+        relation is not of the expected form.
 
     Notes
     -----
-    Expressions are SymPy expressions or real numbers; text is refused, because SymPy would run it as Python.  Signs and letters follow
-    Kern & Gross, "A Variational Approach to Optimal Control of Underactuated Mechanical Systems with Collisions" (2018).
+    Expressions are SymPy expressions or real numbers; text is refused, because SymPy would run it
+    as Python.  Signs and letters follow Kern & Gross, "A Variational Approach to Optimal Control of
+    Underactuated Mechanical Systems with Collisions" (2018).
     """
 
     name: str
@@ -91,11 +96,20 @@ class MechanicalSystem:
         check_name(self.name, "model")
         for name in ("coordinates", "inputs"):
             put(self, name, _sequence(getattr(self, name), name))
-        for name, example in (("parameters", "{m: 1.0}"), ("surfaces", '{"wall": x <= 1}'), ("path_constraints", '{"speed": v <= 1}'),
-                              ("forces", "{x: F}"), ("units", '{x: "m"}')):  # fmt: skip
+        for name, example in (
+            ("parameters", "{m: 1.0}"),
+            ("surfaces", '{"wall": x <= 1}'),
+            ("path_constraints", '{"speed": v <= 1}'),
+            ("forces", "{x: F}"),
+            ("units", '{x: "m"}'),
+        ):
             put(self, name, _mapping(getattr(self, name), name, example))
         self._check_names()
-        put(self, "parameters", {s: _parameter_value(s, value) for s, value in self.parameters.items()})
+        put(
+            self,
+            "parameters",
+            {s: _parameter_value(s, value) for s, value in self.parameters.items()},
+        )
         put(self, "units", self._named_units())
         if not isinstance(self.title, str) or not self.title.isprintable():
             raise ModelError(f"title = {shown(self.title)}: expected one line of text.")
@@ -112,9 +126,11 @@ class MechanicalSystem:
     def from_lagranges_method(
         cls, name: str, method: Any, parameters: Mapping[Any, float | None], **fields: Any
     ) -> MechanicalSystem:
-        """Take over a ``sympy.physics.mechanics.LagrangesMethod``: its coordinates, Lagrangian and loads.
+        """Take over a ``sympy.physics.mechanics.LagrangesMethod``: its coordinates, Lagrangian and
+        loads.
 
-        ``fields`` are those of MechanicalSystem beside them: inputs, surfaces, cost, ...; ``forces`` are added to the loads.
+        ``fields`` are those of MechanicalSystem beside them: inputs, surfaces, cost, ...;
+        ``forces`` are added to the loads.
 
         Raises
         ------
@@ -126,10 +142,14 @@ class MechanicalSystem:
         return cls._imported(name, from_lagranges_method(method), parameters, fields)
 
     @classmethod
-    def from_joints(cls, name: str, model: Any, parameters: Mapping[Any, float | None], **fields: Any) -> MechanicalSystem:
-        """Take over a ``JointsMethod`` or a ``System`` of ``sympy.physics.mechanics``: bodies, joints, loads and actuators.
+    def from_joints(
+        cls, name: str, model: Any, parameters: Mapping[Any, float | None], **fields: Any
+    ) -> MechanicalSystem:
+        """Take over a ``JointsMethod`` or a ``System`` of ``sympy.physics.mechanics``: bodies,
+        joints, loads and actuators.
 
-        Generalised speeds may appear in ``fields`` (inputs, surfaces, cost, ...); they become velocities.
+        Generalised speeds may appear in ``fields`` (inputs, surfaces, cost, ...); they become
+        velocities.
 
         Raises
         ------
@@ -142,7 +162,11 @@ class MechanicalSystem:
 
     @classmethod
     def _imported(
-        cls, name: str, model: Imported, parameters: Mapping[Any, float | None], fields: dict[str, Any]
+        cls,
+        name: str,
+        model: Imported,
+        parameters: Mapping[Any, float | None],
+        fields: dict[str, Any],
     ) -> MechanicalSystem:
         def replaced(value: Any) -> Any:
             if isinstance(value, Mapping):
@@ -150,17 +174,26 @@ class MechanicalSystem:
             return value.xreplace(model.speeds) if isinstance(value, sp.Basic) else value
 
         for key in fields:
-            if key not in cls.__dataclass_fields__ or key in ("name", "coordinates", "lagrangian", "parameters"):
+            if key not in cls.__dataclass_fields__ or key in (
+                "name",
+                "coordinates",
+                "lagrangian",
+                "parameters",
+            ):
                 raise ModelError(
-                    f"{key!r} cannot be given beside an imported model: expected fields such as inputs, surfaces, forces, cost."
+                    f"{key!r} cannot be given beside an imported model: expected fields such as "
+                    "inputs, surfaces, forces, cost."
                 )
-        given = {key: value if key in ("inputs", "title", "units") else replaced(value) for key, value in fields.items()}
+        given = {
+            key: value if key in ("inputs", "title", "units") else replaced(value)
+            for key, value in fields.items()
+        }
         forces = dict(model.forces)
         for q, force in _mapping(given.pop("forces", {}), "forces", "{x: F}").items():
             forces[q] = forces.get(q, sp.S.Zero) + _expression(force, f"the force on {shown(q)}")
         return cls(name, model.coordinates, model.lagrangian, parameters, forces=forces, **given)
 
-    # Symbols ---------------------------------------------------------------------------------------------------------
+    # Symbols --------------------------------------------------------------------------------------
 
     @property
     def velocities(self) -> tuple[Any, ...]:
@@ -169,19 +202,25 @@ class MechanicalSystem:
 
     @property
     def force_vector(self) -> tuple[Any, ...]:
-        """Generalised forces Q(q, q', u, t) with those of the Rayleigh function, in the order of the coordinates."""
+        """Generalised forces Q(q, q', u, t) with those of the Rayleigh function, in the order of
+        the coordinates."""
         pairs = zip(self.coordinates, self.velocities, strict=True)
         return tuple(self.forces.get(q, sp.S.Zero) - self.dissipation.diff(v) for q, v in pairs)
 
     @property
     def gaps(self) -> dict[str, Any]:
         """Gap functions g(q) <= 0 by surface name."""
-        return {name: -_slack(relation, f"surface {name!r}") for name, relation in self.surfaces.items()}
+        return {
+            name: -_slack(relation, f"surface {name!r}") for name, relation in self.surfaces.items()
+        }
 
     @property
     def path_functions(self) -> dict[str, Any]:
         """Path constraint functions r(q, q', u) >= 0 by name."""
-        return {name: _slack(relation, f"path constraint {name!r}") for name, relation in self.path_constraints.items()}
+        return {
+            name: _slack(relation, f"path constraint {name!r}")
+            for name, relation in self.path_constraints.items()
+        }
 
     @property
     def mass_matrix(self) -> sp.Matrix:
@@ -207,7 +246,7 @@ class MechanicalSystem:
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
-    # Checks ----------------------------------------------------------------------------------------------------------
+    # Checks ---------------------------------------------------------------------------------------
 
     def _named_units(self) -> dict[str, str]:
         names = [name_of(s) for s in (*self.coordinates, *self.inputs)]
@@ -215,19 +254,28 @@ class MechanicalSystem:
         for symbol, unit in self.units.items():
             name = name_of(symbol) if isinstance(symbol, (str, sp.Basic)) else ""
             if name not in names:
-                raise ModelError(f"unit of {shown(symbol)}: expected a coordinate or an input, one of {', '.join(names)}.")
+                raise ModelError(
+                    f"unit of {shown(symbol)}: expected a coordinate or an input, one of "
+                    f"{', '.join(names)}."
+                )
             if not isinstance(unit, str) or not unit.isprintable() or not 0 < len(unit) <= 16:
-                raise ModelError(f"unit of {name} = {shown(unit)}: expected a short text such as 'rad', 'm' or 'N'.")
+                raise ModelError(
+                    f"unit of {name} = {shown(unit)}: expected a short text such as 'rad', 'm' or "
+                    "'N'."
+                )
             units[name] = unit
         return units
 
     def _check_names(self) -> None:
         if not self.coordinates:
-            raise ModelError(f"model {self.name!r} has no coordinates: give at least one dynamicsymbol.")
+            raise ModelError(
+                f"model {self.name!r} has no coordinates: give at least one dynamicsymbol."
+            )
         for q in self.coordinates:
             if not _is_function_of_time(q):
                 raise ModelError(
-                    f"coordinate {shown(q)} is not a function of time: make it with sympy.physics.mechanics.dynamicsymbols."
+                    f"coordinate {shown(q)} is not a function of time: make it with "
+                    "sympy.physics.mechanics.dynamicsymbols."
                 )
         for u in self.inputs:
             if not isinstance(u, sp.Symbol) and not _is_function_of_time(u):
@@ -237,19 +285,26 @@ class MechanicalSystem:
                 raise ModelError(f"parameter {shown(symbol)} is not a SymPy Symbol.")
             if symbol.is_extended_real is False or not symbol.is_commutative:
                 raise ModelError(
-                    f"the symbol of parameter {symbol} is assumed not to be a real number: make it as Symbol({symbol.name!r})."
+                    f"the symbol of parameter {symbol} is assumed not to be a real number: make it "
+                    f"as Symbol({symbol.name!r})."
                 )
         for name in (*self.surfaces, *self.path_constraints):
             check_name(name, "surface" if name in self.surfaces else "path constraint")
         roles = [(q, "coordinate") for q in self.coordinates] + [(u, "input") for u in self.inputs]
-        roles += [(s, "parameter") for s in self.parameters] + [(s, "surface") for s in self.surfaces]
+        roles += [(s, "parameter") for s in self.parameters] + [
+            (s, "surface") for s in self.surfaces
+        ]
         roles += [(s, "path constraint") for s in self.path_constraints]
         for symbol, role in roles:
             check_name(name_of(symbol), role)
             if name_of(symbol) == "t":
                 raise ModelError(f"the {role} 't' has the name of the time: choose another name.")
-        _check_distinct([(name_of(s), role) for s, role in roles if role in ("surface", "path constraint")])
-        derived = [(name_of(s), role) for s, role in roles if role in ("coordinate", "input", "parameter")]
+        _check_distinct(
+            [(name_of(s), role) for s, role in roles if role in ("surface", "path constraint")]
+        )
+        derived = [
+            (name_of(s), role) for s, role in roles if role in ("coordinate", "input", "parameter")
+        ]
         for q in self.coordinates:
             derived.append((velocity_name(name_of(q)), f"velocity of {name_of(q)}"))
             derived.append((momentum_name(name_of(q)), f"momentum of {name_of(q)}"))
@@ -260,7 +315,8 @@ class MechanicalSystem:
         for q, expression in dict(self.forces).items():
             if q not in self.coordinates:
                 raise ModelError(
-                    f"the force on {shown(q)} belongs to no coordinate: expected one of {_listed(self.coordinates)}."
+                    f"the force on {shown(q)} belongs to no coordinate: expected one of "
+                    f"{_listed(self.coordinates)}."
                 )
             forces[q] = _expression(expression, f"the force on {name_of(q)}")
         return forces
@@ -277,8 +333,13 @@ class MechanicalSystem:
             ("the terminal cost", self.terminal_cost, known),
         ]
         parts += [(f"the force on {name_of(q)}", e, with_inputs) for q, e in self.forces.items()]
-        parts += [(f"surface {n!r}", g, set(self.coordinates) | set(self.parameters) | time) for n, g in self.gaps.items()]
-        parts += [(f"path constraint {n!r}", r, with_inputs) for n, r in self.path_functions.items()]
+        parts += [
+            (f"surface {n!r}", g, set(self.coordinates) | set(self.parameters) | time)
+            for n, g in self.gaps.items()
+        ]
+        parts += [
+            (f"path constraint {n!r}", r, with_inputs) for n, r in self.path_functions.items()
+        ]
         used: set[Any] = set()
         for where, expression, allowed in parts:
             found = _atoms(expression)
@@ -287,42 +348,63 @@ class MechanicalSystem:
                 raise ModelError(_unknown_symbol(symbol, where, with_inputs))
         for symbol in self.parameters:
             if symbol not in used:
-                raise ModelError(f"parameter {symbol} is used nowhere in model {self.name!r}: remove it or use it.")
+                raise ModelError(
+                    f"parameter {symbol} is used nowhere in model {self.name!r}: remove it or use "
+                    "it."
+                )
         in_forces: set[Any] = set().union(*(_atoms(e) for e in self.forces.values()))
         for u in self.inputs:
             if u not in in_forces:
-                raise ModelError(f"input {name_of(u)} appears in no force of model {self.name!r}: remove it or use it.")
+                raise ModelError(
+                    f"input {name_of(u)} appears in no force of model {self.name!r}: remove it or "
+                    "use it."
+                )
 
     def _check_mass_matrix(self) -> None:
         mass = self.mass_matrix
         for i, q in enumerate(self.coordinates):
             if all(entry == 0 for entry in mass.row(i)):
                 raise ModelError(
-                    f"the kinetic energy does not contain the velocity of coordinate {name_of(q)}: the mass matrix would be "
+                    f"the kinetic energy does not contain the velocity of coordinate {name_of(q)}: "
+                    "the mass matrix would be "
                     "singular; give the coordinate inertia or remove it."
                 )
         for entry in mass:
-            if entry.is_number and entry != 0 and not 1 / LARGEST_PARAMETER <= abs(entry) <= LARGEST_PARAMETER:
+            if (
+                entry.is_number
+                and entry != 0
+                and not 1 / LARGEST_PARAMETER <= abs(entry) <= LARGEST_PARAMETER
+            ):
                 raise ModelError(
-                    f"the mass matrix of model {self.name!r} contains {shown(entry)}: expected masses from 1e-100 to 1e100; use other units."
+                    f"the mass matrix of model {self.name!r} contains {shown(entry)}: expected "
+                    "masses from 1e-100 to 1e100; use other units."
                 )
         if any(_atoms(entry) & set(self.velocities) for entry in mass):
-            raise ModelError("the kinetic energy is not quadratic in the velocities: the mass matrix depends on them.")
+            raise ModelError(
+                "the kinetic energy is not quadratic in the velocities: the mass matrix depends on "
+                "them."
+            )
         if _is_singular(mass):
             raise ModelError(
-                f"the mass matrix of model {self.name!r} is singular (its determinant is zero everywhere): the coordinates "
+                f"the mass matrix of model {self.name!r} is singular (its determinant is zero "
+                "everywhere): the coordinates "
                 f"{_listed(self.coordinates)} are not independent, or one lacks inertia."
             )
 
     def _check_relations(self) -> None:
         for name, gap in self.gaps.items():
             if not _atoms(gap) & set(self.coordinates):
-                raise ModelError(f"surface {name!r} contains no coordinate: expected a relation in {_listed(self.coordinates)}.")
+                raise ModelError(
+                    f"surface {name!r} contains no coordinate: expected a relation in "
+                    f"{_listed(self.coordinates)}."
+                )
 
 
 def _sequence(value: Any, what: str) -> tuple[Any, ...]:
     if isinstance(value, (str, bytes, sp.Basic, Mapping, Set)) or not isinstance(value, Iterable):
-        raise ModelError(f"{what} = {shown(value)}: expected a list of dynamicsymbols, such as [x].")
+        raise ModelError(
+            f"{what} = {shown(value)}: expected a list of dynamicsymbols, such as [x]."
+        )
     return tuple(value)
 
 
@@ -333,20 +415,31 @@ def _mapping(value: Any, what: str, example: str) -> dict[Any, Any]:
 
 
 def _expression(value: Any, what: str) -> Any:
-    expression = _number(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else value
+    expression = (
+        _number(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else value
+    )
     if not isinstance(expression, sp.Expr) or expression.is_Matrix:
-        remedy = "write it with SymPy's symbols" if isinstance(value, str) else "give one, or a number"
+        remedy = (
+            "write it with SymPy's symbols" if isinstance(value, str) else "give one, or a number"
+        )
         raise ModelError(f"{what} is not a scalar SymPy expression: got {shown(value)}; {remedy}.")
     expression = expression.doit()
     if not isinstance(expression, sp.Expr) or expression.is_commutative is False:
-        raise ModelError(f"{what} is not a scalar SymPy expression: got {shown(value)}; give one, or a number.")
+        raise ModelError(
+            f"{what} is not a scalar SymPy expression: got {shown(value)}; give one, or a number."
+        )
     if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
         raise ModelError(f"{what} contains an infinite or undefined constant: {shown(expression)}.")
     if expression.has(sp.I):
-        raise ModelError(f"{what} contains the imaginary unit: {shown(expression)}; expected a real expression.")
+        raise ModelError(
+            f"{what} contains the imaginary unit: {shown(expression)}; expected a real expression."
+        )
     for constant in expression.atoms(sp.Number):
         if not _fits_in_c(constant):
-            raise ModelError(f"{what} contains the constant {shown(constant)}: expected 0 or a magnitude from 1e-307 to 1e307.")
+            raise ModelError(
+                f"{what} contains the constant {shown(constant)}: expected 0 or a magnitude from "
+                "1e-307 to 1e307."
+            )
     return expression
 
 
@@ -370,7 +463,9 @@ def _parameter_value(symbol: Any, value: Any) -> float | None:
     if value is None:
         return None
     number = math.nan
-    if not isinstance(value, bool) and (isinstance(value, numbers.Real) or (isinstance(value, sp.Expr) and value.is_comparable)):
+    if not isinstance(value, bool) and (
+        isinstance(value, numbers.Real) or (isinstance(value, sp.Expr) and value.is_comparable)
+    ):
         try:
             number = float(value)
         except (OverflowError, ValueError, TypeError):
@@ -378,11 +473,15 @@ def _parameter_value(symbol: Any, value: Any) -> float | None:
     if not math.isfinite(number):
         raise ModelError(f"parameter {symbol} = {shown(value)}: a finite number was expected.")
     if value != 0 and not 1 / LARGEST_PARAMETER <= abs(number) <= LARGEST_PARAMETER:
-        raise ModelError(f"parameter {symbol} = {shown(value)}: expected 0 or a magnitude from 1e-100 to 1e100; use other units.")
+        raise ModelError(
+            f"parameter {symbol} = {shown(value)}: expected 0 or a magnitude from 1e-100 to 1e100; "
+            "use other units."
+        )
     for fact in ("positive", "negative", "nonnegative", "nonpositive", "nonzero"):
         if getattr(symbol, f"is_{fact}") and getattr(sp.Float(number), f"is_{fact}") is False:
             raise ModelError(
-                f"parameter {symbol} = {shown(value)}: its symbol is assumed to be {fact}; give such a value, or make the symbol without it."
+                f"parameter {symbol} = {shown(value)}: its symbol is assumed to be {fact}; give "
+                "such a value, or make the symbol without it."
             )
     return number
 
@@ -394,7 +493,9 @@ def _is_function_of_time(symbol: Any) -> bool:
 def check_system(system: Any) -> None:
     """Raise ModelError unless the argument of a function is a system."""
     if not isinstance(system, MechanicalSystem):
-        raise ModelError(f"{shown(system)} is a {type(system).__name__}: expected a MechanicalSystem.")
+        raise ModelError(
+            f"{shown(system)} is a {type(system).__name__}: expected a MechanicalSystem."
+        )
 
 
 def _slack(relation: Any, what: str) -> Any:
@@ -403,28 +504,54 @@ def _slack(relation: Any, what: str) -> Any:
         return _expression(relation.lhs - relation.rhs, what)
     if isinstance(relation, (LessThan, StrictLessThan)):
         return _expression(relation.rhs - relation.lhs, what)
-    raise ModelError(f"{what} is not an inequality: expected a relation such as `alpha >= a_min`, got {shown(relation)}.")
+    raise ModelError(
+        f"{what} is not an inequality: expected a relation such as `alpha >= a_min`, got "
+        f"{shown(relation)}."
+    )
 
 
 def _atoms(expression: Any) -> set[Any]:
-    """Symbols, functions of time and their derivatives in an expression; a derivative hides what it contains."""
+    """Symbols, functions of time and their derivatives in an expression; a derivative hides what
+    it contains."""
     derivatives = expression.atoms(sp.Derivative)
     bare = expression.xreplace({d: sp.Dummy() for d in derivatives})
     functions = bare.atoms(AppliedUndef)
     bare = bare.xreplace({f: sp.Dummy() for f in functions})
-    return set(derivatives | functions | {s for s in bare.free_symbols if not isinstance(s, sp.Dummy)})
+    return set(
+        derivatives | functions | {s for s in bare.free_symbols if not isinstance(s, sp.Dummy)}
+    )
 
 
 def _unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:
     if isinstance(symbol, sp.Derivative):
-        return f"{where} contains {symbol}: only coordinates and their first derivatives may appear there."
-    if isinstance(symbol, AppliedUndef) and isinstance(symbol.func, UndefinedFunction) and symbol not in known:
-        return f"{where} contains {symbol}, which is neither a coordinate nor an input: declare it or remove it."
+        return (
+            f"{where} contains {symbol}: only coordinates and their first derivatives may "
+            "appear there."
+        )
+    if (
+        isinstance(symbol, AppliedUndef)
+        and isinstance(symbol.func, UndefinedFunction)
+        and symbol not in known
+    ):
+        return (
+            f"{where} contains {symbol}, which is neither a coordinate nor an input: declare "
+            "it or remove it."
+        )
     if symbol.name == "t":
-        return f"{where} contains a symbol t of its own: the time is dynamicsymbols._t of sympy.physics.mechanics."
+        return (
+            f"{where} contains a symbol t of its own: the time is dynamicsymbols._t of "
+            "sympy.physics.mechanics."
+        )
     if symbol not in known and str(symbol) in {str(s) for s in known}:
-        return f"{where} contains the symbol {symbol}, and the model one of the same name with other assumptions: use one symbol."
-    role = "may not appear there" if symbol in known else "is unknown: list it in `parameters` with its value"
+        return (
+            f"{where} contains the symbol {symbol}, and the model one of the same name with "
+            "other assumptions: use one symbol."
+        )
+    role = (
+        "may not appear there"
+        if symbol in known
+        else "is unknown: list it in `parameters` with its value"
+    )
     return f"{where} contains the symbol {symbol}, which {role}."
 
 
@@ -432,11 +559,18 @@ def _is_singular(mass: sp.Matrix) -> bool:
     """Tell whether M is singular at several fixed generic points, hence everywhere."""
     symbols = sorted(set().union(*(_atoms(entry) for entry in mass)), key=str)
     for shift in (0.0, 1.7, 4.1):
-        point = {s: sp.Float(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0, 30) for i, s in enumerate(symbols)}
+        point = {
+            s: sp.Float(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0, 30)
+            for i, s in enumerate(symbols)
+        }
         matrix = mass.xreplace(point).evalf(30)
         scale = sp.Max(*(abs(entry) for entry in matrix)) ** matrix.rows
         determinant = abs(matrix.det())
-        if determinant.is_comparable and scale.is_comparable and determinant > scale * sp.Float("1e-20"):
+        if (
+            determinant.is_comparable
+            and scale.is_comparable
+            and determinant > scale * sp.Float("1e-20")
+        ):
             return False
     return True
 
@@ -445,7 +579,9 @@ def _check_distinct(names: list[tuple[str, str]]) -> None:
     seen: dict[str, str] = {}
     for name, role in names:
         if name in seen:
-            raise ModelError(f"the name {name!r} is used twice, as {seen[name]} and as {role}: rename one.")
+            raise ModelError(
+                f"the name {name!r} is used twice, as {seen[name]} and as {role}: rename one."
+            )
         seen[name] = role
 
 

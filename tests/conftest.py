@@ -16,7 +16,11 @@ from dmoc.registry import find
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--update", action="store_true", help="write the generated sources instead of comparing them")
+    parser.addoption(
+        "--update",
+        action="store_true",
+        help="write the generated sources instead of comparing them",
+    )
 
 
 @pytest.fixture(scope="session", autouse=True)

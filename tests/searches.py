@@ -12,7 +12,9 @@ from dmoc.sequences.engine import SearchResult
 
 
 def outline(result: SearchResult) -> list[tuple[Any, ...]]:
-    return [(n.sequence, n.verdict, n.cost, n.phases, n.minima, tuple(n.starts)) for n in result.nodes]
+    return [
+        (n.sequence, n.verdict, n.cost, n.phases, n.minima, tuple(n.starts)) for n in result.nodes
+    ]
 
 
 def command(*arguments: str) -> list[str]:

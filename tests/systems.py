@@ -46,17 +46,22 @@ def puck_system() -> dmoc.MechanicalSystem:
 
 
 def driven_system() -> dmoc.MechanicalSystem:
-    """Everything that may depend on the time does: a pendulum on a driven pivot over a floor that moves, damped, with a terminal cost."""
+    """Everything that may depend on the time does: a pendulum on a driven pivot over a floor
+    that moves, damped, with a terminal cost."""
     a, z, u = dynamicsymbols("a z u")
     m, length, amplitude, damping = sp.symbols("m l amplitude damping")
     t = dynamicsymbols._t
     height = z - length * sp.cos(a)
-    speed = z.diff(t) ** 2 + 2 * length * sp.sin(a) * a.diff(t) * z.diff(t) + length**2 * a.diff(t) ** 2
+    speed = (
+        z.diff(t) ** 2 + 2 * length * sp.sin(a) * a.diff(t) * z.diff(t) + length**2 * a.diff(t) ** 2
+    )
     return dmoc.MechanicalSystem(
         "driven",
         coordinates=[a, z],
         inputs=[u],
-        lagrangian=(m * speed + z.diff(t) ** 2) / 2 - m * height * (1 + t / 5) + amplitude * sp.sin(3 * t) * z.diff(t),
+        lagrangian=(m * speed + z.diff(t) ** 2) / 2
+        - m * height * (1 + t / 5)
+        + amplitude * sp.sin(3 * t) * z.diff(t),
         forces={a: u * (1 + sp.cos(a) / 3), z: sp.cos(2 * t)},
         dissipation=damping * (a.diff(t) ** 2 + z.diff(t) ** 2) / 2,
         surfaces={"floor": height >= amplitude * sp.sin(t) - 2, "side": a <= 1.5},
@@ -71,33 +76,64 @@ def double_integrator(steps: int = 40, order: int = 2) -> dmoc.Problem:
     """From 0 to 1 in 1 s, rest to rest, with the least int u^2: 12."""
     system = replace(block_system("double_integrator"), cost=dynamicsymbols("u") ** 2)
     kernels = dmoc.build(system, order=order)
-    return dmoc.Problem(kernels, start={"x": 0}, goal={"x": 1, "x_dot": 0}, steps=steps, final_time=1.0, parameters={"wall": 2.0})
+    return dmoc.Problem(
+        kernels,
+        start={"x": 0},
+        goal={"x": 1, "x_dot": 0},
+        steps=steps,
+        final_time=1.0,
+        parameters={"wall": 2.0},
+    )
 
 
 def bryson_denham(steps: int = 40, order: int = 2) -> dmoc.Problem:
     """Turn round in 1 s without passing x = l = 1/9, with the least int u^2 / 2: 4 / (9 l)."""
     kernels = dmoc.build(block_system(), order=order)
     return dmoc.Problem(
-        kernels, start={"x": 0, "x_dot": 1}, goal={"x": 0, "x_dot": -1}, steps=steps, final_time=1.0, bounds={"x": (None, 1 / 9)}
-    )  # fmt: skip
+        kernels,
+        start={"x": 0, "x_dot": 1},
+        goal={"x": 0, "x_dot": -1},
+        steps=steps,
+        final_time=1.0,
+        bounds={"x": (None, 1 / 9)},
+    )
 
 
-def bouncer_problem(e: float, steps: int = 40, order: int = 2, period: float = 0.5) -> tuple[dmoc.Problem, float]:
-    """A driven ball that bounces for ever, and its least cost: one flight from 0 to 0 whose speeds at both ends belong to one impact.
+def bouncer_problem(
+    e: float, steps: int = 40, order: int = 2, period: float = 0.5
+) -> tuple[dmoc.Problem, float]:
+    """A driven ball that bounces for ever, and its least cost: one flight from 0 to 0 whose speeds
+    at both ends belong to one impact.
 
-    With the speed v at take-off and -v / e at landing the flight costs 6 d^2/T^3 - 6 d w/T^2 + 2 w^2/T with d = -v T + g T^2/2, w = -v/e - v + g T.
+    With the speed v at take-off and -v / e at landing the flight costs 6 d^2/T^3 - 6 d w/T^2 + 2
+    w^2/T with d = -v T + g T^2/2, w = -v/e - v + g T.
     """
     y, u = dynamicsymbols("y u")
     g = sp.Symbol("g")
     system = dmoc.MechanicalSystem(
-        "bouncer", coordinates=[y], inputs=[u], lagrangian=y.diff(dynamicsymbols._t) ** 2 / 2 - g * y, forces={y: u},
-        surfaces={"floor": y >= 0}, parameters={g: 9.81}, cost=u**2 / 2,
-    )  # fmt: skip
+        "bouncer",
+        coordinates=[y],
+        inputs=[u],
+        lagrangian=y.diff(dynamicsymbols._t) ** 2 / 2 - g * y,
+        forces={y: u},
+        surfaces={"floor": y >= 0},
+        parameters={g: 9.81},
+        cost=u**2 / 2,
+    )
     problem = dmoc.Problem(
-        dmoc.build(system, order=order), start={"y": 0.2}, sequence=["floor"], steps=steps, final_time=period, restitution=e,
-        periodic=["y", "y_dot"], durations=[(0.2, None), (None, None)],  # it begins on its way up, not down
-    )  # fmt: skip
+        dmoc.build(system, order=order),
+        start={"y": 0.2},
+        sequence=["floor"],
+        steps=steps,
+        final_time=period,
+        restitution=e,
+        periodic=["y", "y_dot"],
+        durations=[(0.2, None), (None, None)],  # it begins on its way up, not down
+    )
     v, T = sp.Symbol("v"), sp.Float(period, 30)
-    d, w = -v * T + sp.Float("9.81", 30) * T**2 / 2, -v / sp.Float(e, 30) - v + sp.Float("9.81", 30) * T
+    d, w = (
+        -v * T + sp.Float("9.81", 30) * T**2 / 2,
+        -v / sp.Float(e, 30) - v + sp.Float("9.81", 30) * T,
+    )
     cost = 6 * d**2 / T**3 - 6 * d * w / T**2 + 2 * w**2 / T
     return problem, float(cost.subs(v, sp.solve(cost.diff(v), v)[0]))

@@ -1,6 +1,7 @@
 """dmoc: discrete mechanics and optimal control for mechanical systems with collisions.
 
-The public names are loaded when they are first used, so that solving with built kernels imports no SymPy.
+The public names are loaded when they are first used, so that solving with built kernels imports no
+SymPy.
 """
 
 from __future__ import annotations

@@ -12,7 +12,8 @@ INTERRUPTED = 130
 
 
 def main() -> None:
-    """Run the command line; while its modules load and after its end, Ctrl-C leaves at once and without a traceback."""
+    """Run the command line; while its modules load and after its end, Ctrl-C leaves at once and
+    without a traceback."""
     listening = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     try:
         if listening:
@@ -25,7 +26,9 @@ def main() -> None:
     except KeyboardInterrupt:
         _leave()
     except SystemExit as end:
-        if threading.active_count() > 1:  # threads of stopped workers may never end, and Python would wait for them
+        if (
+            threading.active_count() > 1
+        ):  # threads of stopped workers may never end, and Python would wait for them
             _flush()
             os._exit(end.code if isinstance(end.code, int) else end.code is not None)
         raise

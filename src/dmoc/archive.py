@@ -1,6 +1,7 @@
 """Solution files as bytes: a text and float64 arrays in a zip archive that NumPy reads too.
 
-What an archive declares is checked before any of it is decompressed: its size, its members, their sizes and their compression.
+What an archive declares is checked before any of it is decompressed: its size, its members, their
+sizes and their compression.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ LARGEST_ENTRY = 1_000  # bytes of a member in the archive's directory
 MOST_DEFLATED = 1_100  # deflate makes nothing more than 1032 times smaller
 END = 22  # bytes of the record at the end of an archive without a comment
 NUMPY = re.compile(
-    rb"\x93NUMPY\x01\x00..\{'descr': '<f8', 'fortran_order': False, 'shape': \(([0-9]{1,15},(?: [0-9]{1,15})?)\), \} *\n",
+    rb"\x93NUMPY\x01\x00..\{'descr': '<f8', 'fortran_order': False, 'shape': \(([0-9]{1,15},(?: "
+    rb"[0-9]{1,15})?)\), \} *\n",
     re.DOTALL,
 )
 LONGEST_START = 256  # bytes of an array's own header
@@ -36,7 +38,9 @@ def pack(text: str, arrays: Mapping[str, Array]) -> bytes:
         archive.writestr(_member(TEXT), text)
         for name, array in arrays.items():
             content = io.BytesIO()
-            np.lib.format.write_array(content, np.ascontiguousarray(array, dtype="<f8"), version=(1, 0))
+            np.lib.format.write_array(
+                content, np.ascontiguousarray(array, dtype="<f8"), version=(1, 0)
+            )
             archive.writestr(_member(f"{name}.npy"), content.getvalue())
     return stream.getvalue()
 
@@ -49,7 +53,8 @@ def _member(name: str) -> zipfile.ZipInfo:
 
 
 class Archive:
-    """The members of an archive, read one by one; raises Refused where they are not what they are declared to be."""
+    """The members of an archive, read one by one; raises Refused where they are not what they
+    are declared to be."""
 
     def __init__(self, content: bytes) -> None:
         _check_end(content)
@@ -64,8 +69,13 @@ class Archive:
         if sum(m.file_size for m in members) > LARGEST:
             raise Refused(f"it declares more than {LARGEST} bytes")
         for m in members:
-            if m.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or m.flag_bits & 0x1:
-                raise Refused(f"its member {said(m.filename)} is packed in another way than by deflate")
+            if (
+                m.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+                or m.flag_bits & 0x1
+            ):
+                raise Refused(
+                    f"its member {said(m.filename)} is packed in another way than by deflate"
+                )
             if m.file_size > MOST_DEFLATED * (m.compress_size + 1):
                 raise Refused(f"its member {said(m.filename)} declares a size that it cannot have")
 
@@ -83,7 +93,9 @@ class Archive:
         if start is None:
             raise Refused(f"{said(name)} is no array of numbers in double precision")
         data = memoryview(content)[start.end() :]
-        if tuple(int(n) for n in start[1].split(b",") if n) != shape or len(data) != 8 * math.prod(shape):
+        if tuple(int(n) for n in start[1].split(b",") if n) != shape or len(data) != 8 * math.prod(
+            shape
+        ):
             raise Refused(f"{said(name)} has another shape than declared")
         return np.frombuffer(data, dtype="<f8").reshape(shape).astype(float)
 
@@ -100,7 +112,8 @@ class Archive:
             raise Refused(f"its member {said(name)} is too large")
         try:
             with self._archive.open(member) as stream:
-                content = stream.read(member.file_size + 1)  # to the end, where the checksum is compared
+                # To the end, where the checksum is compared.
+                content = stream.read(member.file_size + 1)
         except Exception:  # as above
             raise Refused(f"its member {said(name)} is damaged") from None
         if len(content) != member.file_size:
@@ -111,7 +124,9 @@ class Archive:
 def _check_end(content: bytes) -> None:
     """The record at the end says how large the directory is; zipfile reads all of it."""
     end = content[-END:]
-    count, size, offset = (int.from_bytes(end[a:b], "little") for a, b in ((10, 12), (12, 16), (16, 20)))
+    count, size, offset = (
+        int.from_bytes(end[a:b], "little") for a, b in ((10, 12), (12, 16), (16, 20))
+    )
     if len(end) < END or end[:4] != b"PK\x05\x06":
         raise Refused("it is no zip archive, or not all of one")
     if count > MOST_MEMBERS or size > LARGEST_ENTRY * count:

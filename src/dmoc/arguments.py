@@ -1,4 +1,5 @@
-"""What users pass, read at the border: numbers, ranges, lists and mappings; what does not fit is an error of one sentence."""
+"""What users pass, read at the border: numbers, ranges, lists and mappings; what does not fit is
+an error of one sentence."""
 
 from __future__ import annotations
 
@@ -13,7 +14,9 @@ import numpy as np
 from dmoc.errors import DmocError, ProblemError
 
 LONGEST_TEXT = 60  # of a value shown in a message
-MOST_ENTRIES = 10_000  # of a list: beyond it a generator without an end is more likely than a meaning
+MOST_ENTRIES = (
+    10_000  # of a list: beyond it a generator without an end is more likely than a meaning
+)
 
 Range = tuple[float, float]
 Kind = type[DmocError]
@@ -23,13 +26,15 @@ def shown(value: Any) -> str:
     """A value as a message shows it: in one line and not longer than a line."""
     try:
         text = " ".join(repr(value).split())
-    except Exception:  # an integer of more than 4300 digits, or a foreign class: the message must come all the same
+    # an integer of more than 4300 digits, or a foreign class: the message must come all the same
+    except Exception:
         text = f"a value of type {type(value).__name__}"
     return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + "…"
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is one real number: a truth value, a text, a complex number or an array with a shape is none."""
+    """Whether a value is one real number: a truth value, a text, a complex number or an array
+    with a shape is none."""
     if isinstance(value, (bool, np.bool_, str, bytes, complex, np.complexfloating)):
         return False
     if isinstance(value, np.ndarray):
@@ -41,7 +46,9 @@ def number(value: Any, what: str, error: Kind = ProblemError) -> float:
     """Read a finite number."""
     result = _float(value)
     if result is None or not math.isfinite(result):
-        raise error(f"{what} = {shown(value)}: expected a {'' if result is None else 'finite '}number.")
+        raise error(
+            f"{what} = {shown(value)}: expected a {'' if result is None else 'finite '}number."
+        )
     return result
 
 
@@ -53,7 +60,9 @@ def positive(value: Any, what: str, expected: str, error: Kind = ProblemError) -
     return result
 
 
-def whole(value: Any, what: str, least: int, most: int, error: Kind = ProblemError, unit: str = "") -> int:
+def whole(
+    value: Any, what: str, least: int, most: int, error: Kind = ProblemError, unit: str = ""
+) -> int:
     """Read a whole number from a range."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
         raise error(f"{what} = {shown(value)}: expected a whole number of at least {least}{unit}.")
@@ -77,7 +86,9 @@ def choice(value: Any, what: str, choices: Iterable[str], error: Kind = ProblemE
     return str(value)
 
 
-def check_known(name: str, among: Iterable[str], what: str, where: str = "", error: Kind = ProblemError) -> None:
+def check_known(
+    name: str, among: Iterable[str], what: str, where: str = "", error: Kind = ProblemError
+) -> None:
     """Check that a name is one of those known; the message shows the nearest of them."""
     names = list(among)
     if name not in names:
@@ -116,12 +127,15 @@ def limits(value: Any, what: str, expected: str) -> Range:
         raise ProblemError(f"{what} = {shown(value)}: {expected}.")
     low, high = _bound(value[0], what, -math.inf), _bound(value[1], what, math.inf)
     if low > high:
-        raise ProblemError(f"{what}: the lower bound {low:g} exceeds the upper bound {high:g}; exchange them.")
+        raise ProblemError(
+            f"{what}: the lower bound {low:g} exceeds the upper bound {high:g}; exchange them."
+        )
     return low, high
 
 
 def listed(value: Any, what: str, of: str, error: Kind = ProblemError) -> list[Any]:
-    """Read a list, or anything else that has an order; the order of a set is none, and a mapping's values would be ignored."""
+    """Read a list, or anything else that has an order; the order of a set is none, and a
+    mapping's values would be ignored."""
     if isinstance(value, (str, bytes)):
         raise error(f"{what} = {shown(value)}: expected a list of {of} such as [{shown(value)}].")
     if isinstance(value, (Mapping, Set)):
@@ -131,7 +145,10 @@ def listed(value: Any, what: str, of: str, error: Kind = ProblemError) -> list[A
         raise error(f"{what} = {shown(value)}: expected a list of {of}; [] for none.")
     entries = list(islice(value, MOST_ENTRIES + 1))
     if len(entries) > MOST_ENTRIES:
-        raise error(f"{what} has more than {MOST_ENTRIES} entries: expected a list of {of}, with fewer of them.")
+        raise error(
+            f"{what} has more than {MOST_ENTRIES} entries: expected a list of {of}, with fewer of "
+            "them."
+        )
     return entries
 
 

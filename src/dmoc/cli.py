@@ -71,7 +71,9 @@ class TextFormat(StrEnum):
 
 
 @app.callback()
-def _options(debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")] = False) -> None:
+def _options(
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")] = False,
+) -> None:
     del debug  # read by main, before anything can fail
 
 
@@ -82,16 +84,26 @@ def models() -> None:
 
     table = Table("name", "model", "what", box=None, header_style="bold")
     for name, entry in catalogue.ENTRIES.items():
-        table.add_row(name, entry.model, entry.title + ("" if entry.problem else " - no problem, give one by options"))
+        table.add_row(
+            name,
+            entry.model,
+            entry.title + ("" if entry.problem else " - no problem, give one by options"),
+        )
     out.print(table)
 
 
 @app.command()
 def derive(
     model: ModelArgument,
-    format_: Annotated[TextFormat, typer.Option("--format", help="Readable text, or a LaTeX document.")] = TextFormat.text,
-    order: Annotated[int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")] = 2,
-    target: Annotated[Path | None, typer.Option("--out", help="Write to a file instead of standard output.")] = None,
+    format_: Annotated[
+        TextFormat, typer.Option("--format", help="Readable text, or a LaTeX document.")
+    ] = TextFormat.text,
+    order: Annotated[
+        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
+    ] = 2,
+    target: Annotated[
+        Path | None, typer.Option("--out", help="Write to a file instead of standard output.")
+    ] = None,
 ) -> None:
     """Print every step of the derivation of a model."""
     from dmoc.registry import find
@@ -109,9 +121,14 @@ def derive(
 def generate(
     model: ModelArgument,
     target: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the sources; by default a folder of the model's name.")
+        Path | None,
+        typer.Option(
+            "--out", help="Folder for the sources; by default a folder of the model's name."
+        ),
     ] = None,
-    order: Annotated[int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")] = 2,
+    order: Annotated[
+        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
+    ] = 2,
 ) -> None:
     """Write the C and Cython sources of a model."""
     from dmoc.codegen.build import header, write_files
@@ -124,7 +141,9 @@ def generate(
     try:
         paths = write_files(folder, files)
     except OSError as error:
-        raise OutputError(f"{folder} cannot be written ({error.strerror}): choose a writable folder.") from None
+        raise OutputError(
+            f"{folder} cannot be written ({error.strerror}): choose a writable folder."
+        ) from None
     for path in paths:
         out.print(str(path), soft_wrap=True)
 
@@ -132,13 +151,19 @@ def generate(
 @app.command()
 def build(
     model: ModelArgument,
-    order: Annotated[int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")] = 2,
-    force: Annotated[bool, typer.Option("--force", help="Build again even if the cache holds the kernels.")] = False,
+    order: Annotated[
+        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
+    ] = 2,
+    force: Annotated[
+        bool, typer.Option("--force", help="Build again even if the cache holds the kernels.")
+    ] = False,
 ) -> None:
     """Compile the kernels of a model into the cache."""
     from dmoc import registry
 
-    kernels = registry.build(registry.find(model).system(), order=order, backend="compiled", force=force)
+    kernels = registry.build(
+        registry.find(model).system(), order=order, backend="compiled", force=force
+    )
     state = f"built in {kernels.seconds:.2f} s" if kernels.seconds else "found in the cache"
     out.print(f"{kernels.name}: {state}, {kernels.module.__file__}", soft_wrap=True)
 
@@ -147,20 +172,28 @@ def build(
 def solve(
     model: ModelArgument,
     sequence: Annotated[
-        str | None, typer.Option(help="Surfaces in the order of the collisions, as left,right; '' for none.")
+        str | None,
+        typer.Option(help="Surfaces in the order of the collisions, as left,right; '' for none."),
     ] = None,
-    steps: Annotated[str | None, typer.Option(help="Steps of each phase, one number or one for each phase, as 100,50.")] = None,
+    steps: Annotated[
+        str | None,
+        typer.Option(help="Steps of each phase, one number or one for each phase, as 100,50."),
+    ] = None,
     final_time: FinalTimeOption = None,
     method: Annotated[
         str | None,
         typer.Option(help=f"{METHOD_HELP}; {DEFAULT} by default, with --tolerance {REFINING}."),
     ] = None,
     tolerance: Annotated[
-        float | None, typer.Option(help="Refine the mesh, from --steps on, until the relative error is below this.")
+        float | None,
+        typer.Option(
+            help="Refine the mesh, from --steps on, until the relative error is below this."
+        ),
     ] = None,
     order: OrderOption = None,
     form: Annotated[
-        Form, typer.Option(help="For slsqp: condensed, or the full program (small numbers of steps).")
+        Form,
+        typer.Option(help="For slsqp: condensed, or the full program (small numbers of steps)."),
     ] = Form.CONDENSED,
     controls: ControlsOption = None,
     set_: SetOption = None,
@@ -170,15 +203,27 @@ def solve(
     restitution: RestitutionOption = None,
     periodic: PeriodicOption = None,
     sensitivities: Annotated[
-        bool, typer.Option("--sensitivities", help="Derivatives of the optimal cost with respect to what the problem is given.")
+        bool,
+        typer.Option(
+            "--sensitivities",
+            help="Derivatives of the optimal cost with respect to what the problem is given.",
+        ),
     ] = False,
     iterations: Annotated[int, typer.Option(help="Iteration limit.")] = 1000,
-    seconds: Annotated[float | None, typer.Option(help="Time limit of the solver in seconds.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="Time limit of the solver in seconds.")
+    ] = None,
     guess: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Start from a solution file with the same number of collisions.")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Start from a solution file with the same number of collisions."
+        ),
     ] = None,
     target: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Write solution.npz (and the figure) into this folder.")
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Write solution.npz (and the figure) into this folder."
+        ),
     ] = None,
     json_: JsonOption = None,
 ) -> None:
@@ -192,15 +237,32 @@ def solve(
     neighbour = None if guess is None else Solution.load(guess)
     reference = registry.find(model)
     fields = problem_fields(
-        reference.defaults, sequence, steps, final_time, controls, set_, bound, start, goal, restitution, periodic
+        reference.defaults,
+        sequence,
+        steps,
+        final_time,
+        controls,
+        set_,
+        bound,
+        start,
+        goal,
+        restitution,
+        periodic,
     )
     prepare(target, json_)
     problem = Problem(reference.kernels(order), **fields)
     quiet = json_ == "-"
     with Live() as live:
         solution = solved(
-            problem, method, tolerance=tolerance, form=form.value, guess=neighbour, iterations=iterations, seconds=seconds, progress=live.show,
-        )  # fmt: skip
+            problem,
+            method,
+            tolerance=tolerance,
+            form=form.value,
+            guess=neighbour,
+            iterations=iterations,
+            seconds=seconds,
+            progress=live.show,
+        )
     files: list[Path] = []
     derivatives: list[Sensitivities] = []
 
@@ -210,7 +272,9 @@ def solve(
 
     def differentiate() -> None:
         if sensitivities and solution.converged:
-            derivatives.append(differentiated(problem.but(steps=[p.steps for p in solution.phases]), solution))
+            derivatives.append(
+                differentiated(problem.but(steps=[p.steps for p in solution.phases]), solution)
+            )
 
     def tell() -> None:
         if not quiet:
@@ -222,7 +286,9 @@ def solve(
     in_turn(
         save,
         differentiate,
-        lambda: emit(solution.to_dict() | ({"sensitivities": derivatives[0]} if derivatives else {}), json_),
+        lambda: emit(
+            solution.to_dict() | ({"sensitivities": derivatives[0]} if derivatives else {}), json_
+        ),
         tell,
         lambda: None if target is None else draw(target / "solution.png", solution.plot, quiet),
     )
@@ -235,7 +301,9 @@ app.command()(search)
 @app.command()
 def verify(
     solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
-    model: Annotated[str | None, typer.Option(help="Model of the solution, if it is not shipped: file.py:name.")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="Model of the solution, if it is not shipped: file.py:name.")
+    ] = None,
     json_: JsonOption = None,
 ) -> None:
     """Check a solution by an independent simulation."""
@@ -245,10 +313,17 @@ def verify(
     prepare(None, json_)
     loaded = Solution.load(solution)
     order = loaded.trajectory.order
-    kernels = registry.load(model, order=order) if model else registry.load_for_file(loaded.reference, order)
+    kernels = (
+        registry.load(model, order=order)
+        if model
+        else registry.load_for_file(loaded.reference, order)
+    )
     check_same_model(loaded, kernels)
     check = loaded.verify(kernels)
-    summary = {key: (value.tolist() if hasattr(value, "tolist") else value) for key, value in asdict(check).items()}
+    summary = {
+        key: (value.tolist() if hasattr(value, "tolist") else value)
+        for key, value in asdict(check).items()
+    }
     emit(summary, json_)
     if json_ != "-":
         print_verification(check)
@@ -259,7 +334,10 @@ def verify(
 def plot(
     solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
     target: Annotated[
-        Path | None, typer.Option("--out", help="Figure file (.png, .pdf, .svg); by default beside the solution, as .png.")
+        Path | None,
+        typer.Option(
+            "--out", help="Figure file (.png, .pdf, .svg); by default beside the solution, as .png."
+        ),
     ] = None,
 ) -> None:
     """Draw a solution: snapshots, positions, momenta, inputs."""
@@ -302,12 +380,19 @@ def doctor() -> None:
         "kernel cache",
         f"{cache}, {entries} models"
         if writable
-        else Text.assemble(f"{cache} ", coloured(False, "cannot be written"), ": set DMOC_CACHE to a writable folder"),
+        else Text.assemble(
+            f"{cache} ",
+            coloured(False, "cannot be written"),
+            ": set DMOC_CACHE to a writable folder",
+        ),
     )
     healthy = healthy and writable
     for name in catalogue.models():
         table.add_row(
-            f"model {name}", "compiled" if load_installed(f"dmoc.generated.{name}") else "not compiled: built on first use"
+            f"model {name}",
+            "compiled"
+            if load_installed(f"dmoc.generated.{name}")
+            else "not compiled: built on first use",
         )
     extras = [("matplotlib", "plot", "draw figures")]
     extras += [(m.package, m.name, f"use method {m.name}") for m in METHODS.values() if m.package]
@@ -326,13 +411,19 @@ def main() -> None:
     if debug:
         sys.argv.remove("--debug")  # so that it may stand anywhere
     else:
-        warnings.showwarning = lambda message, *_, **__: err.print(f"warning: {message}", soft_wrap=True)
+        warnings.showwarning = lambda message, *_, **__: err.print(
+            f"warning: {message}", soft_wrap=True
+        )
     try:
         app()
     except (DmocError, OSError) as error:
         if debug or (isinstance(error, OSError) and error.errno not in NO_ROOM):
             raise
-        what = error if isinstance(error, DmocError) else f"standard output cannot be written ({error.strerror}): {REMEDY}."
+        what = (
+            error
+            if isinstance(error, DmocError)
+            else f"standard output cannot be written ({error.strerror}): {REMEDY}."
+        )
         err.print(f"error: {what}", style="red", soft_wrap=True)
         if isinstance(error, OSError):
             sys.stdout = io.StringIO()  # Python would try once more, and complain, when it ends

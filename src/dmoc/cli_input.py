@@ -17,7 +17,8 @@ from dmoc.errors import DmocError, ProblemError
 from dmoc.solving.methods import listed
 from dmoc.writing import check_file, check_folder, write_whole
 
-# What is printed is never read as markup: names, units and messages have brackets and colons of their own.  Colours are Text objects.
+# What is printed is never read as markup: names, units and messages have brackets and colons of
+# their own.  Colours are Text objects.
 out = Console(markup=False, emoji=False, highlight=False)
 err = Console(markup=False, emoji=False, highlight=False, stderr=True)
 NOT_SOLVED, BAD_INPUT = 1, 2
@@ -29,50 +30,89 @@ class Controls(StrEnum):
     stages = "stages"
 
 
-ModelArgument = Annotated[str, typer.Argument(help="Name of a shipped model or problem, or file.py:name.", show_default=False)]
+ModelArgument = Annotated[
+    str,
+    typer.Argument(help="Name of a shipped model or problem, or file.py:name.", show_default=False),
+]
 JsonOption = Annotated[
     str | None,
-    typer.Option("--json", metavar="FILE|-", help="Write the result as JSON; with - standard output is the JSON alone."),
+    typer.Option(
+        "--json",
+        metavar="FILE|-",
+        help="Write the result as JSON; with - standard output is the JSON alone.",
+    ),
 ]
 FinalTimeOption = Annotated[
-    str | None, typer.Option("--final-time", help="Final time in seconds, or its range, as 0.5:1, or :1 for at most 1.")
+    str | None,
+    typer.Option(
+        "--final-time", help="Final time in seconds, or its range, as 0.5:1, or :1 for at most 1."
+    ),
 ]
 METHOD_HELP = f"Solver: {listed()}"
 MethodOption = Annotated[str, typer.Option(help=f"{METHOD_HELP}.")]
-SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter value; repeatable.")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Parameter value; repeatable."),
+]
 BoundOption = Annotated[
-    list[str] | None, typer.Option(metavar="NAME=LOW:HIGH", help="Bounds of an input or coordinate; repeatable.")
+    list[str] | None,
+    typer.Option(metavar="NAME=LOW:HIGH", help="Bounds of an input or coordinate; repeatable."),
 ]
 StartOption = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME=VALUE", help="Start state: x, x_dot or p_x; a value, a range LOW:HIGH, or free; repeatable."),
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="Start state: x, x_dot or p_x; a value, a range LOW:HIGH, or free; repeatable.",
+    ),
 ]
 RestitutionOption = Annotated[
     list[str] | None,
-    typer.Option(metavar="E|SURFACE=E", help="Coefficient of restitution, 0 to 1, of all surfaces or of one; repeatable."),
+    typer.Option(
+        metavar="E|SURFACE=E",
+        help="Coefficient of restitution, 0 to 1, of all surfaces or of one; repeatable.",
+    ),
 ]
 PeriodicOption = Annotated[
-    str | None, typer.Option(metavar="STATES", help="States that end as they start, as y,p_y; free at the start unless given.")
+    str | None,
+    typer.Option(
+        metavar="STATES",
+        help="States that end as they start, as y,p_y; free at the start unless given.",
+    ),
 ]
-OrderOption = Annotated[int | None, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}; 2 by default.")]
+OrderOption = Annotated[
+    int | None,
+    typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}; 2 by default."),
+]
 ControlsOption = Annotated[
     Controls | None,
     typer.Option(
-        help="Inputs constant in a step, linear between nodes (order 2 only), or linear in each step, "
+        help="Inputs constant in a step, linear between nodes (order 2 only), or linear in each "
+        "step, "
         "with jumps at the nodes (stages, order 4 and more)."
     ),
 ]
-GoalOption = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Goal state, like --start; repeatable.")]
+GoalOption = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=VALUE", help="Goal state, like --start; repeatable."),
+]
 
 
-# Input ---------------------------------------------------------------------------------------------------------------
+# Input --------------------------------------------------------------------------------------------
 
 
 def problem_fields(
-    defaults: Mapping[str, Any], sequence: str | None, steps: str | None, final_time: str | None, controls: Controls | None,
-    set_: list[str] | None, bound: list[str] | None, start: list[str] | None, goal: list[str] | None,
-    restitution: list[str] | None, periodic: str | None,
-) -> dict[str, Any]:  # fmt: skip
+    defaults: Mapping[str, Any],
+    sequence: str | None,
+    steps: str | None,
+    final_time: str | None,
+    controls: Controls | None,
+    set_: list[str] | None,
+    bound: list[str] | None,
+    start: list[str] | None,
+    goal: list[str] | None,
+    restitution: list[str] | None,
+    periodic: str | None,
+) -> dict[str, Any]:
     """Fields of a problem: a model's own, changed by options."""
     fields = dict(defaults)
     if sequence is not None:
@@ -89,7 +129,9 @@ def problem_fields(
     if periodic is not None:
         fields["periodic"] = tuple(s.strip() for s in periodic.split(",") if s.strip())
     for name, given in (("parameters", set_), ("bounds", bound), ("start", start), ("goal", goal)):
-        option = {"parameters": "--set", "bounds": "--bound", "start": "--start", "goal": "--goal"}[name]
+        option = {"parameters": "--set", "bounds": "--bound", "start": "--start", "goal": "--goal"}[
+            name
+        ]
         pairs = dict(read_pair(text, option) for text in given or [])
         fields[name] = {**fields.get(name, {}), **pairs}
         replace_rest(fields[name], pairs)
@@ -110,10 +152,13 @@ def read_restitution(given: list[str]) -> float | dict[str, Any]:
     numbers = [text for text in given if "=" not in text]
     if numbers and len(given) > 1:
         raise ProblemError(
-            f"--restitution {numbers[0]} stands beside others: give one number for all surfaces, or SURFACE=E for each."
+            f"--restitution {numbers[0]} stands beside others: give one number for all surfaces, "
+            "or SURFACE=E for each."
         )
     if numbers:
-        return read_number(numbers[0], "--restitution", "expected a number from 0 to 1, or SURFACE=E")
+        return read_number(
+            numbers[0], "--restitution", "expected a number from 0 to 1, or SURFACE=E"
+        )
     return dict(read_pair(text, "--restitution") for text in given)
 
 
@@ -134,7 +179,9 @@ def read_value(text: str, what: str) -> Any:
     return read_number(text, what)
 
 
-def read_number(text: str, what: str, expected: str = "expected a number such as 0.5, or a range such as -1:1") -> float:
+def read_number(
+    text: str, what: str, expected: str = "expected a number such as 0.5, or a range such as -1:1"
+) -> float:
     try:
         return float(text)
     except ValueError:
@@ -148,7 +195,7 @@ def read_whole(text: str, what: str) -> int:
         raise ProblemError(f"{what} = {text!r}: expected a whole number.") from None
 
 
-# Output --------------------------------------------------------------------------------------------------------------
+# Output -------------------------------------------------------------------------------------------
 
 
 def prepare(folder: Path | None, json_: str | None) -> None:
@@ -179,7 +226,8 @@ def finite(value: Any) -> Any:
 
 
 def in_turn(*actions: Callable[[], None]) -> None:
-    """Do all of them, so that the failure of one loses nothing of the others; then raise the first error."""
+    """Do all of them, so that the failure of one loses nothing of the others; then raise the
+    first error."""
     errors = []
     for action in actions:
         try:

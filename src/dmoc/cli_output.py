@@ -52,8 +52,14 @@ def coloured(good: bool, word: str) -> Text:
 def print_summary(solution: Solution) -> None:
     """What was found, and how."""
     table = Table(show_header=False, box=None)
-    message = solution.message.replace(": " + "; ".join(solution.conflicts), "") if solution.conflicts else solution.message
-    table.add_row("status", Text.assemble(coloured(solution.solved, solution.status), f": {message}"))
+    message = (
+        solution.message.replace(": " + "; ".join(solution.conflicts), "")
+        if solution.conflicts
+        else solution.message
+    )
+    table.add_row(
+        "status", Text.assemble(coloured(solution.solved, solution.status), f": {message}")
+    )
     for conflict in solution.conflicts:
         table.add_row("conflict", conflict)
     table.add_row("cost", f"{solution.cost:.7g}")
@@ -61,7 +67,10 @@ def print_summary(solution: Solution) -> None:
         table.add_row(f"phase {i}", f"{phase.duration:.6g} s in {phase.steps} steps")
     table.add_row("final time", f"{solution.final_time:.6g} s")
     for c in solution.collisions:
-        table.add_row(f"collision {c.surface}", f"at {c.time:.6g} s, " + ("grazes" if c.grazes else f"impulse {c.impulse:.6g}"))
+        table.add_row(
+            f"collision {c.surface}",
+            f"at {c.time:.6g} s, " + ("grazes" if c.grazes else f"impulse {c.impulse:.6g}"),
+        )
     table.add_row("active bounds", ", ".join(solution.active_bounds) or "none")
     table.add_row("violation", f"{solution.max_violation:.1e}")
     table.add_row("optimality", f"{solution.optimality:.1e}")
@@ -69,16 +78,22 @@ def print_summary(solution: Solution) -> None:
         far = "" if mesh.difference is None else f", difference to the finest {mesh.difference:.1e}"
         far += "" if mesh.simulated is None else f", simulated error {mesh.simulated:.1e}"
         table.add_row(
-            f"{'+'.join(map(str, mesh.steps))} steps", f"cost {mesh.cost:.8g}, estimated error {mesh.estimate:.1e}{far}"
+            f"{'+'.join(map(str, mesh.steps))} steps",
+            f"cost {mesh.cost:.8g}, estimated error {mesh.estimate:.1e}{far}",
         )
     if solution.error_estimate is not None:
         table.add_row("error estimate", f"{solution.error_estimate:.1e}, relative")
     table.add_row("iterations", str(solution.iterations))
-    table.add_row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in solution.seconds.items()))
+    table.add_row(
+        "seconds", ", ".join(f"{name} {value:.2f}" for name, value in solution.seconds.items())
+    )
     if solution.verification:
         v = solution.verification
         state = coloured(v["passed"], "passed" if v["passed"] else "failed")
-        text = f": terminal error {v['terminal_error']:.1e}, segment error {v['max_segment_defect']:.1e}, energy error {v['energy_error']:.1e}, "
+        text = (
+            f": terminal error {v['terminal_error']:.1e}, segment error "
+            f"{v['max_segment_defect']:.1e}, energy error {v['energy_error']:.1e}, "
+        )
         text += f"contacts missed {len(v['missed_contacts'])}, extra {len(v['extra_contacts'])}"
         table.add_row("simulation", Text.assemble(state, text))
     out.print(table)
@@ -98,10 +113,19 @@ def print_verification(check: Verification) -> None:
     """What the independent simulation says."""
     table = Table(show_header=False, box=None)
     reason = f": {check.message}" if check.message else ""
-    table.add_row("simulation", Text.assemble(coloured(check.passed, "passed" if check.passed else "failed"), reason))
+    table.add_row(
+        "simulation",
+        Text.assemble(coloured(check.passed, "passed" if check.passed else "failed"), reason),
+    )
     table.add_row("terminal error", f"{check.terminal_error:.3e} of the motion's range (open loop)")
-    table.add_row("amplification", f"{check.amplification:.3g} times, of an error on the way to the end")
-    table.add_row("largest defect", f"{check.max_defect:.3e} per step, {check.segment_defects.max(initial=0.0):.3e} per segment")
+    table.add_row(
+        "amplification", f"{check.amplification:.3g} times, of an error on the way to the end"
+    )
+    table.add_row(
+        "largest defect",
+        f"{check.max_defect:.3e} per step, {check.segment_defects.max(initial=0.0):.3e} per "
+        "segment",
+    )
     table.add_row("energy error", f"{check.energy_error:.3e}")
     table.add_row("law of impact", f"{check.impact_error:.3e}")
     contacts = ", ".join(f"{c.surface} at {c.time:.6g} s" for c in check.contacts)

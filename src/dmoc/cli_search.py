@@ -42,8 +42,14 @@ if TYPE_CHECKING:
     from dmoc.sequences.engine import Progress, SearchResult
 
 COLOURS = {
-    "optimal": "bold green", "feasible": "green", "grazes": "cyan", "unverified": "yellow", "infeasible": "dim", "unreachable": "red", "failed": "magenta",
-}  # fmt: skip
+    "optimal": "bold green",
+    "feasible": "green",
+    "grazes": "cyan",
+    "unverified": "yellow",
+    "infeasible": "dim",
+    "unreachable": "red",
+    "failed": "magenta",
+}
 # Rows of the table on a terminal; the JSON has all nodes.
 MOST_ROWS = 40
 
@@ -57,12 +63,22 @@ class Strategy(StrEnum):
 def search(
     model: ModelArgument,
     max_collisions: Annotated[int, typer.Option(help="Most collisions of a sequence.")] = 3,
-    surfaces: Annotated[str | None, typer.Option(help="Surfaces that may be hit, as left,right; all by default.")] = None,
+    surfaces: Annotated[
+        str | None, typer.Option(help="Surfaces that may be hit, as left,right; all by default.")
+    ] = None,
     strategy: Annotated[
-        Strategy, typer.Option(help="All sequences, the most promising first, or the best of each depth.")
+        Strategy,
+        typer.Option(help="All sequences, the most promising first, or the best of each depth."),
     ] = Strategy.exhaustive,
-    beam: Annotated[int, typer.Option(help="Sequences of a depth whose children are looked at, with --strategy beam.")] = 4,
-    starts: Annotated[int, typer.Option(help="Seeded starts of each sequence beside the automatic ones.")] = 0,
+    beam: Annotated[
+        int,
+        typer.Option(
+            help="Sequences of a depth whose children are looked at, with --strategy beam."
+        ),
+    ] = 4,
+    starts: Annotated[
+        int, typer.Option(help="Seeded starts of each sequence beside the automatic ones.")
+    ] = 0,
     seed: Annotated[int, typer.Option(help="Seed of the seeded starts.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes of this machine.")] = 1,
     steps: Annotated[int | None, typer.Option(help="Steps of each phase.")] = None,
@@ -78,16 +94,30 @@ def search(
     periodic: PeriodicOption = None,
     shortest_phase: Annotated[
         float | None,
-        typer.Option(help="Shortest duration of a phase in seconds; a hundredth of the largest final time by default."),
+        typer.Option(
+            help="Shortest duration of a phase in seconds; a hundredth of the largest final time "
+            "by default."
+        ),
     ] = None,
     seconds: Annotated[float | None, typer.Option(help="Time budget of the search.")] = None,
     max_nodes: Annotated[int | None, typer.Option(help="Budget of sequences.")] = None,
-    node_seconds: Annotated[float, typer.Option(help="Time limit of one sequence; it is tried once more.")] = 60.0,
-    journal: Annotated[Path | None, typer.Option(metavar="FILE", help="Keep finished sequences in this file (SQLite).")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the sequences of --journal.")] = False,
+    node_seconds: Annotated[
+        float, typer.Option(help="Time limit of one sequence; it is tried once more.")
+    ] = 60.0,
+    journal: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Keep finished sequences in this file (SQLite)."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the sequences of --journal.")
+    ] = False,
     target: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Write the best solution, the tree and the best motions into this folder."),
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Write the best solution, the tree and the best motions into this folder.",
+        ),
     ] = None,
     json_: JsonOption = None,
 ) -> None:
@@ -115,10 +145,25 @@ def search(
     problem = Problem(reference.kernels(order), **fields)
     with _Board() as board:
         result = search_sequences(
-            problem, max_collisions, surfaces=None if surfaces is None else [s.strip() for s in surfaces.split(",") if s.strip()], strategy=strategy.value,
-            beam=beam, starts=starts, seed=seed, method=method, workers=workers, seconds=seconds, node_seconds=node_seconds, max_nodes=max_nodes,
-            shortest_phase=shortest_phase, journal=journal, resume=resume, progress=board.show,
-        )  # fmt: skip
+            problem,
+            max_collisions,
+            surfaces=None
+            if surfaces is None
+            else [s.strip() for s in surfaces.split(",") if s.strip()],
+            strategy=strategy.value,
+            beam=beam,
+            starts=starts,
+            seed=seed,
+            method=method,
+            workers=workers,
+            seconds=seconds,
+            node_seconds=node_seconds,
+            max_nodes=max_nodes,
+            shortest_phase=shortest_phase,
+            journal=journal,
+            resume=resume,
+            progress=board.show,
+        )
     quiet = json_ == "-"
     files: list[Path] = []
 
@@ -142,10 +187,12 @@ def search(
 
 
 class _Board:
-    """Counts, best cost and time on standard error while the search runs; nothing if standard error is no terminal."""
+    """Counts, best cost and time on standard error while the search runs, if it is a terminal."""
 
     def __init__(self) -> None:
-        self._live = Live(console=err, refresh_per_second=8, transient=True) if err.is_terminal else None
+        self._live = (
+            Live(console=err, refresh_per_second=8, transient=True) if err.is_terminal else None
+        )
 
     def __enter__(self) -> _Board:
         if self._live is not None:
@@ -161,7 +208,9 @@ class _Board:
             return
         counts = Text("  ").join(Text(f"{v} {n}", style=COLOURS[v]) for v, n in p.counts.items())
         best = "none yet" if p.best is None else f"{p.best.cost:.6g} ({p.best.name})"
-        self._live.update(Group(counts, Text(f"best {best}   waiting {p.waiting}   {p.seconds:.0f} s")))
+        self._live.update(
+            Group(counts, Text(f"best {best}   waiting {p.waiting}   {p.seconds:.0f} s"))
+        )
 
 
 def _draw(result: SearchResult, folder: Path | None, quiet: bool) -> None:
@@ -177,18 +226,37 @@ def _complain(result: SearchResult) -> None:
 
 
 def _report(result: SearchResult) -> None:
-    table = Table("sequence", "verdict", "cost", "phases [s]", "minima", "evidence", box=None, header_style="bold")
+    table = Table(
+        "sequence",
+        "verdict",
+        "cost",
+        "phases [s]",
+        "minima",
+        "evidence",
+        box=None,
+        header_style="bold",
+    )
     nodes = sorted(result.nodes, key=lambda n: (n.cost is None, n.cost or 0.0, len(n.sequence)))
     for n in nodes[:MOST_ROWS]:
         table.add_row(
-            n.name, Text(n.verdict.value, style=COLOURS[n.verdict.value]), "" if n.cost is None else f"{n.cost:.6g}",
-            " ".join(f"{t:.4g}" for t in n.phases), str(len(n.minima) or ""), "; ".join(n.evidence[:2]),
-        )  # fmt: skip
+            n.name,
+            Text(n.verdict.value, style=COLOURS[n.verdict.value]),
+            "" if n.cost is None else f"{n.cost:.6g}",
+            " ".join(f"{t:.4g}" for t in n.phases),
+            str(len(n.minima) or ""),
+            "; ".join(n.evidence[:2]),
+        )
     out.print(table)
     if len(nodes) > MOST_ROWS:
         out.print(f"... and {len(nodes) - MOST_ROWS} more: --json FILE has all of them")
     for note in result.notes:
         out.print(f"note: {note}")
-    best = "no confirmed motion" if result.best is None else f"best: {result.best.name}, cost {result.best.cost:.6g}"
+    best = (
+        "no confirmed motion"
+        if result.best is None
+        else f"best: {result.best.name}, cost {result.best.cost:.6g}"
+    )
     rate = len(result.nodes) / max(result.seconds, 1e-9)
-    out.print(f"{best}; {len(result.nodes)} sequences in {result.seconds:.1f} s ({rate:.1f} a second)")
+    out.print(
+        f"{best}; {len(result.nodes)} sequences in {result.seconds:.1f} s ({rate:.1f} a second)"
+    )

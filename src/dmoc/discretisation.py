@@ -1,8 +1,10 @@
-"""The discretisations there are, as data: polynomials, nodes, quadrature and forms of the inputs of a step.
+"""The discretisations there are, as data: polynomials, nodes, quadrature and forms of the inputs of
+a step.
 
-A step carries a polynomial of degree d through its d + 1 Lobatto nodes, and integrals over it are taken
-at its d Gauss points, which gives order 2 d (S. Ober-Bloebaum, N. Saake: Construction and analysis of
-higher order Galerkin variational integrators. Advances in Computational Mathematics 41 (2015) 955-986).
+A step carries a polynomial of degree d through its d + 1 Lobatto nodes, and integrals over it are
+taken at its d Gauss points, which gives order 2 d (S. Ober-Bloebaum, N. Saake: Construction and
+analysis of higher order Galerkin variational integrators. Advances in Computational Mathematics 41
+(2015) 955-986).
 """
 
 from __future__ import annotations
@@ -25,8 +27,8 @@ Index = NDArray[np.intp]
 class InputForm:
     """How the rows of the inputs u of a phase stand for its steps.
 
-    Row ``stride`` k is the input at the start of step k, ``width`` rows later that at its end; a phase
-    has ``shared`` rows more than the steps need alone.
+    Row ``stride`` k is the input at the start of step k, ``width`` rows later that at its end; a
+    phase has ``shared`` rows more than the steps need alone.
     """
 
     name: str
@@ -60,7 +62,9 @@ FORMS = {
     for form in (
         InputForm("constant", stride=1, width=0, shared=0),  # one value a step
         InputForm("linear", stride=1, width=1, shared=1),  # one value a node, linear between them
-        InputForm("stages", stride=2, width=1, shared=0),  # linear in each step, two values of its own
+        InputForm(
+            "stages", stride=2, width=1, shared=0
+        ),  # linear in each step, two values of its own
     )
 }
 
@@ -96,7 +100,8 @@ class Discretisation:
 
     @cached_property
     def shapes(self) -> Array:
-        """Shape functions of the nodes: row a holds the coefficients of 1, x, x^2, ... on [0, 1]."""
+        """Shape functions of the nodes: row a holds the coefficients of 1, x, x^2, ... on [0,
+        1]."""
         return np.asarray(np.linalg.inv(np.vander(self.nodes, increasing=True)).T.copy())
 
     def within(self, start: Array, end: Array) -> Array:

@@ -1,4 +1,5 @@
-"""The errors that dmoc raises: each message says what is wrong, where, what was expected and the remedy."""
+"""The errors that dmoc raises: each message says what is wrong, where, what was expected and the
+remedy."""
 
 
 class DmocError(Exception):

@@ -34,7 +34,8 @@ LONGEST_PATH = 4096  # that an operating system takes
 
 @dataclass(frozen=True)
 class Reference:
-    """A model named by the user, with the fields of the problem it comes with; ``made`` makes its kernels of an order."""
+    """A model named by the user, with the fields of the problem it comes with; ``made`` makes
+    its kernels of an order."""
 
     name: str
     defaults: Mapping[str, Any]
@@ -42,14 +43,16 @@ class Reference:
     made: Callable[[int | None], Kernels]
 
     def kernels(self, order: int | None = None) -> Kernels:
-        """The kernels, which know how their model was named; None stands for the order that there is."""
+        """The kernels, which know how their model was named; None stands for the order that
+        there is."""
         return replace(self.made(order), reference=self.name)
 
 
 def find(reference: str) -> Reference:
     """Resolve the name of a shipped model or problem, or ``file.py:name``.
 
-    The name in a file is a MechanicalSystem, a Problem, or a function without arguments that returns one of them.
+    The name in a file is a MechanicalSystem, a Problem, or a function without arguments that
+    returns one of them.
 
     Raises
     ------
@@ -57,7 +60,10 @@ def find(reference: str) -> Reference:
         If there is no such model, file or name, or it is of another kind.
     """
     if not isinstance(reference, str) or "\0" in reference or len(reference) > LONGEST_PATH:
-        raise ModelError(f"model = {shown(reference)}: expected the name of a shipped model, or file.py:name, as a text.")
+        raise ModelError(
+            f"model = {shown(reference)}: expected the name of a shipped model, or file.py:name, "
+            "as a text."
+        )
     path, _, name = reference.rpartition(":")
     if not path:
         return _shipped(reference)
@@ -68,25 +74,32 @@ def find(reference: str) -> Reference:
         kernels = made.kernels
 
         def no_system() -> MechanicalSystem:
-            raise ModelError(f"{reference} is a Problem: name the MechanicalSystem to see its derivation.")
+            raise ModelError(
+                f"{reference} is a Problem: name the MechanicalSystem to see its derivation."
+            )
 
         def of_order(order: int | None) -> Kernels:
             made_with = kernels.manifest["order"]
             if order not in (None, made_with):
                 raise ModelError(
-                    f"{reference} is a Problem with kernels of order {made_with}: name the MechanicalSystem, or build it with order={order}."
+                    f"{reference} is a Problem with kernels of order {made_with}: name the "
+                    f"MechanicalSystem, or build it with order={order}."
                 )
             return kernels
 
         return Reference(where, defaults, no_system, of_order)
     system = made
-    return Reference(where, {}, lambda: system, lambda order: build(system, order=2 if order is None else order))
+    return Reference(
+        where, {}, lambda: system, lambda order: build(system, order=2 if order is None else order)
+    )
 
 
 def load(reference: str, *, order: int | None = None) -> Kernels:
-    """Return the kernels of a shipped model, or of ``file.py:name``; needs no SymPy for an installed model.
+    """Return the kernels of a shipped model, or of ``file.py:name``; needs no SymPy for an
+    installed model.
 
-    ``order`` is that of the discretisation; None stands for what there is: 2, or that of a Problem in a file.
+    ``order`` is that of the discretisation; None stands for what there is: 2, or that of a Problem
+    in a file.
     """
     if order is not None:
         check_order(order)
@@ -94,30 +107,42 @@ def load(reference: str, *, order: int | None = None) -> Kernels:
 
 
 def load_for_file(reference: str, order: int) -> Kernels:
-    """Return the kernels of the model that a data file names: a shipped one, because what else a file may name is not run."""
+    """Return the kernels of the model that a data file names: a shipped one, because what else a
+    file may name is not run."""
     if reference not in catalogue.ENTRIES:
         raise ModelError(
-            f"the solution was made with {reference!r}, and a file may name shipped models only: if you trust that model, name it yourself "
+            f"the solution was made with {reference!r}, and a file may name shipped models only: "
+            "if you trust that model, name it yourself "
             "with --model file.py:name, or in Python give its kernels."
         )
     return load(reference, order=order)
 
 
 def is_shipped(motion: Trajectory) -> bool:
-    """Whether a motion is one of the shipped model of its name, and not of another model of that name."""
+    """Whether a motion is one of the shipped model of its name, and not of another model of that
+    name."""
     if motion.model not in catalogue.models():
         return False
     installed = load_installed(f"dmoc.generated.{motion.model}") if motion.order == 2 else None
     if installed is not None:
-        key, names = installed.manifest["fingerprint"], (installed.coordinates, installed.parameters)
+        key, names = (
+            installed.manifest["fingerprint"],
+            (installed.coordinates, installed.parameters),
+        )
     else:
         from dmoc.symbolic.kernels import model_fingerprint
         from dmoc.symbolic.names import name_of
 
         system = catalogue.system(motion.model)
         key = model_fingerprint(system, motion.order)
-        names = [name_of(q) for q in system.coordinates], {name_of(s): None for s in system.parameters}
-    return motion.fingerprint == key and (list(motion.coordinates), list(motion.parameters)) == (names[0], list(names[1]))
+        names = (
+            [name_of(q) for q in system.coordinates],
+            {name_of(s): None for s in system.parameters},
+        )
+    return motion.fingerprint == key and (list(motion.coordinates), list(motion.parameters)) == (
+        names[0],
+        list(names[1]),
+    )
 
 
 def _shipped(name: str) -> Reference:
@@ -126,7 +151,9 @@ def _shipped(name: str) -> Reference:
         raise ModelError(f"{name} names a file without an object in it: expected {name}:name.")
     if entry is None:
         known = ", ".join(sorted(catalogue.ENTRIES))
-        raise ModelError(f"unknown model {shown(name)}: expected one of {known}, or a file as file.py:name.")
+        raise ModelError(
+            f"unknown model {shown(name)}: expected one of {known}, or a file as file.py:name."
+        )
     model = entry.model
 
     def kernels(order: int | None) -> Kernels:
@@ -137,35 +164,52 @@ def _shipped(name: str) -> Reference:
 
 
 def _from_file(path: Path, name: str) -> Any:
-    """Run a model file as if it were imported, and return the system or the problem that it names."""
+    """Run a model file as if it were imported, and return the system or the problem that it
+    names."""
     from dmoc.symbolic.system import MechanicalSystem
 
     if not os.path.isfile(path):
-        raise ModelError(f"{path} does not exist: name a Python file and an object in it, as file.py:name.")
+        raise ModelError(
+            f"{path} does not exist: name a Python file and an object in it, as file.py:name."
+        )
     spec = importlib.util.spec_from_file_location(f"_dmoc_model_{uuid.uuid4().hex}", path)
     if spec is None or spec.loader is None:
         raise ModelError(f"{path} is not a Python file: expected a name ending in .py.")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look their module up there, some of them later
     with _paths_kept(), _as_sentences(path):
-        sys.path.insert(0, str(path.parent))  # as if the file were run: what lies beside it can be imported
+        # As if the file were run: what lies beside it can be imported.
+        sys.path.insert(0, str(path.parent))
         spec.loader.exec_module(module)
         made = _made(module, path, name)
     if not isinstance(made, (MechanicalSystem, Problem)):
-        raise ModelError(f"{name} in {path} is a {type(made).__name__}: expected a MechanicalSystem or a Problem.")
+        raise ModelError(
+            f"{name} in {path} is a {type(made).__name__}: expected a MechanicalSystem or a "
+            "Problem."
+        )
     return made
 
 
 def _made(module: types.ModuleType, path: Path, name: str) -> Any:
     made = getattr(module, name, None)
     if made is None:
-        raise ModelError(f"{path} defines no {name!r}: expected a MechanicalSystem, a Problem, or a function that returns one.")
+        raise ModelError(
+            f"{path} defines no {name!r}: expected a MechanicalSystem, a Problem, or a function "
+            "that returns one."
+        )
     if not callable(made):
         return made
     given = inspect.signature(made).parameters.values()
-    needed = [p.name for p in given if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+    needed = [
+        p.name
+        for p in given
+        if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
+    ]
     if needed:
-        raise ModelError(f"{name} in {path} needs the arguments {', '.join(needed)}: expected a function that needs none.")
+        raise ModelError(
+            f"{name} in {path} needs the arguments {', '.join(needed)}: expected a function that "
+            "needs none."
+        )
     return made()
 
 
@@ -192,7 +236,15 @@ def _as_sentences(path: Path) -> Iterator[None]:
         raise ModelError(f"{path} ends the program: a model file must not call sys.exit.") from None
     except BaseException as error:  # also what derives from nothing else
         text = " ".join("".join(traceback.format_exception_only(error)).split()).partition(": ")[2]
-        line = next((f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == str(path)), "?")
+        line = next(
+            (
+                f.lineno
+                for f in reversed(traceback.extract_tb(error.__traceback__))
+                if f.filename == str(path)
+            ),
+            "?",
+        )
         raise ModelError(
-            f"{path} cannot be loaded: {type(error).__name__} in line {line}: {text or 'no message'}; correct the file."
+            f"{path} cannot be loaded: {type(error).__name__} in line {line}: "
+            f"{text or 'no message'}; correct the file."
         ) from error

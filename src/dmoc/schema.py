@@ -1,7 +1,9 @@
-"""What a file holds, declared as kinds of values: they write it, and refuse on reading whatever is not of the kind.
+"""What a file holds, declared as kinds of values: they write it, and refuse on reading whatever is
+not of the kind.
 
-A record lists its fields, each with a kind.  Kinds write values as JSON, large arrays beside it.  A size is a number, or a letter that stands
-for the same number wherever it appears in a record and in those inside it.
+A record lists its fields, each with a kind.  Kinds write values as JSON, large arrays beside it.  A
+size is a number, or a letter that stands for the same number wherever it appears in a record and in
+those inside it.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ def no_arrays(where: str, _: object) -> Any:
 
 @dataclass(frozen=True)
 class Context:
-    """What the reading of a value may need: the arrays by place and shape, and the sizes known so far."""
+    """What the reading of a value may need: the arrays by place and shape, and the sizes known
+    so far."""
 
     take: Take = no_arrays
     sizes: dict[str, int] = field(default_factory=dict)
@@ -46,7 +49,8 @@ class Context:
         return Context(self.take, dict(self.sizes))
 
     def check(self, size: Size, number: int, where: str) -> None:
-        """Fix a size that is not known yet; refuse a number of entries that differs from a known one."""
+        """Fix a size that is not known yet; refuse a number of entries that differs from a known
+        one."""
         if size is None:
             return
         expected = size if isinstance(size, int) else self.sizes.setdefault(size, number)
@@ -90,7 +94,11 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def said(given: object) -> str:
     """Foreign text in a message: quoted, short, on one line."""
-    text = ascii(given) if isinstance(given, (str, int, float, type(None))) else f"a {type(given).__name__}"
+    text = (
+        ascii(given)
+        if isinstance(given, (str, int, float, type(None)))
+        else f"a {type(given).__name__}"
+    )
     return text if len(text) <= LONGEST_SAID else text[:LONGEST_SAID] + "..."
 
 
@@ -129,7 +137,12 @@ class Number:
     def read(self, given: Any, where: str, context: Context) -> float:
         number = isinstance(given, float) or (_is_whole(given) and abs(given) <= LARGEST_INTEGER)
         _expect(number, given, where, "a number")
-        _expect(self.special or self.low <= given <= self.high, given, where, f"a number from {self.low:g} to {self.high:g}")
+        _expect(
+            self.special or self.low <= given <= self.high,
+            given,
+            where,
+            f"a number from {self.low:g} to {self.high:g}",
+        )
         return float(given)
 
 
@@ -166,7 +179,8 @@ class Flag:
 
 @dataclass(frozen=True)
 class Text:
-    """A text of printable characters and ends of lines; others become question marks when it is written."""
+    """A text of printable characters and ends of lines; others become question marks when it is
+    written."""
 
     def write(self, value: Any, where: str, put: Put) -> str:
         return "".join(c if c == "\n" or c.isprintable() else "?" for c in str(value))
@@ -185,7 +199,9 @@ class Name:
         return str(value)
 
     def read(self, given: Any, where: str, context: Context) -> str:
-        _expect(isinstance(given, str) and NAME.fullmatch(given) is not None, given, where, "a name")
+        _expect(
+            isinstance(given, str) and NAME.fullmatch(given) is not None, given, where, "a name"
+        )
         return str(given)
 
 
@@ -268,17 +284,24 @@ class Mapped:
     names: Kind = Text()
 
     def write(self, value: Any, where: str, put: Put) -> dict[str, Any]:
-        return {self.names.write(name, where, put): self.kind.write(v, _at(where, name), put) for name, v in value.items()}
+        return {
+            self.names.write(name, where, put): self.kind.write(v, _at(where, name), put)
+            for name, v in value.items()
+        }
 
     def read(self, given: Any, where: str, context: Context) -> dict[str, Any]:
         _expect(isinstance(given, dict), given, where, "a mapping")
         context.check(self.size, len(given), where)
         names = {name: self.names.read(name, f"a name in {where}", context) for name in given}
-        return {names[name]: self.kind.read(value, _at(where, name), context) for name, value in given.items()}
+        return {
+            names[name]: self.kind.read(value, _at(where, name), context)
+            for name, value in given.items()
+        }
 
 
 class Stored:
-    """A float64 array beside the text, which has its shape; any shape of one or two sizes if none is given.
+    """A float64 array beside the text, which has its shape; any shape of one or two sizes if none
+    is given.
 
     Its values are numbers; any at all, infinite and NaN included, where it is ``special``.
     """
@@ -295,12 +318,17 @@ class Stored:
         shape = Listed(Whole()).read(given, f"the shape of {where}", context)
         wanted = self.shape or (None,) * len(shape)
         if len(shape) != len(wanted) or not 1 <= len(shape) <= 2:
-            raise Refused(f"{where} has {len(shape)} dimensions, expected {len(self.shape) or '1 or 2'}")
+            raise Refused(
+                f"{where} has {len(shape)} dimensions, expected {len(self.shape) or '1 or 2'}"
+            )
         for size, number in zip(wanted, shape, strict=True):
             context.check(size, number, where)
         array = context.take(where, shape)
         if not self.special and not (np.abs(array) <= LARGEST_NUMBER).all():
-            raise Refused(f"{where} has a value that is not a number from {-LARGEST_NUMBER:g} to {LARGEST_NUMBER:g}")
+            raise Refused(
+                f"{where} has a value that is not a number from {-LARGEST_NUMBER:g} to "
+                f"{LARGEST_NUMBER:g}"
+            )
         return array
 
 
@@ -316,10 +344,20 @@ class Record:
     wrong: Callable[[Any], str | None] = lambda _: None
 
     def write(self, value: Any, where: str, put: Put) -> dict[str, Any]:
-        given = value if isinstance(value, Mapping) else {name: getattr(value, name) for name in self.fields}
+        given = (
+            value
+            if isinstance(value, Mapping)
+            else {name: getattr(value, name) for name in self.fields}
+        )
         if set(given) != set(self.fields):
-            raise ValueError(f"{where}: {sorted(set(given) ^ set(self.fields))} are not in both, the value and its declaration")
-        return {name: kind.write(given[name], _at(where, name), put) for name, kind in self.fields.items()}
+            raise ValueError(
+                f"{where}: {sorted(set(given) ^ set(self.fields))} are not in both, the value and "
+                "its declaration"
+            )
+        return {
+            name: kind.write(given[name], _at(where, name), put)
+            for name, kind in self.fields.items()
+        }
 
     def read(self, given: Any, where: str, context: Context) -> Any:
         _expect(isinstance(given, dict), given, where, "a mapping")
@@ -330,7 +368,12 @@ class Record:
             if name not in given:
                 raise Refused(f"{_at(where, name)} is missing")
         within = context.inside()
-        value = self.make(**{name: kind.read(given[name], _at(where, name), within) for name, kind in self.fields.items()})
+        value = self.make(
+            **{
+                name: kind.read(given[name], _at(where, name), within)
+                for name, kind in self.fields.items()
+            }
+        )
         wrong = self.wrong(value)
         if wrong:
             raise Refused(wrong)

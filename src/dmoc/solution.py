@@ -1,4 +1,5 @@
-"""The solution of a problem: motion, status, cost, multipliers, timings; saved as one .npz file without pickle."""
+"""The solution of a problem: motion, status, cost, multipliers, timings; saved as one .npz file
+without pickle."""
 
 from __future__ import annotations
 
@@ -34,12 +35,14 @@ class Mesh:
     iterations : int
         Up to here.
     estimate : float
-        Estimated error: the largest relative change of cost, durations and positions against the mesh before, extrapolated; infinite for the
-        first mesh.
+        Estimated error: the largest relative change of cost, durations and positions against the
+        mesh before, extrapolated; infinite for the first mesh.
     simulated : float or None
-        Largest relative error over a tenth of a phase, by the independent simulation; None where it was not asked for.
+        Largest relative error over a tenth of a phase, by the independent simulation; None where it
+        was not asked for.
     difference : float or None
-        Difference to the finest mesh, measured like the change; None for the finest.  An honest estimate is of its size.
+        Difference to the finest mesh, measured like the change; None for the finest.  An honest
+        estimate is of its size.
     """
 
     steps: tuple[int, ...]
@@ -57,8 +60,9 @@ class Solution:
     Attributes
     ----------
     status : Status
-        "solved", "grazes" (solved, but a collision has no effect), "not_verified", "infeasible", "iteration_limit", "time_limit",
-        "stalled" or "interrupted": a text and a :class:`~dmoc.solvers.outcome.Status`.
+        "solved", "grazes" (solved, but a collision has no effect), "not_verified", "infeasible",
+        "iteration_limit", "time_limit", "stalled" or "interrupted": a text and a
+        :class:`~dmoc.solvers.outcome.Status`.
     message : str
         What happened, and what helps.
     method : str
@@ -67,10 +71,11 @@ class Solution:
     trajectory : Trajectory
         Phases (t, q, p, v, u) and collisions (surface, time, impulse, momenta before and after).
     multipliers : mapping of str to array
-        By kind of constraint, in L = J + y . c - w . d - z . x; those of the unknowns' bounds, z, as "bounds".
+        By kind of constraint, in L = J + y . c - w . d - z . x; those of the unknowns' bounds, z,
+        as "bounds".
     active_bounds : tuple of ActiveBound
-        Bounds and inequalities that hold with equality and carry a multiplier: texts that know what they say, see
-        :class:`~dmoc.nlp.active.ActiveBound`.
+        Bounds and inequalities that hold with equality and carry a multiplier: texts that know what
+        they say, see :class:`~dmoc.nlp.active.ActiveBound`.
     max_violation : float
         Largest violation of any constraint or bound, relative to its size.
     optimality : float
@@ -81,19 +86,23 @@ class Solution:
     unknowns : array
         The vector of unknowns, from which another solve can start.
     conflicts : tuple of str
-        Where no feasible point was found: what is missed and by how much, and what stands against it.
+        Where no feasible point was found: what is missed and by how much, and what stands against
+        it.
     verification : mapping or None
         Result of the independent check, as in the command line's JSON.
     reference : str
         How the model was named: a shipped model or ``file.py:name``.
     error_estimate : float or None
-        Where a tolerance was given: the larger of the estimated relative error of the mesh and of the simulated error.
+        Where a tolerance was given: the larger of the estimated relative error of the mesh and of
+        the simulated error.
     meshes : tuple of Mesh
         The meshes of the refinement.
     duality_gap : float
-        Sum of the products of inequalities and bounds with their multipliers: what the cost may still lose to the solver's tolerance.
+        Sum of the products of inequalities and bounds with their multipliers: what the cost may
+        still lose to the solver's tolerance.
     scale : mapping of str to float
-        Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off the start.
+        Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off
+        the start.
     """
 
     status: Status
@@ -124,7 +133,8 @@ class Solution:
 
     @property
     def minimum(self) -> bool:
-        """Whether a local minimum was found, in which a collision may have no effect, and the check confirmed it."""
+        """Whether a local minimum was found, in which a collision may have no effect, and the
+        check confirmed it."""
         return self.status in MINIMA
 
     @property
@@ -145,12 +155,14 @@ class Solution:
         return self.trajectory.final_time
 
     def verify(self, kernels: Kernels | None = None, seconds: float | None = None) -> Verification:
-        """Check the motion by an independent simulation, within a time limit if one is given; see :func:`dmoc.simulation.check.verify`.
+        """Check the motion by an independent simulation, within a time limit if one is given; see
+        :func:`dmoc.simulation.check.verify`.
 
         Raises
         ------
         ModelError
-            If the solution comes from a file, names a model that is not shipped, and no kernels are given.
+            If the solution comes from a file, names a model that is not shipped, and no kernels are
+            given.
         SolutionFileError
             If the solution names other states, parameters or surfaces than its model.
         """
@@ -160,10 +172,13 @@ class Solution:
         _check_names(self.trajectory, kernels)
         return verify(self.trajectory, kernels, seconds)
 
-    def plot(self, path: str | os.PathLike[str] | None = None, shape: Shape | None = None) -> Figure:
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, shape: Shape | None = None
+    ) -> Figure:
         """Draw positions, momenta, inputs and snapshots; write the figure if a path is given.
 
-        ``shape(q, parameters)`` returns a :class:`~dmoc.report.shapes.Picture` of a model that is not shipped.
+        ``shape(q, parameters)`` returns a :class:`~dmoc.report.shapes.Picture` of a model that is
+        not shipped.
         """
         from dmoc.registry import is_shipped
         from dmoc.report.figure import plot
@@ -190,7 +205,10 @@ class Solution:
             "cost": self.cost,
             "final_time": self.final_time,
             "active_bounds": list(map(str, self.active_bounds)),
-            "phases": [{"steps": p.steps, "step_size": p.step_size, "duration": p.duration} for p in self.phases],
+            "phases": [
+                {"steps": p.steps, "step_size": p.step_size, "duration": p.duration}
+                for p in self.phases
+            ],
             "collisions": [
                 {
                     "surface": c.surface,
@@ -263,7 +281,8 @@ def check_same_model(solution: Solution, kernels: Kernels) -> None:
     wanted, given = solution.trajectory.fingerprint, kernels.manifest["fingerprint"]
     if wanted != given:
         raise SolutionFileError(
-            f"the solution was made for another version of model {solution.trajectory.model!r} than {kernels.name!r} as it is now: "
+            f"the solution was made for another version of model {solution.trajectory.model!r} "
+            f"than {kernels.name!r} as it is now: "
             "solve again, or give the model it was made for."
         )
 
@@ -280,6 +299,7 @@ def _check_names(motion: Trajectory, kernels: Kernels) -> None:
     ):
         if list(given) != list(expected):
             raise SolutionFileError(
-                f"the solution has the {what} {', '.join(given) or 'none'}, its model {kernels.name!r} {', '.join(expected) or 'none'}: "
+                f"the solution has the {what} {', '.join(given) or 'none'}, its model "
+                f"{kernels.name!r} {', '.join(expected) or 'none'}: "
                 "the file is damaged, solve again."
             )

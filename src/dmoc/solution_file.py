@@ -60,7 +60,9 @@ def bytes_of(path: Path) -> bytes:
             raise SolutionFileError(f"{path} is larger than any solution file: {REMEDY}.")
         return path.read_bytes()
     except OSError as error:
-        raise SolutionFileError(f"{path} cannot be read ({error.strerror}): give a file that you may read.") from None
+        raise SolutionFileError(
+            f"{path} cannot be read ({error.strerror}): give a file that you may read."
+        ) from None
 
 
 def solution_in(content: bytes, name: str) -> Solution:
@@ -70,12 +72,16 @@ def solution_in(content: bytes, name: str) -> Solution:
         header = plain(archive.text())
         version = header.get("format") if isinstance(header, dict) else None
         if isinstance(version, int) and version != FILE_FORMAT:
-            raise SolutionFileError(f"{name} has format {said(version)}, expected {FILE_FORMAT}: solve the problem again.")
+            raise SolutionFileError(
+                f"{name} has format {said(version)}, expected {FILE_FORMAT}: solve the problem "
+                "again."
+            )
         solution: Solution = FILE.read(header, "", Context(archive.array))["solution"]
         archive.close()
     except Refused as error:
         raise SolutionFileError(
-            f"{name} is damaged or no solution file ({error}): write it again with `dmoc solve --out`."
+            f"{name} is damaged or no solution file ({error}): write it again with `dmoc solve "
+            "--out`."
         ) from None
     return solution
 
@@ -118,13 +124,17 @@ def _wrong_solution(solution: Solution) -> str | None:
     numbers = [solution.cost, solution.max_violation, solution.optimality]
     values = np.concatenate([numbers, *(a.ravel() for a in solution.multipliers.values())])
     if solution.converged and not np.isfinite(values).all():
-        return f"the status is '{solution.status}', and a cost, residual or multiplier is not finite"
+        return (
+            f"the status is '{solution.status}', and a cost, residual or multiplier is not finite"
+        )
     return None
 
 
 def _summary(**values: Any) -> dict[str, Any]:
     """The result of the check, in the types that JSON has."""
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+    return {
+        name: list(value) if isinstance(value, tuple) else value for name, value in values.items()
+    }
 
 
 @dataclass(frozen=True)

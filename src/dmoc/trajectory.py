@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from dmoc.discretisation import FORMS, InputForm
 
 Array = NDArray[np.float64]
-# A contact that changes no momentum by more than this share of its size grazes: the motion touches a surface without colliding.
+# A contact that changes no momentum by more than this share of its size grazes: the motion touches
+# a surface without colliding.
 GRAZING = 0.01
 
 
@@ -26,7 +27,8 @@ class Phase:
     q, p, v : arrays of shape (N + 1, nq)
         Coordinates, momenta and velocities at the nodes; at a collision those of this phase's side.
     u : array of shape (N, nu), (N + 1, nu) or (2 N, nu)
-        Inputs of the steps (constant), at the nodes (linear), or at the two ends of each step, where they may jump (stages).
+        Inputs of the steps (constant), at the nodes (linear), or at the two ends of each step,
+        where they may jump (stages).
     """
 
     t: Array
@@ -50,10 +52,11 @@ class Phase:
 
 @dataclass(frozen=True)
 class Collision:
-    """A collision: surface, time (s), position, impulse lam >= 0 along grad g, momenta before and after.
+    """A collision: surface, time (s), position, impulse lam >= 0 along grad g, momenta before and
+    after.
 
-    ``rate_before`` >= 0 >= ``rate_after`` are the rates of the gap on both sides; a collision that ``grazes`` has no effect: the motion touches
-    the surface and goes on as if it were not there.
+    ``rate_before`` >= 0 >= ``rate_after`` are the rates of the gap on both sides; a collision that
+    ``grazes`` has no effect: the motion touches the surface and goes on as if it were not there.
     """
 
     surface: str
@@ -102,7 +105,8 @@ class Trajectory:
     order: int
 
     def input_ends(self, phase: Phase) -> tuple[Array, Array]:
-        """Inputs at the start and at the end of every step of a phase, shape (N, nu) each; in between they are linear."""
+        """Inputs at the start and at the end of every step of a phase, shape (N, nu) each; in
+        between they are linear."""
         at = self.input_form.starts(phase.steps)
         return phase.u[at], phase.u[at + self.input_form.width]
 

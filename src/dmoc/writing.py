@@ -14,7 +14,8 @@ REMEDY = "choose a writable place with room"
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file through a temporary one beside it, which nobody can foresee; a device is written to directly.
+    """Write a file through a temporary one beside it, which nobody can foresee; a device is written
+    to directly.
 
     Raises
     ------

@@ -1,4 +1,5 @@
-"""The kernel cache: found again, rebuilt when damaged, safe for several processes, and machines without a compiler."""
+"""The kernel cache: found again, rebuilt when damaged, safe for several processes, and machines
+without a compiler."""
 
 from __future__ import annotations
 
@@ -31,7 +32,9 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def works(kernels: dmoc.codegen.kernels.Kernels) -> bool:
     one = np.ones((1, 1))
-    return bool(kernels.call("dynamics", one, one, one, one, np.array([[3.0, 1.0]]))[0][0, 0] == 3.0)
+    return bool(
+        kernels.call("dynamics", one, one, one, one, np.array([[3.0, 1.0]]))[0][0, 0] == 3.0
+    )
 
 
 def test_a_second_build_finds_the_first(own_cache: Path) -> None:
@@ -71,7 +74,10 @@ def test_another_model_of_the_same_name_gets_an_entry_of_its_own(own_cache: Path
         system.cost,
     )
     one = np.ones((1, 1))
-    assert dmoc.build(other).call("dynamics", one, one, one, one, np.array([[3.0, 1.0]]))[0][0, 0] == 6.0
+    assert (
+        dmoc.build(other).call("dynamics", one, one, one, one, np.array([[3.0, 1.0]]))[0][0, 0]
+        == 6.0
+    )
 
 
 def test_two_processes_building_at_once_both_succeed(own_cache: Path) -> None:
@@ -80,13 +86,18 @@ def test_two_processes_building_at_once_both_succeed(own_cache: Path) -> None:
         "k = dmoc.build(systems.block_system('cached')); assert k.backend == 'compiled'"
     )
     running = [
-        subprocess.Popen([sys.executable, "-c", program], env={**os.environ, "DMOC_CACHE": str(own_cache)}) for _ in range(3)
+        subprocess.Popen(
+            [sys.executable, "-c", program], env={**os.environ, "DMOC_CACHE": str(own_cache)}
+        )
+        for _ in range(3)
     ]
     assert [p.wait() for p in running] == [0, 0, 0]
     entry(own_cache)
 
 
-def test_without_a_compiler_numpy_takes_over_with_a_warning(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_compiler_numpy_takes_over_with_a_warning(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.warns(RuntimeWarning, match=r"no C compiler was found \(CC=no-such-compiler\)"):
         kernels = dmoc.build(block_system("cached"))
@@ -95,7 +106,9 @@ def test_without_a_compiler_numpy_takes_over_with_a_warning(own_cache: Path, mon
         dmoc.build(block_system("cached"), backend="compiled")
 
 
-def test_a_failing_compiler_shows_its_output(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_compiler_shows_its_output(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("CC", "false")
     with pytest.raises(BuildError, match="the compiler failed"):
         dmoc.build(block_system("cached"))
@@ -113,8 +126,11 @@ def test_an_unknown_backend_is_refused() -> None:
         dmoc.build(block_system(), backend="gpu")
 
 
-def test_kernels_travel_between_processes(own_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a shared cache they are found there; without one they are built from the sources that travel along."""
+def test_kernels_travel_between_processes(
+    own_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a shared cache they are found there; without one they are built from the sources that
+    travel along."""
     x = np.array([[0.3]])
     for kernels in (dmoc.build(block_system()), dmoc.build(block_system(), backend="numpy")):
         sent = pickle.dumps(kernels)

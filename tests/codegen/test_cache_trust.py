@@ -1,4 +1,5 @@
-"""Nothing is loaded from the cache that others could have written, and compiled kernels are those of their manifest."""
+"""Nothing is loaded from the cache that others could have written, and compiled kernels are
+those of their manifest."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ SYSTEM = block_system("trusted")
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A cache with the kernels of SYSTEM, made by a user whose files are open to all unless they are closed."""
+    """A cache with the kernels of SYSTEM, made by a user whose files are open to all unless they
+    are closed."""
     folder = tmp_path_factory.mktemp("trust") / "above" / "cache"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DMOC_CACHE", str(folder))
@@ -69,9 +71,12 @@ def test_the_own_cache_is_used_and_is_the_users_alone(own_cache: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "mode"), [("cache", 0o770), ("cache", 0o707), ("cache", 0o1777), ("above", 0o777), ("above", 0o770)]
+    ("place", "mode"),
+    [("cache", 0o770), ("cache", 0o707), ("cache", 0o1777), ("above", 0o777), ("above", 0o770)],
 )
-def test_a_folder_that_others_may_write_to_is_not_used_and_said_once(own_cache: Path, place: str, mode: int) -> None:
+def test_a_folder_that_others_may_write_to_is_not_used_and_said_once(
+    own_cache: Path, place: str, mode: int
+) -> None:
     folder = own_cache if place == "cache" else own_cache.parent
     folder.chmod(mode)
     with (
@@ -89,7 +94,9 @@ def test_a_sticky_folder_above_is_no_objection(own_cache: Path) -> None:
     assert dmoc.build(SYSTEM).seconds == 0
 
 
-def test_a_folder_of_another_user_is_not_used(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_of_another_user_is_not_used(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     me = os.geteuid()
     monkeypatch.setattr(os, "geteuid", lambda: me + 1)
     with (
@@ -112,7 +119,9 @@ def _forged(entry: Path, change: Callable[[dict[str, Any]], None]) -> None:
     change(manifest)
     (entry / "manifest.json").write_text(json.dumps(manifest))
     record = json.loads((entry / "build.json").read_text())
-    record["files"]["manifest.json"] = hashlib.sha256((entry / "manifest.json").read_bytes()).hexdigest()
+    record["files"]["manifest.json"] = hashlib.sha256(
+        (entry / "manifest.json").read_bytes()
+    ).hexdigest()
     (entry / "build.json").write_text(json.dumps(record))
 
 
@@ -144,8 +153,14 @@ def test_an_entry_that_others_could_have_made_is_not_loaded(own_cache: Path, dam
         dmoc.build(SYSTEM)
 
 
-def test_an_installed_module_of_other_sources_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, code in (("fresh_kernels", "new"), ("stale_kernels", "old"), ("oldest_kernels", None)):
+def test_an_installed_module_of_other_sources_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, code in (
+        ("fresh_kernels", "new"),
+        ("stale_kernels", "old"),
+        ("oldest_kernels", None),
+    ):
         folder = tmp_path / name
         folder.mkdir()
         (folder / "__init__.py").touch()
@@ -154,7 +169,9 @@ def test_an_installed_module_of_other_sources_is_refused(tmp_path: Path, monkeyp
     monkeypatch.syspath_prepend(tmp_path)
     assert load_installed("fresh_kernels") is not None
     for name in ("stale_kernels", "oldest_kernels"):
-        with pytest.raises(BuildError, match=r"of model 'm' were made from other sources .* install dmoc again"):
+        with pytest.raises(
+            BuildError, match=r"of model 'm' were made from other sources .* install dmoc again"
+        ):
             load_installed(name)
 
 
@@ -165,7 +182,9 @@ def test_the_compiled_module_knows_its_sources(own_cache: Path) -> None:
     assert json.loads(other["manifest.json"])["code"] != kernels.module.CODE
 
 
-def test_what_arrives_is_built_under_the_name_of_its_texts(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_arrives_is_built_under_the_name_of_its_texts(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Kernels of another model, which claim to be the user's, work and are not taken for them."""
     own = dmoc.build(SYSTEM)
     files = c_files(model_spec(replace(SYSTEM, lagrangian=2 * SYSTEM.lagrangian)))

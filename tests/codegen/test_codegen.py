@@ -1,4 +1,5 @@
-"""Generated code: awkward expressions, determinism, agreement of the backends, warnings and sanitizers."""
+"""Generated code: awkward expressions, determinism, agreement of the backends, warnings and
+sanitizers."""
 
 from __future__ import annotations
 
@@ -26,14 +27,56 @@ from dmoc.symbolic.spec import FUNCTIONS
 
 T = dynamicsymbols._t
 AWKWARD = [
-    "q**2", "q**3", "q**4", "q**7", "1/q", "1/q**2", "q**-3", "sqrt(q)", "1/sqrt(q)", "q**(3/2)", "q**(-5/2)", "q**p", "p**q",
-    "2**q", "exp(q)", "exp(-q**2)", "log(q)", "-q", "-(q - p)", "q - (p - q)", "q/(p/q)", "(q/p)/q", "-q**2", "(-q)**2",
-    "q*(p + 1)*(p - 1)", "1/(q*p)", "q/(p + q)**2", "Rational(1, 3)*q", "-Rational(1, 3)*q + 1e-30", "-2*(-q**2 - p)",
-    "-(-q - p)/3", "1 - (-(q - p))", "1e22*q", "pi*q", "E*q", "sin(q)/q", "sin(cos(tan(q)))",
-    "asin(q/9) + acos(q/9) + atan(q)", "atan2(q, p)", "sinh(q) + cosh(q) + tanh(q)", "asinh(q) + acosh(q + 1) + atanh(q/9)",
-    "Abs(q - p)", "sign(q - p)*q", "Max(q, p)", "Min(q, p, 1)", "Piecewise((q, q < p), (p**2, q < 2*p), (1, True))",
-    "Piecewise((q, (q < p) & (q > 0)), (1, True))", "Piecewise((q, (q > p) | (q < 0)), (1, True))", "Heaviside(q - p)*q**2",
-]  # fmt: skip
+    "q**2",
+    "q**3",
+    "q**4",
+    "q**7",
+    "1/q",
+    "1/q**2",
+    "q**-3",
+    "sqrt(q)",
+    "1/sqrt(q)",
+    "q**(3/2)",
+    "q**(-5/2)",
+    "q**p",
+    "p**q",
+    "2**q",
+    "exp(q)",
+    "exp(-q**2)",
+    "log(q)",
+    "-q",
+    "-(q - p)",
+    "q - (p - q)",
+    "q/(p/q)",
+    "(q/p)/q",
+    "-q**2",
+    "(-q)**2",
+    "q*(p + 1)*(p - 1)",
+    "1/(q*p)",
+    "q/(p + q)**2",
+    "Rational(1, 3)*q",
+    "-Rational(1, 3)*q + 1e-30",
+    "-2*(-q**2 - p)",
+    "-(-q - p)/3",
+    "1 - (-(q - p))",
+    "1e22*q",
+    "pi*q",
+    "E*q",
+    "sin(q)/q",
+    "sin(cos(tan(q)))",
+    "asin(q/9) + acos(q/9) + atan(q)",
+    "atan2(q, p)",
+    "sinh(q) + cosh(q) + tanh(q)",
+    "asinh(q) + acosh(q + 1) + atanh(q/9)",
+    "Abs(q - p)",
+    "sign(q - p)*q",
+    "Max(q, p)",
+    "Min(q, p, 1)",
+    "Piecewise((q, q < p), (p**2, q < 2*p), (1, True))",
+    "Piecewise((q, (q < p) & (q > 0)), (1, True))",
+    "Piecewise((q, (q > p) | (q < 0)), (1, True))",
+    "Heaviside(q - p)*q**2",
+]
 
 
 @pytest.fixture(scope="module")
@@ -49,12 +92,15 @@ def awkward() -> tuple[Kernels, Kernels, list[sp.Expr]]:
         lagrangian=q.diff(T) ** 2 / 2,
         forces={q: u},
         parameters={p: 1.3},
-        path_constraints={f"e{i}": sp.Ge(e + u - u, 0, evaluate=False) for i, e in enumerate(expressions)},
+        path_constraints={
+            f"e{i}": sp.Ge(e + u - u, 0, evaluate=False) for i, e in enumerate(expressions)
+        },
     )
     return dmoc.build(system), dmoc.build(system, backend="numpy"), expressions
 
 
-# Inputs at both ends, step size, time and the nodes inside, between the nodes and the parameters of a step.
+# Inputs at both ends, step size, time and the nodes inside, between the nodes and the parameters of
+# a step.
 STILL = (np.zeros((1, 1)), np.zeros((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), np.zeros((1, 0)))
 
 
@@ -67,11 +113,15 @@ def test_awkward_expressions_equal_mpmath(awkward: tuple[Kernels, Kernels, list[
         for kernels in (compiled, numpy):
             found = kernels.call("path", *row)[0][0]
             for text, expression, result in zip(AWKWARD, expressions, found, strict=True):
-                exact = mpmath.mpf(sp.N(expression.subs({q: sp.Float(value, 40), p: sp.Float(1.3, 40)}), 40))
+                exact = mpmath.mpf(
+                    sp.N(expression.subs({q: sp.Float(value, 40), p: sp.Float(1.3, 40)}), 40)
+                )
                 assert abs(result - exact) <= 2e-14 * max(1, abs(exact)), text
 
 
-def test_derivatives_of_awkward_expressions_equal_differences(awkward: tuple[Kernels, Kernels, list[sp.Expr]]) -> None:
+def test_derivatives_of_awkward_expressions_equal_differences(
+    awkward: tuple[Kernels, Kernels, list[sp.Expr]],
+) -> None:
     compiled, _, _ = awkward
     at, step = 0.7, 1e-6
 
@@ -106,13 +156,20 @@ def test_printers_know_every_function() -> None:
         ("I*q", ModelError, "contains the imaginary unit"),
     ],
 )
-def test_an_expression_that_cannot_be_printed_is_refused(text: str, error: type[dmoc.DmocError], message: str) -> None:
+def test_an_expression_that_cannot_be_printed_is_refused(
+    text: str, error: type[dmoc.DmocError], message: str
+) -> None:
     q, u = dynamicsymbols("q u")
     force = sp.sympify(text, locals={"q": q, "f": sp.Function("f")})
     with pytest.raises(error, match=message) as told:
         dmoc.build(
             dmoc.MechanicalSystem(
-                "odd", coordinates=[q], inputs=[u], lagrangian=q.diff(T) ** 2 / 2, forces={q: u + force}, parameters={}
+                "odd",
+                coordinates=[q],
+                inputs=[u],
+                lagrangian=q.diff(T) ** 2 / 2,
+                forces={q: u + force},
+                parameters={},
             )
         )
     assert "\n" not in str(told.value)
@@ -137,9 +194,12 @@ def test_c_hostile_parameter_names_work() -> None:
 @pytest.mark.slow
 def test_text_does_not_depend_on_the_hash_seed() -> None:
     program = (
-        "import hashlib; from dmoc.models import catalogue; from dmoc.symbolic.kernels import model_spec;"
-        "from dmoc.codegen.text import c_files, numpy_text; m = model_spec(catalogue.system('cart_pendulum'));"
-        "print(hashlib.sha256((repr(sorted(c_files(m).items())) + numpy_text(m)).encode()).hexdigest())"
+        "import hashlib; from dmoc.models import catalogue; from dmoc.symbolic.kernels import "
+        "model_spec;"
+        "from dmoc.codegen.text import c_files, numpy_text; m = "
+        "model_spec(catalogue.system('cart_pendulum'));"
+        "print(hashlib.sha256((repr(sorted(c_files(m).items())) + "
+        "numpy_text(m)).encode()).hexdigest())"
     )
     digests = {
         subprocess.run(
@@ -192,7 +252,9 @@ def test_wrong_arrays_are_refused_by_name(block: Kernels) -> None:
     with pytest.raises(ValueError, match="q_k: expected 3 rows or 1, got 2"):
         block.functions["step"](one[:2], one, one, one, one, one, none, np.ones((1, 2)), *out)
     with pytest.raises(ValueError, match="q_k: expected float64"):
-        block.functions["step"](one.astype(np.float32), one, one, one, one, one, none, np.ones((1, 2)), *out)
+        block.functions["step"](
+            one.astype(np.float32), one, one, one, one, one, none, np.ones((1, 2)), *out
+        )
     with pytest.raises(TypeError, match="step: expected 12 arrays, got 4"):
         block.functions["step"](*out)
 
@@ -200,22 +262,46 @@ def test_wrong_arrays_are_refused_by_name(block: Kernels) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_every_kernel_runs_under_sanitizers(tmp_path: Path, order: int) -> None:
-    """Each kernel is called on arrays of exactly its sizes; reading or writing beside them aborts the program."""
+    """Each kernel is called on arrays of exactly its sizes; reading or writing beside them
+    aborts the program."""
     model = model_spec(driven_system(), order)
     write_files(tmp_path, c_files(model))
-    lines = ['#include "kernels.h"', "#include <stdlib.h>", "static double *make(size_t n) {",
-             "    double *a = malloc((n ? n : 1) * sizeof *a); for (size_t i = 0; i < n; ++i) a[i] = 0.5 + 0.1 * (double)i; return a; }",
-             "int main(void) {"]  # fmt: skip
+    lines = [
+        '#include "kernels.h"',
+        "#include <stdlib.h>",
+        "static double *make(size_t n) {",
+        "    double *a = malloc((n ? n : 1) * sizeof *a); for (size_t i = 0; i < n; ++i) a[i] = "
+        "0.5 + 0.1 * (double)i; return a; }",
+        "int main(void) {",
+    ]
     for k in model.kernels:
         ins = ", ".join(f"make({3 * a.size})" for a in k.inputs)
         outs = ", ".join(f"make({3 * o.size})" for o in k.outputs)
         strides = ", ".join(str(a.size) for a in k.inputs)
-        lines.append(f"    {{ const double *in[] = {{{ins}}}; double *out[] = {{{outs}}}; ptrdiff_t s[] = {{{strides}}};")
+        lines.append(
+            f"    {{ const double *in[] = {{{ins}}}; double *out[] = {{{outs}}}; ptrdiff_t s[] = "
+            f"{{{strides}}};"
+        )
         lines.append(f"      driven_{k.name}(3, in, s, out); }}")
     (tmp_path / "main.c").write_text("\n".join([*lines, "    return 0; }"]))
-    flags = ["-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    subprocess.run([*compiler(), *flags, f"-I{HEADERS}", "kernels.c", "main.c", "-lm", "-o", "run"], cwd=tmp_path, check=True)
-    subprocess.run(["./run"], cwd=tmp_path, check=True, env={**os.environ, "ASAN_OPTIONS": "detect_leaks=0"})
+    flags = [
+        "-std=c11",
+        "-g",
+        "-O1",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-fsanitize=address,undefined",
+        "-fno-sanitize-recover=all",
+    ]
+    subprocess.run(
+        [*compiler(), *flags, f"-I{HEADERS}", "kernels.c", "main.c", "-lm", "-o", "run"],
+        cwd=tmp_path,
+        check=True,
+    )
+    subprocess.run(
+        ["./run"], cwd=tmp_path, check=True, env={**os.environ, "ASAN_OPTIONS": "detect_leaks=0"}
+    )
 
 
 def test_readable_symbols_carry_the_users_names() -> None:

@@ -1,4 +1,5 @@
-"""What users pass by mistake: every case is refused in one sentence that names the argument, or ends in a status; none in a traceback."""
+"""What users pass by mistake: every case is refused in one sentence that names the argument, or
+ends in a status; none in a traceback."""
 
 from __future__ import annotations
 
@@ -28,15 +29,67 @@ BEYOND_TEXT = 10**5000  # Python refuses to print integers of more than 4300 dig
 NAN, INF = math.nan, math.inf
 # Values that are no number, and numbers that are not finite.
 NO_NUMBERS: tuple[Any, ...] = (
-    "1", b"1", True, np.True_, 1 + 0j, np.complex128(1), [1.0], (1.0,), {"a": 1}, {1.0}, object(), sp.Symbol("a"), sp.I, np.array([1.0]),
-    np.array([[1.0, 2.0]]), np.array("1"), np.array(1j), np.array(None), lambda: 1.0, Decimal("NaN"), NAN, INF, -INF, HUGE, -HUGE, BEYOND_TEXT,
-    np.float32("nan"), np.datetime64("2020-01-01"),
-)  # fmt: skip
+    "1",
+    b"1",
+    True,
+    np.True_,
+    1 + 0j,
+    np.complex128(1),
+    [1.0],
+    (1.0,),
+    {"a": 1},
+    {1.0},
+    object(),
+    sp.Symbol("a"),
+    sp.I,
+    np.array([1.0]),
+    np.array([[1.0, 2.0]]),
+    np.array("1"),
+    np.array(1j),
+    np.array(None),
+    lambda: 1.0,
+    Decimal("NaN"),
+    NAN,
+    INF,
+    -INF,
+    HUGE,
+    -HUGE,
+    BEYOND_TEXT,
+    np.float32("nan"),
+    np.datetime64("2020-01-01"),
+)
 NO_RANGES: tuple[Any, ...] = (
-    "01", b"01", True, 1j, (), (1,), (0, 1, 2), [[0, 1]], ((0, 1), (0, 1)), ("0", "1"), (True, 2), (NAN, 1), (0, NAN), (INF, None), (None, -INF),
-    (0, 1j), (0, HUGE), (0, [1]), {0: 1}, {0, 1}, range(3), np.zeros((2, 2)), np.array([0, NAN]), np.array(["0", "1"]), (2, 1), [1, -1],
-    (x for x in (0, 1)), object(), HUGE, NAN,
-)  # fmt: skip
+    "01",
+    b"01",
+    True,
+    1j,
+    (),
+    (1,),
+    (0, 1, 2),
+    [[0, 1]],
+    ((0, 1), (0, 1)),
+    ("0", "1"),
+    (True, 2),
+    (NAN, 1),
+    (0, NAN),
+    (INF, None),
+    (None, -INF),
+    (0, 1j),
+    (0, HUGE),
+    (0, [1]),
+    {0: 1},
+    {0, 1},
+    range(3),
+    np.zeros((2, 2)),
+    np.array([0, NAN]),
+    np.array(["0", "1"]),
+    (2, 1),
+    [1, -1],
+    (x for x in (0, 1)),
+    object(),
+    HUGE,
+    NAN,
+)
 NO_LISTS: tuple[Any, ...] = (
     "wall",
     b"wall",
@@ -51,10 +104,39 @@ NO_LISTS: tuple[Any, ...] = (
     sp.Symbol("wall"),
     np.array("wall"),
 )
-NO_MAPPINGS: tuple[Any, ...] = (None, 5, "x", b"x", ["x"], ("x", 1), {"x"}, [("x", 1)], np.zeros(2), object(), dict)
+NO_MAPPINGS: tuple[Any, ...] = (
+    None,
+    5,
+    "x",
+    b"x",
+    ["x"],
+    ("x", 1),
+    {"x"},
+    [("x", 1)],
+    np.zeros(2),
+    object(),
+    dict,
+)
 NO_NAMES: tuple[Any, ...] = (
-    "y", "", "X", "x ", "x\n", "x_ddot", None, 0, 1.5, (), b"x", "x" * 100_000, X.diff(T, 2), X + U, 2 * X, X.diff(T) + X, sp.Symbol("z"), frozenset("x"),
-)  # fmt: skip
+    "y",
+    "",
+    "X",
+    "x ",
+    "x\n",
+    "x_ddot",
+    None,
+    0,
+    1.5,
+    (),
+    b"x",
+    "x" * 100_000,
+    X.diff(T, 2),
+    X + U,
+    2 * X,
+    X.diff(T) + X,
+    sp.Symbol("z"),
+    frozenset("x"),
+)
 NO_WHOLE: tuple[Any, ...] = (
     0,
     -1,
@@ -76,7 +158,18 @@ NO_WHOLE: tuple[Any, ...] = (
     {},
 )
 NO_FLAGS: tuple[Any, ...] = ("no", "", None, 0, 1, 0.0, [], np.array([True, False]))
-NO_PROBLEMS: tuple[Any, ...] = (None, 5, "block", b"block", [], {}, (), object(), np.zeros(3), dmoc.Problem)
+NO_PROBLEMS: tuple[Any, ...] = (
+    None,
+    5,
+    "block",
+    b"block",
+    [],
+    {},
+    (),
+    object(),
+    np.zeros(3),
+    dmoc.Problem,
+)
 
 Call = Callable[[Kernels, dmoc.Problem], Any]
 
@@ -92,7 +185,9 @@ class Case:
 
 
 def stated(**changes: Any) -> Call:
-    return lambda kernels, _: dmoc.Problem(kernels, **{"start": {"x": 0.0}, "steps": 4, "final_time": 1.0, **changes})
+    return lambda kernels, _: dmoc.Problem(
+        kernels, **{"start": {"x": 0.0}, "steps": 4, "final_time": 1.0, **changes}
+    )
 
 
 def problem_cases() -> Iterator[Case]:
@@ -100,7 +195,12 @@ def problem_cases() -> Iterator[Case]:
         return Case(field, stated(**{field: value}), ProblemError, names or field)
 
     for value in (*NO_PROBLEMS, "cart_pendulum", block_system):
-        yield Case("kernels", lambda _, __, value=value: dmoc.Problem(value, start={"x": 0}), ProblemError, "kernels")
+        yield Case(
+            "kernels",
+            lambda _, __, value=value: dmoc.Problem(value, start={"x": 0}),
+            ProblemError,
+            "kernels",
+        )
     for field in ("start", "goal", "bounds", "parameters"):
         for value in NO_MAPPINGS:
             yield case(field, value)
@@ -157,7 +257,17 @@ def problem_cases() -> Iterator[Case]:
     yield case("sequence", itertools.repeat("wall"))
     yield case("sequence", ["wall"] * 10**6)
     yield case("periodic", itertools.repeat("x"))
-    for value in (["z"], [None], [0], [["x"]], ["x", "x"], ["x", X], [b"x"], [X + U], [X.diff(T, 2)]):
+    for value in (
+        ["z"],
+        [None],
+        [0],
+        [["x"]],
+        ["x", "x"],
+        ["x", X],
+        [b"x"],
+        [X + U],
+        [X.diff(T, 2)],
+    ):
         yield case("periodic", value)
     yield case("periodic", {"x": "-x"}, "mapping")
     for value in (
@@ -183,7 +293,18 @@ def problem_cases() -> Iterator[Case]:
         yield Case("steps x phases", many, ProblemError, "steps")
         lists = stated(steps=[steps] * (collisions + 1), sequence=["wall"] * collisions)
         yield Case("steps of each phase", lists, ProblemError, "steps")
-    for value in ("stages", "", "Constant", 1, True, b"constant", ["constant"], {}, np.array(["constant", "linear"]), NAN):
+    for value in (
+        "stages",
+        "",
+        "Constant",
+        1,
+        True,
+        b"constant",
+        ["constant"],
+        {},
+        np.array(["constant", "linear"]),
+        NAN,
+    ):
         yield case("controls", value)
     for value in NO_FLAGS:
         yield case("minimal_times", value)
@@ -204,12 +325,27 @@ def problem_cases() -> Iterator[Case]:
 
 def solve_cases() -> Iterator[Case]:
     def case(option: str, value: Any, names: str = "") -> Case:
-        return Case(option, lambda _, problem: dmoc.solve(problem, **{option: value}), ProblemError, names or option)
+        return Case(
+            option,
+            lambda _, problem: dmoc.solve(problem, **{option: value}),
+            ProblemError,
+            names or option,
+        )
 
     for value in NO_PROBLEMS:
         yield Case("problem", lambda _, __, value=value: dmoc.solve(value), ProblemError, "problem")
-        yield Case("problem", lambda _, __, value=value: dmoc.sensitivities(value, value), ProblemError, "problem")
-        yield Case("solution", lambda _, problem, value=value: dmoc.sensitivities(problem, value), ProblemError, "solution")
+        yield Case(
+            "problem",
+            lambda _, __, value=value: dmoc.sensitivities(value, value),
+            ProblemError,
+            "problem",
+        )
+        yield Case(
+            "solution",
+            lambda _, problem, value=value: dmoc.sensitivities(problem, value),
+            ProblemError,
+            "solution",
+        )
     yield Case("problem", lambda *_: dmoc.solve(block_system()), ProblemError, "problem")  # type: ignore[arg-type]
     yield Case("problem", lambda kernels, _: dmoc.solve(kernels), ProblemError, "problem")  # type: ignore[arg-type]
     for option in ("tolerance", "optimality", "violation", "seconds"):
@@ -220,7 +356,18 @@ def solve_cases() -> Iterator[Case]:
     for value in NO_WHOLE:
         yield case("iterations", value)
     for option in ("method", "form"):
-        for value in ("newton", "", "IPM", 5, True, b"ipm", ["ipm"], {}, np.array(["ipm", "slsqp"]), object()):
+        for value in (
+            "newton",
+            "",
+            "IPM",
+            5,
+            True,
+            b"ipm",
+            ["ipm"],
+            {},
+            np.array(["ipm", "slsqp"]),
+            object(),
+        ):
             yield case(option, value)
     yield case("form", None)
     for value in (5, "print", [print], True, {}):
@@ -229,16 +376,47 @@ def solve_cases() -> Iterator[Case]:
         yield case("verify", value)
     for value in (None, 5, b"x", ["x"]):
         yield case("reference", value)
-    for value in ("x", b"x", {}, {1.0}, object(), True, [True], 1j, [1j], ["1"], [None], [[1.0], [1.0, 2.0]], [[]], [], 0.0, [0.0], [NAN] * 3,
-                  np.zeros(3), np.zeros((3, 3)), np.full(3, NAN), [HUGE], dmoc.Problem, (0.0 for _ in range(3))):  # fmt: skip
+    for value in (
+        "x",
+        b"x",
+        {},
+        {1.0},
+        object(),
+        True,
+        [True],
+        1j,
+        [1j],
+        ["1"],
+        [None],
+        [[1.0], [1.0, 2.0]],
+        [[]],
+        [],
+        0.0,
+        [0.0],
+        [NAN] * 3,
+        np.zeros(3),
+        np.zeros((3, 3)),
+        np.full(3, NAN),
+        [HUGE],
+        dmoc.Problem,
+        (0.0 for _ in range(3)),
+    ):
         yield case("guess", value)
-    yield Case("guess", lambda _, problem: dmoc.solve(problem, guess=np.full(20, INF)), ProblemError, "guess")
+    yield Case(
+        "guess",
+        lambda _, problem: dmoc.solve(problem, guess=np.full(20, INF)),
+        ProblemError,
+        "guess",
+    )
 
 
 def search_cases() -> Iterator[Case]:
     def case(option: str, value: Any, names: str = "") -> Case:
         return Case(
-            option, lambda _, problem: dmoc.search(problem, **{"max_collisions": 0, option: value}), SearchError, names or option
+            option,
+            lambda _, problem: dmoc.search(problem, **{"max_collisions": 0, option: value}),
+            SearchError,
+            names or option,
         )
 
     for value in NO_PROBLEMS:
@@ -300,27 +478,86 @@ def resting() -> Trajectory:
     phase = Phase(np.array([0.0, 1.0]), still, still, still, one)
     free = np.array([[-INF, INF]])
     return Trajectory(
-        "block", "", ("x",), ("u",), {"m": 1.0, "wall": 1.0}, (phase,), (), "constant", free, free, {"wall": 1.0}, 2
+        "block",
+        "",
+        ("x",),
+        ("u",),
+        {"m": 1.0, "wall": 1.0},
+        (phase,),
+        (),
+        "constant",
+        free,
+        free,
+        {"wall": 1.0},
+        2,
     )
 
 
 def model_cases() -> Iterator[Case]:
     for value in NO_PROBLEMS:
         yield Case("system", lambda _, __, value=value: dmoc.build(value), ModelError, "system")
-    for value in (None, 5, True, b"cart_pendulum", ["cart_pendulum"], {}, object(), "", "cart", "x" * 5000, "a\0b", "a\0b:c", "a" * 5000 + ":b", ":",
-                  ":x", "nowhere.py:x", "nowhere.py", "/:x"):  # fmt: skip
+    for value in (
+        None,
+        5,
+        True,
+        b"cart_pendulum",
+        ["cart_pendulum"],
+        {},
+        object(),
+        "",
+        "cart",
+        "x" * 5000,
+        "a\0b",
+        "a\0b:c",
+        "a" * 5000 + ":b",
+        ":",
+        ":x",
+        "nowhere.py:x",
+        "nowhere.py",
+        "/:x",
+    ):
         yield Case("reference", lambda _, __, value=value: dmoc.load(value), ModelError, "")
     for value in (None, 0, 3, 2.0, "2", True, [2], np.array([2, 4]), HUGE, NAN):
-        yield Case("order", lambda _, __, value=value: dmoc.build(block_system(), order=value), ModelError, "order")
+        yield Case(
+            "order",
+            lambda _, __, value=value: dmoc.build(block_system(), order=value),
+            ModelError,
+            "order",
+        )
         if value is not None:
-            yield Case("order", lambda _, __, value=value: dmoc.load("cart_pendulum", order=value), ModelError, "order")
+            yield Case(
+                "order",
+                lambda _, __, value=value: dmoc.load("cart_pendulum", order=value),
+                ModelError,
+                "order",
+            )
     for value in (None, "c", 5, True, ["auto"], np.array(["auto", "numpy"])):
-        yield Case("backend", lambda _, __, value=value: dmoc.build(block_system(), backend=value), BuildError, "backend")
+        yield Case(
+            "backend",
+            lambda _, __, value=value: dmoc.build(block_system(), backend=value),
+            BuildError,
+            "backend",
+        )
     for value in NO_FLAGS:
-        yield Case("force", lambda _, __, value=value: dmoc.build(block_system(), force=value), BuildError, "force")
+        yield Case(
+            "force",
+            lambda _, __, value=value: dmoc.build(block_system(), force=value),
+            BuildError,
+            "force",
+        )
     for value in (None, 5, "x", {}, np.zeros(3), object()):
-        yield Case("trajectory", lambda kernels, _, value=value: dmoc.verify(value, kernels), SimulationError, "trajectory")
-        yield Case("kernels", lambda _, problem, value=value: dmoc.verify(resting(), value), SimulationError, "kernels")
+        yield Case(
+            "trajectory",
+            lambda kernels, _, value=value: dmoc.verify(value, kernels),
+            SimulationError,
+            "trajectory",
+        )
+        yield Case(
+            "kernels",
+            lambda _, problem, value=value: dmoc.verify(resting(), value),
+            SimulationError,
+            "kernels",
+        )
 
 
 CASES = [*problem_cases(), *solve_cases(), *search_cases(), *model_cases()]
@@ -336,7 +573,9 @@ def problem(block: Kernels) -> dmoc.Problem:
 
 
 @pytest.mark.parametrize("case", CASES, ids=[f"{i}-{c.name}" for i, c in enumerate(CASES)])
-def test_what_does_not_fit_is_refused_in_one_sentence_that_names_it(case: Case, block: Kernels, problem: dmoc.Problem) -> None:
+def test_what_does_not_fit_is_refused_in_one_sentence_that_names_it(
+    case: Case, block: Kernels, problem: dmoc.Problem
+) -> None:
     with pytest.raises(case.error) as error:
         case.call(block, problem)
     text = str(error.value)
@@ -376,13 +615,24 @@ def test_what_does_not_fit_is_refused_in_one_sentence_that_names_it(case: Case, 
         ({"parameters": {sp.Symbol("m"): 2}}, {"parameters": {"m": 2.0}}),
     ],
 )
-def test_what_has_one_meaning_is_taken(block: Kernels, fields: dict[str, Any], same: dict[str, Any]) -> None:
-    given, plain = (dmoc.Problem(block, **{"start": {"x": 0.0}, "steps": 4, "final_time": 1.0} | f) for f in (fields, same))
+def test_what_has_one_meaning_is_taken(
+    block: Kernels, fields: dict[str, Any], same: dict[str, Any]
+) -> None:
+    given, plain = (
+        dmoc.Problem(block, **{"start": {"x": 0.0}, "steps": 4, "final_time": 1.0} | f)
+        for f in (fields, same)
+    )
     for name in ("start_bounds", "goal_bounds"):
         assert np.array_equal(getattr(given, name).position, getattr(plain, name).position)
         assert np.array_equal(getattr(given, name).velocity, getattr(plain, name).velocity)
         assert np.array_equal(getattr(given, name).momentum, getattr(plain, name).momentum)
-    for name in ("input_bounds", "coordinate_bounds", "duration_bounds", "parameter_values", "restitution_values"):
+    for name in (
+        "input_bounds",
+        "coordinate_bounds",
+        "duration_bounds",
+        "parameter_values",
+        "restitution_values",
+    ):
         assert np.array_equal(getattr(given, name), getattr(plain, name))
     for name in ("sequence", "phase_steps", "periodic", "final_time_bounds", "minimal_times"):
         assert getattr(given, name) == getattr(plain, name)
@@ -437,8 +687,12 @@ def test_a_mass_that_vanishes_on_the_way_is_no_solution_and_is_told(
 
 @pytest.mark.parametrize("method", ["slsqp", "ipm"])
 @pytest.mark.parametrize(("m", "status"), [(1e-300, "solved"), (1e300, "stalled")])
-def test_masses_at_the_ends_of_the_numbers_end_in_a_status(losing: Kernels, method: str, m: float, status: str) -> None:
-    problem = dmoc.Problem(losing, start={"x": 0.0}, goal={"x": 0.5}, steps=6, final_time=1.0, parameters={"m": m})
+def test_masses_at_the_ends_of_the_numbers_end_in_a_status(
+    losing: Kernels, method: str, m: float, status: str
+) -> None:
+    problem = dmoc.Problem(
+        losing, start={"x": 0.0}, goal={"x": 0.5}, steps=6, final_time=1.0, parameters={"m": m}
+    )
     assert dmoc.solve(problem, method, iterations=60).status == status
 
 

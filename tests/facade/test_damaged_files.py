@@ -1,4 +1,5 @@
-"""Files that are damaged, foreign or hostile: one sentence, or what they hold can be used; nothing that a file names is run."""
+"""Files that are damaged, foreign or hostile: one sentence, or what they hold can be used;
+nothing that a file names is run."""
 
 from __future__ import annotations
 
@@ -79,7 +80,9 @@ def test_a_size_is_the_same_wherever_it_appears() -> None:
         kind.read({"names": [1, 2], "values": [1, 2, 3]}, "", solution_file.Context())
 
 
-def test_declared_sizes_are_refused_before_anything_is_unpacked(content: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_declared_sizes_are_refused_before_anything_is_unpacked(
+    content: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
     parts = members(content)
     bomb = archive(parts | {"solution.unknowns.npy": bytes(2**25)})
     read: list[str] = []
@@ -103,7 +106,9 @@ def test_declared_sizes_are_refused_before_anything_is_unpacked(content: bytes, 
 def test_a_file_of_another_format_says_so(content: bytes) -> None:
     parts = members(content)
     parts["header.json"] = parts["header.json"].replace(b'"format": 4', b'"format": 3', 1)
-    with pytest.raises(SolutionFileError, match="has format 3, expected 4: solve the problem again"):
+    with pytest.raises(
+        SolutionFileError, match="has format 3, expected 4: solve the problem again"
+    ):
         dmoc.Solution.from_bytes(archive(parts))
 
 
@@ -116,7 +121,12 @@ def test_what_is_no_file_is_refused(tmp_path: Path, place: str) -> None:
 
 
 def test_unfinished_solves_keep_what_is_not_finite(solution: dmoc.Solution) -> None:
-    stalled = replace(solution, status="stalled", optimality=np.nan, multipliers={"bounds": np.array([np.inf, np.nan])})
+    stalled = replace(
+        solution,
+        status="stalled",
+        optimality=np.nan,
+        multipliers={"bounds": np.array([np.inf, np.nan])},
+    )
     again = dmoc.Solution.from_bytes(stalled.to_bytes())
     assert np.isnan(again.optimality) and np.isinf(again.multipliers["bounds"][0])
     with pytest.raises(SolutionFileError, match="not finite"):
@@ -133,17 +143,27 @@ def test_motions_that_do_not_fit_together_are_refused(solution: dmoc.Solution) -
         "0 phases and 1 collisions": {"phases": ()},
         "the times of phase 1 do not increase": {"phases": (first, none)},
         "the times of phase 0 do not increase": {"phases": (replace(first, t=first.t[::-1]), last)},
-        "phase 1 does not begin where the time before it ends": {"phases": (first, replace(last, t=last.t + 0.1))},
+        "phase 1 does not begin where the time before it ends": {
+            "phases": (first, replace(last, t=last.t + 0.1))
+        },
         "is not where its phase ends": {"collisions": (replace(hit, time=0.9),)},
         "has no coefficient of restitution": {"collisions": (replace(hit, surface="ceiling"),)},
-        "phase 0 has 99 rows of inputs for 100 steps": {"phases": (replace(first, u=first.u[1:]), last)},
+        "phase 0 has 99 rows of inputs for 100 steps": {
+            "phases": (replace(first, u=first.u[1:]), last)
+        },
         "a lower bound above the upper one": {"input_bounds": t.input_bounds[:, ::-1]},
         r"phases\.1\.q has a value that is not a number from -1e\+150 to 1e\+150": {
             "phases": (first, replace(last, q=last.q * 1e200))
         },
-        r"parameters\.l is 1e\+200, expected a number from": {"parameters": {**t.parameters, "l": 1e200}},
-        r"phases\.1\.q has 100 entries, expected 101": {"phases": (first, replace(last, q=last.q[1:]))},
-        r"momentum_after has 1 entries, expected 2": {"collisions": (replace(hit, momentum_after=hit.momentum_after[1:]),)},
+        r"parameters\.l is 1e\+200, expected a number from": {
+            "parameters": {**t.parameters, "l": 1e200}
+        },
+        r"phases\.1\.q has 100 entries, expected 101": {
+            "phases": (first, replace(last, q=last.q[1:]))
+        },
+        r"momentum_after has 1 entries, expected 2": {
+            "collisions": (replace(hit, momentum_after=hit.momentum_after[1:]),)
+        },
     }.items():
         content = replace(solution, trajectory=replace(t, **change)).to_bytes()
         with pytest.raises(SolutionFileError, match=wrong):
@@ -158,7 +178,9 @@ def test_a_file_with_other_names_than_its_model_is_refused(solution: dmoc.Soluti
         {"coordinates": ("beta", "x")},
         {"restitution": {"left": 1.0}},
     ):
-        loaded = dmoc.Solution.from_bytes(replace(solution, trajectory=replace(t, **change)).to_bytes())
+        loaded = dmoc.Solution.from_bytes(
+            replace(solution, trajectory=replace(t, **change)).to_bytes()
+        )
         with pytest.raises(SolutionFileError, match="its model 'cart_pendulum'"):
             loaded.verify()
         loaded.plot()  # as curves where it is not the shipped model's
@@ -169,13 +191,15 @@ def test_a_data_file_runs_nothing_that_it_names(solution: dmoc.Solution, tmp_pat
     model.write_text(f"open({str(tmp_path / 'ran')!r}, 'w').close()\ns = 1\n")
     for reference in (f"{model}:s", "model.py:s", f"{tmp_path}/model.py:s"):
         loaded = dmoc.Solution.from_bytes(replace(solution, reference=reference).to_bytes())
-        with pytest.raises(ModelError, match=r"a file may name shipped models only.*--model file.py:name"):
+        with pytest.raises(
+            ModelError, match=r"a file may name shipped models only.*--model file.py:name"
+        ):
             loaded.verify()
         loaded.plot()
     assert not (tmp_path / "ran").exists()
 
 
-# Journals ------------------------------------------------------------------------------------------------------------
+# Journals -----------------------------------------------------------------------------------------
 
 
 def test_a_journal_with_more_than_its_tables_is_refused_and_kept(tmp_path: Path) -> None:
@@ -206,17 +230,26 @@ def test_rows_of_other_kinds_are_one_sentence(tmp_path: Path, row: tuple[object,
     path = tmp_path / "j"
     with Journal(path, "a", False) as journal:
         journal.database.execute("INSERT INTO nodes VALUES (?, ?, ?)", row)
-    with Journal(path, "a", True) as journal, pytest.raises(SearchError, match=r"is damaged: start anew with another file\.$"):
+    with (
+        Journal(path, "a", True) as journal,
+        pytest.raises(SearchError, match=r"is damaged: start anew with another file\.$"),
+    ):
         journal.finished()
 
 
-def test_a_row_with_the_motion_of_another_sequence_is_refused(solution: dmoc.Solution, tmp_path: Path) -> None:
+def test_a_row_with_the_motion_of_another_sequence_is_refused(
+    solution: dmoc.Solution, tmp_path: Path
+) -> None:
     path = tmp_path / "j"
     node = nodes.Node(("left",), nodes.Verdict.FEASIBLE, solution.cost, solution=solution)
     with Journal(path, "a", False) as journal:
         journal.add(node)
         assert journal.finished()["left",].cost == solution.cost
-        for wrong in (replace(node, sequence=("right",)), replace(node, cost=1.0), replace(node, verdict=nodes.Verdict.FAILED)):
+        for wrong in (
+            replace(node, sequence=("right",)),
+            replace(node, cost=1.0),
+            replace(node, verdict=nodes.Verdict.FAILED),
+        ):
             journal.database.execute("DELETE FROM nodes")
             journal.add(wrong)
             with pytest.raises(SearchError, match="is damaged"):

@@ -23,7 +23,9 @@ def test_a_saved_solution_comes_back_whole(solution: dmoc.Solution, tmp_path: Pa
     for a, b in zip(again.phases, solution.phases, strict=True):
         for name in "tqpvu":
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
-    assert again.multipliers.keys() == solution.multipliers.keys() and "momentum" in again.multipliers
+    assert (
+        again.multipliers.keys() == solution.multipliers.keys() and "momentum" in again.multipliers
+    )
     for name, values in solution.multipliers.items():
         np.testing.assert_array_equal(again.multipliers[name], values, err_msg=name)
     assert again.verify().passed
@@ -33,7 +35,9 @@ def test_a_saved_solution_comes_back_whole(solution: dmoc.Solution, tmp_path: Pa
 
 
 @pytest.mark.parametrize("damage", ["truncated", "text", "other", "missing"])
-def test_a_damaged_file_is_one_sentence(solution: dmoc.Solution, tmp_path: Path, damage: str) -> None:
+def test_a_damaged_file_is_one_sentence(
+    solution: dmoc.Solution, tmp_path: Path, damage: str
+) -> None:
     path = tmp_path / "s.npz"
     if damage == "truncated":
         solution.save(path)
@@ -70,12 +74,16 @@ def test_a_file_keeps_its_link_and_its_mode_and_a_device_stays_one(tmp_path: Pat
     kept.chmod(0o640)
     link.symlink_to(kept)
     write_whole(link, b"new")
-    assert link.is_symlink() and kept.read_bytes() == b"new" and kept.stat().st_mode & 0o777 == 0o640
+    assert (
+        link.is_symlink() and kept.read_bytes() == b"new" and kept.stat().st_mode & 0o777 == 0o640
+    )
     write_whole(Path(os.devnull), b"new")
     assert Path(os.devnull).is_char_device()
 
 
-def test_nobody_can_lay_a_trap_where_a_file_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nobody_can_lay_a_trap_where_a_file_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The temporary name is taken: what stands there is neither followed nor changed."""
     monkeypatch.setattr(secrets, "token_hex", lambda _: "foreseen")
     (tmp_path / "victim").write_text("old")

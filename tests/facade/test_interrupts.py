@@ -22,7 +22,8 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture
 def ctrl_c() -> Iterator[threading.Timer]:
-    """A timer that presses Ctrl-C; a shell that starts the tests in the background has them ignore it."""
+    """A timer that presses Ctrl-C; a shell that starts the tests in the background has them
+    ignore it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     yield timer
@@ -30,7 +31,9 @@ def ctrl_c() -> Iterator[threading.Timer]:
     signal.signal(signal.SIGINT, before)
 
 
-def test_solves_that_overlap_in_threads_leave_the_thread_limit_as_it_was(seed: dmoc.Problem) -> None:
+def test_solves_that_overlap_in_threads_leave_the_thread_limit_as_it_was(
+    seed: dmoc.Problem,
+) -> None:
     """The one that began first ends first."""
     began, ended = threading.Event(), threading.Event()
 
@@ -46,7 +49,9 @@ def test_solves_that_overlap_in_threads_leave_the_thread_limit_as_it_was(seed: d
     dmoc.solve(problem, "ipm", verify=False)  # loads the libraries
     with threadpool_limits(2):
         before = [pool["num_threads"] for pool in ThreadpoolController().info()]
-        late = threading.Thread(target=dmoc.solve, args=(problem, "ipm"), kwargs={"progress": second, "verify": False})
+        late = threading.Thread(
+            target=dmoc.solve, args=(problem, "ipm"), kwargs={"progress": second, "verify": False}
+        )
 
         def first(i: Iteration) -> None:
             if i.number == 1:
@@ -93,7 +98,9 @@ def test_ctrl_c_ends_a_long_simulation(ctrl_c: threading.Timer) -> None:
 def test_a_simulation_leaves_the_interpreter_to_other_threads() -> None:
     kernels, counted = dmoc.load("bouncing_pendulum"), 0
     running = threading.Thread(
-        target=dmoc.simulate, args=(kernels, [0.5]), kwargs={"step_size": 1e-3, "steps": 200_000, "every": 1000}
+        target=dmoc.simulate,
+        args=(kernels, [0.5]),
+        kwargs={"step_size": 1e-3, "steps": 200_000, "every": 1000},
     )
     running.start()
     while running.is_alive():
@@ -106,22 +113,41 @@ def test_a_simulation_leaves_the_interpreter_to_other_threads() -> None:
     "command",
     [
         ["search", "puck_table", "--workers", "2", "--max-collisions", "5", "--json", "-"],
-        ["solve", "cart_pendulum", "--steps", "300", "--method", "ipm", "--tolerance", "1e-8", "--json", "-"],
+        [
+            "solve",
+            "cart_pendulum",
+            "--steps",
+            "300",
+            "--method",
+            "ipm",
+            "--tolerance",
+            "1e-8",
+            "--json",
+            "-",
+        ],
     ],
     ids=["search", "solve"],
 )
-def test_ctrl_c_at_any_moment_leaves_no_traceback_and_no_process(command: list[str], wait: float, tmp_path: Path) -> None:
+def test_ctrl_c_at_any_moment_leaves_no_traceback_and_no_process(
+    command: list[str], wait: float, tmp_path: Path
+) -> None:
     def listening() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     running = subprocess.Popen(
-        [sys.executable, "-c", STARTED, *command], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        start_new_session=True, preexec_fn=listening,
-    )  # fmt: skip
+        [sys.executable, "-c", STARTED, *command],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=listening,
+    )
     assert running.stdout is not None and running.stdout.readline() == "started\n"
     time.sleep(wait)
     os.killpg(running.pid, signal.SIGINT)
-    _, err = running.communicate(timeout=60)  # ends when nobody holds the other ends of the pipes any more
+    # Ends when nobody holds the other ends of the pipes any more.
+    _, err = running.communicate(timeout=60)
     assert "Traceback" not in err and "Exception ignored" not in err
     assert running.returncode in (0, 1, 130)
 

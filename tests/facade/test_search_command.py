@@ -25,35 +25,59 @@ pytestmark = pytest.mark.slow
 def test_ctrl_c_ends_the_command_with_the_best_so_far(tmp_path: Path) -> None:
     for workers in ("1", "2"):
         journal = tmp_path / f"journal{workers}.sqlite"
-        arguments = command("--max-collisions", "5", "--workers", workers, "--journal", str(journal), "--json", "-")
+        arguments = command(
+            "--max-collisions", "5", "--workers", workers, "--journal", str(journal), "--json", "-"
+        )
         # A shell that starts the tests in the background has its children ignore the signal.
         listening = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-        running = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=listening)
+        running = subprocess.Popen(
+            arguments,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=listening,
+        )
         while running.poll() is None and len(seconds_of(journal)) < 4:
             time.sleep(0.02)
         running.send_signal(signal.SIGINT)
         out, err = running.communicate(timeout=60)
         result = json.loads(out)
         assert running.returncode == 0, err
-        assert not result["complete"] and "interrupted" in result["notes"][0] and 4 <= len(result["nodes"]) < 200
+        assert (
+            not result["complete"]
+            and "interrupted" in result["notes"][0]
+            and 4 <= len(result["nodes"]) < 200
+        )
 
 
 def test_the_command_writes_and_tells(tmp_path: Path) -> None:
-    done = subprocess.run(command("--out", str(tmp_path / "out"), "--workers", "2"), capture_output=True, text=True)
+    done = subprocess.run(
+        command("--out", str(tmp_path / "out"), "--workers", "2"), capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     assert "best: east, west" in done.stdout and "optimal" in done.stdout
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"solution.npz", "tree.png", "best.png"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "solution.npz",
+        "tree.png",
+        "best.png",
+    }
     assert dmoc.Solution.load(tmp_path / "out" / "solution.npz").verify().passed
 
 
 def in_process(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["dmoc", "search", "puck_table", "--steps", "20", "--max-collisions", "1", *arguments])
+    monkeypatch.setattr(
+        sys,
+        "argv",
+        ["dmoc", "search", "puck_table", "--steps", "20", "--max-collisions", "1", *arguments],
+    )
     with pytest.raises(SystemExit) as end:
         main()
     return int(end.value.code or 0)
 
 
-def test_wrong_options_are_one_sentence(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_options_are_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert in_process(monkeypatch, "--strategy", "beam", "--beam", "0") == 2
     out, err = capsys.readouterr()
     assert not out and "beam = 0" in err and err.count("\n") == 1
@@ -88,13 +112,23 @@ def test_a_search_that_a_full_disk_breaks_off_is_no_success(
     monkeypatch.setattr(Journal, "add", full)
     journal = tmp_path / "journal"
     assert (
-        in_process(monkeypatch, "--journal", str(journal), "--out", str(tmp_path / "o"), "--json", str(tmp_path / "j.json")) == 2
+        in_process(
+            monkeypatch,
+            "--journal",
+            str(journal),
+            "--out",
+            str(tmp_path / "o"),
+            "--json",
+            str(tmp_path / "j.json"),
+        )
+        == 2
     )
     out, err = capsys.readouterr()
     assert "best: " in out and "2 sequences" in out and "note: journal" in out
     assert (
         err
-        == f"error: journal {journal} could not be written (database or disk is full): the result is that of a search that was broken off.\n"
+        == f"error: journal {journal} could not be written (database or disk is full): the result "
+        "is that of a search that was broken off.\n"
     )
     assert len(json.loads((tmp_path / "j.json").read_text())["nodes"]) == 2
     assert (tmp_path / "o" / "solution.npz").exists()

@@ -1,4 +1,5 @@
-"""A model with its parameter values: shapes, rows, and what the mechanics say about its functions."""
+"""A model with its parameter values: shapes, rows, and what the mechanics say about its
+functions."""
 
 from __future__ import annotations
 
@@ -26,33 +27,56 @@ def model(pendulum: Kernels) -> Model:
 
 def states(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(1)
-    return rng.normal(size=(n, 2)), rng.normal(size=(n, 2)), rng.normal(size=(n, 1)), rng.normal(size=n)
+    return (
+        rng.normal(size=(n, 2)),
+        rng.normal(size=(n, 2)),
+        rng.normal(size=(n, 1)),
+        rng.normal(size=n),
+    )
 
 
 def test_rows_of_states_are_evaluated_as_each_of_them_alone(model: Model) -> None:
     q, v, u, t = states(3)
     found = {
-        "equations": (model.equations(q, v, u, t), lambda k: model.equations(q[k], v[k], u[k], t[k])),
+        "equations": (
+            model.equations(q, v, u, t),
+            lambda k: model.equations(q[k], v[k], u[k], t[k]),
+        ),
         "slopes of the equations": (
-            model.equations_slopes(q, v, u, t), lambda k: model.equations_slopes(q[k], v[k], u[k], t[k]),
+            model.equations_slopes(q, v, u, t),
+            lambda k: model.equations_slopes(q[k], v[k], u[k], t[k]),
         ),
         "others": (
             (
-                model.acceleration(q, v, u, t), model.input_matrix(q, v, u, t), model.power(q, v, u, t),
-                model.momentum(q, v, t), model.energy(q, v, t), model.velocity(q, v, t), model.gaps(q, t),
-                model.gap_slopes(q, t), model.gap_rates(q, v, t), model.running_cost(q, v, u, t),
-                model.terminal_cost(q, v, t), model.terminal_cost_slopes(q, v, t),
+                model.acceleration(q, v, u, t),
+                model.input_matrix(q, v, u, t),
+                model.power(q, v, u, t),
+                model.momentum(q, v, t),
+                model.energy(q, v, t),
+                model.velocity(q, v, t),
+                model.gaps(q, t),
+                model.gap_slopes(q, t),
+                model.gap_rates(q, v, t),
+                model.running_cost(q, v, u, t),
+                model.terminal_cost(q, v, t),
+                model.terminal_cost_slopes(q, v, t),
             ),
             lambda k: (
-                model.acceleration(q[k], v[k], u[k], t[k]), model.input_matrix(q[k], v[k], u[k], t[k]),
-                model.power(q[k], v[k], u[k], t[k]), model.momentum(q[k], v[k], t[k]),
-                model.energy(q[k], v[k], t[k]), model.velocity(q[k], v[k], t[k]), model.gaps(q[k], t[k]),
-                model.gap_slopes(q[k], t[k]), model.gap_rates(q[k], v[k], t[k]),
-                model.running_cost(q[k], v[k], u[k], t[k]), model.terminal_cost(q[k], v[k], t[k]),
+                model.acceleration(q[k], v[k], u[k], t[k]),
+                model.input_matrix(q[k], v[k], u[k], t[k]),
+                model.power(q[k], v[k], u[k], t[k]),
+                model.momentum(q[k], v[k], t[k]),
+                model.energy(q[k], v[k], t[k]),
+                model.velocity(q[k], v[k], t[k]),
+                model.gaps(q[k], t[k]),
+                model.gap_slopes(q[k], t[k]),
+                model.gap_rates(q[k], v[k], t[k]),
+                model.running_cost(q[k], v[k], u[k], t[k]),
+                model.terminal_cost(q[k], v[k], t[k]),
                 model.terminal_cost_slopes(q[k], v[k], t[k]),
             ),
         ),
-    }  # fmt: skip
+    }
     for name, (rows, alone) in found.items():
         for k in range(3):
             for a, b in zip(rows, alone(k), strict=True):
@@ -72,25 +96,36 @@ def test_shapes_are_those_of_the_mathematics(model: Model) -> None:
 
 def test_what_is_one_row_or_strided_serves_rows(model: Model) -> None:
     q, v, u, t = states(6)
-    np.testing.assert_array_equal(model.equations(q, v[0], u[0])[1][3], model.equations(q[3], v[0], u[0])[1])
-    np.testing.assert_array_equal(model.momentum(q[::2], v[::2], t[::2])[1], model.momentum(q[2], v[2], t[2]))
+    np.testing.assert_array_equal(
+        model.equations(q, v[0], u[0])[1][3], model.equations(q[3], v[0], u[0])[1]
+    )
+    np.testing.assert_array_equal(
+        model.momentum(q[::2], v[::2], t[::2])[1], model.momentum(q[2], v[2], t[2])
+    )
 
 
 def test_functions_belong_together(model: Model) -> None:
-    """p and v are inverse, the energy of rest is -L, rates of gaps are slopes times velocities, slopes are derivatives."""
+    """p and v are inverse, the energy of rest is -L, rates of gaps are slopes times velocities,
+    slopes are derivatives."""
     q, v, u, t = states(4)
     np.testing.assert_allclose(model.velocity(q, model.momentum(q, v, t), t), v, rtol=1e-12)
     M, F = model.equations(q, v, u, t)
-    np.testing.assert_allclose(np.einsum("kij,kj->ki", M, model.acceleration(q, v, u, t)), F, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.einsum("kij,kj->ki", M, model.acceleration(q, v, u, t)), F, rtol=1e-12
+    )
     kinetic = np.einsum("ki,kij,kj->k", v, M, v) / 2
     np.testing.assert_allclose(model.energy(q, v, t) - model.energy(q, t=t), kinetic, rtol=1e-12)
     ends = np.hstack([v, np.ones((4, 1))])
-    np.testing.assert_allclose(np.einsum("kji,ki->kj", model.gap_slopes(q, t), ends), model.gap_rates(q, v, t), atol=1e-14)
+    np.testing.assert_allclose(
+        np.einsum("kji,ki->kj", model.gap_slopes(q, t), ends), model.gap_rates(q, v, t), atol=1e-14
+    )
     little = 1e-6
     M_D_s, F_D_s = model.equations_slopes(q[0], v[0], u[0])
     for i in range(4):
         step = little * np.eye(4)[i]
-        ahead, behind = (model.equations(q[0] + s * step[:2], v[0] + s * step[2:], u[0]) for s in (1, -1))
+        ahead, behind = (
+            model.equations(q[0] + s * step[:2], v[0] + s * step[2:], u[0]) for s in (1, -1)
+        )
         np.testing.assert_allclose(M_D_s[..., i], (ahead[0] - behind[0]) / (2 * little), atol=1e-7)
         np.testing.assert_allclose(F_D_s[..., i], (ahead[1] - behind[1]) / (2 * little), atol=1e-7)
 
@@ -99,13 +134,21 @@ def test_a_unit_impulse_changes_the_momentum_along_its_direction(model: Model) -
     q, v, _, _ = states(1)
     n = model.gap_slopes(q[0])[0, :-1]
     change, inertia = model.impulse_response(q[0], n)
-    np.testing.assert_allclose(model.momentum(q[0], v[0] + change) - model.momentum(q[0], v[0]), n, atol=1e-12)
+    np.testing.assert_allclose(
+        model.momentum(q[0], v[0] + change) - model.momentum(q[0], v[0]), n, atol=1e-12
+    )
     assert inertia == pytest.approx(n @ change) and inertia > 0
 
 
 @pytest.mark.parametrize("error", [ProblemError, SimulationError])
-def test_values_are_read_once_for_all_who_take_them(pendulum: Kernels, error: type[dmoc.DmocError]) -> None:
-    row = parameter_row(pendulum, {"m_w": 2.0}, error) if "m_w" in pendulum.parameters else parameter_row(pendulum, {}, error)
+def test_values_are_read_once_for_all_who_take_them(
+    pendulum: Kernels, error: type[dmoc.DmocError]
+) -> None:
+    row = (
+        parameter_row(pendulum, {"m_w": 2.0}, error)
+        if "m_w" in pendulum.parameters
+        else parameter_row(pendulum, {}, error)
+    )
     assert row.shape == (1, len(pendulum.parameters))
     np.testing.assert_array_equal(restitution_row(pendulum, {"right": 0.5}, error), [1.0, 0.5])
     for given in ({"lefd": 1.0}, 2.0, {"left": "soft"}, np.nan):
@@ -127,7 +170,12 @@ def test_kernels_are_evaluated_by_name_in_one_place() -> None:
         calls = [
             node.lineno
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ("call", "pattern", "has")
-            and node.args and isinstance(node.args[0], ast.Constant)
-        ]  # fmt: skip
-        assert not calls, f"{name} names a kernel in lines {calls}: dmoc.mechanics.model is the place for it"
+            if isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Attribute)
+            and node.func.attr in ("call", "pattern", "has")
+            and node.args
+            and isinstance(node.args[0], ast.Constant)
+        ]
+        assert not calls, (
+            f"{name} names a kernel in lines {calls}: dmoc.mechanics.model is the place for it"
+        )

@@ -36,7 +36,8 @@ def test_guess_matches_boundary_and_collision(seed: dmoc.Problem) -> None:
 
 
 def test_guess_obeys_the_sources_equations_of_motion(seed: dmoc.Problem) -> None:
-    """x'' sin(alpha) = l alpha'' + g cos(alpha), and F from the cart's row, with accelerations from second differences."""
+    """x'' sin(alpha) = l alpha'' + g cos(alpha), and F from the cart's row, with accelerations
+    from second differences."""
     nlp, x = unpack(seed)
     h, q, u = x[nlp.layout.index_h], x[nlp.layout.index_q], x[nlp.layout.index_u][:, 0]
     for phase, first in ((0, 0), (1, 100)):
@@ -46,7 +47,9 @@ def test_guess_obeys_the_sources_equations_of_motion(seed: dmoc.Problem) -> None
         alpha = nodes[1:-1, 0]
         residual = a[:, 1] * np.sin(alpha) - L * a[:, 0] - G * np.cos(alpha)
         assert np.abs(residual).max() < 2e-2 * np.abs(a).max()
-        force = (M_P + M_C) * a[:, 1] - M_P * L * (a[:, 0] * np.sin(alpha) + v[:, 0] ** 2 * np.cos(alpha))
+        force = (M_P + M_C) * a[:, 1] - M_P * L * (
+            a[:, 0] * np.sin(alpha) + v[:, 0] ** 2 * np.cos(alpha)
+        )
         between = (u[first : first + 99] + u[first + 1 : first + 100]) / 2
         assert np.abs(force - between).max() < 3e-2 * np.abs(u).max()
 
@@ -59,10 +62,11 @@ def test_guess_keeps_the_bounds_of_the_inputs_where_a_final_time_does(seed: dmoc
 
 
 def test_guess_moves_freely_where_controllability_is_lost() -> None:
-    """Inside the window: x'' = 0 and alpha'' = -g cos(alpha)/l; the window is crossed on the way up.
+    """Inside the window: x'' = 0 and alpha'' = -g cos(alpha)/l; the window is crossed on the way
+    up.
 
-    For the cart-pendulum the matrix is m_p l sin(alpha): with inertia scaled to one, the measure of controllability is
-    s / sqrt(1 + s^2) with s = |sin(alpha)| / sqrt(2).
+    For the cart-pendulum the matrix is m_p l sin(alpha): with inertia scaled to one, the measure of
+    controllability is s / sqrt(1 + s^2) with s = |sin(alpha)| / sqrt(2).
     """
     reference = find("cart_pendulum_hanging")
     problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 400})
@@ -96,7 +100,9 @@ def test_minimal_time_of_a_mass_is_exact(block: Kernels) -> None:
 
 
 @pytest.mark.parametrize("bound", [50.0, 100.0, 200.0])
-def test_minimal_time_of_the_pendulum_equals_a_simulation_at_full_force(pendulum: Kernels, bound: float) -> None:
+def test_minimal_time_of_the_pendulum_equals_a_simulation_at_full_force(
+    pendulum: Kernels, bound: float
+) -> None:
     start, limit = 0.15 * pi, 0.1 * pi
 
     def motion(t: float, y: np.ndarray) -> list[float]:
@@ -115,25 +121,43 @@ def test_minimal_time_of_the_pendulum_equals_a_simulation_at_full_force(pendulum
     q0 = np.array([start, 0.0])
     q1 = q0 + 0.5 * h**2 * np.array(a)
     model = Model(pendulum, np.array([[1, 1, 0.5, 10, limit, 2.8]]))
-    estimate, _ = minimal_time(model, q0, q1, h, np.array([limit, 0.0]), 0, np.array([[-bound, bound]]))
+    estimate, _ = minimal_time(
+        model, q0, q1, h, np.array([limit, 0.0]), 0, np.array([[-bound, bound]])
+    )
     assert estimate == pytest.approx(exact.t_events[0][0], rel=0.1)  # an estimate
 
 
 def test_minimal_time_has_the_gradient_of_its_differences(pendulum: Kernels, puck: Kernels) -> None:
     cases = [
-        (pendulum, np.array([0.47, 0.0, 0.46, -0.01, 0.02, 0.3141, -0.1]), 0, np.array([[-60.0, 60.0]]), np.array([[1, 1, 0.5, 10, 0.3141, 2.8]])),
-        (puck, np.array([0.5, 0.4, 0.55, 0.42, 0.02, 2.9, 0.6]), 0, np.array([[-5.0, 5.0], [-4.0, 4.0]]), np.array([[1.0, 3.0, 0.2]])),
-    ]  # fmt: skip
+        (
+            pendulum,
+            np.array([0.47, 0.0, 0.46, -0.01, 0.02, 0.3141, -0.1]),
+            0,
+            np.array([[-60.0, 60.0]]),
+            np.array([[1, 1, 0.5, 10, 0.3141, 2.8]]),
+        ),
+        (
+            puck,
+            np.array([0.5, 0.4, 0.55, 0.42, 0.02, 2.9, 0.6]),
+            0,
+            np.array([[-5.0, 5.0], [-4.0, 4.0]]),
+            np.array([[1.0, 3.0, 0.2]]),
+        ),
+    ]
     for kernels, y, surface, bounds, par in cases:
         model = Model(kernels, par)
 
-        def value(y: np.ndarray, m: Model = model, s: int = surface, b: np.ndarray = bounds) -> tuple[float, np.ndarray]:
+        def value(
+            y: np.ndarray, m: Model = model, s: int = surface, b: np.ndarray = bounds
+        ) -> tuple[float, np.ndarray]:
             return minimal_time(m, y[:2], y[2:4], float(y[4]), y[5:], s, b)
 
         time, slope = value(y)
         assert 0 < time < 10
         step = 1e-6
-        reference = [(value(y + step * d)[0] - value(y - step * d)[0]) / (2 * step) for d in np.eye(7)]
+        reference = [
+            (value(y + step * d)[0] - value(y - step * d)[0]) / (2 * step) for d in np.eye(7)
+        ]
         np.testing.assert_allclose(slope, reference, rtol=1e-6, atol=1e-7)
 
 
@@ -148,7 +172,9 @@ def test_minimal_times_bound_the_phases_by_default(seed: dmoc.Problem) -> None:
     assert not len(Timed(seed.but(bounds={})).minimal_times)
 
 
-def test_the_program_with_minimal_times_has_the_derivatives_of_its_differences(seed: dmoc.Problem) -> None:
+def test_the_program_with_minimal_times_has_the_derivatives_of_its_differences(
+    seed: dmoc.Problem,
+) -> None:
     nlp = Timed(seed.but(steps=4))
     x = initial_guesses(seed.but(steps=4))[0].x
     w = np.zeros(nlp.n_in)
@@ -156,10 +182,16 @@ def test_the_program_with_minimal_times_has_the_derivatives_of_its_differences(s
     step = 1e-6
 
     def differences(value: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        return np.array([(value(x + step * d) - value(x - step * d)) / (2 * step) for d in np.eye(nlp.n)]).T
+        return np.array(
+            [(value(x + step * d) - value(x - step * d)) / (2 * step) for d in np.eye(nlp.n)]
+        ).T
 
     slopes = nlp.inequality_jacobian(x).toarray()
-    np.testing.assert_allclose(slopes, differences(nlp.inequality), rtol=1e-5, atol=1e-5 * np.abs(slopes).max())
+    np.testing.assert_allclose(
+        slopes, differences(nlp.inequality), rtol=1e-5, atol=1e-5 * np.abs(slopes).max()
+    )
     upper = nlp.lagrangian_hessian(x, np.zeros(nlp.n_eq), w, sigma=0.0).toarray()
     wanted = differences(lambda x: -nlp.inequality_jacobian(x).T @ w)
-    np.testing.assert_allclose(upper + np.triu(upper, 1).T, wanted, atol=1e-4 * np.abs(wanted).max())
+    np.testing.assert_allclose(
+        upper + np.triu(upper, 1).T, wanted, atol=1e-4 * np.abs(wanted).max()
+    )

@@ -1,4 +1,5 @@
-"""The nonlinear program: order of unknowns, derivatives, and agreement with the forward integrator."""
+"""The nonlinear program: order of unknowns, derivatives, and agreement with the forward
+integrator."""
 
 from __future__ import annotations
 
@@ -31,9 +32,14 @@ def small(kernels: Kernels, controls: str | None = "constant") -> dmoc.Problem:
 
 def puck_problem(kernels: Kernels) -> dmoc.Problem:
     return dmoc.Problem(
-        kernels, start={"x": 0.0, "y": 0.5}, goal={"x": 0.0, "y": -1.0}, sequence=["post", "rim"], steps=[2, 3, 2], final_time=(None, 2.0),
+        kernels,
+        start={"x": 0.0, "y": 0.5},
+        goal={"x": 0.0, "y": -1.0},
+        sequence=["post", "rim"],
+        steps=[2, 3, 2],
+        final_time=(None, 2.0),
         bounds={"f_x": (-20, 20), "f_y": (-20, 20)},
-    )  # fmt: skip
+    )
 
 
 def point(nlp: Transcription, rng: np.random.Generator) -> np.ndarray:
@@ -50,23 +56,36 @@ def differences(f: object, x: np.ndarray, step: float = 1e-6) -> np.ndarray:
 
 
 def driven_problem(order: int) -> dmoc.Problem:
-    """Explicit time, moving surfaces, restitution, dissipation, a terminal cost and a periodic velocity."""
+    """Explicit time, moving surfaces, restitution, dissipation, a terminal cost and a periodic
+    velocity."""
     return dmoc.Problem(
-        dmoc.build(driven_system(), order=order), start={"a": 0.2, "z_dot": (-1, 1)}, sequence=["floor", "side"], steps=[3, 2, 3],
-        final_time=(None, 2.0), bounds={"u": (-20, 20)}, restitution={"floor": 0.6, "side": 0.0}, periodic=["a_dot", "z"],
-    )  # fmt: skip
+        dmoc.build(driven_system(), order=order),
+        start={"a": 0.2, "z_dot": (-1, 1)},
+        sequence=["floor", "side"],
+        steps=[3, 2, 3],
+        final_time=(None, 2.0),
+        bounds={"u": (-20, 20)},
+        restitution={"floor": 0.6, "side": 0.0},
+        periodic=["a_dot", "z"],
+    )
 
 
-@pytest.fixture(params=["constant", "linear", "puck", "driven", "driven, order 4", "pendulum, order 4"])
+@pytest.fixture(
+    params=["constant", "linear", "puck", "driven", "driven, order 4", "pendulum, order 4"]
+)
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
     if request.param.startswith("driven"):
         return Transcription(driven_problem(4 if "4" in request.param else 2))
     if "4" in request.param:
         return Transcription(small(dmoc.load("cart_pendulum", order=4), None))
-    return Transcription(puck_problem(puck) if request.param == "puck" else small(pendulum, request.param))
+    return Transcription(
+        puck_problem(puck) if request.param == "puck" else small(pendulum, request.param)
+    )
 
 
-def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs(pendulum: Kernels) -> None:
+def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs(
+    pendulum: Kernels,
+) -> None:
     """arrival: r_plus - dL/dv(q_c, v_a) = 0, departure: r_minus + dL/dv(q_c, v_c) = 0."""
     nlp = Transcription(small(pendulum))
     x = point(nlp, np.random.default_rng(5))
@@ -75,8 +94,13 @@ def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs
     for i, node in enumerate(lay.collision_nodes):
         q = x[lay.index_q[[node]]]
         zero = np.zeros((1, 2))
-        mass = pendulum.call("dynamics", q, zero, np.zeros((1, 1)), np.zeros((1, 1)), par)[0].reshape(2, 2)
-        for name, unknowns, sign in (("arrival", lay.index_v_a[i], -1.0), ("departure", lay.index_v_c[i], 1.0)):
+        mass = pendulum.call("dynamics", q, zero, np.zeros((1, 1)), np.zeros((1, 1)), par)[
+            0
+        ].reshape(2, 2)
+        for name, unknowns, sign in (
+            ("arrival", lay.index_v_a[i], -1.0),
+            ("departure", lay.index_v_c[i], 1.0),
+        ):
             rows = getattr(nlp.rows.c, name).index[i]
             np.testing.assert_allclose(jacobian[np.ix_(rows, unknowns)], sign * mass, rtol=1e-12)
 
@@ -86,7 +110,9 @@ def test_every_unknown_has_one_place(nlp: Transcription) -> None:
     assert np.array_equal(np.concatenate([b.numbers for b in lay.unknowns]), np.arange(nlp.n))
     assert lay.index_step.shape == (lay.total, (2 + lay.inside) * lay.nq + 2 * lay.nu + 2)
     again = Layout.of(nlp.problem)
-    assert all(np.array_equal(a.index, b.index) for a, b in zip(again.unknowns, lay.unknowns, strict=True))
+    assert all(
+        np.array_equal(a.index, b.index) for a, b in zip(again.unknowns, lay.unknowns, strict=True)
+    )
 
 
 def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> None:
@@ -106,22 +132,31 @@ def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> No
             assert names[lay.index_v_c[i, j]] == f"{q}_dot after {at}"
             assert names[lay.index_lam[i]] == f"impulse of {at}"
     for step, inner in enumerate(lay.index_q_i[:, : lay.nq]):
-        assert [names[i] for i in inner] == [f"{q} inside step {step}" for q in coordinates[: len(inner)]]
+        assert [names[i] for i in inner] == [
+            f"{q} inside step {step}" for q in coordinates[: len(inner)]
+        ]
     blocks = [*nlp.equalities, *nlp.inequalities]
     rows = [b.name_of(i) for b in blocks for i in range(b.count)]
-    assert np.array_equal(np.concatenate([b.numbers for b in blocks]), np.arange(nlp.n_eq + nlp.n_in))
+    assert np.array_equal(
+        np.concatenate([b.numbers for b in blocks]), np.arange(nlp.n_eq + nlp.n_in)
+    )
     x = point(nlp, np.random.default_rng(7))
     moved, before = x.copy(), nlp.constraints(x)
     node = int(lay.collision_nodes[0])
     moved[lay.index_q[node, 0]] += 1e-3
     changed = {rows[i] for i in np.flatnonzero(nlp.constraints(moved) != before)}
     assert f"momentum of {coordinates[0]} at node {node}" in changed
-    near = {f"node {k}" for k in (node - 1, node, node + 1)} | {f"step {k}" for k in (node - 1, node)}
-    assert all(any(name.endswith(place) for place in near) or "collision 1" in name for name in changed)
+    near = {f"node {k}" for k in (node - 1, node, node + 1)} | {
+        f"step {k}" for k in (node - 1, node)
+    }
+    assert all(
+        any(name.endswith(place) for place in near) or "collision 1" in name for name in changed
+    )
 
 
 def test_first_derivatives_equal_differences(nlp: Transcription) -> None:
-    """Entries outside the pattern are zero in the dense matrix, so that every numeric nonzero must be covered."""
+    """Entries outside the pattern are zero in the dense matrix, so that every numeric nonzero
+    must be covered."""
     x = point(nlp, np.random.default_rng(0))
     for value, slope in (
         (nlp.equality, nlp.equality_jacobian(x).toarray()),
@@ -129,7 +164,9 @@ def test_first_derivatives_equal_differences(nlp: Transcription) -> None:
         (nlp.cost, nlp.cost_gradient(x)),
     ):
         reference = differences(value, x)
-        np.testing.assert_allclose(slope, reference, rtol=0, atol=1e-7 * max(1.0, np.abs(reference).max()))
+        np.testing.assert_allclose(
+            slope, reference, rtol=0, atol=1e-7 * max(1.0, np.abs(reference).max())
+        )
 
 
 def test_hessian_of_the_lagrangian_equals_differences(nlp: Transcription) -> None:
@@ -141,7 +178,11 @@ def test_hessian_of_the_lagrangian_equals_differences(nlp: Transcription) -> Non
     hessian = upper + np.triu(upper, 1).T
 
     def slope(x: np.ndarray) -> np.ndarray:
-        return 0.7 * nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w
+        return (
+            0.7 * nlp.cost_gradient(x)
+            + nlp.equality_jacobian(x).T @ y
+            - nlp.inequality_jacobian(x).T @ w
+        )
 
     reference = differences(slope, x)
     np.testing.assert_allclose(hessian, reference, rtol=0, atol=1e-7 * np.abs(reference).max())
@@ -154,13 +195,18 @@ def test_constraints_are_named(nlp: Transcription) -> None:
 
 
 def test_a_forward_simulation_satisfies_the_momentum_equations(pendulum: Kernels) -> None:
-    """The integrator's nodes, put into the unknowns of a problem without collisions, leave no residual."""
+    """The integrator's nodes, put into the unknowns of a problem without collisions, leave no
+    residual."""
     h, steps = 0.01, 40
     rng = np.random.default_rng(2)
     u = rng.normal(size=(steps, 1))
     run = dmoc.simulate(pendulum, [1.2, 0.0], [0.5, 0.3], step_size=h, steps=steps, inputs=u)
     assert not run.collisions
-    nlp = Transcription(dmoc.Problem(pendulum, start={"alpha": 1.2, "x": 0.0, "p_alpha": None, "p_x": None}, steps=steps))
+    nlp = Transcription(
+        dmoc.Problem(
+            pendulum, start={"alpha": 1.2, "x": 0.0, "p_alpha": None, "p_x": None}, steps=steps
+        )
+    )
     lay = nlp.layout
     x = np.zeros(nlp.n)
     x[lay.index_h], x[lay.index_q], x[lay.index_u] = h, run.q, u
@@ -169,8 +215,12 @@ def test_a_forward_simulation_satisfies_the_momentum_equations(pendulum: Kernels
     np.testing.assert_allclose(trajectory(nlp, x).phases[0].p, run.p, atol=1e-11)
 
 
-def test_parameters_bounds_and_steps_need_no_new_kernels(pendulum: Kernels, seed: dmoc.Problem) -> None:
-    other = seed.but(parameters={"m_c": 2.0}, steps=[7, 9], bounds={"F": (-50, 60)}, sequence=["right"])
+def test_parameters_bounds_and_steps_need_no_new_kernels(
+    pendulum: Kernels, seed: dmoc.Problem
+) -> None:
+    other = seed.but(
+        parameters={"m_c": 2.0}, steps=[7, 9], bounds={"F": (-50, 60)}, sequence=["right"]
+    )
     assert other.kernels is pendulum
     assert Transcription(other).layout.total == 16
     assert other.parameter_values[0, 1] == 2.0

@@ -21,9 +21,14 @@ def best(problem: dmoc.Problem, near: dmoc.Solution) -> float:
     return solution.cost
 
 
-def slope(problem: dmoc.Problem, near: dmoc.Solution, change: Any, low: float = -STEP, high: float = STEP) -> float:
-    """Difference of the optimal costs; ``change(d)`` returns the fields of the problem changed by d."""
-    return (best(problem.but(**change(high)), near) - best(problem.but(**change(low)), near)) / (high - low)
+def slope(
+    problem: dmoc.Problem, near: dmoc.Solution, change: Any, low: float = -STEP, high: float = STEP
+) -> float:
+    """Difference of the optimal costs; ``change(d)`` returns the fields of the problem changed
+    by d."""
+    return (best(problem.but(**change(high)), near) - best(problem.but(**change(low)), near)) / (
+        high - low
+    )
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -31,14 +36,20 @@ def test_block_and_wall(order: int) -> None:
     problem = block_and_wall.problem(0.8, 40, order)
     solution = dmoc.solve(problem, "ipm", optimality=1e-8)
     found = dmoc.sensitivities(problem, solution)
-    assert found["restitution"]["wall"] == pytest.approx(slope(problem, solution, lambda d: {"restitution": 0.8 + d}), rel=1e-6)
+    assert found["restitution"]["wall"] == pytest.approx(
+        slope(problem, solution, lambda d: {"restitution": 0.8 + d}), rel=1e-6
+    )
     for name in ("m", "wall"):
         assert found["parameters"][name] == pytest.approx(
             slope(problem, solution, lambda d, n=name: {"parameters": {n: 1 + d}}), rel=1e-6
         )
     assert found["surfaces"]["wall"] == pytest.approx(found["parameters"]["wall"], rel=1e-9)
-    assert found["final_time"] == pytest.approx(slope(problem, solution, lambda d: {"final_time": 1 + d}), rel=1e-6)
-    assert found["start"]["x"] == pytest.approx(slope(problem, solution, lambda d: {"start": {"x": d}}), rel=1e-6)
+    assert found["final_time"] == pytest.approx(
+        slope(problem, solution, lambda d: {"final_time": 1 + d}), rel=1e-6
+    )
+    assert found["start"]["x"] == pytest.approx(
+        slope(problem, solution, lambda d: {"start": {"x": d}}), rel=1e-6
+    )
     again = slope(problem, solution, lambda d: {"goal": {"x": 0, "x_dot": d}})
     assert found["goal"]["x_dot"] == pytest.approx(again, rel=1e-6)
     assert set(found["goal"]) == {"x", "x_dot"}
@@ -50,9 +61,13 @@ def test_states_are_told_as_they_were_given(end: str) -> None:
     reference = find("cart_pendulum")
     moving = {"alpha_dot": 0.4, "x_dot": -0.7}
     problem = dmoc.Problem(
-        reference.kernels(), start={"alpha": 0.5, "x": 0.0, **moving}, sequence=["left"], steps=30, final_time=1.0,
+        reference.kernels(),
+        start={"alpha": 0.5, "x": 0.0, **moving},
+        sequence=["left"],
+        steps=30,
+        final_time=1.0,
         goal={"alpha": 1.2, "x": 0.3, **moving},
-    )  # fmt: skip
+    )
     solution = dmoc.solve(problem, "ipm", optimality=1e-9, verify=False)
     found = dmoc.sensitivities(problem, solution)[end]
     given = dict(getattr(problem, end))
@@ -68,15 +83,18 @@ def test_ends_of_the_range_of_restitution(e: float) -> None:
     solution = dmoc.solve(problem, "ipm", optimality=1e-8)
     inwards = (-2 * STEP, 0.0) if e == 1 else (0.0, 2 * STEP)
     found = dmoc.sensitivities(problem, solution)["restitution"]["wall"]
+    # One-sided.
     assert found == pytest.approx(
         slope(problem, solution, lambda d: {"restitution": e + d}, *inwards), rel=2e-3, abs=5e-3
-    )  # one-sided
+    )
 
 
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
 def test_pendulum_with_active_bounds(method: str) -> None:
     reference = find("cart_pendulum")
-    problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 40, "bounds": {"F": (-26, 26)}})
+    problem = dmoc.Problem(
+        reference.kernels(), **{**reference.defaults, "steps": 40, "bounds": {"F": (-26, 26)}}
+    )
     solution = dmoc.solve(problem, method, verify=False)
     found = dmoc.sensitivities(problem, solution)
     values = reference.kernels().parameters
@@ -88,14 +106,21 @@ def test_pendulum_with_active_bounds(method: str) -> None:
     assert found["bounds"]["F <="] == pytest.approx(
         slope(problem, solution, lambda d: {"bounds": {"F": (-26, 26 + d)}}), rel=1e-4
     )
-    assert found["final_time"] == pytest.approx(slope(problem, solution, lambda d: {"final_time": (None, 1 + d)}), rel=1e-4)
+    assert found["final_time"] == pytest.approx(
+        slope(problem, solution, lambda d: {"final_time": (None, 1 + d)}), rel=1e-4
+    )
 
 
 def test_everything_that_depends_on_the_time() -> None:
     problem = dmoc.Problem(
-        dmoc.build(driven_system()), start={"a": 0.0, "z": -0.5, "a_dot": 0.3}, goal={"a": 0.4}, sequence=["floor"], steps=20, final_time=1.5,
+        dmoc.build(driven_system()),
+        start={"a": 0.0, "z": -0.5, "a_dot": 0.3},
+        goal={"a": 0.4},
+        sequence=["floor"],
+        steps=20,
+        final_time=1.5,
         restitution={"floor": 0.6},
-    )  # fmt: skip
+    )
     solution = dmoc.solve(problem, "ipm", optimality=1e-8)
     assert solution.solved, solution.message
     found = dmoc.sensitivities(problem, solution)

@@ -49,36 +49,54 @@ def test_every_name_of_a_model_can_be_drawn(solution: dmoc.Solution, name: str, 
     figure = replace(solution, trajectory=renamed).plot()
     figure.canvas.draw()
     momenta, inputs = labelled(figure, "momenta"), labelled(figure, f"input ${shown}$")
-    assert [t.get_text() for t in momenta.get_legend().get_texts()] == [f"$p_{{{shown}}}$", "$p_{x}$"]
+    assert [t.get_text() for t in momenta.get_legend().get_texts()] == [
+        f"$p_{{{shown}}}$",
+        "$p_{x}$",
+    ]
     assert inputs.get_xlabel() == "time $t$ [s]"
 
 
-def test_positions_and_momenta_are_those_of_the_motion(solution: dmoc.Solution, figure: Figure) -> None:
+def test_positions_and_momenta_are_those_of_the_motion(
+    solution: dmoc.Solution, figure: Figure
+) -> None:
     positions = labelled(figure, "coordinates")
     assert [t.get_text() for t in positions.get_legend().get_texts()] == [r"$\alpha$", "$x$"]
     wanted = [np.column_stack([p.t, p.q[:, i]]) for i in (0, 1) for p in solution.phases]
     np.testing.assert_array_equal(np.concatenate(curves(positions)), np.concatenate(wanted))
     wanted = [np.column_stack([p.t, p.p[:, i]]) for i in (0, 1) for p in solution.phases]
-    np.testing.assert_array_equal(np.concatenate(curves(labelled(figure, "momenta"))), np.concatenate(wanted))
+    np.testing.assert_array_equal(
+        np.concatenate(curves(labelled(figure, "momenta"))), np.concatenate(wanted)
+    )
 
 
-def test_momenta_jump_at_the_collision_and_it_is_named(solution: dmoc.Solution, figure: Figure) -> None:
+def test_momenta_jump_at_the_collision_and_it_is_named(
+    solution: dmoc.Solution, figure: Figure
+) -> None:
     (hit,) = solution.collisions
     jumps = [line for line in labelled(figure, "momenta").lines if line.get_linestyle() == ":"]
     assert [list(line.get_xdata()) for line in jumps] == [[hit.time] * 2] * 2
     drawn = np.array([line.get_ydata() for line in jumps])
-    np.testing.assert_allclose(drawn, np.column_stack([hit.momentum_before, hit.momentum_after]), atol=1e-10)
+    np.testing.assert_allclose(
+        drawn, np.column_stack([hit.momentum_before, hit.momentum_after]), atol=1e-10
+    )
     assert drawn[0, 0] != drawn[0, 1]
     for label in ("coordinates", "momenta", "input $F$"):
         axes = labelled(figure, label)
-        assert any(list(line.get_xdata()) == [hit.time] * 2 for line in axes.lines if line not in jumps)
+        assert any(
+            list(line.get_xdata()) == [hit.time] * 2 for line in axes.lines if line not in jumps
+        )
     assert [t.get_text() for t in labelled(figure, "coordinates").texts] == ["left"]
 
 
 def test_inputs_are_steps_and_far_bounds_are_noted(solution: dmoc.Solution, figure: Figure) -> None:
     inputs = labelled(figure, "input $F$")
-    assert [t.get_text() for t in inputs.texts] == ["lower bound -200 \u2193", "upper bound 200 \u2191"]
-    assert not [line for line in inputs.lines if line.get_linestyle() == "--" and line.get_xdata()[0] == 0]
+    assert [t.get_text() for t in inputs.texts] == [
+        "lower bound -200 \u2193",
+        "upper bound 200 \u2191",
+    ]
+    assert not [
+        line for line in inputs.lines if line.get_linestyle() == "--" and line.get_xdata()[0] == 0
+    ]
     steps = [patch.get_data() for patch in inputs.patches]
     assert len(steps) == 2
     for step, phase in zip(steps, solution.phases, strict=True):
@@ -89,7 +107,10 @@ def test_inputs_are_steps_and_far_bounds_are_noted(solution: dmoc.Solution, figu
 def test_snapshots_stand_over_the_curves(solution: dmoc.Solution, figure: Figure) -> None:
     """Eight of each phase: rods and masses; the cart at both ends; the limiter where it is hit."""
     titled = [a for a in figure.axes if a.get_title()]
-    assert [a.get_title() for a in titled] == ["before 'left': 0 to 0.0964 s", "after 'left': 0.0964 to 1 s"]
+    assert [a.get_title() for a in titled] == [
+        "before 'left': 0 to 0.0964 s",
+        "after 'left': 0.0964 to 1 s",
+    ]
     for axes, phase in zip(titled, solution.phases, strict=True):
         masses = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "o"]
         alpha, x = phase.q[[0, -1]].T
@@ -100,22 +121,30 @@ def test_snapshots_stand_over_the_curves(solution: dmoc.Solution, figure: Figure
 
 def test_coordinates_of_other_sizes_have_axes_of_their_own(solution: dmoc.Solution) -> None:
     phases = tuple(replace(p, q=p.q * [1.0, 100.0]) for p in solution.phases)
-    figure = replace(solution, trajectory=replace(solution.trajectory, phases=phases, model="other")).plot()
+    figure = replace(
+        solution, trajectory=replace(solution.trajectory, phases=phases, model="other")
+    ).plot()
     for label, column in ((r"$\alpha$", 0), ("$x$", 1)):
         wanted = [np.column_stack([p.t, p.q[:, column]]) for p in phases]
-        np.testing.assert_array_equal(np.concatenate(curves(labelled(figure, label))), np.concatenate(wanted))
+        np.testing.assert_array_equal(
+            np.concatenate(curves(labelled(figure, label))), np.concatenate(wanted)
+        )
 
 
 def test_bounds_near_the_inputs_are_drawn(seed: dmoc.Problem) -> None:
     figure = dmoc.solve(seed.but(bounds={"F": (-40, 40)}, steps=40), "ipm", verify=False).plot()
     inputs = labelled(figure, "input $F$")
     dashed = [line for line in inputs.lines if line.get_linestyle() == "--"]
-    levels = {float(np.asarray(line.get_ydata())[0]) for line in dashed if line.get_color() != "#8a8a8a"}
+    levels = {
+        float(np.asarray(line.get_ydata())[0]) for line in dashed if line.get_color() != "#8a8a8a"
+    }
     assert levels == {-40.0, 40.0} and not inputs.texts
 
 
 def test_other_models_are_drawn_as_curves(block: Kernels, tmp_path: Path) -> None:
-    problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, final_time=1.0, steps=20)
+    problem = dmoc.Problem(
+        block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, final_time=1.0, steps=20
+    )
     solution = dmoc.solve(problem, "ipm")
     figure = solution.plot(tmp_path / "b.pdf")
     assert [a.get_ylabel() for a in figure.axes] == ["$x$", "momenta", "input $u$"]

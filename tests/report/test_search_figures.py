@@ -24,7 +24,9 @@ NODES = [
 
 def links(axes: Axes) -> set[tuple[tuple[float, float], ...]]:
     """Lines of a tree, each as (depth, row) of both ends."""
-    return {tuple(map(tuple, line.get_xydata())) for line in axes.lines if len(line.get_xdata()) == 2}
+    return {
+        tuple(map(tuple, line.get_xydata())) for line in axes.lines if len(line.get_xdata()) == 2
+    }
 
 
 def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
@@ -33,10 +35,20 @@ def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
     shown = {text.get_text(): (text, text.get_position()) for text in axes.texts}
     assert set(shown) == {"no collision 5.341", "east 0.5351", "west", "west 2", "east 3"}
     depths = {name: place[0] for name, (_, place) in shown.items()}
-    assert depths == {"no collision 5.341": 0, "east 0.5351": 1, "west": 1, "west 2": 2, "east 3": 2}
+    assert depths == {
+        "no collision 5.341": 0,
+        "east 0.5351": 1,
+        "west": 1,
+        "west 2": 2,
+        "east 3": 2,
+    }
     places = [place for _, place in shown.values()]
     assert len(set(places)) == len(places)
-    for name, verdict in (("east 0.5351", "optimal"), ("west", "infeasible"), ("west 2", "unverified")):
+    for name, verdict in (
+        ("east 0.5351", "optimal"),
+        ("west", "infeasible"),
+        ("west 2", "unverified"),
+    ):
         assert to_hex(shown[name][0].get_bbox_patch().get_facecolor()).upper() == COLOURS[verdict]
     assert [shown[name][0].get_weight() for name in ("east 0.5351", "east 3")] == ["bold", "normal"]
     at = {name: tuple(map(float, place)) for name, (_, place) in shown.items()}
@@ -49,20 +61,35 @@ def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
     assert links(axes) == {(at[parent], at[child]) for child, parent in parents.items()}
     assert axes.get_xlabel() == "collisions" and list(axes.get_xticks()) == [0, 1, 2]
     (legend,) = figure.legends
-    assert {t.get_text() for t in legend.get_texts()} == {"optimal (1)", "feasible (2)", "unverified (1)", "infeasible (1)"}
+    assert {t.get_text() for t in legend.get_texts()} == {
+        "optimal (1)",
+        "feasible (2)",
+        "unverified (1)",
+        "infeasible (1)",
+    }
 
 
 def test_a_large_tree_has_points_instead_of_texts() -> None:
-    many = [((), "feasible", 1.0), *((("left",) * k, "failed", None) for k in range(1, MOST_LABELS + 1))]
+    many = [
+        ((), "feasible", 1.0),
+        *((("left",) * k, "failed", None) for k in range(1, MOST_LABELS + 1)),
+    ]
     (axes,) = plot_tree(many).axes
     points = [line for line in axes.lines if line.get_marker() == "o"]
     assert not axes.texts and len(points) == len(many)
-    assert {to_hex(p.get_color()).upper() for p in points} == {COLOURS["feasible"], COLOURS["failed"]}
+    assert {to_hex(p.get_color()).upper() for p in points} == {
+        COLOURS["feasible"],
+        COLOURS["failed"],
+    }
 
 
-def test_motions_stand_side_by_side_with_their_collisions(solution: dmoc.Solution, tmp_path: Path) -> None:
+def test_motions_stand_side_by_side_with_their_collisions(
+    solution: dmoc.Solution, tmp_path: Path
+) -> None:
     motion = solution.trajectory
-    figure = plot_motions([("left", solution.cost, motion), ("again", 2.0, motion)], tmp_path / "best.pdf")
+    figure = plot_motions(
+        [("left", solution.cost, motion), ("again", 2.0, motion)], tmp_path / "best.pdf"
+    )
     assert len(figure.axes) == 6
     titles = [a.get_title() for a in figure.axes if a.get_title()]
     assert titles == [f"left\ncost {solution.cost:.6g}", "again\ncost 2"]
@@ -74,38 +101,60 @@ def test_motions_stand_side_by_side_with_their_collisions(solution: dmoc.Solutio
         if row < 2:
             curves = [line.get_xydata() for line in axes.lines if line.get_linestyle() == "-"]
         else:
-            curves = [np.column_stack([s.get_data().edges[:-1], s.get_data().values]) for s in axes.patches]
-        wanted = [(p.q[:, row] if row < 2 else p.u[:, 0], p.t if row < 2 else p.t[:-1]) for p in motion.phases]
+            curves = [
+                np.column_stack([s.get_data().edges[:-1], s.get_data().values])
+                for s in axes.patches
+            ]
+        wanted = [
+            (p.q[:, row] if row < 2 else p.u[:, 0], p.t if row < 2 else p.t[:-1])
+            for p in motion.phases
+        ]
         assert len(curves) == len(wanted) == 2
         for curve, (values, times) in zip(curves, wanted, strict=True):
             np.testing.assert_array_equal(curve, np.column_stack([times, values]))
     assert (tmp_path / "best.pdf").read_bytes().startswith(b"%PDF-")
 
 
-def test_a_search_draws_its_nodes_and_its_best_motions(block: dmoc.codegen.kernels.Kernels, tmp_path: Path) -> None:
-    problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, steps=10, final_time=1.0)
+def test_a_search_draws_its_nodes_and_its_best_motions(
+    block: dmoc.codegen.kernels.Kernels, tmp_path: Path
+) -> None:
+    problem = dmoc.Problem(
+        block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, steps=10, final_time=1.0
+    )
     result = dmoc.search(problem, 1)
     (axes,) = result.plot(tmp_path / "tree.png").axes
     assert [t.get_text() for t in axes.texts] == [
-        f"{name} {node.cost:.4g}" for name, node in zip(("no collision", "wall"), result.nodes, strict=True)
+        f"{name} {node.cost:.4g}"
+        for name, node in zip(("no collision", "wall"), result.nodes, strict=True)
     ]
     confirmed = [n for n in result.nodes if n.verdict in ("optimal", "feasible")]
     titles = [a.get_title() for a in result.plot_best(tmp_path / "best.png").axes if a.get_title()]
     assert len(titles) == len(confirmed) > 0
-    assert result.best is not None and titles[0] == f"{result.best.name}\ncost {result.best.cost:.6g}"
+    assert (
+        result.best is not None and titles[0] == f"{result.best.name}\ncost {result.best.cost:.6g}"
+    )
     for file in ("tree.png", "best.png"):
         assert (tmp_path / file).read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
 
 
 def test_a_search_without_a_motion_says_so(block: dmoc.codegen.kernels.Kernels) -> None:
-    unreachable = dmoc.Problem(block, start={"x": 0.0}, goal={"x": -5.0}, steps=10, bounds={"u": (-1, 1)}, final_time=(None, 1.0))
+    unreachable = dmoc.Problem(
+        block,
+        start={"x": 0.0},
+        goal={"x": -5.0},
+        steps=10,
+        bounds={"u": (-1, 1)},
+        final_time=(None, 1.0),
+    )
     (axes,) = dmoc.search(unreachable, 0).plot_best().axes
     assert [t.get_text() for t in axes.texts] == ["no confirmed motion"] and not axes.lines
 
 
 def test_inputs_of_order_4_are_drawn_at_their_times() -> None:
     kernels = dmoc.build(block_system(), order=4)
-    problem = dmoc.Problem(kernels, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, steps=6, final_time=1.0)
+    problem = dmoc.Problem(
+        kernels, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, steps=6, final_time=1.0
+    )
     motion = dmoc.solve(problem, "ipm").trajectory
     figure = plot_motions([("none", 1.5, motion)])
     inputs = next(a for a in figure.axes if a.get_ylabel() == "$u$")

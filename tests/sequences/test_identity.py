@@ -61,32 +61,47 @@ def changed(problem: dmoc.Problem, name: str) -> dmoc.Problem:
     if name == "kernels":
         return problem.but(kernels=dmoc.build(find("cart_pendulum").system(), order=4))
     value = OTHER_FIELDS[name]
-    return problem.but(**{name: {**getattr(problem, name), **value} if isinstance(value, dict) else value})
+    return problem.but(
+        **{name: {**getattr(problem, name), **value} if isinstance(value, dict) else value}
+    )
 
 
 @pytest.mark.parametrize("name", [f.name for f in fields(dmoc.Problem) if f.name not in SEARCHED])
-def test_every_field_of_a_problem_tells_its_journal_from_others(problem: dmoc.Problem, name: str) -> None:
+def test_every_field_of_a_problem_tells_its_journal_from_others(
+    problem: dmoc.Problem, name: str
+) -> None:
     assert identity(changed(problem, name), SETTINGS) != identity(problem, SETTINGS)
 
 
 @pytest.mark.parametrize("name", [f.name for f in fields(Settings) if f.name not in ELSEWHERE])
 def test_settings_of_a_node_tell_its_journal_from_others(problem: dmoc.Problem, name: str) -> None:
-    assert identity(problem, replace(SETTINGS, **{name: OTHER_SETTINGS[name]})) != identity(problem, SETTINGS)
+    assert identity(problem, replace(SETTINGS, **{name: OTHER_SETTINGS[name]})) != identity(
+        problem, SETTINGS
+    )
 
 
 def test_a_field_that_is_added_counts(problem: dmoc.Problem) -> None:
     assert SEARCHED == ("sequence", "durations")  # what the search sets itself, node by node
     found = {name.partition(".")[2] for name in facts(problem, SETTINGS)} - {""}
-    assert found == {f.name for f in (*fields(dmoc.Problem), *fields(Settings))} - {*SEARCHED, *ELSEWHERE}
+    assert found == {f.name for f in (*fields(dmoc.Problem), *fields(Settings))} - {
+        *SEARCHED,
+        *ELSEWHERE,
+    }
 
 
 def test_the_same_problem_in_other_words_has_the_same_journal(problem: dmoc.Problem) -> None:
     same = problem.but(
         start=dict(reversed(list(problem.start.items()))),
         restitution=dict.fromkeys(problem.kernels.surfaces, 1),
-        parameters={name: float(value) for name, value in problem.kernels.parameters.items() if value is not None}
+        parameters={
+            name: float(value)
+            for name, value in problem.kernels.parameters.items()
+            if value is not None
+        }
         | problem.parameters,
         sequence=["left"],
     )
-    budget = replace(SETTINGS, max_collisions=5, strategy="beam", workers=3, seconds=1.0, resume=True)
+    budget = replace(
+        SETTINGS, max_collisions=5, strategy="beam", workers=3, seconds=1.0, resume=True
+    )
     assert identity(same, budget) == identity(problem, SETTINGS)

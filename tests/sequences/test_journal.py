@@ -71,4 +71,6 @@ def test_nodes_survive_the_journal(pair: SearchResult, weak: dmoc.Problem) -> No
         np.testing.assert_array_equal(again.solution.unknowns, node.solution.unknowns)
     unreachable = dmoc.search(weak, 1).nodes[1]
     again = Node.from_row(*unreachable.to_row())
-    assert again.to_dict() == unreachable.to_dict() and again.solution is None is unreachable.solution
+    assert (
+        again.to_dict() == unreachable.to_dict() and again.solution is None is unreachable.solution
+    )

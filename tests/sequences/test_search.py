@@ -24,10 +24,14 @@ pytestmark = pytest.mark.slow
 def unfolded_cost(sequence: tuple[str, ...]) -> float:
     """Cost of the free motion to the goal's mirror image.
 
-    For each axis, with velocities v0 and v1 at the ends, distance D and time T: 2 (v0^2 + v0 v1 + v1^2)/T - 6 (v0 + v1) D/T^2 + 6 D^2/T^3.
+    For each axis, with velocities v0 and v1 at the ends, distance D and time T: 2 (v0^2 + v0 v1 +
+    v1^2)/T - 6 (v0 + v1) D/T^2 + 6 D^2/T^3.
     """
     total, T = 0.0, 2.0
-    for low, high, (q0, v0), (q1, v1) in (("west", "east", (0.3, 1.5), (0.4, 1.2)), ("south", "north", (0.2, 0.4), (0.7, -0.3))):
+    for low, high, (q0, v0), (q1, v1) in (
+        ("west", "east", (0.3, 1.5), (0.4, 1.2)),
+        ("south", "north", (0.2, 0.4), (0.7, -0.3)),
+    ):
         sign = 1.0
         for wall in reversed([w for w in sequence if w in (low, high)]):
             q1 = -q1 if wall == low else 2.0 - q1
@@ -38,16 +42,19 @@ def unfolded_cost(sequence: tuple[str, ...]) -> float:
     return total
 
 
-# The answer ----------------------------------------------------------------------------------------------------------
+# The answer ---------------------------------------------------------------------------------------
 
 
-def test_the_best_sequence_is_that_of_the_closed_form(table: dmoc.Problem, found: SearchResult) -> None:
+def test_the_best_sequence_is_that_of_the_closed_form(
+    table: dmoc.Problem, found: SearchResult
+) -> None:
     assert found.complete and len(found.nodes) == 1 + 4 + 16 + 64
     assert found.best is not None and found.best.sequence == ("east", "north", "west")
     assert found.best.verdict is Verdict.OPTIMAL
     assert unfolded_cost(found.best.sequence) == pytest.approx(0.415, rel=1e-12)
     assert found.best.cost == pytest.approx(0.415, rel=1e-3)
-    # No unfolded motion of at most three collisions costs less, whether its order of hits is possible or not.
+    # No unfolded motion of at most three collisions costs less, whether its order of hits is
+    # possible or not.
     walls = ("west", "east", "south", "north")
     every = [s for d in range(4) for s in itertools.product(walls, repeat=d)]
     assert min(unfolded_cost(s) for s in every) == pytest.approx(0.415, rel=1e-12)
@@ -58,7 +65,12 @@ def test_the_best_sequence_is_that_of_the_closed_form(table: dmoc.Problem, found
 def test_nodes_cost_what_a_separate_solve_costs(table: dmoc.Problem, found: SearchResult) -> None:
     for node in found.nodes[:21:3]:
         durations = [(0.02, None)] * (len(node.sequence) + 1) if node.sequence else None
-        alone = dmoc.solve(table.but(sequence=node.sequence, durations=durations), "ipm", iterations=200, verify=False)
+        alone = dmoc.solve(
+            table.but(sequence=node.sequence, durations=durations),
+            "ipm",
+            iterations=200,
+            verify=False,
+        )
         automatic = next(s for s in node.starts if s.name == "automatic")
         assert alone.status == automatic.status == "solved"
         assert automatic.cost == pytest.approx(alone.cost, rel=1e-9)
@@ -77,23 +89,39 @@ def test_every_node_has_evidence(found: SearchResult) -> None:
 
 def test_unreachable_prunes_and_says_why(weak: dmoc.Problem) -> None:
     result = dmoc.search(weak, 4)
-    assert [(n.sequence, n.verdict) for n in result.nodes] == [((), Verdict.OPTIMAL), (("wall",), Verdict.UNREACHABLE)]
+    assert [(n.sequence, n.verdict) for n in result.nodes] == [
+        ((), Verdict.OPTIMAL),
+        (("wall",), Verdict.UNREACHABLE),
+    ]
     pruned = result.nodes[1]
-    assert pruned.cost is None and pruned.minima == () == tuple(pruned.phases) and pruned.solution is None
+    assert (
+        pruned.cost is None
+        and pruned.minima == () == tuple(pruned.phases)
+        and pruned.solution is None
+    )
     evidence = " | ".join(pruned.evidence)
-    assert "final time <= 1 s is violated by 0.424 s" in evidence  # sqrt(2) to the wall, and the shortest phase after it
+    # Sqrt(2) to the wall, and the shortest phase after it.
+    assert "final time <= 1 s is violated by 0.424 s" in evidence
     assert "the shortest time at full input is about 1.41 s, the bounds allow 0.99 s" in evidence
 
 
 def test_infeasible_is_not_unreachable(block: Kernels) -> None:
     """The wall can be hit, and the goal cannot be reached after it: the children are looked at."""
-    problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": -5.0}, steps=20, bounds={"u": (-3, 3)}, final_time=(None, 1.0))
+    problem = dmoc.Problem(
+        block,
+        start={"x": 0.0},
+        goal={"x": -5.0},
+        steps=20,
+        bounds={"u": (-3, 3)},
+        final_time=(None, 1.0),
+    )
     result = dmoc.search(problem, 2)
+    # 2 * 0.82 s and more.
     assert [n.verdict for n in result.nodes] == [
         Verdict.INFEASIBLE,
         Verdict.INFEASIBLE,
         Verdict.UNREACHABLE,
-    ]  # 2 * 0.82 s and more
+    ]
     assert result.best is None
     assert ["the goal of x is missed" in n.evidence[0] for n in result.nodes[:2]] == [True, True]
 
@@ -109,7 +137,10 @@ def test_more_collisions_may_still_pay(seed: dmoc.Problem) -> None:
 def test_seeded_starts_show_minima(table: dmoc.Problem) -> None:
     a, b = (dmoc.search(table, 1, starts=2, seed=3, surfaces=["east"]) for _ in range(2))
     assert outline(a) == outline(b)
-    assert [s.name for s in a.nodes[1].starts if s.name.startswith("seeded")] == ["seeded 1", "seeded 2"]
+    assert [s.name for s in a.nodes[1].starts if s.name.startswith("seeded")] == [
+        "seeded 1",
+        "seeded 2",
+    ]
 
 
 def test_the_parents_motion_is_bent_to_the_surface(table: dmoc.Problem) -> None:
@@ -142,12 +173,16 @@ def test_solutions_can_be_checked_again(found: SearchResult) -> None:
     assert found.best.solution.verify().passed
 
 
-# Strategies and budgets ----------------------------------------------------------------------------------------------
+# Strategies and budgets ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("strategy", ["best-first", "beam"])
-def test_strategies_find_the_same_best_with_fewer_nodes(table: dmoc.Problem, found: SearchResult, strategy: str) -> None:
-    result = dmoc.search(table, 3, strategy=strategy, beam=4, max_nodes=60 if strategy == "best-first" else None)
+def test_strategies_find_the_same_best_with_fewer_nodes(
+    table: dmoc.Problem, found: SearchResult, strategy: str
+) -> None:
+    result = dmoc.search(
+        table, 3, strategy=strategy, beam=4, max_nodes=60 if strategy == "best-first" else None
+    )
     assert result.best is not None and found.best is not None
     assert result.best.sequence == found.best.sequence
     assert len(result.nodes) < len(found.nodes) and not result.complete and result.notes
@@ -195,7 +230,9 @@ def test_an_interruption_returns_what_was_found(table: dmoc.Problem) -> None:
         ({"surfaces": "east"}, "expected a list"),
     ],
 )
-def test_wrong_arguments_are_refused(table: dmoc.Problem, arguments: dict[str, Any], message: str) -> None:
+def test_wrong_arguments_are_refused(
+    table: dmoc.Problem, arguments: dict[str, Any], message: str
+) -> None:
     with pytest.raises(SearchError, match=message):
         dmoc.search(table, **{"max_collisions": 1, **arguments})
 

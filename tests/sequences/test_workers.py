@@ -62,7 +62,9 @@ def test_workers_that_die_between_two_nodes_lose_nothing(table: dmoc.Problem) ->
 def test_workers_do_not_outlive_the_search(tmp_path: Path) -> None:
     """Whoever still runs holds the other end of the pipe."""
     running = subprocess.Popen(
-        suicidal(tmp_path / "journal.sqlite", nodes=3, workers=2), stdout=subprocess.PIPE, start_new_session=True
+        suicidal(tmp_path / "journal.sqlite", nodes=3, workers=2),
+        stdout=subprocess.PIPE,
+        start_new_session=True,
     )
     assert running.communicate(timeout=120) == (b"", None)
     assert running.returncode == -signal.SIGKILL
@@ -75,10 +77,14 @@ def test_a_broken_executor_ends_the_search_with_what_there_is(table: dmoc.Proble
         pool.shutdown(wait=False)
 
     result = dmoc.search(table, 2, executor=pool, progress=close)
-    assert len(result.nodes) == 1 and not result.complete and "takes no more work" in result.notes[0]
+    assert (
+        len(result.nodes) == 1 and not result.complete and "takes no more work" in result.notes[0]
+    )
 
 
-def test_an_error_in_a_node_is_its_answer(table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_in_a_node_is_its_answer(
+    table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def fail(*_: Any, **__: Any) -> Any:
         raise ZeroDivisionError("by chance")
 
@@ -109,7 +115,11 @@ def test_a_lost_node_is_tried_once_more_and_then_recorded(table: dmoc.Problem) -
     assert next(n for n in once.nodes if n.sequence == ("east",)).attempts == 2
     twice = dmoc.search(table, 1, executor=Flaky(("east",), 2))
     lost = next(n for n in twice.nodes if n.sequence == ("east",))
-    assert lost.verdict is Verdict.FAILED and lost.attempts == 2 and "ConnectionError: lost" in lost.evidence[0]
+    assert (
+        lost.verdict is Verdict.FAILED
+        and lost.attempts == 2
+        and "ConnectionError: lost" in lost.evidence[0]
+    )
     assert len(twice.nodes) == 5
 
 
@@ -121,14 +131,20 @@ def test_a_node_over_its_time_is_tried_once_more(table: dmoc.Problem) -> None:
 
 def test_a_cluster_of_two_processes() -> None:
     done = subprocess.run(
-        [sys.executable, str(ROOT / "examples" / "search_dask.py")], capture_output=True, text=True, timeout=300
+        [sys.executable, str(ROOT / "examples" / "search_dask.py")],
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     assert "2 workers, 21 sequences" in done.stdout and "best: east, west" in done.stdout
 
 
-def test_ctrl_c_in_the_solve_after_a_diagnosis_ends_the_search(table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every solve of a node passes an interrupt on, also that from the motion of least violation."""
+def test_ctrl_c_in_the_solve_after_a_diagnosis_ends_the_search(
+    table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every solve of a node passes an interrupt on, also that from the motion of least
+    violation."""
     problem = table.but(sequence=["east"], steps=10)
     failed = replace(dmoc.solve(problem, "ipm", verify=False), status="infeasible")
     diagnosed: list[bool] = []
@@ -138,6 +154,10 @@ def test_ctrl_c_in_the_solve_after_a_diagnosis_ends_the_search(table: dmoc.Probl
         return Diagnosis(x, 0.0, True, (), (), ())
 
     monkeypatch.setattr(inner, "diagnose", no_violation)
-    monkeypatch.setattr(inner, "solve", lambda *_, **__: replace(failed, status="interrupted") if diagnosed else failed)
+    monkeypatch.setattr(
+        inner,
+        "solve",
+        lambda *_, **__: replace(failed, status="interrupted") if diagnosed else failed,
+    )
     with pytest.raises(KeyboardInterrupt):
         inner.solve_node(inner.Task(problem, None, "ipm", 0, 0, 10.0))

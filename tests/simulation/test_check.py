@@ -1,4 +1,5 @@
-"""The independent check: it confirms what is right, contradicts what is wrong, and its errors fall as h^2."""
+"""The independent check: it confirms what is right, contradicts what is wrong, and its errors
+fall as h^2."""
 
 from __future__ import annotations
 
@@ -33,7 +34,9 @@ def test_a_planned_collision_is_met(solution: dmoc.Solution) -> None:
     check = solution.verify()
     assert check.passed and not check.message
     (contact,) = check.contacts
-    assert contact.surface == "left" and contact.time == pytest.approx(solution.collisions[0].time, abs=1e-5)
+    assert contact.surface == "left" and contact.time == pytest.approx(
+        solution.collisions[0].time, abs=1e-5
+    )
     assert check.penetration < 1e-6
 
 
@@ -50,7 +53,11 @@ def test_wrong_motions_are_contradicted(solution: dmoc.Solution, pendulum: Kerne
         "weaker inputs": changed(good, 1, u=0.9 * after.u),
         "a node moved": changed(good, 1, q=after.q + 0.05 * (np.arange(101) == 50)[:, None]),
         "another mass": replace(good, parameters={**good.parameters, "m_c": 1.2}),
-        "no impulse": changed(good, 1, p=after.p - (good.collisions[0].momentum_after - good.collisions[0].momentum_before)),
+        "no impulse": changed(
+            good,
+            1,
+            p=after.p - (good.collisions[0].momentum_after - good.collisions[0].momentum_before),
+        ),
         "another goal": changed(good, 1, q=after.q + np.linspace(0, 1, 101)[:, None]),
     }
     assert dmoc.verify(good, pendulum).passed
@@ -59,10 +66,17 @@ def test_wrong_motions_are_contradicted(solution: dmoc.Solution, pendulum: Kerne
         assert not check.passed and check.message, what
 
 
-def test_missed_and_extra_contacts_are_named(solution: dmoc.Solution, pendulum: Kernels, seed: dmoc.Problem) -> None:
+def test_missed_and_extra_contacts_are_named(
+    solution: dmoc.Solution, pendulum: Kernels, seed: dmoc.Problem
+) -> None:
     good = solution.trajectory
-    missing = dmoc.verify(replace(good, collisions=(replace(good.collisions[0], surface="right"),)), pendulum)
-    assert "the collision with 'right'" in missing.missed_contacts[0] and "a contact with 'left'" in missing.extra_contacts[0]
+    missing = dmoc.verify(
+        replace(good, collisions=(replace(good.collisions[0], surface="right"),)), pendulum
+    )
+    assert (
+        "the collision with 'right'" in missing.missed_contacts[0]
+        and "a contact with 'left'" in missing.extra_contacts[0]
+    )
     coarse = dmoc.solve(seed.but(steps=10), verify=False).verify()
     assert coarse.extra_contacts and not coarse.passed
 
@@ -70,7 +84,10 @@ def test_missed_and_extra_contacts_are_named(solution: dmoc.Solution, pendulum: 
 def test_penetration_between_nodes_is_seen(puck: Kernels) -> None:
     """One long step over the edge of the post: both nodes are free, the way between them is not."""
     solution = dmoc.solve(
-        dmoc.Problem(puck, start={"x": 0.0, "y": 0.0}, goal={"x": 2.0, "y": 0.0}, steps=2, final_time=1.0), verify=False
+        dmoc.Problem(
+            puck, start={"x": 0.0, "y": 0.0}, goal={"x": 2.0, "y": 0.0}, steps=2, final_time=1.0
+        ),
+        verify=False,
     )
     check = solution.verify()
     assert check.penetration > 1e-3 and not check.passed
@@ -79,7 +96,14 @@ def test_penetration_between_nodes_is_seen(puck: Kernels) -> None:
 
 def test_a_collision_exactly_at_a_node_is_met(block: Kernels) -> None:
     solution = dmoc.solve(
-        dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=50, final_time=1.0)
+        dmoc.Problem(
+            block,
+            start={"x": 0.0},
+            goal={"x": 0.0, "x_dot": 0.0},
+            sequence=["wall"],
+            steps=50,
+            final_time=1.0,
+        )
     )
     assert solution.solved and solution.verification is not None
     assert solution.verification["terminal_error"] < 1e-9
@@ -87,7 +111,8 @@ def test_a_collision_exactly_at_a_node_is_met(block: Kernels) -> None:
 
 @pytest.mark.parametrize("order", [2, 4])
 def test_a_wrong_law_of_restitution_is_found(order: int) -> None:
-    """The motion of a block that bounces with e = 0.8 does not pass as one of e = 0.7 or of an elastic one."""
+    """The motion of a block that bounces with e = 0.8 does not pass as one of e = 0.7 or of an
+    elastic one."""
     solution = dmoc.solve(block_and_wall.problem(0.8, 50, order), "ipm")
     assert solution.solved
     for e in (1.0, 0.7, 0.0):
@@ -96,25 +121,38 @@ def test_a_wrong_law_of_restitution_is_found(order: int) -> None:
 
 
 def test_contact_that_lasts_after_a_plastic_impact() -> None:
-    """The simulation meets the wall a little early and is pushed into it until the inputs turn: it rests there instead of bouncing for ever."""
+    """The simulation meets the wall a little early and is pushed into it until the inputs turn:
+    it rests there instead of bouncing for ever."""
     problem = block_and_wall.problem(0.0, 7)
     solution = dmoc.solve(problem, "ipm")
     late = solution.phases[0]
     pushed = replace(late, u=late.u + 0.2)
-    check = dmoc.verify(replace(solution.trajectory, phases=(pushed, *solution.phases[1:])), problem.kernels)
+    check = dmoc.verify(
+        replace(solution.trajectory, phases=(pushed, *solution.phases[1:])), problem.kernels
+    )
     assert len(check.contacts) == 1 and np.isfinite(check.terminal_error)
 
 
 def test_a_graze_is_no_contact_and_a_knock_is(block: Kernels) -> None:
-    """A motion that would pass the wall by a hair touches it in the simulation; one that passes it clearly collides."""
+    """A motion that would pass the wall by a hair touches it in the simulation; one that passes
+    it clearly collides."""
     problem = dmoc.Problem(
-        block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, steps=40, final_time=2.0, parameters={"wall": 2.0}
+        block,
+        start={"x": 0.0},
+        goal={"x": 0.0, "x_dot": 0.0},
+        steps=40,
+        final_time=2.0,
+        parameters={"wall": 2.0},
     )
-    solution = dmoc.solve(problem.but(bounds={"x": (None, 1.0)}, goal={"x": 0.0, "x_dot": -2.0}, steps=400), "ipm")
+    solution = dmoc.solve(
+        problem.but(bounds={"x": (None, 1.0)}, goal={"x": 0.0, "x_dot": -2.0}, steps=400), "ipm"
+    )
     assert solution.solved
     top = max(float(p.q.max()) for p in solution.phases)
     for wall, passed in ((top - 1e-7, True), (top - 0.05, False)):
-        nearer = replace(solution.trajectory, parameters=dict(solution.trajectory.parameters) | {"wall": wall})
+        nearer = replace(
+            solution.trajectory, parameters=dict(solution.trajectory.parameters) | {"wall": wall}
+        )
         assert (not dmoc.verify(nearer, block).extra_contacts) is passed
 
 
@@ -128,6 +166,8 @@ def test_a_collision_beside_its_surface_is_found() -> None:
     """A wall that stands 1 % nearer than planned: the motion cannot have collided where it says."""
     problem = block_and_wall.problem(0.8, 50)
     solution = dmoc.solve(problem, "ipm")
-    nearer = replace(solution.trajectory, parameters=dict(solution.trajectory.parameters) | {"wall": 0.99})
+    nearer = replace(
+        solution.trajectory, parameters=dict(solution.trajectory.parameters) | {"wall": 0.99}
+    )
     check = dmoc.verify(nearer, problem.kernels)
     assert not check.passed and "the collision with 'wall' is 0.01 off it" in check.message

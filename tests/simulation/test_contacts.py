@@ -1,4 +1,5 @@
-"""Impacts on several surfaces at once, lasting contact, bounces that die away, and units: known answers of the simulation."""
+"""Impacts on several surfaces at once, lasting contact, bounces that die away, and units: known
+answers of the simulation."""
 
 from __future__ import annotations
 
@@ -26,28 +27,40 @@ def free(*coordinates: sp.Expr) -> sp.Expr:
 
 @pytest.fixture(scope="module")
 def corner() -> Kernels:
-    return dmoc.build(dmoc.MechanicalSystem("corner", [x, y], free(x, y), {m: 1.0}, surfaces={"right": x <= 1, "top": y <= 1}))
+    return dmoc.build(
+        dmoc.MechanicalSystem(
+            "corner", [x, y], free(x, y), {m: 1.0}, surfaces={"right": x <= 1, "top": y <= 1}
+        )
+    )
 
 
 @pytest.fixture(scope="module")
 def rod() -> Kernels:
-    """A uniform rod of unit length and mass over a floor: the ends and the middle, so that a flat landing is on three points."""
+    """A uniform rod of unit length and mass over a floor: the ends and the middle, so that a
+    flat landing is on three points."""
     lagrangian = free(x, y) + m * a.diff(T) ** 2 / 24 - m * g * y
     ends = {"left": y - sp.sin(a) / 2 >= 0, "right": y + sp.sin(a) / 2 >= 0}
-    return dmoc.build(dmoc.MechanicalSystem("rod", [x, y, a], lagrangian, {m: 1.0, g: 9.81}, surfaces=ends))
+    return dmoc.build(
+        dmoc.MechanicalSystem("rod", [x, y, a], lagrangian, {m: 1.0, g: 9.81}, surfaces=ends)
+    )
 
 
 @pytest.fixture(scope="module")
 def cradle() -> Kernels:
     touching = {"xy": x + 1 <= y, "yz": y + 1 <= z}
-    return dmoc.build(dmoc.MechanicalSystem("cradle", [x, y, z], free(x, y, z), {m: 1.0}, surfaces=touching))
+    return dmoc.build(
+        dmoc.MechanicalSystem("cradle", [x, y, z], free(x, y, z), {m: 1.0}, surfaces=touching)
+    )
 
 
 @pytest.fixture(scope="module")
 def ball() -> Kernels:
     falling = free(x) - m * g * x
     return dmoc.build(
-        dmoc.MechanicalSystem("ball", [x], falling, {m: 1.0, g: 9.81, room: 0.0}, surfaces={"floor": x >= room}), order=4
+        dmoc.MechanicalSystem(
+            "ball", [x], falling, {m: 1.0, g: 9.81, room: 0.0}, surfaces={"floor": x >= room}
+        ),
+        order=4,
     )
 
 
@@ -58,7 +71,9 @@ def jumps(run: Simulation) -> list[tuple[str, float]]:
 @pytest.mark.parametrize("h", [0.01, 0.1, 0.3])
 @pytest.mark.parametrize("e", [1.0, 0.5, 0.0])
 def test_a_corner_throws_both_components_back(corner: Kernels, e: float, h: float) -> None:
-    run = dmoc.simulate(corner, [0, 0.5], [1, 0.5], step_size=h, steps=round(1.8 / h), restitution=e)
+    run = dmoc.simulate(
+        corner, [0, 0.5], [1, 0.5], step_size=h, steps=round(1.8 / h), restitution=e
+    )
     assert jumps(run) == [("right", 1 + e), ("top", (1 + e) / 2)]
     assert [c.time for c in run.collisions] == pytest.approx([1, 1], abs=1e-12)
     assert run.p[-1] == pytest.approx([-e, -e / 2], abs=1e-12)
@@ -67,13 +82,16 @@ def test_a_corner_throws_both_components_back(corner: Kernels, e: float, h: floa
 
 
 def test_the_coefficients_of_a_corner_may_differ(corner: Kernels) -> None:
-    run = dmoc.simulate(corner, [0, 0], [1, 1], step_size=0.1, steps=15, restitution={"right": 0.0, "top": 0.5})
+    run = dmoc.simulate(
+        corner, [0, 0], [1, 1], step_size=0.1, steps=15, restitution={"right": 0.0, "top": 0.5}
+    )
     assert run.p[-1] == pytest.approx([0, -0.5], abs=1e-12)
 
 
 @pytest.mark.parametrize("e", [1.0, 0.8, 0.1, 0.0])
 def test_an_acute_corner_with_coupled_masses_is_left(e: float) -> None:
-    """Elastic impacts keep the energy, others never add to it, and no surface is approached at the end."""
+    """Elastic impacts keep the energy, others never add to it, and no surface is approached at
+    the end."""
     coupled = free(x, y) + m * x.diff(T) * y.diff(T) / 3
     walls = {"up": y <= x / 4, "down": y >= -x / 4}
     kernels = dmoc.build(dmoc.MechanicalSystem("acute", [x, y], coupled, {m: 1.0}, surfaces=walls))
@@ -95,7 +113,8 @@ def energies_of(collisions: tuple[dmoc.trajectory.Collision, ...], mass: np.ndar
 
 
 def test_a_rod_that_lands_flat_bounces_flat(rod: Kernels) -> None:
-    """The ends are struck in turn, left, right, left, with m w / 2, m w, m w / 2: together they turn the speed w round."""
+    """The ends are struck in turn, left, right, left, with m w / 2, m w, m w / 2: together they
+    turn the speed w round."""
     run = dmoc.simulate(rod, [0, 1, 0], [0.3, 0, 0], step_size=0.01, steps=90)
     w = np.sqrt(2 * 9.81)
     assert jumps(run) == [("left", w / 2), ("right", w), ("left", w / 2)]
@@ -105,16 +124,22 @@ def test_a_rod_that_lands_flat_bounces_flat(rod: Kernels) -> None:
 
 def test_a_rod_that_lands_flat_and_plastically_stays(rod: Kernels) -> None:
     w = np.sqrt(2 * 9.81)
-    until = dmoc.simulate(rod, [0, 1, 0], [0.3, 0, 0], step_size=np.sqrt(2 / 9.81) / 10, steps=10, restitution=0.0)
+    until = dmoc.simulate(
+        rod, [0, 1, 0], [0.3, 0, 0], step_size=np.sqrt(2 / 9.81) / 10, steps=10, restitution=0.0
+    )
     assert until.p[-1] == pytest.approx([0.3, -w, 0])
-    with pytest.raises(SimulationError, match=r"lasting contact with surface 'left' from t = 0\.4515\d* s on"):
+    with pytest.raises(
+        SimulationError, match=r"lasting contact with surface 'left' from t = 0\.4515\d* s on"
+    ):
         dmoc.simulate(rod, [0, 1, 0], [0.3, 0, 0], step_size=0.01, steps=90, restitution=0.0)
 
 
 def test_the_last_ball_of_a_cradle_flies_off(cradle: Kernels) -> None:
     run = dmoc.simulate(cradle, [0, 2, 3], [1, 0, 0], step_size=0.03, steps=60)
     assert jumps(run) == [("xy", 1.0), ("yz", 1.0)]
-    assert run.p[-1] == pytest.approx([0, 0, 1], abs=1e-12) and run.q[-1] == pytest.approx([1, 2, 3.8])
+    assert run.p[-1] == pytest.approx([0, 0, 1], abs=1e-12) and run.q[-1] == pytest.approx(
+        [1, 2, 3.8]
+    )
 
 
 def test_bodies_that_collide_plastically_go_on_together(cradle: Kernels) -> None:
@@ -126,11 +151,17 @@ def test_bodies_that_collide_plastically_go_on_together(cradle: Kernels) -> None
 def test_a_cradle_of_pendulums_passes_the_swing_on_and_back() -> None:
     swinging = sum(m * l**2 * c.diff(T) ** 2 / 2 + m * g * l * sp.cos(c) for c in (x, y, z))
     system = dmoc.MechanicalSystem(
-        "swinging", [x, y, z], swinging, {m: 1.0, l: 1.0, g: 9.81}, surfaces={"xy": x <= y, "yz": y <= z}
+        "swinging",
+        [x, y, z],
+        swinging,
+        {m: 1.0, l: 1.0, g: 9.81},
+        surfaces={"xy": x <= y, "yz": y <= z},
     )
     run = dmoc.simulate(dmoc.build(system), [-0.5, 0, 0], step_size=0.01, steps=1000)
     assert [c.surface for c in run.collisions] == ["xy", "yz", "yz", "xy"] * 5
-    assert [c.impulse for c in run.collisions] == pytest.approx([np.sqrt(2 * 9.81 * (1 - np.cos(0.5)))] * 20, rel=1e-4)
+    assert [c.impulse for c in run.collisions] == pytest.approx(
+        [np.sqrt(2 * 9.81 * (1 - np.cos(0.5)))] * 20, rel=1e-4
+    )
     assert np.abs(run.q[:, 1]).max() < 1e-9
 
 
@@ -140,14 +171,25 @@ def test_a_cradle_of_pendulums_passes_the_swing_on_and_back() -> None:
 def test_bounces_that_die_away_are_zeno(ball: Kernels, floor: float, e: float, h: float) -> None:
     """They end at t_1 (1 + e) / (1 - e)."""
     end = np.sqrt(1.6 / 9.81) * (1 + e) / (1 - e)
-    with pytest.raises(SimulationError, match=r"collisions with surface 'floor' accumulate .*\(Zeno\)") as told:
-        dmoc.simulate(ball, [floor + 0.8], step_size=h, steps=round(4 / h), restitution=e, parameters={"room": floor})
+    with pytest.raises(
+        SimulationError, match=r"collisions with surface 'floor' accumulate .*\(Zeno\)"
+    ) as told:
+        dmoc.simulate(
+            ball,
+            [floor + 0.8],
+            step_size=h,
+            steps=round(4 / h),
+            restitution=e,
+            parameters={"room": floor},
+        )
     assert float(str(told.value).split(" t = ")[1].split(" s")[0]) == pytest.approx(end, rel=1e-5)
 
 
 @pytest.mark.parametrize("h", [0.001, 0.01, 0.1])
 def test_one_plastic_impact_under_a_steady_push_is_lasting_contact(ball: Kernels, h: float) -> None:
-    with pytest.raises(SimulationError, match=r"lasting contact with surface 'floor' from t = 0\.40385\d* s on"):
+    with pytest.raises(
+        SimulationError, match=r"lasting contact with surface 'floor' from t = 0\.40385\d* s on"
+    ):
         dmoc.simulate(ball, [0.8], step_size=h, steps=round(1 / h), restitution=0.0)
 
 
@@ -155,21 +197,26 @@ def test_elastic_impacts_that_come_to_no_end_are_told() -> None:
     """A wedge of a millionth: three million impacts would turn the motion round."""
     slim = {"up": y <= x / 1_000_000, "down": y >= -x / 1_000_000}
     kernels = dmoc.build(dmoc.MechanicalSystem("slim", [x, y], free(x, y), {m: 1.0}, surfaces=slim))
-    with pytest.raises(SimulationError, match=r"impacts on surfaces 'up', 'down' at t = 1 s come to no end"):
+    with pytest.raises(
+        SimulationError, match=r"impacts on surfaces 'up', 'down' at t = 1 s come to no end"
+    ):
         dmoc.simulate(kernels, [1, 0], [-1, 0], step_size=0.03, steps=60)
 
 
 def test_plastic_impacts_do_not_pull() -> None:
-    """Of three points of a plate only the outer ones carry, where the middle one would have to pull."""
+    """Of three points of a plate only the outer ones carry, where the middle one would have to
+    pull."""
     response = np.array([[4.0, 1.0, -2.0], [1.0, 1.0, 1.0], [-2.0, 1.0, 4.0]])
     rates = np.array([1.0, 1.0, 1.0])
     found = simultaneous(np.zeros(3), np.full(3, 1e-13), rates, rates, response, np.zeros(3), 0.0)
     assert found is not None and all(impulse > 0 for _, impulse in found)
-    after = rates - response @ np.bincount([j for j, _ in found], [impulse for _, impulse in found], 3)
+    after = rates - response @ np.bincount(
+        [j for j, _ in found], [impulse for _, impulse in found], 3
+    )
     assert after == pytest.approx(0, abs=1e-12)
 
 
-# Units -----------------------------------------------------------------------------------------------------------------
+# Units --------------------------------------------------------------------------------------------
 
 
 def pendulum_on_a_cart() -> dmoc.MechanicalSystem:
@@ -186,19 +233,33 @@ def arm_with_a_stop() -> dmoc.MechanicalSystem:
     hand = (elbow[0] + l * sp.sin(a + b), elbow[1] - l * sp.cos(a + b))
     kinetic = sum(m * c.diff(T) ** 2 / 2 for c in (*elbow, *hand))
     return dmoc.MechanicalSystem(
-        "units_arm", [a, b], kinetic - m * g * (elbow[1] + hand[1]), {m: 1.0, g: 9.81, l: 0.5, room: 0.8, stop: 1.0},
+        "units_arm",
+        [a, b],
+        kinetic - m * g * (elbow[1] + hand[1]),
+        {m: 1.0, g: 9.81, l: 0.5, room: 0.8, stop: 1.0},
         surfaces={"stop": b <= stop, "back": b >= -stop, "wall": hand[0] <= room},
-    )  # fmt: skip
+    )
 
 
 def bouncing_ball() -> dmoc.MechanicalSystem:
     return dmoc.MechanicalSystem(
-        "units_ball", [x], free(x) - m * g * x, {m: 1.0, g: 9.81, room: 1.0}, surfaces={"floor": x >= 0, "lid": x <= room}
+        "units_ball",
+        [x],
+        free(x) - m * g * x,
+        {m: 1.0, g: 9.81, room: 1.0},
+        surfaces={"floor": x >= 0, "lid": x <= room},
     )
 
 
 # Exponents of length, mass and time.
-DIMENSIONS = {"m": (0, 1, 0), "M": (0, 1, 0), "g": (1, 0, -2), "l": (1, 0, 0), "room": (1, 0, 0), "x": (1, 0, 0)}
+DIMENSIONS = {
+    "m": (0, 1, 0),
+    "M": (0, 1, 0),
+    "g": (1, 0, -2),
+    "l": (1, 0, 0),
+    "room": (1, 0, 0),
+    "x": (1, 0, 0),
+}
 
 
 @pytest.mark.slow
@@ -213,7 +274,12 @@ DIMENSIONS = {"m": (0, 1, 0), "M": (0, 1, 0), "g": (1, 0, -2), "l": (1, 0, 0), "
 )
 @pytest.mark.parametrize("order", [2, 4])
 def test_units_do_not_matter(
-    system: dmoc.MechanicalSystem, position: list[float], velocity: list[float], restitution: float, hits: int, order: int
+    system: dmoc.MechanicalSystem,
+    position: list[float],
+    velocity: list[float],
+    restitution: float,
+    hits: int,
+    order: int,
 ) -> None:
     """Lengths, masses and times in units from a millionth to a million."""
     kernels = dmoc.build(system, order=order)
@@ -222,13 +288,24 @@ def test_units_do_not_matter(
         def size(name: str) -> float:
             return float(np.prod(np.array(units) ** DIMENSIONS.get(name, (0, 0, 0))))
 
-        parameters = {name: value * size(name) for name, value in kernels.parameters.items() if value is not None}
+        parameters = {
+            name: value * size(name)
+            for name, value in kernels.parameters.items()
+            if value is not None
+        }
         q = np.array([size(name) for name in kernels.coordinates])
         found = dmoc.simulate(
-            kernels, position * q, velocity * q / units[2], step_size=0.01 * units[2], steps=120, parameters=parameters,
+            kernels,
+            position * q,
+            velocity * q / units[2],
+            step_size=0.01 * units[2],
+            steps=120,
+            parameters=parameters,
             restitution=restitution,
-        )  # fmt: skip
-        return found.q / q, [(c.surface, pytest.approx(c.time / units[2], rel=1e-9)) for c in found.collisions]
+        )
+        return found.q / q, [
+            (c.surface, pytest.approx(c.time / units[2], rel=1e-9)) for c in found.collisions
+        ]
 
     wanted, contacts = run(1.0, 1.0, 1.0)
     assert len(contacts) == hits

@@ -1,4 +1,5 @@
-"""The variational integrator: known answers, conservation over many impacts, order, and hard cases."""
+"""The variational integrator: known answers, conservation over many impacts, order, and hard
+cases."""
 
 from __future__ import annotations
 
@@ -17,7 +18,9 @@ T = dynamicsymbols._t
 def ball_system(name: str = "ball") -> dmoc.MechanicalSystem:
     q = dynamicsymbols("q")
     m, g = sp.symbols("m g")
-    return dmoc.MechanicalSystem(name, [q], m * q.diff(T) ** 2 / 2 - m * g * q, {m: 1.0, g: 9.81}, surfaces={"floor": q >= 0})
+    return dmoc.MechanicalSystem(
+        name, [q], m * q.diff(T) ** 2 / 2 - m * g * q, {m: 1.0, g: 9.81}, surfaces={"floor": q >= 0}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +34,8 @@ def bouncing() -> Kernels:
 
 
 def test_elastic_ball_ends_where_it_should(ball: Kernels) -> None:
-    """The steps of free flight are exact; the energies of the two parts of a collision step are those of their midpoints, O(h^2)."""
+    """The steps of free flight are exact; the energies of the two parts of a collision step are
+    those of their midpoints, O(h^2)."""
     fall = np.sqrt(2 * 0.8 / 9.81)
     for h, tolerance in ((0.01, 1e-3), (0.001, 2e-5), (0.0001, 2e-7)):
         run = dmoc.simulate(ball, [0.8], step_size=h, steps=round(3 / h))
@@ -39,7 +43,9 @@ def test_elastic_ball_ends_where_it_should(ball: Kernels) -> None:
         assert run.q[-1, 0] == pytest.approx(0.538626351, abs=tolerance)
         assert run.p[-1, 0] == pytest.approx(2.264542117, abs=tolerance)
         assert run.collisions[0].time == pytest.approx(fall, abs=1e-10)
-        assert [c.time for c in run.collisions] == pytest.approx([fall * (2 * k + 1) for k in range(4)], abs=tolerance)
+        assert [c.time for c in run.collisions] == pytest.approx(
+            [fall * (2 * k + 1) for k in range(4)], abs=tolerance
+        )
 
 
 def test_ten_thousand_bounces_without_energy_drift(bouncing: Kernels) -> None:
@@ -77,16 +83,24 @@ def test_energy_error_falls_as_the_square_of_the_step(bouncing: Kernels) -> None
 def test_positions_converge_to_second_order_between_impacts(bouncing: Kernels) -> None:
     from scipy.integrate import solve_ivp
 
-    exact = solve_ivp(lambda t, y: [y[1], -9.81 * np.sin(y[0])], (0, 0.4), [0.5, 0.0], rtol=1e-12, atol=1e-14).y[0, -1]
-    errors = [abs(dmoc.simulate(bouncing, [0.5], step_size=0.4 / n, steps=n).q[-1, 0] - exact) for n in (20, 40, 80)]
+    exact = solve_ivp(
+        lambda t, y: [y[1], -9.81 * np.sin(y[0])], (0, 0.4), [0.5, 0.0], rtol=1e-12, atol=1e-14
+    ).y[0, -1]
+    errors = [
+        abs(dmoc.simulate(bouncing, [0.5], step_size=0.4 / n, steps=n).q[-1, 0] - exact)
+        for n in (20, 40, 80)
+    ]
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([2, 2], abs=0.05)
 
 
 def test_several_collisions_in_one_step(block: Kernels) -> None:
-    """A mass between walls, so fast that it meets them more than once within a step; free flight between elastic walls is exact."""
+    """A mass between walls, so fast that it meets them more than once within a step; free flight
+    between elastic walls is exact."""
     x = dynamicsymbols("x")
     m = sp.Symbol("m")
-    system = dmoc.MechanicalSystem("slot", [x], m * x.diff(T) ** 2 / 2, {m: 1.0}, surfaces={"low": x >= 0, "high": x <= 1})
+    system = dmoc.MechanicalSystem(
+        "slot", [x], m * x.diff(T) ** 2 / 2, {m: 1.0}, surfaces={"low": x >= 0, "high": x <= 1}
+    )
     run = dmoc.simulate(dmoc.build(system), [0.3], [7.3], step_size=1.0, steps=3)
     travelled = 0.3 + 7.3 * np.arange(4)
     folded = np.abs((travelled + 1) % 2 - 1)
@@ -97,14 +111,17 @@ def test_several_collisions_in_one_step(block: Kernels) -> None:
 
 def test_a_thin_obstacle_is_not_tunnelled(puck: Kernels) -> None:
     """Both ends of the step are free, the post is between them."""
-    run = dmoc.simulate(puck, [0.0, 0.0], [10.0, 0.0], step_size=0.2, steps=1, parameters={"post": 0.05})
+    run = dmoc.simulate(
+        puck, [0.0, 0.0], [10.0, 0.0], step_size=0.2, steps=1, parameters={"post": 0.05}
+    )
     assert [c.surface for c in run.collisions] == ["post"]
     assert run.collisions[0].position == pytest.approx([0.95, 0.0], abs=1e-9)
     assert run.q[-1, 0] == pytest.approx(0.95 - (10 * 0.2 - 0.95), abs=1e-8)
 
 
 def test_a_grazing_motion_passes(puck: Kernels) -> None:
-    """A path that just misses the post has no collision, one that just touches it keeps its speed."""
+    """A path that just misses the post has no collision, one that just touches it keeps its
+    speed."""
     free = dmoc.simulate(puck, [0.0, 0.2 + 1e-6], [1.0, 0.0], step_size=0.05, steps=40)
     assert not free.collisions
     touching = dmoc.simulate(puck, [0.0, 0.2 - 1e-6], [1.0, 0.0], step_size=0.05, steps=40)
@@ -112,7 +129,9 @@ def test_a_grazing_motion_passes(puck: Kernels) -> None:
 
 
 def test_lasting_contact_is_an_error(ball: Kernels) -> None:
-    with pytest.raises(SimulationError, match="lasting contact with surface 'floor' from t = 0 s on"):
+    with pytest.raises(
+        SimulationError, match="lasting contact with surface 'floor' from t = 0 s on"
+    ):
         dmoc.simulate(ball, [0.0], [0.0], step_size=0.01, steps=10)
 
 
@@ -141,7 +160,10 @@ def test_accumulating_collisions_are_an_error() -> None:
         ({"steps": 0}, "at least 1"),
         ({"parameters": {"mass": 1.0}}, "unknown parameter 'mass'"),
         ({"parameters": {"m": 10**400}}, "parameter m = 1000.*: expected a finite number"),
-        ({"parameters": {"m": -1.0}}, "mass matrix at t = 0 s is singular or not positive definite"),
+        (
+            {"parameters": {"m": -1.0}},
+            "mass matrix at t = 0 s is singular or not positive definite",
+        ),
         ({"parameters": "m"}, "expected a mapping"),
         ({"position": None}, "position = None: expected 1 finite numbers"),
         ({"position": "1"}, "position = '1': expected 1 finite numbers"),
@@ -152,29 +174,45 @@ def test_accumulating_collisions_are_an_error() -> None:
         ({"velocity": [np.nan]}, "velocity = .*expected 1 finite numbers"),
         ({"step_size": None}, "step_size = None: expected a positive number"),
         ({"step_size": True}, "step_size = True: expected a positive number"),
-        ({"step_size": 10**5000}, "step_size = an? int too long to show: expected a positive number"),
+        (
+            {"step_size": 10**5000},
+            "step_size = an? int too long to show: expected a positive number",
+        ),
         ({"step_size": 1e305, "steps": 10**5}, "a finite time of all steps"),
         ({"step_size": 1e-300, "velocity": [1.0]}, "less than a rounding error of the coordinates"),
         ({"step_size": 1e300, "velocity": [1.0]}, "has no solution: change the step size"),
         ({"steps": 5.0}, "steps = 5.0: expected a whole number"),
         ({"steps": True}, "steps = True: expected a whole number"),
-        ({"steps": 10**30}, "steps = 1.000000e.30: expected a whole number of at least 1 and at most"),
+        (
+            {"steps": 10**30},
+            "steps = 1.000000e.30: expected a whole number of at least 1 and at most",
+        ),
         ({"steps": 10**9}, "recording 1000000001 nodes needs 72 GB of memory"),
         ({"every": None}, "every = None: expected a whole number"),
         ({"inputs": "no"}, r"inputs: expected numbers of shape \(5, 0\) or \(0,\)"),
         ({"inputs": [1.0, 2.0]}, "inputs: expected numbers of shape"),
         ({"restitution": "elastic"}, "restitution = 'elastic': expected a number from 0"),
-        ({"restitution": {"floor": None}}, "restitution of 'floor' = None: expected a number from 0"),
-        ({"restitution": {None: 1.0}}, "restitution of .None.: unknown surface, expected one of floor"),
+        (
+            {"restitution": {"floor": None}},
+            "restitution of 'floor' = None: expected a number from 0",
+        ),
+        (
+            {"restitution": {None: 1.0}},
+            "restitution of .None.: unknown surface, expected one of floor",
+        ),
     ],
 )
-def test_wrong_arguments_are_refused(ball: Kernels, changes: dict[str, object], message: str) -> None:
+def test_wrong_arguments_are_refused(
+    ball: Kernels, changes: dict[str, object], message: str
+) -> None:
     arguments = {"position": [1.0], "step_size": 0.1, "steps": 5} | changes
     with pytest.raises(SimulationError, match=message):
         dmoc.simulate(ball, arguments.pop("position"), **arguments)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("kernels", [None, "ball", 5, ball_system()], ids=["None", "text", "number", "system"])
+@pytest.mark.parametrize(
+    "kernels", [None, "ball", 5, ball_system()], ids=["None", "text", "number", "system"]
+)
 def test_something_else_than_kernels_is_refused(kernels: object) -> None:
     with pytest.raises(SimulationError, match="expected the kernels of a model"):
         dmoc.simulate(kernels, [1.0], step_size=0.1, steps=1)  # type: ignore[arg-type]
@@ -182,7 +220,9 @@ def test_something_else_than_kernels_is_refused(kernels: object) -> None:
 
 def test_many_steps_of_which_few_are_recorded_need_no_memory(puck: Kernels) -> None:
     """Inputs that are the same in all steps are not copied."""
-    run = dmoc.simulate(puck, [0.0, -1.0], step_size=1e-4, steps=10_000, every=5_000, inputs=[1.0, 2.0])
+    run = dmoc.simulate(
+        puck, [0.0, -1.0], step_size=1e-4, steps=10_000, every=5_000, inputs=[1.0, 2.0]
+    )
     assert run.q.shape == (3, 2) and run.q[-1] == pytest.approx([0.5, 0.0], abs=1e-6)
 
 
@@ -191,9 +231,13 @@ def test_many_steps_of_which_few_are_recorded_need_no_memory(puck: Kernels) -> N
 def test_a_mass_that_vanishes_on_the_way_is_told(backend: str, start: float, time: str) -> None:
     """(1 - q^2) q'^2 / 2: from q = 0 with the unit velocity q = 1 is reached at pi / 4."""
     q = dynamicsymbols("q")
-    system = dmoc.MechanicalSystem("vanishing", [q], (1 - q**2) * q.diff(T) ** 2 / 2, {}, surfaces={"wall": q <= 5})
+    system = dmoc.MechanicalSystem(
+        "vanishing", [q], (1 - q**2) * q.diff(T) ** 2 / 2, {}, surfaces={"wall": q <= 5}
+    )
     kernels = dmoc.build(system, backend=backend)
-    with pytest.raises(SimulationError, match=f"mass matrix at t = {time} s is singular or not positive definite"):
+    with pytest.raises(
+        SimulationError, match=f"mass matrix at t = {time} s is singular or not positive definite"
+    ):
         dmoc.simulate(kernels, [start], [1.0], step_size=0.01, steps=100)
 
 
@@ -209,7 +253,9 @@ def test_a_collision_exactly_at_a_node_is_a_collision(block: Kernels, h: float) 
     """Unit speed towards a wall at 1: the hit at t = 1 falls on a node for round steps."""
     run = dmoc.simulate(block, {"x": 0.0}, {"x": 1.0}, step_size=h, steps=round(1.5 / h))
     (collision,) = run.collisions
-    assert collision.time == pytest.approx(1.0, abs=1e-9) and collision.impulse == pytest.approx(2.0)
+    assert collision.time == pytest.approx(1.0, abs=1e-9) and collision.impulse == pytest.approx(
+        2.0
+    )
     assert run.q[-1, 0] == pytest.approx(2.0 - run.t[-1], abs=1e-9)
 
 
@@ -219,7 +265,8 @@ def test_a_motion_that_starts_on_a_surface_outwards_bounces(block: Kernels) -> N
 
 
 def test_constant_inputs_of_a_system_with_two(puck: Kernels) -> None:
-    """A force of (1, 2) for half a second moves a unit mass by (1, 2)/8; rows in any memory order serve."""
+    """A force of (1, 2) for half a second moves a unit mass by (1, 2)/8; rows in any memory
+    order serve."""
     for inputs in ([1.0, 2.0], np.asfortranarray(np.tile([1.0, 2.0], (5, 1)))):
         run = dmoc.simulate(puck, [0.0, -1.0], step_size=0.1, steps=5, inputs=inputs)
         np.testing.assert_allclose(run.q[-1], [0.125, -0.75], atol=1e-12)

@@ -1,4 +1,5 @@
-"""Every method on every kind of problem: same answers, same statuses; the factorisation; what an infeasible problem is told."""
+"""Every method on every kind of problem: same answers, same statuses; the factorisation; what an
+infeasible problem is told."""
 
 from __future__ import annotations
 
@@ -32,19 +33,35 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def block_problem(block: Kernels) -> dmoc.Problem:
-    return dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=40, final_time=1.0)
+    return dmoc.Problem(
+        block,
+        start={"x": 0.0},
+        goal={"x": 0.0, "x_dot": 0.0},
+        sequence=["wall"],
+        steps=40,
+        final_time=1.0,
+    )
 
 
 def puck_problem(puck: Kernels) -> dmoc.Problem:
-    return dmoc.Problem(puck, start={"x": 1.5, "y": 0.0}, goal={"x": 1.5, "y": 1.0}, sequence=["rim"], final_time=1.0, steps=30)
+    return dmoc.Problem(
+        puck,
+        start={"x": 1.5, "y": 0.0},
+        goal={"x": 1.5, "y": 1.0},
+        sequence=["rim"],
+        final_time=1.0,
+        steps=30,
+    )
 
 
-# Same answers --------------------------------------------------------------------------------------------------------
+# Same answers -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", SPARSE)
 @pytest.mark.parametrize("name", ["block", "puck", "seed"])
-def test_methods_agree_with_slsqp(request: pytest.FixtureRequest, seed: dmoc.Problem, method: str, name: str) -> None:
+def test_methods_agree_with_slsqp(
+    request: pytest.FixtureRequest, seed: dmoc.Problem, method: str, name: str
+) -> None:
     if name == "seed":
         problem = seed.but(steps=50)
     else:
@@ -57,7 +74,9 @@ def test_methods_agree_with_slsqp(request: pytest.FixtureRequest, seed: dmoc.Pro
     assert solution.final_time == pytest.approx(reference.final_time, rel=1e-4)
     assert solution.optimality <= 1e-6 and solution.max_violation <= 1e-10
     assert solution.active_bounds == reference.active_bounds
-    np.testing.assert_allclose(solution.multipliers["momentum"], reference.multipliers["momentum"], rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(
+        solution.multipliers["momentum"], reference.multipliers["momentum"], rtol=1e-3, atol=1e-3
+    )
 
 
 def test_seed_is_solved_and_verified(seed: dmoc.Problem) -> None:
@@ -76,7 +95,9 @@ def test_a_thousand_steps_a_phase(seed: dmoc.Problem) -> None:
         dmoc.solve(seed.but(steps=1001))
 
 
-@pytest.mark.parametrize("sequence", [[], ["left", "left"], ["left", "right", "left"], ["right", "left"]])
+@pytest.mark.parametrize(
+    "sequence", [[], ["left", "left"], ["left", "right", "left"], ["right", "left"]]
+)
 def test_sequences_from_the_automatic_guess(seed: dmoc.Problem, sequence: list[str]) -> None:
     solution = dmoc.solve(seed.but(sequence=sequence), method="ipm")
     assert solution.status == "solved", solution.message
@@ -84,12 +105,17 @@ def test_sequences_from_the_automatic_guess(seed: dmoc.Problem, sequence: list[s
 
 
 def test_linear_inputs_and_a_fixed_time(seed: dmoc.Problem) -> None:
-    assert dmoc.solve(seed.but(controls="linear"), method="ipm").cost == pytest.approx(129.50419, rel=1e-6)
-    assert dmoc.solve(seed.but(final_time=1.0), method="ipm").cost == pytest.approx(129.602392, rel=1e-7)
+    assert dmoc.solve(seed.but(controls="linear"), method="ipm").cost == pytest.approx(
+        129.50419, rel=1e-6
+    )
+    assert dmoc.solve(seed.but(final_time=1.0), method="ipm").cost == pytest.approx(
+        129.602392, rel=1e-7
+    )
 
 
 def test_free_boundary_values_are_found(seed: dmoc.Problem) -> None:
-    """Unknowns at the start that no equation of the chain determines end up in the final group of the factorisation."""
+    """Unknowns at the start that no equation of the chain determines end up in the final group
+    of the factorisation."""
     problem = seed.but(start={"alpha": (1.1, 1.3), "x": 0.0, "alpha_dot": (-0.5, 0.5)}, steps=40)
     a, b = (dmoc.solve(problem, method=m, verify=False) for m in ("ipm", "slsqp"))
     assert a.status == b.status == "solved"
@@ -110,18 +136,29 @@ def test_a_neighbouring_solution_saves_iterations(seed: dmoc.Problem) -> None:
 
 def test_a_solution_of_another_mesh_or_order_is_a_guess(seed: dmoc.Problem, block: Kernels) -> None:
     first = dmoc.solve(seed.but(steps=[10, 10]), method="ipm", verify=False)
-    for problem in (seed.but(steps=[12, 8]), seed.but(kernels=dmoc.load("cart_pendulum", order=4), steps=12, controls=None)):
+    for problem in (
+        seed.but(steps=[12, 8]),
+        seed.but(kernels=dmoc.load("cart_pendulum", order=4), steps=12, controls=None),
+    ):
         assert dmoc.solve(problem, method="ipm", guess=first, verify=False).status == "solved"
     with pytest.raises(ProblemError, match="guess has 1 collisions: expected a motion with 2"):
         dmoc.solve(seed.but(sequence=["left", "left"]), method="ipm", guess=first)
-    with pytest.raises(ProblemError, match="guess is a motion of alpha, x, F: expected one of the coordinates and inputs x, u"):
-        dmoc.solve(dmoc.Problem(block, start={"x": 0}, sequence=["wall"]), method="ipm", guess=first)
-    other = dmoc.solve(seed.but(steps=[10, 10], sequence=["right"]), method="ipm", guess=first, verify=False)
+    with pytest.raises(
+        ProblemError,
+        match="guess is a motion of alpha, x, F: expected one of the coordinates and inputs x, u",
+    ):
+        dmoc.solve(
+            dmoc.Problem(block, start={"x": 0}, sequence=["wall"]), method="ipm", guess=first
+        )
+    other = dmoc.solve(
+        seed.but(steps=[10, 10], sequence=["right"]), method="ipm", guess=first, verify=False
+    )
     assert other.status == "solved"  # from its unknowns, without its multipliers
 
 
 def test_a_coordinate_that_is_held_keeps_the_system_sparse(seed: dmoc.Problem) -> None:
-    """The pivots of the final group, whose work grows with their cube, do not become more with the steps."""
+    """The pivots of the final group, whose work grows with their cube, do not become more with
+    the steps."""
     held = seed.but(bounds={"F": (-200, 200), "x": (0, 0)})
     systems = [kkt_layout(Transcription(held.but(steps=n))) for n in (100, 1000)]
     few, many = (K.size - K.first[-1] for K in systems)
@@ -129,14 +166,17 @@ def test_a_coordinate_that_is_held_keeps_the_system_sparse(seed: dmoc.Problem) -
 
 
 def test_a_bound_of_a_duration_counts_more_than_the_shortest_phase(seed: dmoc.Problem) -> None:
-    """By default a phase keeps a thousandth of the largest final time, here more than what the bound allows."""
+    """By default a phase keeps a thousandth of the largest final time, here more than what the
+    bound allows."""
     problem = seed.but(steps=20, final_time=(None, 100.0), durations=[(None, 0.0966), (None, 2.0)])
     assert (Transcription(problem).lower <= Transcription(problem).upper).all()
     for method in ("ipm", "slsqp"):
         solution = dmoc.solve(problem, method=method, verify=False)
         assert solution.status == "solved" and solution.phases[0].duration <= 0.0966 + 1e-9
     problem = seed.but(final_time=(None, 100.0), durations=[(0.001, None), (None, 0.9)])
-    assert not any("phase 0 >= 0.1" in b for b in dmoc.solve(problem, method="ipm", verify=False).active_bounds)
+    assert not any(
+        "phase 0 >= 0.1" in b for b in dmoc.solve(problem, method="ipm", verify=False).active_bounds
+    )
 
 
 def test_multipliers_survive_a_file(seed: dmoc.Problem, tmp_path: Path) -> None:
@@ -145,7 +185,7 @@ def test_multipliers_survive_a_file(seed: dmoc.Problem, tmp_path: Path) -> None:
     assert dmoc.solve(seed, method="ipm", guess=loaded, verify=False).iterations <= 5
 
 
-# Limits --------------------------------------------------------------------------------------------------------------
+# Limits -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -159,7 +199,9 @@ def test_limits_are_kept(seed: dmoc.Problem, method: str) -> None:
 
 
 @pytest.mark.parametrize("method", SPARSE)
-def test_progress_is_told_and_an_interruption_keeps_the_iterate(seed: dmoc.Problem, method: str) -> None:
+def test_progress_is_told_and_an_interruption_keeps_the_iterate(
+    seed: dmoc.Problem, method: str
+) -> None:
     seen: list[Iteration] = []
 
     def interrupt(i: Iteration) -> None:
@@ -186,14 +228,25 @@ def test_iterations_are_counted_once(seed: dmoc.Problem) -> None:
 
 
 @pytest.mark.parametrize("method", SPARSE)
-def test_what_a_callback_prints_is_seen(seed: dmoc.Problem, capfd: pytest.CaptureFixture[str], method: str) -> None:
-    dmoc.solve(seed.but(steps=20), method=method, iterations=3, progress=lambda i: print(f"iteration {i.number}"))
+def test_what_a_callback_prints_is_seen(
+    seed: dmoc.Problem, capfd: pytest.CaptureFixture[str], method: str
+) -> None:
+    dmoc.solve(
+        seed.but(steps=20),
+        method=method,
+        iterations=3,
+        progress=lambda i: print(f"iteration {i.number}"),
+    )
     assert "iteration 2" in capfd.readouterr().out
 
 
 def test_two_threads_may_use_uno(block: Kernels) -> None:
     with ThreadPoolExecutor(2) as pool:
-        solutions = list(pool.map(lambda _: dmoc.solve(block_problem(block), method="uno", verify=False), range(4)))
+        solutions = list(
+            pool.map(
+                lambda _: dmoc.solve(block_problem(block), method="uno", verify=False), range(4)
+            )
+        )
     assert [s.status for s in solutions] == ["solved"] * 4
 
 
@@ -207,7 +260,9 @@ def test_an_error_in_the_callback_is_not_lost(seed: dmoc.Problem, method: str) -
 
 
 @pytest.mark.parametrize(("method", "package"), [("ipopt", "ipyopt"), ("uno", "unopy")])
-def test_a_missing_extra_is_named(seed: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, method: str, package: str) -> None:
+def test_a_missing_extra_is_named(
+    seed: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, method: str, package: str
+) -> None:
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingExtraError, match=rf"pip install 'dmoc\[{method}\]'"):
         dmoc.solve(seed, method=method)
@@ -224,11 +279,13 @@ def test_kernels_on_numpy_give_the_same_program_and_no_interior_point() -> None:
     y = np.random.default_rng(1).normal(size=a.n_eq + a.n_in)
     np.testing.assert_allclose(a.program.values(x), b.program.values(x), rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(a.program.slopes(x), b.program.slopes(x), rtol=1e-13, atol=1e-13)
-    np.testing.assert_allclose(a.program.curvatures(x, y, 0.5), b.program.curvatures(x, y, 0.5), rtol=1e-13, atol=1e-12)
+    np.testing.assert_allclose(
+        a.program.curvatures(x, y, 0.5), b.program.curvatures(x, y, 0.5), rtol=1e-13, atol=1e-12
+    )
     assert dmoc.solve(problems[1], verify=False).status == "solved"
 
 
-# Infeasible is an answer ---------------------------------------------------------------------------------------------
+# Infeasible is an answer --------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -236,7 +293,10 @@ def test_kernels_on_numpy_give_the_same_program_and_no_interior_point() -> None:
 def test_a_weak_force_misses_the_goal(seed: dmoc.Problem, method: str) -> None:
     solution = dmoc.solve(seed.but(bounds={"F": (-1, 1)}, steps=40), method=method)
     assert solution.status == "infeasible" and not solution.solved
-    assert solution.conflicts[0].startswith("the goal of alpha is missed by 1.0") and " rad" in solution.conflicts[0]
+    assert (
+        solution.conflicts[0].startswith("the goal of alpha is missed by 1.0")
+        and " rad" in solution.conflicts[0]
+    )
     assert any("F >= -1 in" in c for c in solution.conflicts)
     assert [c for c in solution.conflicts if c not in solution.message] == []
     assert solution.max_violation > 1e-3
@@ -248,16 +308,24 @@ def test_a_phase_shorter_than_the_shortest_time_is_named(seed: dmoc.Problem) -> 
     assert solution.status == "infeasible"
     text = " | ".join(solution.conflicts)
     assert "collision 1 misses 'left' by 0.0144 rad" in text
-    assert "phase 0 -> 'left': the shortest time at full input is about 0.0549 s, the bounds allow 0.05 s" in text
+    assert (
+        "phase 0 -> 'left': the shortest time at full input is about 0.0549 s, the bounds allow "
+        "0.05 s" in text
+    )
     assert "duration of phase 0 <= 0.05 s" in text
 
 
 def test_the_miss_of_a_block_has_the_amount_of_the_closed_form(block: Kernels) -> None:
     """A unit mass from rest under |u| <= 1 comes to 1/2 in 1 s: half the way to the wall."""
     problem = dmoc.Problem(
-        block, start={"x": 0.0}, sequence=["wall"], steps=50, bounds={"u": (-1, 1)}, durations=[(None, 1.0), (None, None)],
+        block,
+        start={"x": 0.0},
+        sequence=["wall"],
+        steps=50,
+        bounds={"u": (-1, 1)},
+        durations=[(None, 1.0), (None, None)],
         final_time=(None, 2.0),
-    )  # fmt: skip
+    )
     solution = dmoc.solve(problem, method="ipm")
     assert solution.status == "infeasible"
     assert solution.conflicts[0] == "collision 1 misses 'wall' by 0.5"
@@ -267,7 +335,9 @@ def test_the_miss_of_a_block_has_the_amount_of_the_closed_form(block: Kernels) -
 @pytest.mark.parametrize("goal", [0.7, (0.7, 0.8), (0.7, None)])
 def test_a_goal_is_missed_by_what_is_lacking(block: Kernels, goal: object) -> None:
     """The same block comes to 1/2 in 1 s at most."""
-    problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": goal}, steps=50, bounds={"u": (-1, 1)}, final_time=1.0)
+    problem = dmoc.Problem(
+        block, start={"x": 0.0}, goal={"x": goal}, steps=50, bounds={"u": (-1, 1)}, final_time=1.0
+    )
     solution = dmoc.solve(problem, method="ipm")
     assert solution.status == "infeasible"
     assert solution.conflicts[0] == "the goal of x is missed by 0.2"
@@ -282,11 +352,15 @@ def test_least_violation_of_a_feasible_problem_is_none(seed: dmoc.Problem) -> No
     assert max(np.abs(nlp.equality(outcome.x)).max(), -nlp.inequality(outcome.x).min()) < 1e-6
 
 
-# Linear system -------------------------------------------------------------------------------------------------------
+# Linear system ------------------------------------------------------------------------------------
 
 
 def test_the_linear_system_is_that_of_the_program(seed: dmoc.Problem) -> None:
-    problem = seed.but(steps=[3, 4, 3], sequence=["left", "right"], start={"alpha": (0.4, 0.5), "x": 0.0, "alpha_dot": (-1, 1)})
+    problem = seed.but(
+        steps=[3, 4, 3],
+        sequence=["left", "right"],
+        start={"alpha": (0.4, 0.5), "x": 0.0, "alpha_dot": (-1, 1)},
+    )
     nlp = Transcription(problem)
     K = kkt_layout(nlp)
     m = nlp.n_eq + nlp.n_in
@@ -302,14 +376,17 @@ def test_the_linear_system_is_that_of_the_program(seed: dmoc.Problem) -> None:
     upper = scipy.sparse.csc_matrix((values[:-1], K.row, K.start), shape=(K.size, K.size))
     found = (upper + scipy.sparse.triu(upper, 1).T).toarray()
     H = (hess + scipy.sparse.triu(hess, 1).T).toarray()
-    expected = np.block([[H, jac.toarray().T], [jac.toarray(), np.zeros((m, m))]])[np.ix_(free, free)]
+    expected = np.block([[H, jac.toarray().T], [jac.toarray(), np.zeros((m, m))]])[
+        np.ix_(free, free)
+    ]
     np.testing.assert_allclose(found[np.ix_(K.place[free], K.place[free])], expected, atol=1e-12)
 
 
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 8), st.integers(0, 7))
 def test_factorisation_solves_and_counts_signs(number: int, pivots: int, final: int) -> None:
-    """Random sparse indefinite matrices against dense linear algebra, whatever the widths of the pivots."""
+    """Random sparse indefinite matrices against dense linear algebra, whatever the widths of the
+    pivots."""
     rng = np.random.default_rng([number, pivots, final])
     widths = rng.integers(1, 3, pivots)
     first = np.concatenate([[0], np.cumsum(widths)]).astype(np.int32)
@@ -322,7 +399,9 @@ def test_factorisation_solves_and_counts_signs(number: int, pivots: int, final: 
     signs = np.linalg.eigvalsh(dense)
     assume(np.abs(signs).min() >= 1e-3)
     right = rng.normal(size=n)
-    x, counts = factor_and_solve(first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right)
+    x, counts = factor_and_solve(
+        first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right
+    )
     assert counts == ((signs > 0).sum(), (signs < 0).sum(), 0)
     np.testing.assert_allclose(dense @ x, right, atol=1e-6)
 
@@ -330,29 +409,46 @@ def test_factorisation_solves_and_counts_signs(number: int, pivots: int, final: 
 def test_a_final_group_without_diagonal_is_factorised() -> None:
     """Saddle points need pivots of two, which complete pivoting finds."""
     A = np.random.default_rng(4).normal(size=(3, 5))
-    dense = np.block([[np.zeros((5, 5)), A.T], [A, np.zeros((3, 3))]]) + np.diag([1.0] * 5 + [0.0] * 3) * 1e-3
+    dense = (
+        np.block([[np.zeros((5, 5)), A.T], [A, np.zeros((3, 3))]])
+        + np.diag([1.0] * 5 + [0.0] * 3) * 1e-3
+    )
     upper = scipy.sparse.csc_matrix(np.triu(dense) + 0.0)
     first = np.zeros(1, dtype=np.int32)
     right = np.arange(8.0)
-    x, counts = factor_and_solve(first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right)
+    x, counts = factor_and_solve(
+        first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right
+    )
     assert counts == (5, 3, 0)
     np.testing.assert_allclose(dense @ x, right, atol=1e-9)
 
 
-@pytest.mark.parametrize("source", ["nlp/passes.c", *(f"solvers/{p.name}" for p in sorted((ROOT / "solvers").glob("*.c")))])
+@pytest.mark.parametrize(
+    "source",
+    ["nlp/passes.c", *(f"solvers/{p.name}" for p in sorted((ROOT / "solvers").glob("*.c")))],
+)
 def test_sources_compile_without_warnings(tmp_path: Path, source: str) -> None:
     compiler = shutil.which("gcc") or shutil.which("cc")
     assert compiler is not None
     flags = ["-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
     flags += [f"-I{ROOT / folder}" for folder in ("codegen", "nlp", "solvers")]
-    subprocess.run([compiler, *flags, "-c", str(ROOT / source), "-o", str(tmp_path / "x.o")], check=True)
+    subprocess.run(
+        [compiler, *flags, "-c", str(ROOT / source), "-o", str(tmp_path / "x.o")], check=True
+    )
 
 
 @pytest.mark.parametrize("e", [0.0, 0.3])
 def test_a_goal_on_the_surface_that_is_hit(block: Kernels, e: float) -> None:
-    """The gap of a fixed goal is no constraint: it has no interior, and its multiplier would hide that the motion is no minimum."""
+    """The gap of a fixed goal is no constraint: it has no interior, and its multiplier would
+    hide that the motion is no minimum."""
     problem = dmoc.Problem(
-        block, start={"x": 0.0}, goal={"x": 1.0, "x_dot": 0.0}, sequence=["wall"], steps=20, final_time=1.0, restitution=e
+        block,
+        start={"x": 0.0},
+        goal={"x": 1.0, "x_dot": 0.0},
+        sequence=["wall"],
+        steps=20,
+        final_time=1.0,
+        restitution=e,
     )
     one, other = (dmoc.solve(problem, method) for method in ("ipm", "slsqp"))
     assert one.status == other.status == "solved"
@@ -361,11 +457,17 @@ def test_a_goal_on_the_surface_that_is_hit(block: Kernels, e: float) -> None:
 
 @pytest.mark.parametrize("order", [2, 4])
 def test_a_limit_at_the_surface_itself(order: int) -> None:
-    """A bound that a contact implies leaves no interior at the collision; one in front of the surface makes the problem infeasible."""
+    """A bound that a contact implies leaves no interior at the collision; one in front of the
+    surface makes the problem infeasible."""
     problem = dmoc.Problem(
-        dmoc.build(block_system(), order=order), start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=20,
-        final_time=1.0, restitution=0.5,
-    )  # fmt: skip
+        dmoc.build(block_system(), order=order),
+        start={"x": 0.0},
+        goal={"x": 0.0, "x_dot": 0.0},
+        sequence=["wall"],
+        steps=20,
+        final_time=1.0,
+        restitution=0.5,
+    )
     free = dmoc.solve(problem, "ipm")
     for method in ("ipm", "slsqp"):
         held = dmoc.solve(problem.but(bounds={"x": (None, 1.0)}), method)
@@ -383,6 +485,8 @@ def test_a_limit_at_the_surface_itself(order: int) -> None:
         ({"guess": "a"}, "guess = 'a': expected a Solution"),
     ],
 )
-def test_arguments_of_another_type_are_one_sentence(seed: dmoc.Problem, arguments: dict[str, object], message: str) -> None:
+def test_arguments_of_another_type_are_one_sentence(
+    seed: dmoc.Problem, arguments: dict[str, object], message: str
+) -> None:
     with pytest.raises(ProblemError, match=message):
         dmoc.solve(seed, **arguments)  # type: ignore[arg-type]

@@ -28,13 +28,25 @@ BOUNDS = {
 def test_a_bound_is_its_text_and_is_read_from_it(text: str, bound: ActiveBound) -> None:
     assert bound == text == str(bound) and json.dumps([bound]) == json.dumps([text])
     for again in (ActiveBound.read(text), pickle.loads(pickle.dumps(bound)), replace(bound)):
-        assert (again, again.kind, again.name, again.side) == (text, bound.kind, bound.name, bound.side)
+        assert (again, again.kind, again.name, again.side) == (
+            text,
+            bound.kind,
+            bound.name,
+            bound.side,
+        )
         assert (again.value, again.places) == (bound.value, bound.places)
 
 
 @pytest.mark.parametrize(
     "text",
-    ["", "x", "x >= nonsense in 2 steps", "gap to a\nb at 2 nodes", "x >= 1 in " + "9" * 5000 + " steps", "x >= 01 in 2 nodes"],
+    [
+        "",
+        "x",
+        "x >= nonsense in 2 steps",
+        "gap to a\nb at 2 nodes",
+        "x >= 1 in " + "9" * 5000 + " steps",
+        "x >= 01 in 2 nodes",
+    ],
 )
 def test_any_text_of_a_file_is_read_as_it_stands(text: str) -> None:
     assert ActiveBound.read(text) == text
@@ -44,7 +56,10 @@ def test_a_solution_and_its_file_tell_the_same_bounds(seed: dmoc.Problem) -> Non
     problem = seed.but(steps=20, durations=[(0.1, None), (None, None)], bounds={"F": (-28, 28)})
     kept = dmoc.solve(problem, "ipm", verify=False)
     kinds = {b.kind for b in kept.active_bounds}
-    assert {BoundKind.DURATION, BoundKind.INPUT} <= kinds and "duration of phase 0 >= 0.1 s" in kept.active_bounds
+    assert {
+        BoundKind.DURATION,
+        BoundKind.INPUT,
+    } <= kinds and "duration of phase 0 >= 0.1 s" in kept.active_bounds
     again = dmoc.Solution.from_bytes(kept.to_bytes())
     assert again.active_bounds == kept.active_bounds
     assert [b.kind for b in again.active_bounds] == [b.kind for b in kept.active_bounds]

@@ -14,13 +14,22 @@ from dmoc.solvers.outcome import Options, Outcome, Residuals, Status
 from dmoc.solving.methods import METHODS
 from dmoc.solving.program import Programs
 
-SHARP, LOOSE, BROKEN = Residuals(1e-9, 1e-12), Residuals(1e-3, INFEASIBLE / 2), Residuals(1e-9, 2 * INFEASIBLE)
+SHARP, LOOSE, BROKEN = (
+    Residuals(1e-9, 1e-12),
+    Residuals(1e-3, INFEASIBLE / 2),
+    Residuals(1e-9, 2 * INFEASIBLE),
+)
 NO_NUMBER = Residuals(np.inf, np.inf)
 
 
 @pytest.mark.parametrize(
     ("left", "status"),
-    [(SHARP, Status.SOLVED), (LOOSE, Status.STALLED), (BROKEN, Status.INFEASIBLE), (NO_NUMBER, Status.STALLED)],
+    [
+        (SHARP, Status.SOLVED),
+        (LOOSE, Status.STALLED),
+        (BROKEN, Status.INFEASIBLE),
+        (NO_NUMBER, Status.STALLED),
+    ],
 )
 def test_residuals_decide_whatever_a_method_claims(left: Residuals, status: Status) -> None:
     for word in (Status.SOLVED, Status.INFEASIBLE, Status.STALLED):

@@ -26,13 +26,20 @@ def test_every_method_has_a_driver_and_its_package_is_an_extra() -> None:
 
 
 def test_the_list_is_read_without_loading_a_solver() -> None:
-    code = "import sys, dmoc.solving.methods; print(sorted({'numpy', 'scipy', 'sympy'} & set(sys.modules)))"
+    code = (
+        "import sys, dmoc.solving.methods; print(sorted({'numpy', 'scipy', 'sympy'} & "
+        "set(sys.modules)))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize(("check", "error"), [(dmoc.solve, ProblemError), (dmoc.search, SearchError)])
-def test_a_method_that_cannot_be_used_is_refused_before_anything_is_tried(check: Any, error: type[Exception]) -> None:
+@pytest.mark.parametrize(
+    ("check", "error"), [(dmoc.solve, ProblemError), (dmoc.search, SearchError)]
+)
+def test_a_method_that_cannot_be_used_is_refused_before_anything_is_tried(
+    check: Any, error: type[Exception]
+) -> None:
     problem = block_and_wall.problem(0.8, 10)
     plain = problem.but(kernels=dmoc.build(block_and_wall.system(), backend="numpy"))
     with pytest.raises(error, match="method ipm needs compiled kernels"):
@@ -43,7 +50,9 @@ def test_a_method_that_cannot_be_used_is_refused_before_anything_is_tried(check:
 
 @pytest.mark.parametrize("order", [2, 4])
 def test_the_full_program_has_the_minimum_of_the_condensed_one(order: int) -> None:
-    condensed, full = (dmoc.solve(block_and_wall.problem(0.8, 8, order), form=form, verify=False) for form in FORMS)
+    condensed, full = (
+        dmoc.solve(block_and_wall.problem(0.8, 8, order), form=form, verify=False) for form in FORMS
+    )
     assert full.status == condensed.status == "solved"
     assert full.cost == pytest.approx(condensed.cost, rel=1e-12)
     assert abs(full.unknowns - condensed.unknowns).max() < 1e-8

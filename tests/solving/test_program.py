@@ -25,8 +25,11 @@ def test_programs_are_kept() -> None:
 
 
 @pytest.mark.parametrize(("force", "status", "most"), [(200, "solved", 2), (1, "infeasible", 3)])
-def test_a_solve_makes_few_programs(monkeypatch: pytest.MonkeyPatch, force: float, status: str, most: int) -> None:
-    """One for the guess, one to solve, and one for the least violation where there is no solution."""
+def test_a_solve_makes_few_programs(
+    monkeypatch: pytest.MonkeyPatch, force: float, status: str, most: int
+) -> None:
+    """One for the guess, one to solve, and one for the least violation where there is no
+    solution."""
     problem = block_and_wall.problem(0.8, 10).but(bounds={"u": (-force, force)})
     made: list[object] = []
     make = Transcription.__init__

@@ -31,7 +31,9 @@ def test_a_solution_names_its_model_as_the_user_did(tmp_path: Path) -> None:
         assert pickle.loads(pickle.dumps(find(reference).kernels())).reference == reference
 
 
-def test_what_nobody_named_has_the_name_of_its_model_or_the_one_that_is_given(seed: dmoc.Problem) -> None:
+def test_what_nobody_named_has_the_name_of_its_model_or_the_one_that_is_given(
+    seed: dmoc.Problem,
+) -> None:
     problem = seed.but(kernels=dmoc.build(find("cart_pendulum").system()), steps=10)
     first = dmoc.solve(problem, "ipm", iterations=2, verify=False)
     given = dmoc.solve(problem, "ipm", iterations=2, verify=False, reference="mine")
@@ -42,4 +44,6 @@ def test_solutions_of_a_search_name_the_model_too() -> None:
     found = find("puck_table")
     problem = dmoc.Problem(found.kernels(), **{**found.defaults, "steps": 10, "sequence": ()})
     best = dmoc.search(problem, 0).best
-    assert best is not None and best.solution is not None and best.solution.reference == "puck_table"
+    assert (
+        best is not None and best.solution is not None and best.solution.reference == "puck_table"
+    )

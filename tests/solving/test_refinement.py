@@ -15,10 +15,16 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize(("order", "tolerance"), [(2, 1e-5), (4, 1e-8)])
-def test_the_estimate_bounds_the_error_against_the_closed_form(order: int, tolerance: float) -> None:
+def test_the_estimate_bounds_the_error_against_the_closed_form(
+    order: int, tolerance: float
+) -> None:
     exact, time, _ = block_and_wall.known(0.8)
     solution = dmoc.solve(block_and_wall.problem(0.8, 8, order), tolerance=tolerance)
-    assert solution.solved and solution.error_estimate is not None and solution.error_estimate <= tolerance
+    assert (
+        solution.solved
+        and solution.error_estimate is not None
+        and solution.error_estimate <= tolerance
+    )
     error = max(abs(solution.cost / exact - 1), abs(solution.collisions[0].time - time))
     assert error <= 1.5 * solution.error_estimate + 1e-8  # the closed form is minimised to 1e-8
     assert [m.steps[0] for m in solution.meshes] == sorted({m.steps[0] for m in solution.meshes})
@@ -50,7 +56,12 @@ def test_a_limit_ends_the_refinement_with_the_best_mesh() -> None:
 
 
 def test_an_infeasible_problem_stays_infeasible() -> None:
-    assert dmoc.solve(block_and_wall.problem(0.8, 10).but(bounds={"u": (-1, 1)}), tolerance=1e-4).status == "infeasible"
+    assert (
+        dmoc.solve(
+            block_and_wall.problem(0.8, 10).but(bounds={"u": (-1, 1)}), tolerance=1e-4
+        ).status
+        == "infeasible"
+    )
 
 
 def test_wrong_tolerances_are_refused() -> None:
@@ -60,17 +71,31 @@ def test_wrong_tolerances_are_refused() -> None:
 
 @pytest.mark.parametrize("order", [2, 4])
 def test_the_estimate_is_honest_where_inputs_switch(order: int) -> None:
-    """Least time against a wall with |u| <= 1 and e = 0.5: sqrt(2) + 2 sqrt(5/4) - sqrt(2)/2; the switches fall between the nodes."""
+    """Least time against a wall with |u| <= 1 and e = 0.5: sqrt(2) + 2 sqrt(5/4) - sqrt(2)/2;
+    the switches fall between the nodes."""
     x, u = dynamicsymbols("x u")
     T = dynamicsymbols._t
     system = dmoc.MechanicalSystem(
-        "fast_block", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, surfaces={"wall": x <= 1}, cost=sp.Integer(1)
-    )  # fmt: skip
+        "fast_block",
+        [x],
+        x.diff(T) ** 2 / 2,
+        {},
+        [u],
+        {x: u},
+        surfaces={"wall": x <= 1},
+        cost=sp.Integer(1),
+    )
     exact = 2**0.5 + 2 * 1.25**0.5 - 2**0.5 / 2
     problem = dmoc.Problem(
-        dmoc.build(system, order=order), start={"x": 0}, goal={"x": 0, "x_dot": 0}, sequence=["wall"], steps=10, final_time=(None, 10),
-        bounds={"u": (-1, 1)}, restitution=0.5,
-    )  # fmt: skip
+        dmoc.build(system, order=order),
+        start={"x": 0},
+        goal={"x": 0, "x_dot": 0},
+        sequence=["wall"],
+        steps=10,
+        final_time=(None, 10),
+        bounds={"u": (-1, 1)},
+        restitution=0.5,
+    )
     for tolerance in (1e-4, 1e-5):
         solution = dmoc.solve(problem, tolerance=tolerance)
         assert solution.solved and solution.error_estimate is not None

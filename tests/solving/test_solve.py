@@ -25,7 +25,8 @@ def test_seed_reaches_the_reference(solution: dmoc.Solution) -> None:
     assert solution.active_bounds == ("final time <= 1 s",)
     (collision,) = solution.collisions
     jump = collision.momentum_after - collision.momentum_before
-    assert jump == pytest.approx([collision.impulse, 0.0], abs=1e-10)  # grad g = (-1, 0): only alpha's momentum jumps
+    # Grad g = (-1, 0): only alpha's momentum jumps.
+    assert jump == pytest.approx([collision.impulse, 0.0], abs=1e-10)
     assert solution.verification is not None and solution.verification["passed"]
 
 
@@ -37,7 +38,8 @@ def test_seed_at_200_steps_reaches_the_reference(seed: dmoc.Problem) -> None:
 def test_solution_satisfies_the_optimality_conditions_of_an_independent_evaluation(
     seed: dmoc.Problem, solution: dmoc.Solution
 ) -> None:
-    """The gradient of the Lagrangian by differences of the constraint functions vanishes in the free unknowns."""
+    """The gradient of the Lagrangian by differences of the constraint functions vanishes in the
+    free unknowns."""
     nlp = Transcription(seed)
     y = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.equalities if b.count])
     w = np.concatenate([solution.multipliers[b.name].ravel() for b in nlp.inequalities if b.count])
@@ -102,7 +104,12 @@ def test_block_and_wall_approaches_its_closed_form_to_second_order(block: Kernel
     errors = []
     for steps in (10, 20, 40):
         problem = dmoc.Problem(
-            block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=steps, final_time=1.0
+            block,
+            start={"x": 0.0},
+            goal={"x": 0.0, "x_dot": 0.0},
+            sequence=["wall"],
+            steps=steps,
+            final_time=1.0,
         )
         solution = dmoc.solve(problem)
         assert solution.solved
@@ -115,7 +122,11 @@ def test_block_and_wall_approaches_its_closed_form_to_second_order(block: Kernel
 
 def test_double_integrator_without_collision_has_its_closed_form(block: Kernels) -> None:
     """Rest to rest over 0.5 in 1 s: int u^2/2 = 6 * 0.5^2 = 1.5."""
-    solution = dmoc.solve(dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, final_time=1.0, steps=100))
+    solution = dmoc.solve(
+        dmoc.Problem(
+            block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, final_time=1.0, steps=100
+        )
+    )
     assert solution.cost == pytest.approx(1.5, rel=1e-3) and solution.solved
 
 
@@ -136,23 +147,37 @@ def test_bouncing_mass_needs_no_force_where_gravity_suffices() -> None:
         u**2 / 2,
     )
     problem = dmoc.Problem(
-        dmoc.build(system), start={"y": 0.5}, goal={"y": 0.5, "y_dot": 0.0}, sequence=["floor"], final_time=(None, 2.0)
+        dmoc.build(system),
+        start={"y": 0.5},
+        goal={"y": 0.5, "y_dot": 0.0},
+        sequence=["floor"],
+        final_time=(None, 2.0),
     )
     solution = dmoc.solve(problem)
     assert solution.solved and solution.cost < 1e-12
-    assert [p.duration for p in solution.phases] == pytest.approx([sqrt(2 * 0.5 / 9.81)] * 2, rel=1e-6)
+    assert [p.duration for p in solution.phases] == pytest.approx(
+        [sqrt(2 * 0.5 / 9.81)] * 2, rel=1e-6
+    )
 
 
 def test_puck_bounces_off_bent_surfaces(puck: Kernels) -> None:
-    """By symmetry the straight line through the centre hits the rim at (3, 0) after bouncing back; energy and normal are checked by simulation."""
+    """By symmetry the straight line through the centre hits the rim at (3, 0) after bouncing
+    back; energy and normal are checked by simulation."""
     problem = dmoc.Problem(
-        puck, start={"x": 1.5, "y": 0.0}, goal={"x": 1.5, "y": 1.0}, sequence=["rim"], final_time=1.0, steps=60
+        puck,
+        start={"x": 1.5, "y": 0.0},
+        goal={"x": 1.5, "y": 1.0},
+        sequence=["rim"],
+        final_time=1.0,
+        steps=60,
     )
     solution = dmoc.solve(problem)
     assert solution.solved
     (collision,) = solution.collisions
     normal = 2 * collision.position
-    np.testing.assert_allclose(collision.momentum_after - collision.momentum_before, -collision.impulse * normal, atol=1e-9)
+    np.testing.assert_allclose(
+        collision.momentum_after - collision.momentum_before, -collision.impulse * normal, atol=1e-9
+    )
     assert collision.position @ collision.position == pytest.approx(9.0)
 
 
@@ -181,12 +206,15 @@ def test_interruption_keeps_the_best_iterate(seed: dmoc.Problem) -> None:
     assert len(solution.phases) == 2
 
 
-def test_a_neighbouring_solution_is_a_good_start(seed: dmoc.Problem, solution: dmoc.Solution) -> None:
+def test_a_neighbouring_solution_is_a_good_start(
+    seed: dmoc.Problem, solution: dmoc.Solution
+) -> None:
     near = seed.but(parameters={"m_c": 1.05})
     warm = dmoc.solve(near, guess=solution)
     assert warm.solved
     assert warm.iterations <= dmoc.solve(near).iterations
-    assert dmoc.solve(seed.but(steps=50), guess=solution, verify=False).status == "solved"  # interpolated
+    # Interpolated.
+    assert dmoc.solve(seed.but(steps=50), guess=solution, verify=False).status == "solved"
 
 
 @pytest.mark.parametrize(
@@ -198,13 +226,16 @@ def test_a_neighbouring_solution_is_a_good_start(seed: dmoc.Problem, solution: d
         ({"violation": 0.0}, "positive"),
     ],
 )
-def test_wrong_arguments_are_refused(seed: dmoc.Problem, arguments: dict[str, object], message: str) -> None:
+def test_wrong_arguments_are_refused(
+    seed: dmoc.Problem, arguments: dict[str, object], message: str
+) -> None:
     with pytest.raises(ProblemError, match=message):
         dmoc.solve(seed, **arguments)  # type: ignore[arg-type]
 
 
 def test_a_motion_without_inputs_is_found_by_its_start(capfd: pytest.CaptureFixture[str]) -> None:
-    """A ball shot up from the floor so that its peak after two elastic bounces is 0.5: v0 = sqrt(2 g 0.5)."""
+    """A ball shot up from the floor so that its peak after two elastic bounces is 0.5: v0 =
+    sqrt(2 g 0.5)."""
     import sympy as sp
     from sympy.physics.mechanics import dynamicsymbols
 
@@ -212,7 +243,9 @@ def test_a_motion_without_inputs_is_found_by_its_start(capfd: pytest.CaptureFixt
     m, g = sp.symbols("m g")
     rate = y.diff(dynamicsymbols._t)
     kernels = dmoc.build(
-        dmoc.MechanicalSystem("shot", [y], m * rate**2 / 2 - m * g * y, {m: 1.0, g: 9.81}, surfaces={"floor": y >= 0})
+        dmoc.MechanicalSystem(
+            "shot", [y], m * rate**2 / 2 - m * g * y, {m: 1.0, g: 9.81}, surfaces={"floor": y >= 0}
+        )
     )
     problem = dmoc.Problem(
         kernels,
@@ -229,9 +262,15 @@ def test_a_motion_without_inputs_is_found_by_its_start(capfd: pytest.CaptureFixt
 
 
 def test_merging_collisions_are_not_called_infeasible_nor_solved(block: Kernels) -> None:
-    """Two hits of one wall cost least when they merge: the phase between them shrinks to its bound."""
+    """Two hits of one wall cost least when they merge: the phase between them shrinks to its
+    bound."""
     problem = dmoc.Problem(
-        block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall", "wall"], final_time=2.0, steps=40
+        block,
+        start={"x": 0.0},
+        goal={"x": 0.0, "x_dot": 0.0},
+        sequence=["wall", "wall"],
+        final_time=2.0,
+        steps=40,
     )
     free = dmoc.solve(problem)
     assert free.status == "not_verified" and free.max_violation < 1e-6

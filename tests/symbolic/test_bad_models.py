@@ -35,35 +35,120 @@ class Hostile:
 
 def make(**fields: Any) -> dmoc.MechanicalSystem:
     given = {
-        "name": "bad", "coordinates": [x], "inputs": [u], "lagrangian": m * x.diff(T) ** 2 / 2, "forces": {x: u}, "parameters": {m: 1.0},
-        "cost": u**2, **fields,
-    }  # fmt: skip
+        "name": "bad",
+        "coordinates": [x],
+        "inputs": [u],
+        "lagrangian": m * x.diff(T) ** 2 / 2,
+        "forces": {x: u},
+        "parameters": {m: 1.0},
+        "cost": u**2,
+        **fields,
+    }
     return dmoc.MechanicalSystem(**given)
 
 
-WRONG = [CODE, "", b"x", None, True, HUGE, ENDLESS, -HUGE, 1j, complex("nan"), float("nan"), float("inf"), [], {}, object(), Hostile(), Hostile,
-         np.ones(2), sp.I, sp.oo, sp.nan, sp.zoo, sp.Matrix([x]), sp.true, x <= 1, sp.Float("1e-400"), sp.Rational(1, HUGE),
-         sp.Symbol("A", commutative=False) * sp.Symbol("B", commutative=False)]  # fmt: skip
+WRONG = [
+    CODE,
+    "",
+    b"x",
+    None,
+    True,
+    HUGE,
+    ENDLESS,
+    -HUGE,
+    1j,
+    complex("nan"),
+    float("nan"),
+    float("inf"),
+    [],
+    {},
+    object(),
+    Hostile(),
+    Hostile,
+    np.ones(2),
+    sp.I,
+    sp.oo,
+    sp.nan,
+    sp.zoo,
+    sp.Matrix([x]),
+    sp.true,
+    x <= 1,
+    sp.Float("1e-400"),
+    sp.Rational(1, HUGE),
+    sp.Symbol("A", commutative=False) * sp.Symbol("B", commutative=False),
+]
 SCALARS = ("lagrangian", "cost", "dissipation", "terminal_cost")
 CASES: list[dict[str, Any]] = [{field: value} for field in SCALARS for value in WRONG]
 CASES += [{"forces": {x: value}} for value in WRONG]
-CASES += [{field: {"s": value}} for field in ("surfaces", "path_constraints") for value in WRONG if not isinstance(value, sp.Rel)]
+CASES += [
+    {field: {"s": value}}
+    for field in ("surfaces", "path_constraints")
+    for value in WRONG
+    if not isinstance(value, sp.Rel)
+]
 CASES += [{"parameters": {m: value}} for value in WRONG if value is not None]
-CASES += [{"parameters": {m: value}} for value in ("1.0", 1e-300, 1e300, sp.Symbol("a"), np.array([1.0]), np.bool_(True))]
-CASES += [{"lagrangian": value * x.diff(T) ** 2 / 2, "parameters": {}} for value in (1e-300, sp.Float("1e300"), HUGE, 0, -sp.I)]
-CASES += [{field: value} for field in ("coordinates", "inputs", "parameters", "forces", "surfaces", "path_constraints", "units")
-          for value in (CODE, None, 1, ENDLESS, x, Hostile(), [CODE], [None], [ENDLESS], [1], {CODE: 1}, {None: 1}, {ENDLESS: 1}, {u: CODE}, {1.5: x})
-          if not (field in ("parameters", "units") and value == {u: CODE})]  # fmt: skip
+CASES += [
+    {"parameters": {m: value}}
+    for value in ("1.0", 1e-300, 1e300, sp.Symbol("a"), np.array([1.0]), np.bool_(True))
+]
+CASES += [
+    {"lagrangian": value * x.diff(T) ** 2 / 2, "parameters": {}}
+    for value in (1e-300, sp.Float("1e300"), HUGE, 0, -sp.I)
+]
+CASES += [
+    {field: value}
+    for field in (
+        "coordinates",
+        "inputs",
+        "parameters",
+        "forces",
+        "surfaces",
+        "path_constraints",
+        "units",
+    )
+    for value in (
+        CODE,
+        None,
+        1,
+        ENDLESS,
+        x,
+        Hostile(),
+        [CODE],
+        [None],
+        [ENDLESS],
+        [1],
+        {CODE: 1},
+        {None: 1},
+        {ENDLESS: 1},
+        {u: CODE},
+        {1.5: x},
+    )
+    if not (field in ("parameters", "units") and value == {u: CODE})
+]
 CASES += [{"coordinates": {x}}, {"inputs": {u}}]
-CASES += [{"name": value} for value in (None, 1, ENDLESS, b"m", "", "a b", "../m", "x" * 65, "while", ["m"])]
+CASES += [
+    {"name": value}
+    for value in (None, 1, ENDLESS, b"m", "", "a b", "../m", "x" * 65, "while", ["m"])
+]
 CASES += [{"title": value} for value in (None, 1, b"t", "two\nlines", ["t"])]
 CASES += [{"units": {x: value}} for value in (None, 1, "", "x" * 17, "a\nb", ENDLESS)]
 CASES += [
-    {"coordinates": [value], "forces": {}, "inputs": [], "cost": 0} for value in (sp.Function("f")(m), sp.Symbol("x"), x.diff(T))
+    {"coordinates": [value], "forces": {}, "inputs": [], "cost": 0}
+    for value in (sp.Function("f")(m), sp.Symbol("x"), x.diff(T))
 ]
-CASES += [{"parameters": {sp.Symbol("m", **facts): value}, "lagrangian": sp.Symbol("m", **facts) * x.diff(T) ** 2}
-          for facts, value in (({"positive": True}, -1.0), ({"negative": True}, 1.0), ({"nonzero": True}, 0.0), ({"imaginary": True}, 1.0),
-                               ({"commutative": False}, 1.0))]  # fmt: skip
+CASES += [
+    {
+        "parameters": {sp.Symbol("m", **facts): value},
+        "lagrangian": sp.Symbol("m", **facts) * x.diff(T) ** 2,
+    }
+    for facts, value in (
+        ({"positive": True}, -1.0),
+        ({"negative": True}, 1.0),
+        ({"nonzero": True}, 0.0),
+        ({"imaginary": True}, 1.0),
+        ({"commutative": False}, 1.0),
+    )
+]
 
 
 @pytest.fixture
@@ -89,7 +174,9 @@ def label(case: dict[str, Any]) -> str:
 
 
 @pytest.mark.parametrize("case", CASES, ids=label)
-def test_a_bad_description_is_refused_in_one_sentence(case: dict[str, Any], evaluated: list[int]) -> None:
+def test_a_bad_description_is_refused_in_one_sentence(
+    case: dict[str, Any], evaluated: list[int]
+) -> None:
     with pytest.raises(ModelError) as error:
         make(**case)
     sentence(error.value)
@@ -117,7 +204,10 @@ def test_imported_models_take_no_text_either(evaluated: list[int]) -> None:
             dmoc.MechanicalSystem.from_lagranges_method("m", method, values, **fields)
         sentence(error.value)
     for other in (CODE, None, 1, Hostile(), block_system()):
-        for take in (dmoc.MechanicalSystem.from_lagranges_method, dmoc.MechanicalSystem.from_joints):
+        for take in (
+            dmoc.MechanicalSystem.from_lagranges_method,
+            dmoc.MechanicalSystem.from_joints,
+        ):
             with pytest.raises(ModelError) as error:
                 take("m", other, values)
             sentence(error.value)
@@ -125,7 +215,9 @@ def test_imported_models_take_no_text_either(evaluated: list[int]) -> None:
 
 
 @pytest.mark.parametrize(
-    "other", [None, CODE, 1, ENDLESS, block_system, Hostile(), dmoc.MechanicalSystem], ids=lambda o: type(o).__name__
+    "other",
+    [None, CODE, 1, ENDLESS, block_system, Hostile(), dmoc.MechanicalSystem],
+    ids=lambda o: type(o).__name__,
 )
 def test_only_a_system_is_derived(other: Any) -> None:
     for use in (dmoc.derive, model_spec, model_key):
@@ -135,7 +227,9 @@ def test_only_a_system_is_derived(other: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "order", [None, "2", 3, 0, -2, 2.0, True, ENDLESS, [2], np.array([2, 4]), Hostile()], ids=lambda o: type(o).__name__
+    "order",
+    [None, "2", 3, 0, -2, 2.0, True, ENDLESS, [2], np.array([2, 4]), Hostile()],
+    ids=lambda o: type(o).__name__,
 )
 def test_only_the_orders_that_exist_are_derived(order: Any) -> None:
     for use in (dmoc.derive, model_spec):
@@ -145,9 +239,22 @@ def test_only_the_orders_that_exist_are_derived(order: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "value", [2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(4, 2), sp.Integer(2), sp.Float(2), sp.sqrt(4)]
+    "value",
+    [
+        2,
+        2.0,
+        np.float64(2),
+        np.float32(2),
+        np.int64(2),
+        Fraction(4, 2),
+        sp.Integer(2),
+        sp.Float(2),
+        sp.sqrt(4),
+    ],
 )
 def test_numbers_of_any_kind_are_numbers(value: Any) -> None:
-    system = make(cost=value, terminal_cost=value, forces={x: u * 1 + sp.S.Zero}, parameters={m: value})
+    system = make(
+        cost=value, terminal_cost=value, forces={x: u * 1 + sp.S.Zero}, parameters={m: value}
+    )
     assert float(system.cost) == float(system.terminal_cost) == 2.0
     assert system.parameters == {m: 2.0} and type(system.parameters[m]) is float

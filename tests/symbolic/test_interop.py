@@ -1,4 +1,5 @@
-"""Models of sympy.physics.mechanics come in without rewriting: the cart-pole of examples/cart_pole.py in three other ways."""
+"""Models of sympy.physics.mechanics come in without rewriting: the cart-pole of
+examples/cart_pole.py in three other ways."""
 
 from __future__ import annotations
 
@@ -42,7 +43,9 @@ def lagranges_method(**constraints: Any) -> LagrangesMethod:
     tip.v2pt_theory(pivot, N, A)
     cart, bob = Particle("cart", pivot, m_c), Particle("bob", tip, m_p)
     bob.potential_energy = m_p * g * tip.pos_from(origin).dot(N.y)
-    return LagrangesMethod(Lagrangian(N, cart, bob), [x, theta], forcelist=[(pivot, F * N.x)], frame=N, **constraints)
+    return LagrangesMethod(
+        Lagrangian(N, cart, bob), [x, theta], forcelist=[(pivot, F * N.x)], frame=N, **constraints
+    )
 
 
 def joints() -> tuple[System, dict[Any, float]]:
@@ -51,7 +54,15 @@ def joints() -> tuple[System, dict[Any, float]]:
     model = System.from_newtonian(wall)
     model.add_joints(
         PrismaticJoint("slider", wall, cart, coordinates=x, speeds=u_x, joint_axis=wall.frame.x),
-        PinJoint("pin", cart, bob, coordinates=theta, speeds=u_theta, joint_axis=cart.frame.z, child_point=l * bob.frame.y),
+        PinJoint(
+            "pin",
+            cart,
+            bob,
+            coordinates=theta,
+            speeds=u_theta,
+            joint_axis=cart.frame.z,
+            child_point=l * bob.frame.y,
+        ),
     )
     model.apply_uniform_gravity(-g * wall.frame.y)
     model.add_loads(Force(cart.masscenter, F * wall.frame.x))
@@ -65,23 +76,31 @@ def solved(system: dmoc.MechanicalSystem) -> dmoc.Solution:
 
 @pytest.mark.slow
 def test_lagranges_method() -> None:
-    system = dmoc.MechanicalSystem.from_lagranges_method("cart_pole_lm", lagranges_method(), VALUES, inputs=[F], cost=F**2)
+    system = dmoc.MechanicalSystem.from_lagranges_method(
+        "cart_pole_lm", lagranges_method(), VALUES, inputs=[F], cost=F**2
+    )
     difference = system.lagrangian - cart_pole.system().lagrangian
     names = {sp.Symbol(s.name): s for s in VALUES}
     assert sp.simplify(difference.subs(names)) == 0
-    assert solved(system).cost == pytest.approx(dmoc.solve(cart_pole.problem(20), "ipm", verify=False).cost, rel=1e-9)
+    assert solved(system).cost == pytest.approx(
+        dmoc.solve(cart_pole.problem(20), "ipm", verify=False).cost, rel=1e-9
+    )
 
 
 def test_joints_with_loads_and_gravity() -> None:
-    """Gravity comes as a load, so that it is a generalised force: the same motion up to the discretisation of forces."""
+    """Gravity comes as a load, so that it is a generalised force: the same motion up to the
+    discretisation of forces."""
     model, values = joints()
-    system = dmoc.MechanicalSystem.from_joints("cart_pole_joints", model, values, inputs=[F], cost=F**2)
+    system = dmoc.MechanicalSystem.from_joints(
+        "cart_pole_joints", model, values, inputs=[F], cost=F**2
+    )
     assert sp.simplify(system.forces[theta] + m_p * g * l * sp.sin(theta)) == 0
     ours, reference = dmoc.build(system), dmoc.build(cart_pole.system())
     rng = np.random.default_rng(0)
     q, v, u = rng.normal(size=(5, 2)), rng.normal(size=(5, 2)), rng.normal(size=(5, 1))
     par = [
-        np.array([[float(value) for value in kernels.parameters.values() if value is not None]]) for kernels in (ours, reference)
+        np.array([[float(value) for value in kernels.parameters.values() if value is not None]])
+        for kernels in (ours, reference)
     ]
     pairs = zip(
         ours.call("dynamics", q, v, u, np.zeros((1, 1)), par[0]),
@@ -102,15 +121,22 @@ def test_the_old_joints_method() -> None:
         method = JointsMethod(model.bodies[0], *model.joints)
     speed = model.u[0]
     d = sp.Symbol("d")
-    parameters = {s: value for s, value in values.items() if s != g} | {d: 0.5}  # gravity was a load of the System
+    # Gravity was a load of the System.
+    parameters = {s: value for s, value in values.items() if s != g} | {d: 0.5}
     forces, surfaces = {x: F - d * speed}, {"end": x <= 3}
-    system = dmoc.MechanicalSystem.from_joints("cart_pole_jm", method, parameters, inputs=[F], forces=forces, surfaces=surfaces)
+    system = dmoc.MechanicalSystem.from_joints(
+        "cart_pole_jm", method, parameters, inputs=[F], forces=forces, surfaces=surfaces
+    )
     assert system.forces[x] == F - sp.Symbol("d") * x.diff(t)
 
 
 def test_constraints_and_other_objects_are_refused() -> None:
-    with pytest.raises(ModelError, match="1 constraint equations: expected independent coordinates"):
-        dmoc.MechanicalSystem.from_lagranges_method("m", lagranges_method(hol_coneqs=[x - theta]), VALUES)
+    with pytest.raises(
+        ModelError, match="1 constraint equations: expected independent coordinates"
+    ):
+        dmoc.MechanicalSystem.from_lagranges_method(
+            "m", lagranges_method(hol_coneqs=[x - theta]), VALUES
+        )
     with pytest.raises(ModelError, match="is not a LagrangesMethod"):
         dmoc.MechanicalSystem.from_lagranges_method("m", object(), VALUES)
     with pytest.raises(ModelError, match="expected a JointsMethod or a System"):

@@ -1,4 +1,5 @@
-"""Names of a model never meet those that the program makes, in the kernels and in the derivation."""
+"""Names of a model never meet those that the program makes, in the kernels and in the
+derivation."""
 
 from __future__ import annotations
 
@@ -19,14 +20,17 @@ from dmoc.symbolic.derivation import Derivation
 pytestmark = pytest.mark.slow
 
 T = dynamicsymbols._t
-# Symbols, arguments, results, temporaries and display names of the derivation, the kernels and the generated code.
-MADE = """x_m x_dot_m t_m x_k x_kp1 x_i x_1 x_2 x_dot_1 x_dot_2 t_1 t_2 t_k t_0 h u_k u_kp1 u_free q_k q_kp1 q_i q_k_0 q_kp1_0 q_i_0 u_k_0 u_kp1_0
-    q_0 v_0 u_0 par_0 q_0_1 v_0_1 q_0_2 q v par z lam lam_wall e_wall e_plus e_minus e_plus_D W_t W_gamma gamma gamma_D x_k
-    w w0 w1 x0 x1 w_0 w_e w_e_0 w_W_gamma w_gamma w_gamma_0 w_plus
-    w_minus mu
-    mu_0 mu_minus mu_minus_0 mu_plus_0 mu_i_0 sigma sigma_0 lam_0 e_0 a_0 q_c q_c_0 x_ddot x_ddot_bar x_bar delta_x r_plus_x r_minus_x r_i_x r_minus
-    r_plus r_d r_i_0 L L_d C C_d M E Q F B Q_x H I N O S pi e i j n D1_Ld_x D3_Ld fd_minus_x g g_wall grad Phi T_min T_min_wall x_free x_dot_k x_k_dot
-    step power2 in out stride kernel MOST np sin sqrt INFINITY M_PI NULL ptrdiff_t views names""".split()  # fmt: skip
+# Symbols, arguments, results, temporaries and display names of the derivation, the kernels and the
+# generated code.
+MADE = """x_m x_dot_m t_m x_k x_kp1 x_i x_1 x_2 x_dot_1 x_dot_2 t_1 t_2 t_k t_0 h u_k u_kp1
+    u_free q_k q_kp1 q_i q_k_0 q_kp1_0 q_i_0 u_k_0 u_kp1_0 q_0 v_0 u_0 par_0 q_0_1
+    v_0_1 q_0_2 q v par z lam lam_wall e_wall e_plus e_minus e_plus_D W_t W_gamma
+    gamma gamma_D x_k w w0 w1 x0 x1 w_0 w_e w_e_0 w_W_gamma w_gamma w_gamma_0 w_plus
+    w_minus mu mu_0 mu_minus mu_minus_0 mu_plus_0 mu_i_0 sigma sigma_0 lam_0 e_0 a_0
+    q_c q_c_0 x_ddot x_ddot_bar x_bar delta_x r_plus_x r_minus_x r_i_x r_minus r_plus
+    r_d r_i_0 L L_d C C_d M E Q F B Q_x H I N O S pi e i j n D1_Ld_x D3_Ld fd_minus_x
+    g g_wall grad Phi T_min T_min_wall x_free x_dot_k x_k_dot step power2 in out
+    stride kernel MOST np sin sqrt INFINITY M_PI NULL ptrdiff_t views names""".split()
 PYTHON = {"in"}  # keywords are refused
 NAMES = sorted(set(MADE) - PYTHON)
 INSIDE = ["x_1", "x_dot_2", "x_i", "t_1", "t_k", "h", "u_k", "mu_i_0", "r_i_x", "x_kp1"]
@@ -79,7 +83,9 @@ def assert_same(kernels: Kernels, reference: Kernels) -> None:
 
 @pytest.mark.parametrize("order", [2, 4])
 @pytest.mark.parametrize("assumptions", [{}, {"real": True}], ids=["any", "real"])
-def test_parameters_of_any_name_leave_the_kernels_as_they_are(assumptions: dict[str, bool], order: int) -> None:
+def test_parameters_of_any_name_leave_the_kernels_as_they_are(
+    assumptions: dict[str, bool], order: int
+) -> None:
     found = dmoc.build(model(sp.symbols(NAMES, **assumptions)), order=order, backend="numpy")
     assert_same(found, dmoc.build(model(sp.symbols(plain(NAMES))), order=order, backend="numpy"))
 
@@ -87,11 +93,14 @@ def test_parameters_of_any_name_leave_the_kernels_as_they_are(assumptions: dict[
 @pytest.mark.parametrize("order", [2, 4])
 @pytest.mark.parametrize("name", ["v_0", "q_0_1", "h"])
 def test_parameters_and_coordinates_may_change_names(name: str, order: int) -> None:
-    """Two parameters, each with a name of the other's place, and a coordinate called like an argument."""
+    """Two parameters, each with a name of the other's place, and a coordinate called like an
+    argument."""
     first, second = sp.symbols("par_1 par_0", real=True)
     x, u = dynamicsymbols(f"{name} u")
     rate = x.diff(T)
-    system = dmoc.MechanicalSystem("named", [x], first * rate**2 / 2 - second * x, {first: 2.0, second: 3.0}, [u], {x: u})
+    system = dmoc.MechanicalSystem(
+        "named", [x], first * rate**2 / 2 - second * x, {first: 2.0, second: 3.0}, [u], {x: u}
+    )
     kernels = dmoc.build(system, order=order, backend="numpy")
     one = np.ones((1, 1))
     M, F = kernels.call("dynamics", one, one, 5 * one, one, np.array([[2.0, 3.0]]))
@@ -100,7 +109,9 @@ def test_parameters_and_coordinates_may_change_names(name: str, order: int) -> N
 
 def read(derivation: Derivation, name: str, point: dict[str, float]) -> float:
     """The value of an equation for a reader who knows symbols by their names alone."""
-    (right,) = (e.right for s in derivation.sections for e in s.equations if e.name.rstrip("~") == name)
+    (right,) = (
+        e.right for s in derivation.sections for e in s.equations if e.name.rstrip("~") == name
+    )
     return valued(right, point)
 
 
@@ -109,7 +120,8 @@ def valued(expression: Any, point: dict[str, float]) -> float:
 
 
 def step_of(derivation: Derivation, parameters: dict[str, float]) -> dict[str, float]:
-    """The numbers of a step under the names that the derivation prints, the points inside the step as it defines them."""
+    """The numbers of a step under the names that the derivation prints, the points inside the
+    step as it defines them."""
     (text,) = (s.text for s in derivation.sections if s.title == "First derivatives")
     unknowns = re.search(r"x_k = \((.*?)\)", text)[1].split(", ")  # type: ignore[index]
     assert not set(parameters) & set(unknowns)
@@ -127,15 +139,21 @@ def derived(names: tuple[str, ...], order: int) -> Derivation:
 
 
 @pytest.mark.parametrize(("names", "order"), [*((names, 2) for names in GROUPS), (INSIDE, 4)])
-def test_the_derivation_prints_what_is_true_for_parameters_of_any_name(names: list[str], order: int) -> None:
+def test_the_derivation_prints_what_is_true_for_parameters_of_any_name(
+    names: list[str], order: int
+) -> None:
     derivation, reference = derived(tuple(names), order), derived(tuple(plain(names)), order)
     mine, others = (dict(zip(s, VALUES, strict=False)) for s in (names, plain(names)))
     state = {"x": 0.3, "x_dot": 0.6, "t": 0.8}
     for left in ("L", "E", "Phi"):
-        assert read(derivation, left, mine | state) == pytest.approx(read(reference, left, others | state), rel=1e-13), left
+        assert read(derivation, left, mine | state) == pytest.approx(
+            read(reference, left, others | state), rel=1e-13
+        ), left
     mine, others = step_of(derivation, mine), step_of(reference, others)
     for left in ("L_d", "D3_Ld", "r_minus_x", "e_plus", "C_d"):
-        assert read(derivation, left, mine) == pytest.approx(read(reference, left, others), rel=1e-12), left
+        assert read(derivation, left, mine) == pytest.approx(
+            read(reference, left, others), rel=1e-12
+        ), left
     assert not set(names) & {e.name for s in derivation.sections for e in s.equations}
 
 
@@ -147,13 +165,25 @@ def test_a_marked_name_is_explained_and_has_its_own_latex() -> None:
 
 
 @pytest.mark.parametrize(
-    "pair", [("x", "x_ddot"), ("r_plus", "k"), ("x", "x_1"), ("x", "x_k"), ("mu", "delta"), ("delta", "ddot")]
+    "pair",
+    [
+        ("x", "x_ddot"),
+        ("r_plus", "k"),
+        ("x", "x_1"),
+        ("x", "x_k"),
+        ("mu", "delta"),
+        ("delta", "ddot"),
+    ],
 )
 @pytest.mark.parametrize("order", [2, 4])
 def test_no_two_symbols_of_a_derivation_look_the_same(pair: tuple[str, str], order: int) -> None:
     a, b = (dynamicsymbols(name) for name in pair)
     system = dmoc.MechanicalSystem(
-        "pair", [a, b], a.diff(T) ** 2 + b.diff(T) ** 2 - a * b**2, {}, surfaces={"plus": a + b <= 1, "x": a <= 1}
+        "pair",
+        [a, b],
+        a.diff(T) ** 2 + b.diff(T) ** 2 - a * b**2,
+        {},
+        surfaces={"plus": a + b <= 1, "x": a <= 1},
     )
     derivation = dmoc.derive(system, order)
     symbols = {
@@ -166,7 +196,24 @@ def test_no_two_symbols_of_a_derivation_look_the_same(pair: tuple[str, str], ord
 
 
 @pytest.mark.parametrize(
-    "name", ["x_dot", "p_x", "t", "x", "u", "double", "lambda", "in", "a-b", "1a", "", "é", "_x", "a" * 65, "x_m~"]
+    "name",
+    [
+        "x_dot",
+        "p_x",
+        "t",
+        "x",
+        "u",
+        "double",
+        "lambda",
+        "in",
+        "a-b",
+        "1a",
+        "",
+        "é",
+        "_x",
+        "a" * 65,
+        "x_m~",
+    ],
 )
 def test_a_parameter_name_that_cannot_be_used_is_refused(name: str) -> None:
     with pytest.raises(ModelError, match=r"name|keyword") as error:
@@ -178,8 +225,14 @@ def test_a_parameter_name_that_cannot_be_used_is_refused(name: str) -> None:
 def test_a_symbol_with_other_assumptions_is_another_symbol(assumptions: dict[str, bool]) -> None:
     x, m = dynamicsymbols("x"), sp.Symbol("m")
     with pytest.raises(ModelError, match="of the same name with other assumptions"):
-        dmoc.MechanicalSystem("two", [x], m * x.diff(T) ** 2 / 2, {sp.Symbol("m", **assumptions): 1.0})
+        dmoc.MechanicalSystem(
+            "two", [x], m * x.diff(T) ** 2 / 2, {sp.Symbol("m", **assumptions): 1.0}
+        )
     with pytest.raises(ModelError, match="used twice"):
-        dmoc.MechanicalSystem("two", [x], m * x.diff(T) ** 2 / 2, {m: 1.0, sp.Symbol("m", **assumptions): 1.0})
+        dmoc.MechanicalSystem(
+            "two", [x], m * x.diff(T) ** 2 / 2, {m: 1.0, sp.Symbol("m", **assumptions): 1.0}
+        )
     with pytest.raises(ModelError, match=r"the time is dynamicsymbols\._t"):
-        dmoc.MechanicalSystem("two", [x], x.diff(T) ** 2 / 2 - x * sp.Symbol("t", **assumptions), {})
+        dmoc.MechanicalSystem(
+            "two", [x], x.diff(T) ** 2 / 2 - x * sp.Symbol("t", **assumptions), {}
+        )

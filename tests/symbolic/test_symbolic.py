@@ -9,7 +9,15 @@ from systems import block_system, driven_system, puck_system
 
 import dmoc
 from dmoc.models import catalogue
-from dmoc.symbolic.continuous import dot, energy, gradient, mass_matrix, momenta, readable, right_hand_side
+from dmoc.symbolic.continuous import (
+    dot,
+    energy,
+    gradient,
+    mass_matrix,
+    momenta,
+    readable,
+    right_hand_side,
+)
 from dmoc.symbolic.derivation import tangents
 from dmoc.symbolic.discrete import StepElement, step_element
 
@@ -31,7 +39,10 @@ def test_equations_of_motion_of_the_source() -> None:
     # x'' sin(alpha) = l alpha'' + g cos(alpha)
     assert zero(rows[0] / (m_p * l) - (l * a + g * sp.cos(alpha) - b * sp.sin(alpha)))
     # (m_p + m_c) x'' - m_p l (alpha'' sin(alpha) + alpha'^2 cos(alpha)) = F
-    assert zero(rows[1] - ((m_p + m_c) * b - m_p * l * (a * sp.sin(alpha) + f.v[0] ** 2 * sp.cos(alpha)) - f.u[0]))
+    assert zero(
+        rows[1]
+        - ((m_p + m_c) * b - m_p * l * (a * sp.sin(alpha) + f.v[0] ** 2 * sp.cos(alpha)) - f.u[0])
+    )
 
 
 def test_equations_of_motion_equal_sympys_lagrange_equations() -> None:
@@ -40,8 +51,14 @@ def test_equations_of_motion_equal_sympys_lagrange_equations() -> None:
         reference = method.form_lagranges_equations()
         f = readable(system)
         accelerations = sp.Matrix([q.diff(dynamicsymbols._t, 2) for q in system.coordinates])
-        names = dict(zip(f.v, system.velocities, strict=True)) | dict(zip(f.q, system.coordinates, strict=True))
-        force = sp.Matrix(right_hand_side(f)).subs(dict(zip(f.u, [0] * len(f.u), strict=True))).subs(names)
+        names = dict(zip(f.v, system.velocities, strict=True)) | dict(
+            zip(f.q, system.coordinates, strict=True)
+        )
+        force = (
+            sp.Matrix(right_hand_side(f))
+            .subs(dict(zip(f.u, [0] * len(f.u), strict=True)))
+            .subs(names)
+        )
         ours = sp.Matrix(mass_matrix(f)).subs(names) * accelerations - force
         assert all(zero(a - b) for a, b in zip(ours, reference, strict=True))
 
@@ -51,12 +68,19 @@ def test_energy_is_kinetic_plus_potential() -> None:
     m_p, _, l, g, *_ = f.par
     kinetic = (sp.Matrix([f.v]) * sp.Matrix(mass_matrix(f)) * sp.Matrix(f.v))[0] / 2
     assert zero(energy(f) - kinetic - m_p * g * l * sp.sin(f.q[0]))
-    assert all(zero(a - b) for a, b in zip(momenta(f), sp.Matrix(mass_matrix(f)) * sp.Matrix(f.v), strict=True))
+    assert all(
+        zero(a - b)
+        for a, b in zip(momenta(f), sp.Matrix(mass_matrix(f)) * sp.Matrix(f.v), strict=True)
+    )
 
 
 @pytest.mark.slow
 def test_slot_derivatives_equal_direct_differentiation() -> None:
-    for system, order in ((catalogue.system("cart_pendulum"), 2), (driven_system(), 2), (block_system(), 4)):
+    for system, order in (
+        (catalogue.system("cart_pendulum"), 2),
+        (driven_system(), 2),
+        (block_system(), 4),
+    ):
         e = element(system, order)
         explicit = dict(e.definitions)
         for expression in (e.L_d, e.e_plus, e.C_d, *e.r_plus, *e.r_i):
@@ -73,7 +97,8 @@ def test_third_slot_derivative_is_minus_the_energy_of_the_midpoint() -> None:
 
 
 def test_momentum_with_impulse_and_its_tangential_form_are_equal() -> None:
-    """t . (r_plus + r_minus - lam n) = t . (r_plus + r_minus) for every tangent t, and there are nq - 1 independent ones."""
+    """t . (r_plus + r_minus - lam n) = t . (r_plus + r_minus) for every tangent t, and there are
+    nq - 1 independent ones."""
     for system in (catalogue.system("cart_pendulum"), puck_system()):
         f = readable(system)
         for gap in f.g:
@@ -88,11 +113,25 @@ def test_derivation_contains_every_step() -> None:
     derivation = dmoc.derive(puck_system())
     titles = [s.title for s in derivation.sections]
     assert titles == [
-        "Lagrangian", "Momenta", "Mass matrix", "Energy", "Virtual work and generalised forces", "Equations of motion",
-        "Unilateral constraints", "Midpoint of a step", "Discrete Lagrangian", "Discrete forces", "Discrete Euler-Lagrange equations",
-        "Collision conditions", "Discrete cost", "Path constraints", "Minimal collision time", "First derivatives",
-        "Second derivatives (step)", "Second derivatives (energy)",
-    ]  # fmt: skip
+        "Lagrangian",
+        "Momenta",
+        "Mass matrix",
+        "Energy",
+        "Virtual work and generalised forces",
+        "Equations of motion",
+        "Unilateral constraints",
+        "Midpoint of a step",
+        "Discrete Lagrangian",
+        "Discrete forces",
+        "Discrete Euler-Lagrange equations",
+        "Collision conditions",
+        "Discrete cost",
+        "Path constraints",
+        "Minimal collision time",
+        "First derivatives",
+        "Second derivatives (step)",
+        "Second derivatives (energy)",
+    ]
     text = str(derivation)
     assert all(title in text for title in titles)
     assert "tangential momentum" in text

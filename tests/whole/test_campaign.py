@@ -1,4 +1,5 @@
-"""The judge of the campaign: it agrees with closed forms, and what is wrong with a motion it says."""
+"""The judge of the campaign: it agrees with closed forms, and what is wrong with a motion it
+says."""
 
 from __future__ import annotations
 
@@ -25,14 +26,29 @@ END = 1.2  # before the bounces of e = 0.5 accumulate
 def test_a_dropped_ball_bounces_when_and_as_hard_as_it_must(e: float) -> None:
     y = dynamicsymbols("y")
     m, g = sp.symbols("m g")
-    fall = Description("ball", [y], [], m * y.diff(dynamicsymbols._t) ** 2 / 2 - m * g * y, {}, {"floor": y >= 0}, {m: 2.0, g: G})
+    fall = Description(
+        "ball",
+        [y],
+        [],
+        m * y.diff(dynamicsymbols._t) ** 2 / 2 - m * g * y,
+        {},
+        {"floor": y >= 0},
+        {m: 2.0, g: G},
+    )
     nothing = (np.linspace(0.0, END, 4), np.zeros((3, 0)), np.zeros((3, 0)))
-    flight = Mechanism(fall).fly(nothing, 0.0, END, np.array([1.0]), np.zeros(1), np.array([2.0, G]), [e])
+    flight = Mechanism(fall).fly(
+        nothing, 0.0, END, np.array([1.0]), np.zeros(1), np.array([2.0, G]), [e]
+    )
     first, speed = sqrt(2 / G), sqrt(2 * G)
-    hits = [(first + 2 * speed * sum(e ** (j + 1) for j in range(i)) / G, speed * e**i) for i in range(20)]
+    hits = [
+        (first + 2 * speed * sum(e ** (j + 1) for j in range(i)) / G, speed * e**i)
+        for i in range(20)
+    ]
     hits = [h for h in hits if h[0] < END]
     assert [i.time for i in flight.impacts] == pytest.approx([t for t, _ in hits], rel=1e-7)
-    assert [i.impulse for i in flight.impacts] == pytest.approx([2.0 * (1 + e) * w for _, w in hits], rel=1e-7)
+    assert [i.impulse for i in flight.impacts] == pytest.approx(
+        [2.0 * (1 + e) * w for _, w in hits], rel=1e-7
+    )
     time, w = hits[-1]
     assert flight.v[0] == pytest.approx(e * w - G * (END - time), rel=1e-6)
 
@@ -40,9 +56,14 @@ def test_a_dropped_ball_bounces_when_and_as_hard_as_it_must(e: float) -> None:
 @pytest.fixture(scope="module")
 def solved() -> tuple[Instance, dmoc.Solution, Mechanism]:
     fields = {
-        "start": {"x": 0.0}, "goal": {"x": 0.0, "x_dot": 0.0}, "sequence": ["wall"], "final_time": 1.0, "restitution": 0.5,
-        "parameters": {"wall": 1.0}, "bounds": {"u": (-40.0, 40.0)},
-    }  # fmt: skip
+        "start": {"x": 0.0},
+        "goal": {"x": 0.0, "x_dot": 0.0},
+        "sequence": ["wall"],
+        "final_time": 1.0,
+        "restitution": 0.5,
+        "parameters": {"wall": 1.0},
+        "bounds": {"u": (-40.0, 40.0)},
+    }
     instance = Instance(block(), fields, block_cost(1.0, 1.0, 0.0, 1.0, 0.5))
     solution = dmoc.solve(dmoc.Problem(dmoc.build(system_of(instance)), steps=40, **fields), "ipm")
     assert solution.solved
@@ -62,7 +83,10 @@ def with_motion(solution: dmoc.Solution, **changes: Any) -> dmoc.Solution:
 def with_phase(solution: dmoc.Solution, **factors: float) -> dmoc.Solution:
     """The motion with arrays of its second phase multiplied by factors."""
     first, second = solution.phases
-    return with_motion(solution, phases=(first, replace(second, **{n: getattr(second, n) * f for n, f in factors.items()})))
+    return with_motion(
+        solution,
+        phases=(first, replace(second, **{n: getattr(second, n) * f for n, f in factors.items()})),
+    )
 
 
 def with_impulse(solution: dmoc.Solution, factor: float) -> dmoc.Solution:
@@ -92,7 +116,9 @@ def test_a_right_motion_is_confirmed(solved: tuple[Instance, dmoc.Solution, Mech
     ],
 )
 def test_a_wrong_motion_is_contradicted(
-    solved: tuple[Instance, dmoc.Solution, Mechanism], wrong: Callable[[dmoc.Solution], dmoc.Solution], reason: str
+    solved: tuple[Instance, dmoc.Solution, Mechanism],
+    wrong: Callable[[dmoc.Solution], dmoc.Solution],
+    reason: str,
 ) -> None:
     instance, solution, mechanism = solved
     assert any(reason in said for said in judged(instance, wrong(solution), mechanism))
@@ -100,7 +126,11 @@ def test_a_wrong_motion_is_contradicted(
 
 @pytest.mark.parametrize(
     ("fields", "reason"),
-    [({"bounds": {"u": (-1.0, 1.0)}}, "limit"), ({"goal": {"x": 0.1}}, "boundary"), ({"start": {"x": 0.1}}, "boundary")],
+    [
+        ({"bounds": {"u": (-1.0, 1.0)}}, "limit"),
+        ({"goal": {"x": 0.1}}, "boundary"),
+        ({"start": {"x": 0.1}}, "boundary"),
+    ],
 )
 def test_a_motion_of_another_problem_is_contradicted(
     solved: tuple[Instance, dmoc.Solution, Mechanism], fields: dict[str, Any], reason: str

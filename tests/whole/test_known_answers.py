@@ -1,4 +1,5 @@
-"""Problems with known answers: the tolerance of each is what its discretisation earns, and errors fall with the order."""
+"""Problems with known answers: the tolerance of each is what its discretisation earns, and
+errors fall with the order."""
 
 from __future__ import annotations
 
@@ -54,15 +55,17 @@ def test_block_and_wall(e: float) -> None:
         assert hit.momentum_after[0] == pytest.approx(-e * speed, abs=4 * speed * tolerance)
     assert errors[2, 40] < 2e-3 and errors[4, 20] < 3e-6
     assert 3.5 < errors[2, 20] / errors[2, 40] < 4.5
-    # With e = 0 or 1: polynomials of degree 2 in the position before and after, and a law without discrete energies or with
-    # equal ones.
+    # With e = 0 or 1: polynomials of degree 2 in the position before and after, and a law without
+    # discrete energies or with equal ones.
     assert (errors[4, 10] < 1e-9) is (e in (0.0, 1.0))
 
 
 @pytest.mark.parametrize("e", [0.8, 0.5])
 def test_lossy_impacts_keep_order_4(e: float) -> None:
     exact, *_ = block_and_wall.known(e)
-    assert 3.6 < orders(lambda n, o: cost(block_and_wall.problem(e, n, o)) - exact, (10, 20))[4] < 4.3
+    assert (
+        3.6 < orders(lambda n, o: cost(block_and_wall.problem(e, n, o)) - exact, (10, 20))[4] < 4.3
+    )
 
 
 @pytest.mark.parametrize("e", block_and_wall.KNOWN)
@@ -77,11 +80,19 @@ def test_the_elastic_law_is_kept_to_rounding_and_the_others_to_second_order() ->
 
 
 def test_wall_that_moves() -> None:
-    """A wall at 1 - 0.3 t: in its frame the block starts and ends with the speed 0.3, and the wall stands still."""
+    """A wall at 1 - 0.3 t: in its frame the block starts and ends with the speed 0.3, and the
+    wall stands still."""
     drift, e = 0.3, 0.8
     x, u = dynamicsymbols("x u")
     system = dmoc.MechanicalSystem(
-        "moving_wall", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, {"wall": x <= 1 - sp.Rational(3, 10) * T}, u**2 / 2
+        "moving_wall",
+        [x],
+        x.diff(T) ** 2 / 2,
+        {},
+        [u],
+        {x: u},
+        {"wall": x <= 1 - sp.Rational(3, 10) * T},
+        u**2 / 2,
     )
 
     def leg(distance: float, before: float, after: float, time: float) -> float:
@@ -92,37 +103,65 @@ def test_wall_that_moves() -> None:
         t, w = z
         return leg(1, drift, w, t) + leg(drift - 1, -e * w, drift, 1 - t)
 
-    best = minimize(unfolded, (0.45, 3.0), method="Nelder-Mead", options={"xatol": 1e-11, "fatol": 1e-13})
+    best = minimize(
+        unfolded, (0.45, 3.0), method="Nelder-Mead", options={"xatol": 1e-11, "fatol": 1e-13}
+    )
 
     def solved(steps: int, order: int) -> dmoc.Solution:
         return dmoc.solve(
             dmoc.Problem(
-                dmoc.build(system, order=order), start={"x": 0}, goal={"x": 0, "x_dot": 0}, sequence=["wall"], steps=steps,
-                final_time=1.0, restitution=e,
-            ), "ipm",
-        )  # fmt: skip
+                dmoc.build(system, order=order),
+                start={"x": 0},
+                goal={"x": 0, "x_dot": 0},
+                sequence=["wall"],
+                steps=steps,
+                final_time=1.0,
+                restitution=e,
+            ),
+            "ipm",
+        )
 
     fine = solved(40, 4)
     assert fine.solved and fine.cost == pytest.approx(best.fun, rel=1e-8)
     assert fine.collisions[0].time == pytest.approx(best.x[0], abs=1e-6)
     shown = orders(lambda n, o: solved(n, o).cost - best.fun, (10, 20))
     assert 1.8 < shown[2] < 2.2 and 3.7 < shown[4] < 4.3
-    assert dmoc.solve(solved_problem := dmoc.Problem(
-        dmoc.build(system), start={"x": 0}, goal={"x": 0, "x_dot": 0}, sequence=["wall"], steps=40, final_time=1.0, restitution=e
-    )).cost == pytest.approx(cost(solved_problem), rel=1e-6)  # fmt: skip
+    assert dmoc.solve(
+        solved_problem := dmoc.Problem(
+            dmoc.build(system),
+            start={"x": 0},
+            goal={"x": 0, "x_dot": 0},
+            sequence=["wall"],
+            steps=40,
+            final_time=1.0,
+            restitution=e,
+        )
+    ).cost == pytest.approx(cost(solved_problem), rel=1e-6)
 
 
 def test_cost_that_depends_on_the_time() -> None:
     """Least int (1 + t) u^2 / 2 from 0 to 1, rest to rest: u = (a + b t) / (1 + t)."""
     x, u = dynamicsymbols("x u")
-    system = dmoc.MechanicalSystem("timed", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=(1 + T) * u**2 / 2)
-    A = [[quad(lambda t, f=f, k=k: f(t) * t**k / (1 + t), 0, 1)[0] for k in (0, 1)] for f in (lambda t: 1.0, lambda t: 1 - t)]
+    system = dmoc.MechanicalSystem(
+        "timed", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=(1 + T) * u**2 / 2
+    )
+    A = [
+        [quad(lambda t, f=f, k=k: f(t) * t**k / (1 + t), 0, 1)[0] for k in (0, 1)]
+        for f in (lambda t: 1.0, lambda t: 1 - t)
+    ]
     a, b = np.linalg.solve(A, [0.0, 1.0])
     exact = quad(lambda t: (a + b * t) ** 2 / (1 + t) / 2, 0, 1)[0]
 
     def error(n: int, order: int) -> float:
         kernels = dmoc.build(system, order=order)
-        return cost(dmoc.Problem(kernels, start={"x": 0}, goal={"x": 1, "x_dot": 0}, steps=n, final_time=1.0)) - exact
+        return (
+            cost(
+                dmoc.Problem(
+                    kernels, start={"x": 0}, goal={"x": 1, "x_dot": 0}, steps=n, final_time=1.0
+                )
+            )
+            - exact
+        )
 
     shown = orders(error, (5, 10))
     assert 1.8 < shown[2] < 2.2 and 3.7 < shown[4] < 4.3
@@ -131,7 +170,9 @@ def test_cost_that_depends_on_the_time() -> None:
 def test_lagrangian_that_depends_on_the_time() -> None:
     """A mass that grows, m = 1 + t: p = m v is constant, so x = p log(1 + t)."""
     x, u = dynamicsymbols("x u")
-    system = dmoc.MechanicalSystem("growing", [x], (1 + T) * x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=u**2)
+    system = dmoc.MechanicalSystem(
+        "growing", [x], (1 + T) * x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=u**2
+    )
     for order, tolerance in ((2, 2e-3), (4, 2e-6)):
         run = dmoc.simulate(dmoc.build(system, order=order), [0.0], [2.0], step_size=0.1, steps=20)
         np.testing.assert_allclose(run.q[:, 0], 2 * np.log(1 + run.t), atol=tolerance)
@@ -144,7 +185,14 @@ def test_minimum_time(kind: str) -> None:
     x, u = dynamicsymbols("x u")
     integral, terminal = (sp.Integer(1), 0) if kind == "integral" else (0, T)
     system = dmoc.MechanicalSystem(
-        f"fast_{kind}", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=integral, terminal_cost=terminal
+        f"fast_{kind}",
+        [x],
+        x.diff(T) ** 2 / 2,
+        {},
+        [u],
+        {x: u},
+        cost=integral,
+        terminal_cost=terminal,
     )
     for order, steps in ((2, 20), (4, 20)):
         problem = dmoc.Problem(
@@ -159,7 +207,8 @@ def test_minimum_time(kind: str) -> None:
 
 
 def test_minimum_time_under_a_speed_limit() -> None:
-    """|u| <= 1 and v <= 1/2 from 0 to 1, rest to rest: 0.5 s to the limit, 1.5 s along it, 0.5 s to stop."""
+    """|u| <= 1 and v <= 1/2 from 0 to 1, rest to rest: 0.5 s to the limit, 1.5 s along it, 0.5 s
+    to stop."""
     x, u = dynamicsymbols("x u")
     system = dmoc.MechanicalSystem(
         "limited",
@@ -184,7 +233,8 @@ def test_minimum_time_under_a_speed_limit() -> None:
 
 
 def test_terminal_cost_in_position_and_velocity() -> None:
-    """J = int u^2 / 2 + s (x_E - 1)^2 / 2 + r v_E^2 / 2 over 1 s: linear-quadratic, so the optimum solves two linear equations."""
+    """J = int u^2 / 2 + s (x_E - 1)^2 / 2 + r v_E^2 / 2 over 1 s: linear-quadratic, so the
+    optimum solves two linear equations."""
     x, u = dynamicsymbols("x u")
     s, r = 50, 3
     system = dmoc.MechanicalSystem(
@@ -201,11 +251,15 @@ def test_terminal_cost_in_position_and_velocity() -> None:
     A = np.array([[1 + s / 3, s / 2], [r / 2, 1 + r]])
     a, b = np.linalg.solve(A, [s, 0.0])
     x_E, v_E = a / 3 + b / 2, a / 2 + b
-    exact = quad(lambda t: (a * (1 - t) + b) ** 2 / 2, 0, 1)[0] + s * (x_E - 1) ** 2 / 2 + r * v_E**2 / 2
+    exact = (
+        quad(lambda t: (a * (1 - t) + b) ** 2 / 2, 0, 1)[0]
+        + s * (x_E - 1) ** 2 / 2
+        + r * v_E**2 / 2
+    )
     for order, tolerance in ((2, 1e-3), (4, 1e-10)):
-        assert cost(dmoc.Problem(dmoc.build(system, order=order), start={"x": 0}, steps=40, final_time=1.0)) == pytest.approx(
-            exact, rel=tolerance
-        )
+        assert cost(
+            dmoc.Problem(dmoc.build(system, order=order), start={"x": 0}, steps=40, final_time=1.0)
+        ) == pytest.approx(exact, rel=tolerance)
 
 
 @pytest.mark.parametrize("e", [0.7, 0.4])
@@ -221,7 +275,9 @@ def test_periodic_bouncer(e: float) -> None:
     solution = dmoc.solve(problem, "ipm")
     assert solution.cost == pytest.approx(exact, rel=1e-5, abs=1e-8)
     first, last = solution.phases[0], solution.phases[-1]
-    assert last.q[-1] == pytest.approx(first.q[0], abs=1e-10) and last.v[-1] == pytest.approx(first.v[0], abs=1e-8)
+    assert last.q[-1] == pytest.approx(first.q[0], abs=1e-10) and last.v[-1] == pytest.approx(
+        first.v[0], abs=1e-8
+    )
 
 
 def test_double_integrator_and_bryson_denham() -> None:
@@ -236,7 +292,9 @@ def test_two_bounces_up_to_a_peak() -> None:
         solution = dmoc.solve(two_bounces.problem(steps, order), "ipm")
         assert solution.solved
         assert solution.phases[0].v[0, 0] == pytest.approx(3.866780188, rel=tolerance)
-        assert [p.duration for p in solution.phases] == pytest.approx([0.788334391, 0.709500952, 0.319275428], rel=tolerance)
+        assert [p.duration for p in solution.phases] == pytest.approx(
+            [0.788334391, 0.709500952, 0.319275428], rel=tolerance
+        )
         assert solution.final_time == pytest.approx(1.817110772, rel=tolerance)
 
 
@@ -250,9 +308,13 @@ def test_two_discs() -> None:
 
 
 def test_kellys_cart_pole() -> None:
-    """From his straight guess Kelly's motion, whose cost on a fine mesh is 58.808; from the automatic ones a cheaper minimum."""
+    """From his straight guess Kelly's motion, whose cost on a fine mesh is 58.808; from the
+    automatic ones a cheaper minimum."""
     problem = cart_pole.problem(80, 4)
-    kelly, best = dmoc.solve(problem, "ipm", guess=cart_pole.straight(problem)), dmoc.solve(problem, "ipm")
+    kelly, best = (
+        dmoc.solve(problem, "ipm", guess=cart_pole.straight(problem)),
+        dmoc.solve(problem, "ipm"),
+    )
     assert kelly.solved and kelly.cost == pytest.approx(cart_pole.LIMIT, rel=1e-5)
     assert kelly.cost == pytest.approx(cart_pole.KNOWN, rel=2e-3)
     assert best.solved and best.cost == pytest.approx(57.9449, rel=1e-5)
@@ -281,7 +343,9 @@ def test_puck_among_walls() -> None:
 def test_hopper_carries_its_weight_and_is_periodic() -> None:
     solution = dmoc.solve(hopper.problem(), "ipm")
     assert solution.solved
-    assert solution.collisions[0].impulse == pytest.approx(1.3 * hopper.G * solution.final_time, rel=1e-9)
+    assert solution.collisions[0].impulse == pytest.approx(
+        1.3 * hopper.G * solution.final_time, rel=1e-9
+    )
     first, last = solution.phases[0], solution.phases[-1]
     assert last.q[-1, 1:] == pytest.approx(first.q[0, 1:], abs=1e-9)
     assert last.p[-1] == pytest.approx(first.p[0], abs=1e-9)
@@ -295,7 +359,8 @@ def test_cart_with_links_and_a_stop(links: int) -> None:
 
 
 def test_a_lossy_ball_ends_where_it_should() -> None:
-    """Drop from 0.8 with e = 0.6: impacts at t_1 (1 + 2 e), t_1 (1 + 2 e + 2 e^2) ...; steps of order 4 are exact in free flight and at impacts."""
+    """Drop from 0.8 with e = 0.6: impacts at t_1 (1 + 2 e), t_1 (1 + 2 e + 2 e^2) ...; steps of
+    order 4 are exact in free flight and at impacts."""
     ball = dmoc.build(two_bounces.system(), order=4)
     fall, e = (2 * 0.8 / 9.81) ** 0.5, 0.6
     run = dmoc.simulate(ball, [0.8], step_size=0.01, steps=120, restitution=e)
@@ -303,17 +368,28 @@ def test_a_lossy_ball_ends_where_it_should() -> None:
     assert [c.time for c in run.collisions] == pytest.approx(times, abs=1e-9)
     speeds = [9.81 * fall * e**k for k in range(3)]
     assert [-c.momentum_before[0] for c in run.collisions] == pytest.approx(speeds, rel=1e-9)
-    second_order = dmoc.simulate(dmoc.build(two_bounces.system()), [0.8], step_size=0.01, steps=120, restitution={"floor": e})
+    second_order = dmoc.simulate(
+        dmoc.build(two_bounces.system()), [0.8], step_size=0.01, steps=120, restitution={"floor": e}
+    )
     assert [c.time for c in second_order.collisions] == pytest.approx(times, abs=1e-3)
 
 
 def test_block_thrown_back_by_a_moving_wall() -> None:
     """A wall that comes with the speed 0.5: v+ = -e v- - (1 + e) 0.5."""
     x = dynamicsymbols("x")
-    system = dmoc.MechanicalSystem("swept", [x], x.diff(T) ** 2 / 2, {}, surfaces={"wall": x <= 1 - T / 2})
+    system = dmoc.MechanicalSystem(
+        "swept", [x], x.diff(T) ** 2 / 2, {}, surfaces={"wall": x <= 1 - T / 2}
+    )
     for order in (2, 4):
         for e in (1.0, 0.3):
-            run = dmoc.simulate(dmoc.build(system, order=order), [0.0], [1.0], step_size=0.01, steps=100, restitution=e)
+            run = dmoc.simulate(
+                dmoc.build(system, order=order),
+                [0.0],
+                [1.0],
+                step_size=0.01,
+                steps=100,
+                restitution=e,
+            )
             assert run.collisions[0].time == pytest.approx(2 / 3, abs=1e-12)
             assert run.p[-1, 0] == pytest.approx(-e - (1 + e) / 2, abs=1e-12)
 
@@ -321,12 +397,18 @@ def test_block_thrown_back_by_a_moving_wall() -> None:
 def test_damped_oscillator() -> None:
     """Spring and Rayleigh damper: x = exp(-t / 5) (cos w t + sin w t / (5 w)), w^2 = 4 - 1/25."""
     x = dynamicsymbols("x")
-    system = dmoc.MechanicalSystem("damped", [x], x.diff(T) ** 2 / 2 - 2 * x**2, {}, dissipation=x.diff(T) ** 2 / 5)
+    system = dmoc.MechanicalSystem(
+        "damped", [x], x.diff(T) ** 2 / 2 - 2 * x**2, {}, dissipation=x.diff(T) ** 2 / 5
+    )
     w = (4 - 0.04) ** 0.5
 
     def error(n: int, order: int) -> float:
         run = dmoc.simulate(dmoc.build(system, order=order), [1.0], step_size=3 / n, steps=n)
-        return float(np.abs(run.q[:, 0] - np.exp(-run.t / 5) * (np.cos(w * run.t) + np.sin(w * run.t) / (5 * w))).max())
+        return float(
+            np.abs(
+                run.q[:, 0] - np.exp(-run.t / 5) * (np.cos(w * run.t) + np.sin(w * run.t) / (5 * w))
+            ).max()
+        )
 
     shown = orders(error, (20, 40))
     assert 1.9 < shown[2] < 2.1 and 3.8 < shown[4] < 4.2
@@ -336,9 +418,13 @@ def test_plastic_impact_and_its_rest_are_told() -> None:
     from dmoc.errors import SimulationError
 
     with pytest.raises(SimulationError, match="lasting contact with surface 'floor'"):
-        dmoc.simulate(dmoc.build(two_bounces.system()), [0.8], step_size=0.01, steps=100, restitution=0.0)
+        dmoc.simulate(
+            dmoc.build(two_bounces.system()), [0.8], step_size=0.01, steps=100, restitution=0.0
+        )
     with pytest.raises(SimulationError, match=r"restitution = 1.5: expected a number from 0"):
-        dmoc.simulate(dmoc.build(two_bounces.system()), [0.8], step_size=0.01, steps=100, restitution=1.5)
+        dmoc.simulate(
+            dmoc.build(two_bounces.system()), [0.8], step_size=0.01, steps=100, restitution=1.5
+        )
 
 
 def test_restitution_needs_no_new_kernels_and_is_checked() -> None:
@@ -347,12 +433,16 @@ def test_restitution_needs_no_new_kernels_and_is_checked() -> None:
     problem = block_and_wall.problem(0.9)
     assert problem.but(restitution={"wall": 0.2}).kernels is problem.kernels
     for wrong, message in (
-        (1.2, "restitution = 1.2: expected a number from 0"), ({"wal": 0.5}, "restitution of 'wal': unknown surface"), ("x", "expected a number"),
+        (1.2, "restitution = 1.2: expected a number from 0"),
+        ({"wal": 0.5}, "restitution of 'wal': unknown surface"),
+        ("x", "expected a number"),
         (float("nan"), "finite"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(ProblemError, match=message):
             problem.but(restitution=wrong)
     with pytest.raises(ProblemError, match="unknown state 'z' in periodic"):
         problem.but(periodic=["z"])
-    with pytest.raises(ProblemError, match="expected one of stages, constant with kernels of order 4"):
+    with pytest.raises(
+        ProblemError, match="expected one of stages, constant with kernels of order 4"
+    ):
         dmoc.Problem(dmoc.build(block_system(), order=4), start={"x": 0}, controls="linear")

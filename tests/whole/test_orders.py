@@ -1,4 +1,5 @@
-"""The discretisations as data: exact and floating nodes agree, and the orders are those that are measured."""
+"""The discretisations as data: exact and floating nodes agree, and the orders are those that are
+measured."""
 
 from __future__ import annotations
 
@@ -63,7 +64,12 @@ def test_optima_of_every_order_agree(swinging: Kernels) -> None:
     """Inputs are at most linear in a step, so that costs differ by h^2 at order 2 and h^4 above."""
     order = swinging.manifest["order"]
     problem = dmoc.Problem(
-        swinging, start={"a": 0.3, "a_dot": 5.0}, goal={"a": -0.5, "a_dot": 0.0}, sequence=["wall"], steps=20, final_time=1.0
+        swinging,
+        start={"a": 0.3, "a_dot": 5.0},
+        goal={"a": -0.5, "a_dot": 0.0},
+        sequence=["wall"],
+        steps=20,
+        final_time=1.0,
     )
     solution = dmoc.solve(problem, "ipm")
     assert solution.status == "solved"
@@ -88,7 +94,8 @@ def test_nodes_and_points_are_those_of_lobatto_and_gauss(order: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "times"), [("constant", [0.5, 2.0]), ("linear", [0.0, 1.0, 3.0]), ("stages", [0.0, 1.0, 1.0, 3.0])]
+    ("name", "times"),
+    [("constant", [0.5, 2.0]), ("linear", [0.0, 1.0, 3.0]), ("stages", [0.0, 1.0, 1.0, 3.0])],
 )
 def test_rows_of_inputs_stand_for_their_times(name: str, times: list[float]) -> None:
     form = FORMS[name]

@@ -29,7 +29,8 @@ def arguments(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def test_package_map_names_every_folder(arguments: dict[str, Any]) -> None:
-    """setup.py maps each folder with an __init__.py; in a checkout, each layer has its link for type checkers."""
+    """setup.py maps each folder with an __init__.py; in a checkout, each layer has its link for
+    type checkers."""
     ignored = {"build", "tests", "examples", "benchmarks", "docs", "dist"}
     folders = {
         str(p.parent.relative_to(ROOT))
@@ -39,12 +40,19 @@ def test_package_map_names_every_folder(arguments: dict[str, Any]) -> None:
         and not any(q.is_symlink() for q in p.parents)
     }
     assert set(arguments["package_dir"].values()) == folders
-    layers = {ROOT / folder for package, folder in arguments["package_dir"].items() if package.count(".") == 1}
+    layers = {
+        ROOT / folder
+        for package, folder in arguments["package_dir"].items()
+        if package.count(".") == 1
+    }
     links = {p.resolve() for p in (ROOT / "src" / "dmoc").iterdir() if p.is_symlink()}
-    assert links == (layers if (ROOT / ".git").exists() else set())  # a source distribution holds no links
+    # A source distribution holds no links.
+    assert links == (layers if (ROOT / ".git").exists() else set())
 
 
-def test_a_source_distribution_holds_every_source_of_the_packages(arguments: dict[str, Any]) -> None:
+def test_a_source_distribution_holds_every_source_of_the_packages(
+    arguments: dict[str, Any],
+) -> None:
     for package, folder in arguments["package_dir"].items():
         patterns = ["*.py", *arguments["package_data"].get(package, [])]
         for path in (ROOT / folder).iterdir():
@@ -52,7 +60,9 @@ def test_a_source_distribution_holds_every_source_of_the_packages(arguments: dic
                 assert any(fnmatch(path.name, pattern) for pattern in patterns), path
     templates = (ROOT / "codegen" / "templates").iterdir()
     patterns = arguments["package_data"]["dmoc.codegen"]
-    assert all(any(fnmatch(f"templates/{p.name}", pattern) for pattern in patterns) for p in templates)
+    assert all(
+        any(fnmatch(f"templates/{p.name}", pattern) for pattern in patterns) for p in templates
+    )
 
 
 def test_a_source_distribution_holds_what_its_tests_need(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,5 @@
-"""Units decide nothing: a model in other units of length, mass and time has the answer of the same one in m, kg, s."""
+"""Units decide nothing: a model in other units of length, mass and time has the answer of the
+same one in m, kg, s."""
 
 from __future__ import annotations
 
@@ -39,24 +40,38 @@ def block(request: pytest.FixtureRequest) -> Kernels:
 
 
 def block_problem(kernels: Kernels, u: Units, e: float) -> dmoc.Problem:
-    """Back from the wall in T = 1 s: J = 24 m^2 L^2 / T^3 for e = 1 (the block of the README, limits and a terminal speed beside it)."""
+    """Back from the wall in T = 1 s: J = 24 m^2 L^2 / T^3 for e = 1 (the block of the README,
+    limits and a terminal speed beside it)."""
     force = 40 * u.of(length=1, mass=1, time=-2)
     return dmoc.Problem(
-        kernels, start={"x": 0.0}, goal={"x": 0.0, "x_dot": (-u.of(length=1, time=-1), 0.0)}, sequence=["wall"], steps=12,
-        final_time=u.of(time=1), parameters={"m": u.of(mass=1), "wall": u.of(length=1)}, restitution=e, bounds={"u": (-force, force)},
-    )  # fmt: skip
+        kernels,
+        start={"x": 0.0},
+        goal={"x": 0.0, "x_dot": (-u.of(length=1, time=-1), 0.0)},
+        sequence=["wall"],
+        steps=12,
+        final_time=u.of(time=1),
+        parameters={"m": u.of(mass=1), "wall": u.of(length=1)},
+        restitution=e,
+        bounds={"u": (-force, force)},
+    )
 
 
 @pytest.mark.parametrize("method", METHODS)
 @settings(max_examples=8, deadline=None)
 @given(length=DECADES, mass=DECADES, time=DECADES, e=st.sampled_from([1.0, 0.6, 0.0]))
-def test_a_block_and_its_wall(block: Kernels, method: str, length: int, mass: int, time: int, e: float) -> None:
+def test_a_block_and_its_wall(
+    block: Kernels, method: str, length: int, mass: int, time: int, e: float
+) -> None:
     u = Units(length, mass, time)
     plain, other = (dmoc.solve(block_problem(block, v, e), method) for v in (Units(0, 0, 0), u))
     assert (plain.status, other.status) == ("solved", "solved"), (plain.message, other.message)
     assert other.cost / u.of(length=2, mass=2, time=-3) == pytest.approx(plain.cost, rel=1e-6)
-    assert other.collisions[0].time / u.of(time=1) == pytest.approx(plain.collisions[0].time, rel=1e-5)
-    assert other.collisions[0].impulse / u.of(length=1, mass=1, time=-1) == pytest.approx(plain.collisions[0].impulse, rel=1e-5)
+    assert other.collisions[0].time / u.of(time=1) == pytest.approx(
+        plain.collisions[0].time, rel=1e-5
+    )
+    assert other.collisions[0].impulse / u.of(length=1, mass=1, time=-1) == pytest.approx(
+        plain.collisions[0].impulse, rel=1e-5
+    )
 
 
 @pytest.fixture(scope="module", params=[2, 4])
@@ -68,45 +83,76 @@ def cart_problem(kernels: Kernels, u: Units) -> dmoc.Problem:
     """The seed with fewer steps: an angle, which has no unit, beside a length."""
     length, force = u.of(length=1), u.of(length=1, mass=1, time=-2)
     return dmoc.Problem(
-        kernels, start={"alpha": 0.471, "x": 0.0}, goal={"alpha": 1.5707, "p_alpha": 0.0, "p_x": 0.0}, sequence=["left"],
+        kernels,
+        start={"alpha": 0.471, "x": 0.0},
+        goal={"alpha": 1.5707, "p_alpha": 0.0, "p_x": 0.0},
+        sequence=["left"],
         steps=30 if kernels.manifest["order"] == 2 else 16,
-        final_time=(None, u.of(time=1)), bounds={"F": (-200 * force, 200 * force), "x": (-10 * length, 10 * length)},
-        parameters={"m_p": u.of(mass=1), "m_c": u.of(mass=1), "l": 0.5 * length, "g": 10 * u.of(length=1, time=-2)},
-    )  # fmt: skip
+        final_time=(None, u.of(time=1)),
+        bounds={"F": (-200 * force, 200 * force), "x": (-10 * length, 10 * length)},
+        parameters={
+            "m_p": u.of(mass=1),
+            "m_c": u.of(mass=1),
+            "l": 0.5 * length,
+            "g": 10 * u.of(length=1, time=-2),
+        },
+    )
 
 
 @pytest.mark.parametrize("method", METHODS)
 @settings(max_examples=3, deadline=None)
 @given(length=DECADES, mass=DECADES, time=DECADES)
-def test_the_pendulum_on_its_cart(cart: Kernels, method: str, length: int, mass: int, time: int) -> None:
+def test_the_pendulum_on_its_cart(
+    cart: Kernels, method: str, length: int, mass: int, time: int
+) -> None:
     u = Units(length, mass, time)
     plain, other = (dmoc.solve(cart_problem(cart, v), method) for v in (Units(0, 0, 0), u))
-    status = "not_verified" if cart.manifest["order"] == 2 else "solved"  # a minimum, which 30 steps are too few for
+    # A minimum, which 30 steps are too few for.
+    status = "not_verified" if cart.manifest["order"] == 2 else "solved"
     assert (plain.status, other.status) == (status, status), (plain.message, other.message)
     assert other.cost / u.of(length=2, mass=2, time=-3) == pytest.approx(plain.cost, rel=1e-6)
     for name in ("terminal_error", "amplification", "energy_error", "impact_error"):
         assert plain.verification is not None and other.verification is not None
-        assert other.verification[name] == pytest.approx(plain.verification[name], rel=1e-2, abs=1e-6)
+        assert other.verification[name] == pytest.approx(
+            plain.verification[name], rel=1e-2, abs=1e-6
+        )
 
 
 @pytest.mark.parametrize(
     ("mass", "wall", "time"),
-    [(1e-6, 1, 1), (1e-9, 1, 1), (1e5, 1, 1), (1e12, 1, 1), (1, 1e3, 1), (1, 1e5, 1), (1, 1, 1e3), (1, 1, 1e4)],
+    [
+        (1e-6, 1, 1),
+        (1e-9, 1, 1),
+        (1e5, 1, 1),
+        (1e12, 1, 1),
+        (1, 1e3, 1),
+        (1, 1e5, 1),
+        (1, 1, 1e3),
+        (1, 1, 1e4),
+    ],
 )
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
-def test_the_block_of_the_readme_costs_the_same_in_every_unit(method: str, mass: float, wall: float, time: float) -> None:
+def test_the_block_of_the_readme_costs_the_same_in_every_unit(
+    method: str, mass: float, wall: float, time: float
+) -> None:
     """N = 20 + 20: 24.015 m^0 L^2 / T^3 with J = int u^2 / 2 and u of a mass m."""
     problem = dmoc.Problem(
-        dmoc.build(block_system()), start={"x": 0}, goal={"x": 0, "x_dot": 0}, sequence=["wall"], steps=20, final_time=time,
+        dmoc.build(block_system()),
+        start={"x": 0},
+        goal={"x": 0, "x_dot": 0},
+        sequence=["wall"],
+        steps=20,
+        final_time=time,
         parameters={"m": mass, "wall": wall},
-    )  # fmt: skip
+    )
     solution = dmoc.solve(problem, method)
     assert solution.status == "solved"
     assert solution.cost / (mass**2 * wall**2 / time**3) == pytest.approx(24.015009380863, rel=1e-8)
 
 
 def test_minimum_time_and_an_unbounded_final_time_know_no_second() -> None:
-    """Time and effort, from rest to rest: the guess of the final time comes from the problem, not from a number of seconds."""
+    """Time and effort, from rest to rest: the guess of the final time comes from the problem,
+    not from a number of seconds."""
     x, u = dynamicsymbols("x u")
     m, weight, push = sp.symbols("m weight push")
     system = dmoc.MechanicalSystem(
@@ -134,7 +180,8 @@ def test_minimum_time_and_an_unbounded_final_time_know_no_second() -> None:
 
 
 def test_on_the_surface_is_relative_to_the_gap(block: Kernels) -> None:
-    """A start that lies on the wall up to rounding is admissible, whatever the unit; one that lies behind it is not."""
+    """A start that lies on the wall up to rounding is admissible, whatever the unit; one that
+    lies behind it is not."""
     for wall in (1e-9, 0.3, 1e9):
         here = wall * (1 + 2e-16)
         fields = {"goal": {"x": 0.0}, "final_time": 1.0, "steps": 4, "parameters": {"wall": wall}}

@@ -1,4 +1,5 @@
-"""What a trial found to be solved and wrong, or right and not solved: none of it passes any more."""
+"""What a trial found to be solved and wrong, or right and not solved: none of it passes any
+more."""
 
 from __future__ import annotations
 
@@ -26,27 +27,46 @@ def arm_system(name: str = "arm_with_stop") -> dmoc.MechanicalSystem:
     m1, m2, l1, l2, g, stop = sp.symbols("m1 m2 l1 l2 g stop")
     x1, y1 = l1 * sp.sin(a), -l1 * sp.cos(a)
     x2, y2 = x1 + l2 * sp.sin(b), y1 - l2 * sp.cos(b)
-    kinetic = m1 * (x1.diff(T) ** 2 + y1.diff(T) ** 2) / 2 + m2 * (x2.diff(T) ** 2 + y2.diff(T) ** 2) / 2
+    kinetic = (
+        m1 * (x1.diff(T) ** 2 + y1.diff(T) ** 2) / 2 + m2 * (x2.diff(T) ** 2 + y2.diff(T) ** 2) / 2
+    )
     return dmoc.MechanicalSystem(
-        name, [a, b], sp.simplify(kinetic) - g * (m1 * y1 + m2 * y2), {m1: 1.0, m2: 1.0, l1: 1.0, l2: 1.0, g: 9.81, stop: 1.0},
-        [u1, u2], {a: u1 - u2, b: u2}, {"stop": a <= stop}, u1**2 + u2**2,
-    )  # fmt: skip
+        name,
+        [a, b],
+        sp.simplify(kinetic) - g * (m1 * y1 + m2 * y2),
+        {m1: 1.0, m2: 1.0, l1: 1.0, l2: 1.0, g: 9.81, stop: 1.0},
+        [u1, u2],
+        {a: u1 - u2, b: u2},
+        {"stop": a <= stop},
+        u1**2 + u2**2,
+    )
 
 
 def random_arm(seed: int, order: int, steps: int) -> dmoc.Problem:
     r = np.random.default_rng(seed)
     parameters = {
         name: r.uniform(*box)
-        for name, box in (("m1", (0.5, 2)), ("m2", (0.5, 2)), ("l1", (0.5, 1.5)), ("l2", (0.5, 1.5)), ("stop", (0.5, 1.5)))
+        for name, box in (
+            ("m1", (0.5, 2)),
+            ("m2", (0.5, 2)),
+            ("l1", (0.5, 1.5)),
+            ("l2", (0.5, 1.5)),
+            ("stop", (0.5, 1.5)),
+        )
     }
     return dmoc.Problem(
-        dmoc.build(arm_system(), order=order), start={"a": r.uniform(-1, 0.3), "b": r.uniform(-1, 1)},
-        goal={"a": r.uniform(-1, 0.3), "b": r.uniform(-1, 1), "a_dot": 0, "b_dot": 0}, sequence=["stop"], steps=steps,
-        final_time=r.uniform(0.7, 2), parameters=parameters, restitution=r.choice([1, 0.8, 0.5, 0.0]),
-    )  # fmt: skip
+        dmoc.build(arm_system(), order=order),
+        start={"a": r.uniform(-1, 0.3), "b": r.uniform(-1, 1)},
+        goal={"a": r.uniform(-1, 0.3), "b": r.uniform(-1, 1), "a_dot": 0, "b_dot": 0},
+        sequence=["stop"],
+        steps=steps,
+        final_time=r.uniform(0.7, 2),
+        parameters=parameters,
+        restitution=r.choice([1, 0.8, 0.5, 0.0]),
+    )
 
 
-# Collisions that are none ----------------------------------------------------------------------------------------------
+# Collisions that are none -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -83,7 +103,8 @@ def stays_before_the_stop(problem: dmoc.Problem, solution: dmoc.Solution) -> Non
 
 
 def test_a_graze_needs_no_more_than_the_motion_that_may_touch() -> None:
-    """A touch costs what the same problem costs with a tangential contact, and more than without any."""
+    """A touch costs what the same problem costs with a tangential contact, and more than without
+    any."""
     problem = random_arm(22, 4, 20)
     touching, free = dmoc.solve(problem, "ipm"), dmoc.solve(problem.but(sequence=()), "ipm")
     assert free.solved and touching.status == "grazes" and touching.cost > free.cost
@@ -94,9 +115,13 @@ def test_a_motion_that_grazes_is_a_start_like_any_other() -> None:
     problem = random_arm(22, 4, 20)
     grazing = dmoc.solve(problem, "ipm")
     again = dmoc.solve(
-        problem.but(parameters={**problem.parameters, "m1": problem.parameters["m1"] * 1.01}), "ipm", guess=grazing
+        problem.but(parameters={**problem.parameters, "m1": problem.parameters["m1"] * 1.01}),
+        "ipm",
+        guess=grazing,
     )
-    assert grazing.status == again.status == "grazes" and again.cost == pytest.approx(grazing.cost, rel=0.1)
+    assert grazing.status == again.status == "grazes" and again.cost == pytest.approx(
+        grazing.cost, rel=0.1
+    )
 
 
 def test_a_search_gives_no_credit_for_a_graze() -> None:
@@ -107,16 +132,24 @@ def test_a_search_gives_no_credit_for_a_graze() -> None:
     assert "has no effect" in by_sequence[("stop",)].evidence[0]
 
 
-# Limits of inputs ------------------------------------------------------------------------------------------------------
+# Limits of inputs ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("steps", [5, 10, 41])
 def test_order_4_keeps_the_limits_of_inputs_everywhere(steps: int) -> None:
-    """Furthest rest-to-rest point of a unit mass with |u| <= 1 in 1 s: at most 0.25, whatever the steps."""
+    """Furthest rest-to-rest point of a unit mass with |u| <= 1 in 1 s: at most 0.25, whatever
+    the steps."""
     x, u = dynamicsymbols("x u")
-    system = dmoc.MechanicalSystem("far", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, terminal_cost=-x)
+    system = dmoc.MechanicalSystem(
+        "far", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, terminal_cost=-x
+    )
     problem = dmoc.Problem(
-        dmoc.build(system, order=4), start={"x": 0}, goal={"x_dot": 0}, steps=steps, final_time=1.0, bounds={"u": (-1, 1)}
+        dmoc.build(system, order=4),
+        start={"x": 0},
+        goal={"x_dot": 0},
+        steps=steps,
+        final_time=1.0,
+        bounds={"u": (-1, 1)},
     )
     for method in ("ipm", "slsqp") if steps < 20 else ("ipm",):
         solution = dmoc.solve(problem, method)
@@ -130,33 +163,57 @@ def test_the_check_sees_inputs_beyond_their_limits() -> None:
     from dataclasses import replace
 
     kernels = dmoc.build(block_system(), order=4)
-    problem = dmoc.Problem(kernels, start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, steps=10, final_time=1.0, bounds={"u": (-4, 4)})
+    problem = dmoc.Problem(
+        kernels,
+        start={"x": 0},
+        goal={"x": 0.5, "x_dot": 0},
+        steps=10,
+        final_time=1.0,
+        bounds={"u": (-4, 4)},
+    )
     solution = dmoc.solve(problem, "ipm")
     assert solution.solved
     wrong = dmoc.verify(replace(solution.trajectory, input_bounds=np.array([[-2.0, 2.0]])), kernels)
     assert not wrong.passed and "excess of an input" in wrong.message and wrong.limit_excess > 0.1
 
 
-# Points of surfaces ----------------------------------------------------------------------------------------------------
+# Points of surfaces -------------------------------------------------------------------------------
 
 
 def pendulum_system(name: str, wall: sp.Basic) -> dmoc.MechanicalSystem:
     a, u = dynamicsymbols("a u")
     return dmoc.MechanicalSystem(
-        name, [a], a.diff(T) ** 2 / 2 + sp.Float(9.81) * sp.cos(a), {}, [u], {a: u}, {"wall": wall(a)}, u**2
+        name,
+        [a],
+        a.diff(T) ** 2 / 2 + sp.Float(9.81) * sp.cos(a),
+        {},
+        [u],
+        {a: u},
+        {"wall": wall(a)},
+        u**2,
     )
 
 
 @pytest.mark.parametrize("order", [2, 4])
 @pytest.mark.parametrize(("goal", "known"), [(-pi, 40.695), (-3.0, 29.385), (-2.0, 18.119)])
-def test_a_wall_whose_gradient_vanishes_is_as_good_as_a_plain_one(order: int, goal: float, known: float) -> None:
-    """sin(a) <= 0.5 and a <= pi/6 are the same wall; a better confirmed minimum than the known one is welcome."""
+def test_a_wall_whose_gradient_vanishes_is_as_good_as_a_plain_one(
+    order: int, goal: float, known: float
+) -> None:
+    """sin(a) <= 0.5 and a <= pi/6 are the same wall; a better confirmed minimum than the known
+    one is welcome."""
     steps = 100 if order == 2 else 50
-    for name, wall in (("sine_wall", lambda a: sp.sin(a) <= sp.Rational(1, 2)), ("plain_wall", lambda a: a <= sp.pi / 6)):
+    for name, wall in (
+        ("sine_wall", lambda a: sp.sin(a) <= sp.Rational(1, 2)),
+        ("plain_wall", lambda a: a <= sp.pi / 6),
+    ):
         problem = dmoc.Problem(
-            dmoc.build(pendulum_system(name, wall), order=order), start={"a": 0.0}, goal={"a": goal, "a_dot": 0}, sequence=["wall"],
-            steps=steps, final_time=3.0,
-        )  # fmt: skip
+            dmoc.build(pendulum_system(name, wall), order=order),
+            start={"a": 0.0},
+            goal={"a": goal, "a_dot": 0},
+            sequence=["wall"],
+            steps=steps,
+            final_time=3.0,
+        )
         solution = dmoc.solve(problem, "ipm")
         assert solution.solved, solution.message
         assert solution.cost <= known * 1.002
@@ -165,20 +222,35 @@ def test_a_wall_whose_gradient_vanishes_is_as_good_as_a_plain_one(order: int, go
 
 def test_points_of_surfaces_are_found_where_the_gradient_vanishes() -> None:
     kernels = dmoc.build(pendulum_system("sine_wall", lambda a: sp.sin(a) <= sp.Rational(1, 2)))
-    problem = dmoc.Problem(kernels, start={"a": 0.0}, goal={"a": -pi, "a_dot": 0}, sequence=["wall"], final_time=3.0)
+    problem = dmoc.Problem(
+        kernels, start={"a": 0.0}, goal={"a": -pi, "a_dot": 0}, sequence=["wall"], final_time=3.0
+    )
     summit = np.array([-pi / 2])
-    assert sorted(float(q[0]) for q in crossings(problem, summit, "wall")) == pytest.approx([-7 * pi / 6, pi / 6])
+    assert sorted(float(q[0]) for q in crossings(problem, summit, "wall")) == pytest.approx(
+        [-7 * pi / 6, pi / 6]
+    )
     found = onto_surface(problem, summit, "wall")
     assert found is not None and sin(found[0]) == pytest.approx(0.5, abs=1e-9)
     assert contact_point(problem, summit, np.zeros(1), "wall", 0.0)[0] == pytest.approx(pi / 6)
     far = dmoc.build(pendulum_system("no_wall", lambda a: sp.sin(a) <= 2))
-    assert onto_surface(dmoc.Problem(far, start={"a": 0.0}, goal={"a": 1.0}, final_time=1.0), summit, "wall") is None
+    assert (
+        onto_surface(
+            dmoc.Problem(far, start={"a": 0.0}, goal={"a": 1.0}, final_time=1.0), summit, "wall"
+        )
+        is None
+    )
 
 
 def test_a_bound_gives_way_only_where_it_lies_on_the_surface() -> None:
     """The upper bound is the wall itself; the lower one, beside another root of the gap, stays."""
     kernels = dmoc.build(pendulum_system("sine_wall", lambda a: sp.sin(a) <= sp.Rational(1, 2)))
-    fields = {"start": {"a": 0.0}, "goal": {"a": -1.0}, "sequence": ["wall"], "steps": 4, "final_time": 2.0}
+    fields = {
+        "start": {"a": 0.0},
+        "goal": {"a": -1.0},
+        "sequence": ["wall"],
+        "steps": 4,
+        "final_time": 2.0,
+    }
     for low, high, freed in ((-3.0, pi / 6, True), (-3.0, 1.0, False)):
         nlp = Transcription(dmoc.Problem(kernels, bounds={"a": (low, high)}, **fields))
         unknown = nlp.layout.index_q[4, 0]
@@ -186,12 +258,13 @@ def test_a_bound_gives_way_only_where_it_lies_on_the_surface() -> None:
         assert bool(nlp.limits[1][unknown] > high) is freed and nlp.limits[1][unknown] < high + 0.1
 
 
-# The check -------------------------------------------------------------------------------------------------------------
+# The check ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("steps", [20, 40, 50, 80, 100, 160, 200])
 def test_a_motion_that_slides_along_a_surface_is_confirmed_on_every_mesh(steps: int) -> None:
-    """Around a post on the straight way: the motion lies on the post for many steps, held there by its inputs."""
+    """Around a post on the straight way: the motion lies on the post for many steps, held there
+    by its inputs."""
     x, y, f_x, f_y = dynamicsymbols("x y f_x f_y")
     system = dmoc.MechanicalSystem(
         "around",
@@ -222,48 +295,75 @@ def acrobot(steps: int) -> dmoc.Problem:
     x2, y2 = x1 + sp.sin(a + b), y1 - sp.cos(a + b)
     kinetic = (x1.diff(T) ** 2 + y1.diff(T) ** 2) / 2 + (x2.diff(T) ** 2 + y2.diff(T) ** 2) / 2
     system = dmoc.MechanicalSystem(
-        "acrobot", [a, b], sp.simplify(kinetic) - sp.Float(9.81) * (y1 + y2), {}, [u], {b: u}, cost=u**2
+        "acrobot",
+        [a, b],
+        sp.simplify(kinetic) - sp.Float(9.81) * (y1 + y2),
+        {},
+        [u],
+        {b: u},
+        cost=u**2,
     )
     return dmoc.Problem(
-        dmoc.build(system), start={"a": 0, "b": 0}, goal={"a": pi, "b": 0, "a_dot": 0, "b_dot": 0}, steps=steps, final_time=4.0
+        dmoc.build(system),
+        start={"a": 0, "b": 0},
+        goal={"a": pi, "b": 0, "a_dot": 0, "b_dot": 0},
+        steps=steps,
+        final_time=4.0,
     )
 
 
-def test_an_unstable_motion_is_weighed_with_its_amplification_and_a_coarse_one_is_not_excused() -> None:
+def test_an_unstable_motion_is_weighed_with_its_amplification_and_a_coarse_one_is_not_excused() -> (
+    None
+):
     fine = dmoc.solve(acrobot(200), "ipm")
     assert fine.solved, fine.message
     check = fine.verify()
     assert check.passed and check.amplification > 1000
-    assert check.terminal_error > 0.25 and "the motion is unstable: it amplifies errors" in fine.message
+    assert (
+        check.terminal_error > 0.25
+        and "the motion is unstable: it amplifies errors" in fine.message
+    )
     coarse = dmoc.solve(acrobot(12), "ipm")
     assert coarse.status == "not_verified" and "too coarse" in coarse.message
 
 
 def test_the_amplification_is_that_of_the_linearised_flow() -> None:
-    """A pendulum that stands upright for T = 2 s with g / l = 9: in sizes of its own the flow grows like cosh(3 T)."""
+    """A pendulum that stands upright for T = 2 s with g / l = 9: in sizes of its own the flow
+    grows like cosh(3 T)."""
     a, u = dynamicsymbols("a u")
-    system = dmoc.MechanicalSystem("upright", [a], a.diff(T) ** 2 / 2 + sp.Rational(9, 2) * a**2, {}, [u], {a: u}, cost=u**2)
-    problem = dmoc.Problem(dmoc.build(system), start={"a": 0}, goal={"a": 1.0, "a_dot": 0}, steps=100, final_time=2.0)
+    system = dmoc.MechanicalSystem(
+        "upright", [a], a.diff(T) ** 2 / 2 + sp.Rational(9, 2) * a**2, {}, [u], {a: u}, cost=u**2
+    )
+    problem = dmoc.Problem(
+        dmoc.build(system), start={"a": 0}, goal={"a": 1.0, "a_dot": 0}, steps=100, final_time=2.0
+    )
     solution = dmoc.solve(problem, "ipm")
     check = solution.verify()
     (phase,) = solution.phases
     size = np.array([np.ptp(phase.q), np.abs(phase.v).max()])
     flow = np.array([[np.cosh(6), np.sinh(6) / 3], [3 * np.sinh(6), np.cosh(6)]])
-    assert check.amplification == pytest.approx(np.linalg.norm(flow * size / size[:, None], 2), rel=1e-4)
+    assert check.amplification == pytest.approx(
+        np.linalg.norm(flow * size / size[:, None], 2), rel=1e-4
+    )
 
 
 def test_a_start_on_a_surface_that_moves_into_it_is_refused() -> None:
     kernels = dmoc.build(block_system())
     fields = {"goal": {"x": 0.0}, "sequence": ["wall"], "final_time": 1.0}
-    with pytest.raises(ProblemError, match=r"lies on surface 'wall' and moves into it \(the gap changes by 2 per second\)"):
+    with pytest.raises(
+        ProblemError,
+        match=r"lies on surface 'wall' and moves into it \(the gap changes by 2 per second\)",
+    ):
         dmoc.Problem(kernels, start={"x": 1.0, "x_dot": 2.0}, **fields)
     with pytest.raises(ProblemError, match="moves into it"):
         dmoc.Problem(kernels, start={"x": 1.0, "p_x": 2.0}, **fields)
     for velocity in (-2.0, 0.0, (0.0, 1.0), None):
-        assert dmoc.Problem(kernels, start={"x": 1.0, "x_dot": velocity}, **fields).sequence == ("wall",)
+        assert dmoc.Problem(kernels, start={"x": 1.0, "x_dot": velocity}, **fields).sequence == (
+            "wall",
+        )
 
 
-# Infeasible by a little, and limits of time ---------------------------------------------------------------------------
+# Infeasible by a little, and limits of time -------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", ["ipm", "slsqp", "ipopt"])
@@ -273,15 +373,23 @@ def test_infeasible_by_a_little_is_infeasible_early(method: str, order: int, lim
     """6.664 m/s and |u| <= 50 need 0.4441 m to stop, and there are 0.443 m."""
     wall, box = (0.443, {}) if limit == "wall" else (9.0, {"x": (-1.0, 0.443)})
     problem = dmoc.Problem(
-        dmoc.build(block_system(), order=order), start={"x": 0, "x_dot": 6.664}, goal={"x_dot": 0}, steps=40, final_time=0.2,
-        parameters={"wall": wall}, bounds={"u": (-50, 50), **box},
-    )  # fmt: skip
+        dmoc.build(block_system(), order=order),
+        start={"x": 0, "x_dot": 6.664},
+        goal={"x_dot": 0},
+        steps=40,
+        final_time=0.2,
+        parameters={"wall": wall},
+        bounds={"u": (-50, 50), **box},
+    )
     solution = dmoc.solve(problem, method)
     assert solution.status == "infeasible" and solution.iterations < 300 and solution.conflicts
 
 
-def test_a_numerical_failure_is_a_status_and_nothing_is_written(capfd: pytest.CaptureFixture[str]) -> None:
-    """A start and a goal on the wall that is to be hit, soft impact: slsqp once took minutes in an iteration and then raised."""
+def test_a_numerical_failure_is_a_status_and_nothing_is_written(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """A start and a goal on the wall that is to be hit, soft impact: slsqp once took minutes in
+    an iteration and then raised."""
     problem = dmoc.Problem(
         dmoc.build(block_system()),
         start={"x": 0},
@@ -301,7 +409,12 @@ def test_a_numerical_failure_is_a_status_and_nothing_is_written(capfd: pytest.Ca
 def test_the_time_limit_covers_guess_solve_and_check(reads: list[int]) -> None:
     """Each part hears of the limit."""
     problem = dmoc.Problem(
-        dmoc.build(block_system()), start={"x": 0}, goal={"x": 0, "x_dot": 0}, sequence=["wall"], steps=400, final_time=1.0
+        dmoc.build(block_system()),
+        start={"x": 0},
+        goal={"x": 0, "x_dot": 0},
+        sequence=["wall"],
+        steps=400,
+        final_time=1.0,
     )
 
     def heard(seconds: float) -> dmoc.Solution:
@@ -312,5 +425,6 @@ def test_the_time_limit_covers_guess_solve_and_check(reads: list[int]) -> None:
 
     unsolved, unchecked = heard(5), heard(60)
     assert unsolved.iterations == 0 < unchecked.iterations
-    assert unchecked.optimality < 1e-6 and unchecked.max_violation < 1e-9  # the check alone was cut short
+    # The check alone was cut short.
+    assert unchecked.optimality < 1e-6 and unchecked.max_violation < 1e-9
     assert dmoc.solve(problem, "ipm", seconds=10_000).solved
