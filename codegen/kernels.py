@@ -122,10 +122,21 @@ class Kernels:
 
     def pattern(self, kernel: str, output: str) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return rows and columns of the stored entries of a matrix output."""
-        for o in self.manifest["kernels"][kernel]["outputs"]:
-            if o["name"] == output:
-                return np.array(o["rows"], dtype=np.intp), np.array(o["columns"], dtype=np.intp)
-        raise BuildError(f"kernel {kernel!r} of model {self.name!r} has no output {output!r}.")
+        if (kernel, output) not in self._patterns:
+            raise BuildError(f"kernel {kernel!r} of model {self.name!r} has no output {output!r}.")
+        return self._patterns[kernel, output]
+
+    @cached_property
+    def _patterns(self) -> dict[tuple[str, str], tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """Rows and columns of every matrix output; read-only, because all share them."""
+        found = {}
+        for kernel, facts in self.manifest["kernels"].items():
+            for o in facts["outputs"]:
+                if "rows" in o:
+                    places = np.array([o["rows"], o["columns"]], dtype=np.intp)
+                    places.flags.writeable = False
+                    found[kernel, o["name"]] = (places[0], places[1])
+        return found
 
 
 def _size(output: Mapping[str, Any]) -> int:

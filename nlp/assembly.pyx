@@ -133,10 +133,11 @@ cdef class Pass:
 
 cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:
     """The C code trusts positions: refuse those outside."""
-    if positions.size:
-        first, last = positions.min(), positions.max()
-        if first < least or last >= end:
-            raise ValueError(f"positions {first} to {last}: expected {least} to {end - 1}")
+    cdef const ptrdiff_t[::1] view = np.ascontiguousarray(positions, dtype=np.intp).ravel()
+    cdef ptrdiff_t i
+    for i in range(view.shape[0]):
+        if view[i] < least or view[i] >= end:
+            raise ValueError(f"position {view[i]}: expected {least} to {end - 1}")
     return 0
 
 

@@ -17,7 +17,7 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.nlp.program import ElementData, PassData, ProgramData
 from dmoc.nlp.sparse import SparsePattern
 from dmoc.nlp.tables import NOWHERE, Index
-from dmoc.nlp.terms import COST, Term
+from dmoc.nlp.terms import Term
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,15 +101,18 @@ def assembled(s: Statement) -> Assembled:
     """Lay the program out: its three passes over elements, with slots in patterns that are
     analysed here."""
     inverse, none = s.inverse, np.zeros(0, dtype=np.intp)
+    targets, multipliers = _targets(s), _multipliers(s)
     linear = s.linear.factors * inverse[1 + s.linear.rows]
     values = PassData(
         np.concatenate([[0.0], s.linear.constants * inverse[1:]]),
         1 + s.linear.rows,
         s.linear.columns,
         linear,
-        tuple(_values(s, term, inverse) for term in s.terms),
+        tuple(_values(s, term, targets, inverse) for term in s.terms),
     )
-    slopes = [_slopes(s, term, inverse) for term in s.terms]
+    unknowns = [_unknowns(s, term) for term in s.terms]
+    placed = list(zip(s.terms, unknowns, strict=True))
+    slopes = [_slopes(s, term, at, targets, inverse) for term, at in placed]
     cells = [(r - 1, c) for p in slopes for r, c in zip(p.rows, p.columns, strict=True)]
     jacobian = SparsePattern((s.m, s.n), [*cells, (s.linear.rows, s.linear.columns)])
     *slots, linear_slots = jacobian.slots
@@ -121,7 +124,8 @@ def assembled(s: Statement) -> Assembled:
         for k, (r, c) in zip(slots, cells, strict=True)
     ]
     to_slopes = PassData(constant, none, none, np.zeros(0), _elements(slopes, at))
-    curvatures = [p for p in (_curvatures(s, term) for term in s.terms) if p is not None]
+    every = (_curvatures(s, term, at, multipliers) for term, at in placed)
+    curvatures = [p for p in every if p is not None]
     hessian = SparsePattern((s.n, s.n), [(p.rows[0], p.columns[0]) for p in curvatures])
     to_curvatures = PassData(
         np.zeros(hessian.size), none, none, np.zeros(0), _elements(curvatures, hessian.slots)
@@ -147,14 +151,20 @@ def _parameters(s: Statement) -> Index:
     return np.arange(first, first + len(s.parameters))[None]
 
 
-def _targets(rows: Index) -> Index:
-    """Positions in (f | c | d) of rows of (c | d)."""
-    return np.where(rows == COST, 0, np.where(rows == NOWHERE, NOWHERE, rows + 1))
+def _targets(s: Statement) -> Index:
+    """Positions in (f | c | d) by row of (c | d); where COST and NOWHERE point to, at the end, theirs
+    stand."""
+    return np.concatenate([np.arange(1, s.m + 1), [0, NOWHERE]])
 
 
-def _values(s: Statement, term: Term, inverse: Array) -> ElementData:
-    slots = tuple(_targets(r) for r in term.rows)
-    factors = tuple(np.broadcast_to(term.factor, t.shape) * inverse[t] for t in slots)
+def _multipliers(s: Statement) -> Index:
+    """Positions in the pool of the multipliers of rows: sigma for the cost, a zero for no row."""
+    return np.arange(s.n, s.n + s.m + 2)
+
+
+def _values(s: Statement, term: Term, targets: Index, inverse: Array) -> ElementData:
+    slots = tuple(targets[r] for r in term.rows)
+    factors = tuple(inverse[t] * term.factor for t in slots)
     return ElementData(term.kernel, (*term.arguments, _parameters(s)), slots, factors)
 
 
@@ -162,52 +172,43 @@ def _unknowns(s: Statement, term: Term) -> Index:
     """The unknowns among the arguments of a term, shape (n, sum of sizes); NOWHERE for what is
     none."""
     n = len(term.rows[0])
-    at = np.hstack([np.broadcast_to(a, (n, a.shape[1])) for a in term.arguments])
+    parts = (a if len(a) == n else np.repeat(a, n, axis=0) for a in term.arguments)
+    at = np.hstack(list(parts))
     return np.where(at < s.n, at, NOWHERE)
 
 
-def _slopes(s: Statement, term: Term, inverse: Array) -> _Part:
-    kernel, unknowns = f"{term.kernel}_jac", _unknowns(s, term)
+def _slopes(s: Statement, term: Term, unknowns: Index, targets: Index, inverse: Array) -> _Part:
+    kernel = f"{term.kernel}_jac"
     rows, columns, factors = [], [], []
-    for output, targets in zip(s.kernels.outputs(kernel), map(_targets, term.rows), strict=True):
+    for output, at in zip(s.kernels.outputs(kernel), term.rows, strict=True):
         i, j = s.kernels.pattern(kernel, output)
         column = unknowns[:, j]
-        row = np.where(column == NOWHERE, NOWHERE, targets[:, i])
-        rows.append(np.where(row == NOWHERE, NOWHERE, row))
+        row = np.where(column == NOWHERE, NOWHERE, targets[at[:, i]])
+        rows.append(row)
         columns.append(column)
-        factors.append(np.broadcast_to(term.factor, row.shape) * inverse[row] * s.unit[column])
-    return _Part(
-        kernel, (*term.arguments, _parameters(s)), tuple(rows), tuple(columns), tuple(factors)
-    )
+        factors.append(inverse[row] * s.unit[column] * term.factor)
+    arguments = (*term.arguments, _parameters(s))
+    return _Part(kernel, arguments, tuple(rows), tuple(columns), tuple(factors))
 
 
-def _curvatures(s: Statement, term: Term) -> _Part | None:
+def _curvatures(s: Statement, term: Term, unknowns: Index, multipliers: Index) -> _Part | None:
     """Second derivatives of a term, weighted with the multipliers of its rows.
 
     Two arguments may be one unknown (inputs that are constant in a step): their mixed derivative
     counts twice on the diagonal.
     """
-    kernel, unknowns = f"{term.kernel}_hess", _unknowns(s, term)
+    kernel = f"{term.kernel}_hess"
     i, j = s.kernels.pattern(kernel, "hess")
     if not len(i):
         return None
     a, b = unknowns[:, i], unknowns[:, j]
-    lost = (a == NOWHERE) | (b == NOWHERE)
-    factor = (
-        np.broadcast_to(term.factor, a.shape)
-        * np.where((a == b) & (i != j), 2.0, 1.0)
-        * s.unit[a]
-        * s.unit[b]
+    twice = np.where((a == b) & (i != j), 2.0, 1.0)
+    arguments = (*term.arguments, _parameters(s), *(multipliers[r] for r in term.rows))
+    # The smaller of both is NOWHERE where one of them is.
+    rows, columns = np.minimum(a, b), np.maximum(a, b)
+    return _Part(
+        kernel, arguments, (rows,), (columns,), (twice * s.unit[a] * s.unit[b] * term.factor,)
     )
-    arguments = (*term.arguments, _parameters(s), *(_multipliers(s, r) for r in term.rows))
-    rows = np.where(lost, NOWHERE, np.minimum(a, b))
-    return _Part(kernel, arguments, (rows,), (np.maximum(a, b),), (factor,))
-
-
-def _multipliers(s: Statement, rows: Index) -> Index:
-    """Positions of the multipliers of rows: sigma for the cost, a zero where there is no row."""
-    sigma, zero = s.n + s.m, s.n + s.m + 1
-    return np.where(rows == COST, sigma, np.where(rows == NOWHERE, zero, s.n + rows))
 
 
 def _elements(parts: Sequence[_Part], slots: Sequence[Index]) -> tuple[ElementData, ...]:

@@ -105,6 +105,11 @@ def strided(at: Positions) -> tuple[int, int] | None:
     """
     if at.size == 0:
         return 0, 0
+    if at.size == 1:
+        return int(at[0, 0]), 0
     first, stride = int(at[0, 0]), int(at[1, 0] - at[0, 0]) if len(at) > 1 else 0
-    straight = first + stride * np.arange(len(at))[:, None] + np.arange(at.shape[1])
-    return (first, stride) if np.array_equal(at, straight) else None
+    rows, size = at.shape
+    if int(at[-1, -1]) != first + stride * (rows - 1) + size - 1:
+        return None
+    straight = first + stride * np.arange(rows)[:, None] + np.arange(size)
+    return (first, stride) if (at == straight).all() else None

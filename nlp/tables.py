@@ -68,9 +68,9 @@ class Block:
 
     def sizes(self, scale: Scale) -> Array:
         """Typical sizes of all members."""
-        return np.asarray(
-            np.broadcast_to(self.size(scale), self.index.shape)[self.index != NOWHERE]
-        )
+        found = np.empty(self.index.shape)
+        found[...] = self.size(scale)
+        return found[self.index != NOWHERE]
 
 
 class Numbering:

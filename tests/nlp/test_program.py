@@ -32,11 +32,11 @@ WRONG: dict[str, tuple[Change, str]] = {
     "pattern": (lambda d: replace(d, hessian=(d.hessian[0], d.hessian[1][:-1])), "a pattern of"),
     "linear part": (
         lambda d: replace(d, values=replace(d.values, rows=d.values.rows + len(d.values.constant))),
-        "positions .* expected 0 to",
+        "position .* expected 0 to",
     ),
     "argument": (
         lambda d: changed(d, arguments=(d.values.elements[0].arguments[0] - 10**6, *_others(d))),
-        "positions .* expected 0 to",
+        "position .* expected 0 to",
     ),
     "number of arguments": (lambda d: changed(d, arguments=_others(d)), "expected 8 arguments"),
     "size of an argument": (
@@ -45,7 +45,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     ),
     "slots": (
         lambda d: changed(d, slots=tuple(s + 10**6 for s in d.values.elements[0].slots)),
-        "positions .* expected -1 to",
+        "position .* expected -1 to",
     ),
 }
 
