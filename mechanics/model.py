@@ -83,6 +83,13 @@ class Model:
         M, F = self._at("dynamics", q, self._state(v), self._input(u), _column(t))
         return M.reshape(*F.shape, self.nq), F
 
+    def balance(self, q: Array, v: Array, u: Array, t: Array) -> tuple[Array, Array, Array]:
+        """M, F and the power Q . v - dL/dt of rows of states, shapes (n, nq, nq), (n, nq), (n,)."""
+        rows = (_rows(q), _rows(v), _rows(u), _column(t), self.par)
+        M, F = self.kernels.call("dynamics", *rows)
+        power = self.kernels.call("force", *rows)[1]
+        return M.reshape(*F.shape, self.nq), F, power[:, 0]
+
     def mass(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """M, shape (..., nq, nq)."""
         return self.equations(q, t=t)[0]
@@ -111,12 +118,6 @@ class Model:
         """B = dQ/du, shape (..., nq, nu)."""
         (B,) = self._at("input_matrix", q, self._state(v), self._input(u), _column(t))
         return B.reshape(*B.shape[:-1], self.nq, self.nu)
-
-    def power(
-        self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
-    ) -> Array:
-        """The power Q . v - dL/dt that changes the energy, shape (...)."""
-        return self._at("force", q, self._state(v), self._input(u), _column(t))[1][..., 0]
 
     # Momentum and energy --------------------------------------------------------------------------
 

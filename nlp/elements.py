@@ -152,8 +152,8 @@ def _parameters(s: Statement) -> Index:
 
 
 def _targets(s: Statement) -> Index:
-    """Positions in (f | c | d) by row of (c | d); where COST and NOWHERE point to, at the end, theirs
-    stand."""
+    """Positions in (f | c | d) by row of (c | d); where COST and NOWHERE point to, at the end,
+    theirs stand."""
     return np.concatenate([np.arange(1, s.m + 1), [0, NOWHERE]])
 
 

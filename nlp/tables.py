@@ -70,7 +70,7 @@ class Block:
         """Typical sizes of all members."""
         found = np.empty(self.index.shape)
         found[...] = self.size(scale)
-        return found[self.index != NOWHERE]
+        return np.asarray(found[self.index != NOWHERE])
 
 
 class Numbering:

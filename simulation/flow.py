@@ -48,6 +48,14 @@ class Lost(Exception):  # noqa: N818 - it is caught where the simulation began
     """A simulation that cannot go on: states that are not finite, or contacts without end."""
 
 
+def _accelerated(mass: Array, force: Array) -> Array:
+    """M^-1 F; not a number where M is singular."""
+    try:
+        return np.asarray(np.linalg.solve(mass, force[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        return np.full_like(force, np.nan)
+
+
 class Flow:
     """Equations of motion with fixed parameters.
 
@@ -67,11 +75,7 @@ class Flow:
 
     def acceleration(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """M^-1 F for one state or rows of them; not a number where M is singular."""
-        mass, force = self.model.equations(q, v, u, t)
-        try:
-            return np.asarray(np.linalg.solve(mass, force[..., None])[..., 0])
-        except np.linalg.LinAlgError:
-            return np.full_like(force, np.nan)
+        return _accelerated(*self.model.equations(q, v, u, t))
 
     def advance(
         self, q: Array, v: Array, t0: Array, h: Array, u0: Array, u1: Array, held: int | None = None
@@ -123,18 +127,15 @@ class Flow:
         return y, worst
 
     def _slope(self, y: Array, t: Array, u: Array, held: int | None) -> Array:
-        q, v = y[:, : self.nq].copy(), y[:, self.nq : 2 * self.nq].copy()
-        a = self.acceleration(q, v, u, t)
+        q, v = y[:, : self.nq], y[:, self.nq : 2 * self.nq]
+        mass, force, power = self.model.balance(q, v, u, t)
+        a = _accelerated(mass, force)
         if held is not None:
             a = np.array(
                 [self.on_surface(q[i], v[i], a[i], float(t[i]), held)[0] for i in range(len(q))]
             )
         slope = np.empty_like(y)
-        slope[:, : self.nq], slope[:, self.nq : -1], slope[:, -1] = (
-            v,
-            a,
-            self.model.power(q, v, u, t),
-        )
+        slope[:, : self.nq], slope[:, self.nq : -1], slope[:, -1] = v, a, power
         return slope
 
     # Surfaces -------------------------------------------------------------------------------------

@@ -178,7 +178,7 @@ cdef class Stepper:
 
         def stored(kernel, output):
             rows, columns = kernels.pattern(kernel, output)
-            return np.ascontiguousarray(rows), np.ascontiguousarray(columns)
+            return np.array(rows), np.array(columns)
 
         self.q_a, self.q_b, self.u, self.h = block(nq), block(nq), block(nu), block(1)
         self.t, self.now, self.q_i, self.r_i = block(1), block(1), block(ni), block(ni)

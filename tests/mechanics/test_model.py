@@ -42,6 +42,10 @@ def test_rows_of_states_are_evaluated_as_each_of_them_alone(model: Model) -> Non
             model.equations(q, v, u, t),
             lambda k: model.equations(q[k], v[k], u[k], t[k]),
         ),
+        "balance": (
+            model.balance(q, v, u, t),
+            lambda k: [a[0] for a in model.balance(q[[k]], v[[k]], u[[k]], t[[k]])],
+        ),
         "slopes of the equations": (
             model.equations_slopes(q, v, u, t),
             lambda k: model.equations_slopes(q[k], v[k], u[k], t[k]),
@@ -50,7 +54,6 @@ def test_rows_of_states_are_evaluated_as_each_of_them_alone(model: Model) -> Non
             (
                 model.acceleration(q, v, u, t),
                 model.input_matrix(q, v, u, t),
-                model.power(q, v, u, t),
                 model.momentum(q, v, t),
                 model.energy(q, v, t),
                 model.velocity(q, v, t),
@@ -64,7 +67,6 @@ def test_rows_of_states_are_evaluated_as_each_of_them_alone(model: Model) -> Non
             lambda k: (
                 model.acceleration(q[k], v[k], u[k], t[k]),
                 model.input_matrix(q[k], v[k], u[k], t[k]),
-                model.power(q[k], v[k], u[k], t[k]),
                 model.momentum(q[k], v[k], t[k]),
                 model.energy(q[k], v[k], t[k]),
                 model.velocity(q[k], v[k], t[k]),
@@ -90,7 +92,8 @@ def test_shapes_are_those_of_the_mathematics(model: Model) -> None:
     assert [a.shape for a in model.equations(q, v, u, t)] == [(5, nq, nq), (5, nq)]
     assert [a.shape for a in model.equations_slopes(q[0], v[0])] == [(nq, nq, 2 * nq), (nq, 2 * nq)]
     assert model.input_matrix(q).shape == (5, nq, nu)
-    assert model.energy(q, v, t).shape == model.power(q, v, u, t).shape == (5,)
+    assert model.energy(q, v, t).shape == (5,)
+    assert [a.shape for a in model.balance(q, v, u, t)] == [(5, nq, nq), (5, nq), (5,)]
     assert model.gap_slopes(q).shape == (5, nc, nq + 1) and model.gap_rates(q, v).shape == (5, nc)
 
 
