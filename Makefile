@@ -27,7 +27,7 @@ check: $(VENV)/.installed-check
 
 # opty is installed without cyipopt, which it needs for solving alone and which cannot be installed without Ipopt's headers.
 bench: $(VENV)/.installed-bench
-	cd benchmarks && ../$(BIN)/python run.py
+	cd benchmarks && ../$(BIN)/python run.py && ../$(BIN)/python accuracy.py
 
 # The folders of sources are part of what is installed: a changed extension is compiled again.
 SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.h simulation/*.pyx nlp/*.pyx nlp/*.pxd nlp/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
