@@ -18,9 +18,9 @@ from threadpoolctl import threadpool_limits
 import dmoc
 from dmoc.codegen.text import c_files
 from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.minimal_times import WithMinimalTimes
 from dmoc.nlp.readout import given_multipliers, named_multipliers, trajectory
 from dmoc.nlp.scaling import scale_of
-from dmoc.nlp.timed import Timed
 from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.registry import find
@@ -30,7 +30,7 @@ from dmoc.solvers.kkt import residuals
 from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Duals, Options, Outcome, Status
 from dmoc.solving.methods import METHODS
-from dmoc.symbolic.kernels import model_spec
+from dmoc.symbolic.families import model_spec
 
 ITERATIONS = 1000  # of a solve, at most
 SAME_COST = 1e-6  # relative difference of two costs that are of one minimum
@@ -145,7 +145,7 @@ def program(
     minimum: bool = False,
 ) -> Transcription:
     """The program of a problem, scaled by a start x or by a minimum, as dmoc.solve makes it."""
-    make = Timed if METHODS[method].guided else Transcription
+    make = WithMinimalTimes if METHODS[method].guided else Transcription
     nlp = make(problem, scale_of(problem, x, minimum))
     _ = nlp.program
     return nlp

@@ -12,7 +12,7 @@ import numpy as np
 
 from dmoc.arguments import Range, check_known, flag, interval, limits, listed, names, shown, whole
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.codegen.system import kernels_of
+from dmoc.codegen.of_system import kernels_of
 from dmoc.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.errors import ProblemError
 from dmoc.mechanics.model import Model

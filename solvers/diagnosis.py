@@ -15,10 +15,10 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.active import active_bounds
+from dmoc.nlp.minimal_times import phase_minimal_time
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
 from dmoc.nlp.tables import NOWHERE, Block, Index
-from dmoc.nlp.timed import phase_minimal_time
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.ipm import least_violation
 from dmoc.solvers.judge import INFEASIBLE

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dmoc.nlp.minimal_times import WithMinimalTimes
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
-from dmoc.nlp.timed import Timed
 from dmoc.nlp.transcription import Transcription
 
 
@@ -29,7 +29,7 @@ class Programs:
         """The program in which the given collisions touch their surface without an impulse."""
         key = (guided and self.problem.minimal_times, tuple(sorted(map(int, touching))))
         if key not in self._made:
-            make = Timed if key[0] else Transcription
+            make = WithMinimalTimes if key[0] else Transcription
             self._made[key] = make(self.problem, self.scale, touching=key[1])
         return self._made[key]
 
@@ -39,4 +39,6 @@ class Programs:
 
     def touches(self, nlp: Transcription, at: Iterable[int]) -> Transcription:
         """A program in which some more collisions only touch."""
-        return self.program(isinstance(nlp, Timed), [*np.flatnonzero(nlp.law.touching), *at])
+        return self.program(
+            isinstance(nlp, WithMinimalTimes), [*np.flatnonzero(nlp.law.touching), *at]
+        )

@@ -23,7 +23,7 @@ from dmoc.symbolic.continuous import (
 )
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.display import MARK, DisplayNames, latex_symbol
-from dmoc.symbolic.kernels import approach, first_root
+from dmoc.symbolic.families import approach, first_root
 from dmoc.symbolic.names import name_of, velocity_name
 from dmoc.symbolic.system import MechanicalSystem, check_system
 

@@ -134,7 +134,7 @@ def generate(
     from dmoc.codegen.build import header, write_files
     from dmoc.codegen.text import c_files
     from dmoc.registry import find
-    from dmoc.symbolic.kernels import model_spec
+    from dmoc.symbolic.families import model_spec
 
     files = c_files(model_spec(find(model).system(), order)) | header()
     folder = target or Path(find(model).system().name)

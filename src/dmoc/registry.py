@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from dmoc.arguments import shown
 from dmoc.codegen.build import load_installed
 from dmoc.codegen.kernels import Kernels
-from dmoc.codegen.system import build as build
+from dmoc.codegen.of_system import build as build
 from dmoc.discretisation import check_order
 from dmoc.errors import DmocError, ModelError
 from dmoc.models import catalogue
@@ -130,7 +130,7 @@ def is_shipped(motion: Trajectory) -> bool:
             (installed.coordinates, installed.parameters),
         )
     else:
-        from dmoc.symbolic.kernels import model_fingerprint
+        from dmoc.symbolic.families import model_fingerprint
         from dmoc.symbolic.names import name_of
 
         system = catalogue.system(motion.model)

@@ -16,7 +16,7 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.codegen.build import HEADERS, compiler, numpy_kernels, write_files
 from dmoc.codegen.text import c_files, manifest, numpy_text
-from dmoc.symbolic.kernels import model_spec
+from dmoc.symbolic.families import model_spec
 from dmoc.symbolic.spec import KernelSpec
 
 pytestmark = pytest.mark.slow

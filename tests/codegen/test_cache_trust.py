@@ -20,7 +20,7 @@ from dmoc.codegen.build import arrived, load_installed, sources, write_files
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.text import c_files
 from dmoc.errors import BuildError, DmocError
-from dmoc.symbolic.kernels import model_key, model_spec
+from dmoc.symbolic.families import model_key, model_spec
 
 SYSTEM = block_system("trusted")
 

@@ -22,7 +22,7 @@ from dmoc.codegen.printer import CPrinter, NumPyPrinter
 from dmoc.codegen.text import c_files
 from dmoc.errors import GenerationError, ModelError
 from dmoc.symbolic.continuous import readable
-from dmoc.symbolic.kernels import model_spec
+from dmoc.symbolic.families import model_spec
 from dmoc.symbolic.spec import FUNCTIONS
 
 T = dynamicsymbols._t
@@ -194,7 +194,7 @@ def test_c_hostile_parameter_names_work() -> None:
 @pytest.mark.slow
 def test_text_does_not_depend_on_the_hash_seed() -> None:
     program = (
-        "import hashlib; from dmoc.models import catalogue; from dmoc.symbolic.kernels import "
+        "import hashlib; from dmoc.models import catalogue; from dmoc.symbolic.families import "
         "model_spec;"
         "from dmoc.codegen.text import c_files, numpy_text; m = "
         "model_spec(catalogue.system('cart_pendulum'));"

@@ -12,7 +12,7 @@ import pytest
 from dmoc.codegen.build import write_files
 from dmoc.codegen.text import c_files
 from dmoc.models import catalogue
-from dmoc.symbolic.kernels import model_spec
+from dmoc.symbolic.families import model_spec
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -14,7 +14,7 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
 from dmoc.nlp.feasibility import minimal_time
 from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.timed import Timed, phase_minimal_time
+from dmoc.nlp.minimal_times import WithMinimalTimes, phase_minimal_time
 from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.windows import WINDOW
 from dmoc.registry import find
@@ -162,20 +162,20 @@ def test_minimal_time_has_the_gradient_of_its_differences(pendulum: Kernels, puc
 
 
 def test_minimal_times_bound_the_phases_by_default(seed: dmoc.Problem) -> None:
-    nlp = Timed(seed)
+    nlp = WithMinimalTimes(seed)
     (row,) = nlp.minimal_times
     x = initial_guesses(seed)[0].x
     shortest = phase_minimal_time(seed, nlp.layout, x, 0)
     assert nlp.inequality(x)[row] == pytest.approx(x[0] * 100 - shortest)
     assert 0.04 < shortest < 0.07
-    assert not len(Timed(seed.but(minimal_times=False)).minimal_times)
-    assert not len(Timed(seed.but(bounds={})).minimal_times)
+    assert not len(WithMinimalTimes(seed.but(minimal_times=False)).minimal_times)
+    assert not len(WithMinimalTimes(seed.but(bounds={})).minimal_times)
 
 
 def test_the_program_with_minimal_times_has_the_derivatives_of_its_differences(
     seed: dmoc.Problem,
 ) -> None:
-    nlp = Timed(seed.but(steps=4))
+    nlp = WithMinimalTimes(seed.but(steps=4))
     x = initial_guesses(seed.but(steps=4))[0].x
     w = np.zeros(nlp.n_in)
     w[nlp.minimal_times] = 1.3

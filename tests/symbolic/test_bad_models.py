@@ -13,7 +13,7 @@ from systems import block_system
 
 import dmoc
 from dmoc.errors import DmocError, ModelError
-from dmoc.symbolic.kernels import model_key, model_spec
+from dmoc.symbolic.families import model_key, model_spec
 
 T = dynamicsymbols._t
 x, u = dynamicsymbols("x u")

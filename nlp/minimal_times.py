@@ -42,7 +42,7 @@ def _minimal_time(problem: Problem, lay: Layout, y: Array, i: int) -> tuple[floa
     return minimal_time(problem.model, *parts, surface, box)
 
 
-class Timed(Transcription):
+class WithMinimalTimes(Transcription):
     """Further inequalities T_i - T_min >= 0 of the phases before a collision, where every input is
     bounded.
 

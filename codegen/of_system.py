@@ -43,7 +43,7 @@ def build(
         If the compiler is missing (with backend="compiled") or fails.
     """
     from dmoc.codegen.text import c_files, manifest, numpy_text
-    from dmoc.symbolic.kernels import model_key, model_spec
+    from dmoc.symbolic.families import model_key, model_spec
     from dmoc.symbolic.system import MechanicalSystem
 
     if not isinstance(system, MechanicalSystem):
