@@ -109,12 +109,9 @@ def compare(quick: bool) -> Section:
 def _own(kernels: Kernels, kernel: str, s: dict[str, np.ndarray], repeats: int) -> float:
     par = np.array([[1.0, 1.0, 0.5, 10.0, np.pi / 10, 9 * np.pi / 10]])
     # The model does not depend on the time, and its steps have no node inside.
-    time, nothing = (
-        np.zeros((1, 1)),
-        np.zeros((1, 0)),
-    )
+    time, nothing = np.zeros((1, 1)), np.zeros((1, 0))
     arguments = [s["a"], s["b"], s["u"], s["u"], s["h"], time, nothing, par]
-    arguments += [s["s"], s["mm"], s["mp"], nothing] if kernel == "step_hess" else []
+    arguments += [s["mm"], s["mp"], s["s"], nothing] if kernel == "step_hess" else []
     results = [np.empty((STEPS, size)) for size in _sizes(kernels, kernel)]
     function = kernels.functions[kernel]
     return timed(lambda: function(*arguments, *results), repeats)[0]
