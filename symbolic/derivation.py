@@ -8,7 +8,7 @@ from typing import Any
 
 import sympy as sp
 
-from dmoc.discretisation import check_order
+from dmoc.discretisation import DISCRETISATIONS, check_order
 from dmoc.symbolic.continuous import (
     Continuous,
     dot,
@@ -269,8 +269,8 @@ def _discrete_sections(
         "Coordinates and velocities of the midpoint rule"
         if middle
         else (
-            "Coordinates and velocities at the two Gauss points of the polynomial through the "
-            "nodes k (start), i (middle) and k+1 (end)"
+            f"Coordinates and velocities at the {len(e.points)} Gauss points of the polynomial "
+            f"through the nodes k (start), {', '.join(_inner(e.inside))} (inside) and k+1 (end)"
         )
     )
     used = {
@@ -313,7 +313,7 @@ def _discrete_sections(
             *_each(own, "fd_plus", names, tex, e.fd_plus, "f_d^+"),
         ),
     )
-    inside = "" if middle else " Node inside the step: r_i = 0."
+    inside = "" if middle else " Nodes inside the step: r_i = 0."
     yield Section(
         "Discrete Euler-Lagrange equations",
         "r_minus = D1_Ld + fd_minus is -p at the step's start, r_plus = D2_Ld + fd_plus is p at "
@@ -323,7 +323,13 @@ def _discrete_sections(
         (
             *_each(own, "r_minus", names, tex, e.r_minus, "r^-"),
             *_each(own, "r_plus", names, tex, e.r_plus, "r^+"),
-            *(_each(own, "r_i", names, tex, e.r_i, "r^i") if e.r_i else ()),
+            *(
+                equation
+                for a, tag in enumerate(_inner(e.inside))
+                for equation in _each(
+                    own, f"r_{tag}", names, tex, e.r_i[a * n : (a + 1) * n], f"r^{{{tag}}}"
+                )
+            ),
         ),
     )
 
@@ -379,7 +385,7 @@ def _cost_sections(
     text = (
         "C_d = h/2 (C with u_k + C with u_kp1) at the midpoint."
         if middle
-        else "C_d = h/2 (C at the first point + C at the second)."
+        else "C_d, the quadrature of C over the step."
     )
     yield Section("Discrete cost", text, (_equation(own, "C_d", "C_d", e.C_d),))
     if f.Phi != 0:
@@ -515,16 +521,21 @@ def _each(
     ]
 
 
+def _inner(nodes: int) -> list[str]:
+    """Names of the nodes inside a step."""
+    return ["i"] if nodes == 1 else [f"i{a + 1}" for a in range(nodes)]
+
+
 def _readable_element(system: MechanicalSystem, order: int, own: DisplayNames) -> StepElement:
     """The step element in symbols with the user's names: alpha_k, alpha_kp1, alpha_m (midpoint)
     or alpha_1, alpha_2, F_k, F_kp1, h."""
     names = [name_of(q) for q in system.coordinates]
     inputs = [name_of(u) for u in system.inputs]
     table = {
-        f"{part}_{i}": f"{n}_{part[2:]}"
-        for part in ("q_k", "q_kp1", "q_i")
-        for i, n in enumerate(names)
+        f"{part}_{i}": f"{n}_{part[2:]}" for part in ("q_k", "q_kp1") for i, n in enumerate(names)
     }
+    inner = [f"{n}_{tag}" for tag in _inner(DISCRETISATIONS[order].inside) for n in names]
+    table |= {f"q_i_{i}": name for i, name in enumerate(inner)}
     table |= {
         f"{part}_{i}": f"{n}_{part[2:]}" for part in ("u_k", "u_kp1") for i, n in enumerate(inputs)
     }

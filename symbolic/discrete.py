@@ -76,6 +76,11 @@ class StepElement:
         return (*self.q_k, *self.q_kp1, *self.u_k, *self.u_kp1, self.h, self.t_k, *self.q_i)
 
     @property
+    def inside(self) -> int:
+        """Number of nodes inside the step."""
+        return len(self.q_i) // len(self.q_k)
+
+    @property
     def at_h(self) -> int:
         """Position of h in x_k."""
         return len(self.x_k) - len(self.q_i) - 2
@@ -245,8 +250,8 @@ def quadrature(degree: int) -> tuple[list[Any], list[Any]]:
     polynomial = sp.legendre(degree, x)
     roots = _roots(polynomial, x)
     slopes = [polynomial.diff(x).subs(x, r) for r in roots]
-    weights = [sp.nsimplify(1 / ((1 - r**2) * s**2)) for r, s in zip(roots, slopes, strict=True)]
-    return [(1 + r) / 2 for r in roots], [sp.radsimp(sp.simplify(w)) for w in weights]
+    weights = [sp.radsimp(1 / ((1 - r**2) * s**2)) for r, s in zip(roots, slopes, strict=True)]
+    return [(1 + r) / 2 for r in roots], weights
 
 
 def lobatto_nodes(degree: int) -> list[Any]:
@@ -266,7 +271,7 @@ def _shapes(nodes: Sequence[Any], c: Any, derivative: int = 0) -> list[Any]:
     found = []
     for a in nodes:
         polynomial = sp.prod([(x - b) / (a - b) for b in nodes if b != a])
-        found.append(sp.nsimplify(sp.expand(polynomial.diff(x, derivative).subs(x, c))))
+        found.append(sp.radsimp(sp.expand(polynomial.diff(x, derivative).subs(x, c))))
     return found
 
 

@@ -14,6 +14,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.discretisation import ORDERS
 from dmoc.errors import ModelError
 from dmoc.symbolic.derivation import Derivation
 
@@ -81,7 +82,7 @@ def assert_same(kernels: Kernels, reference: Kernels) -> None:
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12, err_msg=name)
 
 
-@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("assumptions", [{}, {"real": True}], ids=["any", "real"])
 def test_parameters_of_any_name_leave_the_kernels_as_they_are(
     assumptions: dict[str, bool], order: int
@@ -90,7 +91,7 @@ def test_parameters_of_any_name_leave_the_kernels_as_they_are(
     assert_same(found, dmoc.build(model(sp.symbols(plain(NAMES))), order=order, backend="numpy"))
 
 
-@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", ["v_0", "q_0_1", "h"])
 def test_parameters_and_coordinates_may_change_names(name: str, order: int) -> None:
     """Two parameters, each with a name of the other's place, and a coordinate called like an
@@ -175,7 +176,7 @@ def test_a_marked_name_is_explained_and_has_its_own_latex() -> None:
         ("delta", "ddot"),
     ],
 )
-@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("order", ORDERS)
 def test_no_two_symbols_of_a_derivation_look_the_same(pair: tuple[str, str], order: int) -> None:
     a, b = (dynamicsymbols(name) for name in pair)
     system = dmoc.MechanicalSystem(
