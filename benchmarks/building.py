@@ -45,10 +45,10 @@ def cart_with_links(links: int) -> dmoc.MechanicalSystem:
 def compare(quick: bool) -> Section:
     section = Section(
         "From a model to compiled functions",
-        "Cold: no cache; warm: the kernels are found in the cache; the SymPy model is made before. "
-        "dmoc compiles values, first and second derivatives "
-        "for any N, sequence and parameter; CasADi's JIT and opty compile one problem with its N "
-        "(opty: no second derivatives, no collisions).",
+        "Cold: no cache; warm: the kernels are found in the cache; the SymPy model is made "
+        "before. dmoc compiles values, first and second derivatives for any N, sequence and "
+        "parameter; CasADi's JIT and opty compile one problem with its N (opty: no second "
+        "derivatives, no collisions).",
         ["tool and model", "cold, s", "warm, ms", "bytes of C"],
     )
     models = [

@@ -299,9 +299,8 @@ def other_row(path: Path, rng: Rng) -> None:
         if column == "solution" and solution:
             values += [damage(solution, rng) for damage in SOLUTIONS.values()]
         value = values[rng.integers(len(values))]
-        with contextlib.suppress(
-            sqlite3.Error, UnicodeEncodeError
-        ):  # a row that SQLite itself refuses
+        # A row that SQLite itself refuses.
+        with contextlib.suppress(sqlite3.Error, UnicodeEncodeError):
             database.execute(f"UPDATE nodes SET {column} = ? WHERE rowid = ?", (value, row))
 
 
@@ -455,8 +454,8 @@ def section(ends: dict[str, Counter[str]]) -> Section:
     return Section(
         "Damaged files",
         "Solution files and journals with random damage. Each goes through `Solution.load`, `dmoc "
-        "verify`, `dmoc plot` and a solve that starts from "
-        f"it, or through a search that resumes it. No end: not within {HANGS} s.",
+        "verify`, `dmoc plot` and a solve that starts from it, or through a search that resumes "
+        f"it. No end: not within {HANGS} s.",
         ["damage", *columns],
         [[kind, *(counts[end] for end in columns)] for kind, counts in ends.items()],
     )

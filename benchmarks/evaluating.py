@@ -65,9 +65,8 @@ def compare(quick: bool) -> Section:
     section = Section(
         "Kernels: nanoseconds a step",
         f"Cart-pendulum, {STEPS} steps a call, random states. CasADi's functions are those of its "
-        "own model, with common subexpressions eliminated; "
-        f"its C is compiled with {FLAGS} and called from a loop in C. Entries are the numbers that "
-        "a call stores for a step.",
+        f"own model, with common subexpressions eliminated; its C is compiled with {FLAGS} and "
+        "called from a loop in C. Entries are the numbers that a call stores for a step.",
         [
             "function",
             "entries: dmoc",

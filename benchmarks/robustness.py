@@ -166,11 +166,11 @@ def compare(quick: bool) -> Section:
     section = Section(
         f"Robustness: {instances} random instances",
         f"N = 100 + 100, one collision on the left limiter; drawn uniformly (seed {SEED}): "
-        f"{ranges}. One start each, the first automatic guess, "
-        f"at most {ITERATIONS} iterations and {SECONDS:g} s; as many processes as cores. "
-        "Confirmed: the independent simulation passes, where N is too "
-        f"coarse for it after refining the same motion to {' or '.join(map(str, FINER))} times the "
-        "steps. Best: no other driver found a lower minimum.",
+        f"{ranges}. One start each, the first automatic guess, at most {ITERATIONS} iterations and "
+        f"{SECONDS:g} s; as many processes as cores. Confirmed: the independent simulation passes, "
+        "where N is too coarse for it after refining the same motion to "
+        f"{' or '.join(map(str, FINER))} times the steps. Best: no other driver found a lower "
+        "minimum.",
         [
             "method",
             "solved",

@@ -18,9 +18,8 @@ import damaged_files
 import evaluating
 import robustness
 import searching
+import speed
 from common import Section, clocked, machine
-
-import solving  # noqa: TID251 - the suite beside this file
 
 HEAD = """# Benchmarks
 
@@ -34,14 +33,14 @@ Machine: {machine}.
 
 def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
     return {
-        "solve": solving.comparison,
-        "where": solving.where,
-        "growth": lambda quick: solving.growth(quick, folder),
+        "solve": speed.comparison,
+        "where": speed.where,
+        "growth": lambda quick: speed.growth(quick, folder),
         "kernels": evaluating.compare,
         "build": building.compare,
         "robust": robustness.compare,
         "campaign": campaign.campaign,
-        "warm": solving.warm,
+        "warm": speed.warm,
         "search": searching.compare,
         "files": damaged_files.reading,
     }

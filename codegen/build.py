@@ -166,8 +166,7 @@ def load_installed(package: str) -> Kernels | None:
     if not _belong_together(module, manifest):
         raise BuildError(
             f"the compiled kernels of model {manifest['name']!r} were made from other sources than "
-            "those installed: install dmoc again (in a checkout: "
-            "pip install -e .)."
+            "those installed: install dmoc again (in a checkout: pip install -e .)."
         )
     return Kernels(manifest, module, COMPILED)
 

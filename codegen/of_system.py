@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from dmoc.arguments import choice, flag, shown
 from dmoc.codegen.build import build_cached, numpy_kernels
 from dmoc.codegen.kernels import Kernels
-from dmoc.discretisation import check_order
+from dmoc.discretisation import known_order
 from dmoc.errors import BuildError, ModelError, ProblemError
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def build(
 
     if not isinstance(system, MechanicalSystem):
         raise ModelError(f"system = {shown(system)}: expected a MechanicalSystem.")
-    check_order(order)
+    order = known_order(order)
     choice(backend, "backend", BACKENDS, BuildError)
     flag(force, "force", BuildError)
     if backend == "numpy":

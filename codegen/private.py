@@ -52,8 +52,8 @@ def _objection(folder: Path) -> str | None:
 def _instead_of(folder: Path, why: str) -> Path:
     warnings.warn(
         f"the kernel cache {folder} is not used, because {why}, and kernels are built for this "
-        "process alone: take away the others' right to write "
-        "(chmod go-w), or set DMOC_CACHE to a folder of your own.",
+        "process alone: take away the others' right to write (chmod go-w), or set DMOC_CACHE to a "
+        "folder of your own.",
         RuntimeWarning,
         stacklevel=5,
     )

@@ -78,8 +78,8 @@ def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:
     if rate > MOVING_INTO * float(np.abs(slope) @ np.append(np.abs(v), 1.0)):
         raise ProblemError(
             f"the start ({state}) lies on surface {problem.kernels.surfaces[j]!r} and moves into "
-            f"it (the gap changes by {rate:g} per second): "
-            "give a velocity that leaves it, or leave the velocity free."
+            f"it (the gap changes by {rate:g} per second): give a velocity that leaves it, or "
+            "leave the velocity free."
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -15,7 +16,7 @@ from dmoc.nlp.elements import Assembled
 Matrix: TypeAlias = Any  # a SciPy CSR matrix; SciPy ships no type information
 
 
-class Evaluator:
+class Evaluator(ABC):
     """Evaluates (f | c | d)(x) of a program and its derivatives; what it is made of comes from
     its subclass."""
 
@@ -24,8 +25,9 @@ class Evaluator:
     n_eq: int
     n_in: int
 
+    @abstractmethod
     def assemble(self) -> Assembled:
-        raise NotImplementedError
+        """Lay the program out."""
 
     @cached_property
     def assembled(self) -> Assembled:
@@ -63,10 +65,6 @@ class Evaluator:
 
     def cost_gradient(self, x: Array) -> Array:
         return self.slopes(x)[: self.n]
-
-    def constraints(self, x: Array) -> Array:
-        """(c | d)(x), shape (n_eq + n_in,): what the numbers of rows refer to."""
-        return np.concatenate([self.equality(x), self.inequality(x)])
 
     def equality(self, x: Array) -> Array:
         """c(x), shape (n_eq,)."""

@@ -112,9 +112,8 @@ def _guesses(problem: Problem, deadline: float) -> tuple[Guess, ...]:
         for choice in dict.fromkeys((prescribed, tuple(range(problem.nq))))
     ]
     latest = problem.final_time_bounds[1]
-    if (
-        np.isfinite(latest) and final_time < MUCH_SHORTER * latest
-    ):  # a hurried guess says little about what there is time for
+    # A hurried guess says little about what there is time for.
+    if np.isfinite(latest) and final_time < MUCH_SHORTER * latest:
         choices.append((choices[-1][0], latest, False))
     if problem.sequence:
         choices.append((prescribed, final_time, True))

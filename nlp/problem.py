@@ -297,8 +297,7 @@ class Problem:
         if unknowns > MOST_UNKNOWNS:
             raise ProblemError(
                 f"steps = {shown(given)} makes {unknowns} unknowns in {self.phases} phases: "
-                f"expected at most {MOST_UNKNOWNS}, more would not fit "
-                "in memory; take fewer steps."
+                f"expected at most {MOST_UNKNOWNS}, more would not fit in memory; take fewer steps."
             )
 
     def _normalise_periodic(self) -> None:

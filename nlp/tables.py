@@ -5,15 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
-
-if TYPE_CHECKING:
-    from dmoc.nlp.sizes import Scale
+from dmoc.nlp.sizes import Scale
 
 Index = NDArray[np.intp]
 Bools = NDArray[np.bool_]
@@ -22,7 +20,7 @@ NOWHERE = -1
 # Names the one at some place of a block, as `label(node, coordinate)`.
 Label: TypeAlias = Callable[..., str]
 # Typical sizes of a block's members, of its shape or of one that is broadcast to it.
-Size: TypeAlias = "Callable[[Scale], Array | float]"
+Size: TypeAlias = Callable[[Scale], Array | float]
 
 
 @dataclass(frozen=True, eq=False)

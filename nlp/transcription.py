@@ -16,15 +16,13 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.bounds import goal_rows, limits
 from dmoc.nlp.elements import Assembled, Linear, Statement, assembled
-from dmoc.nlp.evaluator import Evaluator, Matrix
+from dmoc.nlp.evaluator import Evaluator
 from dmoc.nlp.impact import ImpactLaw
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.rows import linear_rows, rows_of, terms, unit_entries
 from dmoc.nlp.sizes import Scale
 from dmoc.nlp.tables import Block, Index
-
-__all__ = ["Matrix", "Transcription"]
 
 
 class Transcription(Evaluator):

@@ -46,8 +46,8 @@ def write(figure: Figure, path: Path) -> None:
 def symbol(name: str) -> str:
     """A name as mathematics: greek names become letters, what follows an underscore a subscript."""
     greek = (
-        "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau "
-        "phi chi psi omega"
+        "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi "
+        "chi psi omega"
     ).split()
     head, _, tail = name.partition("_")
 

@@ -157,9 +157,8 @@ class Processes:
         source = suspects if alone else waiting
         while source and len(running) < (1 if alone else self.workers):
             try:
-                with (
-                    _interrupts_wait()
-                ):  # also for ever in the worker processes that are started here
+                # Also for ever in the worker processes that are started here.
+                with _interrupts_wait():
                     running[self._workers().submit(solve_node, source[0])] = (
                         source[0],
                         time.monotonic(),

@@ -137,8 +137,7 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
     if kernels.manifest["fingerprint"] != trajectory.fingerprint:
         raise SimulationError(
             f"the motion of model {trajectory.model!r} was made with another version or order of "
-            f"it than the kernels of {kernels.name!r}: "
-            "give those it was made with."
+            f"it than the kernels of {kernels.name!r}: give those it was made with."
         )
     with np.errstate(all="ignore"):
         return _Check(trajectory, kernels, seconds).result()

@@ -294,24 +294,21 @@ class Flow:
             if j == held or not len(over) or (leaving and not outside):
                 continue
             k = int(over[0])
-            if (
-                k == 0 or gaps[k - 1, j] >= -touch[j]
-            ):  # starts on the surface: look for the last moment inside
+            # Starts on the surface: look for the last moment inside.
+            if k == 0 or gaps[k - 1, j] >= -touch[j]:
                 inside = [
                     s
                     for s in np.linspace(times[max(k - 1, 0)], times[k], 17)[1:-1]
                     if k and gap(s, j) < -touch[j]
                 ]
-                if (
-                    not inside
-                ):  # leaves the admissible set at once: the contact is where the step starts
+                # Leaves the admissible set at once: the contact is where the step starts.
+                if not inside:
                     return t if k <= 1 else float(times[k - 1]), j
                 low = float(inside[-1])
             else:
                 low = float(times[k - 1])
-            if (
-                gap(low, j) >= 0 or gap(float(times[k]), j) <= 0
-            ):  # the path between the nodes was only close
+            # The path between the nodes was only close.
+            if gap(low, j) >= 0 or gap(float(times[k]), j) <= 0:
                 continue
             at = float(
                 brentq(

@@ -21,8 +21,9 @@ import numpy as np
 from scipy.linalg import lapack
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.evaluator import Matrix
 from dmoc.nlp.tables import Index
-from dmoc.nlp.transcription import Matrix, Transcription
+from dmoc.nlp.transcription import Transcription
 
 # Residual of the eliminated equations relative to the momenta: a few roundings.
 NEWTON_TOLERANCE = 1e-13

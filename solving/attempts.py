@@ -12,7 +12,7 @@ from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.judge import INFEASIBLE
-from dmoc.solvers.outcome import NOWHERE, Duals, Options, Outcome, Status
+from dmoc.solvers.outcome import NOWHERE, Duals, Iteration, Options, Outcome, Status
 from dmoc.solving.methods import METHODS, Judged, Method
 from dmoc.solving.program import Programs
 from dmoc.solving.starts import Starts
@@ -53,7 +53,7 @@ def attempted(
         return found
     if second is not None and found.outcome.status in (*NOWHERE, Status.ITERATION_LIMIT):
         left = remaining(options, begin, found.outcome.iterations)
-        found = _taken_over(programs, found, points, left, second)
+        found = _taken_over(programs, found, points, left, (method, second))
     if found.outcome.status is Status.INFEASIBLE:
         left = remaining(options, begin, found.outcome.iterations)
         found = _explained(found, starts.points[0], left, minimise)
@@ -66,15 +66,15 @@ def remaining(options: Options, begin: float, iterations: int = 0) -> Options:
     seconds = options.seconds
     if seconds is not None:
         seconds = max(seconds - (time.perf_counter() - begin), 1e-9)
-    tell = progress = options.progress
-    if tell is not None and iterations:
-        progress = lambda i: tell(replace(i, number=i.number + iterations))  # noqa: E731
-    return replace(
-        options,
-        seconds=seconds,
-        iterations=max(options.iterations - iterations, 1),
-        progress=progress,
-    )
+    left = max(options.iterations - iterations, 1)
+    tell = options.progress
+    if tell is None or not iterations:
+        return replace(options, seconds=seconds, iterations=left)
+
+    def counted(i: Iteration) -> None:
+        tell(replace(i, number=i.number + iterations))
+
+    return replace(options, seconds=seconds, iterations=left, progress=counted)
 
 
 def _with(driver: Judged, duals: Duals | None) -> Minimise:
@@ -142,14 +142,19 @@ def _best_of_all(
 
 
 def _taken_over(
-    programs: Programs, before: Attempt, points: Sequence[Array], options: Options, second: Method
+    programs: Programs,
+    before: Attempt,
+    points: Sequence[Array],
+    options: Options,
+    methods: tuple[Method, Method],
 ) -> Attempt:
-    """What a second method finds; the end as it was where that finds nothing either."""
+    """What a second method finds after a first; the end as it was where that finds nothing."""
+    first, second = methods
     outcome, minimise = before.outcome, _with(second.minimise(), None)
     again = _best_of_all(programs, programs.program(second.guided), points, options, minimise)
     count = outcome.iterations + again.outcome.iterations
     if again.outcome.status in (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED):
-        detail = f"slsqp ended {outcome.status}, the compiled method took over"
+        detail = f"{first.name} ended {outcome.status}, the compiled method took over"
         return replace(again, outcome=replace(again.outcome, detail=detail, iterations=count))
     return before.counting(count)
 

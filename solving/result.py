@@ -57,8 +57,7 @@ def _message(attempt: Attempt) -> str:
         return message
     return (
         f"{message}; the mass matrix is singular or negative on the way, first at {singular:.4g} "
-        "s: "
-        "check the parameters and the bounds"
+        "s: check the parameters and the bounds"
     )
 
 

@@ -69,8 +69,9 @@ def solve(
     optimality, violation : float
         Tolerances of the optimality residual and of the constraints.
     iterations : int
+        Limit; where another method takes over (from slsqp, ipm), half of them are kept for it.
     seconds : float, optional
-        Limits.
+        Limit of the guess, the solve and the check together.
     progress : callable, optional
         Called with an Iteration (number, cost, violation) after every iteration.
     verify : bool

@@ -8,7 +8,7 @@ from typing import Any
 
 import sympy as sp
 
-from dmoc.discretisation import DISCRETISATIONS, check_order
+from dmoc.discretisation import DISCRETISATIONS, known_order
 from dmoc.symbolic.continuous import (
     Continuous,
     dot,
@@ -165,7 +165,7 @@ def derive(system: MechanicalSystem, order: int = 2) -> Derivation:
     ``h~``.
     """
     check_system(system)
-    check_order(order)
+    order = known_order(order)
     f = readable(system)
     names = DisplayNames.beside(system)
     element = _readable_element(system, order, names)
@@ -179,8 +179,8 @@ def derive(system: MechanicalSystem, order: int = 2) -> Derivation:
     ]
     if names.marked:
         note = (
-            f" {', '.join(names.marked)} with {MARK} are quantities of the derivation: the "
-            "name without it is taken."
+            f" {', '.join(names.marked)} with {MARK} are quantities of the derivation: the name "
+            "without it is taken."
         )
         sections[0] = replace(sections[0], text=sections[0].text + note)
     return Derivation(f"Derivation of the model {system.name}", tuple(sections))
@@ -317,8 +317,7 @@ def _discrete_sections(
     yield Section(
         "Discrete Euler-Lagrange equations",
         "r_minus = D1_Ld + fd_minus is -p at the step's start, r_plus = D2_Ld + fd_plus is p at "
-        "its end. "
-        "Interior nodes: r_plus(k-1) + r_minus(k) = 0. Start: r_minus(0) + p_B = 0. End: "
+        "its end. Interior nodes: r_plus(k-1) + r_minus(k) = 0. Start: r_minus(0) + p_B = 0. End: "
         f"r_plus(N-1) - p_E = 0.{inside}",
         (
             *_each(own, "r_minus", names, tex, e.r_minus, "r^-"),
@@ -366,14 +365,12 @@ def _collision_sections(
     yield Section(
         "Collision conditions",
         "At a collision node q_c: g(q_c) = 0; only the normal part of the momentum jumps, "
-        "r_plus(before) + r_minus(after) = lam grad g, "
-        "or, without the impulse lam >= 0, its projection on the tangents vanishes. With the "
-        "coefficient of restitution e "
-        "and the rate gamma = grad g . q' + dg/dt of the gap after the collision, "
-        "e (e_plus(before) - e_minus(after) - W_t) = (1 - e)/2 W_gamma with W_t = lam dg/dt and "
-        "W_gamma = lam gamma: the mean of the "
-        "balance of energy (e = 1) and of the plastic impact gamma = 0 (e = 0), which is Newton's "
-        "law gamma = -e gamma(before).",
+        "r_plus(before) + r_minus(after) = lam grad g, or, without the impulse lam >= 0, its "
+        "projection on the tangents vanishes. With the coefficient of restitution e and the rate "
+        "gamma = grad g . q' + dg/dt of the gap after the collision, e (e_plus(before) - "
+        "e_minus(after) - W_t) = (1 - e)/2 W_gamma with W_t = lam dg/dt and W_gamma = lam gamma: "
+        "the mean of the balance of energy (e = 1) and of the plastic impact gamma = 0 (e = 0), "
+        "which is Newton's law gamma = -e gamma(before).",
         tuple(equations),
     )
 
@@ -420,10 +417,9 @@ def _feasibility_section(
         )
     yield Section(
         "Minimal collision time",
-        "First root of g + g' t + g'' t^2/2. The accelerations (_ddot_bar) are constant: M q'' = F "
-        "at averaged coefficients, half-way (_bar) between "
-        "the phase's start and its collision, with the inputs at the bounds that drive towards the "
-        "surface.",
+        "First root of g + g' t + g'' t^2/2. The accelerations (_ddot_bar) are constant: M q'' = "
+        "F at averaged coefficients, half-way (_bar) between the phase's start and its collision, "
+        "with the inputs at the bounds that drive towards the surface.",
         tuple(equations),
     )
 

@@ -29,7 +29,7 @@ from typing import Any
 
 import sympy as sp
 
-from dmoc.discretisation import DISCRETISATIONS, check_order
+from dmoc.discretisation import DISCRETISATIONS, known_order
 from dmoc.symbolic.continuous import Continuous, dot
 
 
@@ -217,7 +217,7 @@ def step_element(
     """Build the element of ``f``; ``make(name)`` makes a symbol and ``exact(number)`` a number
     of the expression type in use."""
     n, m = len(f.q), len(f.u)
-    check_order(order)
+    order = known_order(order)
     degree = DISCRETISATIONS[order].degree
     (places, weights), nodes = quadrature(degree), lobatto_nodes(degree)
 

@@ -14,7 +14,7 @@ from typing import Any
 import symengine as se
 import sympy as sp
 
-from dmoc.discretisation import check_order
+from dmoc.discretisation import known_order
 from dmoc.symbolic.continuous import (
     Continuous,
     dot,
@@ -38,7 +38,7 @@ FORMAT = 5  # of the facts and the kernel list; a manifest of another format is 
 def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
     """Derive all kernels of ``system`` for the discretisation of the given order."""
     check_system(system)
-    check_order(order)
+    order = known_order(order)
     nq, nu, npar = len(system.coordinates), len(system.inputs), len(system.parameters)
 
     def symbols(name: str, size: int) -> tuple[Any, ...]:
@@ -65,7 +65,7 @@ def model_key(system: MechanicalSystem, order: int = 2) -> str:
     """Return the key of the kernels of ``system`` in a cache: the fingerprint and the title,
     which the manifest holds."""
     check_system(system)
-    check_order(order)
+    order = known_order(order)
     return f"{model_fingerprint(system, order)}\n{_title(system)}"
 
 

@@ -50,8 +50,7 @@ def check_name(name: Any, role: str) -> str:
     if not _IDENTIFIER.fullmatch(name) or len(name) > _LONGEST:
         raise ModelError(
             f"{role} name {name!r} is not a C identifier: use a letter followed by at most "
-            f"{_LONGEST - 1} letters, "
-            "digits or underscores (ASCII)."
+            f"{_LONGEST - 1} letters, digits or underscores (ASCII)."
         )
     if name in _C_KEYWORDS or keyword.iskeyword(name):
         raise ModelError(f"{role} name {name!r} is a keyword of C or Python: choose another name.")

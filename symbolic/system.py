@@ -366,8 +366,7 @@ class MechanicalSystem:
             if all(entry == 0 for entry in mass.row(i)):
                 raise ModelError(
                     f"the kinetic energy does not contain the velocity of coordinate {name_of(q)}: "
-                    "the mass matrix would be "
-                    "singular; give the coordinate inertia or remove it."
+                    "the mass matrix would be singular; give the coordinate inertia or remove it."
                 )
         for entry in mass:
             if (
@@ -387,8 +386,8 @@ class MechanicalSystem:
         if _is_singular(mass):
             raise ModelError(
                 f"the mass matrix of model {self.name!r} is singular (its determinant is zero "
-                "everywhere): the coordinates "
-                f"{_listed(self.coordinates)} are not independent, or one lacks inertia."
+                f"everywhere): the coordinates {_listed(self.coordinates)} are not independent, or "
+                "one lacks inertia."
             )
 
     def _check_relations(self) -> None:
@@ -525,8 +524,8 @@ def _atoms(expression: Any) -> set[Any]:
 def _unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:
     if isinstance(symbol, sp.Derivative):
         return (
-            f"{where} contains {symbol}: only coordinates and their first derivatives may "
-            "appear there."
+            f"{where} contains {symbol}: only coordinates and their first derivatives may appear "
+            "there."
         )
     if (
         isinstance(symbol, AppliedUndef)
@@ -534,8 +533,8 @@ def _unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:
         and symbol not in known
     ):
         return (
-            f"{where} contains {symbol}, which is neither a coordinate nor an input: declare "
-            "it or remove it."
+            f"{where} contains {symbol}, which is neither a coordinate nor an input: declare it or "
+            "remove it."
         )
     if symbol.name == "t":
         return (

@@ -26,9 +26,8 @@ def main() -> None:
     except KeyboardInterrupt:
         _leave()
     except SystemExit as end:
-        if (
-            threading.active_count() > 1
-        ):  # threads of stopped workers may never end, and Python would wait for them
+        # Threads of stopped workers may never end, and Python would wait for them.
+        if threading.active_count() > 1:
             _flush()
             os._exit(end.code if isinstance(end.code, int) else end.code is not None)
         raise

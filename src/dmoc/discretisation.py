@@ -62,9 +62,7 @@ FORMS = {
     for form in (
         InputForm("constant", stride=1, width=0, shared=0),  # one value a step
         InputForm("linear", stride=1, width=1, shared=1),  # one value a node, linear between them
-        InputForm(
-            "stages", stride=2, width=1, shared=0
-        ),  # linear in each step, two values of its own
+        InputForm("stages", stride=2, width=1, shared=0),  # linear in a step, two values each
     )
 }
 
@@ -100,8 +98,8 @@ class Discretisation:
 
     @cached_property
     def shapes(self) -> Array:
-        """Shape functions of the nodes: row a holds the coefficients of 1, x, x^2, ... on [0,
-        1]."""
+        """Shape functions of the nodes: row a holds the coefficients of 1, x, x^2, ...
+        on [0, 1]."""
         return np.asarray(np.linalg.inv(np.vander(self.nodes, increasing=True)).T.copy())
 
     def within(self, start: Array, end: Array) -> Array:
@@ -123,7 +121,9 @@ ORDERS = tuple(DISCRETISATIONS)
 ORDERS_SHOWN = ", ".join(map(str, ORDERS))
 
 
-def check_order(order: int) -> None:
-    """Raise ModelError unless there is a discretisation of this order."""
-    if isinstance(order, bool) or not isinstance(order, int) or order not in ORDERS:
+def known_order(order: int) -> int:
+    """The order of a discretisation that there is; raise ModelError for what is none."""
+    whole = isinstance(order, (int, np.integer)) and not isinstance(order, bool)
+    if not whole or order not in ORDERS:
         raise ModelError(f"order = {shown(order)}: expected one of {ORDERS_SHOWN}.")
+    return int(order)

@@ -19,7 +19,7 @@ from dmoc.arguments import shown
 from dmoc.codegen.build import load_installed
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.of_system import build as build
-from dmoc.discretisation import check_order
+from dmoc.discretisation import known_order
 from dmoc.errors import DmocError, ModelError
 from dmoc.models import catalogue
 from dmoc.nlp.problem import Problem
@@ -102,7 +102,7 @@ def load(reference: str, *, order: int | None = None) -> Kernels:
     in a file.
     """
     if order is not None:
-        check_order(order)
+        order = known_order(order)
     return find(reference).kernels(order)
 
 
@@ -112,8 +112,8 @@ def load_for_file(reference: str, order: int) -> Kernels:
     if reference not in catalogue.ENTRIES:
         raise ModelError(
             f"the solution was made with {reference!r}, and a file may name shipped models only: "
-            "if you trust that model, name it yourself "
-            "with --model file.py:name, or in Python give its kernels."
+            "if you trust that model, name it yourself with --model file.py:name, or in Python "
+            "give its kernels."
         )
     return load(reference, order=order)
 

@@ -282,8 +282,7 @@ def check_same_model(solution: Solution, kernels: Kernels) -> None:
     if wanted != given:
         raise SolutionFileError(
             f"the solution was made for another version of model {solution.trajectory.model!r} "
-            f"than {kernels.name!r} as it is now: "
-            "solve again, or give the model it was made for."
+            f"than {kernels.name!r} as it is now: solve again, or give the model it was made for."
         )
 
 
@@ -300,6 +299,6 @@ def _check_names(motion: Trajectory, kernels: Kernels) -> None:
         if list(given) != list(expected):
             raise SolutionFileError(
                 f"the solution has the {what} {', '.join(given) or 'none'}, its model "
-                f"{kernels.name!r} {', '.join(expected) or 'none'}: "
-                "the file is damaged, solve again."
+                f"{kernels.name!r} {', '.join(expected) or 'none'}: the file is damaged, solve "
+                "again."
             )

@@ -123,15 +123,13 @@ def test_it_becomes_c_without_a_warning_and_keeps_its_values(
     rng = np.random.default_rng(1)
     for kernel in model.kernels:
         inputs = [rng.uniform(0.5, 1.5, (1, argument.size)) for argument in kernel.inputs]
-        with np.errstate(
-            all="ignore"
-        ):  # the shortest time to a surface is no number where there is none
+        # The shortest time to a surface is no number where there is none.
+        with np.errstate(all="ignore"):
             found = kernels.call(kernel.name, *inputs)
         for output, values in zip(kernel.outputs, found, strict=True):
             expected = _values(kernel, output.expressions, inputs)
-            if (
-                kernel.name == "min_time_jac"
-            ):  # without a root, products with zero are numbers or not, as the compiler orders them
+            # Without a root, products with zero are numbers or not, as the compiler orders them.
+            if kernel.name == "min_time_jac":
                 expected = np.where(np.isfinite(values[0]), expected, values[0])
             np.testing.assert_allclose(
                 values[0], expected, rtol=1e-11, atol=1e-11, err_msg=f"{kernel.name} {output.name}"

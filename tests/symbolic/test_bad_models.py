@@ -12,6 +12,7 @@ from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 from systems import block_system
 
 import dmoc
+from dmoc.discretisation import ORDERS
 from dmoc.errors import DmocError, ModelError
 from dmoc.symbolic.families import model_key, model_spec
 
@@ -236,6 +237,13 @@ def test_only_the_orders_that_exist_are_derived(order: Any) -> None:
         with pytest.raises(ModelError, match=r"order = .*: expected one of 2, 4") as error:
             use(block_system(), order)
         sentence(error.value)
+
+
+def test_orders_may_be_numbers_of_numpy() -> None:
+    for order in ORDERS:
+        spec = model_spec(block_system(), np.int64(order))
+        assert spec == model_spec(block_system(), order)
+        assert type(spec.facts["order"]) is int
 
 
 @pytest.mark.parametrize(

@@ -41,9 +41,9 @@ def comparison(quick: bool) -> Section:
     section = Section(
         "Solve: N = 100 + 100, same guess",
         "Median time of the solves from the automatic guess that succeeded. The program is built "
-        "beforehand: CasADi's expression graph, dmoc's "
-        "patterns. dmoc's time includes the analysis of the linear system. `ipopt` and `uno` run "
-        "on dmoc's kernels through Python callbacks.",
+        "beforehand: CasADi's expression graph, dmoc's patterns. dmoc's time includes the "
+        "analysis of the linear system. `ipopt` and `uno` run on dmoc's kernels through Python "
+        "callbacks.",
         ["method", "solved", "ms", f"{PEER} takes", "iterations", "cost", "violation", "build, ms"],
     )
     reference = np.nan
@@ -96,8 +96,8 @@ def where(quick: bool) -> Section:
     section = Section(
         "Where the time of `ipm` goes",
         "Microseconds an iteration: kernels (values, first and second derivatives, assembled), "
-        "linear system (factorisations, solves, refinement), "
-        "the rest (vectors, line search, one call into Python).",
+        "linear system (factorisations, solves, refinement), the rest (vectors, line search, one "
+        "call into Python).",
         [
             "N",
             "iterations",
@@ -129,8 +129,8 @@ def growth(quick: bool, folder: Path) -> Section:
     section = Section(
         "Growth with N",
         "N steps in each of the two phases; each row in a process of its own. Memory is what a "
-        f"solve adds to the largest resident size. {PEER} "
-        f"is measured once, up to N = {300 if quick else SLOWEST}.",
+        f"solve adds to the largest resident size. {PEER} is measured once, up to N = "
+        f"{300 if quick else SLOWEST}.",
         [
             "N",
             "ipm: solved",
@@ -239,8 +239,7 @@ def warm(quick: bool) -> Section:
     section = Section(
         "Solving again after a change of 5 %",
         "From the solution and its multipliers (warm) against the automatic guess (cold), N = 100 "
-        "+ 100. Ends: warm and cold cost the same to "
-        f"{SAME_COST:g}, or how much dearer warm is.",
+        f"+ 100. Ends: warm and cold cost the same to {SAME_COST:g}, or how much dearer warm is.",
         [
             "change",
             "ipm cold: solved",
