@@ -160,14 +160,14 @@ def _final_times(problem: Problem) -> list[float]:
     low, high = max(low, durations[0]), min(high, durations[1])
     if low == high:
         return [low]
-    natural = _natural_time(problem)
+    natural = natural_time(problem)
     top = high if np.isfinite(high) else AROUND * max(natural, low)
     bottom = max(low, top / 50)
     count = int(np.ceil(np.log(top / bottom) / np.log(TIME_RATIO))) + 1
     return list(np.geomspace(bottom, top, max(count, 2)))
 
 
-def _natural_time(problem: Problem) -> float:
+def natural_time(problem: Problem) -> float:
     """Time that the reaches take at the speeds of the start, at the forces at rest, or at full
     input."""
     reach = problem.reach

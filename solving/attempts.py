@@ -100,7 +100,7 @@ def _first_success(
     tried: list[Attempt] = []
     count, begin = 0, time.perf_counter()
     for x in points:
-        found = _minimised(programs, nlp, x, remaining(options, begin, count), minimise)
+        found = minimised(programs, nlp, x, remaining(options, begin, count), minimise)
         count += found.outcome.iterations
         if found.outcome.status not in NOWHERE or count >= options.iterations:
             return found.counting(count)
@@ -128,7 +128,7 @@ def _best_of_all(
         return min(solved, key=lambda s: (bool(s.nlp.law.touching.any()), s.nlp.cost(s.outcome.x)))
 
     for x in points[1:]:
-        again = _minimised(programs, nlp, x, remaining(options, begin, count), minimise)
+        again = minimised(programs, nlp, x, remaining(options, begin, count), minimise)
         count += again.outcome.iterations
         status = again.outcome.status
         if status is Status.SOLVED:
@@ -176,7 +176,7 @@ def _explained(before: Attempt, x: Array, options: Options, minimise: Minimise) 
     return Attempt(nlp, outcome, diagnosis.sentences)
 
 
-def _minimised(
+def minimised(
     programs: Programs, nlp: Transcription, x: Array, options: Options, minimise: Minimise
 ) -> Attempt:
     """Solve from one start; an estimated minimal time that limits the solution is dropped, because

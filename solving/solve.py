@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.arguments import choice, flag, function, positive, text, whole
-from dmoc.codegen.kernels import Array
+from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.solution import Solution
-from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options
+from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
 from dmoc.solvers.threads import ONE_THREAD
 from dmoc.solving.attempts import attempted, remaining
+from dmoc.solving.exploration import explored
 from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method
 from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
@@ -27,6 +28,7 @@ from dmoc.solving.starts import Given, starts_of
 # A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
 # may be driven further down.
 BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
+MOST_STARTS = 1_000_000
 MOST_ITERATIONS = 2**31 - 1  # what the compiled method can count
 
 
@@ -37,6 +39,8 @@ def solve(
     tolerance: float | None = None,
     form: str = "condensed",
     guess: Solution | Array | None = None,
+    starts: int | None = None,
+    seed: int = 0,
     optimality: float = OPTIMALITY,
     violation: float = VIOLATION,
     iterations: int = ITERATIONS,
@@ -106,11 +110,16 @@ def solve(
     text(reference, "reference")
     chosen.require(problem.kernels.backend)
     options = Options(optimality, violation, iterations, seconds, progress)
+    if starts is not None:
+        starts = whole(starts, "starts", 1, MOST_STARTS)
+    seed = whole(seed, "seed", 0, MOST_ITERATIONS)
+    if starts is None and guess is not None:
+        starts = 1
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
-    request = Request(chosen, form, options, verify)
+    request = Request(chosen, form, options, verify, starts, seed)
     if tolerance is None:
-        return _solved(problem, guess, request)
+        return _best(problem, guess, request)
     return _on_meshes(problem, guess, request, tolerance)
 
 
@@ -122,6 +131,8 @@ class Request:
     form: str
     options: Options
     verify: bool
+    starts: int | None
+    seed: int
 
 
 def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: float) -> Solution:
@@ -132,12 +143,54 @@ def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: floa
     def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
         optimality = base if sharper is None else max(sharper, LEAST_OPTIMALITY)
         sharp = replace(remaining(options, begin), optimality=optimality)
-        return _solved(problem, coarse or guess, replace(request, options=sharp, verify=False))
+        wanted = replace(request, options=sharp, verify=False)
+        return _solved(problem, coarse, wanted) if coarse else _best(problem, guess, wanted)
 
     def check(solution: Solution) -> Solution:
         return checked(solution, remaining(options, begin).seconds)
 
     return refined(problem, tolerance, options.seconds, on_mesh, check)
+
+
+def _best(problem: Problem, guess: Given, request: Request) -> Solution:
+    """Solve on one mesh, from the best of many starts or from a guess alone."""
+    if request.starts == 1 or problem.kernels.backend != COMPILED:
+        return _solved(problem, guess, request)
+    options, begin = request.options, time.perf_counter()
+    try:
+        with ONE_THREAD, np.errstate(all="ignore"):
+            found = explored(problem, request.starts, request.seed, options, request.verify)
+    except KeyboardInterrupt:
+        stopped = replace(request, options=replace(options, iterations=1), verify=False)
+        status = Status.INTERRUPTED
+        return replace(_solved(problem, guess, stopped), status=status, message=status.sentence)
+    spent, tried = time.perf_counter() - begin, None
+    for i, start in enumerate(found.ranked):
+        answer = _answer(problem, start, replace(request, options=remaining(options, begin)))
+        tried = tried or (answer, i)
+        if answer.minimum or answer.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
+            tried = answer, i
+            break
+    if tried is None:
+        answer = _solved(problem, guess, replace(request, options=remaining(options, begin)))
+        tried = answer, len(found.ranked)
+    answer, i = tried
+    return replace(
+        answer,
+        message=f"{answer.message}; {found.told(i)}",
+        starts=found.starts,
+        found=found.found[i] if i < len(found.found) else 0,
+        others=found.others(i),
+        seconds={**answer.seconds, "explore": spent},
+    )
+
+
+def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
+    """The solution from a minimum on the ranking mesh: itself where that is the problem's."""
+    same = tuple(p.steps for p in start.phases) == problem.phase_steps
+    if same and start.method == request.method.name:
+        return start
+    return _solved(problem, start, request)
 
 
 def _solved(problem: Problem, guess: Given, request: Request) -> Solution:

@@ -54,6 +54,28 @@ class Mesh:
 
 
 @dataclass(frozen=True)
+class Minimum:
+    """A local minimum that was found beside the answer.
+
+    Attributes
+    ----------
+    cost : float
+    found : int
+        How many starts have led to it.
+    status : Status or None
+        Of its solution on the mesh of ``steps``, "solved" where the check confirmed it; None where
+        it is known from the coarse mesh only.
+    steps : tuple of int
+        Steps of each phase.
+    """
+
+    cost: float
+    found: int
+    status: Status | None
+    steps: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Solution:
     """Result of :func:`dmoc.solve`.
 
@@ -100,6 +122,12 @@ class Solution:
     duality_gap : float
         Sum of the products of inequalities and bounds with their multipliers: what the cost may
         still lose to the solver's tolerance.
+    starts : int
+        How many starts were tried on a coarse mesh; 0 where the solve began from a guess alone.
+    found : int
+        How many of them have led to this minimum.
+    others : tuple of Minimum
+        The other minima that they have led to, the cheapest first.
     scale : mapping of str to float
         Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off
         the start.
@@ -124,6 +152,9 @@ class Solution:
     meshes: tuple[Mesh, ...] = ()
     duality_gap: float = 0.0
     scale: Mapping[str, float] = field(default_factory=dict)
+    starts: int = 0
+    found: int = 0
+    others: tuple[Minimum, ...] = ()
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -230,6 +261,9 @@ class Solution:
             "verification": None if self.verification is None else dict(self.verification),
             "conflicts": list(self.conflicts),
             "scale": dict(self.scale),
+            "starts": self.starts,
+            "found": self.found,
+            "others": [asdict(m) for m in self.others],
         } | self._refinement()
 
     def _refinement(self) -> dict[str, Any]:

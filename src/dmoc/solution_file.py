@@ -33,11 +33,11 @@ from dmoc.schema import (
     plain,
     said,
 )
-from dmoc.solution import Mesh, Solution
+from dmoc.solution import Mesh, Minimum, Solution
 from dmoc.solvers.outcome import Status
 from dmoc.trajectory import Array, Collision, Phase, Trajectory
 
-FILE_FORMAT = 4
+FILE_FORMAT = 5
 SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
 REMEDY = "give one that `dmoc solve --out` has written"
 
@@ -202,6 +202,15 @@ MESH = Record(
         "difference": Either(Nothing(), Number(special=True)),
     },
 )
+MINIMUM = Record(
+    Minimum,
+    {
+        "cost": Number(),
+        "found": Whole(),
+        "status": Either(Nothing(), Choice(tuple(Status))),
+        "steps": Listed(Whole(1)),
+    },
+)
 VERIFICATION = Record(
     _summary,
     {
@@ -241,6 +250,9 @@ SOLUTION = Record(
         "meshes": Listed(MESH),
         "duality_gap": Number(special=True),
         "scale": Mapped(Number()),
+        "starts": Whole(),
+        "found": Whole(),
+        "others": Listed(MINIMUM),
     },
     _wrong_solution,
 )

@@ -1,0 +1,78 @@
+"""Random motions through the collisions of a problem: what every one of them keeps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.nlp.layout import Layout
+from dmoc.nlp.motions import random_motions
+from dmoc.nlp.problem import Problem
+
+
+def motions(problem: Problem, count: int = 40, seed: int = 0) -> tuple[Layout, np.ndarray]:
+    return Layout.of(problem), random_motions(problem, 1.0, range(count), seed)
+
+
+def test_they_lie_on_their_surfaces_and_obey_the_law_of_impact(seed: dmoc.Problem) -> None:
+    problem = seed.but(sequence=("left", "right", "left"), restitution=0.7, steps=8)
+    lay, x = motions(problem)
+    for i, node in enumerate(lay.collision_nodes):
+        j = int(lay.surfaces[i])
+        q, before, after = x[:, lay.index_q[node]], x[:, lay.index_v_a[i]], x[:, lay.index_v_c[i]]
+        assert np.abs(problem.model.gaps(q)[:, j]).max() < 1e-9
+        rates = [problem.model.gap_rates(q, v)[:, j] for v in (before, after)]
+        assert (rates[0] > 0).all()
+        assert rates[1] == pytest.approx(-0.7 * rates[0])
+        jump = problem.model.momentum(q, after) - problem.model.momentum(q, before)
+        slope = problem.model.gap_slopes(q)[:, j, :-1]
+        assert jump == pytest.approx(-x[:, lay.index_lam[i], None] * slope)
+
+
+def test_they_keep_ends_times_and_inputs(seed: dmoc.Problem) -> None:
+    lay, x = motions(seed.but(steps=(6, 9)))
+    start, goal = seed.start_bounds.position, seed.goal_bounds.position
+    assert x[:, lay.index_q[0]] == pytest.approx(np.tile(start[:, 0], (len(x), 1)))
+    fixed = goal[:, 0] == goal[:, 1]
+    assert x[:, lay.index_q[-1][fixed]] == pytest.approx(np.tile(goal[fixed, 0], (len(x), 1)))
+    assert ((x[:, lay.index_h] @ np.array(lay.steps)) <= 1.0 + 1e-12).all()
+    assert (np.abs(x[:, lay.index_u]) <= 200.0).all()
+    assert np.isfinite(x).all()
+
+
+def test_a_number_is_a_motion_however_many_there_are(seed: dmoc.Problem) -> None:
+    few = random_motions(seed, 1.0, range(3, 5), 7)
+    assert (few == random_motions(seed, 1.0, range(8), 7)[3:5]).all()
+    assert not np.allclose(few, random_motions(seed, 1.0, range(3, 5), 8))
+
+
+def test_inputs_are_those_of_the_equations_of_motion(block: Kernels) -> None:
+    """A block that is pushed along a line: u = m q''."""
+    problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, steps=200)
+    lay, x = motions(problem, 5)
+    h = x[:, lay.index_h]
+    q = x[:, lay.index_q[:, 0]]
+    bend = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) / h**2
+    mass = float(problem.model.mass(problem.start_position)[0, 0])
+    u = x[:, lay.index_u[:, 0]]
+    middle = (u[:, 1:] + u[:, :-1]) / 2
+    assert middle == pytest.approx(mass * bend, rel=2e-2, abs=2e-2 * np.abs(mass * bend).max())
+
+
+@pytest.mark.parametrize("order", [4, 6])
+def test_inner_nodes_lie_on_the_way(order: int) -> None:
+    kernels = dmoc.load("cart_pendulum", order=order)
+    problem = dmoc.Problem(
+        kernels,
+        start={"alpha": 0.5, "x": 0.0},
+        goal={"alpha": 1.5},
+        steps=40,
+        final_time=1.0,
+    )
+    lay, x = motions(problem, 10)
+    q = x[:, lay.index_q]
+    inside = x[:, lay.index_q_i].reshape(len(x), 40, -1, 2)
+    straight = (q[:, :-1] + q[:, 1:]) / 2
+    assert np.abs(inside.mean(axis=2) - straight).max() < 0.05

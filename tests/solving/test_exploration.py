@@ -1,0 +1,136 @@
+"""Many starts: better minima than from one guess, told with how often they were found, repeatable,
+and `infeasible` only after them."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.errors import ProblemError
+from dmoc.registry import find
+
+
+@pytest.fixture(scope="module")
+def hanging() -> dmoc.Problem:
+    """Its automatic guess leads to 41.25 at 50 steps."""
+    reference = find("cart_pendulum_hanging")
+    return dmoc.Problem(reference.kernels(2), **{**reference.defaults, "steps": 50})
+
+
+@pytest.fixture(scope="module")
+def explored(hanging: dmoc.Problem) -> dmoc.Solution:
+    return dmoc.solve(hanging, "ipm")
+
+
+@pytest.fixture(scope="module")
+def pendulum_and_torque() -> dmoc.MechanicalSystem:
+    a, u = dynamicsymbols("a u")
+    t = dynamicsymbols._t
+    return dmoc.MechanicalSystem(
+        "little_torque",
+        coordinates=[a],
+        inputs=[u],
+        lagrangian=a.diff(t) ** 2 / 2 + 9.81 * sp.cos(a),
+        forces={a: u},
+        parameters={},
+        cost=1,
+    )
+
+
+def little_torque(system: dmoc.MechanicalSystem, limit: float, steps: int) -> dmoc.Problem:
+    return dmoc.Problem(
+        system,
+        start={"a": 0.0},
+        goal={"a": pi, "a_dot": 0.0},
+        steps=steps,
+        final_time=(0.5, 10.0),
+        bounds={"u": (-limit, limit)},
+    )
+
+
+def test_a_better_minimum_than_from_the_guess_is_the_answer(
+    hanging: dmoc.Problem, explored: dmoc.Solution
+) -> None:
+    alone = dmoc.solve(hanging, "ipm", starts=1)
+    assert alone.solved and explored.solved
+    assert explored.cost == pytest.approx(37.424, abs=1e-2)
+    assert explored.cost < alone.cost - 3
+    assert alone.starts == 0 and alone.others == ()
+
+
+def test_others_are_listed_with_how_often_they_were_found(explored: dmoc.Solution) -> None:
+    costs = [m.cost for m in explored.others]
+    assert costs == sorted(costs) and len(costs) >= 1
+    assert min(abs(c - 41.25) for c in costs) < 0.01
+    assert explored.found >= 1
+    assert explored.found + sum(m.found for m in explored.others) <= explored.starts
+    assert "starts" in explored.message
+
+
+def test_the_default_driver_starts_from_the_best_minimum(
+    hanging: dmoc.Problem, explored: dmoc.Solution
+) -> None:
+    driven = dmoc.solve(hanging)
+    assert driven.method == "slsqp" and driven.solved
+    assert driven.cost == pytest.approx(explored.cost, rel=1e-6)
+    assert driven.iterations <= 10
+
+
+def test_the_same_seed_gives_the_same_answer(
+    hanging: dmoc.Problem, explored: dmoc.Solution
+) -> None:
+    again = dmoc.solve(hanging, "ipm")
+    assert (again.unknowns == explored.unknowns).all()
+    assert again.others == explored.others
+
+
+def test_a_number_of_starts_is_kept(hanging: dmoc.Problem) -> None:
+    assert dmoc.solve(hanging, "ipm", starts=7, verify=False).starts == 7
+
+
+def test_starts_that_agree_end_the_exploration() -> None:
+    x, u = dynamicsymbols("x u")
+    system = dmoc.MechanicalSystem(
+        "easy", coordinates=[x], inputs=[u], lagrangian=x.diff() ** 2 / 2, forces={x: u},
+        parameters={}, cost=u**2,
+    )  # fmt: skip
+    problem = dmoc.Problem(system, start={"x": 0}, goal={"x": 1, "x_dot": 0}, final_time=1)
+    found = dmoc.solve(problem, "ipm")
+    assert found.cost == pytest.approx(12, rel=1e-3)
+    assert found.starts < 30 and found.found == found.starts and found.others == ()
+
+
+def test_a_swing_up_with_little_torque_is_found(
+    pendulum_and_torque: dmoc.MechanicalSystem,
+) -> None:
+    found = dmoc.solve(little_torque(pendulum_and_torque, 2.0, 200), "ipm")
+    assert found.solved
+    assert found.cost == pytest.approx(5.7041, abs=2e-3)
+    assert dmoc.solve(little_torque(pendulum_and_torque, 2.0, 200), "ipm", starts=1).status == (
+        "infeasible"
+    )
+
+
+def test_infeasible_is_said_after_many_starts(pendulum_and_torque: dmoc.MechanicalSystem) -> None:
+    found = dmoc.solve(little_torque(pendulum_and_torque, 0.2, 40), "ipm")
+    assert found.status == "infeasible"
+    assert found.starts >= 300
+    assert f"{found.starts} starts" in found.message
+
+
+@pytest.mark.parametrize("starts", [0, -1, 1.5, "many", True])
+def test_wrong_numbers_of_starts_are_refused(hanging: dmoc.Problem, starts: object) -> None:
+    with pytest.raises(ProblemError, match="starts"):
+        dmoc.solve(hanging, starts=starts)  # type: ignore[arg-type]
+
+
+def test_what_was_explored_survives_a_file(explored: dmoc.Solution) -> None:
+    again = dmoc.Solution.from_bytes(explored.to_bytes())
+    assert again.others == explored.others
+    assert (again.starts, again.found) == (explored.starts, explored.found)
+    assert np.isfinite(again.to_dict()["others"][0]["cost"])
