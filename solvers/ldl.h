@@ -2,36 +2,49 @@
  * numbers are known.
  *
  * The unknowns are given in elimination order, as pivots of one or two unknowns followed by a
- * final group that is factorised densely with complete pivoting (Bunch & Parlett 1971). An optimal
+ * final group that is factorised densely with complete pivoting (ldl_dense.h). An optimal
  * control problem tells which unknown and which equation belong together as a pivot of two
  * (solvers/kkt_layout.py), so that K needs to be analysed once and pivots are not zero by their
  * structure.
  *
  * K is given by its upper triangle, by columns: start[n + 1], row[entries] with row <= column, in
- * elimination order. Rows of L are computed one after the other ("up-looking", as in Davis, Direct
- * Methods for Sparse Linear Systems, 2006, chapter 4).
+ * elimination order. Consecutive pivots whose columns of L have nearly the same rows form a block,
+ * which in an optimal control problem is about one time step. The columns of a block are kept as a
+ * dense panel; a finished block is subtracted from the panels of those that its rows belong to
+ * ("supernodal, right-looking", as in Davis, Rajamanickam & Sid-Lakhdar, A survey of direct methods
+ * for sparse linear systems, 2016, section 9).
  */
 #ifndef DMOC_LDL_H
 #define DMOC_LDL_H
 
+/* Rows of a block, from row `from` on, up to the next part: they are unknowns of the block `owner`
+ * (the final group counts as one more block). target[at + i - from] is the position of row
+ * i >= from in a column of the owner's panel. */
 typedef struct {
-    int n, pivots, chain;    /* unknowns, pivots, unknowns in pivots; the last n - chain unknowns
-                                are the final group */
-    const int *start, *row;  /* pattern of K */
-    int *first;              /* [pivots + 1] first unknown of each pivot */
-    int *pattern_start;      /* [pivots + dense + 1] pivots that occur in each block row of L; the
-                                final group has rows of one unknown */
-    int *pattern;
-    int *column_start;       /* [pivots + 1] entries of each block column of L: one unknown by the
-                                width of the pivot */
-    int *column_row;         /* row of each entry */
-    int *filled;             /* [pivots] entries so far */
-    double *L;               /* [2*entries] */
-    double *D;               /* [3*pivots] inverse of each pivot: (1,1), (1,2), (2,2) */
-    double *dense;           /* [(n - chain)^2] factors of the final group, by rows */
-    int *exchange;           /* [n - chain] its permutation; a negative entry ~j marks the first of
-                                two unknowns in one pivot */
-    double *work;            /* [2*n] */
+    int owner, from, at;
+} dmoc_part;
+
+typedef struct {
+    int n, entries;       /* unknowns; entries of K */
+    int pivots, chain;    /* pivots, unknowns in pivots; the last n - chain unknowns are
+                             the final group */
+    int blocks;
+    int *first;           /* [pivots + 1] first unknown of each pivot */
+    int *block;           /* [blocks + 1] first pivot of each block */
+    int *row_start, *row; /* [blocks + 1] the unknowns below the pivots of each block, ascending */
+    int *part_start;      /* [blocks + 1] */
+    dmoc_part *part;
+    int *target;
+    int *height;      /* [blocks + 1] entries of a column of each panel: unknowns of the block, rows,
+                         zeros up to a multiple of four */
+    int *panel_start; /* [blocks + 2] the panels by columns; the last one is the final group */
+    int *place;       /* [entries] position of each entry of K in the panels */
+    double *panel;    /* K, then L; of the final group what ldl_dense.h says */
+    double *D;        /* [3*pivots] inverse of each pivot: (1,1), (1,2), (2,2) */
+    int *exchange;    /* [n - chain] see ldl_dense.h */
+    double *work;     /* the columns of a block times D, then four columns of what it subtracts;
+                         or the unknowns of one */
+    double *product;  /* the second part of it */
     int positive, negative, zero; /* eigenvalues of D by sign after a factorisation; zero ones are
                                      counted twice, by the sign they are given */
 } dmoc_ldl;
