@@ -40,6 +40,11 @@ class Evaluator(ABC):
         return Program(self.kernels, self.assembled.data)
 
     @cached_property
+    def analyses(self) -> dict[str, Any]:
+        """What methods have found about the program's structure, by their names."""
+        return {}
+
+    @cached_property
     def _memory(self) -> dict[str, tuple[Array, Array]]:
         """The last point of each function, and what was found there."""
         return {}

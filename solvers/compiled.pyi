@@ -34,6 +34,14 @@ def interior_point(
     seconds: float,
     report: Callable[[int, float, float, float, bool], None],
 ) -> dict[str, Any]: ...
+def kkt_pattern(
+    place: Ints,
+    size: int,
+    hess_start: Ints,
+    hess_column: Ints,
+    jac_start: Ints,
+    jac_column: Ints,
+) -> dict[str, Ints]: ...
 def factor_and_solve(
     first: Ints,
     start: Ints,

@@ -128,6 +128,83 @@ def interior_point(
     return result
 
 
+def kkt_pattern(
+    int[::1] place, int size,
+    int[::1] hess_start, int[::1] hess_column, int[::1] jac_start, int[::1] jac_column,
+):
+    """The pattern of K = [[H, A'], [A, 0]] with a full diagonal: the arrays ``start``, ``row``,
+    ``from_hess``, ``from_jac`` and ``diagonal`` of a
+    :class:`dmoc.solvers.kkt_layout.KKTLayout`."""
+    cdef int n = hess_start.shape[0] - 1, m = jac_start.shape[0] - 1
+    cdef int h = hess_column.shape[0], j = jac_column.shape[0], last = -1, i, e
+    cdef int[::1] low = np.full(h + j + n + m, -1, np.intc)  # positions of each number's unknowns
+    cdef int[::1] high = np.full(h + j + n + m, -1, np.intc)
+    if place.shape[0] != n + m or hess_start[n] != h or jac_start[m] != j:
+        raise ValueError(f"expected the places of {n + m} indices, {h} and {j} entries")
+    if n + m and not (-1 <= np.min(place) and np.max(place) < size):
+        raise ValueError(f"place: expected -1 to {size - 1}")
+    for i in range(n):
+        for e in range(hess_start[i], hess_start[i + 1]):
+            _pair(place, n, i, hess_column[e], e, &low[0], &high[0])
+    for i in range(m):
+        for e in range(jac_start[i], jac_start[i + 1]):
+            _pair(place, n, n + i, jac_column[e], h + e, &low[0], &high[0])
+    for i in range(n + m):
+        low[h + j + i] = high[h + j + i] = place[i]
+    # Sorted by columns, then by rows, like digits of a number.
+    cdef int[::1] order = _sorted(high, _sorted(low, np.arange(len(low), dtype=np.intc), size), size)
+    cdef int[::1] start = np.zeros(size + 1, np.intc), row = np.empty(len(order), np.intc)
+    cdef int[::1] found = np.full(len(low), -1, np.intc)
+    cdef int count = 0
+    for e in range(order.shape[0]):
+        i = order[e]
+        if count == 0 or low[i] != row[count - 1] or high[i] != last:
+            last = high[i]
+            row[count] = low[i]
+            start[last + 1] += 1
+            count += 1
+        found[i] = count - 1
+    for i in range(size):
+        start[i + 1] += start[i]
+    every = np.asarray(found)
+    return {
+        "start": np.asarray(start), "row": np.asarray(row)[:count].copy(),
+        "from_hess": every[:h].copy(), "from_jac": every[h : h + j].copy(),
+        "diagonal": every[h + j :].copy(),
+    }
+
+
+cdef int _pair(
+    int[::1] place, int n, int i, int column, int at, int *low, int *high
+) except -1:
+    """Positions of index i and of an unknown in K, unless one is fixed."""
+    if column < 0 or column >= n:
+        raise ValueError(f"column {column}: expected 0 to {n - 1}")
+    cdef int a = place[i], b = place[column]
+    if a >= 0 and b >= 0:
+        low[at], high[at] = min(a, b), max(a, b)
+    return 0
+
+
+cdef int[::1] _sorted(int[::1] digit, int[::1] order, int size):
+    """The members of ``order`` that have a digit, ascending, others in their order."""
+    cdef int[::1] first = np.zeros(size + 1, np.intc)
+    cdef int e, d
+    for e in range(order.shape[0]):
+        d = digit[order[e]]
+        if d >= 0:
+            first[d + 1] += 1
+    for d in range(size):
+        first[d + 1] += first[d]
+    cdef int[::1] found = np.empty(first[size], np.intc)
+    for e in range(order.shape[0]):
+        d = digit[order[e]]
+        if d >= 0:
+            found[first[d]] = order[e]
+            first[d] += 1
+    return found
+
+
 def factor_and_solve(
     int[::1] first, int[::1] start, int[::1] row, double[::1] values, double[::1] right
 ):

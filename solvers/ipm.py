@@ -73,7 +73,7 @@ def _run(
     z_lower, z_upper = np.maximum(start.z, 0.0), np.maximum(-start.z, 0.0)
     report, count = _listener(options)
     try:
-        prepared = kkt_layout(nlp)
+        prepared = _prepared(nlp)
         if options.seconds is not None:  # the analysis counts too
             options = replace(
                 options, seconds=max(options.seconds - (time.perf_counter() - begin), 1e-9)
@@ -85,6 +85,14 @@ def _run(
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
     return Ending(status, "", x, Duals.of_rows(nlp.n_eq, y, z_lower - z_upper), count())
+
+
+def _prepared(nlp: Transcription) -> KKTLayout:
+    """The analysis of the linear system, once for every program."""
+    if "ipm" not in nlp.analyses:
+        nlp.analyses["ipm"] = kkt_layout(nlp)
+    found: KKTLayout = nlp.analyses["ipm"]
+    return found
 
 
 def _listener(options: Options) -> tuple[Report, Callable[[], int]]:

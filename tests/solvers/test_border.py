@@ -10,7 +10,7 @@ import pytest
 
 import dmoc
 from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.compiled import factor_and_solve, interior_point
+from dmoc.solvers.compiled import factor_and_solve, interior_point, kkt_pattern
 from dmoc.solvers.kkt_layout import kkt_layout
 
 ARRAYS = ("size", "stretch", "x", "y", "z_lower", "z_upper")
@@ -40,3 +40,22 @@ def test_a_matrix_of_wrong_size_is_refused() -> None:
     for rows, values, right in ((row[:1], 2, 2), (row, 1, 2), (row, 2, 3)):
         with pytest.raises(ValueError, match="expected 2"):
             factor_and_solve(first, start, rows, np.ones(values), np.ones(right))
+
+
+def test_a_wrong_pattern_is_refused() -> None:
+    """Of one unknown and one row in it."""
+
+    def ints(*values: int) -> np.ndarray:
+        return np.array(values, dtype=np.int32)
+
+    right = {
+        "place": ints(0, 1), "hess_start": ints(0, 1), "hess_column": ints(0),
+        "jac_start": ints(0, 1), "jac_column": ints(0),
+    }  # fmt: skip
+    assert list(kkt_pattern(size=2, **right)["row"]) == [0, 0, 1]
+    for name, wrong in (
+        ("place", ints(0)), ("place", ints(0, 2)), ("hess_column", ints(1)),
+        ("jac_column", ints(-1)), ("jac_column", ints(0, 0)), ("hess_start", ints(0, 2)),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match="expected"):
+            kkt_pattern(size=2, **{**right, name: wrong})

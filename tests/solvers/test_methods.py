@@ -406,6 +406,30 @@ def test_factorisation_solves_and_counts_signs(number: int, pivots: int, final: 
     np.testing.assert_allclose(dense @ x, right, atol=1e-6)
 
 
+@pytest.mark.parametrize(("wide", "steps", "border"), [(2, 90, 1), (7, 12, 3), (90, 2, 0)])
+def test_a_chain_with_a_border_is_factorised(wide: int, steps: int, border: int) -> None:
+    """Saddle points of pivots of two that couple neighbours and all of them the border: columns
+    with the same rows, and more of them than one block takes."""
+    rng = np.random.default_rng([wide, steps, border])
+    n = 2 * wide * steps
+    step = np.arange(n) // (2 * wide)
+    K = rng.normal(size=(n, n)) * (np.abs(step[:, None] - step) <= 1)
+    second = np.arange(n) % 2 == 1
+    K[np.ix_(second, second)] = 0.0  # equations
+    K[np.arange(0, n, 2), np.arange(1, n, 2)] += 9.0 * np.sqrt(wide)
+    K = np.block([[K, rng.normal(size=(n, border))], [np.zeros((border, n)), -9 * np.eye(border)]])
+    upper = scipy.sparse.csc_matrix(np.triu(K))
+    dense = np.triu(K) + np.triu(K, 1).T
+    signs = np.linalg.eigvalsh(dense)
+    right = rng.normal(size=n + border)
+    first = np.arange(0, n + 1, 2, dtype=np.int32)
+    x, counts = factor_and_solve(
+        first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right
+    )
+    assert counts == ((signs > 0).sum(), (signs < 0).sum(), 0)
+    np.testing.assert_allclose(dense @ x, right, atol=1e-8)
+
+
 def test_a_final_group_without_diagonal_is_factorised() -> None:
     """Saddle points need pivots of two, which complete pivoting finds."""
     A = np.random.default_rng(4).normal(size=(3, 5))
