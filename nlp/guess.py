@@ -13,15 +13,15 @@ keep their bounds.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Layout
-from dmoc.nlp.march import March, excess_of, march, resting
-from dmoc.nlp.plan import Plan, end_velocity, plan_of, prescribed_of
+from dmoc.nlp.march import Choice, March, Planner, resting
+from dmoc.nlp.plan import Plan, end_velocity
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.transcription import Transcription
@@ -32,6 +32,8 @@ from dmoc.nlp.transfer import on_finer
 TIME_RATIO = 1.2
 COARSE_STEPS = 80
 FEWEST_STEPS = 8
+# Excess of an input, relative to the range of its bounds, that counts as keeping them.
+KEPT = 1e-3
 # Violation of the discrete equations, relative to the momenta, above which a guess that obeys the
 # equations of motion has drifted off its goal.
 DRIFTED = 30.0
@@ -88,88 +90,108 @@ def initial_guesses(problem: Problem, deadline: float = np.inf) -> tuple[Guess, 
 
 
 def _guesses(problem: Problem, deadline: float) -> tuple[Guess, ...]:
-    times = _final_times(problem)
-    prescribed = prescribed_of(problem, times[-1])
-    few = max(COARSE_STEPS // problem.phases, FEWEST_STEPS)
-    coarse = problem.but(steps=[min(n, few) for n in problem.phase_steps])
+    planner = Planner.of(problem)
+    times = _final_times(planner)
+    prescribed = planner.prescribed(times[-1])
+    final_time = _best_time(planner, prescribed, times, deadline)
+    guesses = []
+    for choice, length, even in _choices(problem, prescribed, final_time):
+        if time.perf_counter() > deadline:
+            break
+        guess = _guess(planner, choice, length, even)
+        if guess is not None:
+            guesses.append(guess)
+    if not guesses:
+        plan = planner.plan(prescribed, final_time)
+        x = _unknowns(problem, plan, resting(problem, plan))
+        guesses.append(Guess(x, final_time, (), 0, 0.0))
+    return _without_drift(problem, guesses)
+
+
+def _guess(planner: Planner, choice: Choice, final_time: float, even: bool) -> Guess | None:
+    """The motion along a plan on the mesh of the problem."""
+    problem, plan = planner.problem, planner.plan(choice, final_time, even)
+    motion = planner.march(plan, choice)
+    if motion is None:
+        return None
+    names = tuple(problem.kernels.coordinates[i] for i in choice)
+    x = _unknowns(problem, plan, motion)
+    return Guess(x, final_time, names, motion.free_steps, motion.excess)
+
+
+def _best_time(
+    planner: Planner, prescribed: Choice, times: Sequence[float], deadline: float
+) -> float:
+    """The final time whose motion keeps the bounds of the inputs at the least cost, or violates
+    them least."""
+    few = max(COARSE_STEPS // planner.problem.phases, FEWEST_STEPS)
+    steps = tuple(min(n, few) for n in planner.problem.phase_steps)
     best: tuple[float, float, float] | None = None
     for final_time in times:
         if time.perf_counter() > deadline:
             break
-        motion = march(coarse, plan_of(coarse, prescribed, final_time), prescribed)
-        if motion is None:
+        found = planner.trial(prescribed, final_time, steps)
+        if found is None:
             continue
-        excess = excess_of(coarse, motion.u)
-        rank = (max(excess, 1e-3), motion.cost, final_time)
+        excess, cost = found
+        rank = (max(excess, KEPT), cost, final_time)
         if best is None or rank < best:
             best = rank
-    final_time = float(best[2] if best else times[-1])
+    return float(best[2] if best else times[-1])
+
+
+def _choices(
+    problem: Problem, prescribed: Choice, final_time: float
+) -> Iterator[tuple[Choice, float, bool]]:
+    """Prescribed coordinates, final time, and whether the phases take equally long."""
+    every = tuple(range(problem.nq))
+    yield prescribed, final_time, False
     # An underactuated motion may drift far from the goal; then splines for all coordinates, which
     # ignore the rows without inputs, violate the discrete equations less.
-    guesses = []
-    choices = [
-        (choice, final_time, False)
-        for choice in dict.fromkeys((prescribed, tuple(range(problem.nq))))
-    ]
+    if every != prescribed:
+        yield every, final_time, False
     latest = problem.final_time_bounds[1]
     # A hurried guess says little about what there is time for.
     if np.isfinite(latest) and final_time < MUCH_SHORTER * latest:
-        choices.append((choices[-1][0], latest, False))
+        yield every, latest, False
     if problem.sequence:
-        choices.append((prescribed, final_time, True))
-    for choice, length, even in choices:
-        if time.perf_counter() > deadline:
-            break
-        plan = plan_of(problem, choice, length, even)
-        motion = march(problem, plan, choice)
-        if motion is not None:
-            x = _unknowns(problem, plan, motion)
-            guesses.append(
-                Guess(
-                    x,
-                    length,
-                    _names(problem, choice),
-                    motion.free_steps,
-                    excess_of(problem, motion.u),
-                )
-            )
-    if not guesses:
-        plan = plan_of(problem, prescribed, final_time)
-        motion = resting(problem, plan)
-        guesses.append(Guess(_unknowns(problem, plan, motion), final_time, (), 0, 0.0))
-    nlp = Transcription(problem, scale_of(problem, guesses[-1].x))
-    errors = [
-        float(np.abs(nlp.equality(np.clip(nlp.scaled(g.x), nlp.lower, nlp.upper))).max())
-        for g in guesses
-    ]
-    drifted = errors[0] > DRIFTED and min(errors[1:], default=np.inf) < errors[0]
-    return tuple(guesses[1:] + guesses[:1] if drifted else guesses)
+        yield prescribed, final_time, True
 
 
-def _names(problem: Problem, choice: tuple[int, ...]) -> tuple[str, ...]:
-    return tuple(problem.kernels.coordinates[i] for i in choice)
+def _without_drift(problem: Problem, guesses: list[Guess]) -> tuple[Guess, ...]:
+    """The guesses, the first one last if it has drifted off its goal and another one has not."""
+    if len(guesses) > 1:
+        nlp = Transcription(problem, scale_of(problem, guesses[-1].x))
+        errors = [
+            float(np.abs(nlp.equality(np.clip(nlp.scaled(g.x), nlp.lower, nlp.upper))).max())
+            for g in guesses
+        ]
+        if errors[0] > DRIFTED and min(errors[1:]) < errors[0]:
+            return tuple(guesses[1:] + guesses[:1])
+    return tuple(guesses)
 
 
 # Choices ------------------------------------------------------------------------------------------
 
 
-def _final_times(problem: Problem) -> list[float]:
+def _final_times(planner: Planner) -> list[float]:
     """Final times to try, within the bounds of the final time and of the durations."""
+    problem = planner.problem
     low, high = problem.final_time_bounds
     durations = problem.duration_bounds.sum(axis=0)
     low, high = max(low, durations[0]), min(high, durations[1])
     if low == high:
         return [low]
-    natural = natural_time(problem)
-    top = high if np.isfinite(high) else AROUND * max(natural, low)
+    top = high if np.isfinite(high) else AROUND * max(natural_time(planner), low)
     bottom = max(low, top / 50)
     count = int(np.ceil(np.log(top / bottom) / np.log(TIME_RATIO))) + 1
     return list(np.geomspace(bottom, top, max(count, 2)))
 
 
-def natural_time(problem: Problem) -> float:
+def natural_time(planner: Planner) -> float:
     """Time that the reaches take at the speeds of the start, at the forces at rest, or at full
     input."""
+    problem = planner.problem
     reach = problem.reach
     q = problem.start_position
     boundary = problem.start_bounds
@@ -184,17 +206,17 @@ def natural_time(problem: Problem) -> float:
             for i in range(problem.nq)
             if np.isfinite(a[i]) and a[i] > 0
         ]
-    return float(np.median(times)) if times else _cheapest_decade(problem)
+    return float(np.median(times)) if times else _cheapest_decade(planner)
 
 
-def _cheapest_decade(problem: Problem) -> float:
+def _cheapest_decade(planner: Planner) -> float:
     """The final time, by powers of ten, whose motion along splines costs least: all that a cost
     of time and effort says."""
-    coarse, every = problem.but(steps=FEWEST_STEPS), tuple(range(problem.nq))
+    every = tuple(range(planner.problem.nq))
 
     def cost(final_time: float) -> float:
-        motion = march(coarse, plan_of(coarse, every, final_time), every)
-        return np.inf if motion is None or not np.isfinite(motion.cost) else motion.cost
+        found = planner.trial(every, final_time, (FEWEST_STEPS,) * planner.problem.phases)
+        return np.inf if found is None or not np.isfinite(found[1]) else found[1]
 
     at, least = NO_TIME, cost(NO_TIME)
     for ratio in (10.0, 0.1):

@@ -1,26 +1,28 @@
-"""A motion along a plan: prescribed coordinates on cubic splines, the others by their equations
-of motion, step by step."""
+"""What is found along a plan: a motion that follows it (:mod:`dmoc.nlp.marching`), or straight
+lines."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.plan import Plan
+from dmoc.nlp.marching import WINDOW, Marcher
+from dmoc.nlp.plan import Plan, Route, plan_of, route_of
 from dmoc.nlp.problem import Problem, midpoints
-from dmoc.nlp.windows import WINDOW, Dynamics
 
-# Speed, in reaches of the coordinates per final time, above which a motion counts as growing
-# without bound.
-RUNAWAY = 1e6
+# Coordinates that follow splines.
+Choice: TypeAlias = tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class March:
     """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities before and
-    after the collisions (collisions, nq), steps in windows, velocities at both ends, cost."""
+    after the collisions (collisions, nq), steps in windows, velocities at both ends, and the
+    largest violation of an input bound, relative to the bound's range."""
 
     q: Array
     u: Array
@@ -30,82 +32,65 @@ class March:
     free_steps: int
     v_B: Array
     v_E: Array
-    cost: float
+    excess: float
 
 
-def march(problem: Problem, plan: Plan, prescribed: tuple[int, ...]) -> March | None:
-    """Follow a plan by the explicit midpoint rule; None where the motion grows without bound."""
-    q, v = plan.positions[0].copy(), plan.velocities[0].copy()
-    nodes, inputs, lam, v_a, v_c, free_steps = [q.copy()], [], [], [], [], 0
-    v_B, cost, begin, s = v.copy(), 0.0, 0.0, list(prescribed)
-    fastest = (
-        RUNAWAY
-        * np.maximum(problem.reach, np.abs(plan.positions).max(axis=0))
-        / plan.durations.sum()
-    )
-    for i, steps in enumerate(problem.phase_steps):
-        h = plan.durations[i] / steps
-        target = (plan.positions[i + 1], plan.velocities[i + 1])
-        was_free, since, spline = False, 0, _Spline(q, v, *target, plan.durations[i])
-        for k in range(steps):
-            here = Dynamics(problem, q, v, begin + k * h)
-            free = here.reach(prescribed) < WINDOW
-            if was_free and not free:
-                since, spline = k, _Spline(q, v, *target, plan.durations[i] - k * h)
-            was_free = free
-            t = (k - since) * h
-            a = here.accelerations(prescribed, spline.acceleration(t), free)
-            middle = Dynamics(problem, q + h / 2 * v, v + h / 2 * a, begin + (k + 0.5) * h)
-            a = middle.accelerations(prescribed, spline.acceleration(t + h / 2), free)
-            inputs.append(middle.drive(a))
-            q, v = q + h * v + h * h / 2 * a, v + h * a
-            if not free:  # stay on the spline: sums of steps drift
-                q[s], v[s] = spline.position(t + h)[s], spline.velocity(t + h)[s]
-            if not (np.isfinite(q).all() and (np.abs(v) < fastest).all()):
-                return None
-            free_steps += free
-            nodes.append(q)
-        u = np.clip(np.array(inputs[-steps:]).reshape(steps, problem.nu), *problem.input_bounds.T)
-        at = np.array(nodes[-steps:])
-        times = begin + h * (np.arange(steps) + 0.5)
-        cost += h * float(problem.model.running_cost(at, None, u, times).sum())
-        begin += plan.durations[i]
-        if i < len(problem.sequence):
-            v_a.append(v)
-            v, impulse = reflected(problem, q, v, problem.sequence[i], begin)
-            v_c.append(v)
-            lam.append(impulse)
-    before, after = (np.array(found).reshape(len(lam), problem.nq) for found in (v_a, v_c))
-    return March(
-        np.array(nodes),
-        np.array(inputs).reshape(len(inputs), problem.nu),
-        np.array(lam),
-        before,
-        after,
-        free_steps,
-        v_B,
-        v,
-        cost,
-    )
+@dataclass(frozen=True)
+class Planner:
+    """Plans of a problem, and what marches along them; ``still`` is the route of all plans, if
+    there is one."""
 
+    problem: Problem
+    marcher: Marcher
+    still: Route | None
 
-class _Spline:
-    """Cubic from (q, v) to (q1, v1) in a time T."""
+    @classmethod
+    def of(cls, problem: Problem) -> Planner:
+        route = route_of(problem, 0.0)
+        return cls(problem, Marcher(problem), None if route.normals is None else route)
 
-    def __init__(self, q: Array, v: Array, q1: Array, v1: Array, duration: float) -> None:
-        self.q, self.v = q.copy(), v.copy()
-        T = duration if duration > 0 else 1.0
-        self.c2 = (3 * (q1 - q) / T - 2 * v - v1) / T
-        self.c3 = (2 * (q - q1) / T + v + v1) / T**2
+    def plan(self, choice: Choice, final_time: float, even: bool = False) -> Plan:
+        return plan_of(self.problem, self._route(final_time), choice, final_time, even)
 
-    def position(self, t: float) -> Array:
-        return self.q + t * (self.v + t * (self.c2 + t * self.c3))
+    def trial(
+        self, choice: Choice, final_time: float, steps: tuple[int, ...]
+    ) -> tuple[float, float] | None:
+        """Excess of the inputs and cost of a motion; None where it grows without bound."""
+        if not self.marcher.trial(self.plan(choice, final_time), steps, choice):
+            return None
+        return self.marcher.excess, self.marcher.cost
 
-    def velocity(self, t: float) -> Array:
-        return self.v + t * (2 * self.c2 + 3 * t * self.c3)
+    def march(self, plan: Plan, choice: Choice) -> March | None:
+        """Follow a plan on the mesh of the problem by the explicit midpoint rule; None where the
+        motion grows without bound."""
+        found = self.marcher.motion(plan, self.problem.phase_steps, choice)
+        if found is None:
+            return None
+        q, u, lam, v_a, v_c, end = found
+        start, free, excess = plan.velocities[0], self.marcher.free_steps, self.marcher.excess
+        return March(q, u, lam, v_a, v_c, free, start, end, excess)
 
-    def acceleration(self, t: float) -> Array:
-        return 2 * self.c2 + 6 * t * self.c3
+    def prescribed(self, final_time: float) -> Choice:
+        """Choose nu coordinates: those that surfaces and goal say most about, as long as the others
+        can follow from them at one of the via points."""
+        problem, nq, nu = self.problem, self.problem.nq, self.problem.nu
+        if nu == 0 or nu >= nq:
+            return tuple(range(nq))
+        surfaces = problem.kernels.manifest["surface_coordinates"]
+        goal = problem.goal_bounds.position
+        said = [
+            sum(i in surfaces[s] for s in problem.sequence) + bool(goal[i, 0] == goal[i, 1])
+            for i in range(nq)
+        ]
+        order = sorted(range(nq), key=lambda i: (-said[i], i))
+        points = self._route(final_time).points
+        for choice in itertools.combinations(order, nu):
+            if any(self.marcher.control(q, choice) > WINDOW for q in points):
+                return tuple(sorted(choice))
+        return tuple(range(nq))
+
+    def _route(self, final_time: float) -> Route:
+        return route_of(self.problem, final_time) if self.still is None else self.still
 
 
 def reflected(problem: Problem, q: Array, v: Array, surface: str, t: float) -> tuple[Array, float]:
@@ -141,14 +126,5 @@ def resting(problem: Problem, plan: Plan) -> March:
         0,
         plan.velocities[0],
         plan.velocities[-1],
-        np.inf,
+        0.0,
     )
-
-
-def excess_of(problem: Problem, u: Array) -> float:
-    """Largest violation of an input bound relative to the bound's range."""
-    low, high = problem.input_bounds.T
-    over = np.maximum(np.maximum(low - u, u - high), 0.0)
-    sizes = [np.where(np.isfinite(limit), np.abs(limit), 0.0) for limit in (low, high)]
-    scale = np.where(np.isfinite(high - low) & (high > low), high - low, np.maximum(*sizes))
-    return float((over / np.where(scale > 0, scale, 1.0)).max(initial=0.0))

@@ -3,7 +3,6 @@ there, and durations between them."""
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,6 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.problem import Boundary, Problem, midpoints
 from dmoc.nlp.surfaces import contact_point
-from dmoc.nlp.windows import WINDOW, Dynamics
 
 # A plastic impact has no mirror image: coefficient of restitution that the plan assumes at least.
 SOFTEST_MIRROR = 0.3
@@ -29,89 +27,126 @@ class Plan:
     durations: Array
 
 
-def prescribed_of(problem: Problem, final_time: float) -> tuple[int, ...]:
-    """Choose nu coordinates: those that surfaces and goal say most about, as long as the others
-    can follow from them."""
-    nq, nu = problem.nq, problem.nu
-    if nu == 0 or nu >= nq:
-        return tuple(range(nq))
-    surfaces = problem.kernels.manifest["surface_coordinates"]
-    goal = problem.goal_bounds.position
-    said = [
-        sum(i in surfaces[s] for s in problem.sequence) + bool(goal[i, 0] == goal[i, 1])
-        for i in range(nq)
-    ]
-    order = sorted(range(nq), key=lambda i: (-said[i], i))
-    points = _via_positions(problem, final_time)
-    for choice in itertools.combinations(order, nu):
-        if any(Dynamics(problem, q, np.zeros(nq), 0.0).reach(choice) > WINDOW for q in points):
-            return tuple(sorted(choice))
-    return tuple(range(nq))
+@dataclass(frozen=True)
+class Normal:
+    """A surface at a via point: the gradient of its gap, the change M^-1 n of the velocity by a
+    unit impulse along it, and n . M^-1 n."""
+
+    slope: Array
+    response: Array
+    square: float
 
 
-def _via_positions(problem: Problem, final_time: float) -> Array:
-    """Positions at the start, at the collisions and at the goal, shape (phases + 1, nq); the
-    collisions are spread over the time."""
-    start = problem.start_position
-    goal = midpoints(problem.goal_bounds.position, start)
-    share = np.linspace(0.0, 1.0, problem.phases + 1)[:, None]
-    points = (1 - share) * start + share * goal
+@dataclass(frozen=True)
+class Route:
+    """What plans have in common: points at the start, the collisions and the goal, shape (phases +
+    1, nq), the mass matrix and the velocity at the start, the velocity at the goal if momenta fix
+    it, and the surfaces at the collisions.
+
+    Where a surface of the sequence moves, points depend on the final time, and there are no
+    ``normals``.
+    """
+
+    points: Array
+    mass: Array
+    start: Array
+    goal: Array | None
+    normals: tuple[Normal, ...] | None
+
+
+def route_of(problem: Problem, final_time: float) -> Route:
+    """The collisions are spread over the time."""
+    goal = midpoints(problem.goal_bounds.position, problem.start_position)
+    share = np.linspace(0.0, 1.0, problem.phases + 1)
+    points = (1 - share[:, None]) * problem.start_position + share[:, None] * goal
     for i, surface in enumerate(problem.sequence):
-        points[i + 1] = contact_point(
-            problem, points[i + 1], points[i], surface, float(share[i + 1, 0]) * final_time
-        )
-    return points
+        t = float(share[i + 1]) * final_time
+        points[i + 1] = contact_point(problem, points[i + 1], points[i], surface, t)
+    start = end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
+    moving = problem.kernels.manifest["moving_surfaces"]
+    normals = None
+    if not any(surface in moving for surface in problem.sequence):
+        normals = tuple(_normal(problem, q, i, 0.0) for i, q in enumerate(points[1:-1]))
+    end = _by_momentum(problem, problem.goal_bounds, points[-1])
+    return Route(points, problem.model.mass(points[0]), start, end, normals)
+
+
+def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
+    j = problem.kernels.surfaces.index(problem.sequence[collision])
+    slope = problem.model.gap_slopes(q, t)[j, :-1]
+    return Normal(slope, *problem.model.impulse_response(q, slope))
 
 
 def plan_of(
-    problem: Problem, prescribed: tuple[int, ...], final_time: float, even: bool = False
+    problem: Problem,
+    route: Route,
+    prescribed: tuple[int, ...],
+    final_time: float,
+    even: bool = False,
 ) -> Plan:
     """Durations in proportion to the distances, or even ones, and velocities that continue
     smoothly in the mirror image behind each surface."""
-    points = _via_positions(problem, final_time)
-    legs = np.diff(points, axis=0)
-    inertia = problem.model.mass(points[0])[np.ix_(prescribed, prescribed)]
-    lengths = np.sqrt(
-        np.einsum("ki,ij,kj->k", legs[:, list(prescribed)], inertia, legs[:, list(prescribed)])
-    )
+    points, s = route.points, list(prescribed)
+    legs = points[1:] - points[:-1]
+    ways = legs[:, s]
+    lengths = np.sqrt((ways @ route.mass[np.ix_(s, s)] * ways).sum(axis=1))
+    whole = float(lengths.sum())
     # Between two collisions with one surface the motion leaves and returns: such a phase gets an
     # average share.
-    flights = lengths <= 1e-6 * lengths.sum()
-    lengths = np.where(flights, lengths.sum() / max((~flights).sum(), 1) or 1.0, lengths)
-    shares = np.ones(len(lengths)) if even else np.maximum(lengths / lengths.sum(), SHORTEST_SHARE)
+    flights = lengths <= 1e-6 * whole
+    lengths = np.where(flights, whole / max(len(flights) - flights.sum(), 1) or 1.0, lengths)
+    whole = float(lengths.sum())
+    shares = np.ones(len(lengths)) if even else np.maximum(lengths / whole, SHORTEST_SHARE)
     durations = np.clip(final_time * shares / shares.sum(), *problem.duration_bounds.T)
+    speeds = legs / durations[:, None]
     velocities = np.zeros_like(points)
-    velocities[0] = end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
-    slowest = lengths.sum() / final_time / 2
-    for i, surface in enumerate(problem.sequence):
-        j = problem.kernels.surfaces.index(surface)
-        slope = problem.model.gap_slopes(points[i + 1], float(durations[: i + 1].sum()))[j, :-1]
+    velocities[0] = route.start
+    for i in range(len(problem.sequence)):
+        normal = (
+            _normal(problem, points[i + 1], i, float(durations[: i + 1].sum()))
+            if route.normals is None
+            else route.normals[i]
+        )
+        j = problem.kernels.surfaces.index(problem.sequence[i])
         e = max(float(problem.restitution_values[j]), SOFTEST_MIRROR)
-        before, after = legs[i] / durations[i], legs[i + 1] / durations[i + 1]
-        response, square = problem.model.impulse_response(points[i + 1], slope)
-        mirrored = (
-            after - (1 + 1 / e) * (slope @ after) / square * response if square > 0 else after
+        velocities[i + 1] = _through(
+            normal, e, speeds[i : i + 2], durations[i : i + 2], whole / final_time / 2
         )
-        velocity = (durations[i + 1] * before + durations[i] * mirrored) / (
-            durations[i] + durations[i + 1]
-        )
-        if square > 0:  # arrive with some speed, or there is no collision
-            normal = slope @ velocity / np.sqrt(square)
-            velocity += (max(normal, slowest) - normal) * response / np.sqrt(square)
-        velocities[i + 1] = velocity
-    natural = (
-        1.5 * legs[-1] / durations[-1] - 0.5 * velocities[-2]
-        if problem.phases == 1
-        else legs[-1] / durations[-1]
-    )
-    velocities[-1] = end_velocity(problem, problem.goal_bounds, points[-1], natural)
+    if route.goal is None:
+        natural = 1.5 * speeds[-1] - 0.5 * velocities[-2] if problem.phases == 1 else speeds[-1]
+        velocities[-1] = _by_velocity(problem.goal_bounds, natural)
+    else:
+        velocities[-1] = route.goal
     return Plan(points, velocities, durations)
+
+
+def _through(normal: Normal, e: float, speeds: Array, durations: Array, slowest: float) -> Array:
+    """Velocity before a collision, from the mean velocities of the phases before and after it and
+    their durations: their mean in the mirror image behind the surface, arriving not too slowly."""
+    n, response, square = normal.slope, normal.response, normal.square
+    before, after = speeds
+    if square > 0:
+        after = after - (1 + 1 / e) * float(n @ after) / square * response
+    velocity = (durations[1] * before + durations[0] * after) / (durations[0] + durations[1])
+    if square > 0:  # arrive with some speed, or there is no collision
+        root = np.sqrt(square)
+        arrival = float(n @ velocity) / root
+        velocity = velocity + (max(arrival, slowest) - arrival) * response / root
+    return np.asarray(velocity)
 
 
 def end_velocity(problem: Problem, boundary: Boundary, q: Array, default: Array) -> Array:
     """Velocity at an end: what the bounds fix, as velocity or as momentum, else the default."""
-    if np.isfinite(boundary.momentum).all():
-        return problem.model.velocity(q, midpoints(boundary.momentum, np.zeros(problem.nq)))
-    return midpoints(
-        boundary.velocity, np.where(np.isfinite(boundary.momentum).any(axis=1), 0.0, default)
-    )
+    fixed = _by_momentum(problem, boundary, q)
+    return _by_velocity(boundary, default) if fixed is None else fixed
+
+
+def _by_momentum(problem: Problem, boundary: Boundary, q: Array) -> Array | None:
+    if not np.isfinite(boundary.momentum).all():
+        return None
+    return problem.model.velocity(q, midpoints(boundary.momentum, np.zeros(problem.nq)))
+
+
+def _by_velocity(boundary: Boundary, default: Array) -> Array:
+    known = np.isfinite(boundary.momentum).any(axis=1)
+    return midpoints(boundary.velocity, np.where(known, 0.0, default))
