@@ -56,6 +56,13 @@ extensions += [
         extra_compile_args=FLAGS,
     ),
     Extension(
+        "dmoc.simulation.integrator",
+        ["simulation/integrator.pyx"],
+        depends=["simulation/elimination.pxd", KERNEL],
+        include_dirs=["codegen"],
+        extra_compile_args=SOLVER_FLAGS,
+    ),
+    Extension(
         "dmoc.nlp.assembly",
         ["nlp/assembly.pyx", "nlp/passes.c"],
         depends=["nlp/passes.h", KERNEL],
@@ -77,7 +84,7 @@ def cythonized() -> list[Extension]:
 
     return cythonize(
         extensions,
-        include_path=["codegen", "nlp"],
+        include_path=["codegen", "nlp", "simulation"],
         build_dir="build/cython",
         language_level=3,
         quiet=True,

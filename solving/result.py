@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from dmoc.nlp.active import active_bounds
 from dmoc.nlp.readout import named_multipliers, singular_at, trajectory
-from dmoc.simulation.check import OutOfTimeError, Verification
+from dmoc.simulation.check import Verification
+from dmoc.simulation.motion import OutOfTimeError
 from dmoc.solution import Solution
 from dmoc.solvers.kkt import duality_gap
 from dmoc.solvers.outcome import Status

@@ -1,0 +1,181 @@
+"""What is measured of a motion beside the continuous equations: its steps, energies, collisions,
+limits and segments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.simulation.flow import PLACES, Lost
+from dmoc.simulation.motion import Motion, nodes_of_segments
+
+# gap of a planned collision, relative to how far the coordinates move it, that a solver may leave
+OFF_SURFACE = 1e-6
+SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to the largest inertias
+
+
+@dataclass(frozen=True)
+class StepErrors:
+    """Every step integrated from its first node: relative errors at its end (N,), the work of each
+    phase, and the largest penetration and excess of a bound of a coordinate between nodes, relative
+    to the ranges."""
+
+    defects: Array
+    work: tuple[float, ...]
+    penetration: float
+    excess: float
+
+
+def step_errors(motion: Motion) -> StepErrors:
+    """Integrate every step from its first node."""
+    phases, nq = motion.trajectory.phases, motion.model.nq
+    t0, h, q1, p1, t1 = (
+        np.concatenate(parts)
+        for parts in zip(
+            *((p.t[:-1], np.diff(p.t), p.q[1:], p.p[1:], p.t[1:]) for p in phases), strict=True
+        )
+    )
+    start = np.vstack([np.hstack([p.q[:-1], p.v[:-1]]) for p in phases])
+    u0, u1 = (np.vstack([getattr(s, u) for s in motion.steps]) for u in ("u0", "u1"))
+    y = np.hstack([start, np.zeros((len(start), 1))])
+    ends = motion.flow.integrator.advance(y, t0, h, u0, u1)
+    between = motion.flow.integrator.between(start, ends, y, h, PLACES[1:-1])
+    times = (t0 + PLACES[1:-1, None] * h).ravel()
+    gaps = motion.model.gaps(between.reshape(-1, nq), times) / motion.sizes.gap
+    low, high = motion.trajectory.coordinate_bounds.T
+    excess = np.maximum(low - between, between - high) / motion.sizes.q
+    cuts = np.cumsum([len(s) for s in motion.steps])[:-1]
+    return StepErrors(
+        motion.error(y, t1, q1, p1),
+        tuple(float(part.sum()) for part in np.split(y[:, -1], cuts)),
+        float(np.nan_to_num(gaps, nan=np.inf).max(initial=0.0)),
+        float(excess.max(initial=0.0)),
+    )
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Some steps of a phase integrated from their first node without contacts: relative error at
+    the end, and the derivative (2 nq, 2 nq) of the end by the start."""
+
+    phase: int
+    first: int
+    last: int
+    error: float
+    slope: Array
+
+
+def segments(motion: Motion) -> list[Segment]:
+    """The segments of all phases, in their order, integrated side by side."""
+    phases, m = motion.trajectory.phases, 2 * motion.model.nq
+    places = [
+        (i, int(a), int(b))
+        for i, phase in enumerate(phases)
+        for cuts in [nodes_of_segments(phase.steps)]
+        for a, b in pairwise(cuts)
+    ]
+    y = np.array(
+        [np.concatenate([phases[i].q[a], phases[i].v[a], np.eye(m).ravel()]) for i, a, _ in places]
+    )
+    offset = np.cumsum([0, *(len(s) for s in motion.steps)])
+    first, last = (np.array([offset[place[0]] + place[n] for place in places]) for n in (1, 2))
+    t = np.concatenate([s.t[:-1] for s in motion.steps])
+    h = np.concatenate([np.diff(s.t) for s in motion.steps])
+    u0, u1 = (np.vstack([getattr(s, u) for s in motion.steps]) for u in ("u0", "u1"))
+    for j in range(int((last - first).max())):
+        on = first + j < last
+        k, part = (first + j)[on], y[on]
+        motion.flow.integrator.advance(part, t[k], h[k], u0[k], u1[k])
+        y[on] = part
+    wanted = [(phases[i].t[b], phases[i].q[b], phases[i].p[b]) for i, _, b in places]
+    errors = motion.error(y, *(np.array(part) for part in zip(*wanted, strict=True)))
+    return [
+        Segment(*place, float(error), row[m:].reshape(m, m))
+        for place, error, row in zip(places, errors, y, strict=True)
+    ]
+
+
+def energy_error(motion: Motion, work: tuple[float, ...]) -> float:
+    """Largest imbalance of a phase or jump at a collision, relative to the largest kinetic
+    energy."""
+    phases, energy = motion.trajectory.phases, motion.model.energy
+    ends = [-1, 0]
+    energies = [energy(p.q[ends], p.v[ends], p.t[ends]) for p in phases]
+    found = [abs(last - first - w) for (last, first), w in zip(energies, work, strict=True)]
+    for collision, before, (_, after) in zip(
+        motion.trajectory.collisions, phases, energies[1:], strict=False
+    ):
+        v = motion.flow.planned_impact(collision, before.q[-1], before.v[-1])[0]
+        found.append(abs(after - energy(before.q[-1], v, before.t[-1])))
+    return float(np.nan_to_num(max(found), nan=np.inf)) / motion.sizes.energy
+
+
+def impact_errors(motion: Motion) -> tuple[float, float]:
+    """Errors of the rate after a collision, of the impulse, and rates that approach after it or
+    leave before it: relative to the largest rate, and to the rates of the collision itself."""
+    model, phases, nq = motion.model, motion.trajectory.phases, motion.model.nq
+    worst = own = 0.0
+    for c, before, after in zip(motion.trajectory.collisions, phases, phases[1:], strict=False):
+        j, q, t = model.kernels.surfaces.index(c.surface), before.q[-1], c.time
+        slope = model.gap_slopes(q, t)[j]
+        w = [float(slope[:nq] @ v + slope[nq]) for v in (before.v[-1], after.v[0])]
+        _, impulse, _ = motion.flow.planned_impact(c, q, before.v[-1])
+        e = 0.0 if c.grazes else motion.trajectory.restitution[c.surface]
+        n = slope[:nq]
+        try:
+            inertia = float(n @ motion.flow.response(q, t, n))
+        except Lost:
+            return np.inf, np.inf
+        errors = [
+            abs(w[1] + e * w[0]),
+            abs(impulse - c.impulse) * inertia,
+            max(-w[0], 0.0),
+            max(w[1], 0.0),
+        ]
+        largest = float(np.nan_to_num(max(errors), nan=np.inf))
+        worst = max(worst, largest / float(motion.sizes.rate[j]))
+        if not c.grazes:
+            own = max(own, largest / max(abs(w[0]), abs(w[1]), 1e-300))
+    return worst, own
+
+
+def off_surface(motion: Motion) -> list[tuple[str, float]]:
+    """Planned collisions whose positions do not lie on their surfaces, with the gap."""
+    found = []
+    for c in motion.trajectory.collisions:
+        j = motion.model.kernels.surfaces.index(c.surface)
+        gap = float(motion.model.gaps(c.position, c.time)[j])
+        if not abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]:
+            found.append((c.surface, gap))
+    return found
+
+
+def input_excess(motion: Motion) -> float:
+    """Largest excess of an input over its bounds in any step, relative to the range of the
+    bounds."""
+    low, high = motion.trajectory.input_bounds.T
+    width = np.where(
+        np.isfinite(high - low) & (high > low),
+        high - low,
+        np.maximum(np.abs(low), np.abs(high)),
+    )
+    width = np.where(np.isfinite(width) & (width > 0), width, 1.0)
+    u = np.vstack([ends for s in motion.steps for ends in (s.u0, s.u1)])
+    return float((np.maximum(low - u, u - high) / width).max(initial=0.0))
+
+
+def singular(motion: Motion) -> float | None:
+    """First node at which the mass matrix is not positive definite, up to rounding errors of
+    its entries."""
+    for phase in motion.trajectory.phases:
+        M = motion.model.mass(phase.q, phase.t)
+        root = np.sqrt(np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0))
+        scaled = M / np.where(root > 0, root, 1.0)[:, None] / np.where(root > 0, root, 1.0)
+        good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
+        good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
+        if not good.all():
+            return float(phase.t[int(np.argmin(good))])
+    return None
