@@ -27,7 +27,7 @@ cdef enum:
     TERMS = 80       # of all sums, at most
     SIDE_BY_SIDE = 16     # rows: what fits into a processor's cache
     SIDE_BY_SIDE_NUMPY = 256
-    ATTENTION = 512  # parts between two looks at the time
+    ATTENTION = 256  # parts between two looks at the time
     MOST_PARTS = 64
 
 # Error of an integration over a step, as a share of the sizes, far below the discretisation errors

@@ -1,0 +1,261 @@
+"""The integrator of the check: its method, the work, the linearised flow, surfaces that hold a
+motion, compiled and on NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields, replace
+
+import block_and_wall
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import DOP853, solve_ivp
+from sympy.physics.mechanics import dynamicsymbols
+from systems import block_system, driven_system
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.values import parameter_row
+from dmoc.simulation import dormand_prince
+from dmoc.simulation.amplification import amplification
+from dmoc.simulation.integrator import Integrator
+from dmoc.simulation.measures import segments
+from dmoc.simulation.motion import Motion, OutOfTimeError
+from dmoc.simulation.roots import crossing
+
+T = dynamicsymbols._t
+
+
+@pytest.fixture(scope="module", params=["compiled", "numpy"])
+def driven(request: pytest.FixtureRequest) -> Kernels:
+    return dmoc.build(driven_system(), backend=request.param)
+
+
+def integrator(kernels: Kernels, check_time: Callable[[], None] = lambda: None) -> Integrator:
+    par = parameter_row(kernels, {})
+    size = np.ones(2 * len(kernels.coordinates) + 1)
+    return Integrator(kernels, par, size, 1e-6, check_time)
+
+
+def random_rows(kernels: Kernels, n: int, more: int = 0) -> tuple[np.ndarray, ...]:
+    """States, times, durations and inputs of n steps."""
+    r = np.random.default_rng(7)
+    nq, nu = len(kernels.coordinates), len(kernels.inputs)
+    y = np.hstack([r.uniform(-1, 1, (n, 2 * nq)), np.zeros((n, more))])
+    inputs = (r.uniform(-1, 1, (n, nu)) for _ in "01")
+    return y, r.uniform(0, 2, n), r.uniform(0.01, 0.8, n), *inputs
+
+
+def test_the_coefficients_are_those_of_the_method() -> None:
+    A, C = np.zeros((12, 12)), np.zeros(12)
+    for s, (share, terms) in enumerate(dormand_prince.STAGES, 1):
+        C[s] = share
+        for j, a in terms:
+            A[s, j] = a
+    assert np.array_equal(A, DOP853.A) and np.array_equal(C, DOP853.C)
+    for terms, known in (
+        (dormand_prince.WEIGHTS, DOP853.B),
+        (dormand_prince.ERROR_5, DOP853.E5),
+        (dormand_prince.ERROR_3, DOP853.E3),
+    ):
+        found = np.zeros(len(known))
+        for j, a in terms:
+            found[j] = a
+        assert np.array_equal(found, known)
+
+
+def test_states_and_work_are_those_of_another_integrator(driven: Kernels) -> None:
+    """More rows than fit side by side, each with parts of its own."""
+    model, nq = Model(driven, parameter_row(driven, {})), 2
+    y, t, h, u0, u1 = random_rows(driven, 40, more=1)
+    found = y.copy()
+    ends = integrator(driven).advance(found, t, h, u0, u1)
+    for k in range(len(y)):
+
+        def slope(s: float, y: np.ndarray, k: int = k) -> np.ndarray:
+            share = (s - t[k]) / h[k]
+            u = (1 - share) * u0[k] + share * u1[k]
+            rows = y[None, :nq], y[None, nq : 2 * nq], u[None], np.array([s])
+            M, F, power = model.balance(*rows)
+            return np.concatenate([y[nq : 2 * nq], np.linalg.solve(M[0], F[0]), power])
+
+        known = solve_ivp(slope, (t[k], t[k] + h[k]), y[k], "DOP853", rtol=1e-12, atol=1e-12)
+        assert found[k] == pytest.approx(known.y[:, -1], rel=1e-9, abs=1e-10)
+        assert ends[k, 0] == pytest.approx(slope(t[k], y[k])[nq : 2 * nq], rel=1e-12)
+        assert ends[k, 1] == pytest.approx(slope(t[k] + h[k], found[k])[nq : 2 * nq], rel=1e-12)
+
+
+def test_the_linearised_flow_is_that_of_differences(driven: Kernels) -> None:
+    m, flow = 4, integrator(driven)
+    y, t, h, u0, u1 = random_rows(driven, 20)
+    X = np.tile(np.eye(m).ravel(), (len(y), 1))
+    linear = np.hstack([y, X])
+    flow.advance(linear, t, h, u0, u1)
+    found = linear[:, m:].reshape(-1, m, m)
+    for j in range(m):
+        ends = []
+        for sign in (1, -1):
+            near = y.copy()
+            near[:, j] += sign * 1e-5
+            flow.advance(near, t, h, u0, u1)
+            ends.append(near)
+        known = (ends[0] - ends[1]) / 2e-5
+        assert found[:, :, j] == pytest.approx(known, rel=1e-6, abs=1e-7)
+
+
+def test_a_held_surface_keeps_its_rate(driven: Kernels) -> None:
+    """On the moving floor and on the side, whatever pushes."""
+    model, nq = Model(driven, parameter_row(driven, {})), 2
+    y, t, h, u0, u1 = random_rows(driven, 10)
+    for j in range(2):
+        found = y.copy()
+        integrator(driven).advance(found, t, h, u0, u1, j)
+        rates = [
+            model.gap_rates(*np.hsplit(s, [nq]), at)[:, j] for s, at in ((y, t), (found, t + h))
+        ]
+        assert rates[1] == pytest.approx(rates[0], abs=1e-7)
+
+
+def test_positions_between_nodes_are_those_of_the_motion(driven: Kernels) -> None:
+    flow, nq = integrator(driven), 2
+    y, t, h, u0, u1 = random_rows(driven, 5)
+    h *= 0.02
+    end, middle = y.copy(), y.copy()
+    ends = flow.advance(end, t, h, u0, u1)
+    flow.advance(middle, t, h / 2, u0, (u0 + u1) / 2)
+    path = flow.between(y, ends, end, h, np.array([0.0, 0.5, 1.0]))
+    for q, known, error in zip(path, (y, middle, end), (1e-15, 1e-11, 1e-15), strict=True):
+        assert q == pytest.approx(known[:, :nq], abs=error)
+
+
+def test_a_row_that_is_no_number_leaves_the_others_alone(driven: Kernels) -> None:
+    y, *steps = random_rows(driven, 3)
+    alone, spoilt = y.copy(), y.copy()
+    spoilt[1, 0] = np.nan
+    integrator(driven).advance(alone, *steps)
+    integrator(driven).advance(spoilt, *steps)
+    assert np.isnan(spoilt[1]).all()
+    assert spoilt[[0, 2]] == pytest.approx(alone[[0, 2]], abs=1e-10)
+
+
+def test_shapes_are_checked_before_c_sees_them(driven: Kernels) -> None:
+    flow = integrator(driven)
+    y, t, h, u0, u1 = random_rows(driven, 3)
+    for wrong in (
+        (y[:, :3].copy(), t, h, u0, u1),
+        (y, t[:2], h, u0, u1),
+        (y, t, h, u0[:2], u1),
+        (y, t, h, np.hstack([u0, u0]), u1),
+        (y, t, h, u0, u1, 2),
+    ):
+        with pytest.raises(ValueError, match="expected"):
+            flow.advance(*wrong)
+    with pytest.raises(ValueError, match="expected"):
+        flow.gap_acceleration(y[0], y[0], 0.0, 0)
+
+
+# Both executors, many threads, little time --------------------------------------------------------
+
+
+def same(one: dmoc.Verification, other: dmoc.Verification, error: float) -> None:
+    for field in fields(one):
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        if field.name == "contacts":
+            assert [c.surface for c in a] == [c.surface for c in b]
+            a, b = (np.array([(c.time, c.jump) for c in found]) for found in (a, b))
+        if isinstance(a, float | np.ndarray):
+            assert a == pytest.approx(b, rel=error, abs=error)
+        elif field.name != "message":  # it shows numbers that are rounding errors
+            assert a == b
+
+
+@pytest.mark.parametrize("e", [0.8, 0.0])
+def test_kernels_on_numpy_give_the_same_check(e: float) -> None:
+    solution = dmoc.solve(block_and_wall.problem(e, 12), "ipm", verify=False)
+    on_numpy = dmoc.build(block_and_wall.system(), backend="numpy")
+    same(solution.verify(on_numpy), solution.verify(), 1e-9)
+
+
+def test_a_check_in_many_threads_is_the_check_in_one(solution: dmoc.Solution) -> None:
+    alone = solution.verify()
+    with ThreadPoolExecutor(4) as pool:
+        for check in pool.map(lambda _: solution.verify(), range(40)):
+            assert check.message == alone.message
+            same(check, alone, 0.0)
+
+
+def test_a_check_hears_of_its_time_limit(solution: dmoc.Solution, reads: list[int]) -> None:
+    with pytest.raises(OutOfTimeError, match="the time for the check was used up"):
+        solution.verify(seconds=0.5)
+    assert reads[0] <= 3
+
+
+# The linearised flow of a motion ------------------------------------------------------------------
+
+
+def test_a_force_without_a_slope_at_rest_is_differenced() -> None:
+    """Drag against the speed of a mass that starts at rest: sqrt(v^2) has no derivative there."""
+    x, y, f, g = dynamicsymbols("x y f g")
+    speed = sp.sqrt(x.diff(T) ** 2 + y.diff(T) ** 2)
+    system = dmoc.MechanicalSystem(
+        "dragged", [x, y], (x.diff(T) ** 2 + y.diff(T) ** 2) / 2, {}, [f, g],
+        {x: f - speed * x.diff(T), y: g - speed * y.diff(T)}, cost=f**2 + g**2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        dmoc.build(system),
+        start={"x": 0, "y": 0},
+        goal={"x": 1, "y": 0.5},
+        steps=40,
+        final_time=1.0,
+    )
+    solution = dmoc.solve(problem, "ipm")
+    (phase,) = solution.phases
+    at_rest = replace(phase, v=np.vstack([[0.0, 0.0], phase.v[1:]]))
+    motion = Motion.of(replace(solution.trajectory, phases=(at_rest,)), problem.kernels, None)
+    parts = segments(motion)
+    assert not np.isfinite(parts[0].slope).all() and np.isfinite(parts[1].slope).all()
+    assert amplification(motion, parts) == pytest.approx(solution.verify().amplification, rel=1e-5)
+
+
+def test_the_amplification_of_a_free_mass_is_known() -> None:
+    """q' = v: the flow over a time s is (1, s; 0, 1) in units, whose largest norm is that of the
+    whole motion."""
+    kernels = dmoc.build(block_system())
+    problem = dmoc.Problem(
+        kernels, start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, steps=30, final_time=1.0
+    )
+    solution = dmoc.solve(problem, "ipm")
+    motion = Motion.of(solution.trajectory, kernels, None)
+    ratio = motion.sizes.v[0] / motion.sizes.q[0]
+    known = np.linalg.norm(np.array([[1, ratio], [0, 1]]), 2)
+    assert solution.verify().amplification == pytest.approx(known, rel=1e-9)
+
+
+# Roots --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("f", "low", "high", "root"),
+    [
+        (lambda x: x**3 - 2, 0.0, 2.0, 2 ** (1 / 3)),
+        (lambda x: np.exp(8 * x) - 2, -1.0, 1.0, np.log(2) / 8),
+        (lambda x: 1 - x, 0.0, 3.0, 1.0),
+        (lambda x: (x - 0.3) ** 9, 0.0, 1.0, 0.3),
+        (lambda x: -1.0 if x < 0.7 else 1.0, 0.0, 1.0, 0.7),
+    ],
+)
+def test_crossings_are_found(
+    f: Callable[[float], float], low: float, high: float, root: float
+) -> None:
+    calls = []
+
+    def counted(x: float) -> float:
+        calls.append(x)
+        return f(x)
+
+    found = crossing(counted, (low, f(low)), (high, f(high)), 1e-13)
+    assert found == pytest.approx(root, abs=1e-12)
+    assert len(calls) < 100 and all(low <= x <= high for x in calls)
