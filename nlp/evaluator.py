@@ -97,6 +97,13 @@ class Evaluator(ABC):
         """dd/dx, shape (n_in, n)."""
         return self.assembled.jacobian.matrix(self.slopes(x)[self.n :], self.n_eq)
 
+    def lagrangian_gradient(self, x: Array, y: Array, w: Array) -> Array:
+        """Gradient of f + y . c - w . d, shape (n,)."""
+        pattern, slopes = self.assembled.jacobian, self.slopes(x)
+        return slopes[: self.n] + pattern.transposed_times(
+            slopes[self.n :], np.concatenate([y, -w])
+        )
+
     def lagrangian_hessian(self, x: Array, y: Array, w: Array, sigma: float = 1.0) -> Matrix:
         """Upper triangle of the Hessian of sigma f + y . c - w . d, shape (n, n)."""
         values = self.program.curvatures(np.ascontiguousarray(x), np.concatenate([y, -w]), sigma)

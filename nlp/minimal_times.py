@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.evaluator import Matrix
@@ -86,6 +85,8 @@ class WithMinimalTimes(Transcription):
         )
 
     def inequality_jacobian(self, x: Array) -> Matrix:
+        import scipy.sparse
+
         rows = super().inequality_jacobian(x)
         # Zeros stay in the pattern, which is analysed once.
         times = [self._sorted[i] for i in self._phases]
@@ -98,7 +99,16 @@ class WithMinimalTimes(Transcription):
             (self.inequality_slopes(x), indices, indptr), shape=(self.n_in, self.n)
         )
 
+    def lagrangian_gradient(self, x: Array, y: Array, w: Array) -> Array:
+        rest = self.rows.n_in
+        found = super().lagrangian_gradient(x, y, w[:rest])
+        for i, weight in zip(self._phases, w[rest:], strict=True):
+            found[self._sorted[i]] -= weight * self._reserve(x, i)[1]
+        return found
+
     def lagrangian_hessian(self, x: Array, y: Array, w: Array, sigma: float = 1.0) -> Matrix:
+        import scipy.sparse
+
         rest = self.rows.n_in
         found = super().lagrangian_hessian(x, y, w[:rest], sigma)
         for i, weight in zip(self._phases, w[rest:], strict=True):

@@ -55,7 +55,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     nlp = Transcription(problem)
     y, w, z = given_multipliers(nlp, multipliers)
     # Solvers leave out fixed unknowns: their multipliers make the Lagrangian stationary.
-    slope = nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w
+    slope = nlp.lagrangian_gradient(x, y, w)
     z = np.where(nlp.lower == nlp.upper, slope, z)
     named = {**multipliers, "bounds": z}
     values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.tables import Index
+
+if TYPE_CHECKING:
+    import scipy.sparse
 
 
 class SparsePattern:
@@ -54,6 +57,8 @@ class SparsePattern:
         self, values: Array, first: int = 0, last: int | None = None
     ) -> scipy.sparse.csr_matrix:
         """Return rows first to last with the given values of all entries."""
+        import scipy.sparse  # here, because the compiled method does without SciPy
+
         last = self.shape[0] if last is None else last
         a, b = self.indptr[first], self.indptr[last]
         matrix = scipy.sparse.csr_matrix((last - first, self.shape[1]))
@@ -64,3 +69,8 @@ class SparsePattern:
         )
         matrix.has_canonical_format = True
         return matrix
+
+    def transposed_times(self, values: Array, y: Array) -> Array:
+        """A' y of the matrix A with the given values of all entries."""
+        weights = values * np.repeat(y, np.diff(self.indptr))
+        return np.bincount(self.indices, weights, self.shape[1]).astype(float)

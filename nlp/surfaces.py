@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
 import numpy as np
-from scipy.optimize import brentq
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.problem import Problem
@@ -18,6 +21,9 @@ EQUALLY_FAR = 1e-6
 # Where a surface is looked for along a coordinate, in reaches: how far, at how many places, and
 # where searches begin again.
 FARTHEST, SAMPLES = 4.0, 257
+# Share of a reach to which a root is found there, and bracketings until then: each halves the
+# bracket at least.
+ROOT, BRACKETINGS = 1e-15, 100
 OUTWARD = (0.1, -0.1, 0.3, -0.3, 1.0, -1.0, 2.0, -2.0)
 
 
@@ -76,11 +82,43 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
         crossed = np.flatnonzero(gaps[1:] * gaps[0] <= 0)
         if len(crossed):
             k = int(crossed[0]) + 1
-            root = float(
-                brentq(gap, places[k - 1], places[k], xtol=1e-15 * problem.reach[j], rtol=1e-14)
-            )
+            root = _root(gap, float(places[k - 1]), float(places[k]), ROOT * problem.reach[j])
             found.append(q + root * (np.arange(problem.nq) == j))
     return found
+
+
+def _root(value: Callable[[float], float], low: float, high: float, enough: float) -> float:
+    """A root between two places with values of different signs, by C. Ridders' method (IEEE
+    Transactions on Circuits and Systems 26 (1979) 979-980), which is exact where the value is
+    linear."""
+    f_low, f_high = value(low), value(high)
+    best = (abs(f_low), low) if abs(f_low) < abs(f_high) else (abs(f_high), high)
+    for _ in range(BRACKETINGS):
+        middle = (low + high) / 2
+        if not best[0] or abs(high - low) <= enough or middle in (low, high):
+            break
+        f_middle = value(middle)
+        turned = (
+            math.copysign(1.0, f_low)
+            * f_middle
+            / math.hypot(f_middle, math.sqrt(abs(f_low)) * math.sqrt(abs(f_high)))
+        )
+        place = middle + (middle - low) * turned
+        f_place = value(place)
+        best = min(best, (abs(f_middle), middle), (abs(f_place), place))
+        ends = sorted(
+            [(low, f_low), (middle, f_middle), (place, f_place), (high, f_high)],
+            reverse=high < low,
+        )
+        (low, f_low), (high, f_high) = next(
+            ((a, b) for a, b in pairwise(ends) if _cross(a[1], b[1])), (ends[0], ends[-1])
+        )
+    return best[1]
+
+
+def _cross(a: float, b: float) -> bool:
+    """Whether zero lies between two values; their product may vanish by underflow."""
+    return min(a, b) <= 0 <= max(a, b)
 
 
 def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:

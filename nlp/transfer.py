@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from dmoc.codegen.kernels import Array
 from dmoc.discretisation import FORMS
@@ -29,6 +28,15 @@ class Piece:
     t_u: Array
     u: Array
 
+    def positions(self, t: Array) -> Array:
+        """The cubics through the nodes, with their velocities, at times of shape (n,)."""
+        k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        h = (self.t[k + 1] - self.t[k])[:, None]
+        s = (t - self.t[k])[:, None] / h
+        q_k, q_kp1, v_k, v_kp1 = self.q[k], self.q[k + 1], self.v[k], self.v[k + 1]
+        bent = (1 - s) * (h * v_k + q_k - q_kp1) + s * (q_kp1 - q_k - h * v_kp1)
+        return np.asarray(q_k + s * (q_kp1 - q_k) + s * (1 - s) * bent)
+
 
 def pieces_of(trajectory: Trajectory) -> list[Piece]:
     return [
@@ -44,10 +52,10 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     x = np.zeros(lay.size)
     nodes, inside, inputs, times = [], [], [], []
     for piece, steps in zip(pieces, lay.steps, strict=True):
-        curve = CubicHermiteSpline(piece.t, piece.q, piece.v)
         t = np.linspace(piece.t[0], piece.t[-1], steps + 1)
-        nodes.append(curve(t))
-        inside.append(curve(lay.scheme.within(t[:-1], t[1:])).reshape(steps, -1))
+        nodes.append(piece.positions(t))
+        within = lay.scheme.within(t[:-1], t[1:])
+        inside.append(piece.positions(within.ravel()).reshape(steps, -1))
         times.append(t)
         at = _times_of_inputs(lay.form.name, t)
         columns = [np.interp(at, piece.t_u, u) for u in piece.u.T]

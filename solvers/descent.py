@@ -194,12 +194,7 @@ class Descent:
         eliminated unknowns."""
         nlp, parts = self.nlp, self.parts
         self.y[parts.used_rows] = 0.0
-        slope = (
-            nlp.cost_gradient(x)
-            + nlp.equality_jacobian(x).T @ self.y
-            - nlp.inequality_jacobian(x).T @ self.w
-            - self.bound_force
-        )
+        slope = nlp.lagrangian_gradient(x, self.y, self.w) - self.bound_force
         self.y[parts.used_rows] = self.elimination.multipliers(slope, reduced.factors)
 
     # Equations ------------------------------------------------------------------------------------

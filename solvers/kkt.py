@@ -42,7 +42,7 @@ def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
     """Return the residuals of L = f + y . c - w . d - z . x with bounds on x."""
     free = nlp.lower < nlp.upper
     z = np.where(free, duals.z, 0.0)
-    slope = np.where(free, _slope(nlp, x, duals.y, duals.w) - z, 0.0)
+    slope = np.where(free, nlp.lagrangian_gradient(x, duals.y, duals.w) - z, 0.0)
     # Steepness matters in proportion to how far an unknown can usefully move.
     reach = np.where(np.isin(np.arange(nlp.n), nlp.layout.index_h), np.abs(x), 1.0)
     products = np.concatenate([duals.w * nlp.inequality(x), z * _distance(nlp, x, z)])
@@ -59,19 +59,13 @@ def residuals(nlp: Transcription, x: Array, duals: Duals) -> Residuals:
 def with_bounds(nlp: Transcription, x: Array, y: Array, w: Array) -> Duals:
     """Complete the multipliers of a method that has none for bounds: the slope at a bound, where
     it points out of the feasible set."""
-    slope = _slope(nlp, x, y, w)
+    slope = nlp.lagrangian_gradient(x, y, w)
     size = np.maximum(1.0, np.abs(x))
     with np.errstate(invalid="ignore"):
         held = ((x - nlp.lower <= ACTIVE * size) & (slope > 0)) | (
             (nlp.upper - x <= ACTIVE * size) & (slope < 0)
         )
     return Duals(y, w, np.where(held, slope, 0.0))
-
-
-def _slope(nlp: Transcription, x: Array, y: Array, w: Array) -> Array:
-    return np.asarray(
-        nlp.cost_gradient(x) + nlp.equality_jacobian(x).T @ y - nlp.inequality_jacobian(x).T @ w
-    )
 
 
 def violation(nlp: Transcription, x: Array) -> float:

@@ -95,7 +95,7 @@ def _newton_step(
     A, G = nlp.equality_jacobian(x), nlp.inequality_jacobian(x)[rows]
     upper = nlp.lagrangian_hessian(x, y, w)
     H = (upper + scipy.sparse.triu(upper, 1).T).tocsr()
-    slope = nlp.cost_gradient(x) + A.T @ y - G.T @ w[rows]
+    slope = nlp.lagrangian_gradient(x, y, w)
     A, G, H = A[:, free], G[:, free], H[free][:, free]
     system = scipy.sparse.bmat([[H, A.T, -G.T], [A, None, None], [G, None, None]], format="csc")
     right = -np.concatenate([slope[free], nlp.equality(x), nlp.inequality(x)[rows]])

@@ -15,6 +15,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.guess import initial_guesses, natural_time
+from dmoc.nlp.march import Planner
 from dmoc.nlp.motions import random_motions
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.readout import trajectory
@@ -151,7 +152,7 @@ def _minima(
     coarse = problem.but(steps=_coarse_steps(problem))
     guesses = [g.x for g in initial_guesses(coarse, deadline)]
     programs = Programs(coarse, scale_of(coarse, guesses[0]))
-    natural = natural_time(coarse)
+    natural = natural_time(Planner.of(coarse))
     few = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
     if starts is None:
         ends = [FIRST, ALL, MORE]

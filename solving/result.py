@@ -5,16 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from dmoc.nlp.active import active_bounds
 from dmoc.nlp.readout import named_multipliers, singular_at, trajectory
-from dmoc.simulation.check import Verification
-from dmoc.simulation.motion import OutOfTimeError
 from dmoc.solution import Solution
 from dmoc.solvers.kkt import duality_gap
 from dmoc.solvers.outcome import Status
 from dmoc.solving.attempts import Attempt
 from dmoc.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from dmoc.simulation.check import Verification
 
 
 def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> Solution:
@@ -74,6 +76,8 @@ def without_effect(motion: Trajectory) -> str:
 def checked(solution: Solution, seconds: float | None = None) -> Solution:
     """The solution with the result of the independent simulation; one that it contradicts is not
     verified."""
+    from dmoc.simulation.motion import OutOfTimeError
+
     start = time.perf_counter()
     try:
         check = solution.verify(seconds=seconds)

@@ -54,11 +54,7 @@ def pays(nlp: Transcription, outcome: Outcome) -> bool:
     that dJ/ds = e y + (1 + e) dL/dlam / (n . M^-1 n) with the multiplier y of gamma = 0.
     """
     lay, x, duals = nlp.layout, outcome.x, outcome.duals
-    slope = (
-        nlp.cost_gradient(x)
-        + nlp.equality_jacobian(x).T @ duals.y
-        - nlp.inequality_jacobian(x).T @ duals.w
-    )
+    slope = nlp.lagrangian_gradient(x, duals.y, duals.w)
     y, model = nlp.physical(x), nlp.problem.model
     times = lay.times(y)
     for i in np.flatnonzero(nlp.law.touching):

@@ -9,11 +9,16 @@ import sys
 import threading
 
 INTERRUPTED = 130
+# Of NumPy's linear algebra, in this process and its workers: starting threads for it takes longer
+# than all it is asked for.
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 def main() -> None:
     """Run the command line; while its modules load and after its end, Ctrl-C leaves at once and
     without a traceback."""
+    for name, threads in ONE_THREAD.items():
+        os.environ.setdefault(name, threads)
     listening = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     try:
         if listening:

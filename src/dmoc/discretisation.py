@@ -5,22 +5,25 @@ A step carries a polynomial of degree d through its d + 1 Lobatto nodes, and int
 taken at its d Gauss points, which gives order 2 d (S. Ober-Bloebaum, N. Saake: Construction and
 analysis of higher order Galerkin variational integrators. Advances in Computational Mathematics 41
 (2015) 955-986).
+
+NumPy is imported where it computes: what only shows the table, as ``dmoc --help`` does, starts
+without it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, TypeAlias
 
-import numpy as np
-from numpy.polynomial import legendre
-from numpy.typing import NDArray
-
-from dmoc.arguments import shown
 from dmoc.errors import ModelError
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array: TypeAlias = NDArray[np.float64]
+    Index: TypeAlias = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -42,10 +45,14 @@ class InputForm:
 
     def starts(self, steps: int) -> Index:
         """Row of u at the start of each step of a phase, shape (steps,)."""
+        import numpy as np
+
         return self.stride * np.arange(steps)
 
     def times(self, t: Array) -> Array:
         """Times that the rows of u of a phase with nodes at t stand for, shape (rows,)."""
+        import numpy as np
+
         found = np.empty(self.rows(len(t) - 1))
         at = self.starts(len(t) - 1)
         found[at], found[at + self.width] = t[:-1], t[1:]
@@ -91,6 +98,9 @@ class Discretisation:
     @cached_property
     def nodes(self) -> Array:
         """Places of the nodes in [0, 1]: first, last, inside; shape (degree + 1,)."""
+        import numpy as np
+        from numpy.polynomial import legendre
+
         series = np.zeros(self.degree + 1)
         series[-1] = 1.0
         inside = np.sort(np.real(legendre.legroots(legendre.legder(series))))
@@ -100,10 +110,14 @@ class Discretisation:
     def shapes(self) -> Array:
         """Shape functions of the nodes: row a holds the coefficients of 1, x, x^2, ...
         on [0, 1]."""
+        import numpy as np
+
         return np.asarray(np.linalg.inv(np.vander(self.nodes, increasing=True)).T.copy())
 
     def within(self, start: Array, end: Array) -> Array:
         """Values inside each step of what is linear in it, shape (steps, inside, ...)."""
+        import numpy as np
+
         share = self.nodes[2:].reshape(-1, *(1,) * (np.ndim(start) - 1))
         start, end = np.asarray(start)[:, None], np.asarray(end)[:, None]
         return np.asarray(start + share * (end - start))
@@ -123,6 +137,10 @@ ORDERS_SHOWN = ", ".join(map(str, ORDERS))
 
 def known_order(order: int) -> int:
     """The order of a discretisation that there is; raise ModelError for what is none."""
+    import numpy as np
+
+    from dmoc.arguments import shown
+
     whole = isinstance(order, (int, np.integer)) and not isinstance(order, bool)
     if not whole or order not in ORDERS:
         raise ModelError(f"order = {shown(order)}: expected one of {ORDERS_SHOWN}.")

@@ -57,6 +57,17 @@ def file(tmp_path: Path) -> Callable[[str], str]:
     return write
 
 
+def test_help_is_shown_without_loading_numpy() -> None:
+    code = (
+        "import sys, dmoc.cli; sys.argv = ['dmoc', '--help']\n"
+        "try: dmoc.cli.main()\n"
+        "except SystemExit: print(sorted({'numpy', 'scipy', 'sympy', 'sqlite3', 'matplotlib', "
+        "'multiprocessing'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "Usage: dmoc" in done.stdout and done.stdout.splitlines()[-1] == "[]"
+
+
 def test_solve_prints_the_json_alone(run: Run) -> None:
     command = (
         "solve cart_pendulum --steps 100 --final-time 1.0 --sequence left --method slsqp --json -"

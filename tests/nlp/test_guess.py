@@ -190,6 +190,9 @@ def test_the_program_with_minimal_times_has_the_derivatives_of_its_differences(
     np.testing.assert_allclose(
         slopes, differences(nlp.inequality), rtol=1e-5, atol=1e-5 * np.abs(slopes).max()
     )
+    np.testing.assert_allclose(
+        nlp.lagrangian_gradient(x, np.zeros(nlp.n_eq), w), nlp.cost_gradient(x) - slopes.T @ w
+    )
     upper = nlp.lagrangian_hessian(x, np.zeros(nlp.n_eq), w, sigma=0.0).toarray()
     wanted = differences(lambda x: -nlp.inequality_jacobian(x).T @ w)
     np.testing.assert_allclose(

@@ -169,6 +169,19 @@ def test_first_derivatives_equal_differences(nlp: Transcription) -> None:
         )
 
 
+def test_gradient_of_the_lagrangian_is_the_sum_of_its_parts(nlp: Transcription) -> None:
+    rng = np.random.default_rng(2)
+    x, y, w = point(nlp, rng), rng.normal(size=nlp.n_eq), rng.normal(size=nlp.n_in)
+    parts = [
+        nlp.cost_gradient(x),
+        nlp.equality_jacobian(x).toarray().T @ y,
+        -nlp.inequality_jacobian(x).toarray().T @ w,
+    ]
+    size = np.abs(parts).max()
+    found = nlp.lagrangian_gradient(x, y, w)
+    np.testing.assert_allclose(found, sum(parts), rtol=0, atol=1e-13 * size)
+
+
 def test_hessian_of_the_lagrangian_equals_differences(nlp: Transcription) -> None:
     rng = np.random.default_rng(1)
     x = point(nlp, rng)

@@ -34,6 +34,17 @@ def test_the_list_is_read_without_loading_a_solver() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_a_solve_with_the_compiled_method_imports_no_scipy() -> None:
+    code = (
+        "import sys, dmoc; from dmoc.registry import find; r = find('cart_pendulum'); s = "
+        "dmoc.solve(dmoc.Problem(r.kernels(), **r.defaults), 'ipm', verify=False); assert s.solved;"
+        "print(sorted({'scipy', 'sympy', 'matplotlib', 'sqlite3', 'rich', 'typer', "
+        "'multiprocessing'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 @pytest.mark.parametrize(
     ("check", "error"), [(dmoc.solve, ProblemError), (dmoc.search, SearchError)]
 )
