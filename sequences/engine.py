@@ -21,10 +21,11 @@ from dmoc.nlp.problem import Problem
 from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node, Verdict
-from dmoc.sequences.pool import NoMoreWork, Processes, Workers, here, in_executor
+from dmoc.sequences.pool import Processes, Workers, here, in_executor
 from dmoc.sequences.settings import Settings, check, shortest_of, surfaces_of
 from dmoc.sequences.tree import Tree
 from dmoc.solving.methods import SEARCHING
+from dmoc.solving.workers import NoMoreWork
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

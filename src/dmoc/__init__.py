@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dmoc.batch import Batch
     from dmoc.errors import DmocError
     from dmoc.nlp.problem import Problem
     from dmoc.registry import build, load
@@ -17,13 +18,16 @@ if TYPE_CHECKING:
     from dmoc.simulation.check import verify
     from dmoc.simulation.forward import simulate
     from dmoc.solution import Solution
+    from dmoc.solving.many import solve_many
     from dmoc.solving.sensitivity import sensitivities
     from dmoc.solving.solve import solve
+    from dmoc.solving.sweep import sweep
     from dmoc.symbolic.derivation import derive
     from dmoc.symbolic.system import MechanicalSystem
 
 __version__ = "0.1.0"
 __all__ = [
+    "Batch",
     "DmocError",
     "MechanicalSystem",
     "Problem",
@@ -35,10 +39,13 @@ __all__ = [
     "sensitivities",
     "simulate",
     "solve",
+    "solve_many",
+    "sweep",
     "verify",
 ]
 
 _PLACES = {
+    "Batch": "dmoc.batch",
     "DmocError": "dmoc.errors",
     "MechanicalSystem": "dmoc.symbolic.system",
     "Problem": "dmoc.nlp.problem",
@@ -50,6 +57,8 @@ _PLACES = {
     "sensitivities": "dmoc.solving.sensitivity",
     "simulate": "dmoc.simulation.forward",
     "solve": "dmoc.solving.solve",
+    "solve_many": "dmoc.solving.many",
+    "sweep": "dmoc.solving.sweep",
     "verify": "dmoc.simulation.check",
 }
 

@@ -1,0 +1,329 @@
+"""Solve many problems: in this process, in processes of this machine, or in any executor."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from inspect import signature
+from typing import Any
+
+import numpy as np
+
+from dmoc.arguments import choice, flag, function, positive, shown, whole
+from dmoc.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
+from dmoc.codegen.kernels import Array
+from dmoc.errors import DmocError, ProblemError
+from dmoc.nlp.problem import Problem
+from dmoc.solution import Solution
+from dmoc.solvers.outcome import Status
+from dmoc.solving.methods import METHODS, SEARCHING
+from dmoc.solving.solve import solve
+from dmoc.solving.starts import Given
+
+# Problems that travel to a worker together, at most; with fewer problems, each worker gets so many
+# shares of them, so that none waits long for the last.
+TOGETHER, SHARES = 16, 4
+MOST_WORKERS = 1000
+# Arguments of a solve that are the same for all problems.
+OPTIONS = {*signature(solve).parameters} - {
+    "problem", "method", "guess", "seconds", "progress", "reference",
+}  # fmt: skip
+# Seconds that answers may take to arrive after the limit, which the workers keep themselves.
+UNDER_WAY = 5.0
+INTERRUPTED, NO_TIME = "Ctrl-C came before its turn", "the time was used up before its turn"
+
+
+@dataclass(frozen=True)
+class BatchProgress:
+    """How far a batch is: problems done and in all, counts of statuses, seconds."""
+
+    done: int
+    total: int
+    counts: dict[str, int]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a batch keeps of one problem, the one of a number."""
+
+    number: int
+    status: str
+    message: str
+    cost: float = np.nan
+    final_time: float = np.nan
+    collisions: tuple[str, ...] = ()
+    times: tuple[float, ...] = ()
+    impulses: tuple[float, ...] = ()
+    iterations: int = 0
+    check: str = ""
+    seconds: float = 0.0
+    solution: Solution | None = None
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How the problems shall be solved."""
+
+    method: str
+    guess: Given
+    keep: bool
+    options: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Share:
+    """Problems that travel together, by number, or the errors that stand in their place, and the
+    time of the clock (``time.time``, which machines have in common) until which they may take."""
+
+    problems: tuple[tuple[int, Problem | DmocError], ...]
+    setting: Setting
+    until: float
+    attempts: int = 1
+
+    @property
+    def left(self) -> float:
+        """Seconds that are left."""
+        return self.until - time.time()
+
+
+def solve_many(
+    problems: Iterable[Problem],
+    method: str = SEARCHING,
+    *,
+    workers: int = 1,
+    executor: Executor | None = None,
+    guess: Solution | Array | None = None,
+    keep: bool = False,
+    seconds: float | None = None,
+    progress: Callable[[BatchProgress], None] | None = None,
+    **options: Any,
+) -> Batch:
+    """Solve many problems, each as :func:`dmoc.solve` does, and check each solution by simulation.
+
+    Parameters
+    ----------
+    problems : iterable of Problem
+    method : str
+        As in :func:`dmoc.solve`.
+    workers : int
+        Processes of this machine; in a script more than one need
+        ``if __name__ == "__main__":``.  They are processes because most of a small problem is
+        Python, which runs in one thread at a time.
+    executor : concurrent.futures.Executor, optional
+        Where problems are solved instead: ``Client(...).get_executor()`` of dask.distributed, or a
+        ``ThreadPoolExecutor`` for large problems, whose compiled solves run side by side.
+    guess : Solution or array, optional
+        Where all start; by default each from its automatic guess.  The solution of a nominal
+        problem spares the guess and most iterations, and leads to minima of the same kind.
+    keep : bool
+        Keep every solution, not only its row.
+    seconds : float, optional
+        Limit of all together; what is not done then is "not_tried".
+    progress : callable, optional
+        Called with a :class:`BatchProgress` whenever problems are done.
+    **options
+        Further arguments of :func:`dmoc.solve`: tolerance, verify, iterations and others.
+
+    Returns
+    -------
+    Batch
+        Rows in the order of the problems.  An error of one problem is its message; Ctrl-C keeps the
+        rows so far.
+
+    Raises
+    ------
+    ProblemError
+        If an argument does not fit.
+    """
+    given = list(problems)
+    for i, problem in enumerate(given):
+        if not isinstance(problem, Problem):
+            raise ProblemError(
+                f"problems has {shown(problem)} at place {i}: expected Problems, as "
+                "dmoc.Problem(system, start=..., ...) states them."
+            )
+    setting = Setting(method, guess, keep, options)
+    return batch_of(given, {}, setting, workers, executor, seconds, progress)
+
+
+def batch_of(
+    problems: Sequence[Problem | DmocError],
+    given: Mapping[str, Array],
+    setting: Setting,
+    workers: int,
+    executor: Executor | None,
+    seconds: float | None,
+    progress: Callable[[BatchProgress], None] | None,
+) -> Batch:
+    """Solve problems; an error in the place of one is its row."""
+    choice(setting.method, "method", tuple(METHODS))
+    workers = whole(workers, "workers", 1, MOST_WORKERS)
+    flag(setting.keep, "keep")
+    function(progress, "progress")
+    if seconds is not None:
+        seconds = positive(seconds, "seconds", "expected a positive time limit, or None")
+    for name, value in setting.options.items():
+        if name not in OPTIONS:
+            raise ProblemError(
+                f"{name} = {shown(value)} is no argument of solve_many; of solve it takes "
+                f"{', '.join(sorted(OPTIONS))}."
+            )
+    begin, rows = time.monotonic(), dict[int, Row]()
+    until = np.inf if seconds is None else time.time() + seconds
+    reason = NO_TIME
+    with ExitStack() as stack:
+        try:
+            for found in _answers(problems, setting, workers, executor, until, stack):
+                rows |= {row.number: row for row in found}
+                if any(row.status == Status.INTERRUPTED for row in found):
+                    raise KeyboardInterrupt
+                if progress is not None:
+                    counts = dict(Counter(row.status for row in rows.values()))
+                    spent = time.monotonic() - begin
+                    progress(BatchProgress(len(rows), len(problems), counts, spent))
+        except KeyboardInterrupt:
+            reason = INTERRUPTED
+        except _Broken as error:
+            reason = str(error)
+    whole_rows = [rows.get(i, Row(i, NOT_TRIED, reason)) for i in range(len(problems))]
+    kept = [_with_kernels(r, p) for r, p in zip(whole_rows, problems, strict=True)]
+    return _table(kept, given, setting, time.monotonic() - begin)
+
+
+class _Broken(Exception):  # noqa: N818 - it loses nothing
+    """The caller's executor takes no more work."""
+
+
+def _answers(
+    problems: Sequence[Problem | DmocError],
+    setting: Setting,
+    workers: int,
+    executor: Executor | None,
+    until: float,
+    stack: ExitStack,
+) -> Iterator[list[Row]]:
+    """Rows as they come."""
+    numbered = list(enumerate(problems))
+    if executor is None and workers == 1:
+        yield from (solve_share(Share((one,), setting, until)) for one in numbered)
+        return
+    # multiprocessing is loaded for those alone who need it
+    from dmoc.solving.workers import NoMoreWork, Processes, Work, in_executor
+
+    size = TOGETHER if executor is not None else len(numbered) // (SHARES * workers) + 1
+    size = min(size, TOGETHER)
+    shares = [
+        Share(tuple(numbered[i : i + size]), setting, until) for i in range(0, len(numbered), size)
+    ]
+    work = Work(solve_share, _lost, _again, lambda share: share.left)
+    deadline = time.monotonic() + until - time.time() + UNDER_WAY
+    if executor is None:
+        processes = Processes(workers)
+        stack.callback(processes.stop)
+        yield from processes.answers(work, shares, deadline)
+        return
+    try:
+        yield from in_executor(work, executor, shares, deadline)
+    except NoMoreWork as error:
+        raise _Broken(f"the executor takes no more work ({error})") from None
+
+
+def solve_share(share: Share) -> list[Row]:
+    """Solve the problems of a share one after the other, in any process."""
+    rows: list[Row] = []
+    for number, problem in share.problems:
+        left = share.left
+        if left <= 0:
+            break
+        rows.append(_row(number, problem, share.setting, left))
+        if rows[-1].status == Status.INTERRUPTED:
+            break
+    return rows
+
+
+def _row(number: int, problem: Problem | DmocError, setting: Setting, left: float) -> Row:
+    begin = time.perf_counter()
+    try:
+        if isinstance(problem, DmocError):
+            raise problem
+        seconds = None if np.isinf(left) else left
+        found = solve(
+            problem, setting.method, guess=setting.guess, seconds=seconds, **setting.options
+        )
+    except KeyboardInterrupt:
+        return Row(number, Status.INTERRUPTED, Status.INTERRUPTED.sentence)
+    except DmocError as error:
+        return Row(number, REFUSED, str(error), seconds=time.perf_counter() - begin)
+    except Exception as error:
+        return Row(number, FAILED, f"{type(error).__name__}: {error}")
+    checked = found.verification
+    return Row(
+        number,
+        str(found.status),
+        found.message,
+        found.cost,
+        found.final_time,
+        tuple(c.surface for c in found.collisions),
+        tuple(c.time for c in found.collisions),
+        tuple(c.impulse for c in found.collisions),
+        found.iterations,
+        "" if checked is None else "passed" if checked["passed"] else "failed",
+        time.perf_counter() - begin,
+        # travels without the kernels, which the caller has
+        replace(found, kernels=None) if setting.keep else None,
+    )
+
+
+def _lost(share: Share, why: str) -> list[Row]:
+    return [Row(number, FAILED, why) for number, _ in share.problems]
+
+
+def _again(share: Share, rows: Sequence[Row]) -> list[Share]:
+    """Each problem of a share whose worker was lost once more, alone."""
+    if share.attempts > 1 or not rows or any(row.status != FAILED for row in rows):
+        return []
+    return [replace(share, problems=(one,), attempts=2) for one in share.problems]
+
+
+def _with_kernels(row: Row, problem: Problem | DmocError) -> Row:
+    if row.solution is None or isinstance(problem, DmocError):
+        return row
+    return replace(row, solution=replace(row.solution, kernels=problem.kernels))
+
+
+def _table(
+    rows: Sequence[Row], given: Mapping[str, Array], setting: Setting, seconds: float
+) -> Batch:
+    most = max((len(row.times) for row in rows), default=0)
+
+    def filled(name: str) -> Array:
+        found = np.full((len(rows), most), np.nan)
+        for line, row in zip(found, rows, strict=True):
+            values = getattr(row, name)
+            line[: len(values)] = values
+        return found
+
+    def numbers(name: str) -> Array:
+        return np.array([getattr(row, name) for row in rows], dtype=float)
+
+    return Batch(
+        given=given,
+        status=tuple(row.status for row in rows),
+        message=tuple(row.message for row in rows),
+        cost=numbers("cost"),
+        final_time=numbers("final_time"),
+        collisions=tuple(APART.join(row.collisions) for row in rows),
+        collision_times=filled("times"),
+        impulses=filled("impulses"),
+        iterations=numbers("iterations"),
+        check=tuple(row.check for row in rows),
+        seconds=numbers("seconds"),
+        method=setting.method,
+        total_seconds=seconds,
+        solutions=tuple(row.solution for row in rows) if setting.keep else (),
+    )

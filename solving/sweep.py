@@ -1,0 +1,145 @@
+"""A problem solved over a grid of values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from dmoc.arguments import check_known, is_number, listed
+from dmoc.batch import Batch
+from dmoc.codegen.kernels import Array
+from dmoc.errors import DmocError, ProblemError
+from dmoc.mechanics.values import by_name
+from dmoc.nlp.problem import Problem
+from dmoc.solution import Solution
+from dmoc.solving.many import BatchProgress, Setting, batch_of
+from dmoc.solving.methods import SEARCHING
+from dmoc.solving.sensitivity import check_problem
+
+MOST_PROBLEMS = 1_000_000
+# Columns of what is not a parameter say where it belongs.
+WHERE = {"parameters": "", "start": "start ", "goal": "goal ", "bounds": "bounds "}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Values of one entry of a mapping of the problem."""
+
+    field: str
+    name: str
+    values: tuple[Any, ...]
+
+    @property
+    def column(self) -> str:
+        return WHERE[self.field] + self.name
+
+
+def sweep(
+    problem: Problem,
+    parameters: Mapping[Any, Sequence[float]] | None = None,
+    *,
+    start: Mapping[Any, Sequence[Any]] | None = None,
+    goal: Mapping[Any, Sequence[Any]] | None = None,
+    bounds: Mapping[Any, Sequence[Any]] | None = None,
+    method: str = SEARCHING,
+    workers: int = 1,
+    executor: Executor | None = None,
+    guess: Solution | Array | None = None,
+    keep: bool = False,
+    seconds: float | None = None,
+    progress: Callable[[BatchProgress], None] | None = None,
+    **options: Any,
+) -> Batch:
+    """Solve a problem for every combination of some values.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is not varied.
+    parameters, start, goal, bounds : mapping of name to list of values, optional
+        What is varied, as in :class:`~dmoc.Problem`; the last one varies fastest.  Each is a column
+        of ``given``: parameters under their name, others as "start alpha"; a pair (lower, upper)
+        counts as its upper value, or as its lower one if that is None.
+    method, workers, executor, guess, keep, seconds, progress, **options
+        As in :func:`dmoc.solve_many`.
+
+    Returns
+    -------
+    Batch
+        ``plot`` draws it over one or two values.  A combination that is no problem is "refused",
+        and its message says why.
+
+    Raises
+    ------
+    ProblemError
+        If an argument does not fit.
+    """
+    check_problem(problem)
+    given = {"parameters": parameters, "start": start, "goal": goal, "bounds": bounds}
+    axes = [axis for field, values in given.items() for axis in _axes(problem, field, values or {})]
+    if not axes:
+        raise ProblemError(
+            "nothing is varied: give values, such as parameters={'l': [0.4, 0.5, 0.6]}."
+        )
+    count = math.prod(len(axis.values) for axis in axes)
+    if count > MOST_PROBLEMS:
+        raise ProblemError(
+            f"the sweep has {count} problems: expected at most {MOST_PROBLEMS}; take fewer values."
+        )
+    grid = list(product(*(axis.values for axis in axes)))
+    columns = {
+        axis.column: np.array([_number(values[i]) for values in grid])
+        for i, axis in enumerate(axes)
+    }
+    problems = [_problem(problem, axes, values) for values in grid]
+    setting = Setting(method, guess, keep, options)
+    return batch_of(problems, columns, setting, workers, executor, seconds, progress)
+
+
+def _axes(problem: Problem, field: str, given: Mapping[Any, Sequence[Any]]) -> list[Axis]:
+    """What is varied of one field."""
+    kernels = problem.kernels
+    known, what = {
+        "parameters": (kernels.parameters, "parameter"),
+        "start": (problem.states, "state"),
+        "goal": (problem.states, "state"),
+        "bounds": ([*kernels.inputs, *kernels.coordinates], "input or coordinate"),
+    }[field]
+    axes = []
+    for name, values in by_name(given, field).items():
+        check_known(name, known, what, f"in {field}")
+        entries = listed(values, f"{field} of {name}", "values")
+        if not entries:
+            raise ProblemError(f"{field} of {name} has no values: give at least one.")
+        axes.append(Axis(field, name, tuple(entries)))
+    return axes
+
+
+def _problem(problem: Problem, axes: Sequence[Axis], values: Sequence[Any]) -> Problem | DmocError:
+    """The problem with some values, or why there is none."""
+    fields: dict[str, dict[str, Any]] = {
+        axis.field: dict(getattr(problem, axis.field)) for axis in axes
+    }
+    for axis, value in zip(axes, values, strict=True):
+        fields[axis.field][axis.name] = value
+    try:
+        return problem.but(**fields)
+    except DmocError as error:
+        return error
+
+
+def _number(value: Any) -> float:
+    """A value as a table shows it."""
+    if is_number(value):
+        return float(value)
+    try:
+        low, high = value
+        return float(low if high is None else high)
+    except (TypeError, ValueError):
+        return math.nan

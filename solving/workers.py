@@ -1,0 +1,225 @@
+"""Workers for tasks of any kind: processes of this machine, or an executor of the caller; a worker
+that dies or hangs costs the tasks it may have had one attempt."""
+
+from __future__ import annotations
+
+import multiprocessing
+import multiprocessing.connection
+import os
+import signal
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from typing import Generic, TypeVar
+
+# A worker that is this many times over a task's limit hangs, and is stopped; seconds are added for
+# what the limit does not count.
+HANGS_AFTER, GRACE = 3.0, 30.0
+# Tasks that an executor of unknown size gets at a time.
+AHEAD = 16
+
+Task = TypeVar("Task")
+Answer = TypeVar("Answer")
+
+
+class NoMoreWork(Exception):  # noqa: N818 - it ends the work and loses nothing
+    """The caller's executor takes no more tasks."""
+
+
+@dataclass(frozen=True)
+class Work(Generic[Task, Answer]):
+    """What is done with tasks.
+
+    Attributes
+    ----------
+    do : callable
+        A task's answer, in whatever process; a function of a module, which travels by its name.
+    lost : callable
+        The answer of a task whose worker has failed, for a reason.
+    again : callable
+        What of a task is to be tried once more, from the task and its answer; nothing if the
+        answer stands.
+    seconds : callable
+        The limit of a task.
+    """
+
+    do: Callable[[Task], Answer]
+    lost: Callable[[Task, str], Answer]
+    again: Callable[[Task, Answer], Sequence[Task]]
+    seconds: Callable[[Task], float]
+
+    def most(self, task: Task) -> float:
+        """Seconds after which a worker hangs."""
+        return HANGS_AFTER * self.seconds(task) + GRACE
+
+    def late(self, task: Task) -> Answer:
+        return self.lost(task, f"the worker did not answer within {self.most(task):.0f} s")
+
+
+def in_executor(
+    work: Work[Task, Answer], executor: Executor, tasks: Sequence[Task], deadline: float
+) -> Iterator[Answer]:
+    """Answers from an executor of the caller, until a deadline on the monotonic clock; errors of
+    its workers, and answers that do not come, are taken as a failed attempt.
+
+    Raises
+    ------
+    NoMoreWork
+        If the executor takes no more tasks.
+    """
+    waiting, running = deque(tasks), dict[Future[Answer], Task]()
+    since: dict[Future[Answer], float] = {}
+    try:
+        while (waiting or running) and time.monotonic() < deadline:
+            while waiting and len(running) < AHEAD:
+                try:
+                    future = executor.submit(work.do, waiting[0])
+                except RuntimeError as error:  # shut down or broken
+                    raise NoMoreWork(str(error)) from None
+                running[future] = waiting.popleft()
+            done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
+            for future in list(running):
+                task = running[future]
+                if future in done:
+                    try:
+                        answer = future.result()
+                    except Exception as error:
+                        answer = work.lost(task, f"{type(error).__name__}: {error}")
+                elif future.running() and time.monotonic() - since.setdefault(
+                    future, time.monotonic()
+                ) > work.most(task):
+                    answer = work.late(task)
+                else:
+                    continue
+                del running[future]
+                again = work.again(task, answer)
+                waiting.extendleft(reversed(again))
+                if not again:
+                    yield answer
+    finally:
+        for future in running:
+            future.cancel()
+
+
+class Processes:
+    """Worker processes of this machine."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self.pool: ProcessPoolExecutor | None = None
+
+    def answers(
+        self, work: Work[Task, Answer], tasks: Sequence[Task], deadline: float
+    ) -> Iterator[Answer]:
+        """Answers until a deadline on the monotonic clock."""
+        waiting = deque(tasks)
+        # Were running when a worker died: one of them may be to blame, so each runs alone.
+        suspects: deque[Task] = deque()
+        running: dict[Future[Answer], tuple[Task, float]] = {}
+        while (waiting or suspects or running) and time.monotonic() < deadline:
+            broken = self._feed(work, waiting, suspects, running)
+            done, _ = (
+                wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
+                if running
+                else (set(), None)
+            )
+            for future in done:
+                task, _ = running.pop(future)
+                try:
+                    answer = future.result()
+                except BrokenProcessPool:
+                    broken = True
+                    answer = work.lost(task, "the worker process died")
+                except Exception as error:
+                    answer = work.lost(task, f"{type(error).__name__}: {error}")
+                again = work.again(task, answer)
+                suspects.extend(again)
+                if not again:
+                    yield answer
+            late = [
+                f
+                for f, (task, since) in running.items()
+                if time.monotonic() - since > work.most(task)
+            ]
+            if broken or late:
+                for future, (task, _) in running.items():
+                    again = (task,)
+                    if future in late:
+                        answer = work.late(task)
+                        again = tuple(work.again(task, answer))
+                        if not again:
+                            yield answer
+                    suspects.extend(again)
+                running.clear()
+                self.stop()
+
+    def _feed(
+        self,
+        work: Work[Task, Answer],
+        waiting: deque[Task],
+        suspects: deque[Task],
+        running: dict[Future[Answer], tuple[Task, float]],
+    ) -> bool:
+        """Give the workers something to do, suspects alone; whether the pool turns out to be
+        broken."""
+        alone = bool(suspects)
+        source = suspects if alone else waiting
+        while source and len(running) < (1 if alone else self.workers):
+            try:
+                # Also for ever in the worker processes that are started here.
+                with _interrupts_wait():
+                    running[self._workers().submit(work.do, source[0])] = (
+                        source[0],
+                        time.monotonic(),
+                    )
+            except BrokenProcessPool:  # a worker died between two tasks
+                return True
+            source.popleft()
+        return False
+
+    def _workers(self) -> ProcessPoolExecutor:
+        if self.pool is None:
+            context = multiprocessing.get_context("spawn")
+            self.pool = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_prepare)
+        return self.pool
+
+    def stop(self) -> None:
+        """End the workers at once."""
+        if self.pool is not None:
+            processes = list((self.pool._processes or {}).values())
+            self.pool.shutdown(wait=False, cancel_futures=True)
+            for process in processes:
+                process.kill()
+            self.pool = None
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Hold Ctrl-C back from this thread until the end, and from processes and threads that it
+    starts meanwhile."""
+    # it is started with the first worker, and until Python 3.12 that lets Ctrl-C through again
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _prepare() -> None:
+    """In a worker: Ctrl-C is the caller's business, and a worker does not outlive it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        multiprocessing.connection.wait([parent.sentinel])
+        os._exit(1)

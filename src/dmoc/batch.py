@@ -1,0 +1,205 @@
+"""The result of many solves: a table with one row for each."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.errors import MissingExtraError
+from dmoc.solvers.outcome import Status
+from dmoc.trajectory import Array
+from dmoc.writing import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from dmoc.solution import Solution
+
+# Beside the statuses of a solution: a problem that cannot be stated or solved as it is given, a
+# worker that died or hung, and what the time or the caller left no room for.
+REFUSED, FAILED, NOT_TRIED = "refused", "failed", "not_tried"
+STATUSES = (*map(str, Status), REFUSED, FAILED, NOT_TRIED)
+# What the simulation says of a motion; nothing where it was not asked.
+CHECKS = ("passed", "failed", "")
+APART = " "  # between the names of surfaces
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Results of :func:`dmoc.solve_many` and :func:`dmoc.sweep`, one row for each of n problems, in
+    their order.
+
+    Attributes
+    ----------
+    given : mapping of str to array, shape (n,)
+        What a sweep varies, by name; empty for other problems.
+    status : tuple of str
+        That of the solution, or "refused" (the problem cannot be stated or solved as it is given),
+        "failed" (its worker died or hung), "not_tried" (there was no time left, or Ctrl-C).
+    message : tuple of str
+        What happened and what helps, one sentence.
+    cost, final_time : array, shape (n,)
+        Of the last motion, a solution or not; NaN where there is none.  Seconds.
+    collisions : tuple of str
+        Surfaces in the order of the collisions, with spaces between them.
+    collision_times, impulses : array, shape (n, most collisions)
+        NaN where a problem has fewer.  Seconds; units of the model.
+    iterations : array, shape (n,)
+    check : tuple of str
+        What the independent simulation says: "passed", "failed", or "" where it was not asked.
+    seconds : array, shape (n,)
+        Time of each in its worker.
+    method : str
+    total_seconds : float
+        Time of all together.
+    solutions : tuple of Solution or None
+        Only with ``keep=True``; not part of files.
+    """
+
+    given: Mapping[str, Array]
+    status: tuple[str, ...]
+    message: tuple[str, ...]
+    cost: Array
+    final_time: Array
+    collisions: tuple[str, ...]
+    collision_times: Array
+    impulses: Array
+    iterations: Array
+    check: tuple[str, ...]
+    seconds: Array
+    method: str
+    total_seconds: float
+    solutions: tuple[Solution | None, ...] = field(default=(), repr=False)
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """Where a local minimum was found that nothing contradicts, shape (n,)."""
+        return np.array([s == Status.SOLVED for s in self.status], dtype=bool)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every problem was tried."""
+        return NOT_TRIED not in self.status
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many rows have each status."""
+        return dict(Counter(self.status))
+
+    def columns(self) -> dict[str, Sequence[Any]]:
+        """The table by columns: what is given, the results, a column for the time and the impulse
+        of each collision, and the message last."""
+        found: dict[str, Sequence[Any]] = {name: list(v) for name, v in self.given.items()}
+        found |= {"status": self.status, "cost": list(self.cost)}
+        found |= {"final_time": list(self.final_time), "collisions": self.collisions}
+        for i in range(self.collision_times.shape[1]):
+            found[f"time_{i + 1}"] = list(self.collision_times[:, i])
+            found[f"impulse_{i + 1}"] = list(self.impulses[:, i])
+        found["iterations"] = [int(n) for n in self.iterations]
+        return found | {"check": self.check, "seconds": list(self.seconds), "message": self.message}
+
+    def to_frame(self) -> Any:
+        """The table as a pandas DataFrame.
+
+        Raises
+        ------
+        MissingExtraError
+            If pandas is not installed.
+        """
+        try:
+            from pandas import DataFrame
+        except ModuleNotFoundError:
+            raise MissingExtraError(
+                "pandas is needed for a data frame: install it with `pip install pandas`, or take "
+                "columns()."
+            ) from None
+        return DataFrame(self.columns())
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write the table as comma-separated values, numbers in full, empty where there is none.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+        """
+        stream = io.StringIO()
+        columns = self.columns()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        for row in zip(*columns.values(), strict=True):
+            writer.writerow(map(_cell, row))
+        target = Path(path)
+        write_whole(target, stream.getvalue().encode())
+        return target
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the table, without solutions, to a file that :meth:`load` reads.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written, or the messages are more than it can hold.
+        """
+        from dmoc.batch_file import content_of
+
+        target = Path(path)
+        write_whole(target, content_of(self))
+        return target
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Batch:
+        """Read a file that :meth:`save` has written.
+
+        Raises
+        ------
+        SolutionFileError
+            If the file cannot be read, is damaged, or is something else.
+        """
+        from dmoc.batch_file import batch_in
+        from dmoc.solution_file import bytes_of
+
+        return batch_in(bytes_of(Path(path)), str(path))
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Draw a sweep over one or two values: the cost and the times of collisions over the value,
+        or a map of the cost; write the figure if a path is given.
+
+        Raises
+        ------
+        ProblemError
+            If this is no sweep, or one over more than two values.
+        """
+        from dmoc.report.sweep import plot_sweep
+
+        return plot_sweep(
+            self.given, self.cost, self.final_time, self.collision_times, self.solved, path
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The table as plain data, as the command line prints it as JSON."""
+        return {
+            "method": self.method,
+            "complete": self.complete,
+            "counts": self.counts,
+            "seconds": self.total_seconds,
+            "columns": {name: list(values) for name, values in self.columns().items()},
+        }
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return "" if np.isnan(value) else repr(float(value))
+    return str(value)

@@ -1,0 +1,91 @@
+"""The table of many solves: CSV, data frame, file."""
+
+from __future__ import annotations
+
+import csv
+import sys
+import types
+from dataclasses import fields, replace
+from pathlib import Path
+
+import block_and_wall
+import numpy as np
+import pytest
+from damaged_files import SOLUTIONS
+
+import dmoc
+from dmoc.batch_file import BATCH, batch_in, content_of
+from dmoc.errors import MissingExtraError, OutputError, SolutionFileError
+
+
+@pytest.fixture(scope="module")
+def batch() -> dmoc.Batch:
+    problem = block_and_wall.problem(0.8, 8)
+    found = dmoc.sweep(problem, {"m": [1.0, 2.0]}, start={"x": [0.0, 2.0]}, verify=False)
+    assert found.status == ("solved", "refused") * 2
+    return found
+
+
+def test_the_csv_has_every_number_in_full(batch: dmoc.Batch, tmp_path: Path) -> None:
+    with batch.to_csv(tmp_path / "table.csv").open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [*rows[0]] == [
+        "m", "start x", "status", "cost", "final_time", "collisions", "time_1", "impulse_1",
+        "iterations", "check", "seconds", "message",
+    ]  # fmt: skip
+    assert [float(r["cost"] or "nan") for r in rows] == pytest.approx(batch.cost, nan_ok=True)
+    assert float(rows[0]["time_1"]) == batch.collision_times[0, 0]
+    assert rows[1]["cost"] == rows[1]["time_1"] == "" and rows[1]["message"] == batch.message[1]
+
+
+def test_a_file_gives_the_table_back(batch: dmoc.Batch, tmp_path: Path) -> None:
+    loaded = dmoc.Batch.load(batch.save(tmp_path / "table.npz"))
+    for name in BATCH.fields:
+        np.testing.assert_equal(getattr(loaded, name), getattr(batch, name))
+    assert content_of(loaded) == content_of(batch)
+    assert {f.name for f in fields(dmoc.Batch)} == {*BATCH.fields, "solutions"}
+
+
+def test_an_empty_table_has_a_file_too(tmp_path: Path) -> None:
+    empty = dmoc.solve_many([])
+    assert len(dmoc.Batch.load(empty.save(tmp_path / "empty.npz"))) == 0
+
+
+def test_every_damage_to_a_file_is_a_sentence(batch: dmoc.Batch) -> None:
+    content, refused = content_of(batch), 0
+    for i, damage in enumerate([*SOLUTIONS.values()] * 6):
+        with np.errstate(invalid="ignore"):  # a column may have NaN
+            damaged = damage(content, np.random.default_rng([3, i]))
+        try:
+            batch_in(damaged, "it")
+        except SolutionFileError as error:
+            refused += 1
+            assert "\n" not in str(error)
+    assert refused > 30
+
+
+def test_what_is_no_file_of_a_batch_is_refused(batch: dmoc.Batch, tmp_path: Path) -> None:
+    solution = dmoc.solve(block_and_wall.problem(0.8, 8), verify=False)
+    with pytest.raises(SolutionFileError, match="damaged or no file of a batch"):
+        dmoc.Batch.load(solution.save(tmp_path / "solution.npz"))
+    with pytest.raises(SolutionFileError, match="damaged or no solution file"):
+        dmoc.Solution.load(batch.save(tmp_path / "table.npz"))
+
+
+def test_more_messages_than_a_file_holds_are_refused_before_it_is_written(
+    batch: dmoc.Batch, tmp_path: Path
+) -> None:
+    long = replace(batch, message=tuple(f"{i}{'x' * 2**20}" for i in range(4)))
+    with pytest.raises(OutputError, match="write it with to_csv"):
+        long.save(tmp_path / "table.npz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_data_frame_needs_pandas(batch: dmoc.Batch, monkeypatch: pytest.MonkeyPatch) -> None:
+    pandas = types.ModuleType("pandas")
+    pandas.DataFrame = dict  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "pandas", pandas)
+    assert batch.to_frame()["cost"][0] == batch.cost[0]
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingExtraError, match="pip install pandas"):
+        batch.to_frame()

@@ -1,0 +1,239 @@
+"""Many solves at once: the same answers with any workers, a row for every problem, and nothing lost
+by one that fails, by time or by Ctrl-C."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from typing import Any
+
+import block_and_wall
+import numpy as np
+import pytest
+
+import dmoc
+from dmoc.errors import ProblemError
+from dmoc.solving import many
+from dmoc.solving.many import BatchProgress
+from dmoc.trajectory import Array
+
+MASSES = (0.5, 1.0, 2.0)
+
+
+@pytest.fixture(scope="module")
+def block() -> dmoc.Problem:
+    return block_and_wall.problem(0.8, 10, 4)
+
+
+def masses(block: dmoc.Problem, *values: float) -> list[dmoc.Problem]:
+    return [block.but(parameters={"m": m}) for m in values]
+
+
+def same(a: dmoc.Batch, b: dmoc.Batch) -> bool:
+    columns = ("status", "message", "collisions", "check")
+    numbers = ("cost", "final_time", "collision_times", "impulses", "iterations")
+    return all(getattr(a, c) == getattr(b, c) for c in columns) and all(
+        np.array_equal(getattr(a, n), getattr(b, n), equal_nan=True) for n in numbers
+    )
+
+
+def test_each_row_is_what_a_solve_of_its_own_finds(block: dmoc.Problem) -> None:
+    problems = masses(block, *MASSES)
+    batch = dmoc.solve_many(iter(problems), keep=True)
+    assert batch.complete and batch.solved.all() and batch.counts == {"solved": 3}
+    assert batch.check == ("passed",) * 3 and batch.collisions == ("wall",) * 3
+    # The force and the impulse grow with the mass, the motion stays.
+    least, at, _ = block_and_wall.KNOWN[0.8]
+    assert batch.cost == pytest.approx(least * np.square(MASSES), rel=1e-5)
+    assert batch.collision_times[:, 0] == pytest.approx(at, abs=1e-4)
+    assert batch.impulses[:, 0] / MASSES == pytest.approx(batch.impulses[1, 0], rel=1e-6)
+    for problem, solution, cost in zip(problems, batch.solutions, batch.cost, strict=True):
+        assert solution is not None and solution.kernels is problem.kernels
+        assert solution.cost == cost == dmoc.solve(problem, "ipm").cost
+
+
+@pytest.mark.slow
+def test_the_rows_do_not_depend_on_who_solves(block: dmoc.Problem) -> None:
+    problems = masses(block, *np.linspace(0.5, 2.0, 11))
+    here = dmoc.solve_many(problems)
+    assert same(here, dmoc.solve_many(problems, workers=2))
+    with ThreadPoolExecutor(4) as threads:
+        assert same(here, dmoc.solve_many(problems, executor=threads))
+
+
+def test_a_guess_and_options_serve_all(block: dmoc.Problem) -> None:
+    problems = masses(block, 0.9, 1.1)
+    nominal = dmoc.solve(block, "ipm")
+    cold, warm = dmoc.solve_many(problems), dmoc.solve_many(problems, guess=nominal, verify=False)
+    assert warm.cost == pytest.approx(cold.cost, rel=1e-8)
+    assert (warm.iterations < cold.iterations).all() and warm.check == ("", "")
+    assert dmoc.solve_many(problems, iterations=1).status == ("iteration_limit",) * 2
+
+
+def test_collisions_of_different_numbers_leave_gaps(block: dmoc.Problem) -> None:
+    free = block.but(sequence=(), goal={"x": 0.5, "x_dot": 0.0})
+    batch = dmoc.solve_many([free, block])
+    assert batch.collisions == ("", "wall")
+    assert np.isnan(batch.collision_times[0]).all() and np.isfinite(batch.impulses[1]).all()
+    # from rest to rest over half a metre in a second: 6 s^2 / t^3
+    assert batch.cost[0] == pytest.approx(1.5, rel=1e-6)
+
+
+def test_a_problem_that_cannot_be_solved_is_a_row(
+    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = many.solve
+
+    def flawed(problem: dmoc.Problem, *rest: Any, **options: Any) -> dmoc.Solution:
+        m = problem.parameters["m"]
+        if m == 1.0:
+            raise ProblemError("the second is none.")
+        if m == 2.0:
+            raise ZeroDivisionError("by chance")
+        return solve(problem, *rest, **options)
+
+    monkeypatch.setattr(many, "solve", flawed)
+    batch = dmoc.solve_many(masses(block, 0.5, 1.0, 2.0, 3.0))
+    assert batch.status == ("solved", "refused", "failed", "solved")
+    assert batch.message[1:3] == ("the second is none.", "ZeroDivisionError: by chance")
+    assert np.isnan(batch.cost[1:3]).all() and batch.complete
+
+
+def test_time_and_ctrl_c_keep_what_was_done(
+    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[BatchProgress] = []
+
+    def interrupt(p: BatchProgress) -> None:
+        seen.append(p)
+        if p.done == 2:
+            raise KeyboardInterrupt
+
+    batch = dmoc.solve_many(masses(block, *MASSES), progress=interrupt)
+    assert batch.status == ("solved", "solved", "not_tried") and not batch.complete
+    assert "Ctrl-C" in batch.message[2]
+    assert [(p.done, p.total, p.counts) for p in seen] == [
+        (1, 3, {"solved": 1}),
+        (2, 3, {"solved": 2}),
+    ]
+    slow = dmoc.solve_many(masses(block, *MASSES), seconds=0.3, progress=lambda p: time.sleep(0.4))
+    assert slow.status[1:] == ("not_tried",) * 2 and "time" in slow.message[1]
+
+
+class Deadly(dmoc.Problem):
+    """A problem that ends the process that unpacks it."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os._exit, (1,)
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_costs_only_its_problem(block: dmoc.Problem) -> None:
+    problems = masses(block, *np.linspace(0.5, 2.0, 9))
+    deadly = problems[4]
+    problems[4] = Deadly(deadly.kernels, deadly.start, deadly.goal, deadly.sequence)
+    batch = dmoc.solve_many(problems, workers=2)
+    assert batch.status == ("solved",) * 4 + ("failed",) + ("solved",) * 4
+    assert batch.message[4] == "the worker process died"
+    for child in multiprocessing.active_children():  # killed, and perhaps not yet gone
+        child.join(20)
+        assert not child.is_alive()
+
+
+class Refusing(Executor):
+    """Takes one share."""
+
+    taken = 0
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        if self.taken:
+            raise RuntimeError("closed")
+        self.taken += 1
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def test_an_executor_that_takes_no_more_is_told(block: dmoc.Problem) -> None:
+    problems = masses(block, *[1.0] * (many.TOGETHER + 1))
+    batch = dmoc.solve_many(problems, executor=Refusing(), verify=False)
+    assert set(batch.status) == {"not_tried"} and "takes no more work (closed)" in batch.message[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"problems": [1]}, "problems has 1 at place 0: expected Problems"),
+        ({"method": "imp"}, "method = 'imp': expected one of"),
+        ({"workers": 0}, "workers = 0: expected a whole number of at least 1"),
+        ({"seconds": -1}, "seconds = -1: expected a positive time limit"),
+        ({"keep": "no"}, "keep = 'no': expected True or False"),
+        ({"progress": 1}, "progress = 1: expected a function"),
+        ({"reference": "x"}, "reference = 'x' is no argument of solve_many"),
+        ({"iteration": 5}, "iteration = 5 is no argument of solve_many"),
+    ],
+)
+def test_what_does_not_fit_is_refused(
+    block: dmoc.Problem, arguments: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ProblemError) as error:
+        dmoc.solve_many(**{"problems": [block], **arguments})
+    assert message in str(error.value)
+
+
+def test_no_problems_are_an_empty_table() -> None:
+    batch = dmoc.solve_many([])
+    assert len(batch) == 0 and batch.complete and batch.columns()["cost"] == []
+
+
+def test_importing_it_starts_no_machinery_of_processes() -> None:
+    code = "import sys, dmoc; dmoc.solve_many; print('multiprocessing' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
+def test_a_sweep_goes_over_every_combination(block: dmoc.Problem) -> None:
+    batch = dmoc.sweep(
+        block, {"m": [1.0, 2.0]}, start={"x": [0.0, -0.5, 0.25]}, bounds={"u": [(-30, 40)]}
+    )
+    assert list(batch.given) == ["m", "start x", "bounds u"]
+    assert batch.given["m"].tolist() == [1, 1, 1, 2, 2, 2]
+    assert batch.given["start x"].tolist() == [0.0, -0.5, 0.25] * 2
+    assert batch.given["bounds u"].tolist() == [40.0] * 6
+    one = block.but(parameters={"m": 2.0}, start={"x": -0.5}, bounds={"u": (-30, 40)})
+    assert batch.cost[4] == dmoc.solve(one, "ipm").cost
+    assert batch.cost[3:] == pytest.approx(4 * batch.cost[:3], rel=1e-6)
+
+
+def test_a_combination_that_is_no_problem_is_refused_in_its_row(block: dmoc.Problem) -> None:
+    batch = dmoc.sweep(block, start={"x": [0.0, 1.5]})
+    assert batch.status == ("solved", "refused") and "wall" in batch.message[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "nothing is varied"),
+        ({"parameters": {"mass": [1.0]}}, "unknown parameter 'mass' in parameters"),
+        ({"parameters": {"m": 1.0}}, "parameters of m = 1.0: expected a list of values"),
+        ({"start": {"x": []}}, "start of x has no values"),
+        ({"parameters": {"m": range(2000), "wall": range(2000)}}, "the sweep has 4000000 problems"),
+    ],
+)
+def test_a_sweep_over_nothing_or_too_much_is_refused(
+    block: dmoc.Problem, arguments: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ProblemError) as error:
+        dmoc.sweep(block, **arguments)
+    assert message in str(error.value)
+
+
+def test_the_columns_of_a_sweep_are_numbers(block: dmoc.Problem) -> None:
+    given: Array = dmoc.sweep(block, bounds={"u": [(-30, None), (None, 40), None]}).given[
+        "bounds u"
+    ]
+    np.testing.assert_array_equal(given, [-30.0, 40.0, np.nan])
