@@ -107,9 +107,7 @@ def _curves(
             )  # fmt: skip
     below.set_xlabel(_label(name))
     below.set_ylim(bottom=0.0)
-    for axes in (above, below):
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    below.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 

@@ -261,21 +261,24 @@ def _row(number: int, problem: Problem | DmocError, setting: Setting, left: floa
         return Row(number, REFUSED, str(error), seconds=time.perf_counter() - begin)
     except Exception as error:
         return Row(number, FAILED, f"{type(error).__name__}: {error}")
+    spent = time.perf_counter() - begin
+    # travels without the kernels, which the caller has
+    kept = replace(found, kernels=None) if setting.keep else None
+    ended = Row(
+        number, str(found.status), found.message, iterations=found.iterations, seconds=spent,
+        solution=kept,
+    )  # fmt: skip
+    if not found.converged:
+        return ended
     checked = found.verification
-    return Row(
-        number,
-        str(found.status),
-        found.message,
-        found.cost,
-        found.final_time,
-        tuple(c.surface for c in found.collisions),
-        tuple(c.time for c in found.collisions),
-        tuple(c.impulse for c in found.collisions),
-        found.iterations,
-        "" if checked is None else "passed" if checked["passed"] else "failed",
-        time.perf_counter() - begin,
-        # travels without the kernels, which the caller has
-        replace(found, kernels=None) if setting.keep else None,
+    return replace(
+        ended,
+        cost=found.cost,
+        final_time=found.final_time,
+        collisions=tuple(c.surface for c in found.collisions),
+        times=tuple(c.time for c in found.collisions),
+        impulses=tuple(c.impulse for c in found.collisions),
+        check="" if checked is None else "passed" if checked["passed"] else "failed",
     )
 
 

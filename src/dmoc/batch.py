@@ -48,9 +48,10 @@ class Batch:
     message : tuple of str
         What happened and what helps, one sentence.
     cost, final_time : array, shape (n,)
-        Of the last motion, a solution or not; NaN where there is none.  Seconds.
+        NaN where no local minimum was found.  Seconds.
     collisions : tuple of str
-        Surfaces in the order of the collisions, with spaces between them.
+        Surfaces in the order of the collisions, with spaces between them; empty where no local
+        minimum was found.
     collision_times, impulses : array, shape (n, most collisions)
         NaN where a problem has fewer.  Seconds; units of the model.
     iterations : array, shape (n,)

@@ -1,4 +1,4 @@
-"""The command line: models, derive, generate, build, solve, search, verify, plot, doctor.
+"""The command line: models, derive, generate, build, solve, search, sweep, verify, plot, doctor.
 
 Exit status: 0 solved and verified, 1 not solved, 2 wrong use or bad input.
 """
@@ -27,13 +27,16 @@ from dmoc.cli_input import (
     ControlsOption,
     FinalTimeOption,
     GoalOption,
+    GuessOption,
     JsonOption,
     ModelArgument,
     OrderOption,
     PeriodicOption,
     RestitutionOption,
+    SequenceOption,
     SetOption,
     StartOption,
+    StepsOption,
     draw,
     emit,
     err,
@@ -46,6 +49,7 @@ from dmoc.cli_input import (
 )
 from dmoc.cli_output import Live, coloured, print_sensitivities, print_summary, print_verification
 from dmoc.cli_search import search
+from dmoc.cli_sweep import sweep
 from dmoc.discretisation import ORDERS_SHOWN
 from dmoc.errors import DmocError, OutputError
 from dmoc.solving.methods import DEFAULT, METHODS, REFINING, Form
@@ -171,14 +175,8 @@ def build(
 @app.command()
 def solve(
     model: ModelArgument,
-    sequence: Annotated[
-        str | None,
-        typer.Option(help="Surfaces in the order of the collisions, as left,right; '' for none."),
-    ] = None,
-    steps: Annotated[
-        str | None,
-        typer.Option(help="Steps of each phase, one number or one for each phase, as 100,50."),
-    ] = None,
+    sequence: SequenceOption = None,
+    steps: StepsOption = None,
     final_time: FinalTimeOption = None,
     method: Annotated[
         str | None,
@@ -213,12 +211,7 @@ def solve(
     seconds: Annotated[
         float | None, typer.Option(help="Time limit of the solver in seconds.")
     ] = None,
-    guess: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Start from a solution file with the same number of collisions."
-        ),
-    ] = None,
+    guess: GuessOption = None,
     target: Annotated[
         Path | None,
         typer.Option(
@@ -296,6 +289,7 @@ def solve(
 
 
 app.command()(search)
+app.command()(sweep)
 
 
 @app.command()

@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +23,7 @@ from dmoc.writing import check_file, check_folder, write_whole
 out = Console(markup=False, emoji=False, highlight=False)
 err = Console(markup=False, emoji=False, highlight=False, stderr=True)
 NOT_SOLVED, BAD_INPUT = 1, 2
+MOST_VALUES = 10_000  # of a range
 
 
 class Controls(StrEnum):
@@ -46,6 +48,20 @@ FinalTimeOption = Annotated[
     str | None,
     typer.Option(
         "--final-time", help="Final time in seconds, or its range, as 0.5:1, or :1 for at most 1."
+    ),
+]
+SequenceOption = Annotated[
+    str | None,
+    typer.Option(help="Surfaces in the order of the collisions, as left,right; '' for none."),
+]
+StepsOption = Annotated[
+    str | None,
+    typer.Option(help="Steps of each phase, one number or one for each phase, as 100,50."),
+]
+GuessOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="Start from a solution file with the same number of collisions."
     ),
 ]
 METHOD_HELP = f"Solver: {listed()}"
@@ -177,6 +193,20 @@ def read_value(text: str, what: str) -> Any:
         low, _, high = text.partition(":")
         return (read_number(low, what) if low else None, read_number(high, what) if high else None)
     return read_number(text, what)
+
+
+def read_range(text: str, what: str) -> list[float] | None:
+    """Read a range FROM:TO:COUNT as equally spaced values; None for what is no such range."""
+    parts = text.split(":")
+    if len(parts) != 3:
+        return None
+    expected = "expected a range FROM:TO:COUNT such as 0.4:0.8:50"
+    first, last = (read_number(part, what, expected) for part in parts[:2])
+    count = read_whole(parts[2], f"COUNT of {what}")
+    if not (isfinite(first) and isfinite(last) and 1 <= count <= MOST_VALUES):
+        raise ProblemError(f"{what} = {text!r}: {expected}, with 1 to {MOST_VALUES} finite values.")
+    step = (last - first) / max(count - 1, 1)
+    return [first + i * step for i in range(count - 1)] + [last if count > 1 else first]
 
 
 def read_number(

@@ -1,0 +1,229 @@
+"""The command ``dmoc sweep``: a problem solved over a grid of values."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from dmoc.cli_input import (
+    NOT_SOLVED,
+    BoundOption,
+    ControlsOption,
+    FinalTimeOption,
+    GoalOption,
+    GuessOption,
+    JsonOption,
+    MethodOption,
+    ModelArgument,
+    OrderOption,
+    PeriodicOption,
+    RestitutionOption,
+    SequenceOption,
+    SetOption,
+    StartOption,
+    StepsOption,
+    draw,
+    emit,
+    err,
+    in_turn,
+    out,
+    problem_fields,
+    read_range,
+    written,
+)
+from dmoc.errors import OutputError, ProblemError
+from dmoc.solving.methods import SEARCHING
+from dmoc.writing import check_file
+
+if TYPE_CHECKING:
+    from dmoc.batch import Batch
+    from dmoc.solving.many import BatchProgress
+
+# Rows of the table and different messages on a terminal; the file has all.
+MOST_ROWS, MOST_NOTES = 40, 5
+COLOURS = {"solved": "green", "grazes": "cyan", "not_verified": "yellow", "not_tried": "dim"}
+ENDINGS = (".csv", ".npz")
+
+
+def sweep(
+    model: ModelArgument,
+    set_: SetOption = None,
+    start: StartOption = None,
+    goal: GoalOption = None,
+    bound: BoundOption = None,
+    sequence: SequenceOption = None,
+    steps: StepsOption = None,
+    final_time: FinalTimeOption = None,
+    method: MethodOption = SEARCHING,
+    order: OrderOption = None,
+    controls: ControlsOption = None,
+    restitution: RestitutionOption = None,
+    periodic: PeriodicOption = None,
+    guess: GuessOption = None,
+    workers: Annotated[int, typer.Option(help="Processes of this machine.")] = 1,
+    seconds: Annotated[float | None, typer.Option(help="Time limit of all solves.")] = None,
+    target: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Write the table, as .csv or .npz."),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Draw cost and times of collisions over one value, or the cost over two.",
+        ),
+    ] = None,
+    json_: JsonOption = None,
+) -> None:
+    """Solve a problem over ranges of values: in --set, --start and --goal as l=0.4:0.8:50, from, to
+    and number of values; in --bound the largest magnitude, as F=50:200:4. Several make a grid."""
+    from dmoc import registry
+    from dmoc.nlp.problem import Problem
+    from dmoc.solution import Solution
+    from dmoc.solving.sweep import sweep as swept
+
+    _check_targets(target, plot, json_)
+    ranges, firsts = _ranges(set_, start, goal, bound)
+    neighbour = None if guess is None else Solution.load(guess)
+    reference = registry.find(model)
+    fields = problem_fields(
+        reference.defaults,
+        sequence,
+        steps,
+        final_time,
+        controls,
+        firsts["parameters"],
+        firsts["bounds"],
+        firsts["start"],
+        firsts["goal"],
+        restitution,
+        periodic,
+    )
+    problem = Problem(reference.kernels(order), **fields)
+    quiet = json_ == "-"
+    with _Count() as count:
+        batch = swept(
+            problem,
+            ranges["parameters"],
+            start=ranges["start"],
+            goal=ranges["goal"],
+            bounds=ranges["bounds"],
+            method=method,
+            workers=workers,
+            guess=neighbour,
+            seconds=seconds,
+            progress=count.show,
+        )
+
+    def tell() -> None:
+        if not quiet:
+            _report(batch)
+
+    def save() -> None:
+        if target is not None:
+            path = batch.to_csv(target) if target.suffix == ".csv" else batch.save(target)
+            if not quiet:
+                written(path)
+
+    in_turn(
+        lambda: emit(batch.to_dict(), json_),
+        tell,
+        save,
+        lambda: None if plot is None else draw(plot, batch.plot, quiet),
+    )
+    raise typer.Exit(0 if batch.solved.all() else NOT_SOLVED)
+
+
+def _check_targets(target: Path | None, plot: Path | None, json_: str | None) -> None:
+    """Fail before long solves rather than after them."""
+    if target is not None and target.suffix not in ENDINGS:
+        raise OutputError(f"--out {target}: expected a file that ends in .csv or .npz.")
+    for path in (target, plot, None if json_ in (None, "-") else Path(str(json_))):
+        if path is not None:
+            check_file(path)
+
+
+def _ranges(
+    set_: list[str] | None,
+    start: list[str] | None,
+    goal: list[str] | None,
+    bound: list[str] | None,
+) -> tuple[dict[str, dict[str, list[Any]]], dict[str, list[str]]]:
+    """What is varied, by field and name; and the options with the first value of each range in its
+    place."""
+    ranges: dict[str, dict[str, list[Any]]] = {}
+    firsts: dict[str, list[str]] = {}
+    for field, option, given in (
+        ("parameters", "--set", set_),
+        ("start", "--start", start),
+        ("goal", "--goal", goal),
+        ("bounds", "--bound", bound),
+    ):
+        ranges[field], firsts[field] = {}, []
+        for text in given or []:
+            name, _, value = text.partition("=")
+            values = read_range(value, f"{option} {name.strip()}")
+            if values is None:
+                firsts[field].append(text)
+            elif field == "bounds":
+                ranges[field][name.strip()] = [(-abs(v), abs(v)) for v in values]
+                firsts[field].append(f"{name}={-abs(values[0])!r}:{abs(values[0])!r}")
+            else:
+                ranges[field][name.strip()] = values
+                firsts[field].append(f"{name}={values[0]!r}")
+    if not any(ranges.values()):
+        raise ProblemError(
+            "no value is a range: give one as FROM:TO:COUNT, such as --set l=0.4:0.8:50."
+        )
+    return ranges, firsts
+
+
+class _Count:
+    """How many are done, on standard error while the sweep runs, if it is a terminal."""
+
+    def __init__(self) -> None:
+        self._status = err.status("first solve") if err.is_terminal else None
+
+    def __enter__(self) -> _Count:
+        if self._status is not None:
+            self._status.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._status is not None:
+            self._status.stop()
+
+    def show(self, p: BatchProgress) -> None:
+        if self._status is not None:
+            counts = "  ".join(f"{n} {status}" for status, n in p.counts.items())
+            self._status.update(f"{p.done} of {p.total}: {counts}  {p.seconds:.0f} s")
+
+
+def _report(batch: Batch) -> None:
+    collisions = batch.collision_times.shape[1]
+    times = [f"collision {i + 1} [s]" for i in range(collisions)]
+    table = Table(
+        *batch.given, "status", "cost", "end [s]", *times, "iterations", box=None,
+        header_style="bold",
+    )  # fmt: skip
+    for i, status in enumerate(batch.status[:MOST_ROWS]):
+        numbers = [batch.cost[i], batch.final_time[i], *batch.collision_times[i]]
+        table.add_row(
+            *(f"{values[i]:.6g}" for values in batch.given.values()),
+            Text(status, style=COLOURS.get(status, "red")),
+            *("" if n != n else f"{n:.6g}" for n in numbers),
+            f"{batch.iterations[i]:.0f}",
+        )
+    out.print(table)
+    if len(batch) > MOST_ROWS:
+        out.print(f"... and {len(batch) - MOST_ROWS} more: --out FILE has all of them")
+    unsolved = [m for m, good in zip(batch.message, batch.solved, strict=True) if not good]
+    for message in list(dict.fromkeys(unsolved))[:MOST_NOTES]:
+        out.print(f"note: {message}", soft_wrap=True)
+    rate = len(batch) / max(batch.total_seconds, 1e-9)
+    counts = ", ".join(f"{n} {status}" for status, n in batch.counts.items())
+    out.print(f"{counts}; in {batch.total_seconds:.1f} s ({rate:.1f} a second)")

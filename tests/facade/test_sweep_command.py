@@ -1,0 +1,103 @@
+"""`dmoc sweep`: what it reads, solves, writes and tells."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import dmoc
+from dmoc.cli import main
+from dmoc.cli_input import read_range
+from dmoc.registry import find
+from dmoc.solving import many
+
+Run = Callable[..., tuple[int, str, str]]
+SEED = ("cart_pendulum", "--steps", "12")
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
+    monkeypatch.chdir(tmp_path)
+    # Few steps are quickly solved, and rightly not confirmed.
+    solve = many.solve
+    monkeypatch.setattr(many, "solve", lambda *a, **k: solve(*a, **{**k, "verify": False}))
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["dmoc", "sweep", *arguments])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capsys.readouterr()
+        code = end.value.code
+        return (code if isinstance(code, int) else 0), out, err
+
+    return call
+
+
+def test_a_range_is_values_at_equal_distances() -> None:
+    assert read_range("0.4:0.8:3", "l") == pytest.approx([0.4, 0.6, 0.8])
+    assert read_range("1:-1:2", "l") == [1.0, -1.0] and read_range("2:5:1", "l") == [2.0]
+    assert read_range("0:1", "l") is None and read_range("free", "l") is None
+
+
+def test_a_sweep_is_told_written_and_drawn(run: Run, tmp_path: Path) -> None:
+    code, out, err = run(
+        *SEED, "--set", "l=0.4:0.6:3", "--set", "g=10", "--out", "table.csv", "--plot", "figure.png"
+    )
+    assert code == 0 and err == ""
+    assert "3 solved" in out and "written: table.csv" in out and "written: figure.png" in out
+    with open("table.csv", newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [float(r["l"]) for r in rows] == pytest.approx([0.4, 0.5, 0.6])
+    solved = dmoc.solve(_problem(l=0.6, g=10.0), "ipm", verify=False)
+    assert float(rows[2]["cost"]) == solved.cost
+    assert Path("figure.png").read_bytes().startswith(b"\x89PNG")
+
+
+def _problem(**parameters: float) -> dmoc.Problem:
+    reference = find("cart_pendulum")
+    fields = {**reference.defaults, "steps": 12, "parameters": parameters}
+    return dmoc.Problem(reference.kernels(), **fields)
+
+
+def test_limits_starts_and_goals_are_swept_too(run: Run) -> None:
+    code, out, _ = run(
+        *SEED, "--bound", "F=15:80:2", "--start", "x=0:0.1:2", "--goal", "x_dot=0:0:1",
+        "--out", "grid.npz", "--plot", "map.png", "--json", "-",
+    )  # fmt: skip
+    assert code == 1  # some cannot be solved
+    told = json.loads(out)
+    assert told["columns"]["bounds F"] == [15.0, 80.0] * 2
+    batch = dmoc.Batch.load("grid.npz")
+    assert batch.status == tuple(told["columns"]["status"])
+    assert batch.status == ("infeasible", "solved") * 2
+    assert not Path("map.png").exists()  # over three values
+
+
+def test_the_solution_of_a_neighbour_is_the_start_of_all(run: Run) -> None:
+    dmoc.solve(_problem(), "ipm", verify=False).save("nominal.npz")
+    code, _, _ = run(*SEED, "--set", "l=0.5:0.51:2", "--guess", "nominal.npz", "--out", "t.npz")
+    assert code == 0 and dmoc.Batch.load("t.npz").iterations.max() < 15
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--set", "l=0.5"), "no value is a range: give one as FROM:TO:COUNT"),
+        (("--set", "l=0.4:0.6:x"), "COUNT of --set l = 'x': expected a whole number"),
+        (("--set", "l=0.4:inf:3"), "with 1 to 10000 finite values"),
+        (("--set", "l=0.4:a:3"), "--set l = 'a': expected a range FROM:TO:COUNT"),
+        (("--set", "k=0.4:0.6:3"), "unknown parameter 'k'"),
+        (("--set", "l=0.4:0.6:3", "--out", "t.txt"), "expected a file that ends in .csv or .npz"),
+        (("--set", "l=0.4:0.6:3", "--workers", "0"), "workers = 0"),
+        (("--set", "l=0.4:0.6:3", "--plot", "no/f.png"), "no/f.png cannot be written"),
+    ],
+)
+def test_bad_input_is_one_sentence(run: Run, arguments: tuple[str, ...], message: str) -> None:
+    code, out, err = run(*SEED, *arguments)
+    assert code == 2 and out == ""
+    assert err.startswith("error: ") and message in err and err.count("\n") == 1
