@@ -146,8 +146,8 @@ def two_carts_cost() -> float:
 
 
 def acrobot() -> Statement:
-    """Two rods, driven at the elbow alone, swing up from hanging at rest; the tip bounces once off
-    a vertical wall on the way.
+    """Two rods, driven at the elbow alone, hang at rest; in 2 s the second one is up above the first,
+    and on the way the tip bounces once off a vertical wall.
 
     Each rod has mass 1 kg and length 1 m, and the angles are measured from the hanging posture.
     """
@@ -169,16 +169,16 @@ def acrobot() -> Statement:
         lagrangian=sp.trigsimp(sp.expand(kinetic)) - GRAVITY * height,
         forces={a: -u, b: u},
         surfaces={"wall": joint[0] + along[0] <= wall},
-        parameters={wall: 0.5},
+        parameters={wall: 1.0},
         cost=u**2,
     )
     return Statement(
         system,
         {
             "start": {"a": 0.0, "b": 0.0},
-            "goal": {"a": pi, "b": pi, "a_dot": 0.0, "b_dot": 0.0},
+            "goal": {"a": 0.0, "b": pi, "a_dot": 0.0, "b_dot": 0.0},
             "sequence": ["wall"],
-            "final_time": 3.0,
+            "final_time": 2.0,
         },
     )
 
@@ -221,6 +221,6 @@ RUNGS = (
     ),
     Rung("hammer and nail", hammer_and_nail, 62.49558, 1e-2, "N = 200"),
     Rung("two carts, e = 0.5", two_carts, two_carts_cost(), 1e-3, "closed form"),
-    Rung("acrobot and wall", acrobot, 65.611, 1e-2, "N = 200"),
+    Rung("acrobot and wall", acrobot, 46.694, 5e-3, "N = 200"),
     Rung("cart-pendulum from hanging", hanging, 37.38486, 5e-3, "N = 200"),
 )

@@ -1,0 +1,296 @@
+"""The peer of the ladder: direct transcription with CasADi and IPOPT, as one writes it by hand, from
+a straight line.
+
+The equations are those of a dmoc system, read with SymPy and differentiated by CasADi. States are
+positions and velocities at the nodes; order 2 is the implicit midpoint rule with constant inputs in
+each step, order 4 is Hermite and Simpson's rule with inputs at the nodes and in the middle of the
+steps.  A collision is a jump of the velocities between two phases, whose durations are unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import sympy as sp
+from common import clocked
+from ladder_smooth import Statement
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+
+SHORTEST = 1e-3  # duration of a phase, relative to the largest final time, as in dmoc
+FUNCTIONS = {
+    name: getattr(ca, name)
+    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt", "fabs")
+} | {"Abs": ca.fabs}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What IPOPT says, the cost, and the seconds of building and of solving."""
+
+    status: str
+    cost: float
+    build: float
+    solve: float
+
+    @property
+    def succeeded(self) -> bool:
+        return self.status == "Solve_Succeeded"
+
+
+class Model:
+    """The functions of a system with the parameters of a problem, of CasADi's symbols.
+
+    nq coordinates, nu inputs; a = acceleration(q, v, u, t), p = momentum(q, v, t).
+    """
+
+    def __init__(self, system: dmoc.MechanicalSystem, problem: dmoc.Problem) -> None:
+        self.nq, self.nu = len(system.coordinates), len(system.inputs)
+        q, v = ca.SX.sym("q", self.nq), ca.SX.sym("v", self.nq)
+        u, t = ca.SX.sym("u", self.nu), ca.SX.sym("t")
+        places = [*system.coordinates, *system.velocities, *system.inputs, dynamicsymbols._t]
+        symbols = [*ca.vertsplit(q), *ca.vertsplit(v), *(ca.vertsplit(u) if self.nu else ()), t]
+        parameters = list(system.parameters)
+        values = list(problem.parameter_values[0])
+
+        def read(expression: Any) -> ca.SX:
+            """An expression of SymPy as one of CasADi."""
+            arguments = [*places, *parameters]
+            function = sp.lambdify(arguments, expression, modules=[FUNCTIONS, "math"])
+            return ca.SX(function(*symbols, *values))
+
+        def function(name: str, expression: ca.SX) -> ca.Function:
+            return ca.Function(name, [q, v, u, t], [expression])
+
+        lagrangian = read(system.lagrangian)
+        momentum = ca.gradient(lagrangian, v)
+        force = ca.vertcat(*map(read, system.force_vector))
+        rest = ca.jtimes(momentum, q, v) + ca.jacobian(momentum, t)
+        mass = ca.jacobian(momentum, v)
+        acceleration = ca.solve(mass, force + ca.gradient(lagrangian, q) - rest)
+        self.acceleration = function("a", acceleration)
+        self.momentum = function("p", momentum)
+        self.cost = function("C", read(system.cost))
+        self.terminal_cost = function("Phi", read(system.terminal_cost))
+        self.path = function("r", ca.vertcat(*map(read, system.path_functions.values())))
+        gaps = ca.vertcat(*map(read, system.gaps.values()))
+        self.gaps = function("gaps", gaps)
+        normals = ca.jacobian(gaps, q)
+        self.normals = function("normals", normals)
+        self.rates = function("rates", normals @ v + ca.jacobian(gaps, t))
+
+
+class Program:
+    """A nonlinear program that is stated piece by piece."""
+
+    def __init__(self) -> None:
+        self.x: list[ca.SX] = []
+        self.x0: list[np.ndarray] = []
+        self.g: list[ca.SX] = []
+        self.x_bounds: list[np.ndarray] = []
+        self.g_bounds: list[np.ndarray] = []
+
+    def unknown(self, name: str, start: Any, bounds: Any) -> ca.SX:
+        """A vector of unknowns with its start and its bounds of shape (n, 2)."""
+        start = np.atleast_1d(np.asarray(start, float))
+        x = ca.SX.sym(name, len(start))
+        self.x.append(x)
+        self.x0.append(start)
+        self.x_bounds.append(np.broadcast_to(bounds, (len(start), 2)))
+        return x
+
+    def demand(self, value: ca.SX, bounds: Any = (0.0, 0.0)) -> None:
+        self.g.append(value)
+        self.g_bounds.append(np.broadcast_to(bounds, (value.numel(), 2)))
+
+    def solver(self, cost: ca.SX, seconds: float) -> Any:
+        """A function that solves the program."""
+        options = {
+            "ipopt": {"print_level": 0, "sb": "yes", "max_wall_time": seconds, "max_iter": 3000},
+            "print_time": False,
+        }
+        solver = ca.nlpsol(
+            "ladder",
+            "ipopt",
+            {"x": ca.vertcat(*self.x), "f": cost, "g": ca.vertcat(*self.g)},
+            options,
+        )
+        x_bounds, g_bounds = np.concatenate(self.x_bounds), np.concatenate(self.g_bounds)
+        start = np.concatenate(self.x0)
+
+        def solve() -> tuple[str, float]:
+            found = solver(
+                x0=start,
+                lbx=x_bounds[:, 0],
+                ubx=x_bounds[:, 1],
+                lbg=g_bounds[:, 0],
+                ubg=g_bounds[:, 1],
+            )
+            return str(solver.stats()["return_status"]), float(found["f"])
+
+        return solve
+
+
+@dataclass(frozen=True)
+class Line:
+    """The straight line: positions from the start to the goal, the velocity on it, the time."""
+
+    begin: np.ndarray
+    end: np.ndarray
+    time: float
+
+    @classmethod
+    def of(cls, problem: dmoc.Problem) -> Line:
+        low, high = problem.final_time_bounds
+        if not np.isfinite(high):
+            time = max(low, 1.0)
+        else:
+            time = float(np.sqrt(low * high)) if low > 0 else high
+        begin = _middle(problem.start_bounds.position, 0.0)
+        return cls(begin, _middle(problem.goal_bounds.position, begin), time)
+
+    def at(self, share: float) -> np.ndarray:
+        return self.begin + share * (self.end - self.begin)
+
+    @property
+    def velocity(self) -> np.ndarray:
+        return (self.end - self.begin) / self.time
+
+
+def _middle(bounds: np.ndarray, otherwise: Any) -> np.ndarray:
+    """Where both bounds are finite their middle."""
+    known = np.isfinite(bounds).all(axis=1)
+    return np.where(known, np.where(known[:, None], bounds, 0.0).mean(axis=1), otherwise)
+
+
+def solve(statement: Statement, problem: dmoc.Problem, seconds: float) -> Answer:
+    """Transcribe a problem, which must not be periodic, with its steps and order, and solve it."""
+    build, run = clocked(lambda: _transcribed(statement, problem, seconds))
+    spent, (status, cost) = clocked(run)
+    return Answer(status, cost, build, spent)
+
+
+def _transcribed(statement: Statement, problem: dmoc.Problem, seconds: float) -> Any:
+    model, program, line = Model(statement.system, problem), Program(), Line.of(problem)
+    phases = problem.phases
+    step = _midpoint if problem.order == 2 else _simpson
+    longest = problem.final_time_bounds[1]
+    shortest = SHORTEST * (longest if np.isfinite(longest) else line.time)
+    durations = problem.duration_bounds.copy()
+    durations[:, 0] = np.maximum(durations[:, 0], shortest)
+    T = program.unknown("T", np.full(phases, line.time / phases), durations)
+    program.demand(ca.sum1(T), problem.final_time_bounds)
+    nodes = sum(problem.phase_steps)
+    cost, t, k = ca.SX(0), ca.SX(0), 0
+    q, v = _node(program, model, problem, line, 0.0)
+    _boundary(program, model, problem.start_bounds, q, v, t)
+    for phase, steps in enumerate(problem.phase_steps):
+        h = T[phase] / steps
+        u = None
+        for _ in range(steps):
+            k += 1
+            after = _node(program, model, problem, line, k / nodes)
+            more, u = step(program, model, problem, (q, v), after, u, t, h)
+            cost += more
+            t += h
+            q, v = after
+            program.demand(model.gaps(q, v, 0, t), (-np.inf, 0.0))
+        if phase < phases - 1:
+            v = _collision(program, model, problem, phase, (q, v, t))
+    _boundary(program, model, problem.goal_bounds, q, v, t)
+    return program.solver(cost + model.terminal_cost(q, v, 0, t), seconds)
+
+
+def _node(
+    program: Program, model: Model, problem: dmoc.Problem, line: Line, share: float
+) -> tuple[ca.SX, ca.SX]:
+    """Positions and velocities of a node."""
+    q = program.unknown("q", line.at(share), problem.coordinate_bounds)
+    return q, program.unknown("v", line.velocity, (-np.inf, np.inf))
+
+
+def _inputs(program: Program, model: Model, problem: dmoc.Problem) -> ca.SX:
+    return program.unknown("u", np.zeros(model.nu), problem.input_bounds)
+
+
+def _boundary(program: Program, model: Model, at: Any, q: ca.SX, v: ca.SX, t: ca.SX) -> None:
+    """The state at one end is as it is bounded."""
+    for value, bounds in (
+        (q, at.position),
+        (v, at.velocity),
+        (model.momentum(q, v, 0, t), at.momentum),
+    ):
+        for i in np.flatnonzero(np.isfinite(bounds).any(axis=1)):
+            program.demand(value[int(i)], bounds[i])
+
+
+def _collision(
+    program: Program, model: Model, problem: dmoc.Problem, hit: int, before: tuple[ca.SX, ...]
+) -> ca.SX:
+    """Velocities after a collision: an impulse along the normal, and Newton's law of impact."""
+    q, v, t = before
+    names = list(problem.kernels.surfaces)
+    surface = names.index(problem.sequence[hit])
+    after = program.unknown("v_after", np.zeros(model.nq), (-np.inf, np.inf))
+    impulse = program.unknown("impulse", 0.0, (0.0, np.inf))
+    normal = model.normals(q, v, 0, t)[surface, :].T
+    jump = model.momentum(q, after, 0, t) - model.momentum(q, v, 0, t)
+    e = float(problem.restitution_values.ravel()[surface])
+    program.demand(model.gaps(q, v, 0, t)[surface])
+    program.demand(jump + normal * impulse)
+    program.demand(model.rates(q, after, 0, t)[surface] + e * model.rates(q, v, 0, t)[surface])
+    return after
+
+
+def _midpoint(
+    program: Program,
+    model: Model,
+    problem: dmoc.Problem,
+    before: tuple[ca.SX, ca.SX],
+    after: tuple[ca.SX, ca.SX],
+    u: ca.SX | None,
+    t: ca.SX,
+    h: ca.SX,
+) -> tuple[ca.SX, None]:
+    """A step of the implicit midpoint rule; its cost."""
+    (q0, v0), (q1, v1) = before, after
+    u = _inputs(program, model, problem)
+    at = ((q0 + q1) / 2, (v0 + v1) / 2, u, t + h / 2)
+    program.demand(q1 - q0 - h * at[1])
+    program.demand(v1 - v0 - h * model.acceleration(*at))
+    program.demand(model.path(*at), (0.0, np.inf))
+    return h * model.cost(*at), None
+
+
+def _simpson(
+    program: Program,
+    model: Model,
+    problem: dmoc.Problem,
+    before: tuple[ca.SX, ca.SX],
+    after: tuple[ca.SX, ca.SX],
+    u: ca.SX | None,
+    t: ca.SX,
+    h: ca.SX,
+) -> tuple[ca.SX, ca.SX]:
+    """A step of Hermite and Simpson's rule; its cost and the inputs at its end."""
+    (q0, v0), (q1, v1) = before, after
+    u0 = _inputs(program, model, problem) if u is None else u
+    u_m, u1 = _inputs(program, model, problem), _inputs(program, model, problem)
+    a0, a1 = model.acceleration(q0, v0, u0, t), model.acceleration(q1, v1, u1, t + h)
+    middle = (
+        (q0 + q1) / 2 + h / 8 * (v0 - v1),
+        (v0 + v1) / 2 + h / 8 * (a0 - a1),
+        u_m,
+        t + h / 2,
+    )
+    program.demand(q1 - q0 - h / 6 * (v0 + 4 * middle[1] + v1))
+    program.demand(v1 - v0 - h / 6 * (a0 + 4 * model.acceleration(*middle) + a1))
+    points = ((q0, v0, u0, t), middle, (q1, v1, u1, t + h))
+    for at in points[1:] if u is not None else points:
+        program.demand(model.path(*at), (0.0, np.inf))
+    weights = (1, 4, 1)
+    return h / 6 * sum(w * model.cost(*at) for w, at in zip(weights, points, strict=True)), u1
