@@ -29,6 +29,7 @@ from dmoc.solvers import ipm
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Duals, Options, Outcome, Status
+from dmoc.solving.methods import DEFAULT as DEFAULT
 from dmoc.solving.methods import METHODS
 from dmoc.symbolic.families import model_spec
 

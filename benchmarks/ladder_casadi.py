@@ -1,5 +1,5 @@
-"""The peer of the ladder: direct transcription with CasADi and IPOPT, as one writes it by hand, from
-a straight line.
+"""The peer of the ladder: direct transcription with CasADi and IPOPT, as one writes it by hand,
+from a straight line.
 
 The equations are those of a dmoc system, read with SymPy and differentiated by CasADi. States are
 positions and velocities at the nodes; order 2 is the implicit midpoint rule with constant inputs in

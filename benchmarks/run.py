@@ -16,6 +16,7 @@ import building
 import campaign
 import damaged_files
 import evaluating
+import ladder
 import robustness
 import searching
 import speed
@@ -35,6 +36,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
     return {
         "solve": speed.comparison,
         "where": speed.where,
+        "ladder": lambda quick: ladder.ladder(quick, folder),
         "growth": lambda quick: speed.growth(quick, folder),
         "kernels": evaluating.compare,
         "build": building.compare,

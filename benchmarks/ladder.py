@@ -1,0 +1,228 @@
+"""Published problems from the automatic start: who solves which, at what cost, and how soon there
+is a checked answer.
+
+python benchmarks/ladder.py                                     every rung; rows as they come
+python benchmarks/ladder.py --rung acrobot --method ipm --steps 50 --order 4
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import ladder_casadi
+import numpy as np
+from common import DEFAULT, Section, clocked, ms, table
+from ladder_problems import RUNGS, Rung
+
+import dmoc
+
+METHODS = ("ipm", "slsqp", "ipopt", "uno")
+PEER = "CasADi + IPOPT"
+STEPS = (50, 100, 200)
+ORDERS = (2, 4)
+SECONDS = 60.0  # limit of one solve with its guess and check
+SOLVED, BETTER, DEARER, BELOW = "solved", "better", "dearer", "below"
+NOT_RUN = "not run"
+HEADER = (
+    "problem",
+    "order",
+    "N",
+    "method",
+    "result",
+    "cost",
+    "against the known one",
+    "guess, ms",
+    "solve, ms",
+    "check, ms",
+    "total, ms",
+)
+
+
+@dataclass(frozen=True)
+class Try:
+    """One solve: how it ended, its cost, and the seconds of its parts."""
+
+    rung: Rung
+    order: int
+    steps: int
+    method: str
+    result: str
+    cost: float = np.nan
+    guess: float = np.nan
+    solve: float = np.nan
+    check: float = np.nan
+    total: float = np.nan
+
+    @property
+    def met(self) -> bool:
+        return self.result in (SOLVED, BETTER)
+
+    @property
+    def row(self) -> tuple[Any, ...]:
+        known = self.rung.known
+        ended = np.isfinite(self.cost)
+        return (
+            self.rung.name,
+            self.order,
+            self.steps,
+            self.method,
+            self.result if self.met else f"**{self.result}**",
+            f"{self.cost:.6g}" if ended else "-",
+            f"{(self.cost - known) / abs(known):+.1e}" if ended else "-",
+            *(ms(part) for part in (self.guess, self.solve, self.check, self.total)),
+        )
+
+
+def compared(rung: Rung, cost: float, checked: bool) -> str:
+    """What a minimum is worth: a cost well below the known one is an error of the discretisation,
+    unless the simulation confirms the motion."""
+    excess, allowed = cost - rung.known, rung.tolerance * abs(rung.known)
+    if abs(excess) <= allowed:
+        return SOLVED
+    if excess > 0:
+        return DEARER
+    return BETTER if checked else BELOW
+
+
+def own(rung: Rung, order: int, steps: int, method: str) -> Try:
+    """Solve by dmoc."""
+    problem = rung.make(steps, order)
+    total, solution = clocked(lambda: dmoc.solve(problem, method, seconds=SECONDS))
+    status, spent = str(solution.status), solution.seconds
+    return Try(
+        rung,
+        order,
+        steps,
+        method,
+        compared(rung, solution.cost, True) if status == "solved" else status,
+        solution.cost,
+        spent["guess"],
+        spent["solve"],
+        spent.get("verify", np.nan),
+        total,
+    )
+
+
+def peer(rung: Rung, order: int, steps: int) -> Try:
+    """Solve by CasADi and IPOPT; nothing is checked, and the seconds of building are left out."""
+    found = ladder_casadi.solve(rung.state(), rung.make(steps, order), SECONDS)
+    return Try(
+        rung,
+        order,
+        steps,
+        PEER,
+        compared(rung, found.cost, False) if found.succeeded else found.status,
+        found.cost,
+        solve=found.solve,
+        total=found.solve,
+    )
+
+
+def tries(
+    rungs: Sequence[Rung],
+    methods: Sequence[str],
+    orders: Sequence[int] = ORDERS,
+    steps: Sequence[int] = STEPS,
+) -> Iterator[Try]:
+    """Every rung with every method; one that has run out of time is not run with more steps."""
+    for rung in rungs:
+        for order in orders:
+            for method in methods:
+                late = False
+                for n in sorted(steps):
+                    if late:
+                        yield Try(rung, order, n, method, NOT_RUN)
+                        continue
+                    one = peer(rung, order, n) if method == PEER else own(rung, order, n, method)
+                    late = one.total >= SECONDS
+                    yield one
+
+
+def ladder(quick: bool, folder: Path) -> Section:
+    methods = tuple(dict.fromkeys(("ipm", DEFAULT))) if quick else (*METHODS, PEER)
+    steps = STEPS[:1] if quick else STEPS
+    found = list(tries(RUNGS, methods, steps=steps))
+    section = Section(
+        "Published problems from the automatic start",
+        f"Orders 2 and 4 with N = {', '.join(map(str, steps))} steps a phase, from a statement "
+        "without any guess: how many end within the tolerance of the known cost (or below it) and "
+        f"are confirmed by the simulation; `{DEFAULT}` is the default. {PEER} transcribes the same "
+        "equations directly (midpoint rule; Hermite and Simpson's) and starts from a straight line "
+        "without inputs; its answers are not checked, and one far below the known cost does not "
+        f"count. A solve has {SECONDS:.0f} s; after one that took longer there is none with more "
+        "steps. Times are medians over what was solved, of guess, solve and check for dmoc, of the "
+        "solve alone for the peer, neither with building.",
+        ["problem", "known cost", "source", *methods],
+    )
+    for rung in RUNGS:
+        own_tries = [t for t in found if t.rung is rung]
+        shares = (_share([t for t in own_tries if t.method == m]) for m in methods)
+        section.rows.append((rung.name, f"{rung.known:.8g}", rung.source, *shares))
+    for order in ORDERS:
+        groups = ([t for t in found if (t.method, t.order) == (m, order)] for m in methods)
+        section.rows.append((f"all of order {order}", "", "", *map(_share, groups)))
+    for part in ("guess", "solve", "check", "total"):
+        medians = (_median([t for t in found if t.met and t.method == m], part) for m in methods)
+        section.rows.append((f"{part}, ms", "", "", *medians))
+    (folder / "ladder.md").write_text(_every(found), encoding="utf-8")
+    section.after = f"Every solve: [ladder.md](ladder.md).\n\n{_failures(found, methods)}"
+    return section
+
+
+def _share(group: Sequence[Try]) -> str:
+    met = sum(t.met for t in group)
+    return f"{met}/{len(group)}" if met == len(group) else f"**{met}/{len(group)}**"
+
+
+def _median(group: Sequence[Try], part: str) -> str:
+    values = [getattr(t, part) for t in group]
+    return ms(median(values)) if values else "-"
+
+
+def _failures(found: Sequence[Try], methods: Sequence[str]) -> str:
+    """What dmoc's own methods missed, by name."""
+    own_methods = [m for m in methods if m in ("ipm", DEFAULT)]
+    lines = []
+    for method in dict.fromkeys(own_methods):
+        missed = [
+            f"{t.rung.name} (order {t.order}, N = {t.steps}: {t.result})"
+            for t in found
+            if t.method == method and not t.met
+        ]
+        lines.append(f"Missed by `{method}`: {'; '.join(missed) or 'nothing'}.")
+    return "\n\n".join(lines)
+
+
+def _every(found: Sequence[Try]) -> str:
+    text = (
+        "# The ladder, solve by solve\n\nWritten with the section of published problems. A result "
+        "in bold is a failure: *dearer* than the known cost by more than the tolerance, *below* it "
+        "without a check, or the status.\n\n"
+    )
+    return text + table(HEADER, [t.row for t in found]) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rung", default="", help="part of the name of a problem")
+    parser.add_argument("--method", nargs="+", choices=(*METHODS, PEER), default=(*METHODS, PEER))
+    parser.add_argument("--steps", nargs="+", type=int, default=STEPS)
+    parser.add_argument("--order", nargs="+", type=int, choices=ORDERS, default=ORDERS)
+    given = parser.parse_args()
+    rungs = [rung for rung in RUNGS if given.rung in rung.name]
+    sys.stdout.write(table(HEADER, []) + "\n")
+    for one in tries(rungs, given.method, given.order, given.steps):
+        sys.stdout.write("| " + " | ".join(map(str, one.row)) + " |\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
