@@ -39,8 +39,8 @@ from dmoc.registry import find
 class Rung:
     """A problem with its known least cost as the steps get smaller.
 
-    tolerance is what the cost may differ from the known one by, relative to it, from 50 steps a phase
-    on: the error of the discretisation, far below the distance to the next minimum.
+    tolerance is what the cost may differ from the known one by, relative to it, from 50 steps a
+    phase on: the error of the discretisation, far below the distance to the next minimum.
     """
 
     name: str
