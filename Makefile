@@ -30,7 +30,7 @@ bench: $(VENV)/.installed-bench
 	cd benchmarks && ../$(BIN)/python run.py && ../$(BIN)/python accuracy.py
 
 # The folders of sources are part of what is installed: a changed extension is compiled again.
-SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.h simulation/*.pyx nlp/*.pyx nlp/*.pxd nlp/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
+SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx nlp/*.pyx nlp/*.pxd nlp/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

@@ -70,6 +70,13 @@ extensions += [
         extra_compile_args=FLAGS,
     ),
     Extension(
+        "dmoc.nlp.marching",
+        ["nlp/marching.pyx", "nlp/least_squares.c"],
+        depends=["nlp/least_squares.h", "codegen/call.pxi", KERNEL],
+        include_dirs=["codegen", "nlp"],
+        extra_compile_args=FLAGS,
+    ),
+    Extension(
         "dmoc.solvers.compiled",
         ["solvers/compiled.pyx", *sorted(map(str, Path("solvers").glob("*.c"))), "nlp/passes.c"],
         depends=[*sorted(map(str, Path("solvers").glob("*.h"))), "nlp/passes.h", KERNEL],
@@ -96,7 +103,7 @@ setup(
     package_dir=package_dir,
     package_data={
         "dmoc": ["py.typed"],
-        "dmoc.codegen": ["templates/*.jinja", "*.pyx", "*.pxd", "*.pyi", "*.h"],
+        "dmoc.codegen": ["templates/*.jinja", "*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.h"],
         **{
             f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pyi", "*.c", "*.h"]
             for layer in ("nlp", "solvers", "simulation")

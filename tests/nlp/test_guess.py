@@ -14,9 +14,9 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
 from dmoc.nlp.feasibility import minimal_time
 from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.marching import WINDOW
 from dmoc.nlp.minimal_times import WithMinimalTimes, phase_minimal_time
 from dmoc.nlp.transcription import Transcription
-from dmoc.nlp.windows import WINDOW
 from dmoc.registry import find
 
 L, G, M_P, M_C = 0.5, 10.0, 1.0, 1.0

@@ -1,0 +1,452 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, binding=False
+"""Motions along plans, step by step: prescribed coordinates on cubic splines, the others by the
+equations of motion.
+
+The accelerations of the coordinates that are not prescribed follow from the rows of the equations
+of motion that no input enters.  The matrix that gives them can become singular (cart-pendulum: at
+alpha = k pi, where cart accelerations exert no torque on the pendulum): the window around such a
+point is where nothing should be prescribed.
+"""
+from libc.float cimport DBL_EPSILON
+from libc.math cimport INFINITY, fabs, fmax, fmin, isfinite, isnan, sqrt
+from libc.string cimport memcmp, memcpy
+
+from dmoc_kernel cimport DMOC_MOST, dmoc_entry, find_kernel
+from least_squares cimport (
+    dmoc_complement, dmoc_pseudo_inverse, dmoc_smallest_singular, dmoc_work_size
+)
+
+import numpy as np
+
+include "call.pxi"
+
+# Smallest singular value, relative to the rows and with inertia scaled to one, below which
+# controllability counts as lost.
+WINDOW = 0.15
+# Speed, in reaches of the coordinates per final time, above which a motion counts as growing
+# without bound.
+RUNAWAY = 1e6
+
+cdef double LOST = WINDOW, TOO_FAST = RUNAWAY
+cdef double SAME_INPUT = 1e-15  # inputs whose singular values differ by this factor act as one
+
+
+def _block(size):
+    return np.zeros((1, size))
+
+
+cdef class Marcher:
+    """Follows plans of one problem.
+
+    Work arrays belong to the object: each thread takes its own.
+    """
+    cdef readonly int nq, nu
+    cdef int nc, silent                         # rows of the equations that no input enters
+    cdef Call dynamics, input_matrix, running_cost, slopes
+    cdef double[:, ::1] q, v, t, mass, force, B             # of the state that is looked at
+    cdef double[:, ::1] u_end, cost_now, slope_entries
+    cdef const ptrdiff_t[::1] slope_row, slope_column
+    cdef double[::1] root, known_B, rest, inverse          # rest (silent, nq), inverse (nu, nq)
+    cdef double[::1] low, high, size, reaches, restitution
+    cdef ptrdiff_t[::1] hits
+    cdef double[::1] rows, right, part, solution, work
+    cdef double[::1] at, speed, a, middle, pace, wanted, u  # along the motion
+    cdef double[::1] spline_q, spline_v, c2, c3, fastest, normal
+    # Results of the last motion.
+    cdef readonly double cost, excess
+    cdef readonly int free_steps
+    cdef double impulse
+
+    def __init__(self, problem):
+        kernels, par = problem.kernels, problem.parameter_values
+        cdef int nq = problem.nq, nu = problem.nu, nc = len(kernels.surfaces)
+        cdef int most = max(nq, nu)
+        self.nq, self.nu, self.nc = nq, nu, nc
+        q, v, t, idle, rest = (_block(n) for n in (nq, nq, 1, nu, nq))
+        self.q, self.v, self.t = q, v, t
+        mass, force, B = _block(nq * nq), _block(nq), _block(nq * nu)
+        self.mass, self.force, self.B = mass, force, B
+        state = (q, v, idle, t, par)
+        self.dynamics = Call(kernels, "dynamics", state, (mass, force))
+        self.input_matrix = Call(kernels, "input_matrix", state, (B,))
+        u_end, cost = _block(nu), _block(1)
+        self.u_end, self.cost_now = u_end, cost
+        end = (q, rest, u_end, t, par)
+        self.running_cost = Call(kernels, "running_cost", end, (cost, _block(nu)))
+        if nc:
+            self.slope_row, self.slope_column = kernels.pattern("surface_jac", "g_D")
+            entries = _block(len(self.slope_row))
+            self.slope_entries = entries
+            self.slopes = Call(kernels, "surface_jac", (q, t, par), (entries,))
+        self.root = np.sqrt(problem.inertia)
+        self.known_B = np.full(nq * nu + 1, np.nan)
+        self.rest, self.inverse = np.empty(nq * nq), np.empty(nu * nq + 1)
+        self._forget()
+        box, self.reaches = problem.input_bounds, np.ascontiguousarray(problem.reach)
+        self.low, self.high = np.append(box[:, 0], 0.0), np.append(box[:, 1], 0.0)
+        self.size = np.append(_input_ranges(box), 1.0)
+        self.restitution = np.append(problem.restitution_values, 1.0)
+        hits = [kernels.surfaces.index(s) for s in problem.sequence]
+        self.hits = np.array([*hits, 0], dtype=np.intp)
+        self.rows, self.right, self.part = (np.empty(most * most + 1) for _ in range(3))
+        self.solution = np.empty(most * most + 1)
+        self.work = np.empty(dmoc_work_size(most, most))
+        self.at, self.speed, self.a = (np.empty(nq) for _ in range(3))
+        self.middle, self.pace, self.wanted = (np.empty(nq) for _ in range(3))
+        self.spline_q, self.spline_v, self.c2, self.c3 = (np.empty(nq) for _ in range(4))
+        self.fastest, self.normal = np.empty(nq), np.empty(nq + 1)
+        self.u = np.empty(nu + 1)
+
+    # Equations of motion M q'' = F + B u ----------------------------------------------------------
+
+    cdef int look(self, const double *q, const double *v, double t) except -1 nogil:
+        """Evaluate them at one state and time."""
+        memcpy(&self.q[0, 0], q, self.nq * sizeof(double))
+        memcpy(&self.v[0, 0], v, self.nq * sizeof(double))
+        self.t[0, 0] = t
+        self.dynamics.run()
+        self.input_matrix.run()
+        cdef size_t bytes = self.nq * self.nu * sizeof(double)
+        if memcmp(&self.B[0, 0], &self.known_B[0], bytes):  # B is the same in most states
+            memcpy(&self.known_B[0], &self.B[0, 0], bytes)
+            self.split()
+        return 0
+
+    cdef void _forget(self) noexcept nogil:
+        """No input enters any row."""
+        cdef int i
+        self.silent = self.nq
+        for i in range(self.nq * self.nq):
+            self.rest[i] = 0.0
+        for i in range(self.nq):
+            self.rest[i * (self.nq + 1)] = 1 / self.root[i]
+        for i in range(self.nu * self.nq):
+            self.inverse[i] = 0.0
+
+    cdef void split(self) noexcept nogil:
+        """A basis of the rows that no input enters, orthonormal where forces count by the roots
+        of the inertias, and the inverse of B by least squares in the same measure."""
+        cdef int i, j, nq = self.nq, nu = self.nu
+        cdef double length
+        self._forget()
+        for i in range(nq):
+            for j in range(nu):
+                self.part[i * nu + j] = self.B[0, i * nu + j] / self.root[i]
+                if not isfinite(self.part[i * nu + j]):
+                    return
+        for j in range(nu):
+            length = 0.0
+            for i in range(nq):
+                length += self.part[i * nu + j] * self.part[i * nu + j]
+            self.right[j] = sqrt(length) if length > 0 else 1.0
+            for i in range(nq):
+                self.part[i * nu + j] /= self.right[j]
+        self.silent = max(nq - nu, 0)
+        if self.silent:
+            dmoc_complement(nq, nu, &self.part[0], &self.rest[0], &self.work[0])
+        for i in range(self.silent):
+            for j in range(nq):
+                self.rest[i * nq + j] /= self.root[j]
+        dmoc_pseudo_inverse(nq, nu, &self.part[0], SAME_INPUT, &self.inverse[0], &self.work[0])
+        for j in range(nu):
+            for i in range(nq):
+                self.inverse[j * nq + i] /= self.right[j] * self.root[i]
+
+    cdef double reach(self, const int[::1] given) noexcept nogil:
+        """Smallest singular value of the matrix that gives the other accelerations, relative to
+        its rows; 1 if there are no others."""
+        cdef int r, i, k, others = 0, nq = self.nq
+        cdef double square, entry
+        for i in range(nq):
+            others += not given[i]
+        if others == 0:
+            return 1.0
+        for r in range(self.silent):
+            square, k = 0.0, 0
+            for i in range(nq):
+                entry = self._row_of_mass(r, i) / sqrt(self.mass[0, i * (nq + 1)])
+                square += entry * entry
+                if not given[i]:
+                    self.rows[r * others + k] = entry
+                    k += 1
+            for k in range(others):
+                self.rows[r * others + k] /= sqrt(square)
+        if self.silent == others == 1:
+            return fabs(self.rows[0])
+        return dmoc_smallest_singular(self.silent, others, &self.rows[0], &self.work[0])
+
+    cdef double _row_of_mass(self, int r, int i) noexcept nogil:
+        """Entry (r, i) of the rows that no input enters times M."""
+        cdef int j
+        cdef double found = 0.0
+        for j in range(self.nq):
+            found += self.rest[r * self.nq + j] * self.mass[0, j * self.nq + i]
+        return found
+
+    cdef void accelerate(self, const int[::1] given, const double *wanted,
+                         bint free) noexcept nogil:
+        """Find the accelerations a: the given ones as wanted and the others from the rows without
+        inputs, or the reverse in free motion."""
+        cdef int r, i, j, k, count = 0, nq = self.nq, silent = self.silent
+        cdef double sum
+        for i in range(nq):
+            count += (given[i] != 0) == free
+            self.a[i] = wanted[i] if given[i] and not free else 0.0
+        if count == 0:
+            return
+        for r in range(silent):
+            self.right[r], k = 0.0, 0
+            for j in range(nq):
+                sum = self.force[0, j]
+                if not free:
+                    for i in range(nq):
+                        if given[i]:
+                            sum -= self.mass[0, j * nq + i] * self.a[i]
+                self.right[r] += self.rest[r * nq + j] * sum
+            for i in range(nq):
+                if (given[i] != 0) == free:
+                    self.part[r * count + k] = self._row_of_mass(r, i)
+                    k += 1
+        dmoc_pseudo_inverse(silent, count, &self.part[0], DBL_EPSILON * max(silent, count),
+                            &self.solution[0], &self.work[0])
+        k = 0
+        for i in range(nq):
+            if (given[i] != 0) == free:
+                for r in range(silent):
+                    self.a[i] += self.solution[k * silent + r] * self.right[r]
+                k += 1
+
+    cdef void drive(self) noexcept nogil:
+        """Find the inputs u that come closest to the accelerations a."""
+        cdef int i, j, nq = self.nq
+        cdef double sum
+        for j in range(self.nu):
+            self.u[j] = 0.0
+        for i in range(nq):
+            sum = -self.force[0, i]
+            for j in range(nq):
+                sum += self.mass[0, i * nq + j] * self.a[j]
+            for j in range(self.nu):
+                self.u[j] += self.inverse[j * nq + i] * sum
+
+    def control(self, const double[::1] q, tuple prescribed):
+        """How well the accelerations of the other coordinates follow from the prescribed ones, at
+        rest in q at time 0: the smallest singular value of the matrix that gives them, relative to
+        its rows; 1 if there are no others."""
+        cdef double[::1] rest = np.zeros(self.nq)
+        self.look(&q[0], &rest[0], 0.0)
+        return self.reach(self._flags(prescribed))
+
+    def _flags(self, prescribed):
+        flags = np.zeros(self.nq, dtype=np.intc)
+        flags[list(prescribed)] = 1
+        return flags
+
+    # Splines: cubics to a position and a velocity in a time ---------------------------------------
+
+    cdef void aim(self, const double *q, const double *v, double duration) noexcept nogil:
+        """Begin a spline here."""
+        cdef int i
+        cdef double T = duration if duration > 0 else 1.0
+        for i in range(self.nq):
+            self.spline_q[i], self.spline_v[i] = self.at[i], self.speed[i]
+            self.c2[i] = (3 * (q[i] - self.at[i]) / T - 2 * self.speed[i] - v[i]) / T
+            self.c3[i] = (2 * (self.at[i] - q[i]) / T + self.speed[i] + v[i]) / (T * T)
+
+    cdef void wish(self, double t) noexcept nogil:
+        """The acceleration of the spline, in ``wanted``."""
+        cdef int i
+        for i in range(self.nq):
+            self.wanted[i] = 2 * self.c2[i] + 6 * t * self.c3[i]
+
+    # Motions --------------------------------------------------------------------------------------
+
+    cdef int step(self, const int[::1] given, double now, double h, double t,
+                  bint free) except -1 nogil:
+        """One step of the explicit midpoint rule from where ``look`` was; ``t`` is the time on the
+        spline."""
+        cdef int i, nq = self.nq
+        self.wish(t)
+        self.accelerate(given, &self.wanted[0], free)
+        for i in range(nq):
+            self.middle[i] = self.at[i] + h / 2 * self.speed[i]
+            self.pace[i] = self.speed[i] + h / 2 * self.a[i]
+        self.look(&self.middle[0], &self.pace[0], now + h / 2)
+        self.wish(t + h / 2)
+        self.accelerate(given, &self.wanted[0], free)
+        self.drive()
+        t += h
+        for i in range(nq):
+            self.at[i] += h * self.speed[i] + h * h / 2 * self.a[i]
+            self.speed[i] += h * self.a[i]
+            if given[i] and not free:  # stay on the spline: sums of steps drift
+                self.at[i] = self.spline_q[i] + t * (
+                    self.spline_v[i] + t * (self.c2[i] + t * self.c3[i]))
+                self.speed[i] = self.spline_v[i] + t * (2 * self.c2[i] + 3 * t * self.c3[i])
+        return 0
+
+    cdef bint bounded(self) noexcept nogil:
+        """Whether the motion does not grow without bound."""
+        cdef int i
+        for i in range(self.nq):
+            if not (isfinite(self.at[i]) and fabs(self.speed[i]) < self.fastest[i]):
+                return False
+        return True
+
+    cdef int pay(self, double h) except -1 nogil:
+        """Add the cost of a step and look how far its inputs are beyond their bounds."""
+        cdef int j
+        cdef double over
+        for j in range(self.nu):
+            over = fmax(fmax(self.low[j] - self.u[j], self.u[j] - self.high[j]), 0.0) / self.size[j]
+            if isnan(self.u[j]):
+                over = INFINITY
+            self.excess = fmax(self.excess, over)
+            self.u_end[0, j] = fmin(fmax(self.u[j], self.low[j]), self.high[j])
+        memcpy(&self.q[0, 0], &self.at[0], self.nq * sizeof(double))
+        self.running_cost.run()
+        self.cost += h * self.cost_now[0, 0]
+        return 0
+
+    cdef int bounce(self, ptrdiff_t surface, double t) except -1 nogil:
+        """The velocity after an impact and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n)
+        with n = grad g."""
+        cdef int i, nq = self.nq
+        cdef ptrdiff_t k
+        cdef double approach, inertia = 0.0
+        for i in range(nq):
+            self.middle[i] = 0.0
+        self.look(&self.at[0], &self.middle[0], t)
+        self.slopes.run()
+        for i in range(nq + 1):
+            self.normal[i] = 0.0
+        for k in range(self.slope_row.shape[0]):
+            if self.slope_row[k] == surface:
+                self.normal[self.slope_column[k]] = self.slope_entries[0, k]
+        dmoc_pseudo_inverse(nq, nq, &self.mass[0, 0], 0.0, &self.solution[0], &self.work[0])
+        approach = self.normal[nq]
+        for i in range(nq):
+            self.middle[i] = 0.0
+            for k in range(nq):
+                self.middle[i] += self.solution[i * nq + k] * self.normal[k]
+            inertia += self.normal[i] * self.middle[i]
+            approach += self.normal[i] * self.speed[i]
+        self.impulse = 0.0
+        if inertia > 0:
+            self.impulse = fmax((1 + self.restitution[surface]) * approach / inertia, 0.0)
+        for i in range(nq):
+            self.speed[i] -= self.impulse * self.middle[i]
+        return 0
+
+    cdef bint follow(self, const double[:, ::1] positions, const double[:, ::1] velocities,
+                     const double[::1] durations, const ptrdiff_t[::1] steps,
+                     const int[::1] given, _Record record) except -1 nogil:
+        """March along a plan; False where the motion grows without bound."""
+        cdef ptrdiff_t i, k, since, phases = durations.shape[0], done = 0
+        cdef int j, nq = self.nq
+        cdef double h, now, begin = 0.0, total = 0.0, far
+        cdef bint free, was_free
+        for i in range(phases):
+            total += durations[i]
+        for j in range(nq):
+            far = self.reaches[j]
+            for i in range(phases + 1):
+                far = fmax(far, fabs(positions[i, j]))
+            self.fastest[j] = TOO_FAST * far / total
+            self.at[j], self.speed[j] = positions[0, j], velocities[0, j]
+        self.cost, self.excess, self.free_steps = 0.0, 0.0, 0
+        for i in range(phases):
+            h = durations[i] / steps[i]
+            was_free, since = False, 0
+            self.aim(&positions[i + 1, 0], &velocities[i + 1, 0], durations[i])
+            for k in range(steps[i]):
+                now = begin + k * h
+                self.look(&self.at[0], &self.speed[0], now)
+                free = self.reach(given) < LOST
+                if was_free and not free:
+                    since = k
+                    self.aim(&positions[i + 1, 0], &velocities[i + 1, 0], durations[i] - k * h)
+                was_free = free
+                self.step(given, now, h, (k - since) * h, free)
+                if not self.bounded():
+                    return False
+                self.pay(h)
+                self.free_steps += free
+                done += 1
+                if record is not None:
+                    record.step(done, self)
+            begin += durations[i]
+            if i < phases - 1:
+                if record is not None:
+                    record.before(i, self)
+                self.bounce(self.hits[i], begin)
+                if record is not None:
+                    record.after(i, self)
+        return True
+
+    def trial(self, plan, tuple steps, tuple prescribed):
+        """Follow a plan; True where the motion stays bounded.  ``excess``, the largest violation of
+        an input bound relative to its range, and ``cost`` are then those of the motion."""
+        return self._follow(plan, steps, prescribed, None)
+
+    def motion(self, plan, tuple steps, tuple prescribed):
+        """The same; return q (total + 1, nq), u (total, nu), impulses, velocities before and after
+        the collisions (collisions, nq) and at the end (nq,), or None."""
+        cdef _Record record = _Record(plan.positions[0], self.nu, sum(steps), len(steps) - 1)
+        if not self._follow(plan, steps, prescribed, record):
+            return None
+        return (*record.arrays, np.array(self.speed))
+
+    def _follow(self, plan, steps, prescribed, _Record record):
+        cdef const double[:, ::1] q = plan.positions, v = plan.velocities
+        cdef const double[::1] T = plan.durations
+        cdef const ptrdiff_t[::1] n = np.array(steps, dtype=np.intp)
+        cdef const int[::1] given = self._flags(prescribed)
+        cdef bint found
+        if not (len(T) + 1 == len(q) == len(v) == len(n) + 1 == len(self.hits) + 1):
+            raise ValueError(f"expected a plan of {len(self.hits)} phases and as many steps")
+        with nogil:
+            found = self.follow(q, v, T, n, given, record)
+        return found
+
+
+cdef class _Record:
+    """What is kept of a motion."""
+    cdef double[:, ::1] q, u, v_a, v_c
+    cdef double[::1] lam
+    cdef tuple arrays
+
+    def __init__(self, start, nu, total, hits):
+        nq = len(start)
+        self.arrays = (np.empty((total + 1, nq)), np.empty((total, nu)), np.empty(hits),
+                       np.empty((hits, nq)), np.empty((hits, nq)))
+        self.q, self.u, self.lam, self.v_a, self.v_c = self.arrays
+        self.arrays[0][0] = start
+
+    cdef void step(self, ptrdiff_t done, Marcher m) noexcept nogil:
+        cdef int i
+        for i in range(m.nq):
+            self.q[done, i] = m.at[i]
+        for i in range(m.nu):
+            self.u[done - 1, i] = m.u[i]
+
+    cdef void before(self, ptrdiff_t hit, Marcher m) noexcept nogil:
+        cdef int i
+        for i in range(m.nq):
+            self.v_a[hit, i] = m.speed[i]
+
+    cdef void after(self, ptrdiff_t hit, Marcher m) noexcept nogil:
+        cdef int i
+        for i in range(m.nq):
+            self.v_c[hit, i] = m.speed[i]
+        self.lam[hit] = m.impulse
+
+
+def _input_ranges(box):
+    """What violations of the bounds of inputs, shape (nu, 2), are measured by: their ranges, or
+    the sizes of what is bounded on one side, shape (nu,)."""
+    low, high = box.T
+    sizes = np.where(np.isfinite(box), np.abs(box), 0.0).max(axis=1, initial=0.0)
+    with np.errstate(invalid="ignore"):
+        scale = np.where(np.isfinite(high - low) & (high > low), high - low, sizes)
+    return np.where(scale > 0, scale, 1.0)
