@@ -29,7 +29,8 @@ def _pattern(pattern, rows, entries):
 cdef class Pass:
     """One pass over elements, from a :class:`dmoc.nlp.program.PassData`.
 
-    Positions lie in the pool, slots in the target.
+    Positions lie in the pool, slots in the target.  Arrays of positions that are those of ``like``
+    are shared with it, and were checked there.
     """
     cdef dmoc_pass c
     cdef object kernels, data, keep
@@ -41,7 +42,7 @@ cdef class Pass:
     def __dealloc__(self):
         free(self.c.element)
 
-    def __init__(self, kernels, data, ptrdiff_t pool):
+    def __init__(self, kernels, data, ptrdiff_t pool, Pass like=None):
         cdef ptrdiff_t targets = len(data.constant), terms = len(data.coefficients)
         cdef ptrdiff_t elements = len(data.elements)
         self.kernels, self.data, self.keep = kernels, data, []
@@ -56,8 +57,16 @@ cdef class Pass:
         if self.c.element == NULL:
             raise MemoryError()
         if self.compiled:
+            known = ()
+            if like is not None and like.compiled and like.c.targets == targets:
+                known = like.data.elements
+                self.keep.append(like)
             for e, element in enumerate(data.elements):
-                self._fill(&self.c.element[e], element, pool)
+                if e < len(known) and _same_places(element, known[e]):
+                    self.c.element[e] = like.c.element[e]
+                else:
+                    self._fill(&self.c.element[e], element, pool)
+                self._scale(&self.c.element[e], element)
             size = dmoc_scratch_size(&self.c)
             self.c.scratch = self._numbers(np.empty(size), size)
 
@@ -86,11 +95,23 @@ cdef class Pass:
                 c.gather[a], c.stride[a] = self._indices(at, at.size), at.shape[1]
             else:
                 raise ValueError(f"{kernel}: the positions of a single row must be consecutive")
-        for a, (slots, factors) in enumerate(zip(element.slots, element.factors, strict=True)):
+        for a, slots in enumerate(element.slots):
             if slots.size and slots.max() >= 0:
                 _within(slots, -1, self.c.targets)
                 c.slot[a] = self._indices(slots, slots.size)
-                c.factor[a] = self._numbers(factors, slots.size)
+        return 0
+
+    cdef int _scale(self, dmoc_element *c, element) except -1:
+        """Set the factors of an element that has its slots."""
+        cdef const double[::1] view
+        cdef int a
+        for a, (slots, factors) in enumerate(zip(element.slots, element.factors, strict=True)):
+            if c.slot[a] != NULL:
+                view = np.ascontiguousarray(factors, dtype=np.float64).reshape(-1)
+                if view.shape[0] != slots.size:
+                    raise ValueError(f"expected {slots.size} numbers, got {view.shape[0]}")
+                self.keep.append(view)
+                c.factor[a] = &view[0]
         return 0
 
     cdef const ptrdiff_t *_indices(self, array, ptrdiff_t size) except? NULL:
@@ -131,6 +152,12 @@ cdef class Pass:
         return values
 
 
+cdef bint _same_places(element, known):
+    """Whether the positions of two elements are the same arrays."""
+    return (element.kernel == known.kernel and element.arguments is known.arguments
+            and element.slots is known.slots)
+
+
 cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:
     """The C code trusts positions: refuse those outside."""
     cdef const ptrdiff_t[::1] view = np.ascontiguousarray(positions, dtype=np.intp).ravel()
@@ -142,7 +169,8 @@ cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:
 
 
 cdef class Program:
-    """The program of a :class:`dmoc.nlp.program.ProgramData`, on the kernels of its model."""
+    """The program of a :class:`dmoc.nlp.program.ProgramData`, on the kernels of its model; ``like``
+    is another program of the same kernels, with which it may share positions."""
     cdef dmoc_program c
     cdef Pass _values, _slopes, _curvatures
     cdef double[::1] pool, lower, upper, unit
@@ -150,7 +178,7 @@ cdef class Program:
     cdef readonly bint compiled
     cdef readonly object data
 
-    def __init__(self, kernels, data):
+    def __init__(self, kernels, data, Program like=None):
         cdef ptrdiff_t n = data.n, m = data.m
         self.data = data
         self.lower, self.upper = np.append(data.lower, 0.0), np.append(data.upper, 0.0)
@@ -159,8 +187,12 @@ cdef class Program:
         sizes = len(data.upper), len(data.unit), min(len(data.pool), n + m + 2)
         if sizes != (n, n + m + 1, n + m + 2):
             raise ValueError(f"expected bounds of {n} unknowns and units of {n + m + 1} numbers")
+        passes, size = (data.values, data.slopes, data.curvatures), len(data.pool)
+        known = (None, None, None)
+        if like is not None and len(like.pool) == size + 1:
+            known = (like._values, like._slopes, like._curvatures)
         self._values, self._slopes, self._curvatures = (
-            Pass(kernels, p, len(data.pool)) for p in (data.values, data.slopes, data.curvatures))
+            Pass(kernels, p, size, k) for p, k in zip(passes, known))
         self.row_start, self.column = _pattern(data.jacobian, m, len(data.slopes.constant) - n)
         self.hess_start, self.hess_column = _pattern(data.hessian, n, len(data.curvatures.constant))
         self.compiled = kernels.backend == "compiled"

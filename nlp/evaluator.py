@@ -37,7 +37,13 @@ class Evaluator(ABC):
     @cached_property
     def program(self) -> Program:
         """What the compiled method takes."""
-        return Program(self.kernels, self.assembled.data)
+        data = self.assembled.data
+
+        def made() -> Program:
+            return Program(self.kernels, data)
+
+        first = self.assembled.structure.once("program", made)
+        return first if first.data is data else Program(self.kernels, data, first)
 
     @cached_property
     def analyses(self) -> dict[str, Any]:

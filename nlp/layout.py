@@ -11,17 +11,21 @@ the model depends on them; q_i: coordinates of the nodes inside the steps.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.discretisation import FORMS, Discretisation, InputForm
+from dmoc.discretisation import DISCRETISATIONS, FORMS, Discretisation, InputForm
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
 from dmoc.nlp.tables import NOWHERE, Block, Index, Numbering
 from dmoc.symbolic.names import momentum_name, velocity_name
+
+# Layouts that are remembered, and the steps of one that is not.
+SHARED, MOST_SHARED = 32, 5_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,75 +60,22 @@ class Layout:
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
-        names, u = problem.kernels.coordinates, problem.kernels.inputs
-        steps, form, scheme = problem.phase_steps, FORMS[problem.control_form], problem.scheme
-        nq, total, phases = len(names), sum(steps), len(steps)
-        surfaces = np.array(
-            [problem.kernels.surfaces.index(s) for s in problem.sequence], dtype=np.intp
+        kernels, periodic = problem.kernels, problem.periodic
+        turning = any(velocity_name(c) in periodic for c in kernels.coordinates)
+        at_goal = turning or bool(kernels.manifest["terminal_velocity"])
+        kind = Kind(
+            tuple(kernels.coordinates),
+            tuple(kernels.inputs),
+            problem.phase_steps,
+            problem.control_form,
+            problem.order,
+            problem.explicit_time,
+            tuple(problem.sequence),
+            tuple(kernels.surfaces.index(s) for s in problem.sequence),
+            problem.start_bounds.needs_velocity or turning,
+            problem.goal_bounds.needs_velocity or at_goal,
         )
-        p, v = [momentum_name(c) for c in names], [velocity_name(c) for c in names]
-        hits, at = phases - 1, collision_names(problem)
-        periodic = any(name in problem.periodic for name in v)
-        at_start = problem.start_bounds.needs_velocity or periodic
-        at_end = (
-            problem.goal_bounds.needs_velocity
-            or periodic
-            or bool(problem.kernels.manifest["terminal_velocity"])
-        )
-        row_steps, rows_at_start = (
-            _steps_of_rows(form, steps),
-            frozenset(_first_rows(form, steps).tolist()),
-        )
-
-        def place_of_input(k: int) -> str:
-            if form.jumps:
-                return f"at the {'start' if k in rows_at_start else 'end'} of step {row_steps[k]}"
-            return f"in node {k}" if form.shared else f"in step {row_steps[k]}"
-
-        def place_inside(j: int) -> str:
-            return f"at inner node {j} of" if scheme.inside > 1 else "inside"
-
-        block = Numbering()
-        table = (
-            block("h", (phases,), lambda i: f"step size of phase {i}", lambda s: s.h),
-            block("q", (total + 1, nq), lambda k, i: f"{names[i]} at node {k}", lambda s: s.q),
-            block(
-                "u",
-                (len(row_steps), len(u)),
-                lambda k, i: f"{u[i]} {place_of_input(k)}",
-                lambda s: s.u,
-            ),
-            block("lam", (hits,), lambda i: f"impulse of {at[i]}", lambda s: s.lam[surfaces]),
-            block("p_B", (nq,), lambda i: f"{p[i]} at the start", lambda s: s.p),
-            block("p_E", (nq,), lambda i: f"{p[i]} at the goal", lambda s: s.p),
-            block(
-                "v_B",
-                (nq * at_start,),
-                lambda i: f"{v[i]} at the start",
-                lambda s: s.v[: nq * at_start],
-            ),
-            block(
-                "v_E", (nq * at_end,), lambda i: f"{v[i]} at the goal", lambda s: s.v[: nq * at_end]
-            ),
-            block("v_a", (hits, nq), lambda k, i: f"{v[i]} before {at[k]}", lambda s: s.v),
-            block("v_c", (hits, nq), lambda k, i: f"{v[i]} after {at[k]}", lambda s: s.v),
-            block(
-                "t",
-                ((total + 1) * problem.explicit_time,),
-                lambda k: f"time of node {k}",
-                lambda s: s.time,
-            ),
-            block(
-                "q_i",
-                (total, scheme.inside * nq),
-                lambda k, i: f"{names[i % nq]} {place_inside(i // nq)} step {k}",
-                lambda s: np.tile(s.q, scheme.inside),
-            ),
-        )
-        indices = {f"index_{b.name}": b.index for b in table}
-        return cls(
-            nq, len(u), steps, form, scheme, problem.explicit_time, surfaces, table, **indices
-        )
+        return (_shared if sum(kind.steps) <= MOST_SHARED else _laid_out)(kind)
 
     @property
     def size(self) -> int:
@@ -235,7 +186,11 @@ class Layout:
 
 def collision_names(problem: Problem) -> list[str]:
     """Names of the collisions in the user's words."""
-    return [f"collision {i + 1} ({s})" for i, s in enumerate(problem.sequence)]
+    return _names_of_collisions(problem.sequence)
+
+
+def _names_of_collisions(sequence: Sequence[str]) -> list[str]:
+    return [f"collision {i + 1} ({s})" for i, s in enumerate(sequence)]
 
 
 def _first_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
@@ -251,3 +206,85 @@ def _steps_of_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
     found[first + form.width] = numbers
     found[first] = numbers
     return found
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a layout depends on; ``surfaces`` are the numbers of those of the sequence, the last
+    two say whether the velocities at the ends are unknowns."""
+
+    coordinates: tuple[str, ...]
+    inputs: tuple[str, ...]
+    steps: tuple[int, ...]
+    form: str
+    order: int
+    timed: bool
+    sequence: tuple[str, ...]
+    surfaces: tuple[int, ...]
+    v_at_start: bool
+    v_at_end: bool
+
+
+def _laid_out(kind: Kind) -> Layout:
+    names, u, steps = kind.coordinates, kind.inputs, kind.steps
+    form, scheme = FORMS[kind.form], DISCRETISATIONS[kind.order]
+    nq, total, phases = len(names), sum(steps), len(steps)
+    surfaces = np.array(kind.surfaces, dtype=np.intp)
+    p, v = [momentum_name(c) for c in names], [velocity_name(c) for c in names]
+    hits, at = phases - 1, _names_of_collisions(kind.sequence)
+    row_steps = _steps_of_rows(form, steps)
+    rows_at_start = frozenset(_first_rows(form, steps).tolist())
+
+    def place_of_input(k: int) -> str:
+        if form.jumps:
+            return f"at the {'start' if k in rows_at_start else 'end'} of step {row_steps[k]}"
+        return f"in node {k}" if form.shared else f"in step {row_steps[k]}"
+
+    def place_inside(j: int) -> str:
+        return f"at inner node {j} of" if scheme.inside > 1 else "inside"
+
+    block = Numbering()
+    table = (
+        block("h", (phases,), lambda i: f"step size of phase {i}", lambda s: s.h),
+        block("q", (total + 1, nq), lambda k, i: f"{names[i]} at node {k}", lambda s: s.q),
+        block(
+            "u",
+            (len(row_steps), len(u)),
+            lambda k, i: f"{u[i]} {place_of_input(k)}",
+            lambda s: s.u,
+        ),
+        block("lam", (hits,), lambda i: f"impulse of {at[i]}", lambda s: s.lam[surfaces]),
+        block("p_B", (nq,), lambda i: f"{p[i]} at the start", lambda s: s.p),
+        block("p_E", (nq,), lambda i: f"{p[i]} at the goal", lambda s: s.p),
+        block(
+            "v_B",
+            (nq * kind.v_at_start,),
+            lambda i: f"{v[i]} at the start",
+            lambda s: s.v[: nq * kind.v_at_start],
+        ),
+        block(
+            "v_E",
+            (nq * kind.v_at_end,),
+            lambda i: f"{v[i]} at the goal",
+            lambda s: s.v[: nq * kind.v_at_end],
+        ),
+        block("v_a", (hits, nq), lambda k, i: f"{v[i]} before {at[k]}", lambda s: s.v),
+        block("v_c", (hits, nq), lambda k, i: f"{v[i]} after {at[k]}", lambda s: s.v),
+        block(
+            "t",
+            ((total + 1) * kind.timed,),
+            lambda k: f"time of node {k}",
+            lambda s: s.time,
+        ),
+        block(
+            "q_i",
+            (total, scheme.inside * nq),
+            lambda k, i: f"{names[i % nq]} {place_inside(i // nq)} step {k}",
+            lambda s: np.tile(s.q, scheme.inside),
+        ),
+    )
+    indices = {f"index_{b.name}": b.index for b in table}
+    return Layout(nq, len(u), steps, form, scheme, kind.timed, surfaces, table, **indices)
+
+
+_shared = lru_cache(maxsize=SHARED)(_laid_out)

@@ -3,8 +3,10 @@ declared."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -46,7 +48,7 @@ class Block:
     size: Size
     nodes: Index | None = None
 
-    @property
+    @cached_property
     def numbers(self) -> Index:
         """The numbers of all members, in order."""
         return np.asarray(self.index[self.index != NOWHERE])
@@ -86,9 +88,12 @@ class Numbering:
         nodes: Index | None = None,
     ) -> Block:
         """A block of a shape, or of a mask whose False members do not exist."""
-        mask = where if isinstance(where, np.ndarray) else np.ones(where, dtype=bool)
-        index = np.full(mask.shape, NOWHERE)
-        count = int(mask.sum())
-        index[mask] = np.arange(self.next, self.next + count)
+        if isinstance(where, tuple):
+            count = math.prod(where)
+            index = np.arange(self.next, self.next + count).reshape(where)
+        else:
+            count = int(where.sum())
+            index = np.full(where.shape, NOWHERE)
+            index[where] = np.arange(self.next, self.next + count)
         self.next += count
         return Block(name, index, label, size, nodes)

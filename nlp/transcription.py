@@ -8,21 +8,33 @@ Everything here works on scaled unknowns and returns scaled values (:mod:`dmoc.n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.bounds import goal_rows, limits
-from dmoc.nlp.elements import Assembled, Linear, Statement, assembled
+from dmoc.nlp.elements import (
+    Assembled,
+    Form,
+    Linear,
+    Numbers,
+    Structure,
+    assembled,
+    structure_of,
+)
 from dmoc.nlp.evaluator import Evaluator
 from dmoc.nlp.impact import ImpactLaw
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.rows import linear_rows, rows_of, terms, unit_entries
 from dmoc.nlp.sizes import Scale
-from dmoc.nlp.tables import Block, Index
+from dmoc.nlp.tables import NOWHERE, Block, Index
+
+# Structures that are remembered, and the unknowns of one that is not.
+SHARED, MOST_SHARED = 32, 20_000
 
 
 class Transcription(Evaluator):
@@ -73,22 +85,48 @@ class Transcription(Evaluator):
     def row_unit(self) -> Array:
         return np.concatenate([b.sizes(self.scale) for b in (*self.equalities, *self.inequalities)])
 
+    @cached_property
+    def structure(self) -> Structure:
+        """What it has in common with the programs of all problems of its form."""
+        if self.n > MOST_SHARED:
+            return structure_of(self._form())
+        return _structure(_Key(self._key(), self._form))
+
     def assemble(self) -> Assembled:
-        problem, lay, rows = self.problem, self.layout, self.rows
-        m = rows.n_eq + rows.n_in
-        parts = [(r, c, np.full(len(r), factor)) for r, c, factor in unit_entries(lay, rows)]
+        m = self.rows.n_eq + self.rows.n_in
         constants = np.zeros(m)
+        for line in linear_rows(self.problem, self.layout, self.rows):
+            constants[line.row] = line.constant
+        numbers = Numbers(
+            self.par[0], constants, self.lower, self.upper, self.unit, self.row_unit[:m],
+            self.scale.cost,
+        )  # fmt: skip
+        return assembled(self.structure, numbers)
+
+    def _key(self) -> Hashable:
+        """What the structure depends on, but for the sizes and names that follow from it."""
+        problem, lay, rows, manifest = self.problem, self.layout, self.rows, self.kernels.manifest
+        c, d = rows.c, rows.d
+        return (
+            *(manifest["fingerprint"], manifest.get("code"), self.kernels.backend),
+            *(lay.steps, lay.form.name, len(lay.index_v_B), len(lay.index_v_E)),
+            *(problem.sequence, problem.periodic),
+            *(self.law.e.tobytes(), self.law.touching.tobytes()),
+            *(c.final_time.count, d.earliest.count, d.latest.count),
+            (d.gap.index[[0, -1]] == NOWHERE).tobytes(),
+            tuple(goal.unknown for goal in rows.goals),
+            tuple((goal.unknown, sign) for goal, sign, _ in rows.limits),
+        )
+
+    def _form(self) -> Form:
+        problem, lay, rows = self.problem, self.layout, self.rows
+        parts = [(r, c, np.full(len(r), factor)) for r, c, factor in unit_entries(lay, rows)]
         for line in linear_rows(problem, lay, rows):
             parts.append((np.full(len(line.unknowns), line.row), line.unknowns, line.factors))
-            constants[line.row] = line.constant
-        r, c, factors = (np.concatenate(p) for p in zip(*parts, strict=True))
-        linear = Linear(r, c, factors, constants)
-        return assembled(
-            Statement(
-                self.kernels, self.par[0], terms(problem, lay, rows, self.law), linear, rows.n_eq,
-                self.lower, self.upper, self.unit, self.row_unit[:m], self.scale.cost,
-            )
-        )  # fmt: skip
+        linear = Linear(*(np.concatenate(p) for p in zip(*parts, strict=True)))
+        found = terms(problem, lay, rows, self.law)
+        m = rows.n_eq + rows.n_in
+        return Form(self.kernels, self.par.shape[1], found, linear, self.n, m, rows.n_eq)
 
     @property
     def equalities(self) -> list[Block]:
@@ -120,3 +158,16 @@ class Transcription(Evaluator):
         """Return p at the start and at the end of every step in units of the problem, shape
         (total, nq) each."""
         return self.problem.model.step_momenta(self.layout.step_inputs(self.physical(x)))
+
+
+@dataclass(frozen=True)
+class _Key:
+    """A key of a structure, and what makes its form."""
+
+    value: Hashable
+    form: Callable[[], Form] = field(compare=False)
+
+
+@lru_cache(maxsize=SHARED)
+def _structure(key: _Key) -> Structure:
+    return structure_of(key.form())

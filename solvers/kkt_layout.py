@@ -105,7 +105,13 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
 
 
 def kkt_layout(nlp: Transcription) -> KKTLayout:
-    """Analyse K for a program without minimal times."""
+    """Analyse K for a program without minimal times; programs of one structure with the same fixed
+    unknowns share it."""
+    free = (nlp.lower < nlp.upper).tobytes()
+    return nlp.structure.once(("kkt", free), lambda: _analysed(nlp))
+
+
+def _analysed(nlp: Transcription) -> KKTLayout:
     order, first = pivots(nlp)
     place = np.full(nlp.n + nlp.n_eq + nlp.n_in, -1, dtype=np.int32)
     place[order] = np.arange(len(order))
