@@ -17,7 +17,7 @@ from dmoc.registry import find
 
 @pytest.fixture(scope="module")
 def hanging() -> dmoc.Problem:
-    """Its automatic guess leads to 41.25 at 50 steps."""
+    """Many starts lead to 41.25 at 50 steps, few to 37.42."""
     reference = find("cart_pendulum_hanging")
     return dmoc.Problem(reference.kernels(2), **{**reference.defaults, "steps": 50})
 
@@ -53,14 +53,37 @@ def little_torque(system: dmoc.MechanicalSystem, limit: float, steps: int) -> dm
     )
 
 
-def test_a_better_minimum_than_from_the_guess_is_the_answer(
-    hanging: dmoc.Problem, explored: dmoc.Solution
-) -> None:
-    alone = dmoc.solve(hanging, "ipm", starts=1)
-    assert alone.solved and explored.solved
-    assert explored.cost == pytest.approx(37.424, abs=1e-2)
-    assert explored.cost < alone.cost - 3
+def test_a_motion_is_found_where_the_guess_alone_leads_nowhere() -> None:
+    """A hammer drives a nail on a spring 2 cm deep, which takes it 26 ms of at least 0.2 s."""
+    x, s, u = dynamicsymbols("x s u")
+    system = dmoc.MechanicalSystem(
+        "hammer",
+        coordinates=[x, s],
+        inputs=[u],
+        lagrangian=x.diff() ** 2 / 2 + s.diff() ** 2 / 20 - 250 * s**2,
+        forces={x: u, s: -5 * s.diff()},
+        surfaces={"nail": x <= s},
+        parameters={},
+        cost=u**2,
+    )
+    problem = dmoc.Problem(
+        system,
+        start={"x": -0.3, "s": 0},
+        goal={"s": 0.02, "s_dot": 0},
+        sequence=["nail"],
+        steps=100,
+        final_time=(0.2, 1.0),
+        restitution=0.3,
+    )
+    alone = dmoc.solve(problem, "ipm", starts=1)
+    assert alone.status == "infeasible"
     assert alone.starts == 0 and alone.others == ()
+    many = dmoc.solve(problem, "ipm")
+    assert many.solved and many.cost == pytest.approx(62.56, abs=0.05)
+
+
+def test_a_better_minimum_is_the_answer(explored: dmoc.Solution) -> None:
+    assert explored.solved and explored.cost == pytest.approx(37.424, abs=1e-2)
 
 
 def test_others_are_listed_with_how_often_they_were_found(explored: dmoc.Solution) -> None:
@@ -111,9 +134,6 @@ def test_a_swing_up_with_little_torque_is_found(
     found = dmoc.solve(little_torque(pendulum_and_torque, 2.0, 200), "ipm")
     assert found.solved
     assert found.cost == pytest.approx(5.7041, abs=2e-3)
-    assert dmoc.solve(little_torque(pendulum_and_torque, 2.0, 200), "ipm", starts=1).status == (
-        "infeasible"
-    )
 
 
 def test_infeasible_is_said_after_many_starts(pendulum_and_torque: dmoc.MechanicalSystem) -> None:
