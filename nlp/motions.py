@@ -41,6 +41,8 @@ def random_motions(problem: Problem, natural: float, numbers: range, seed: int =
     ``natural`` is a final time in seconds around which motions are made where the problem does not
     bound it.
     """
+    if not numbers:
+        return np.zeros((0, Layout.of(problem).size))
     draws = [np.random.default_rng([seed, k]) for k in numbers]
     with np.errstate(all="ignore"):
         return _unknowns(problem, _Drawn.of(problem, natural, draws))

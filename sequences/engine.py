@@ -22,7 +22,7 @@ from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Processes, Workers, here, in_executor
-from dmoc.sequences.settings import Settings, check, shortest_of, surfaces_of
+from dmoc.sequences.settings import STARTS, Settings, check, shortest_of, surfaces_of
 from dmoc.sequences.tree import Tree
 from dmoc.solving.methods import SEARCHING
 from dmoc.solving.workers import NoMoreWork
@@ -122,13 +122,13 @@ def search(
     surfaces: Sequence[str] | None = None,
     strategy: str = "exhaustive",
     beam: int = 4,
-    starts: int = 0,
+    starts: int = STARTS,
     seed: int = 0,
     method: str = SEARCHING,
     workers: int = 1,
     executor: Executor | None = None,
     seconds: float | None = None,
-    node_seconds: float = 60.0,
+    node_seconds: float | None = None,
     max_nodes: int | None = None,
     shortest_phase: float | None = None,
     journal: str | os.PathLike[str] | None = None,
@@ -139,7 +139,7 @@ def search(
 
     The nodes of a tree are the sequences of surfaces up to a depth, from the empty one on, repeated
     hits included.  Each is solved from its parent's motion, from the automatic guesses and from
-    seeded starts, and gets a verdict with its evidence; the children of one whose last collision
+    random starts on a coarse mesh, and gets a verdict with its evidence; the children of one whose last collision
     cannot be made are not looked at.
 
     Parameters
@@ -156,7 +156,7 @@ def search(
         each depth.
     beam : int
     starts : int
-        Seeded starts of each node, beside the parent's motion and the automatic guesses.
+        Random starts of each node at most, beside the parent's motion and the automatic guesses.
     seed : int
     method : str
         As in :func:`dmoc.solve`.
@@ -167,8 +167,9 @@ def search(
         example.
     seconds, max_nodes : optional
         Budgets of time and of nodes; nodes of a journal count too.
-    node_seconds : float
-        Time limit of a node; one that fails is tried once more.
+    node_seconds : float, optional
+        Time limit of a node; one that fails is tried once more.  None by default, so that verdicts
+        do not depend on the speed of the machine.
     shortest_phase : float, optional
         Shortest duration of a phase in seconds; by default a hundredth of the largest final time,
         where that is bounded.

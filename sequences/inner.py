@@ -4,37 +4,35 @@ process."""
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.active import BoundKind
-from dmoc.nlp.guess import Guess, initial_guesses
-from dmoc.nlp.layout import Layout
+from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.march import reflected
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.surfaces import onto_surface
 from dmoc.nlp.transfer import pieces_of, unknowns_along
-from dmoc.sequences.nodes import Node, Start, Verdict
+from dmoc.sequences.nodes import Node, Verdict
 from dmoc.solution import Solution
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
+from dmoc.solvers.threads import ONE_THREAD
+from dmoc.solving.exploration import Effort, Exploration, Start, coarse_of, explored
 from dmoc.solving.result import without_effect
 from dmoc.solving.solve import solve
 
-# Relative difference of two costs that belong to the same minimum.
-SAME = 1e-5
-# Spread of seeded starts: of the logarithm of durations, and of coordinates relative to their
-# range.
-SPREAD_TIME, SPREAD_PLACE = 0.4, 0.3
-# Further automatic guesses are used where the first starts found nothing.
-SPARE = "spare"
-# Iterations of a start: a motion that needs more is hardly ever a good one.
-ITERATIONS = 200
+# Random starts that are tried at first, of those of a node; the share of the starts that agree
+# where these are enough; automatic guesses, and minima that are refined at most.
+FIRST, AGREEING, GUESSES, MOST_REFINED = 2, 0.4, 2, 3
+# Iterations of a solve that is to lead to a motion where the starts have not.
+ITERATIONS = 1000
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Task:
     method: str
     starts: int
     seed: int
-    seconds: float
+    seconds: float | None
     attempts: int = 1
 
     @property
@@ -71,59 +69,91 @@ def lost(task: Task, why: str) -> Node:
 
 def _solve(task: Task) -> Node:
     begin = time.perf_counter()
-    guesses = initial_guesses(task.problem)
-    tried: list[Start] = []
-    solved: list[Solution] = []
-    for name, x in _starts(task, guesses):
-        if solved and name.startswith(SPARE):
-            continue
-        left = task.seconds - (time.perf_counter() - begin)
-        if left <= 0:
-            tried.append(Start(name, Status.TIME_LIMIT, None))
-            break
-        found = _solve_from(task, x, left)
-        tried.append(Start(name, found.status, found.cost if found.minimum else None))
-        if found.minimum:
-            solved.append(found)
-    node = None if solved else _unsolved(task, guesses, tried)
-    if isinstance(node, Solution):
-        tried.append(Start("least violation", node.status, node.cost))
-        solved.append(node)
-    solved.sort(key=lambda s: (not s.solved, s.cost))
-    if node is None or isinstance(node, Solution):
-        node = _confirmed(task, solved)
-    return replace(
-        node,
-        starts=tuple(tried),
-        minima=_minima(solved),
-        attempts=task.attempts,
-        seconds=time.perf_counter() - begin,
-    )
+    if task.problem.kernels.backend != COMPILED:
+        node = _from_parent(task)
+    else:
+        node = _explored(task)
+    return replace(node, attempts=task.attempts, seconds=time.perf_counter() - begin)
 
 
-def _solve_from(task: Task, x: Array, seconds: float) -> Solution:
-    """Solve; an interrupted solve keeps its best iterate, but a search wants to know."""
-    found = solve(
-        task.problem, task.method, guess=x, iterations=ITERATIONS, seconds=seconds, verify=False
-    )
-    if found.status == Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    return found
-
-
-def _starts(task: Task, guesses: Sequence[Guess]) -> Iterator[tuple[str, Array]]:
-    problem = task.problem
+def _from_parent(task: Task) -> Node:
+    """Solve from the parent's motion, else from the automatic guesses, by a method that needs no
+    compiled kernels."""
+    starts: list[Start] = []
+    given = [("automatic", None)]
     if task.parent is not None:
-        yield "parent", extended(task.parent, problem)
-    yield "automatic", guesses[0].x
-    for i, guess in enumerate(guesses[1:]):
-        yield f"{SPARE} {i + 1}", guess.x
-    order = [problem.kernels.surfaces.index(s) for s in problem.sequence]
-    for i in range(task.starts):
-        yield (
-            f"seeded {i + 1}",
-            shaken(problem, guesses[0].x, np.random.default_rng([task.seed, i, *order])),
+        given.insert(0, ("parent", extended(task.parent, task.problem)))
+    for name, x in given:
+        s = solve(task.problem, task.method, guess=x, seconds=task.seconds)
+        starts.append(Start(name, s.status, s.cost if s.converged else None))
+        if s.converged:
+            return replace(_node(task, [s]), starts=tuple(starts))
+    evidence = (f"no start came to an answer ({_told(starts)})",)
+    return Node(task.sequence, Verdict.FAILED, evidence=evidence, starts=tuple(starts))
+
+
+def _explored(task: Task) -> Node:
+    """Solve from the best of some starts on a coarse mesh, the parent's motion among them."""
+    begin, coarse = time.perf_counter(), coarse_of(task.problem)
+    points = {} if task.parent is None else {"parent": extended(task.parent, coarse)}
+    effort = Effort(
+        min(FIRST, task.starts), task.starts, task.starts, AGREEING, 1, MOST_REFINED, False, GUESSES
+    )
+    options = Options(seconds=task.seconds)
+    with ONE_THREAD, np.errstate(all="ignore"):
+        found = explored(task.problem, effort, task.seed, options, points=points)
+    solutions = list(found.ranked)
+    if not solutions:
+        if task.seconds is not None and time.perf_counter() - begin > task.seconds / 2:
+            return Node(
+                task.sequence,
+                Verdict.FAILED,
+                evidence=(f"the limit of {task.seconds:g} s was reached",),
+                starts=(*found.starts, Start("rest", Status.TIME_LIMIT, None)),
+            )
+        rest = _without_minimum(task, coarse, found)
+        if isinstance(rest, Node):
+            return rest
+        solutions = [rest]
+    if task.method != solutions[0].method:
+        driven = solve(task.problem, task.method, guess=solutions[0], seconds=task.seconds)
+        solutions = [driven, *solutions[1:]] if driven.converged else solutions
+    minima = sorted({s.cost for s in solutions} | {m.cost for m in found.coarse})
+    return replace(_node(task, solutions), starts=found.starts, minima=tuple(minima))
+
+
+def _node(task: Task, solutions: Sequence[Solution]) -> Node:
+    """The node of the first of some minima, the best one."""
+    s = solutions[0]
+    if s.status is Status.NOT_VERIFIED:
+        verdict, evidence = Verdict.UNVERIFIED, (s.message,)
+    elif s.status is Status.GRAZES:
+        verdict = Verdict.GRAZES
+        evidence = (f"cost {s.cost:.6g}, and {without_effect(s.trajectory)}",)
+    else:
+        verdict, evidence = Verdict.FEASIBLE, (f"cost {s.cost:.6g}, confirmed by simulation",)
+    cheaper = [o for o in solutions[1:] if o.status is Status.NOT_VERIFIED and o.cost < s.cost]
+    if cheaper:
+        evidence += (
+            f"a motion of cost {cheaper[0].cost:.6g} was not confirmed: {cheaper[0].message}",
         )
+    shortest = tuple(b for b in s.active_bounds if b.kind is BoundKind.DURATION and b.side == ">=")
+    return Node(
+        task.sequence,
+        verdict,
+        s.cost,
+        tuple(p.duration for p in s.phases),
+        evidence,
+        minima=(s.cost,),
+        shortest=shortest,
+        solution=replace(s, kernels=None),  # travels without the kernels, which the caller has
+    )
+
+
+def _told(starts: Sequence[Start]) -> str:
+    """How starts have ended, with their numbers."""
+    counts = Counter(str(s.status) for s in starts)
+    return ", ".join(f"{n} {status}" for status, n in counts.items())
 
 
 def extended(parent: Solution, problem: Problem) -> Array:
@@ -152,103 +182,42 @@ def extended(parent: Solution, problem: Problem) -> Array:
     )
 
 
-def shaken(problem: Problem, x: Array, rng: np.random.Generator) -> Array:
-    """A guess with other durations and another path; what is fixed stays, because the solver
-    clips it to its bounds."""
-    lay = Layout.of(problem)
-    x = x.copy()
-    x[lay.index_h] *= np.exp(SPREAD_TIME * rng.normal(size=lay.phases))
-    total = float(x[lay.index_h] @ np.array(lay.steps))
-    low, high = problem.final_time_bounds
-    x[lay.index_h] *= min(max(total, low), high) / total
-    q = x[lay.index_q]
-    wave = np.sin(np.outer(np.linspace(0, 1, len(q)), np.pi * np.arange(1, 4)))
-    spread = SPREAD_PLACE * np.maximum(np.ptp(q, axis=0), problem.reach / 10)
-    x[lay.index_q] = q + (wave @ rng.normal(size=(3, lay.nq))) * spread
-    return x
-
-
-def _minima(solved: list[Solution]) -> tuple[float, ...]:
-    costs: list[float] = []
-    for s in sorted(solved, key=lambda s: s.cost):
-        if not costs or s.cost > costs[-1] + SAME * max(s.scale.get("cost", 1.0), abs(costs[-1])):
-            costs.append(s.cost)
-    return tuple(costs)
-
-
-def _confirmed(task: Task, solved: list[Solution]) -> Node:
-    """The cheapest motion that the simulation confirms; the cheapest of all where it confirms
-    none."""
-    first = ""
-    for s in solved:
-        check = s.verify()
-        if check.passed:
-            if s.status == Status.GRAZES:
-                evidence = f"cost {s.cost:.6g}, and {without_effect(s.trajectory)}"
-                return _node(task, s, Verdict.GRAZES, (evidence,))
-            confirmed: tuple[str, ...] = (f"cost {s.cost:.6g}, confirmed by simulation",)
-            if s is not solved[0]:
-                confirmed += (f"a motion of cost {solved[0].cost:.6g} was not confirmed: {first}",)
-            return _node(task, s, Verdict.FEASIBLE, confirmed)
-        first = first or check.message
-    return _node(task, solved[0], Verdict.UNVERIFIED, (f"the simulation contradicts it: {first}",))
-
-
-def _node(task: Task, s: Solution, verdict: Verdict, evidence: tuple[str, ...]) -> Node:
-    shortest = tuple(b for b in s.active_bounds if b.kind is BoundKind.DURATION and b.side == ">=")
-    bare = replace(s, kernels=None)  # travels without the kernels, which the caller has
-    return Node(
-        task.sequence,
-        verdict,
-        s.cost,
-        tuple(p.duration for p in s.phases),
-        evidence,
-        shortest=shortest,
-        solution=bare,
-    )
-
-
-def _unsolved(task: Task, guesses: Sequence[Guess], tried: list[Start]) -> Node | Solution:
-    """Infeasible, unreachable, no answer, or a solution from the feasible motion that the search
-    for the reason has found."""
-    problem = task.problem
-    ends = ", ".join(f"{s.name}: {s.status}" for s in tried)
-    nothing = Node(
-        task.sequence, Verdict.FAILED, evidence=(f"no start came to an answer ({ends})",)
-    )
-    if not any(s.status == Status.INFEASIBLE for s in tried) or problem.kernels.backend != COMPILED:
-        return nothing
-    whole = _least(problem, guesses, task.seconds)
+def _without_minimum(task: Task, coarse: Problem, found: Exploration) -> Node | Solution:
+    """Why no start has led to a minimum: infeasible, unreachable; or a solution from the feasible
+    motion that the search for the reason has found."""
+    starts = f"no motion was found from {len(found.starts)} starts ({_told(found.starts)})"
+    node = Node(task.sequence, Verdict.INFEASIBLE, starts=found.starts)
+    whole = _least(coarse)
     if whole.violation <= INFEASIBLE:
-        found = _solve_from(task, whole.x, task.seconds)
-        return found if found.minimum else nothing
-    if problem.sequence:
+        on_coarse = solve(coarse, "ipm", guess=whole.x, iterations=ITERATIONS, verify=False)
+        fine = solve(task.problem, "ipm", guess=on_coarse, iterations=ITERATIONS)
+        if fine.converged:
+            return fine
+        evidence = (
+            f"{starts}; one of {max(coarse.phase_steps)} steps a phase obeys all conditions, "
+            f"from which none of {max(task.problem.phase_steps)} was found: {fine.message}",
+        )
+        known = fine.status is Status.INFEASIBLE
+        verdict = Verdict.INFEASIBLE if known else Verdict.FAILED
+        return replace(node, verdict=verdict, evidence=evidence)
+    evidence = (starts, *whole.sentences)
+    if task.problem.sequence and whole.least:
         # Only the collisions, and as much time as there is: what happens after them is another
         # matter.
-        start = dict.fromkeys(problem.periodic) | dict(problem.start)
-        latest = (None, problem.final_time_bounds[1])
-        there_only = problem.but(start=start, goal={}, periodic=(), final_time=latest)
-        there = _least(there_only, initial_guesses(there_only), task.seconds)
-        if there.violation > INFEASIBLE:
-            return Node(
-                task.sequence,
-                Verdict.UNREACHABLE if there.least else Verdict.FAILED,
-                evidence=there.sentences,
-            )
-    return Node(
-        task.sequence,
-        Verdict.INFEASIBLE if whole.least else Verdict.FAILED,
-        evidence=whole.sentences,
-    )
+        start = dict.fromkeys(coarse.periodic) | dict(coarse.start)
+        latest = (None, coarse.final_time_bounds[1])
+        there = _least(coarse.but(start=start, goal={}, periodic=(), final_time=latest))
+        if there.violation > INFEASIBLE and there.least:
+            evidence = (starts, *there.sentences)
+            return replace(node, verdict=Verdict.UNREACHABLE, evidence=evidence)
+    return replace(node, evidence=evidence)
 
 
-def _least(problem: Problem, guesses: Sequence[Guess], seconds: float) -> Diagnosis:
-    """The least violation from any of some guesses."""
+def _least(problem: Problem) -> Diagnosis:
+    """The least violation from any of the automatic guesses."""
     found: list[Diagnosis] = []
-    for guess in guesses:
-        found.append(
-            diagnose(problem, scale_of(problem, guess.x), guess.x, Options(seconds=seconds))
-        )
+    for guess in initial_guesses(problem):
+        found.append(diagnose(problem, scale_of(problem, guess.x), guess.x, Options()))
         if found[-1].violation <= INFEASIBLE:
             return found[-1]
     return min(found, key=lambda d: (not d.least, d.violation))

@@ -24,6 +24,7 @@ from dmoc.schema import (
 )
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Status
+from dmoc.solving.exploration import Start
 
 Sequence = tuple[str, ...]
 
@@ -44,15 +45,6 @@ class Verdict(enum.StrEnum):
 
 
 @dataclass(frozen=True)
-class Start:
-    """One start of a node's solves: its name, how it ended, its cost where solved."""
-
-    name: str
-    status: Status
-    cost: float | None
-
-
-@dataclass(frozen=True)
 class Node:
     """What is known of one sequence.
 
@@ -67,8 +59,8 @@ class Node:
     evidence : tuple of str
         Why the verdict is what it is.
     starts : tuple of Start
-        Every start that was tried; "automatic" is the first guess, from which ``dmoc solve`` starts
-        too.
+        Every start that was tried on the coarse mesh: the parent's motion, automatic guesses,
+        random motions.
     minima : tuple of float
         Costs of the different local minima, the least first.
     shortest : tuple of str

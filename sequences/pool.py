@@ -9,6 +9,8 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TypeAlias
 
+import numpy as np
+
 from dmoc.sequences.inner import Task, lost, solve_node
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.solvers.outcome import Status
@@ -28,7 +30,9 @@ def _again(task: Task, node: Node) -> tuple[Task, ...]:
     return ()
 
 
-WORK = workers.Work(solve_node, lost, _again, lambda task: task.seconds)
+# Seconds after which a node without a limit hangs, as one with this limit does.
+LONGEST = 600.0
+WORK = workers.Work(solve_node, lost, _again, lambda task: task.seconds or LONGEST)
 
 
 def here(tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
@@ -37,7 +41,8 @@ def here(tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
         left = deadline - time.monotonic()
         if left <= 0:
             return
-        task = replace(task, seconds=min(task.seconds, left))
+        if np.isfinite(left):
+            task = replace(task, seconds=min(task.seconds or np.inf, left))
         node = solve_node(task)
         while time.monotonic() < deadline and (again := _again(task, node)):
             node = solve_node(again[0])

@@ -19,6 +19,8 @@ STRATEGIES = ("exhaustive", "best-first", "beam")
 # Share of the largest final time that a phase keeps, unless the search is told otherwise: bounces
 # at ever shorter intervals would pump energy without limit (Zeno).
 SHORTEST = 0.01
+# Random starts of a node at most, on a coarse mesh.
+STARTS = 8
 DEEPEST = 12  # the tree grows with the power of the depth
 MOST, MOST_WORKERS = 2**31 - 1, 1000  # of what is counted, of processes
 
@@ -38,7 +40,7 @@ class Settings:
     workers: int
     executor: Executor | None
     seconds: float | None
-    node_seconds: float
+    node_seconds: float | None
     max_nodes: int | None
     shortest_phase: float
     journal: str | os.PathLike[str] | None
@@ -113,7 +115,8 @@ def _check_numbers(s: Settings) -> None:
         whole(s.max_nodes, "max_nodes", 1, MOST, SearchError)
     if s.seconds is not None:
         positive(s.seconds, "seconds", "expected a positive time, or None", SearchError)
-    positive(s.node_seconds, "node_seconds", "expected a positive time", SearchError)
+    if s.node_seconds is not None:
+        positive(s.node_seconds, "node_seconds", "expected a positive time, or None", SearchError)
 
 
 def _check_problem(problem: Problem, s: Settings) -> None:

@@ -8,7 +8,7 @@ is none.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,25 +29,66 @@ from dmoc.solving.program import Programs
 from dmoc.solving.result import checked, solution_of
 
 COMPILED_METHOD = METHODS["ipm"]
-# Random starts, beside the automatic guesses, where their number is not given: the first ones; all
-# of them, where those do not agree; and more, where none of these has led to a motion.
-FIRST, ALL, MORE = 16, 100, 300
-# Share of the starts that agree on the best minimum where no more are needed.
-AGREEING = 0.75
-# Steps of a phase of the coarse mesh: so many in all phases, but a phase gets enough to bend; and
-# of the mesh on which minima are ranked.
-COARSE, FEWEST, RANKING = 48, 12, 100
-COARSEST = 24
-# Iterations of a start: few that take more end in a minimum, hardly ever in a good one.
-ITERATIONS = 100
+# Steps of a phase of the coarse mesh: so many in all phases, but a phase gets enough to bend and
+# none more than it needs; and of the mesh on which minima are ranked.
+COARSE, FEWEST, COARSEST, RANKING = 48, 12, 24, 100
+# Iterations of a start: few that take more end in a minimum, hardly ever in a good one; and of a
+# refinement.
+ITERATIONS, REFINING = 100, 300
 # Relative differences of costs and of durations that belong to the same minimum.
 SAME_COST, SAME_TIMES = 1e-5, 1e-3
-# Minima that are refined at least, and at most, where cheaper coarse ones are left.
-REFINED, MOST_REFINED = 4, 16
 # Limits of inputs are widened by the first factor and tightened by the others where nothing else
 # has helped, with so many starts, of which so many minima are followed.
 WIDER = (4.0, 2.8, 2.0, 1.6, 1.3, 1.12, 1.0)
 WIDE_STARTS, FOLLOWED = 32, 8
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How many starts are tried, and what is done with what they find.
+
+    Attributes
+    ----------
+    first, most, more : int
+        Random starts: so many at first, ``most`` where those do not agree on a minimum, ``more``
+        where none of these has led to a motion.
+    agreeing : float
+        Share of the starts that end in the best minimum where no more are needed.
+    refined, most_refined : int
+        Minima that are refined at least, and at most, where cheaper coarse ones are left.
+    widens : bool
+        Whether limits of inputs are widened, and then tightened, where no start leads to a motion.
+    guesses : int or None
+        Automatic guesses that are tried at most.
+    total : int or None
+        All starts, where their number is given.
+    """
+
+    first: int = 16
+    most: int = 100
+    more: int = 300
+    agreeing: float = 0.75
+    refined: int = 4
+    most_refined: int = 16
+    widens: bool = True
+    guesses: int | None = None
+    total: int | None = None
+
+    @classmethod
+    def of(cls, starts: int | None) -> Effort:
+        """As many starts as it seems to take, or a given number."""
+        if starts is None:
+            return cls()
+        return cls(widens=False, guesses=starts, total=starts)
+
+
+@dataclass(frozen=True)
+class Start:
+    """One start: its name, how it ended, its cost on the coarse mesh where solved."""
+
+    name: str
+    status: Status
+    cost: float | None
 
 
 @dataclass(frozen=True)
@@ -62,20 +103,20 @@ class Exploration:
         How many starts have led to each.
     coarse : tuple of Minimum
         Minima that were not refined.
-    starts : int
+    starts : tuple of Start
     """
 
     ranked: tuple[Solution, ...]
     found: tuple[int, ...]
     coarse: tuple[Minimum, ...]
-    starts: int
+    starts: tuple[Start, ...]
 
     def told(self, best: int) -> str:
         """What the answer is among the minima, in a sentence."""
         if best >= len(self.ranked):
-            return f"none of {self.starts} starts on a coarse mesh led to a motion"
+            return f"none of {len(self.starts)} starts on a coarse mesh led to a motion"
         count = len(self.ranked) + len(self.coarse)
-        found = f"{self.found[best]} of {self.starts} starts led to it"
+        found = f"{self.found[best]} of {len(self.starts)} starts led to it"
         if count == 1:
             return f"{found}, none to another one"
         return f"{found}, others to {count - 1} other{'s' if count > 2 else ''}"
@@ -103,7 +144,7 @@ class _Class:
     def of(cls, attempt: Attempt) -> _Class:
         nlp, x = attempt.nlp, attempt.outcome.x
         h = nlp.physical(x)[nlp.layout.index_h]
-        return cls(attempt, nlp.cost(x) * nlp.scale.cost, h * np.array(nlp.layout.steps))
+        return cls(attempt, _cost(attempt), h * np.array(nlp.layout.steps))
 
     def same(self, other: _Class, size: float) -> bool:
         """Whether both are the same minimum, with costs that are compared with a size."""
@@ -112,8 +153,17 @@ class _Class:
         return costs and bool((np.abs(self.durations - other.durations) <= near).all())
 
 
+def _cost(attempt: Attempt) -> float:
+    return attempt.nlp.cost(attempt.outcome.x) * attempt.nlp.scale.cost
+
+
 def explored(
-    problem: Problem, starts: int | None, seed: int, options: Options, verify: bool
+    problem: Problem,
+    effort: Effort,
+    seed: int,
+    options: Options,
+    verify: bool = True,
+    points: Mapping[str, Array] | None = None,
 ) -> Exploration:
     """Look for minima from many starts.
 
@@ -121,13 +171,15 @@ def explored(
     ----------
     problem : Problem
         With compiled kernels.
-    starts : int or None
-        All starts, the automatic guesses among them; None for as many as it seems to take.
+    effort : Effort
     seed : int
+        Of the random starts.
     options : Options
         Tolerances of the minima, and limits: half of its seconds are used.
     verify : bool
         Whether minima are checked by simulation before they are ranked.
+    points : mapping of str to array, optional
+        Further starts by name, unknowns of the problem on :func:`coarse_of` mesh.
 
     Raises
     ------
@@ -136,49 +188,60 @@ def explored(
     """
     seconds = np.inf if options.seconds is None else options.seconds / 2
     deadline = time.perf_counter() + seconds
-    minima, tried = _minima(problem, starts, seed, options, deadline)
-    ranked, left = _ranked(problem, minima, options, verify, deadline)
+    options = replace(options, progress=None)
+    minima, starts = _minima(problem, effort, seed, options, deadline, points or {})
+    ranked, left = _ranked(problem, minima, (effort, verify), options, deadline)
     coarse = tuple(Minimum(c.cost, c.found, None, c.attempt.nlp.problem.phase_steps) for c in left)
-    return Exploration(tuple(s for s, _ in ranked), tuple(n for _, n in ranked), coarse, tried)
+    solutions, found = tuple(s for s, _ in ranked), tuple(n for _, n in ranked)
+    return Exploration(solutions, found, coarse, tuple(starts))
+
+
+def coarse_of(problem: Problem) -> Problem:
+    """The problem on the mesh of the exploration."""
+    few = min(COARSEST, max(COARSE // problem.phases, FEWEST))
+    return problem.but(steps=[min(n, few) for n in problem.phase_steps])
 
 
 # On the coarse mesh -------------------------------------------------------------------------------
 
 
 def _minima(
-    problem: Problem, starts: int | None, seed: int, options: Options, deadline: float
-) -> tuple[list[_Class], int]:
-    """Distinct minima on the coarse mesh, the cheapest first, and the number of starts."""
-    coarse = problem.but(steps=_coarse_steps(problem))
-    guesses = [g.x for g in initial_guesses(coarse, deadline)]
-    programs = Programs(coarse, scale_of(coarse, guesses[0]))
+    problem: Problem,
+    effort: Effort,
+    seed: int,
+    options: Options,
+    deadline: float,
+    points: Mapping[str, Array],
+) -> tuple[list[_Class], list[Start]]:
+    """Distinct minima on the coarse mesh, the cheapest first, and the starts."""
+    coarse = coarse_of(problem)
+    guesses = [g.x for g in initial_guesses(coarse, deadline)][: effort.guesses]
     natural = natural_time(Planner.of(coarse))
-    few = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
-    if starts is None:
-        ends = [FIRST, ALL, MORE]
-    else:
-        ends = [max(starts - len(guesses), 0)]
-        guesses = guesses[:starts]
-    classes, tried = _gathered([], _solved(programs, guesses, few, deadline)), len(guesses)
-    begin = 0
+    few = replace(options, iterations=min(options.iterations, ITERATIONS))
+    named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
+    programs = Programs(coarse, scale_of(coarse, next(iter(named.values()))))
+    classes: list[_Class] = []
+    starts: list[Start] = []
+    begin, ends = 0, (0, effort.first, effort.most, effort.more)
+    if effort.total is not None:
+        ends = (max(effort.total - len(guesses), 0),)
     for end in ends:
-        x = random_motions(coarse, natural, range(begin, end), seed)
-        before = tried
-        for attempt in _solved(programs, x, few, deadline):
+        numbers = range(begin, max(end, begin))
+        x = random_motions(coarse, natural, numbers, seed)
+        named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
+        before = len(starts)
+        for name, attempt in zip(named, _solved(programs, named.values(), few, deadline)):
             classes = _gathered(classes, [attempt])
-            tried += 1
-        begin = end
-        enough = bool(classes) and (end >= ALL or classes[0].found >= AGREEING * tried)
-        if enough or tried - before < len(x):
+            solved = attempt.outcome.status is Status.SOLVED
+            starts.append(Start(name, attempt.outcome.status, _cost(attempt) if solved else None))
+        agreed = bool(classes) and classes[0].found >= effort.agreeing * len(starts)
+        enough = bool(classes) and (end >= effort.most or (agreed and end > 0))
+        if enough or len(starts) - before < len(named):
             break
-    if not classes and starts is None:
+        named, begin = {}, numbers.stop
+    if not classes and effort.widens:
         classes = _continued(coarse, natural, seed, few, deadline)
-    return classes, tried
-
-
-def _coarse_steps(problem: Problem) -> list[int]:
-    few = min(COARSEST, max(COARSE // problem.phases, FEWEST))
-    return [min(n, few) for n in problem.phase_steps]
+    return classes, starts
 
 
 def _solved(
@@ -254,18 +317,19 @@ def _widened(problem: Problem, factor: float) -> Problem:
 def _ranked(
     problem: Problem,
     minima: Sequence[_Class],
+    wanted: tuple[Effort, bool],
     options: Options,
-    verify: bool,
     deadline: float,
 ) -> tuple[list[tuple[Solution, int]], Sequence[_Class]]:
     """Solutions from the minima with the number of starts, the best first, and the minima that were
-    not refined."""
+    not refined; ``wanted`` says how many to refine and whether to check them."""
+    effort, verify = wanted
     mesh = problem.but(steps=[min(n, RANKING) for n in problem.phase_steps])
     refined: list[tuple[_Class, Solution, int]] = []
     for k, coarse in enumerate(minima):
         confirmed = [s.cost for _, s, _ in refined if s.minimum]
-        passed = bool(confirmed) and coarse.cost > min(confirmed) and k >= REFINED
-        if passed or k >= MOST_REFINED or time.perf_counter() > deadline:
+        passed = bool(confirmed) and coarse.cost > min(confirmed) and k >= effort.refined
+        if passed or len(refined) >= effort.most_refined or time.perf_counter() > deadline:
             return _sorted(refined), minima[k:]
         attempt = _refined(mesh, coarse.attempt, options)
         if attempt.outcome.status is not Status.SOLVED:
@@ -288,14 +352,30 @@ def _sorted(refined: Sequence[tuple[_Class, Solution, int]]) -> list[tuple[Solut
 
 
 def _refined(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
-    """Solve on a finer mesh from a motion on a coarse one."""
+    """Solve on a finer mesh from a motion on a coarse one; where that leads nowhere, once more by
+    way of the meshes between."""
+    few = replace(options, iterations=min(options.iterations, REFINING))
+    attempt = _on(mesh, coarse, few)
+    while attempt.outcome.status is not Status.SOLVED:
+        pairs = zip(coarse.nlp.problem.phase_steps, mesh.phase_steps, strict=True)
+        between = mesh.but(steps=[min(2 * n, most) for n, most in pairs])
+        if between.phase_steps == mesh.phase_steps:
+            return attempt
+        step = _on(between, coarse, few)
+        if step.outcome.status is not Status.SOLVED:
+            return attempt
+        coarse, attempt = step, _on(mesh, step, few)
+    return attempt
+
+
+def _on(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
+    """Solve on a mesh from a motion on another one."""
     motion = trajectory(coarse.nlp, coarse.outcome.x)
     impulses = [c.impulse for c in motion.collisions]
     x = unknowns_along(mesh, pieces_of(motion), impulses)
     programs = Programs(mesh, scale_of(mesh, x, True))
     nlp = programs.program()
-    few = replace(options, progress=None)
-    attempt = minimised(programs, nlp, nlp.scaled(x), few, _compiled())
+    attempt = minimised(programs, nlp, nlp.scaled(x), options, _compiled())
     if attempt.outcome.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return attempt

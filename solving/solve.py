@@ -17,7 +17,7 @@ from dmoc.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
 from dmoc.solvers.threads import ONE_THREAD
 from dmoc.solving.attempts import attempted, remaining
-from dmoc.solving.exploration import explored
+from dmoc.solving.exploration import Effort, explored
 from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method
 from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
@@ -159,7 +159,8 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
     options, begin = request.options, time.perf_counter()
     try:
         with ONE_THREAD, np.errstate(all="ignore"):
-            found = explored(problem, request.starts, request.seed, options, request.verify)
+            effort = Effort.of(request.starts)
+            found = explored(problem, effort, request.seed, options, request.verify)
     except KeyboardInterrupt:
         stopped = replace(request, options=replace(options, iterations=1), verify=False)
         status = Status.INTERRUPTED
@@ -178,7 +179,7 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
     return replace(
         answer,
         message=f"{answer.message}; {found.told(i)}",
-        starts=found.starts,
+        starts=len(found.starts),
         found=found.found[i] if i < len(found.found) else 0,
         others=found.others(i),
         seconds={**answer.seconds, "explore": spent},

@@ -77,9 +77,9 @@ def search(
         ),
     ] = 4,
     starts: Annotated[
-        int, typer.Option(help="Seeded starts of each sequence beside the automatic ones.")
-    ] = 0,
-    seed: Annotated[int, typer.Option(help="Seed of the seeded starts.")] = 0,
+        int, typer.Option(help="Random starts of each sequence beside the automatic ones.")
+    ] = 8,
+    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes of this machine.")] = 1,
     steps: Annotated[int | None, typer.Option(help="Steps of each phase.")] = None,
     final_time: FinalTimeOption = None,
@@ -102,8 +102,9 @@ def search(
     seconds: Annotated[float | None, typer.Option(help="Time budget of the search.")] = None,
     max_nodes: Annotated[int | None, typer.Option(help="Budget of sequences.")] = None,
     node_seconds: Annotated[
-        float, typer.Option(help="Time limit of one sequence; it is tried once more.")
-    ] = 60.0,
+        float | None,
+        typer.Option(help="Time limit of one sequence; it is tried once more.  None by default."),
+    ] = None,
     journal: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Keep finished sequences in this file (SQLite)."),
