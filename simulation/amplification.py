@@ -17,7 +17,8 @@ def amplification(motion: Motion, segments: Sequence[Segment]) -> float:
     """Largest ratio of an error at the end to one at a segment's start, by the linearised flow
     in sizes of positions and velocities."""
     unit = np.concatenate([motion.sizes.q, motion.sizes.v])
-    product, worst, phase = np.eye(len(unit)), 1.0, len(motion.steps) - 1
+    product, phase = np.eye(len(unit)), len(motion.steps) - 1
+    products = [product]
     for segment in reversed(segments):
         if segment.phase < phase:
             product, phase = product @ _saltation(motion, segment.phase, unit), segment.phase
@@ -27,8 +28,8 @@ def amplification(motion: Motion, segments: Sequence[Segment]) -> float:
         product = product @ (slope / unit[:, None] * unit)
         if not np.isfinite(product).all():
             return float("inf")
-        worst = max(worst, float(np.linalg.norm(product, 2)))
-    return worst
+        products.append(product)
+    return float(np.linalg.norm(np.array(products), 2, axis=(1, 2)).max())
 
 
 def _differences(motion: Motion, segment: Segment, unit: Array) -> Array:
@@ -60,15 +61,12 @@ def _saltation(motion: Motion, i: int, unit: Array) -> Array:
     a = [motion.model.acceleration(p.q[k], p.v[k], u, t) for p, k, u in ends]
 
     def through(y: Array) -> Array:
-        q, v = y[:nq], y[nq:]
-        late = -float(slope[:nq] @ (q - before.q[-1])) / rate  # until the surface is met
+        q, v = y[:, :nq], y[:, nq:]
+        late = -((q - before.q[-1]) @ slope[:nq])[:, None] / rate  # until the surface is met
         q, v = q + late * v, v + late * a[0]
         v = flow.planned_impact(c, q, v)[0]
-        return np.concatenate([q - late * v, v - late * a[1]])
+        return np.hstack([q - late * v, v - late * a[1]])
 
     y = np.concatenate([before.q[-1], before.v[-1]])
-    changes = [
-        (through(y + d) - through(y - d)) / (2 * PERTURBED * unit)
-        for d in PERTURBED * np.diag(unit)
-    ]
-    return np.array(changes).T
+    changes = PERTURBED * np.diag(unit)
+    return (through(y + changes) - through(y - changes)).T / (2 * PERTURBED * unit[:, None])

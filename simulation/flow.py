@@ -86,9 +86,9 @@ class Flow:
     # Surfaces -------------------------------------------------------------------------------------
 
     def response(self, q: Array, t: float, n: Array) -> Array:
-        """M^-1 n."""
+        """M^-1 n, for one position or rows of them."""
         try:
-            return np.asarray(np.linalg.solve(self.model.mass(q, t), n))
+            return np.asarray(np.linalg.solve(self.model.mass(q, t), n[..., None])[..., 0])
         except np.linalg.LinAlgError:
             raise Lost from None
 
@@ -97,27 +97,27 @@ class Flow:
         slope = self.model.gap_slopes(y[: self.nq], t)[j]
         return float(slope[:-1] @ y[self.nq :] + slope[-1])
 
-    def impact(self, q: Array, v: Array, t: float, j: int, e: float) -> tuple[Array, float, float]:
+    def impact(self, q: Array, v: Array, t: float, j: int, e: float) -> tuple[Array, Array, Array]:
         """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) gamma / (n . M^-1 n); the
-        impulse lam and the rate gamma before it."""
-        *normal, moving = self.model.gap_slopes(q, t)[j]
-        n = np.array(normal)
+        impulse lam and the rate gamma before it.  For one state, or rows of them."""
+        slope = self.model.gap_slopes(q, t)[..., j, :]
+        n = slope[..., :-1]
         response = self.response(q, t, n)
-        rate = float(n @ v + moving)
-        impulse = (1 + e) * rate / float(n @ response)
-        return v - impulse * response, impulse, rate
+        rate = (n * v).sum(axis=-1) + slope[..., -1]
+        impulse = (1 + e) * rate / (n * response).sum(axis=-1)
+        return v - impulse[..., None] * response, impulse, rate
 
-    def planned_impact(
-        self, collision: Collision, q: Array, v: Array
-    ) -> tuple[Array, float, float]:
-        """The law of impact at a planned collision; one that grazes has none."""
+    def planned_impact(self, collision: Collision, q: Array, v: Array) -> tuple[Array, Array]:
+        """Velocity after a planned collision and its impulse by the law of impact; one that grazes
+        has none.  For one state, or rows of them."""
+        nothing = np.zeros(v.shape[:-1])
         if collision.grazes:
-            return v, 0.0, 0.0
+            return v, nothing
         j = self.model.kernels.surfaces.index(collision.surface)
         try:
-            return self.impact(q, v, collision.time, j, float(self.restitution[j]))
+            return self.impact(q, v, collision.time, j, float(self.restitution[j]))[:2]
         except Lost:
-            return np.full_like(v, np.nan), np.nan, np.nan
+            return np.full_like(v, np.nan), np.full_like(nothing, np.nan)
 
     # Steps ----------------------------------------------------------------------------------------
 

@@ -122,7 +122,7 @@ def impact_errors(motion: Motion) -> tuple[float, float]:
         j, q, t = model.kernels.surfaces.index(c.surface), before.q[-1], c.time
         slope = model.gap_slopes(q, t)[j]
         w = [float(slope[:nq] @ v + slope[nq]) for v in (before.v[-1], after.v[0])]
-        _, impulse, _ = motion.flow.planned_impact(c, q, before.v[-1])
+        _, impulse = motion.flow.planned_impact(c, q, before.v[-1])
         e = 0.0 if c.grazes else motion.trajectory.restitution[c.surface]
         n = slope[:nq]
         try:
@@ -131,7 +131,7 @@ def impact_errors(motion: Motion) -> tuple[float, float]:
             return np.inf, np.inf
         errors = [
             abs(w[1] + e * w[0]),
-            abs(impulse - c.impulse) * inertia,
+            abs(float(impulse) - c.impulse) * inertia,
             max(-w[0], 0.0),
             max(w[1], 0.0),
         ]
