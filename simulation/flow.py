@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.model import Model
+from dmoc.mechanics.model import Index, Model
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.sizes import Sizes
@@ -33,6 +33,7 @@ MOST_IMPACTS = 100  # within one step
 # Time that shows how the slopes of a gap change, and to which a crossing is located, as shares of
 # the final time.
 TURNING, LOCATED = 1e-6, 1e-14
+FIRST, LAST = np.array([0]), np.array([1])  # the step of a list of one
 
 
 @dataclass(frozen=True)
@@ -51,16 +52,15 @@ class Lost(Exception):  # noqa: N818 - it is caught where the simulation began
 
 @dataclass(frozen=True)
 class Steps:
-    """The N steps of a phase: times of the nodes (N + 1,), inputs at both ends (N, nu), and the
-    positions that are expected at the nodes (N + 1, nq)."""
+    """Steps of a motion: begin and duration (N,), inputs at both ends (N, nu)."""
 
     t: Array
+    h: Array
     u0: Array
     u1: Array
-    q: Array
 
     def __len__(self) -> int:
-        return len(self.u0)
+        return len(self.t)
 
 
 class Flow:
@@ -121,35 +121,46 @@ class Flow:
 
     # Steps ----------------------------------------------------------------------------------------
 
+    def advance(self, y: Array, steps: Steps, first: Index, last: Index) -> Array:
+        """Integrate rows in place, each over some steps without contacts; return the accelerations
+        (n, 2, nq) at both ends of the last ones."""
+        return self.integrator.advance(y, first, last, steps.t, steps.h, steps.u0, steps.u1)
+
     def freely(self, y: Array, steps: Steps, first: int, last: int) -> Array:
         """The state after some steps without contacts."""
-        y = y[None].copy()
-        for k in range(first, last):
-            one = slice(k, k + 1)
-            h = steps.t[k + 1 : k + 2] - steps.t[one]
-            self.integrator.advance(y, steps.t[one], h, steps.u0[one], steps.u1[one])
-        return np.asarray(y[0])
+        rows = y[None].copy()
+        self.advance(rows, steps, np.array([first]), np.array([last]))
+        return np.asarray(rows[0])
 
     def upper(self, steps: Steps) -> Array:
         """Gaps that no step exceeds without a contact, at its places, shape (N, places, nc)."""
-        times = steps.t[:-1, None] + PLACES * np.diff(steps.t)[:, None]
+        times = steps.t[:, None] + PLACES * steps.h[:, None]
         allowed = self.allowance(times.ravel()) + TOUCH * self.sizes.gap
         return np.ascontiguousarray(allowed.reshape(*times.shape, self.model.nc))
 
     def quiet(
-        self, y: Array, steps: Steps, upper: Array, first: int, last: int, astray: Array
+        self,
+        y: Array,
+        steps: Steps,
+        upper: Array,
+        first: int,
+        last: int,
+        q_wanted: Array,
+        astray: Array,
     ) -> tuple[int, bool]:
         """Integrate a state, in place, over steps that meet no surface; return the first that
-        might, or ``last``, and whether the motion is further than ``astray`` from what is expected
-        there."""
+        might, or ``last``, and whether the state has come further than ``astray`` from the
+        positions (N + 1, nq) that are expected at the nodes."""
+        inputs = steps.t, steps.h, steps.u0, steps.u1
         return self.integrator.quiet(
-            y, steps.t, steps.u0, steps.u1, first, last, PLACES, upper, self.near, steps.q, astray
+            y, *inputs, first, last, PLACES, upper, self.near, q_wanted, astray
         )
 
     def through_contacts(self, y: Array, steps: Steps, k: int, contacts: list[Contact]) -> Array:
         """Integrate a state over a step, through the contacts that it meets, which are added to
         ``contacts``."""
-        t0, t1, nq = float(steps.t[k]), float(steps.t[k + 1]), self.nq
+        t0, nq = float(steps.t[k]), self.nq
+        t1 = t0 + float(steps.h[k])
 
         def inputs(t: float) -> Array:
             share = (t - t0) / (t1 - t0)
@@ -268,6 +279,6 @@ class _Until:
         y = self.y[None].copy()
         t, h = np.array([self.t]), np.array([end - self.t])
         ends = self.flow.integrator.advance(
-            y, t, h, self.inputs(self.t), self.inputs(end), self.held
+            y, FIRST, LAST, t, h, self.inputs(self.t), self.inputs(end), self.held
         )
         return y[0], ends

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.model import Index
 
 class Integrator:
     def __init__(
@@ -14,7 +15,15 @@ class Integrator:
         check_time: Callable[[], None],
     ) -> None: ...
     def advance(
-        self, y: Array, t: Array, h: Array, u0: Array, u1: Array, held: int = -1
+        self,
+        y: Array,
+        first: Index,
+        last: Index,
+        t: Array,
+        h: Array,
+        u0: Array,
+        u1: Array,
+        held: int = -1,
     ) -> Array: ...
     def gap_acceleration(self, y: Array, a: Array, t: float, j: int) -> float: ...
     def between(self, y0: Array, ends: Array, y1: Array, h: Array, shares: Array) -> Array: ...
@@ -22,6 +31,7 @@ class Integrator:
         self,
         y: Array,
         t: Array,
+        h: Array,
         u0: Array,
         u1: Array,
         k: int,

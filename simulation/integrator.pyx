@@ -106,7 +106,7 @@ cdef class Integrator:
     cdef Rows dynamics, force, dynamics_jac, surface, surface_jac
     cdef double[::1] par, sizes, start, y, at, slopes, u, t, mass, f, Q, power, M_D, F_D, G, n0, n1
     cdef double[::1] now, u0, u1, begin, span, error, path, moments, gaps, stored
-    cdef ptrdiff_t[::1] row, pivot, M_row, M_column, F_row, F_column, g_row, g_column
+    cdef ptrdiff_t[::1] row, which, step, pivot, M_row, M_column, F_row, F_column, g_row, g_column
     cdef ptrdiff_t sum_start[SUMS + 1]
     cdef ptrdiff_t sum_index[TERMS]
     cdef double sum_factor[TERMS]
@@ -140,7 +140,8 @@ cdef class Integrator:
         self.F_D = _space(rows * self.F_row.shape[0])
         self.G, self.now = _space(2 * nq * nq), _space(2 * nq)
         self.n0, self.n1 = _space(nq + 1), _space(nq + 1)
-        self.row, self.pivot = np.zeros(rows, dtype=np.intp), np.zeros(nq, dtype=np.intp)
+        self.row, self.which, self.step = (np.zeros(rows, dtype=np.intp) for _ in range(3))
+        self.pivot = np.zeros(nq, dtype=np.intp)
         self._sums()
 
     def _sums(self):
@@ -335,7 +336,7 @@ cdef class Integrator:
         if ends != NULL:
             for i in range(n):
                 for c in range(nq):
-                    ends[2 * nq * self.row[i] + c] = self.slopes[i * width + nq + c]
+                    ends[2 * nq * self.which[self.row[i]] + c] = self.slopes[i * width + nq + c]
         for k in range(count):
             for s in range(1, STAGE):
                 self.add(n, width, s, count, &self.at[0])
@@ -358,7 +359,7 @@ cdef class Integrator:
         if ends != NULL:
             for i in range(n):
                 for c in range(nq):
-                    ends[2 * nq * self.row[i] + nq + c] = self.slopes[i * width + nq + c]
+                    ends[2 * nq * self.which[self.row[i]] + nq + c] = self.slopes[i * width + nq + c]
         self.parts += n * count
         if self.parts >= ATTENTION:
             self.parts = 0
@@ -367,40 +368,39 @@ cdef class Integrator:
         return 0
 
     cdef void put(
-        self, ptrdiff_t i, ptrdiff_t width, const double *y, double t, double h, const double *u0,
-        const double *u1, ptrdiff_t row
+        self, ptrdiff_t i, ptrdiff_t row, ptrdiff_t width, const double *y, const double *t,
+        const double *h, const double *u0, const double *u1
     ) noexcept nogil:
-        """Make a step the one of row i of what is integrated."""
-        cdef ptrdiff_t c
+        """Make the step of a row the one of place i of what is integrated."""
+        cdef ptrdiff_t c, at = self.which[row], k = self.step[row], nu = self.nu
         for c in range(width):
-            self.start[i * width + c] = y[c]
-        for c in range(self.nu):
-            self.u0[i * self.nu + c], self.u1[i * self.nu + c] = u0[c], u1[c]
-        self.begin[i], self.span[i], self.row[i] = t, h, row
+            self.start[i * width + c] = y[at * width + c]
+        for c in range(nu):
+            self.u0[i * nu + c], self.u1[i * nu + c] = u0[k * nu + c], u1[k * nu + c]
+        self.begin[i], self.span[i], self.row[i] = t[k], h[k], row
 
     cdef int advance_rows(
         self, ptrdiff_t n, ptrdiff_t width, double *y, const double *t, const double *h,
         const double *u0, const double *u1, ptrdiff_t held, double *ends
     ) except -1 nogil:
-        """Integrate at most ``capacity`` rows over one step each, in place."""
-        cdef ptrdiff_t i, r, c, nu = self.nu, left = n, again, count = 1
+        """Integrate the rows ``which`` of y, at most ``capacity``, over the steps ``step``."""
+        cdef ptrdiff_t i, c, left = n, again, count = 1
         cdef double worst
+        cdef double *row
         for i in range(n):
-            self.put(i, width, y + i * width, t[i], h[i], u0 + i * nu, u1 + i * nu, i)
+            self.put(i, i, width, y, t, h, u0, u1)
         while left:
             self.integrate(left, width, count, held, ends)
             again, worst = 0, 0.0
             for i in range(left):
-                r = self.row[i]
                 if self.error[i] > ACCURACY and count < MOST_PARTS:
                     worst = fmax(worst, self.error[i])
-                    self.put(
-                        again, width, y + r * width, t[r], h[r], u0 + r * nu, u1 + r * nu, r
-                    )
+                    self.put(again, self.row[i], width, y, t, h, u0, u1)
                     again += 1
                 else:
+                    row = y + self.which[self.row[i]] * width
                     for c in range(width):
-                        y[r * width + c] = self.y[i * width + c]
+                        row[c] = self.y[i * width + c]
             if again:
                 worst = pow(min(worst / ACCURACY, 1e30), 0.125)
                 count = min(<ptrdiff_t>MOST_PARTS, 2 * max(count, <ptrdiff_t>(count * worst)))
@@ -408,40 +408,58 @@ cdef class Integrator:
         return 0
 
     def advance(
-        self, double[:, ::1] y, const double[::1] t, const double[::1] h,
-        const double[:, ::1] u0, const double[:, ::1] u1, ptrdiff_t held=-1
+        self, double[:, ::1] y, const ptrdiff_t[::1] first, const ptrdiff_t[::1] last,
+        const double[::1] t, const double[::1] h, const double[:, ::1] u0,
+        const double[:, ::1] u1, ptrdiff_t held=-1
     ):
-        """Integrate rows over one step each, in place; inputs are linear from u0 to u1.
+        """Integrate rows in place, each over the steps first to last - 1 of a list; in a step
+        inputs are linear from u0 to u1.
 
         Parameters
         ----------
         y : array of shape (n, width)
-        t, h : arrays of shape (n,)
-        u0, u1 : arrays of shape (n, nu)
+        first, last : arrays of shape (n,)
+        t, h : arrays of shape (N,)
+            Begin and duration of the steps.
+        u0, u1 : arrays of shape (N, nu)
         held : int
             Surface that holds the motion, or -1.
 
         Returns
         -------
         array of shape (n, 2, nq)
-            Accelerations at both ends of the steps.
+            Accelerations at both ends of the last steps.
         """
-        cdef ptrdiff_t n = y.shape[0], width = y.shape[1], nq = self.nq, nu = self.nu, i = 0
+        cdef ptrdiff_t n = y.shape[0], width = y.shape[1], N = t.shape[0], nq = self.nq
+        cdef ptrdiff_t begin = 0, i, j, m
         if width not in (2 * nq, 2 * nq + 1, 2 * nq * (2 * nq + 1)):
             raise ValueError(f"rows of {width} numbers: expected (q | v), and work or X")
-        if not (t.shape[0] == h.shape[0] == u0.shape[0] == u1.shape[0] == n):
-            raise ValueError(f"expected {n} steps")
-        if not (u0.shape[1] == u1.shape[1] == nu and -1 <= held < self.nc):
-            raise ValueError(f"expected {nu} inputs and one of {self.nc} surfaces")
+        if not (h.shape[0] == u0.shape[0] == u1.shape[0] == N):
+            raise ValueError(f"expected {N} steps")
+        if not (u0.shape[1] == u1.shape[1] == self.nu and -1 <= held < self.nc):
+            raise ValueError(f"expected {self.nu} inputs and one of {self.nc} surfaces")
+        if not (first.shape[0] == last.shape[0] == n):
+            raise ValueError(f"expected {n} rows")
+        for i in range(n):
+            if not 0 <= first[i] <= last[i] <= N:
+                raise ValueError(f"steps {first[i]} to {last[i]}: expected 0 to {N}")
         found = np.empty((n, 2, nq))
         cdef double[:, :, ::1] ends = found
         with nogil:
-            while i < n:
-                self.advance_rows(
-                    min(self.capacity, n - i), width, &y[i, 0], &t[i], &h[i], &u0[0, 0] + i * nu,
-                    &u1[0, 0] + i * nu, held, &ends[i, 0, 0]
-                )
-                i += self.capacity
+            while begin < n:
+                j, m = 0, 1
+                while m:
+                    m = 0
+                    for i in range(begin, min(begin + self.capacity, n)):
+                        if first[i] + j < last[i]:
+                            self.which[m], self.step[m] = i, first[i] + j
+                            m += 1
+                    self.advance_rows(
+                        m, width, &y[0, 0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], held,
+                        &ends[0, 0, 0]
+                    )
+                    j += 1
+                begin += self.capacity
         return found
 
     def gap_acceleration(
@@ -476,7 +494,7 @@ cdef class Integrator:
         return found
 
     def quiet(
-        self, double[::1] y, const double[::1] t, const double[:, ::1] u0,
+        self, double[::1] y, const double[::1] t, const double[::1] h, const double[:, ::1] u0,
         const double[:, ::1] u1, ptrdiff_t k, ptrdiff_t end, const double[::1] shares,
         const double[:, :, ::1] upper, const double[::1] near, const double[:, ::1] q_wanted,
         const double[::1] astray
@@ -486,8 +504,8 @@ cdef class Integrator:
 
         Parameters
         ----------
-        t, u0, u1 : arrays of shapes (N + 1,), (N, nu), (N, nu)
-            Of all steps.
+        t, h, u0, u1 : arrays of shapes (N,), (N,), (N, nu), (N, nu)
+            Of all steps, as for ``advance``.
         shares : array of shape (places,)
             Where in a step gaps are looked at; the first is its start.
         upper : array of shape (N, places, nc)
@@ -506,10 +524,11 @@ cdef class Integrator:
         cdef double[::1] y1 = np.empty(2 * nq), ends = np.empty(2 * nq)
         cdef double[::1] path = _space(places * nq), moments = _space(places)
         cdef double[::1] gaps = _space(places * nc)
-        cdef double h
         cdef bint lost = False
-        if not (y.shape[0] == 2 * nq and t.shape[0] == N + 1 and u1.shape[0] == N >= end >= k >= 0):
+        if not (y.shape[0] == 2 * nq and N >= end >= k >= 0):
             raise ValueError(f"expected {nq} coordinates and steps below {N}")
+        if not (t.shape[0] == h.shape[0] == u1.shape[0] == N):
+            raise ValueError(f"expected {N} steps")
         if not (u0.shape[1] == u1.shape[1] == self.nu and upper.shape[0] == N):
             raise ValueError(f"expected {self.nu} inputs and {N} steps")
         if not (upper.shape[1] == places > 0 and upper.shape[2] == near.shape[0] == nc):
@@ -518,18 +537,17 @@ cdef class Integrator:
             raise ValueError(f"expected {N + 1} positions of {nq} coordinates")
         with nogil:
             while k < end and not lost:
-                h = t[k + 1] - t[k]
                 y1[:] = y
+                self.which[0], self.step[0] = 0, k
                 self.advance_rows(
-                    1, 2 * nq, &y1[0], &t[k], &h, &u0[0, 0] + k * self.nu,
-                    &u1[0, 0] + k * self.nu, -1, &ends[0]
+                    1, 2 * nq, &y1[0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], -1, &ends[0]
                 )
                 for i in range(2 * nq):
                     if not isfinite(y1[i]):
                         break
                 else:
                     if nc:
-                        self.look(&y[0], &ends[0], &y1[0], t[k], h, shares, path, moments, gaps)
+                        self.look(&y[0], &ends[0], &y1[0], t[k], h[k], shares, path, moments, gaps)
                     if meets(places, nc, &gaps[0], &upper[0, 0, 0] + k * places * nc, &near[0]):
                         break
                     y[:] = y1

@@ -31,19 +31,13 @@ class StepErrors:
 
 def step_errors(motion: Motion) -> StepErrors:
     """Integrate every step from its first node."""
-    phases, nq = motion.trajectory.phases, motion.model.nq
-    t0, h, q1, p1, t1 = (
-        np.concatenate(parts)
-        for parts in zip(
-            *((p.t[:-1], np.diff(p.t), p.q[1:], p.p[1:], p.t[1:]) for p in phases), strict=True
-        )
-    )
+    phases, nq, steps = motion.trajectory.phases, motion.model.nq, motion.all_steps
+    q1, p1, t1 = (np.concatenate([getattr(p, a)[1:] for p in phases]) for a in "qpt")
     start = np.vstack([np.hstack([p.q[:-1], p.v[:-1]]) for p in phases])
-    u0, u1 = (np.vstack([getattr(s, u) for s in motion.steps]) for u in ("u0", "u1"))
-    y = np.hstack([start, np.zeros((len(start), 1))])
-    ends = motion.flow.integrator.advance(y, t0, h, u0, u1)
-    between = motion.flow.integrator.between(start, ends, y, h, PLACES[1:-1])
-    times = (t0 + PLACES[1:-1, None] * h).ravel()
+    y, first = np.hstack([start, np.zeros((len(start), 1))]), np.arange(len(start))
+    ends = motion.flow.advance(y, steps, first, first + 1)
+    between = motion.flow.integrator.between(start, ends, y, steps.h, PLACES[1:-1])
+    times = (steps.t + PLACES[1:-1, None] * steps.h).ravel()
     gaps = motion.model.gaps(between.reshape(-1, nq), times) / motion.sizes.gap
     low, high = motion.trajectory.coordinate_bounds.T
     excess = np.maximum(low - between, between - high) / motion.sizes.q
@@ -82,14 +76,7 @@ def segments(motion: Motion) -> list[Segment]:
     )
     offset = np.cumsum([0, *(len(s) for s in motion.steps)])
     first, last = (np.array([offset[place[0]] + place[n] for place in places]) for n in (1, 2))
-    t = np.concatenate([s.t[:-1] for s in motion.steps])
-    h = np.concatenate([np.diff(s.t) for s in motion.steps])
-    u0, u1 = (np.vstack([getattr(s, u) for s in motion.steps]) for u in ("u0", "u1"))
-    for j in range(int((last - first).max())):
-        on = first + j < last
-        k, part = (first + j)[on], y[on]
-        motion.flow.integrator.advance(part, t[k], h[k], u0[k], u1[k])
-        y[on] = part
+    motion.flow.advance(y, motion.all_steps, first, last)
     wanted = [(phases[i].t[b], phases[i].q[b], phases[i].p[b]) for i, _, b in places]
     errors = motion.error(y, *(np.array(part) for part in zip(*wanted, strict=True)))
     return [

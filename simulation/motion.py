@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, fields
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,11 +52,17 @@ class Motion:
         sizes = sizes_of(trajectory, model)
         arcs = arcs_of(trajectory, model, sizes)
         steps = [
-            Steps(*map(np.ascontiguousarray, (p.t, *trajectory.input_ends(p), p.q)))
+            Steps(*map(np.ascontiguousarray, (p.t[:-1], np.diff(p.t), *trajectory.input_ends(p))))
             for p in trajectory.phases
         ]
         flow = Flow(model, sizes, restitution, partial(allowance, arcs, model.nc), check_time)
         return cls(trajectory, model, sizes, flow, tuple(steps))
+
+    @cached_property
+    def all_steps(self) -> Steps:
+        """The steps of all phases, one after the other."""
+        names = [f.name for f in fields(Steps)]
+        return Steps(*(np.concatenate([getattr(s, name) for s in self.steps]) for name in names))
 
     def error(self, y: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
         """Largest relative error of each row's state y = (q | v ...)."""

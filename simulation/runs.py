@@ -27,16 +27,16 @@ def open_loop(motion: Motion) -> tuple[float, list[Contact]]:
     y, contacts = np.concatenate([first.q[0], first.v[0]]), list[Contact]()
     far = ASTRAY * sizes.q
     try:
-        for steps in motion.steps:
-            upper, k = flow.upper(steps), 0
+        for phase, steps in zip(motion.trajectory.phases, motion.steps, strict=True):
+            upper, wanted, k = flow.upper(steps), np.ascontiguousarray(phase.q), 0
             while k < len(steps):
-                k, astray = flow.quiet(y, steps, upper, k, len(steps), far)
+                k, astray = flow.quiet(y, steps, upper, k, len(steps), wanted, far)
                 if not astray and k < len(steps):
                     y = flow.through_contacts(y, steps, k, contacts)
                     k += 1
-                    astray = bool((np.abs(y[:nq] - steps.q[k]) > far).any())
+                    astray = bool((np.abs(y[:nq] - wanted[k]) > far).any())
                 if astray:
-                    return float((np.abs(y[:nq] - steps.q[k]) / sizes.q).max()), contacts
+                    return float((np.abs(y[:nq] - wanted[k]) / sizes.q).max()), contacts
     except Lost:
         return np.inf, contacts
     return float(motion.error(y[None], last.t[-1:], last.q[-1:], last.p[-1:])[0]), contacts
@@ -66,10 +66,10 @@ def _segment(
     """Simulate a segment; where its planned collision is met early, the end is that of the
     motion without the impact."""
     (k, last), phase, steps = span, motion.trajectory.phases[i], motion.steps[i]
-    everywhere = np.full(motion.model.nq, np.inf)
+    wanted, everywhere = np.ascontiguousarray(phase.q), np.full(motion.model.nq, np.inf)
     y = np.concatenate([phase.q[k], phase.v[k]])
     while True:
-        k, _ = motion.flow.quiet(y, steps, upper, k, last, everywhere)
+        k, _ = motion.flow.quiet(y, steps, upper, k, last, wanted, everywhere)
         if k == last:
             return y
         before, count = y, len(met)

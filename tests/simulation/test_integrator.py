@@ -49,6 +49,11 @@ def random_rows(kernels: Kernels, n: int, more: int = 0) -> tuple[np.ndarray, ..
     return y, r.uniform(0, 2, n), r.uniform(0.01, 0.8, n), *inputs
 
 
+def once(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The first and the last step of rows of one step each."""
+    return np.arange(n), np.arange(1, n + 1)
+
+
 def test_the_coefficients_are_those_of_the_method() -> None:
     A, C = np.zeros((12, 12)), np.zeros(12)
     for s, (share, terms) in enumerate(dormand_prince.STAGES, 1):
@@ -72,7 +77,7 @@ def test_states_and_work_are_those_of_another_integrator(driven: Kernels) -> Non
     model, nq = Model(driven, parameter_row(driven, {})), 2
     y, t, h, u0, u1 = random_rows(driven, 40, more=1)
     found = y.copy()
-    ends = integrator(driven).advance(found, t, h, u0, u1)
+    ends = integrator(driven).advance(found, *once(len(y)), t, h, u0, u1)
     for k in range(len(y)):
 
         def slope(s: float, y: np.ndarray, k: int = k) -> np.ndarray:
@@ -93,17 +98,30 @@ def test_the_linearised_flow_is_that_of_differences(driven: Kernels) -> None:
     y, t, h, u0, u1 = random_rows(driven, 20)
     X = np.tile(np.eye(m).ravel(), (len(y), 1))
     linear = np.hstack([y, X])
-    flow.advance(linear, t, h, u0, u1)
+    flow.advance(linear, *once(len(y)), t, h, u0, u1)
     found = linear[:, m:].reshape(-1, m, m)
     for j in range(m):
         ends = []
         for sign in (1, -1):
             near = y.copy()
             near[:, j] += sign * 1e-5
-            flow.advance(near, t, h, u0, u1)
+            flow.advance(near, *once(len(y)), t, h, u0, u1)
             ends.append(near)
         known = (ends[0] - ends[1]) / 2e-5
         assert found[:, :, j] == pytest.approx(known, rel=1e-6, abs=1e-7)
+
+
+def test_rows_go_over_lists_of_steps_of_different_lengths(driven: Kernels) -> None:
+    y, *steps = random_rows(driven, 40)
+    first = np.arange(40) // 2
+    last = first + np.arange(40) % 5
+    found = y.copy()
+    integrator(driven).advance(found, first, last, *steps)
+    for k in (0, 3, 19, 39):
+        row = y[k : k + 1].copy()
+        for j in range(first[k], last[k]):
+            integrator(driven).advance(row, *once(1), *(s[j : j + 1].copy() for s in steps))
+        assert found[k] == pytest.approx(row[0], rel=1e-9, abs=1e-9)
 
 
 def test_a_held_surface_keeps_its_rate(driven: Kernels) -> None:
@@ -112,7 +130,7 @@ def test_a_held_surface_keeps_its_rate(driven: Kernels) -> None:
     y, t, h, u0, u1 = random_rows(driven, 10)
     for j in range(2):
         found = y.copy()
-        integrator(driven).advance(found, t, h, u0, u1, j)
+        integrator(driven).advance(found, *once(len(y)), t, h, u0, u1, j)
         rates = [
             model.gap_rates(*np.hsplit(s, [nq]), at)[:, j] for s, at in ((y, t), (found, t + h))
         ]
@@ -124,8 +142,8 @@ def test_positions_between_nodes_are_those_of_the_motion(driven: Kernels) -> Non
     y, t, h, u0, u1 = random_rows(driven, 5)
     h *= 0.02
     end, middle = y.copy(), y.copy()
-    ends = flow.advance(end, t, h, u0, u1)
-    flow.advance(middle, t, h / 2, u0, (u0 + u1) / 2)
+    ends = flow.advance(end, *once(len(y)), t, h, u0, u1)
+    flow.advance(middle, *once(len(y)), t, h / 2, u0, (u0 + u1) / 2)
     path = flow.between(y, ends, end, h, np.array([0.0, 0.5, 1.0]))
     for q, known, error in zip(path, (y, middle, end), (1e-15, 1e-11, 1e-15), strict=True):
         assert q == pytest.approx(known[:, :nq], abs=error)
@@ -135,8 +153,8 @@ def test_a_row_that_is_no_number_leaves_the_others_alone(driven: Kernels) -> Non
     y, *steps = random_rows(driven, 3)
     alone, spoilt = y.copy(), y.copy()
     spoilt[1, 0] = np.nan
-    integrator(driven).advance(alone, *steps)
-    integrator(driven).advance(spoilt, *steps)
+    integrator(driven).advance(alone, *once(3), *steps)
+    integrator(driven).advance(spoilt, *once(3), *steps)
     assert np.isnan(spoilt[1]).all()
     assert spoilt[[0, 2]] == pytest.approx(alone[[0, 2]], abs=1e-10)
 
@@ -144,12 +162,16 @@ def test_a_row_that_is_no_number_leaves_the_others_alone(driven: Kernels) -> Non
 def test_shapes_are_checked_before_c_sees_them(driven: Kernels) -> None:
     flow = integrator(driven)
     y, t, h, u0, u1 = random_rows(driven, 3)
+    rows = once(3)
     for wrong in (
-        (y[:, :3].copy(), t, h, u0, u1),
-        (y, t[:2], h, u0, u1),
-        (y, t, h, u0[:2], u1),
-        (y, t, h, np.hstack([u0, u0]), u1),
-        (y, t, h, u0, u1, 2),
+        (y[:, :3].copy(), *rows, t, h, u0, u1),
+        (y[:2].copy(), *rows, t, h, u0, u1),
+        (y, rows[0], rows[1] + 1, t, h, u0, u1),
+        (y, rows[0] - 1, rows[1], t, h, u0, u1),
+        (y, *rows, t[:2], h, u0, u1),
+        (y, *rows, t, h, u0[:2], u1),
+        (y, *rows, t, h, np.hstack([u0, u0]), u1),
+        (y, *rows, t, h, u0, u1, 2),
     ):
         with pytest.raises(ValueError, match="expected"):
             flow.advance(*wrong)
