@@ -187,11 +187,11 @@ cdef class Integrator:
             state, rate, M = y + i * width, out + i * width, &self.mass[i * nq * nq]
             for j in range(nq):
                 rate[j], rate[nq + j] = state[nq + j], self.f[i * nq + j]
-            if not factor(M, &self.pivot[0], nq):
+            if not factor(M, &self.pivot[0], nq, nq):
                 for j in range(nq, width):
                     rate[j] = NAN
                 continue
-            solve(M, &self.pivot[0], rate + nq, nq, 1)
+            solve(M, &self.pivot[0], rate + nq, nq, nq, 1)
             if held >= 0:
                 self.bend(state, rate + nq, self.t[i], held, &second)
                 self.hold(M, rate + nq, second)
@@ -218,7 +218,7 @@ cdef class Integrator:
                 G[(r // nq) * m + self.M_column[e]] -= (
                     self.M_D[i * self.M_row.shape[0] + e] * a[r % nq]
                 )
-        solve(LU, &self.pivot[0], G, nq, m)
+        solve(LU, &self.pivot[0], G, nq, nq, m)
         for e in range(nq * m):
             X_dot[e] = X[nq * m + e]
         for r in range(nq):
@@ -273,7 +273,7 @@ cdef class Integrator:
         cdef double inertia = 0.0
         for i in range(self.nq):
             self.G[i] = self.n0[i]
-        solve(LU, &self.pivot[0], &self.G[0], self.nq, 1)
+        solve(LU, &self.pivot[0], &self.G[0], self.nq, self.nq, 1)
         for i in range(self.nq):
             inertia += self.n0[i] * self.G[i]
         for i in range(self.nq):

@@ -20,6 +20,7 @@ from libc.math cimport fabs, isfinite, sqrt
 from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
 from dmoc_kernel cimport DMOC_MOST, dmoc_entry, find_kernel
+from elimination cimport factor, solve
 
 import numpy as np
 
@@ -81,34 +82,6 @@ cdef class _Call:
         return 0
 
 
-cdef bint _solve(double[:, ::1] A, double[::1] b, int n) noexcept nogil:
-    """Solve A x = b in place by elimination with partial pivoting; False if A is singular."""
-    cdef int i, j, k, best
-    cdef double factor, swap
-    for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if fabs(A[i, k]) > fabs(A[best, k]):
-                best = i
-        if not (fabs(A[best, k]) > 0 and isfinite(A[best, k])):
-            return False
-        if best != k:
-            for j in range(k, n):
-                swap = A[k, j]; A[k, j] = A[best, j]; A[best, j] = swap
-            swap = b[k]; b[k] = b[best]; b[best] = swap
-        for i in range(k + 1, n):
-            factor = A[i, k] / A[k, k]
-            if factor != 0:
-                for j in range(k + 1, n):
-                    A[i, j] -= factor * A[k, j]
-                b[i] -= factor * b[k]
-    for k in range(n - 1, -1, -1):
-        for j in range(k + 1, n):
-            b[k] -= A[k, j] * b[j]
-        b[k] /= A[k, k]
-    return True
-
-
 cdef bint _factor(double[:, ::1] M, int n) noexcept nogil:
     """Cholesky factor of M in its lower triangle; False if M is not clearly positive definite."""
     cdef int i, j, k
@@ -155,7 +128,7 @@ cdef class Stepper:
     cdef _Call step, step_jac, impact, impact_jac, surface, slope, dynamics, momentum, total_energy
     cdef double[:, ::1] q_a, q_b, q_i, t, now, r_i, r_i_z, u, h, r_minus, r_plus, C_d, r_minus_z, r_plus_z, C_d_z, e_plus, e_minus, e_plus_z, e_minus_z
     cdef double[:, ::1] q_g, g, g_q, v_g, mass, force, p_zero, energy, A, L
-    cdef ptrdiff_t[::1] r_row, r_col, i_row, i_col, e_col, g_row, g_col
+    cdef ptrdiff_t[::1] pivot, r_row, r_col, i_row, i_col, e_col, g_row, g_col
     cdef double[:, ::1] shapes
     cdef double[::1] share, phi
     cdef double[::1] b, p, normal, velocity, restitution, weight, tolerance, rates, rate_size, start_gap, rates_before
@@ -217,6 +190,7 @@ cdef class Stepper:
         self.total_energy = _Call(kernels, "energy", state, (np.asarray(self.energy),))
         self.A, self.L = np.zeros((nq + ni + 1, nq + ni + 1)), np.zeros((nq, nq))
         self.b, self.p = np.zeros(nq + ni + 1), np.zeros(nq)
+        self.pivot = np.zeros(nq + ni + 1, dtype=np.intp)
         self.normal, self.velocity, self.weight = np.zeros(nq + 1), np.zeros(nq), np.zeros(nq)
         self.tolerance, self.rates, self.rate_size, self.start_gap = np.zeros(nc), np.zeros(nc), np.zeros(nc), np.zeros(nc)
         self.rates_before = np.zeros(nc)
@@ -373,8 +347,9 @@ cdef class Stepper:
                     j = self.column(self.e_col[k])
                     if j >= 0:
                         self.A[m, j] = -self.e * self.e_minus_z[0, k]
-            if not _solve(self.A, self.b, size):
+            if not factor(&self.A[0, 0], &self.pivot[0], size, self.A.shape[1]):
                 return 0
+            solve(&self.A[0, 0], &self.pivot[0], &self.b[0], size, self.A.shape[1], 1)
             change = 0.0
             for i in range(n):
                 self.q_b[0, i] -= self.b[i]
