@@ -136,22 +136,25 @@ class Elimination:
     def size(self) -> int:
         return len(self.parts.eliminated)
 
+    def tolerance(self, x: Array) -> float:
+        """Residual of the eliminated equations that rounding errors leave near x."""
+        with np.errstate(all="ignore"):
+            size = float(np.abs(self.nlp.momenta(x)[1] / self.nlp.scale.p).max())
+        return NEWTON_TOLERANCE * max(1.0, size if np.isfinite(size) else 1.0)
+
     def complete(self, x: Array, y: Array) -> Array | None:
         """Return x with the kept unknowns y and the eliminated ones solved for, started from
         those in x; None if Newton fails."""
         x = x.copy()
         x[self.parts.kept] = y
-        previous, scale = np.inf, 1.0
+        previous, tolerance = np.inf, self.tolerance(x)
         for _ in range(NEWTON_LIMIT):
             with np.errstate(all="ignore"):
                 residual = self.nlp.equality(x)[self.parts.used_rows]
                 error = float(np.abs(residual).max())
-                if not np.isfinite(error):
-                    return None
-                scale = max(scale, float(np.abs(self.nlp.momenta(x)[1] / self.nlp.scale.p).max()))
-            if error <= NEWTON_TOLERANCE * scale or (
-                error <= 1e4 * NEWTON_TOLERANCE * scale and error > 0.3 * previous
-            ):
+            if not np.isfinite(error):
+                return None
+            if error <= tolerance or (error <= 1e4 * tolerance and error > 0.3 * previous):
                 return x
             previous = error
             factors = self.factor(x)
@@ -200,6 +203,17 @@ class Elimination:
             f_Y + change[0], K_Y + change[a:b], D_Y + change[b:c], B_Y + change[c:], factors
         )
 
+    def linearised(self, x: Array, factors: Factors, move: Array, inverse: Array) -> Linearised:
+        """The equations to first order at x, where y = y_0 + move r."""
+        return Linearised(self.nlp.equality_slopes(x), factors, move, inverse)
+
+    def step(self, at: Linearised, c: Array) -> tuple[Array, Array]:
+        """Changes of the eliminated unknowns and of r that cancel all equations c to first
+        order."""
+        t = at.factors.solve(c[self.parts.used_rows])
+        r = -at.inverse @ (c[self.parts.kept_rows] - self._K_X.times(at.slopes, t))
+        return -t - at.factors.solve(self._E_Y.times(at.slopes, at.move @ r)), r
+
     def kept_columns(self, x: Array) -> Array:
         """Derivative of the eliminated equations with respect to the kept unknowns, dense."""
         return self._E_Y.dense(self.nlp.equality_slopes(x))
@@ -226,6 +240,18 @@ class Factors:
         if info != 0:
             raise ValueError(f"dgbtrs: argument {-info} is wrong")
         return np.asarray(solution)
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The equations to first order in the eliminated unknowns and in r, where y = y_0 + move r:
+    entries of their Jacobian, factors of the eliminated ones, and the inverse of d(kept
+    equations)/dr."""
+
+    slopes: Array
+    factors: Factors
+    move: Array
+    inverse: Array
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ equations."""
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse
 
 from dmoc.codegen.kernels import Array
@@ -22,6 +23,8 @@ FLATTEST = 1e-3
 NEAR = 1e-3
 # Curvature below which the end of Newton's method is a saddle.
 SADDLE = 1e-4
+# Rows whose orthogonalisation leaves this share of the longest are surely independent.
+INDEPENDENT = 1e-7
 # Shortest share of a step towards the equations.
 SHORTEST_SHARE = 1e-3
 
@@ -265,6 +268,13 @@ def _split(A: Array) -> tuple[Array, Array]:
     orthonormal basis of its null space."""
     if not A.shape[0]:
         return np.zeros((A.shape[1], 0)), np.eye(A.shape[1])
+    rows = len(A)
+    if rows <= A.shape[1]:
+        Q, R = np.linalg.qr(A.T, mode="complete")
+        sizes = np.abs(np.diagonal(R))
+        if sizes.min() > INDEPENDENT * sizes.max():
+            inverse = scipy.linalg.solve_triangular(R[:rows], Q[:, :rows].T).T
+            return np.asarray(inverse), Q[:, rows:]
     U, sizes, Vt = np.linalg.svd(A, full_matrices=True)
     rank = int((sizes > 1e-10 * max(sizes[0], 1e-300)).sum())
     inverse = Vt[:rank].T / sizes[:rank]

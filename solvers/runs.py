@@ -14,7 +14,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import least_squares, solved
 from dmoc.nlp.tables import Index
 from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.condensed import Elimination, Partition, Reduced
+from dmoc.solvers.condensed import Elimination, Linearised, Partition, Reduced
 from dmoc.solvers.outcome import Status
 from dmoc.solvers.tally import Stop, Tally
 
@@ -28,6 +28,9 @@ REFUSED = 1e10
 # What a run along the equations keeps them to, and how many corrections that may take.
 EQUATION_TOLERANCE = 1e-12
 FOLLOWING_LIMIT = 20
+# Multiples of it that rounding errors may leave; share of its residual that an iteration may leave
+# with old derivatives; growth from which the motion is lost.
+ROUNDING, CHORD, MOST_GROWTH = 100.0, 0.1, 1e3
 # A trial step may shrink no step size below this share of what it was at the start of the run.
 LEAST_SHRINK = 0.02
 
@@ -60,7 +63,7 @@ class _Point:
 
     s: Array
     x: Array | None
-    reduced: tuple[Reduced, Array] | None = None
+    reduced: Reduced | None = None
 
 
 class Run:
@@ -74,6 +77,7 @@ class Run:
         self.S = np.hstack([CONSTRAINT_SCALE * metric[0], metric[1]])
         self.origin = x[setting.parts.kept].copy()
         self.x = x
+        self._times = np.flatnonzero(np.isin(setting.parts.kept, setting.nlp.layout.index_h))
         bound = np.concatenate([working.lower, working.upper])
         self.by_elimination = bound[setting.is_eliminated[bound]]
         self._point = _Point(np.full(self.S.shape[1], np.nan), None)
@@ -86,12 +90,11 @@ class Run:
     def _keeps_time(self, y: Array) -> bool:
         """Whether no step size has shrunk to a small share of what it was: negative ones would
         pass for short ones."""
-        times = np.isin(self.setting.parts.kept, self.setting.nlp.layout.index_h)
-        return bool((y[times] > LEAST_SHRINK * self.origin[times]).all())
+        return bool((y[self._times] > LEAST_SHRINK * self.origin[self._times]).all())
 
-    def _directions(self, reduced: Reduced) -> Array:
-        """dy/ds."""
-        return self.S
+    def _along(self, reduced: Reduced, slopes: Array) -> Array:
+        """Derivatives with respect to s of what has the given ones with respect to y."""
+        return np.asarray(slopes @ self.S)
 
     def _at(self, s: Array) -> _Point:
         if self.tally is not None:
@@ -100,20 +103,19 @@ class Run:
             self._point = _Point(s.copy(), self._complete(s))
         return self._point
 
-    def _derivatives(self, s: Array) -> tuple[Reduced, Array]:
-        """Derivatives with respect to y, and dy/ds."""
+    def _derivatives(self, s: Array) -> Reduced:
+        """Derivatives with respect to y."""
         point = self._at(s)
         if point.reduced is None:
             x = self.x if point.x is None else point.x
             reduced = self.setting.elimination.reduce(x, self.working.rows, self.by_elimination)
             if reduced is None:
                 raise Stop(Status.STALLED)
-            point.reduced = reduced, self._directions(reduced)
-            self.x = x
-            self._moved(s)
+            self.x, point.reduced = x, reduced
+            self._moved(reduced)
         return point.reduced
 
-    def _moved(self, s: Array) -> None:
+    def _moved(self, reduced: Reduced) -> None:
         """Called when the derivatives at a new point are asked for: SLSQP has accepted it."""
 
     def cost(self, s: Array) -> float:
@@ -121,8 +123,8 @@ class Run:
         return REFUSED if x is None else self.setting.nlp.cost(x)
 
     def cost_gradient(self, s: Array) -> Array:
-        reduced, directions = self._derivatives(s)
-        return np.asarray(reduced.cost @ directions)
+        reduced = self._derivatives(s)
+        return self._along(reduced, reduced.cost)
 
     def equality(self, s: Array) -> Array:
         x = self._at(s).x
@@ -130,8 +132,8 @@ class Run:
         return np.full(len(rows), REFUSED) if x is None else self.setting.nlp.equality(x)[rows]
 
     def equality_jacobian(self, s: Array) -> Array:
-        reduced, directions = self._derivatives(s)
-        return np.asarray(reduced.equality @ directions)
+        reduced = self._derivatives(s)
+        return self._along(reduced, reduced.equality)
 
     def inequality(self, s: Array) -> Array:
         x = self._at(s).x
@@ -143,8 +145,8 @@ class Run:
         )
 
     def inequality_jacobian(self, s: Array) -> Array:
-        reduced, directions = self._derivatives(s)
-        return np.asarray(self._working_slopes(reduced) @ directions)
+        reduced = self._derivatives(s)
+        return self._along(reduced, self._working_slopes(reduced))
 
     def _working_slopes(self, reduced: Reduced) -> Array:
         """Derivatives of the working set with respect to y."""
@@ -224,48 +226,68 @@ class FollowingRun(Run):
         self.move, self.S = metric
         self._point = _Point(np.full(self.S.shape[1], np.nan), None)
         self.r = self._trial_r = np.zeros(self.move.shape[1])
+        self._accepted: Linearised | None = None  # at the last point that SLSQP has accepted
 
     def _complete(self, s: Array) -> Array | None:
-        r, x, previous = self.r.copy(), self.x, np.inf
-        base = self.origin + self.S @ s
-        if not self._keeps_time(base):
+        """Solve the eliminated equations, then all of them at once for the eliminated unknowns
+        and r, by Newton's method with the derivatives of the accepted point as long as they
+        serve."""
+        setting, elimination = self.setting, self.setting.elimination
+        base, linear, none = self.origin + self.S @ s, self._accepted, np.zeros(0, dtype=np.intp)
+        r, previous = self.r, np.inf
+        begin = base + self.move @ r
+        x = elimination.complete(self.x, begin) if self._keeps_time(begin) else None
+        if x is None:
             return None
+        tolerance = elimination.tolerance(x)
         for _ in range(FOLLOWING_LIMIT):
             y = base + self.move @ r
-            full = self.setting.elimination.complete(x, y) if self._keeps_time(y) else None
-            if full is None:
+            if not self._keeps_time(y):
                 return None
-            x = full
-            error = self.setting.nlp.equality(x)[self.setting.parts.kept_rows]
-            size = float(np.abs(error).max())
-            if size <= EQUATION_TOLERANCE or (
-                size <= 100 * EQUATION_TOLERANCE and size > 0.5 * previous
-            ):
+            x[setting.parts.kept] = y
+            c = setting.nlp.equality(x)
+            size = self._excess(c, tolerance)
+            if size <= 1 or (size <= ROUNDING and size > 0.5 * previous):
                 self._trial_r = r
                 return x
-            if not size < 1e3 * min(previous, 1.0):
+            if not size < MOST_GROWTH * previous:
                 return None
-            chord = size < 0.1 * previous and len(r) == len(error)
-            change = error if chord else self._newton(x, error)
-            if change is None:
-                return None
-            r, previous = r - change, size
+            if linear is None or size > CHORD * previous:
+                reduced = elimination.reduce(x, none, none)
+                if reduced is None:
+                    return None
+                linear = self._linearised(x, reduced)
+            previous = size
+            eliminated, change = elimination.step(linear, c)
+            x[setting.parts.eliminated] += eliminated
+            r = r + change
         return None
 
-    def _newton(self, x: Array, error: Array) -> Array | None:
-        """Change of r that cancels the error to first order at x."""
-        none = np.zeros(0, dtype=np.intp)
-        reduced = self.setting.elimination.reduce(x, none, none)
-        if reduced is None:
-            return None
-        return solve_linear(reduced.equality @ self.move, error)
+    def _excess(self, c: Array, tolerance: float) -> float:
+        """Largest violation of the equations, in units of what is demanded."""
+        parts = self.setting.parts
+        used, kept = np.abs(c[parts.used_rows]), np.abs(c[parts.kept_rows])
+        return max(
+            float(used.max(initial=0.0)) / tolerance,
+            float(kept.max(initial=0.0)) / EQUATION_TOLERANCE,
+        )
 
-    def _moved(self, s: Array) -> None:
+    def _linearised(self, x: Array, reduced: Reduced) -> Linearised:
+        inverse = solve_linear(reduced.equality @ self.move, np.eye(len(reduced.equality)))
+        return self.setting.elimination.linearised(x, reduced.factors, self.move, inverse)
+
+    def _moved(self, reduced: Reduced) -> None:
         self.r = self._trial_r
+        self._accepted = self._linearised(self.x, reduced)
 
-    def _directions(self, reduced: Reduced) -> Array:
-        bend = solve_linear(reduced.equality @ self.move, reduced.equality @ self.S)
-        return np.asarray(self.S - self.move @ bend)
+    def _along(self, reduced: Reduced, slopes: Array) -> Array:
+        held = slopes - self._prices(reduced, slopes) @ reduced.equality
+        return np.asarray(held @ self.S)
+
+    def _prices(self, reduced: Reduced, slopes: Array) -> Array:
+        """What the kept equations contribute to slopes that vanish along ``move``."""
+        at = self._accepted or self._linearised(self.x, reduced)
+        return np.asarray(slopes @ self.move @ at.inverse)
 
     def _constraints(self) -> list[dict[str, Any]]:
         return []
@@ -273,10 +295,8 @@ class FollowingRun(Run):
     def _multipliers(self, found: Array, s: Array) -> tuple[Array, Array]:
         """Those of the equations make the Lagrangian stationary along ``move``."""
         w = np.maximum(found, 0.0)
-        reduced, _ = self._derivatives(s)
-        slope = reduced.cost - w @ self._working_slopes(reduced)
-        y = -solve_linear((reduced.equality @ self.move).T, slope @ self.move)
-        return y, w
+        reduced = self._derivatives(s)
+        return -self._prices(reduced, reduced.cost - w @ self._working_slopes(reduced)), w
 
 
 def solve_linear(A: Array, b: Array) -> Array:
