@@ -23,7 +23,6 @@ from dmoc.solution import Solution
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solvers.threads import ONE_THREAD
 from dmoc.solving.exploration import Effort, Exploration, Start, coarse_of, explored
 from dmoc.solving.result import without_effect
 from dmoc.solving.solve import solve
@@ -100,7 +99,7 @@ def _explored(task: Task) -> Node:
         min(FIRST, task.starts), task.starts, task.starts, AGREEING, 1, MOST_REFINED, False, GUESSES
     )
     options = Options(seconds=task.seconds)
-    with ONE_THREAD, np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):
         found = explored(task.problem, effort, task.seed, options, points=points)
     solutions = list(found.ranked)
     if not solutions:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
@@ -57,6 +58,8 @@ class Method:
         Whether every start is solved from, and not only one after the other until one succeeds.
     falls_back_on : str or None
         The method that takes over where it ends without a solution.
+    uses_blas : bool
+        Whether it calls BLAS, which then gets one thread.
     """
 
     name: str
@@ -69,6 +72,7 @@ class Method:
     guided: bool = False
     tries_all: bool = False
     falls_back_on: str | None = None
+    uses_blas: bool = True
 
     def minimise(self, form: str = Form.CONDENSED) -> Judged:
         """The function that minimises a program from scaled unknowns, and judges where it ends."""
@@ -76,11 +80,18 @@ class Method:
 
         module, name = (self.full if form == Form.FULL and self.full else self.driver).split(":")
         driver: Driver = getattr(import_module(module), name)
+        limit: AbstractContextManager[None] = nullcontext()
+        if self.uses_blas:
+            from dmoc.solvers.threads import ONE_THREAD
+
+            limit = ONE_THREAD
 
         def minimise(
             nlp: Transcription, x: Array, options: Options, duals: Duals | None = None
         ) -> Outcome:
-            return judged(nlp, driver(nlp, x, options, duals), options)
+            with limit:
+                ending = driver(nlp, x, options, duals)
+            return judged(nlp, ending, options)
 
         return minimise
 
@@ -139,6 +150,7 @@ METHODS = {
             "compiled interior point",
             "dmoc.solvers.ipm:solve",
             needs_compiled=True,
+            uses_blas=False,
             tries_all=True,  # further starts cost it next to nothing
         ),
         Method("ipopt", "IPOPT, an extra", "dmoc.solvers.external:solve_ipopt", package="ipyopt"),

@@ -15,7 +15,6 @@ from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
-from dmoc.solvers.threads import ONE_THREAD
 from dmoc.solving.attempts import attempted, remaining
 from dmoc.solving.exploration import Effort, explored
 from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method
@@ -158,7 +157,7 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
         return _solved(problem, guess, request)
     options, begin = request.options, time.perf_counter()
     try:
-        with ONE_THREAD, np.errstate(all="ignore"):
+        with np.errstate(all="ignore"):
             effort = Effort.of(request.starts)
             found = explored(problem, effort, request.seed, options, request.verify)
     except KeyboardInterrupt:
@@ -200,7 +199,7 @@ def _solved(problem: Problem, guess: Given, request: Request) -> Solution:
     method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
     begin = time.perf_counter()
     deadline = np.inf if options.seconds is None else begin + options.seconds
-    with ONE_THREAD, np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):
         starts = starts_of(problem, guess, deadline)
         guessed = time.perf_counter()
         scale = scale_of(problem, starts.points[0], starts.minimum)

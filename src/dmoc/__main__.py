@@ -11,14 +11,14 @@ import threading
 INTERRUPTED = 130
 # Of NumPy's linear algebra, in this process and its workers: starting threads for it takes longer
 # than all it is asked for.
-ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+THREADS = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 def main() -> None:
     """Run the command line; while its modules load and after its end, Ctrl-C leaves at once and
     without a traceback."""
-    for name, threads in ONE_THREAD.items():
-        os.environ.setdefault(name, threads)
+    for name, number in THREADS.items():
+        os.environ.setdefault(name, number)
     listening = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     try:
         if listening:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import os
+import random
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import dmoc
+from dmoc.solvers import threads
 from dmoc.solvers.outcome import Iteration
+from dmoc.solvers.threads import ONE_THREAD
 
 pytestmark = pytest.mark.slow
 
@@ -46,11 +50,11 @@ def test_solves_that_overlap_in_threads_leave_the_thread_limit_as_it_was(
         wait_for(ended, i)
 
     problem = seed.but(steps=20)
-    dmoc.solve(problem, "ipm", verify=False)  # loads the libraries
+    dmoc.solve(problem, "slsqp", verify=False)  # loads the libraries
     with threadpool_limits(2):
-        before = [pool["num_threads"] for pool in ThreadpoolController().info()]
+        before = limits()
         late = threading.Thread(
-            target=dmoc.solve, args=(problem, "ipm"), kwargs={"progress": second, "verify": False}
+            target=dmoc.solve, args=(problem, "slsqp"), kwargs={"progress": second, "verify": False}
         )
 
         def first(i: Iteration) -> None:
@@ -58,10 +62,96 @@ def test_solves_that_overlap_in_threads_leave_the_thread_limit_as_it_was(
                 late.start()
             wait_for(began, i)
 
-        assert dmoc.solve(problem, "ipm", progress=first, verify=False).status == "solved"
+        assert dmoc.solve(problem, "slsqp", progress=first, verify=False).status == "solved"
         ended.set()
         late.join(60)
-        assert [pool["num_threads"] for pool in ThreadpoolController().info()] == before
+        assert limits() == before
+
+
+def test_threads_that_enter_and_leave_at_random_leave_the_thread_limit_as_it_was() -> None:
+    def enter_and_leave(seed: int) -> None:
+        rng = random.Random(seed)
+        for _ in range(30):
+            with ONE_THREAD:
+                inside.append(max(limits().values()))
+                time.sleep(rng.random() * 2e-4)
+            time.sleep(rng.random() * 2e-4)
+
+    before, inside = limits(), list[int]()
+    together(enter_and_leave)
+    assert limits() == before and set(inside) == {1} and len(inside) == 8 * 30
+
+
+def test_a_limit_that_each_thread_has_is_restored_in_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As OpenMP has them: the first to enter is not the last to leave."""
+
+    class PerThread:
+        internal_api = "openmp"
+        own = threading.local()
+
+        @property
+        def num_threads(self) -> int:
+            return getattr(self.own, "limit", 8)
+
+        def set_num_threads(self, number: int) -> None:
+            self.own.limit = number
+
+    library, inside, left = PerThread(), threading.Event(), threading.Event()
+    found = SimpleNamespace(lib_controllers=[library])
+    monkeypatch.setattr(threads, "ThreadpoolController", lambda: found)
+    seen: list[int] = []
+
+    def late() -> None:
+        with ONE_THREAD:
+            seen.append(library.num_threads)
+            inside.set()
+            left.wait(60)
+        seen.append(library.num_threads)
+
+    other = threading.Thread(target=late)
+    with ONE_THREAD:
+        other.start()
+        inside.wait(60)
+        assert library.num_threads == 1
+    assert library.num_threads == 8
+    left.set()
+    other.join(60)
+    assert seen == [1, 8]
+
+
+def test_a_limit_that_is_set_meanwhile_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    library = SimpleNamespace(internal_api="blis", num_threads=8)
+    library.set_num_threads = lambda number: setattr(library, "num_threads", number)
+    found = SimpleNamespace(lib_controllers=[library])
+    monkeypatch.setattr(threads, "ThreadpoolController", lambda: found)
+    with ONE_THREAD:
+        library.set_num_threads(3)
+    assert library.num_threads == 3
+
+
+@pytest.mark.parametrize("method", ["slsqp", "ipm"])
+def test_solves_in_eight_threads_leave_the_thread_limit_as_it_was(
+    method: str, seed: dmoc.Problem
+) -> None:
+    problem, costs = seed.but(steps=12), list[float]()
+    alone = dmoc.solve(problem, method, verify=False)
+    before = limits()
+    together(lambda _: costs.append(dmoc.solve(problem, method, verify=False).cost))
+    assert limits() == before and costs == [alone.cost] * 8
+
+
+def limits() -> dict[str, int]:
+    """Threads of each library for linear algebra."""
+    return {pool["filepath"]: pool["num_threads"] for pool in ThreadpoolController().info()}
+
+
+def together(work: Callable[[int], object]) -> None:
+    """Let eight threads do something at once."""
+    working = [threading.Thread(target=work, args=(i,)) for i in range(8)]
+    for thread in working:
+        thread.start()
+    for thread in working:
+        thread.join(120)
 
 
 def test_an_interrupt_is_told_wherever_it_comes(seed: dmoc.Problem) -> None:
