@@ -32,6 +32,9 @@ MOST_WORKERS = 1000
 OPTIONS = {*signature(solve).parameters} - {
     "problem", "method", "guess", "seconds", "progress", "reference",
 }  # fmt: skip
+# Every problem is explored only where its caller asks for it: that takes many times as long as a
+# solve.
+STARTS = {"starts": 1}
 # Seconds that answers may take to arrive after the limit, which the workers keep themselves.
 UNDER_WAY = 5.0
 INTERRUPTED, NO_TIME = "Ctrl-C came before its turn", "the time was used up before its turn"
@@ -128,6 +131,7 @@ def solve_many(
         Called with a :class:`BatchProgress` whenever problems are done.
     **options
         Further arguments of :func:`dmoc.solve`: tolerance, verify, iterations and others.
+        ``starts`` is 1 unless given: a solve from the automatic guess, without exploration.
 
     Returns
     -------
@@ -147,7 +151,7 @@ def solve_many(
                 f"problems has {shown(problem)} at place {i}: expected Problems, as "
                 "dmoc.Problem(system, start=..., ...) states them."
             )
-    setting = Setting(method, guess, keep, options)
+    setting = Setting(method, guess, keep, STARTS | options)
     return batch_of(given, {}, setting, workers, executor, seconds, progress)
 
 

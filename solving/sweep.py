@@ -18,7 +18,7 @@ from dmoc.errors import DmocError, ProblemError
 from dmoc.mechanics.values import by_name
 from dmoc.nlp.problem import Problem
 from dmoc.solution import Solution
-from dmoc.solving.many import BatchProgress, Setting, batch_of
+from dmoc.solving.many import STARTS, BatchProgress, Setting, batch_of
 from dmoc.solving.methods import SEARCHING
 from dmoc.solving.sensitivity import check_problem
 
@@ -98,7 +98,7 @@ def sweep(
         for i, axis in enumerate(axes)
     }
     problems = [_problem(problem, axes, values) for values in grid]
-    setting = Setting(method, guess, keep, options)
+    setting = Setting(method, guess, keep, STARTS | options)
     return batch_of(problems, columns, setting, workers, executor, seconds, progress)
 
 

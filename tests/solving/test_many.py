@@ -53,7 +53,7 @@ def test_each_row_is_what_a_solve_of_its_own_finds(block: dmoc.Problem) -> None:
     assert batch.impulses[:, 0] / MASSES == pytest.approx(batch.impulses[1, 0], rel=1e-6)
     for problem, solution, cost in zip(problems, batch.solutions, batch.cost, strict=True):
         assert solution is not None and solution.kernels is problem.kernels
-        assert solution.cost == cost == dmoc.solve(problem, "ipm").cost
+        assert solution.cost == cost == dmoc.solve(problem, "ipm", starts=1).cost
 
 
 @pytest.mark.slow
@@ -63,6 +63,24 @@ def test_the_rows_do_not_depend_on_who_solves(block: dmoc.Problem) -> None:
     assert same(here, dmoc.solve_many(problems, workers=2))
     with ThreadPoolExecutor(4) as threads:
         assert same(here, dmoc.solve_many(problems, executor=threads))
+
+
+def test_problems_are_explored_only_where_that_is_asked_for(
+    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    solve = many.solve
+
+    def noted(*given: Any, **options: Any) -> dmoc.Solution:
+        asked.append(options.pop("starts"))
+        return solve(*given, **options, starts=1)
+
+    monkeypatch.setattr(many, "solve", noted)
+    dmoc.solve_many([block])
+    dmoc.solve_many([block], starts=7)
+    dmoc.sweep(block, {"m": [1.0]})
+    dmoc.sweep(block, {"m": [1.0]}, starts=None)
+    assert asked == [1, 7, 1, None]
 
 
 def test_a_guess_and_options_serve_all(block: dmoc.Problem) -> None:
@@ -205,7 +223,7 @@ def test_a_sweep_goes_over_every_combination(block: dmoc.Problem) -> None:
     assert batch.given["start x"].tolist() == [0.0, -0.5, 0.25] * 2
     assert batch.given["bounds u"].tolist() == [40.0] * 6
     one = block.but(parameters={"m": 2.0}, start={"x": -0.5}, bounds={"u": (-30, 40)})
-    assert batch.cost[4] == dmoc.solve(one, "ipm").cost
+    assert batch.cost[4] == dmoc.solve(one, "ipm", starts=1).cost
     assert batch.cost[3:] == pytest.approx(4 * batch.cost[:3], rel=1e-6)
 
 
