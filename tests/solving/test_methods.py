@@ -34,10 +34,10 @@ def test_the_list_is_read_without_loading_a_solver() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_a_solve_with_the_compiled_method_imports_no_scipy() -> None:
+def test_a_checked_solve_with_the_compiled_method_imports_no_scipy() -> None:
     code = (
         "import sys, dmoc; from dmoc.registry import find; r = find('cart_pendulum'); s = "
-        "dmoc.solve(dmoc.Problem(r.kernels(), **r.defaults), 'ipm', verify=False); assert s.solved;"
+        "dmoc.solve(dmoc.Problem(r.kernels(), **r.defaults), 'ipm'); assert s.solved;"
         "print(sorted({'scipy', 'sympy', 'matplotlib', 'sqlite3', 'rich', 'typer', "
         "'multiprocessing'} & set(sys.modules)))"
     )
