@@ -35,6 +35,7 @@ Machine: {machine}.
 def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
     return {
         "solve": speed.comparison,
+        "answer": speed.answer,
         "where": speed.where,
         "ladder": lambda quick: ladder.ladder(quick, folder),
         "growth": lambda quick: speed.growth(quick, folder),

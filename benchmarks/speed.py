@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -17,6 +18,7 @@ from common import (
     Section,
     casadi_start,
     clocked,
+    from_casadi,
     guess,
     ms,
     neighbour,
@@ -24,10 +26,13 @@ from common import (
     program,
     ratio,
     seed,
+    simulated,
     solves,
     violation,
 )
 from common import cost as own_cost
+
+import dmoc
 
 SOLVED = "Solve_Succeeded"  # as CasADi says it
 PEER = "CasADi + IPOPT"
@@ -89,6 +94,80 @@ def comparison(quick: bool) -> Section:
             )
         )
     return section
+
+
+def answer(quick: bool) -> Section:
+    """Time from a problem in memory to an answer that the simulation confirms."""
+    section = Section(
+        "Time to a checked answer",
+        f"The seed's problem with N steps in each phase, from the statement to an answer that the "
+        f"simulation has checked: medians of `dmoc.solve`, kernels being built. {PEER} gets the "
+        "first automatic guess, and its answer is checked by the same simulation; its solve is "
+        "without building the graph.",
+        [
+            "N",
+            "method",
+            "solved",
+            "guess, ms",
+            "solve, ms",
+            "check, ms",
+            "total, ms",
+            f"{PEER} takes",
+            "cost",
+        ],
+    )
+    for steps, methods in ((100, ("ipm", "slsqp", "ipopt", "uno")), (1000, ("ipm",))):
+        problem = seed(steps=steps)
+        repeats = 1 if quick or steps > 100 else 3
+        peer = _middle([_peer_answer(problem) for _ in range(repeats)])
+        section.rows.append((steps, PEER, *_answer_cells(peer, peer)))
+        for method in methods[: 2 if quick else None]:
+            often = 1 if method == "uno" else 3 * repeats
+            own = _middle([_own_answer(problem, method) for _ in range(often)])
+            section.rows.append((steps, method, *_answer_cells(own, peer)))
+    return section
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Seconds of the parts of a way to a checked answer, whether it was confirmed, and the cost."""
+
+    guess: float
+    solve: float
+    check: float
+    total: float
+    confirmed: bool
+    cost: float
+
+
+def _own_answer(problem: dmoc.Problem, method: str) -> Answer:
+    total, solution = clocked(lambda: dmoc.solve(problem, method))
+    parts = (solution.seconds.get(part, np.nan) for part in ("guess", "solve", "verify"))
+    return Answer(*parts, total, solution.status == "solved", solution.cost)
+
+
+def _peer_answer(problem: dmoc.Problem) -> Answer:
+    guessing, x = clocked(lambda: guess(problem))
+    nlp = program(problem, x)
+    case = casadi_pendulum.Case(alpha=problem.start["alpha"], steps=problem.phase_steps[0])
+    built = casadi_pendulum.program(case)
+    solving, cost, _, status, _, found = built.solve(built.start(*casadi_start(nlp, x)))
+    checking, passed = clocked(lambda: simulated(nlp, from_casadi(nlp, x, found)))
+    total = guessing + solving + checking
+    return Answer(guessing, solving, checking, total, status == SOLVED and passed, cost)
+
+
+def _middle(answers: list[Answer]) -> tuple[Answer, str]:
+    """The answer of median time among those that were confirmed, and how many were."""
+    good = sorted((a for a in answers if a.confirmed), key=lambda a: a.total)
+    share = f"{len(good)}/{len(answers)}"
+    return (good[len(good) // 2] if good else replace(answers[0], total=np.nan)), share
+
+
+def _answer_cells(own: tuple[Answer, str], peer: tuple[Answer, str]) -> tuple[Any, ...]:
+    found, share = own
+    parts = (found.guess, found.solve, found.check, found.total)
+    return share, *map(ms, parts), ratio(peer[0].total, found.total), f"{found.cost:.6f}"
 
 
 def where(quick: bool) -> Section:
