@@ -25,7 +25,8 @@ check: $(VENV)/.installed-check
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest tests/codegen/test_generated.py -k committed
 
-# opty is installed without cyipopt, which it needs for solving alone and which cannot be installed without Ipopt's headers.
+# opty is installed without cyipopt, which it needs for solving alone and which cannot be installed without Ipopt's headers;
+# nosnoc needs nothing beside what is there.
 bench: $(VENV)/.installed-bench
 	cd benchmarks && ../$(BIN)/python run.py && ../$(BIN)/python accuracy.py
 
@@ -51,7 +52,7 @@ $(VENV)/.installed-check: $(SOURCES) | $(VENV)/bin/python
 
 $(VENV)/.installed-bench: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) '.[bench]'
-	@$(BIN)/python -m pip install --quiet --no-deps 'opty>=1.5'
+	@$(BIN)/python -m pip install --quiet --no-deps 'opty>=1.5' 'nosnoc>=0.2'
 	@touch $@
 
 clean:

@@ -82,7 +82,7 @@ def machine() -> str:
     lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
     named = (line.split(":")[1].strip() for line in lines if line.startswith("model name"))
     cpu = next(named, platform.machine())
-    packages = ("dmoc", "numpy", "scipy", "casadi", "ipyopt", "unopy", "opty")
+    packages = ("dmoc", "numpy", "scipy", "casadi", "ipyopt", "unopy", "opty", "nosnoc")
     versions = []
     for name in packages:
         try:

@@ -18,7 +18,7 @@ from typing import Any
 import ladder_casadi
 import numpy as np
 from common import DEFAULT, Section, clocked, ms, table
-from ladder_problems import RUNGS, Rung
+from ladder_problems import BETTER, RUNGS, SOLVED, Rung
 
 import dmoc
 
@@ -27,7 +27,6 @@ PEER = "CasADi + IPOPT"
 STEPS = (50, 100, 200)
 ORDERS = (2, 4)
 SECONDS = 60.0  # limit of one solve with its guess and check
-SOLVED, BETTER, DEARER, BELOW = "solved", "better", "dearer", "below"
 NOT_RUN = "not run"
 HEADER = (
     "problem",
@@ -79,17 +78,6 @@ class Try:
         )
 
 
-def compared(rung: Rung, cost: float, checked: bool) -> str:
-    """What a minimum is worth: a cost well below the known one is an error of the discretisation,
-    unless the simulation confirms the motion."""
-    excess, allowed = cost - rung.known, rung.tolerance * abs(rung.known)
-    if abs(excess) <= allowed:
-        return SOLVED
-    if excess > 0:
-        return DEARER
-    return BETTER if checked else BELOW
-
-
 def own(rung: Rung, order: int, steps: int, method: str) -> Try:
     """Solve by dmoc."""
     problem = rung.make(steps, order)
@@ -100,7 +88,7 @@ def own(rung: Rung, order: int, steps: int, method: str) -> Try:
         order,
         steps,
         method,
-        compared(rung, solution.cost, True) if status == "solved" else status,
+        rung.compared(solution.cost, True) if status == "solved" else status,
         solution.cost,
         spent["guess"],
         spent["solve"],
@@ -117,7 +105,7 @@ def peer(rung: Rung, order: int, steps: int) -> Try:
         order,
         steps,
         PEER,
-        compared(rung, found.cost, False) if found.succeeded else found.status,
+        rung.compared(found.cost, False) if found.succeeded else found.status,
         found.cost,
         solve=found.solve,
         total=found.solve,

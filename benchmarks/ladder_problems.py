@@ -34,6 +34,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.registry import find
 
+SOLVED, BETTER, DEARER, BELOW = "solved", "better", "dearer", "below"
+
 
 @dataclass(frozen=True)
 class Rung:
@@ -54,6 +56,16 @@ class Rung:
         statement = self.state()
         kernels = dmoc.build(statement.system, order=order)
         return dmoc.Problem(kernels, **{**statement.data, "steps": steps})
+
+    def compared(self, cost: float, checked: bool) -> str:
+        """What a minimum is worth: a cost well below the known one is an error of the
+        discretisation, unless the simulation has confirmed the motion."""
+        excess, allowed = cost - self.known, self.tolerance * abs(self.known)
+        if abs(excess) <= allowed:
+            return SOLVED
+        if excess > 0:
+            return DEARER
+        return BETTER if checked else BELOW
 
 
 def against_wall(wall: float = 0.5, goal: float = -pi) -> Statement:

@@ -45,6 +45,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "campaign": campaign.campaign,
         "warm": speed.warm,
         "search": searching.compare,
+        "puck": searching.puck,
         "files": damaged_files.reading,
     }
 
