@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # setuptools warns of the folders beside setup.py in every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
-.PHONY: demo test test-fast check bench clean
+.PHONY: demo test test-fast check bench ladder clean
 
 demo: $(VENV)/.installed-demo
 	@$(BIN)/python examples/seed.py demo
@@ -29,6 +29,9 @@ check: $(VENV)/.installed-check
 # nosnoc needs nothing beside what is there.
 bench: $(VENV)/.installed-bench
 	cd benchmarks && ../$(BIN)/python run.py && ../$(BIN)/python accuracy.py
+
+ladder: $(VENV)/.installed-bench
+	cd benchmarks && ../$(BIN)/python run.py --only ladder
 
 # The folders of sources are part of what is installed: a changed extension is compiled again.
 SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx nlp/*.pyx nlp/*.pxd nlp/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)

@@ -1,8 +1,10 @@
 """Published problems from the automatic start: who solves which, at what cost, and how soon there
 is a checked answer.
 
-python benchmarks/ladder.py                                     every rung; rows as they come
+make ladder                                     everything, into benchmarks/results/ladder.md
+python benchmarks/run.py --only ladder --quick  ipm and the default, N = 50
 python benchmarks/ladder.py --rung acrobot --method ipm --steps 50 --order 4
+                                                prints rows as they come
 """
 
 from __future__ import annotations
@@ -28,6 +30,11 @@ STEPS = (50, 100, 200)
 ORDERS = (2, 4)
 SECONDS = 60.0  # limit of one solve with its guess and check
 NOT_RUN = "not run"
+ABOUT_PEER = (
+    f" {PEER} transcribes the same equations directly (midpoint rule; Hermite and Simpson's) and "
+    "starts from a straight line without inputs. Its answers are not checked: one far below the "
+    "known cost does not count, and its time is that of the solve alone, without building."
+)
 HEADER = (
     "problem",
     "order",
@@ -140,12 +147,9 @@ def ladder(quick: bool, folder: Path) -> Section:
         "Published problems from the automatic start",
         f"Orders 2 and 4 with N = {', '.join(map(str, steps))} steps a phase, from a statement "
         "without any guess: how many end within the tolerance of the known cost (or below it) and "
-        f"are confirmed by the simulation; `{DEFAULT}` is the default. {PEER} transcribes the same "
-        "equations directly (midpoint rule; Hermite and Simpson's) and starts from a straight line "
-        "without inputs; its answers are not checked, and one far below the known cost does not "
-        f"count. A solve has {SECONDS:.0f} s; after one that took longer there is none with more "
-        "steps. Times are medians over what was solved, of guess, solve and check for dmoc, of the "
-        "solve alone for the peer, neither with building.",
+        f"are confirmed by the simulation; `{DEFAULT}` is the default. Times are medians over what "
+        f"was solved, kernels being built. A solve has {SECONDS:.0f} s; after one that took longer "
+        f"there is none with more steps.{ABOUT_PEER if PEER in methods else ''}",
         ["problem", "known cost", "source", *methods],
     )
     for rung in RUNGS:
@@ -158,8 +162,9 @@ def ladder(quick: bool, folder: Path) -> Section:
     for part in ("guess", "solve", "check", "total"):
         medians = (_median([t for t in found if t.met and t.method == m], part) for m in methods)
         section.rows.append((f"{part}, ms", "", "", *medians))
-    (folder / "ladder.md").write_text(_every(found), encoding="utf-8")
-    section.after = f"Every solve: [ladder.md](ladder.md).\n\n{_failures(found, methods)}"
+    section.after = _failures(found, methods)
+    text = f"# The ladder\n\n{section.markdown()}\n{_every(found)}"
+    (folder / "ladder.md").write_text(text, encoding="utf-8")
     return section
 
 
@@ -189,9 +194,8 @@ def _failures(found: Sequence[Try], methods: Sequence[str]) -> str:
 
 def _every(found: Sequence[Try]) -> str:
     text = (
-        "# The ladder, solve by solve\n\nWritten with the section of published problems. A result "
-        "in bold is a failure: *dearer* than the known cost by more than the tolerance, *below* it "
-        "without a check, or the status.\n\n"
+        "## Every solve\n\nA result in bold is a failure: *dearer* than the known cost by more "
+        "than the tolerance, *below* it without a check, or the status.\n\n"
     )
     return text + table(HEADER, [t.row for t in found]) + "\n"
 

@@ -3,6 +3,8 @@
 make bench                                  everything, into benchmarks/results
 python benchmarks/run.py --quick            few repeats, no slow peers
 python benchmarks/run.py --only solve,warm  prints these sections; the report stays as it is
+make ladder                                 the ladder of published problems, which takes longest,
+                                            into a report of its own
 """
 
 from __future__ import annotations
@@ -26,10 +28,13 @@ HEAD = """# Benchmarks
 
 Written by `make bench`{quick}. Times drift between machines and runs; ratios come from one run. A
 solve that failed has no time: how many succeeded stands beside it. Two checkouts are compared by
-`benchmarks/compare.py`; errors against known answers are in `docs/known_answers.md`.
+`benchmarks/compare.py`; errors against known answers are in `docs/known_answers.md`, published
+problems from the automatic start in `benchmarks/results/ladder.md`.
 
 Machine: {machine}.
 """
+
+APART = ("ladder",)  # runs only where it is named
 
 
 def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
@@ -62,7 +67,7 @@ def main() -> None:
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     every = sections(given.out)
-    chosen = given.only.split(",") if given.only else list(every)
+    chosen = given.only.split(",") if given.only else [n for n in every if n not in APART]
     if unknown := [name for name in chosen if name not in every]:
         parser.error(
             f"--only {given.only}: no section {unknown[0]}: expected some of {', '.join(every)}"
