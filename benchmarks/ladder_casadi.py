@@ -39,7 +39,7 @@ class Answer:
 
     @property
     def succeeded(self) -> bool:
-        return self.status == "Solve_Succeeded"
+        return self.status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 
 class Model:
