@@ -40,7 +40,7 @@ class Piece:
 
 def pieces_of(trajectory: Trajectory) -> list[Piece]:
     return [
-        Piece(p.t, p.q, p.v, _times_of_inputs(trajectory.controls, p.t), p.u)
+        Piece(p.t, p.q, p.v, times_of_inputs(trajectory.controls, p.t), p.u)
         for p in trajectory.phases
     ]
 
@@ -57,7 +57,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
         within = lay.scheme.within(t[:-1], t[1:])
         inside.append(piece.positions(within.ravel()).reshape(steps, -1))
         times.append(t)
-        at = _times_of_inputs(lay.form.name, t)
+        at = times_of_inputs(lay.form.name, t)
         columns = [np.interp(at, piece.t_u, u) for u in piece.u.T]
         inputs.append(np.stack(columns, axis=1) if columns else np.zeros((len(at), 0)))
     x[lay.index_h] = [(p.t[-1] - p.t[0]) / n for p, n in zip(pieces, lay.steps, strict=True)]
@@ -90,16 +90,14 @@ def on_finer(problem: Problem, few: Problem, x: Array) -> Array:
         nodes, at = np.ascontiguousarray(q[first : last + 1]), t[first : last + 1]
         v = np.gradient(nodes, h[i], axis=0)
         rows = slice(lay.row_u_k[first], lay.row_u_kp1[last - 1] + 1)
-        pieces.append(
-            Piece(at, nodes, v, _times_of_inputs(lay.form.name, at), x[lay.index_u][rows])
-        )
+        pieces.append(Piece(at, nodes, v, times_of_inputs(lay.form.name, at), x[lay.index_u][rows]))
     for index, side, k in ((lay.index_v_a, pieces[:-1], -1), (lay.index_v_c, pieces[1:], 0)):
         for known, piece in zip(x[index], side, strict=True):
             piece.v[k] = known
     return unknowns_along(problem, pieces, list(x[lay.index_lam]))
 
 
-def _times_of_inputs(controls: str, t: Array) -> Array:
+def times_of_inputs(controls: str, t: Array) -> Array:
     """Times of the rows of u; where inputs may jump at the nodes, a little inside of the steps."""
     form, steps = FORMS[controls], np.diff(t)
     times, at = form.times(t), form.starts(len(steps))

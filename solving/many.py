@@ -100,7 +100,7 @@ def solve_many(
     *,
     workers: int = 1,
     executor: Executor | None = None,
-    guess: Solution | Array | None = None,
+    guess: Given = None,
     keep: bool = False,
     seconds: float | None = None,
     progress: Callable[[BatchProgress], None] | None = None,
@@ -120,9 +120,10 @@ def solve_many(
     executor : concurrent.futures.Executor, optional
         Where problems are solved instead: ``Client(...).get_executor()`` of dask.distributed, or a
         ``ThreadPoolExecutor`` for large problems, whose compiled solves run side by side.
-    guess : Solution or array, optional
-        Where all start; by default each from its automatic guess.  The solution of a nominal
-        problem spares the guess and most iterations, and leads to minima of the same kind.
+    guess : optional
+        Where all start, as :func:`dmoc.solve` takes it; by default each from its automatic guess.
+        The solution of a nominal problem spares the guess and most iterations, and leads to minima
+        of the same kind.
     keep : bool
         Keep every solution, not only its row.
     seconds : float, optional

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.arguments import choice, flag, function, positive, text, whole
-from dmoc.codegen.kernels import COMPILED, Array
+from dmoc.codegen.kernels import COMPILED
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.solution import Solution
@@ -37,7 +37,7 @@ def solve(
     *,
     tolerance: float | None = None,
     form: str = "condensed",
-    guess: Solution | Array | None = None,
+    guess: Given = None,
     starts: int | None = None,
     seed: int = 0,
     optimality: float = OPTIMALITY,
@@ -65,10 +65,15 @@ def solve(
         For slsqp: "condensed" eliminates coordinates by solving the discrete equations of motion;
         "full" leaves all unknowns to the solver, which is practical up to some tens of steps.  The
         other methods work on the full sparse program.
-    guess : Solution or array, optional
-        Where to start; by default an automatic guess.  A solution must have the same number of
-        collisions; one on another mesh or of another order is interpolated, the multipliers of one
-        with the same steps serve too (not with slsqp).
+    guess : Solution, path, mapping, list of mappings, or array, optional
+        Where to start; by default an automatic guess.  A solution, or that of a file, must have the
+        same number of collisions; one on another mesh or of another order is interpolated, the
+        multipliers of one with the same steps serve too (not with slsqp).  A mapping gives courses
+        of coordinates and inputs by name, and "durations", the seconds of each phase, as
+        ``{"alpha": [0, 0.5, -3.1], "F": 0, "durations": [0.2, 0.8]}``: a number, which is kept,
+        keyframes, which are spread evenly over the time, or a function of an array of times in
+        seconds.  A list of mappings gives them for each phase, keyframes spread over the phase.
+        What is not named is that of the automatic guess; velocities and impulses follow.
     optimality, violation : float
         Tolerances of the optimality residual and of the constraints.
     iterations : int

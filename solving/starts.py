@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from dmoc.arguments import shown
 from dmoc.codegen.kernels import Array
 from dmoc.errors import ProblemError
 from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.keyframes import along, courses_of, is_given_by_name
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.readout import given_multipliers
@@ -20,7 +22,15 @@ from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Duals
 
-Given: TypeAlias = Solution | Array | None
+Given: TypeAlias = (
+    Solution
+    | str
+    | os.PathLike[str]
+    | Mapping[Any, Any]
+    | Sequence[Mapping[Any, Any]]
+    | Array
+    | None
+)
 
 
 @dataclass(frozen=True)
@@ -52,8 +62,13 @@ def starts_of(problem: Problem, guess: Given, deadline: float = np.inf) -> Start
     """
     if guess is None:
         return Starts(tuple(g.x for g in initial_guesses(problem, deadline)))
+    if isinstance(guess, (str, os.PathLike)):
+        guess = Solution.load(guess)
     if isinstance(guess, Solution):
         return _from_solution(problem, guess)
+    if is_given_by_name(guess):
+        courses = courses_of(problem, guess)
+        return Starts((along(problem, courses, initial_guesses(problem, deadline)[0].x),))
     return Starts((_given(problem, guess),))
 
 
@@ -85,7 +100,7 @@ def _same_mesh(problem: Problem, guess: Solution) -> bool:
     return same and len(guess.unknowns) == size
 
 
-def _given(problem: Problem, guess: Array) -> Array:
+def _given(problem: Problem, guess: Any) -> Array:
     size = Layout.of(problem).size
     try:
         given = np.array(guess)
@@ -93,7 +108,8 @@ def _given(problem: Problem, guess: Array) -> Array:
         given = np.array(None)
     if given.dtype.kind not in "iuf":
         raise ProblemError(
-            f"guess = {shown(guess)}: expected a Solution, or an array of {size} unknowns."
+            f"guess = {shown(guess)}: expected a Solution, the path of its file, a "
+            f"mapping from names, or an array of {size} unknowns."
         )
     x = given.astype(float)
     if x.shape != (size,) or not np.isfinite(x).all():

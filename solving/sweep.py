@@ -13,14 +13,13 @@ import numpy as np
 
 from dmoc.arguments import check_known, is_number, listed
 from dmoc.batch import Batch
-from dmoc.codegen.kernels import Array
 from dmoc.errors import DmocError, ProblemError
 from dmoc.mechanics.values import by_name
 from dmoc.nlp.problem import Problem
-from dmoc.solution import Solution
 from dmoc.solving.many import STARTS, BatchProgress, Setting, batch_of
 from dmoc.solving.methods import SEARCHING
 from dmoc.solving.sensitivity import check_problem
+from dmoc.solving.starts import Given
 
 MOST_PROBLEMS = 1_000_000
 # Columns of what is not a parameter say where it belongs.
@@ -50,7 +49,7 @@ def sweep(
     method: str = SEARCHING,
     workers: int = 1,
     executor: Executor | None = None,
-    guess: Solution | Array | None = None,
+    guess: Given = None,
     keep: bool = False,
     seconds: float | None = None,
     progress: Callable[[BatchProgress], None] | None = None,

@@ -45,6 +45,7 @@ from dmoc.cli_input import (
     prepare,
     print_text,
     problem_fields,
+    read_guess,
     written,
 )
 from dmoc.cli_output import Live, coloured, print_sensitivities, print_summary, print_verification
@@ -223,11 +224,10 @@ def solve(
     """Solve an optimal control problem and check the solution by simulation."""
     from dmoc import registry
     from dmoc.nlp.problem import Problem
-    from dmoc.solution import Solution
     from dmoc.solving.sensitivity import sensitivities as differentiated
     from dmoc.solving.solve import solve as solved
 
-    neighbour = None if guess is None else Solution.load(guess)
+    known = read_guess(guess)
     reference = registry.find(model)
     fields = problem_fields(
         reference.defaults,
@@ -251,7 +251,7 @@ def solve(
             method,
             tolerance=tolerance,
             form=form.value,
-            guess=neighbour,
+            guess=known,
             iterations=iterations,
             seconds=seconds,
             progress=live.show,

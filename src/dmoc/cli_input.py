@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from enum import StrEnum
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -17,6 +17,9 @@ from dmoc.discretisation import ORDERS_SHOWN
 from dmoc.errors import DmocError, ProblemError
 from dmoc.solving.methods import listed
 from dmoc.writing import check_file, check_folder, write_whole
+
+if TYPE_CHECKING:
+    from dmoc.solution import Solution
 
 # What is printed is never read as markup: names, units and messages have brackets and colons of
 # their own.  Colours are Text objects.
@@ -59,9 +62,12 @@ StepsOption = Annotated[
     typer.Option(help="Steps of each phase, one number or one for each phase, as 100,50."),
 ]
 GuessOption = Annotated[
-    Path | None,
+    list[str] | None,
     typer.Option(
-        metavar="FILE", help="Start from a solution file with the same number of collisions."
+        metavar="FILE|NAME=V1,V2,...",
+        help="Start from a solution file with the same number of collisions, or along keyframes of "
+        "coordinates and inputs, evenly spread over the time, with durations=T1,T2,... in seconds; "
+        "repeatable.",
     ),
 ]
 METHOD_HELP = f"Solver: {listed()}"
@@ -176,6 +182,31 @@ def read_restitution(given: list[str]) -> float | dict[str, Any]:
             numbers[0], "--restitution", "expected a number from 0 to 1, or SURFACE=E"
         )
     return dict(read_pair(text, "--restitution") for text in given)
+
+
+def read_guess(given: list[str] | None) -> Solution | dict[str, Any] | None:
+    """Read one solution file, or NAME=V1,V2,... for some coordinates, inputs and the durations."""
+    files = [text for text in given or [] if "=" not in text or Path(text).exists()]
+    if not given:
+        return None
+    if files and len(given) > 1:
+        raise ProblemError(
+            f"--guess {files[0]} stands beside others: give one file, or NAME=V1,V2,... for each "
+            "coordinate and input."
+        )
+    if files:
+        from dmoc.solution import Solution
+
+        return Solution.load(files[0])
+    courses: dict[str, Any] = {}
+    for text in given:
+        name, _, values = text.partition("=")
+        name, what = name.strip(), f"--guess {name.strip()}"
+        if not name or name in courses:
+            raise ProblemError(f"--guess {text}: expected NAME=V1,V2,..., each name once.")
+        expected = "expected numbers such as 0,0.5,-3.1"
+        courses[name] = [read_number(part, what, expected) for part in values.split(",")]
+    return courses
 
 
 def read_pair(text: str, option: str) -> tuple[str, Any]:

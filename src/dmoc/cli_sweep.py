@@ -32,6 +32,7 @@ from dmoc.cli_input import (
     in_turn,
     out,
     problem_fields,
+    read_guess,
     read_range,
     written,
 )
@@ -83,12 +84,11 @@ def sweep(
     and number of values; in --bound the largest magnitude, as F=50:200:4. Several make a grid."""
     from dmoc import registry
     from dmoc.nlp.problem import Problem
-    from dmoc.solution import Solution
     from dmoc.solving.sweep import sweep as swept
 
     _check_targets(target, plot, json_)
     ranges, firsts = _ranges(set_, start, goal, bound)
-    neighbour = None if guess is None else Solution.load(guess)
+    known = read_guess(guess)
     reference = registry.find(model)
     fields = problem_fields(
         reference.defaults,
@@ -114,7 +114,7 @@ def sweep(
             bounds=ranges["bounds"],
             method=method,
             workers=workers,
-            guess=neighbour,
+            guess=known,
             seconds=seconds,
             progress=count.show,
         )

@@ -19,7 +19,14 @@ from systems import block_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import BuildError, ModelError, ProblemError, SearchError, SimulationError
+from dmoc.errors import (
+    BuildError,
+    ModelError,
+    ProblemError,
+    SearchError,
+    SimulationError,
+    SolutionFileError,
+)
 from dmoc.trajectory import Phase, Trajectory
 
 X, U = dynamicsymbols("x u")
@@ -377,7 +384,6 @@ def solve_cases() -> Iterator[Case]:
     for value in (None, 5, b"x", ["x"]):
         yield case("reference", value)
     for value in (
-        "x",
         b"x",
         {},
         {1.0},
@@ -407,6 +413,12 @@ def solve_cases() -> Iterator[Case]:
         lambda _, problem: dmoc.solve(problem, guess=np.full(20, INF)),
         ProblemError,
         "guess",
+    )
+    yield Case(
+        "guess",
+        lambda _, problem: dmoc.solve(problem, guess="missing.npz"),
+        SolutionFileError,
+        "missing.npz",
     )
 
 

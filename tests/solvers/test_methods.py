@@ -506,7 +506,7 @@ def test_a_limit_at_the_surface_itself(order: int) -> None:
         ({"seconds": "x"}, "seconds = 'x': expected a positive time limit"),
         ({"iterations": None}, "iterations = None: expected a whole number of at least 1"),
         ({"progress": 3}, "progress = 3: expected a function"),
-        ({"guess": "a"}, "guess = 'a': expected a Solution"),
+        ({"guess": 1j}, "guess = 1j: expected a Solution"),
     ],
 )
 def test_arguments_of_another_type_are_one_sentence(

@@ -1,0 +1,143 @@
+"""A user's own guess by name: courses where they were asked for, the automatic guess elsewhere, and
+one sentence for what does not fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from systems import driven_system
+
+import dmoc
+from dmoc.codegen.kernels import Array
+from dmoc.errors import ProblemError
+from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.keyframes import along, courses_of
+from dmoc.nlp.layout import Layout
+
+
+@pytest.fixture
+def small(seed: dmoc.Problem) -> dmoc.Problem:
+    return seed.but(steps=(8, 12))
+
+
+def unknowns(problem: dmoc.Problem, guess: Any) -> tuple[Layout, Array, Array]:
+    """The layout, the unknowns along a guess by name, and those of the automatic guess."""
+    automatic = initial_guesses(problem)[0].x
+    return Layout.of(problem), along(problem, courses_of(problem, guess), automatic), automatic
+
+
+def test_keyframes_are_spread_evenly_over_the_whole_motion(small: dmoc.Problem) -> None:
+    frames, durations = [0.4, 1.0, 0.2, 0.7], [0.6, 0.3]
+    guess = {"x": frames, "F": [3.0, -3.0, 0.0], "durations": durations}
+    lay, x, _ = unknowns(small, guess)
+    t, q, u = lay.times(x), x[lay.index_q], x[lay.index_u][:, 0]
+    assert t[[8, -1]] == pytest.approx([0.6, 0.9])
+    assert q[[0, 4, 8, -1], 1] == pytest.approx(frames)  # nodes at 0, 0.3, 0.6 and 0.9 s
+    # Cubics that do not overshoot.
+    assert (np.diff(q[:5, 1]) > 0).all()
+    assert (np.diff(q[4:9, 1]) < 0).all()
+    middles = (t[:-1] + t[1:]) / 2
+    np.testing.assert_allclose(u, np.interp(middles, [0, 0.45, 0.9], [3.0, -3.0, 0.0]))
+
+
+def test_what_is_not_named_is_that_of_the_automatic_guess(small: dmoc.Problem) -> None:
+    lay, x, automatic = unknowns(small, {"F": 2.5})
+    np.testing.assert_array_equal(x[lay.index_u], 2.5)
+    for index in (lay.index_h, lay.index_q):
+        np.testing.assert_array_equal(x[index], automatic[index])
+
+
+def test_functions_get_the_times_of_the_motion(small: dmoc.Problem) -> None:
+    guess = [{"F": lambda t: 10 * t}, {"alpha": lambda t: np.sin(t), "durations": 0.4}]
+    lay, x, automatic = unknowns(small, guess)
+    t, q = lay.times(x), x[lay.index_q]
+    assert t[-1] - t[8] == pytest.approx(0.4)
+    np.testing.assert_allclose(q[8:, 0], np.sin(t[8:]))
+    np.testing.assert_array_equal(q[:8, 0], automatic[lay.index_q][:8, 0])
+    u = x[lay.index_u][:, 0]
+    np.testing.assert_allclose(u[:8], 10 * (t[:8] + t[1:9]) / 2)
+    np.testing.assert_array_equal(u[8:], automatic[lay.index_u][8:, 0])
+
+
+def test_where_two_phases_meet_the_earlier_one_that_names_a_coordinate_counts(
+    small: dmoc.Problem,
+) -> None:
+    lay, x, _ = unknowns(small, [{"x": [0.0, 1.0]}, {"x": [2.0, 3.0]}])
+    q = x[lay.index_q][:, 1]
+    assert q[[0, 8, -1]] == pytest.approx([0.0, 1.0, 3.0])
+    assert q[9] == pytest.approx(2.0 + 1 / 12)
+
+
+def test_velocities_and_impulses_follow_from_the_motion(small: dmoc.Problem) -> None:
+    """The law of impact, n = (1, 0) at the left limiter: M (v_c - v_a) is along the gradient of the
+    gap, and the rates of the angle are opposite."""
+    guess = {"alpha": [0.47, 0.3, 1.57], "x": [0.0, 0.2, 0.1], "durations": [0.2, 0.2]}
+    lay, x, _ = unknowns(small, guess)
+    q, h = x[lay.index_q], x[lay.index_h]
+    v_a, v_c, impulse = x[lay.index_v_a][0], x[lay.index_v_c][0], x[lay.index_lam][0]
+    np.testing.assert_allclose(v_a, (q[8] - q[7]) / h[0])
+    assert v_c[0] == pytest.approx(-v_a[0])
+    jump = small.model.mass(q[8]) @ (v_c - v_a)
+    assert jump == pytest.approx([impulse, 0.0], abs=1e-12)
+    assert impulse > 0
+    assert x[lay.index_p_B] == pytest.approx(small.model.mass(q[0]) @ ((q[1] - q[0]) / h[0]))
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_times_and_inner_nodes_of_a_driven_model_follow(order: int) -> None:
+    problem = dmoc.Problem(
+        dmoc.build(driven_system(), order=order, backend="numpy"),
+        start={"a": 0.2, "z": 0.0},
+        goal={"a": 1.0},
+        steps=6,
+        final_time=(0.5, 2.0),
+    )
+    lay, x, _ = unknowns(problem, {"a": [0.2, 1.0], "durations": 1.5, sp.Symbol("u"): [1, 2]})
+    np.testing.assert_allclose(x[lay.index_t], np.linspace(0, 1.5, 7))
+    if lay.inside:
+        nodes = x[lay.index_q][:, 0]
+        np.testing.assert_allclose(x[lay.index_q_i][:, 0], (nodes[:-1] + nodes[1:]) / 2)
+    times = lay.form.times(np.linspace(0, 1.5, 7))
+    np.testing.assert_allclose(x[lay.index_u][:, 0], 1 + times / 1.5, atol=1e-5)
+
+
+def test_a_solve_starts_from_names_and_from_a_file(small: dmoc.Problem, tmp_path: Path) -> None:
+    guess = {"x": [0.0, 0.5, 0.3], "F": lambda t: 0 * t}
+    named = dmoc.solve(small, "ipm", guess=guess, verify=False)
+    assert named.status == "solved"
+    path = named.save(tmp_path / "known.npz")
+    for file in (path, str(path)):
+        again = dmoc.solve(small, "ipm", guess=file, verify=False)
+        assert again.status == "solved"
+        assert again.cost == pytest.approx(named.cost, rel=1e-8)
+        assert again.iterations < named.iterations
+
+
+@pytest.mark.parametrize(
+    ("guess", "message"),
+    [
+        ({"beta": 1.0}, "unknown coordinate or input 'beta' in the guess"),
+        ({"alpha": "up"}, "guess: alpha = 'up': expected a number, a list of keyframes"),
+        ({"alpha": []}, "guess: alpha = []: expected a number, a list of keyframes"),
+        ({"alpha": [0, float("nan")]}, "guess: alpha, keyframe 1 = nan: expected a finite number"),
+        ({"durations": [1.0]}, "guess: durations = [1.0]: expected 2 times in seconds"),
+        ({"durations": [1.0, 0]}, "guess: durations 1 = 0: expected a positive time in seconds"),
+        ([{"F": 1}], "guess has 1 parts: expected one mapping, or one for each of the 2 phases"),
+        ({}, "guess = {}: expected the name of a coordinate or an input"),
+        ([{}, {}], "guess = [{}, {}]: expected the name of a coordinate or an input"),
+        ([{"F": 1}, 3], "guess of phase 1 = 3: expected a mapping from names"),
+        ({"F": lambda t: t[:2]}, "guess: F: the function gave array("),
+        ({"F": lambda t: 0 * t / 0}, "guess: F: the function gave nan at t ="),
+        ({"F": 1, sp.Symbol("F"): 2}, "guess gives 'F' twice"),
+    ],
+)
+def test_a_bad_guess_is_one_sentence(small: dmoc.Problem, guess: Any, message: str) -> None:
+    with np.errstate(all="ignore"), pytest.raises(ProblemError) as caught:
+        unknowns(small, guess)
+    assert str(caught.value).startswith(message)
+    assert str(caught.value).endswith(".")
+    assert str(caught.value).count("\n") == 0
