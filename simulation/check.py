@@ -157,7 +157,7 @@ def _judged(motion: Motion) -> Verification:
         missed_on_way, extra_on_way = (
             compare(motion, on_the_way(motion)) if followed else (missed, extra)
         )
-        explained = amplified * WEIGHED >= min(terminal, 1.0)
+        explained = np.isfinite(amplified) and amplified * WEIGHED >= min(terminal, 1.0)
         if followed and not (missed_on_way or extra_on_way) and explained:
             note = (
                 f"the motion is unstable: it amplifies errors {amplified:.3g} times, so that "

@@ -52,7 +52,12 @@ class Motion:
         sizes = sizes_of(trajectory, model)
         arcs = arcs_of(trajectory, model, sizes)
         steps = [
-            Steps(*map(np.ascontiguousarray, (p.t[:-1], np.diff(p.t), *trajectory.input_ends(p))))
+            Steps(
+                *(
+                    np.ascontiguousarray(part, dtype=float)
+                    for part in (p.t[:-1], np.diff(p.t), *trajectory.input_ends(p))
+                )
+            )
             for p in trajectory.phases
         ]
         flow = Flow(model, sizes, restitution, partial(allowance, arcs, model.nc), check_time)

@@ -171,3 +171,16 @@ def test_a_collision_beside_its_surface_is_found() -> None:
     )
     check = dmoc.verify(nearer, problem.kernels)
     assert not check.passed and "the collision with 'wall' is 0.01 off it" in check.message
+
+
+@pytest.mark.parametrize("name", ["q", "v", "u"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
+def test_a_motion_with_a_number_that_is_none_is_refused(name: str, value: float) -> None:
+    """An infinite amplification explains nothing."""
+    problem = block_and_wall.problem(0.0, 50)
+    solution = dmoc.solve(problem, "ipm")
+    for row in (0, 10, -1):
+        array = getattr(solution.phases[0], name).copy()
+        array[row] = value
+        wrong = changed(solution.trajectory, 0, **{name: array})
+        assert not dmoc.verify(wrong, problem.kernels).passed

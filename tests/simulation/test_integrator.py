@@ -3,6 +3,8 @@ motion, compiled and on NumPy."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
@@ -213,6 +215,13 @@ def test_a_check_hears_of_its_time_limit(solution: dmoc.Solution, reads: list[in
     with pytest.raises(OutOfTimeError, match="the time for the check was used up"):
         solution.verify(seconds=0.5)
     assert reads[0] <= 3
+
+
+def test_the_check_needs_no_scipy() -> None:
+    """It takes longer to import than the check takes."""
+    code = "import sys, dmoc.simulation.check; print({'scipy', 'sympy'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
 
 
 # The linearised flow of a motion ------------------------------------------------------------------
