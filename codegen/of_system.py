@@ -64,14 +64,14 @@ def build(
     )
 
 
-def kernels_of(model: Any) -> Kernels:
-    """Kernels as they are, or those of a system, of order 2; what is neither is a ProblemError."""
+def kernels_of(model: Any, order: int) -> Kernels:
+    """Kernels as they are, or those of a system of an order; what is neither is a ProblemError."""
     if isinstance(model, Kernels):
         return model
     from dmoc.symbolic.system import MechanicalSystem
 
     if isinstance(model, MechanicalSystem):
-        return build(model)
+        return build(model, order=order)
     raise ProblemError(
         f"kernels = {shown(model)}: expected the kernels of a model (dmoc.build, dmoc.load), or a "
         "MechanicalSystem."

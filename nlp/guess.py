@@ -25,7 +25,7 @@ from dmoc.nlp.plan import Plan, end_velocity
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.transcription import Transcription
-from dmoc.nlp.transfer import on_finer
+from dmoc.nlp.transfer import on_mesh
 
 # Ratio of successive final times; how many steps a motion gets while they are compared, and a phase
 # at least.
@@ -83,7 +83,7 @@ def initial_guesses(problem: Problem, deadline: float = np.inf) -> tuple[Guess, 
     if max(problem.phase_steps) > MOST_MARCHED:
         few = problem.but(steps=[min(n, MOST_MARCHED) for n in problem.phase_steps])
         return tuple(
-            replace(g, x=on_finer(problem, few, g.x)) for g in initial_guesses(few, deadline)
+            replace(g, x=on_mesh(problem, few, g.x)) for g in initial_guesses(few, deadline)
         )
     with np.errstate(all="ignore"):
         return _guesses(problem, deadline)

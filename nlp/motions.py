@@ -26,8 +26,9 @@ TIMES = 10.0
 SHARES = 1.0
 # Distances of points from the straight way, and amplitudes of waves, in reaches of the coordinates:
 # each motion has its own size between the two, evenly by its logarithm, and its own number of
-# waves.  On pendulums and carts smaller ones find nothing new, larger ones hardly anything.
-SMALLEST, LARGEST = 0.05, 0.8
+# waves.  On pendulums, carts and an acrobot smaller ones find nothing new, larger ones hardly
+# anything.
+SMALLEST, LARGEST = 0.05, 1.6
 WAVES = 6
 # Newton steps from a random point to a surface.
 NEWTON = 12

@@ -23,6 +23,9 @@ from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 IN_PHASE = " steps in each phase"
 BOX = "expected a pair (lower, upper) such as (-5, 5) or (None, 5), where (5, 5) holds the value 5"
 
+# Order of the kernels of a system, with steps that are given and without; steps of a phase, times
+# the degree of the discretisation, of the first mesh of a solve that chooses its own.
+DEFAULT_ORDER, AUTOMATIC_ORDER, FIRST_MESH = 2, 4, 100
 MOST_STEPS = (
     100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
 )
@@ -53,7 +56,7 @@ class Problem:
     ----------
     kernels : Kernels or MechanicalSystem
         The model's kernels, from :func:`dmoc.build` or :func:`dmoc.load`; those of a system are
-        built, of order 2.
+        built, of order 2 for ``steps`` that are given.
     start, goal : mapping
         State at both ends by name: a coordinate ("alpha"), a velocity ("alpha_dot") or a momentum
         ("p_alpha"); SymPy symbols serve as names.  A number fixes a value, a pair bounds it (None
@@ -62,8 +65,10 @@ class Problem:
         free.
     sequence : sequence of str
         Surfaces in the order of the collisions; empty for a motion without collisions.
-    steps : int or sequence of int
-        Number of steps N_i of each phase; one phase more than collisions.
+    steps : int or sequence of int, optional
+        Number of steps N_i of each phase; one phase more than collisions.  Without it a solve
+        chooses its mesh: it begins with a coarse one and refines it; and the kernels of a system
+        are built of order 4, unless ``controls`` is one of order 2 alone.
     final_time : number or pair, optional
         Final time t_E in seconds, or its bounds (None for no bound).
     durations : sequence of pairs, optional
@@ -96,7 +101,7 @@ class Problem:
     start: Mapping[Any, Any] = field(default_factory=dict)
     goal: Mapping[Any, Any] = field(default_factory=dict)
     sequence: Sequence[str] = ()
-    steps: int | Sequence[int] = 100
+    steps: int | Sequence[int] | None = None
     final_time: Any = (None, None)
     durations: Sequence[Any] | None = None
     bounds: Mapping[Any, Any] = field(default_factory=dict)
@@ -108,7 +113,10 @@ class Problem:
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        put(self, "kernels", kernels_of(self.kernels))
+        order = AUTOMATIC_ORDER if self.steps is None else DEFAULT_ORDER
+        if self.controls not in (None, *DISCRETISATIONS[order].controls):
+            order = DEFAULT_ORDER
+        put(self, "kernels", kernels_of(self.kernels, order))
         for name in ("start", "goal", "bounds", "parameters"):
             put(self, name, by_name(getattr(self, name), name))
         put(self, "sequence", tuple(names(self.sequence, "sequence", "surfaces")))
@@ -280,6 +288,8 @@ class Problem:
 
     def _normalise_steps(self) -> None:
         given = self.steps
+        if given is None:
+            return
         if isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, (str, bytes)):
             values = tuple(
                 whole(n, f"steps of phase {i}", 2, MOST_STEPS, unit=IN_PHASE)
@@ -310,7 +320,9 @@ class Problem:
 
     @property
     def phase_steps(self) -> tuple[int, ...]:
-        """Steps N_i of each phase."""
+        """Steps N_i of each phase; those of the first mesh where they are not given."""
+        if self.steps is None:
+            return (FIRST_MESH // self.scheme.degree,) * self.phases
         return (
             tuple(self.steps) if isinstance(self.steps, Sequence) else (self.steps,) * self.phases
         )

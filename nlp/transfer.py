@@ -80,9 +80,9 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     return x
 
 
-def on_finer(problem: Problem, few: Problem, x: Array) -> Array:
-    """Unknowns of a problem from those x of the same problem with fewer steps."""
-    lay = Layout.of(few)
+def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
+    """Unknowns of a problem from those x of the same problem with other steps."""
+    lay = Layout.of(other)
     t, q, h = lay.times(x), x[lay.index_q], x[lay.index_h]
     pieces = []
     for i in range(lay.phases):

@@ -30,6 +30,8 @@ from dmoc.solving.workers import NoMoreWork
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+# Steps of a phase where the problem leaves them open, in those of its first mesh.
+SEARCHED = 2
 CONFIRMED = (Verdict.OPTIMAL, Verdict.FEASIBLE)
 
 
@@ -138,15 +140,15 @@ def search(
     """Search for the best sequence of collisions.
 
     The nodes of a tree are the sequences of surfaces up to a depth, from the empty one on, repeated
-    hits included.  Each is solved from its parent's motion, from the automatic guesses and from
-    random starts on a coarse mesh, and gets a verdict with its evidence; the children of one whose last collision
-    cannot be made are not looked at.
+    hits included.  Each is solved from its parent's motion, from automatic guesses and from random
+    starts on a coarse mesh, and gets a verdict with its evidence; the children of one whose last
+    collision cannot be made are not looked at.
 
     Parameters
     ----------
     problem : Problem
-        Its own sequence does not matter; it has one number of steps for every phase and no
-        durations.
+        Its own sequence does not matter; it has one number of steps for every phase, or none and
+        gets one, and no durations.
     max_collisions : int
         Depth of the tree.
     surfaces : sequence of str, optional
@@ -195,6 +197,8 @@ def search(
             f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., "
             "...) states it."
         )
+    if problem.steps is None:
+        problem = problem.but(steps=SEARCHED * max(problem.phase_steps))
     settings = Settings(
         max_collisions,
         surfaces_of(problem, surfaces),

@@ -68,10 +68,8 @@ def lost(task: Task, why: str) -> Node:
 
 def _solve(task: Task) -> Node:
     begin = time.perf_counter()
-    if task.problem.kernels.backend != COMPILED:
-        node = _from_parent(task)
-    else:
-        node = _explored(task)
+    compiled = task.problem.kernels.backend == COMPILED
+    node = _explored(task) if compiled else _from_parent(task)
     return replace(node, attempts=task.attempts, seconds=time.perf_counter() - begin)
 
 
@@ -79,7 +77,7 @@ def _from_parent(task: Task) -> Node:
     """Solve from the parent's motion, else from the automatic guesses, by a method that needs no
     compiled kernels."""
     starts: list[Start] = []
-    given = [("automatic", None)]
+    given: list[tuple[str, Array | None]] = [("automatic", None)]
     if task.parent is not None:
         given.insert(0, ("parent", extended(task.parent, task.problem)))
     for name, x in given:
@@ -96,7 +94,14 @@ def _explored(task: Task) -> Node:
     begin, coarse = time.perf_counter(), coarse_of(task.problem)
     points = {} if task.parent is None else {"parent": extended(task.parent, coarse)}
     effort = Effort(
-        min(FIRST, task.starts), task.starts, task.starts, AGREEING, 1, MOST_REFINED, False, GUESSES
+        min(FIRST, task.starts),
+        task.starts,
+        task.starts,
+        agreeing=AGREEING,
+        refined=1,
+        most_refined=MOST_REFINED,
+        widens=False,
+        guesses=GUESSES,
     )
     options = Options(seconds=task.seconds)
     with np.errstate(all="ignore"):
@@ -124,6 +129,7 @@ def _explored(task: Task) -> Node:
 def _node(task: Task, solutions: Sequence[Solution]) -> Node:
     """The node of the first of some minima, the best one."""
     s = solutions[0]
+    evidence: tuple[str, ...]
     if s.status is Status.NOT_VERIFIED:
         verdict, evidence = Verdict.UNVERIFIED, (s.message,)
     elif s.status is Status.GRAZES:
@@ -192,13 +198,13 @@ def _without_minimum(task: Task, coarse: Problem, found: Exploration) -> Node | 
         fine = solve(task.problem, "ipm", guess=on_coarse, iterations=ITERATIONS)
         if fine.converged:
             return fine
-        evidence = (
+        why = (
             f"{starts}; one of {max(coarse.phase_steps)} steps a phase obeys all conditions, "
-            f"from which none of {max(task.problem.phase_steps)} was found: {fine.message}",
+            f"from which none of {max(task.problem.phase_steps)} was found: {fine.message}"
         )
         known = fine.status is Status.INFEASIBLE
         verdict = Verdict.INFEASIBLE if known else Verdict.FAILED
-        return replace(node, verdict=verdict, evidence=evidence)
+        return replace(node, verdict=verdict, evidence=(why,))
     evidence = (starts, *whole.sentences)
     if task.problem.sequence and whole.least:
         # Only the collisions, and as much time as there is: what happens after them is another

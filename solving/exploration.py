@@ -51,7 +51,9 @@ class Effort:
     ----------
     first, most, more : int
         Random starts: so many at first, ``most`` where those do not agree on a minimum, ``more``
-        where none of these has led to a motion.
+        where these have not met the best minimum ``often`` enough to think that there is none much
+        rarer.
+    often : int
     agreeing : float
         Share of the starts that end in the best minimum where no more are needed.
     refined, most_refined : int
@@ -67,6 +69,7 @@ class Effort:
     first: int = 16
     most: int = 100
     more: int = 300
+    often: int = 3
     agreeing: float = 0.75
     refined: int = 4
     most_refined: int = 16
@@ -79,7 +82,7 @@ class Effort:
         """As many starts as it seems to take, or a given number."""
         if starts is None:
             return cls()
-        return cls(widens=False, guesses=starts, total=starts)
+        return cls(widens=False, total=starts)
 
 
 @dataclass(frozen=True)
@@ -215,27 +218,30 @@ def _minima(
 ) -> tuple[list[_Class], list[Start]]:
     """Distinct minima on the coarse mesh, the cheapest first, and the starts."""
     coarse = coarse_of(problem)
-    guesses = [g.x for g in initial_guesses(coarse, deadline)][: effort.guesses]
+    room = effort.guesses if effort.total is None else effort.total - len(points)
+    guesses = [g.x for g in initial_guesses(coarse, deadline)][:room]
     natural = natural_time(Planner.of(coarse))
     few = replace(options, iterations=min(options.iterations, ITERATIONS))
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     programs = Programs(coarse, scale_of(coarse, next(iter(named.values()))))
     classes: list[_Class] = []
     starts: list[Start] = []
-    begin, ends = 0, (0, effort.first, effort.most, effort.more)
+    begin, ends = 0, [0, effort.first, effort.most, effort.more]
     if effort.total is not None:
-        ends = (max(effort.total - len(guesses), 0),)
+        ends = [max(effort.total - len(named), 0)]
     for end in ends:
         numbers = range(begin, max(end, begin))
         x = random_motions(coarse, natural, numbers, seed)
         named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
         before = len(starts)
-        for name, attempt in zip(named, _solved(programs, named.values(), few, deadline)):
+        attempts = _solved(programs, named.values(), few, deadline)
+        for name, attempt in zip(named, attempts, strict=False):
             classes = _gathered(classes, [attempt])
             solved = attempt.outcome.status is Status.SOLVED
             starts.append(Start(name, attempt.outcome.status, _cost(attempt) if solved else None))
         agreed = bool(classes) and classes[0].found >= effort.agreeing * len(starts)
-        enough = bool(classes) and (end >= effort.most or (agreed and end > 0))
+        met = bool(classes) and classes[0].found >= effort.often
+        enough = (met and end >= effort.most) or (agreed and end > 0)
         if enough or len(starts) - before < len(named):
             break
         named, begin = {}, numbers.stop

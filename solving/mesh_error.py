@@ -71,8 +71,8 @@ def _ratio(coarse: Solution, fine: Solution) -> float:
     return fine.phases[0].steps / coarse.phases[0].steps
 
 
-def _change(coarse: Solution, fine: Solution) -> float:
-    """Largest relative difference of cost, durations and positions at common nodes."""
+def _change(coarse: Solution, fine: Solution, everywhere: bool = True) -> float:
+    """Largest relative difference of cost and durations, and of positions at common nodes."""
     step = round(_ratio(coarse, fine))
     cost = abs(fine.cost - coarse.cost) / max(abs(fine.cost), _little(fine))
     pairs = list(zip(coarse.phases, fine.phases, strict=True))

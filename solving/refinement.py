@@ -21,6 +21,8 @@ FAR = 100.0
 BARRIER = 0.25
 # Meshes in a row without a smaller estimate that end the refinement.
 IDLE_MESHES = 2
+# Meshes that the simulation may contradict before finer ones are not tried.
+CONTRADICTED = 2
 # A mesh too coarse to be solved is refined so often before the problem counts as unsolved.
 COARSE_FAILURES = 3
 
@@ -89,7 +91,7 @@ def refined(
             continue
         past = _measured(past, s, problem, tolerance, check)
         simulated = past.meshes[-1].simulated
-        if simulated is not None and (simulated <= tolerance or not past.solved[-1].minimum):
+        if simulated is not None and simulated <= tolerance and past.solved[-1].minimum:
             return _result(past)
         steps = [
             (4 if FAR * tolerance < past.error < np.inf else 2) * n for n in problem.phase_steps
@@ -158,6 +160,10 @@ def _simulated(s: Solution) -> float:
 
 def _why_not_finer(past: History, steps: int, late: bool) -> str:
     """What speaks against a mesh of so many steps a phase."""
+    contradicted = [s for s in past.solved if s.status is Status.NOT_VERIFIED]
+    if len(contradicted) > CONTRADICTED and contradicted[-1].verification:
+        message = contradicted[-1].verification["message"]
+        return f"the simulation contradicts finer and finer meshes ({message})"
     before = past.meshes[-1 - IDLE_MESHES : -1]
     if len(past.meshes) > IDLE_MESHES and past.meshes[-1].estimate >= max(
         m.estimate for m in before

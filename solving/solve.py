@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.arguments import choice, flag, function, positive, text, whole
-from dmoc.codegen.kernels import COMPILED
+from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
+from dmoc.nlp.transfer import on_mesh
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
 from dmoc.solving.attempts import attempted, remaining
-from dmoc.solving.exploration import Effort, explored
+from dmoc.solving.exploration import Effort, coarse_of, explored
 from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method
 from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
@@ -24,6 +25,8 @@ from dmoc.solving.result import checked, solution_of
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given, starts_of
 
+# Tolerance where neither steps nor a tolerance are given.
+AUTOMATIC = 1e-3
 # A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
 # may be driven further down.
 BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
@@ -60,7 +63,7 @@ def solve(
     tolerance : float, optional
         Refine the mesh, beginning with the problem's steps, until the estimated relative error of
         cost, durations and positions and the simulated errors over segments are below it.  The
-        solution has the estimate and the meshes.
+        solution has the estimate and the meshes.  1e-3 for a problem without ``steps``.
     form : {"condensed", "full"}
         For slsqp: "condensed" eliminates coordinates by solving the discrete equations of motion;
         "full" leaves all unknowns to the solver, which is practical up to some tens of steps.  The
@@ -74,6 +77,18 @@ def solve(
         keyframes, which are spread evenly over the time, or a function of an array of times in
         seconds.  A list of mappings gives them for each phase, keyframes spread over the phase.
         What is not named is that of the automatic guess; velocities and impulses follow.
+    starts : int, optional
+        How many starts are tried on a coarse mesh by the compiled method before the mesh of the
+        problem is: a guess that is given, the automatic guesses, and random motions through the
+        collisions.  The distinct minima they lead to are refined and checked, and the method begins
+        with the best of them; ``others`` of the solution are the rest.  By default as many as it
+        seems to take: 16 random ones, 100 where those do not agree on a minimum, 300 where fewer
+        than three of these have met the best one, and where there is none with limits of the inputs
+        that are tightened step by step.  1
+        begins with the guess alone, as does a guess that is given and kernels without a compiler.
+        No better minimum than the answer was met; that none exists is not shown.
+    seed : int
+        Of the random motions: the same seed gives the same answer.
     optimality, violation : float
         Tolerances of the optimality residual and of the constraints.
     iterations : int
@@ -99,6 +114,8 @@ def solve(
         If an argument does not fit.
     """
     check_problem(problem)
+    if tolerance is None and problem.steps is None:
+        tolerance = AUTOMATIC
     name = (DEFAULT if tolerance is None else REFINING) if method is None else method
     chosen = METHODS[choice(name, "method", tuple(METHODS))]
     choice(form, "form", FORMS)
@@ -121,7 +138,7 @@ def solve(
         starts = 1
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
-    request = Request(chosen, form, options, verify, starts, seed)
+    request = Request(chosen, form, options, verify, verify, starts, seed)
     if tolerance is None:
         return _best(problem, guess, request)
     return _on_meshes(problem, guess, request, tolerance)
@@ -129,31 +146,42 @@ def solve(
 
 @dataclass(frozen=True)
 class Request:
-    """How a problem shall be solved; its parts are checked."""
+    """How a problem shall be solved; its parts are checked.  ``verify`` is for the solution,
+    ``ranks_checked`` for the minima among which it is chosen."""
 
     method: Method
     form: str
     options: Options
     verify: bool
+    ranks_checked: bool
     starts: int | None
     seed: int
 
 
 def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: float) -> Solution:
     """Solve on finer and finer meshes; only the finest is checked."""
-    begin, options = time.perf_counter(), request.options
+    begin, options, first = time.perf_counter(), request.options, problem.phase_steps
+    explored: list[Solution] = []
     base = min(options.optimality, max(tolerance, BASE_OPTIMALITY))
 
     def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
         optimality = base if sharper is None else max(sharper, LEAST_OPTIMALITY)
         sharp = replace(remaining(options, begin), optimality=optimality)
         wanted = replace(request, options=sharp, verify=False)
-        return _solved(problem, coarse, wanted) if coarse else _best(problem, guess, wanted)
+        if coarse is not None:
+            return _solved(problem, coarse, wanted)
+        # Many starts have led nowhere on the first mesh, and begin on the same coarse one.
+        if problem.phase_steps != first:
+            return _best(problem, guess, replace(wanted, starts=1))
+        explored.append(_best(problem, guess, wanted))
+        return explored[0]
 
     def check(solution: Solution) -> Solution:
         return checked(solution, remaining(options, begin).seconds)
 
-    return refined(problem, tolerance, options.seconds, on_mesh, check)
+    answer = refined(problem, tolerance, options.seconds, on_mesh, check)
+    known = explored[0]
+    return replace(answer, starts=known.starts, found=known.found, others=known.others)
 
 
 def _best(problem: Problem, guess: Given, request: Request) -> Solution:
@@ -164,7 +192,10 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
     try:
         with np.errstate(all="ignore"):
             effort = Effort.of(request.starts)
-            found = explored(problem, effort, request.seed, options, request.verify)
+            points = _given(problem, guess)
+            found = explored(
+                problem, effort, request.seed, options, request.ranks_checked, points
+            )
     except KeyboardInterrupt:
         stopped = replace(request, options=replace(options, iterations=1), verify=False)
         status = Status.INTERRUPTED
@@ -190,10 +221,19 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
     )
 
 
+def _given(problem: Problem, guess: Given) -> dict[str, Array]:
+    """A guess that was given on the coarse mesh, by name."""
+    if guess is None:
+        return {}
+    x = starts_of(problem, guess).points[0]
+    return {"given": on_mesh(coarse_of(problem), problem, x)}
+
+
 def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
     """The solution from a minimum on the ranking mesh: itself where that is the problem's."""
     same = tuple(p.steps for p in start.phases) == problem.phase_steps
-    if same and start.method == request.method.name:
+    checked_too = request.verify or not request.ranks_checked
+    if same and start.method == request.method.name and checked_too:
         return start
     return _solved(problem, start, request)
 

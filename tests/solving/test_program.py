@@ -28,8 +28,8 @@ def test_programs_are_kept() -> None:
 def test_a_solve_makes_few_programs(
     monkeypatch: pytest.MonkeyPatch, force: float, status: str, most: int
 ) -> None:
-    """From the guess alone: one for the guess, one to solve, and one for the least violation where there is no
-    solution."""
+    """From the guess alone: one for the guess, one to solve, and one for the least violation where
+    there is no solution."""
     problem = block_and_wall.problem(0.8, 10).but(bounds={"u": (-force, force)})
     made: list[object] = []
     make = Transcription.__init__
