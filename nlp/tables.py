@@ -68,9 +68,11 @@ class Block:
 
     def sizes(self, scale: Scale) -> Array:
         """Typical sizes of all members."""
-        found = np.empty(self.index.shape)
-        found[...] = self.size(scale)
-        return np.asarray(found[self.index != NOWHERE])
+        if not self.count:
+            return np.zeros(0)
+        found = np.broadcast_to(self.size(scale), self.index.shape)
+        every = self.count == self.index.size
+        return np.array(found if every else found[self.index != NOWHERE], dtype=float).ravel()
 
 
 class Numbering:
