@@ -86,10 +86,11 @@ def plan_of(
 ) -> Plan:
     """Durations in proportion to the distances, or even ones, and velocities that continue
     smoothly in the mirror image behind each surface."""
-    points, s = route.points, list(prescribed)
+    points, chosen = route.points, np.zeros(problem.nq)
+    chosen[list(prescribed)] = 1.0
     legs = points[1:] - points[:-1]
-    ways = legs[:, s]
-    lengths = np.sqrt((ways @ route.mass[np.ix_(s, s)] * ways).sum(axis=1))
+    ways = legs * chosen
+    lengths = np.sqrt((ways @ route.mass * ways).sum(axis=1))
     whole = float(lengths.sum())
     # Between two collisions with one surface the motion leaves and returns: such a phase gets an
     # average share.

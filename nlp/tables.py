@@ -70,9 +70,10 @@ class Block:
         """Typical sizes of all members."""
         if not self.count:
             return np.zeros(0)
-        found = np.broadcast_to(self.size(scale), self.index.shape)
+        found = np.empty(self.index.shape)
+        found[...] = self.size(scale)
         every = self.count == self.index.size
-        return np.array(found if every else found[self.index != NOWHERE], dtype=float).ravel()
+        return found.ravel() if every else np.asarray(found[self.index != NOWHERE])
 
 
 class Numbering:
