@@ -45,41 +45,7 @@ cdef double ROUNDED_FLIGHTS = 1e-2  # share of a step in which three bounces are
 cdef double SINGULAR = 1e-15         # a pivot of the mass matrix below it, relative to the diagonal, is none
 
 
-cdef class _Call:
-    """A kernel bound to arrays that stay where they are, one row each."""
-    cdef const dmoc_entry *entry
-    cdef const double *args[DMOC_MOST]
-    cdef double *results[DMOC_MOST]
-    cdef ptrdiff_t stride[DMOC_MOST]
-    cdef object function
-    cdef tuple arrays
-
-    def __init__(self, kernels, str name, tuple inputs, tuple outputs):
-        cdef double[:, ::1] view
-        cdef int a
-        self.arrays = inputs + outputs
-        self.entry = NULL
-        self.function = kernels.functions[name]
-        if kernels.backend == "compiled":
-            self.entry = find_kernel(kernels.module, name)
-            shapes = [(1, self.entry.array[a].size) for a in range(self.entry.inputs + self.entry.outputs)]
-            if [array.shape for array in self.arrays] != shapes:
-                raise ValueError(f"{name}: expected arrays of the shapes {shapes}")
-        for a in range(len(inputs)):
-            view = inputs[a]
-            self.args[a] = &view[0, 0] if view.shape[1] else NULL
-            self.stride[a] = 0
-        for a in range(len(outputs)):
-            view = outputs[a]
-            self.results[a] = &view[0, 0] if view.shape[1] else NULL
-
-    cdef int run(self) except -1 nogil:
-        if self.entry != NULL:
-            self.entry.kernel(1, self.args, self.stride, self.results)
-        else:
-            with gil:
-                self.function(*self.arrays)
-        return 0
+include "call.pxi"
 
 
 cdef bint _factor(double[:, ::1] M, int n) noexcept nogil:
@@ -125,7 +91,7 @@ cdef class Stepper:
     cdef readonly int nq, nu, nc, ni
     cdef readonly list collisions
     cdef object names
-    cdef _Call step, step_jac, impact, impact_jac, surface, slope, dynamics, momentum, total_energy
+    cdef Call step, step_jac, impact, impact_jac, surface, slope, dynamics, momentum, total_energy
     cdef double[:, ::1] q_a, q_b, q_i, t, now, r_i, r_i_z, u, h, r_minus, r_plus, C_d, r_minus_z, r_plus_z, C_d_z, e_plus, e_minus, e_plus_z, e_minus_z
     cdef double[:, ::1] q_g, g, g_q, v_g, mass, force, p_zero, energy, A, L
     cdef ptrdiff_t[::1] pivot, r_row, r_col, i_row, i_col, e_col, g_row, g_col
@@ -157,21 +123,21 @@ cdef class Stepper:
         self.t, self.now, self.q_i, self.r_i = block(1), block(1), block(ni), block(ni)
         inputs = tuple(map(np.asarray, (self.q_a, self.q_b, self.u, self.u, self.h, self.t, self.q_i))) + (par,)
         self.r_minus, self.r_plus, self.C_d = block(nq), block(nq), block(1)
-        self.step = _Call(kernels, "step", inputs, tuple(map(np.asarray, (self.r_minus, self.r_plus, self.C_d, self.r_i))))
+        self.step = Call(kernels, "step", inputs, tuple(map(np.asarray, (self.r_minus, self.r_plus, self.C_d, self.r_i))))
         self.r_row, self.r_col = stored("step_jac", "r_minus_D")
         self.r_minus_z = block(len(self.r_row))
         self.r_plus_z = block(len(stored("step_jac", "r_plus_D")[0]))
         self.C_d_z = block(len(stored("step_jac", "C_d_D")[0]))
         self.i_row, self.i_col = stored("step_jac", "r_i_D")
         self.r_i_z = block(len(self.i_row))
-        self.step_jac = _Call(kernels, "step_jac", inputs,
+        self.step_jac = Call(kernels, "step_jac", inputs,
                               tuple(map(np.asarray, (self.r_minus_z, self.r_plus_z, self.C_d_z, self.r_i_z))))
         self.e_plus, self.e_minus = block(1), block(1)
-        self.impact = _Call(kernels, "impact", inputs, tuple(map(np.asarray, (self.e_plus, self.e_minus))))
+        self.impact = Call(kernels, "impact", inputs, tuple(map(np.asarray, (self.e_plus, self.e_minus))))
         self.e_col = stored("impact_jac", "e_minus_D")[1]
         self.e_plus_z = block(len(stored("impact_jac", "e_plus_D")[0]))
         self.e_minus_z = block(len(self.e_col))
-        self.impact_jac = _Call(kernels, "impact_jac", inputs, tuple(map(np.asarray, (self.e_plus_z, self.e_minus_z))))
+        self.impact_jac = Call(kernels, "impact_jac", inputs, tuple(map(np.asarray, (self.e_plus_z, self.e_minus_z))))
         self.q_g = block(nq)
         self.v_g = block(nq)
         if nc:
@@ -179,15 +145,15 @@ cdef class Stepper:
             self.g_row, self.g_col = stored("surface_jac", "g_D")
             self.g_q = block(len(self.g_row))
             place = (np.asarray(self.q_g), np.asarray(self.now), par)
-            self.surface = _Call(kernels, "surface", place, (np.asarray(self.g),))
-            self.slope = _Call(kernels, "surface_jac", place, (np.asarray(self.g_q),))
+            self.surface = Call(kernels, "surface", place, (np.asarray(self.g),))
+            self.slope = Call(kernels, "surface_jac", place, (np.asarray(self.g_q),))
         self.mass, self.force = block(nq * nq), block(nq)
         at = (np.asarray(self.q_g), np.asarray(self.v_g), np.asarray(self.u), np.asarray(self.now), par)
-        self.dynamics = _Call(kernels, "dynamics", at, (np.asarray(self.mass), np.asarray(self.force)))
+        self.dynamics = Call(kernels, "dynamics", at, (np.asarray(self.mass), np.asarray(self.force)))
         self.p_zero, self.energy = block(nq), block(1)
         state = (np.asarray(self.q_g), np.asarray(self.v_g), np.asarray(self.now), par)
-        self.momentum = _Call(kernels, "momentum", state, (np.asarray(self.p_zero),))
-        self.total_energy = _Call(kernels, "energy", state, (np.asarray(self.energy),))
+        self.momentum = Call(kernels, "momentum", state, (np.asarray(self.p_zero),))
+        self.total_energy = Call(kernels, "energy", state, (np.asarray(self.energy),))
         self.A, self.L = np.zeros((nq + ni + 1, nq + ni + 1)), np.zeros((nq, nq))
         self.b, self.p = np.zeros(nq + ni + 1), np.zeros(nq)
         self.pivot = np.zeros(nq + ni + 1, dtype=np.intp)
