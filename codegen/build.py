@@ -31,9 +31,6 @@ from importlib import import_module, resources
 from pathlib import Path
 from typing import Any
 
-import filelock
-import platformdirs
-
 from dmoc.codegen.kernels import COMPILED, NUMPY, Kernels
 from dmoc.codegen.private import is_private, make_folder, remove, safe_folder, write_whole
 from dmoc.errors import BuildError
@@ -55,7 +52,11 @@ HEADER, HEADERS = "dmoc_kernel.h", Path(__file__).parent
 def cache_directory() -> Path:
     """Return the folder of built kernels: $DMOC_CACHE if set, else the user's cache folder."""
     chosen = os.environ.get("DMOC_CACHE")
-    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("dmoc", appauthor=False))
+    if chosen:
+        return Path(chosen)
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("dmoc", appauthor=False))
 
 
 def compiler() -> list[str]:
@@ -127,6 +128,8 @@ def build_cached(
         )
         files = texts()
         return numpy_kernels(json.loads(files["manifest.json"]), fallback())
+    import filelock  # here, because installed kernels need no lock
+
     try:
         make_folder(cache)
         entry = _entry(safe_folder(cache), name, digest)
