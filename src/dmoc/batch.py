@@ -90,9 +90,14 @@ class Batch:
         return np.array([s == Status.SOLVED for s in self.status], dtype=bool)
 
     @property
+    def tried(self) -> int:
+        """How many problems were tried."""
+        return len(self) - self.status.count(NOT_TRIED)
+
+    @property
     def complete(self) -> bool:
         """Whether every problem was tried."""
-        return NOT_TRIED not in self.status
+        return self.tried == len(self)
 
     @property
     def counts(self) -> dict[str, int]:

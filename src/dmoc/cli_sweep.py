@@ -65,6 +65,9 @@ def sweep(
     restitution: RestitutionOption = None,
     periodic: PeriodicOption = None,
     guess: GuessOption = None,
+    starts: Annotated[
+        int, typer.Option(help="Starts that are explored for each; 1 is the automatic guess alone.")
+    ] = 1,
     workers: Annotated[int, typer.Option(help="Processes of this machine.")] = 1,
     seconds: Annotated[float | None, typer.Option(help="Time limit of all solves.")] = None,
     target: Annotated[
@@ -115,6 +118,7 @@ def sweep(
             method=method,
             workers=workers,
             guess=known,
+            starts=starts,
             seconds=seconds,
             progress=count.show,
         )
@@ -224,6 +228,6 @@ def _report(batch: Batch) -> None:
     unsolved = [m for m, good in zip(batch.message, batch.solved, strict=True) if not good]
     for message in list(dict.fromkeys(unsolved))[:MOST_NOTES]:
         out.print(f"note: {message}", soft_wrap=True)
-    rate = len(batch) / max(batch.total_seconds, 1e-9)
+    rate = batch.tried / max(batch.total_seconds, 1e-9)
     counts = ", ".join(f"{n} {status}" for status, n in batch.counts.items())
     out.print(f"{counts}; in {batch.total_seconds:.1f} s ({rate:.1f} a second)")
