@@ -4,6 +4,9 @@
 #include <math.h>
 #include <string.h>
 
+/* Slacks and elastic variables of which the product is far from over- and underflow. */
+enum { TOGETHER = 4 };
+
 void ip_evaluate_values(solver *s, const double *x)
 {
     const double t = ip_seconds();
@@ -34,9 +37,8 @@ int ip_evaluate(solver *s, point *p)
     p->theta = 0;
     for (int r = 0; r < s->m; ++r)
         p->theta += fabs(p->residual[r]);
-    p->phi = p->f;
     double logs = 0, damping = 0;
-    for (int i = 0; i < s->nv; ++i) {
+    for (int i = 0; i < s->n; ++i) {
         const int below = s->lo[i] > -INFINITY, above = s->up[i] < INFINITY;
         if (below)
             logs += log(p->v[i] - s->lo[i]);
@@ -47,7 +49,16 @@ int ip_evaluate(solver *s, point *p)
         if (above && !below)
             damping += (s->up[i] - p->v[i]);
     }
-    p->phi += s->mu*(KAPPA_D*damping - logs);
+    for (int i = s->n; i < s->nv; i += TOGETHER) { /* positive, and one logarithm for several */
+        double product = 1;
+        for (int k = i; k < i + TOGETHER && k < s->nv; ++k) {
+            product *= p->v[k];
+            damping += p->v[k];
+        }
+        logs += log(product);
+    }
+    p->logs = KAPPA_D*damping - logs;
+    p->phi = p->f + s->mu*p->logs;
     return isfinite(p->phi) && isfinite(p->theta);
 }
 

@@ -5,49 +5,62 @@
 
 static const double S_MAX = 100; /* scaling by the size of the multipliers, WB (6) */
 
-typedef struct {
-    double dual, complementarity, mean_y, mean_z;
-} errors;
-
-static errors optimality(const solver *s, double mu)
+/* Take the product of a bound with its multiplier into account. */
+static inline void take_bound(errors *e, double z, double distance)
 {
-    errors e = {0, 0, 0, 0};
-    long bounds = 0;
-    for (int i = 0; i < s->nv; ++i) {
+    const double product = z*distance;
+    e->least = min(e->least, product);
+    e->most = max(e->most, product);
+    e->mean_z += z;
+    e->bounds += 1;
+}
+
+/* The errors of the point now, whose dual is known. */
+void ip_measure(solver *s)
+{
+    errors e = {.least = INFINITY, .most = -INFINITY};
+    double sum_y = 0;
+    for (int i = 0; i < s->n; ++i) {
         if (fixed(s, i))
             continue;
         double d = s->dual[i];
         if (s->lo[i] > -INFINITY) {
             d -= s->now.zl[i];
-            const double product = s->now.zl[i]*(s->now.v[i] - s->lo[i]);
-            e.complementarity = max(e.complementarity, fabs(product - mu));
-            e.mean_z += s->now.zl[i], ++bounds;
+            take_bound(&e, s->now.zl[i], s->now.v[i] - s->lo[i]);
         }
         if (s->up[i] < INFINITY) {
             d += s->now.zu[i];
-            const double product = s->now.zu[i]*(s->up[i] - s->now.v[i]);
-            e.complementarity = max(e.complementarity, fabs(product - mu));
-            e.mean_z += s->now.zu[i], ++bounds;
+            take_bound(&e, s->now.zu[i], s->up[i] - s->now.v[i]);
         }
-        e.dual = max(e.dual, fabs(d)*(i < s->n ? s->size[i] : 1));
+        e.dual = max(e.dual, fabs(d)*s->size[i]);
     }
-    for (int r = 0; r < s->m; ++r)
-        e.mean_y += fabs(s->now.y[r]);
-    const double total = s->m + bounds ? (e.mean_y + e.mean_z)/(double)(s->m + bounds) : 0;
-    e.mean_z = bounds ? e.mean_z/(double)bounds : 0;
-    e.mean_y = total;
-    return e;
+    for (int i = s->n; i < s->nv; ++i) {
+        take_bound(&e, s->now.zl[i], s->now.v[i]);
+        e.dual = max(e.dual, fabs(s->dual[i] - s->now.zl[i]));
+    }
+    for (int r = 0; r < s->m; ++r) {
+        sum_y += fabs(s->now.y[r]);
+        e.residual = max(e.residual, fabs(s->now.residual[r]));
+    }
+    const int all = s->m + e.bounds;
+    e.mean_multiplier = all ? (sum_y + e.mean_z)/all : 0;
+    e.mean_z = e.bounds ? e.mean_z/e.bounds : 0;
+    s->errors = e;
+}
+
+/* Largest distance of a product of a bound and its multiplier from mu. */
+static double complementarity(const errors *e, double mu)
+{
+    return e->bounds ? max(e->most - mu, mu - e->least) : 0;
 }
 
 /* E_mu of WB (5), in scaled terms. */
 double ip_barrier_error(const solver *s, double mu)
 {
-    const errors e = optimality(s, mu);
-    double worst = 0;
-    for (int r = 0; r < s->m; ++r)
-        worst = max(worst, fabs(s->now.residual[r]));
-    const double dual = e.dual/(max(S_MAX, e.mean_y)/S_MAX);
-    return max(worst, max(dual, e.complementarity/(max(S_MAX, e.mean_z)/S_MAX)));
+    const errors *e = &s->errors;
+    const double dual = e->dual/(max(S_MAX, e->mean_multiplier)/S_MAX);
+    const double products = complementarity(e, mu)/(max(S_MAX, e->mean_z)/S_MAX);
+    return max(e->residual, max(dual, products));
 }
 
 /* Size that stationarity and complementarity are compared with: the cost's, not below a share of
@@ -57,12 +70,12 @@ double ip_cost_size(const solver *s) { return max(fabs(s->values[0]), s->options
 /* Whether the point meets the tolerances: 2 the sharp one, 1 the demanded one, 0 none. */
 int ip_converged(const solver *s)
 {
-    const errors e = optimality(s, 0);
+    const errors *e = &s->errors;
     const double unit = s->elastic ? 1 : s->fs*ip_cost_size(s);
     const double fs = s->elastic ? 1 : s->fs;
-    const double dual = e.dual/unit/(max(S_MAX, e.mean_y/fs)/S_MAX);
-    const double complementarity = e.complementarity/unit/(max(S_MAX, e.mean_z/fs)/S_MAX);
-    const double left = max(dual, complementarity);
+    const double dual = e->dual/unit/(max(S_MAX, e->mean_multiplier/fs)/S_MAX);
+    const double products = complementarity(e, 0)/unit/(max(S_MAX, e->mean_z/fs)/S_MAX);
+    const double left = max(dual, products);
     if (left > s->options->demanded)
         return 0;
     double worst = s->elastic ? 0 : ip_violation(s);

@@ -38,6 +38,7 @@ int ip_iterate(solver *s)
 {
     ip_evaluate_slopes(s);
     ip_evaluate_dual(s);
+    ip_measure(s);
     const int good = ip_converged(s);
     s->patience = good ? s->patience + 1 : 0;
     if (good == 2 || s->patience > MOST_PATIENCE)
@@ -49,11 +50,15 @@ int ip_iterate(solver *s)
     while (s->mu > least_mu && (ip_barrier_error(s, s->mu) <= KAPPA_EPS*s->mu || s->tiny > 0)) {
         s->tiny = 0;
         ip_set_barrier(s, max(least_mu, min(KAPPA_MU*s->mu, pow(s->mu, THETA_MU))));
-        if (s->elastic)
+        if (s->elastic) { /* the objective changes with mu */
             s->zeta = sqrt(s->mu);
-        ip_evaluate(s, &s->now);
-        ip_evaluate_slopes(s);
-        ip_evaluate_dual(s);
+            ip_evaluate(s, &s->now);
+            ip_evaluate_slopes(s);
+            ip_evaluate_dual(s);
+            ip_measure(s);
+        } else {
+            s->now.phi = s->now.f + s->mu*s->now.logs;
+        }
         ip_filter_reset(&s->front, s->now.theta);
     }
     if (s->result.iterations >= s->options->iterations)
@@ -93,7 +98,7 @@ static int allocate(solver *s)
         {&s->hess, hess}, {&s->K, entries}, {&s->fs_rows, m},
         {&s->now.v, most}, {&s->now.y, m}, {&s->now.zl, most}, {&s->now.zu, most},
         {&s->now.residual, m}, {&s->trial.v, most}, {&s->trial.residual, m},
-        {&s->gradient, most}, {&s->dual, most}, {&s->sigma, most},
+        {&s->gradient, most}, {&s->dual, most}, {&s->sigma, most}, {&s->pull, most},
         {&s->dv, most}, {&s->dy, m}, {&s->dzl, most}, {&s->dzu, most},
         {&s->soc_dv, most}, {&s->soc_dy, m}, {&s->soc_residual, m},
         {&s->right, n + m}, {&s->solution, n + m}, {&s->rest, n + m}, {&s->change, n + m},

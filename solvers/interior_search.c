@@ -20,28 +20,31 @@ enum { MOST_SOC = 4, MOST_TINY = 2 };
 static double longest_primal(const solver *s, const double *dv)
 {
     double alpha = 1;
-    for (int i = 0; i < s->nv; ++i) {
+    for (int i = 0; i < s->n; ++i) {
         if (dv[i] < 0 && s->lo[i] > -INFINITY)
             alpha = min(alpha, -s->tau*(s->now.v[i] - s->lo[i])/dv[i]);
         if (dv[i] > 0 && s->up[i] < INFINITY)
             alpha = min(alpha, s->tau*(s->up[i] - s->now.v[i])/dv[i]);
-        if (i < s->n && s->stretch[i] < INFINITY) { /* the ratio of two iterates is limited */
+        if (s->stretch[i] < INFINITY) { /* the ratio of two iterates is limited */
             const double share = dv[i] < 0 ? 1 - 1/s->stretch[i] : s->stretch[i] - 1;
             alpha = min(alpha, share*s->now.v[i]/fabs(dv[i]));
         }
     }
+    for (int i = s->n; i < s->nv; ++i)
+        if (dv[i] < 0)
+            alpha = min(alpha, -s->tau*s->now.v[i]/dv[i]);
     return alpha;
 }
 
 static double longest_dual(const solver *s)
 {
     double alpha = 1;
-    for (int i = 0; i < s->nv; ++i) {
+    for (int i = 0; i < s->nv; ++i)
         if (s->dzl[i] < 0)
             alpha = min(alpha, -s->tau*s->now.zl[i]/s->dzl[i]);
+    for (int i = 0; i < s->n; ++i)
         if (s->dzu[i] < 0)
             alpha = min(alpha, -s->tau*s->now.zu[i]/s->dzu[i]);
-    }
     return alpha;
 }
 
@@ -133,10 +136,10 @@ static void take_dual_step(solver *s, const double *dy, double alpha, double alp
 {
     for (int r = 0; r < s->m; ++r)
         s->now.y[r] += alpha*dy[r];
-    for (int i = 0; i < s->nv; ++i) {
+    for (int i = 0; i < s->nv; ++i)
         s->now.zl[i] += alpha_z*s->dzl[i];
+    for (int i = 0; i < s->n; ++i)
         s->now.zu[i] += alpha_z*s->dzu[i];
-    }
 }
 
 static void exchange_points(solver *s)
@@ -144,13 +147,18 @@ static void exchange_points(solver *s)
     const point p = s->now;
     s->now.v = s->trial.v, s->now.residual = s->trial.residual;
     s->now.f = s->trial.f, s->now.theta = s->trial.theta, s->now.phi = s->trial.phi;
+    s->now.logs = s->trial.logs;
     s->trial.v = p.v, s->trial.residual = p.residual;
 }
 
 /* Keep the bound multipliers within reach of mu/(v - lo), WB (16). */
 void ip_keep_multipliers(solver *s)
 {
-    for (int i = 0; i < s->nv; ++i) {
+    for (int i = s->n; i < s->nv; ++i) {
+        const double z = s->mu/s->now.v[i];
+        s->now.zl[i] = max(min(s->now.zl[i], KAPPA_SIGMA*z), z*(1/KAPPA_SIGMA));
+    }
+    for (int i = 0; i < s->n; ++i) {
         if (s->lo[i] > -INFINITY) {
             const double z = s->mu/(s->now.v[i] - s->lo[i]);
             s->now.zl[i] = max(min(s->now.zl[i], KAPPA_SIGMA*z), z/KAPPA_SIGMA);
@@ -168,7 +176,7 @@ int ip_line_search(solver *s)
 {
     double slope = 0, change = 0;
     for (int i = 0; i < s->nv; ++i) {
-        slope += (s->gradient[i] + barrier_slope(s, i))*s->dv[i];
+        slope += (s->gradient[i] + s->pull[i])*s->dv[i];
         change = max(change, fabs(s->dv[i])/((i < s->n ? s->size[i] : 1) + fabs(s->now.v[i])));
     }
     const double theta = s->now.theta;

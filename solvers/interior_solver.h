@@ -28,8 +28,17 @@ enum { MOST_FILTER = 400 };
 typedef struct {
     double *v, *y, *zl, *zu;
     double f, theta, phi; /* objective (scaled), violation |residual|_1, barrier function */
+    double logs;          /* phi = f + mu*logs */
     double *residual;     /* [m] scaled constraints, slacks and elastic variables included */
 } point;
+
+/* What the optimality error WB (5) of a point is made of, in scaled terms. */
+typedef struct {
+    double dual, residual;         /* largest entries */
+    double least, most;            /* products of bounds and their multipliers */
+    double mean_multiplier, mean_z; /* mean sizes: of all multipliers, and of those of bounds */
+    int bounds;
+} errors;
 
 typedef struct {
     double theta[MOST_FILTER], phi[MOST_FILTER];
@@ -54,8 +63,10 @@ typedef struct {
     double *gradient;           /* [most] of the objective, scaled */
     double *dual;               /* [most] gradient + A'y */
     double *dv, *dy, *dzl, *dzu, *soc_dv, *soc_dy, *soc_residual;
-    double *sigma, *right, *solution, *rest, *change;
+    double *sigma, *pull;       /* [most] of the barrier: curvature and slope */
+    double *right, *solution, *rest, *change;
     double delta_w, delta_c, last_delta_w;
+    errors errors;              /* of the point now */
     filter front;
     double mu, tau;
     int patience;               /* iterations in a row that met the demanded tolerance */
@@ -89,26 +100,12 @@ static inline double aux_sign(const solver *s, int i)
 static inline double largest(const double *x, int n)
 {
     double most = 0;
-    for (int i = 0; i < n; ++i)
-        most = fabs(x[i]) > most || isnan(x[i]) ? fabs(x[i]) : most;
-    return most;
-}
-
-/* Barrier part of the gradient of variable i: -mu/(v - lo) + mu/(up - v), with the damping of WB
- * 3.7. */
-static inline double barrier_slope(const solver *s, int i)
-{
-    const int below = s->lo[i] > -INFINITY, above = s->up[i] < INFINITY;
-    double g = 0;
-    if (below)
-        g -= s->mu/(s->now.v[i] - s->lo[i]);
-    if (above)
-        g += s->mu/(s->up[i] - s->now.v[i]);
-    if (below && !above)
-        g += KAPPA_D*s->mu;
-    if (above && !below)
-        g -= KAPPA_D*s->mu;
-    return g;
+    int unknown = 0; /* how many are not numbers */
+    for (int i = 0; i < n; ++i) {
+        most = max(most, fabs(x[i]));
+        unknown += x[i] != x[i];
+    }
+    return unknown ? NAN : most;
 }
 
 /* Calls between the files stay inside of the library. */
@@ -125,6 +122,7 @@ void ip_evaluate_curvatures(solver *s);
 void ip_evaluate_dual(solver *s);
 
 /* interior_optimality.c */
+void ip_measure(solver *s);
 double ip_barrier_error(const solver *s, double mu);
 double ip_cost_size(const solver *s);
 int ip_converged(const solver *s);

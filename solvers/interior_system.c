@@ -106,12 +106,12 @@ double ip_newton_step(solver *s, const double *residual, double *dv, double *dy)
     const dmoc_kkt *k = s->kkt;
     for (int i = 0; i < s->n; ++i)
         if (k->place[i] >= 0)
-            s->right[k->place[i]] = -(s->dual[i] + barrier_slope(s, i));
+            s->right[k->place[i]] = -(s->dual[i] + s->pull[i]);
     for (int r = 0; r < s->m; ++r)
         dy[r] = -residual[r];
     for (int i = s->n; i < s->nv; ++i)
         dy[aux_row(s, i)] +=
-            aux_sign(s, i)*(s->dual[i] + barrier_slope(s, i))/(s->sigma[i] + s->delta_w);
+            aux_sign(s, i)*(s->dual[i] + s->pull[i])/(s->sigma[i] + s->delta_w);
     for (int r = 0; r < s->m; ++r)
         s->right[k->place[s->n + r]] = dy[r];
     const double ratio = ip_solve_linear(s);
@@ -120,9 +120,36 @@ double ip_newton_step(solver *s, const double *residual, double *dv, double *dy)
     for (int r = 0; r < s->m; ++r)
         dy[r] = s->solution[k->place[s->n + r]];
     for (int i = s->n; i < s->nv; ++i)
-        dv[i] = -(s->dual[i] + barrier_slope(s, i) + aux_sign(s, i)*dy[aux_row(s, i)])/
+        dv[i] = -(s->dual[i] + s->pull[i] + aux_sign(s, i)*dy[aux_row(s, i)])/
                 (s->sigma[i] + s->delta_w);
     return ratio;
+}
+
+/* Curvature z/(v - lo) + z/(up - v) of the barrier (WB (11), (13)) and its slope
+ * -mu/(v - lo) + mu/(up - v) with the damping of WB 3.7. */
+static void bend_barrier(solver *s)
+{
+    const double damping = KAPPA_D*s->mu;
+    for (int i = 0; i < s->n; ++i) {
+        const int below = s->lo[i] > -INFINITY, above = s->up[i] < INFINITY;
+        double sigma = 0, pull = 0;
+        if (below) {
+            const double distance = s->now.v[i] - s->lo[i];
+            sigma += s->now.zl[i]/distance;
+            pull -= s->mu/distance;
+        }
+        if (above) {
+            const double distance = s->up[i] - s->now.v[i];
+            sigma += s->now.zu[i]/distance;
+            pull += s->mu/distance;
+        }
+        s->sigma[i] = sigma;
+        s->pull[i] = pull + (below - above)*damping;
+    }
+    for (int i = s->n; i < s->nv; ++i) { /* slacks and elastic variables are positive */
+        s->sigma[i] = s->now.zl[i]/s->now.v[i];
+        s->pull[i] = damping - s->mu/s->now.v[i];
+    }
 }
 
 /* Search direction with inertia correction (WB algorithm IC); 0 if no perturbation helps, or none
@@ -131,13 +158,7 @@ int ip_direction(solver *s)
 {
     const dmoc_kkt *k = s->kkt;
     const int unknowns = k->size - s->m;
-    for (int i = 0; i < s->nv; ++i) {
-        s->sigma[i] = 0;
-        if (s->lo[i] > -INFINITY)
-            s->sigma[i] += s->now.zl[i]/(s->now.v[i] - s->lo[i]);
-        if (s->up[i] < INFINITY)
-            s->sigma[i] += s->now.zu[i]/(s->up[i] - s->now.v[i]);
-    }
+    bend_barrier(s);
     ip_fill_K(s, 1);
     double *base = s->soc_dv; /* free here; long enough for n + m because it has an elastic part */
     for (int i = 0; i < s->n + s->m; ++i)
@@ -164,7 +185,9 @@ int ip_direction(solver *s)
     }
     if (s->delta_w > 0)
         s->last_delta_w = s->delta_w;
-    for (int i = 0; i < s->nv; ++i) {
+    for (int i = s->n; i < s->nv; ++i)
+        s->dzl[i] = (s->mu - s->now.zl[i]*s->dv[i])/s->now.v[i] - s->now.zl[i];
+    for (int i = 0; i < s->n; ++i) {
         s->dzl[i] = s->dzu[i] = 0;
         if (s->lo[i] > -INFINITY)
             s->dzl[i] = (s->mu - s->now.zl[i]*s->dv[i])/(s->now.v[i] - s->lo[i]) - s->now.zl[i];

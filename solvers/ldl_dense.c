@@ -2,33 +2,6 @@
 
 #include <math.h>
 
-static void count_sign(dmoc_ldl *f, double d) { *(d > 0 ? &f->positive : &f->negative) += 1; }
-
-void ldl_invert_pivot(dmoc_ldl *f, double *D, int width, double a, double b, double c, double tiny)
-{
-    if (width == 1) {
-        if (!(fabs(a) > tiny)) {
-            f->zero += 1;
-            a = a < 0 ? -tiny : tiny;
-        }
-        count_sign(f, a);
-        D[0] = 1/a, D[1] = D[2] = 0;
-        return;
-    }
-    double det = a*c - b*b;
-    const double size = fmax(fabs(a*c), b*b);
-    if (!(fabs(det) > 1e-14*size && fabs(det) > tiny*tiny)) {
-        f->zero += 1;
-        det = -fmax(1e-14*size, tiny*tiny);
-    }
-    if (det < 0) {
-        f->positive += 1, f->negative += 1;
-    } else {
-        count_sign(f, a), count_sign(f, a);
-    }
-    D[0] = c/det, D[1] = -b/det, D[2] = a/det;
-}
-
 /* Exchange rows and columns i and j of a symmetric matrix stored in full; finished columns of L
  * follow. */
 static void swap(double *A, int n, int i, int j)
