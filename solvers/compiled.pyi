@@ -33,6 +33,7 @@ def interior_point(
     iterations: int,
     seconds: float,
     report: Callable[[int, float, float, float, bool], None],
+    every: bool,
 ) -> dict[str, Any]: ...
 def kkt_pattern(
     place: Ints,

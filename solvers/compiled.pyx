@@ -2,6 +2,8 @@
 """Entry to the interior-point method in C (interior_point.h), and to its factorisation."""
 from cpython.exc cimport PyErr_CheckSignals
 from cpython.pycapsule cimport PyCapsule_GetPointer
+from cpython.ref cimport PyObject
+from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
 from passes cimport dmoc_program
 
@@ -44,19 +46,36 @@ cdef extern from "interior_point.h" nogil:
                                     double *z_upper)
 
 
+# Seconds of processor time between two looks at signals where nobody listens to every iteration:
+# taking the lock of the interpreter that often would make solves in several threads wait for each
+# other.
+cdef double PATIENCE = 0.02
+
+
 cdef class _Listener:
     """Hands iterations to Python; what is raised there ends the solve and is raised afterwards."""
     cdef object report
     cdef object raised
 
 
+cdef struct _Hearing:
+    PyObject *listener
+    bint every      # iteration is reported
+    clock_t heard   # the last one, if not
+
+
 cdef int _report(void *user, int iteration, double cost, double violation, double mu,
                  int restoring) noexcept nogil:
+    cdef _Hearing *hearing = <_Hearing *>user
+    cdef clock_t now = 0 if hearing.every else clock()
+    if not hearing.every and now - hearing.heard < PATIENCE*CLOCKS_PER_SEC:
+        return 0
+    hearing.heard = now
     with gil:
-        listener = <_Listener>user
+        listener = <_Listener>hearing.listener
         try:
-            PyErr_CheckSignals()
             listener.report(iteration, cost, violation, mu, bool(restoring))
+            PyErr_CheckSignals()
         except BaseException as error:
             listener.raised = error
             return 1
@@ -96,14 +115,18 @@ def interior_point(
     double[::1] x, double[::1] y, double[::1] z_lower, double[::1] z_upper, *,
     double[::1] price=None, bint least_violation=False, double optimality, double demanded,
     double violation, double least_cost, double infeasible, double mu, bint warm, int iterations,
-    double seconds, report,
+    double seconds, report, bint every,
 ):
-    """Minimise from x, in place; returns the fields of ``dmoc_result`` as a dictionary."""
+    """Minimise from x, in place; returns the fields of ``dmoc_result`` as a dictionary.
+
+    ``report`` hears of every iteration, or now and then.
+    """
     cdef dmoc_program *c = <dmoc_program *>PyCapsule_GetPointer(program.capsule(), "dmoc_program")
     cdef dmoc_kkt kkt = _layout(c, layout)
     cdef dmoc_options options
     cdef dmoc_result result
     cdef _Listener listener = _Listener()
+    cdef _Hearing hearing = _Hearing(<PyObject *>listener, every, clock())
     cdef double none = 0.0
     cdef double *sizes = _numbers(size, c.n, "size", &none)
     cdef double *stretches = _numbers(stretch, c.n, "stretch", &none)
@@ -117,7 +140,7 @@ def interior_point(
     options.warm, options.iterations, options.seconds = warm, iterations, seconds
     options.least_violation = least_violation
     options.price = NULL if price is None else _numbers(price, c.m, "price", &none)
-    options.report, options.user = _report, <void *>listener
+    options.report, options.user = _report, <void *>&hearing
     with nogil:
         result = dmoc_interior_point(c, &kkt, &options, sizes, stretches, unknowns, multipliers,
                                      lower, upper)

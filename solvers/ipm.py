@@ -81,10 +81,10 @@ def _run(
         result = _minimise(
             nlp, prepared, x, y, z_lower, z_upper, options, duals is not None, price, report
         )
-        status = STATUSES[result["status"]]
+        status, iterations = STATUSES[result["status"]], result["iterations"]
     except KeyboardInterrupt:
-        status = Status.INTERRUPTED
-    return Ending(status, "", x, Duals.of_rows(nlp.n_eq, y, z_lower - z_upper), count())
+        status, iterations = Status.INTERRUPTED, count()
+    return Ending(status, "", x, Duals.of_rows(nlp.n_eq, y, z_lower - z_upper), iterations)
 
 
 def _prepared(nlp: Transcription) -> KKTLayout:
@@ -96,7 +96,7 @@ def _prepared(nlp: Transcription) -> KKTLayout:
 
 
 def _listener(options: Options) -> tuple[Report, Callable[[], int]]:
-    """Return a function that hears of iterations and one that tells their number."""
+    """Return a function that hears of iterations and one that tells the last number heard."""
     last = 0
 
     def report(number: int, cost: float, violation: float, mu: float, restoring: bool) -> None:
@@ -142,6 +142,7 @@ def _minimise(
         iterations=options.iterations,
         seconds=np.inf if options.seconds is None else options.seconds,
         report=report,
+        every=options.progress is not None,
     )
 
 

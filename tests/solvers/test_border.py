@@ -31,7 +31,7 @@ def test_a_wrong_size_is_refused_by_name(seed: dmoc.Problem, wrong: str) -> None
         interior_point(
             nlp.program, layout, *arrays.values(), **given, optimality=1e-6, demanded=1e-6,
             violation=1e-6, least_cost=1.0, infeasible=1e-6, mu=1e-2, warm=False, iterations=1,
-            seconds=1.0, report=lambda *_: None,
+            seconds=1.0, report=lambda *_: None, every=True,
         )  # fmt: skip
 
 
