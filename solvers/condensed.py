@@ -130,24 +130,22 @@ class Elimination:
         self._kl, self._ku = int(offset.max(initial=0)), int(-offset.min(initial=0))
         self._place = np.full(nlp.n, -1)
         self._place[parts.eliminated] = np.arange(len(parts.eliminated))
+        with np.errstate(all="ignore"):
+            size = float(np.abs(nlp.momenta(x)[1] / nlp.scale.p).max())
+        # Residual of the eliminated equations that rounding errors leave.
+        self.tolerance = NEWTON_TOLERANCE * max(1.0, size if np.isfinite(size) else 1.0)
         self._band = (self._kl + self._ku + self._E_X.row - self._E_X.column, self._E_X.column)
 
     @property
     def size(self) -> int:
         return len(self.parts.eliminated)
 
-    def tolerance(self, x: Array) -> float:
-        """Residual of the eliminated equations that rounding errors leave near x."""
-        with np.errstate(all="ignore"):
-            size = float(np.abs(self.nlp.momenta(x)[1] / self.nlp.scale.p).max())
-        return NEWTON_TOLERANCE * max(1.0, size if np.isfinite(size) else 1.0)
-
     def complete(self, x: Array, y: Array) -> Array | None:
         """Return x with the kept unknowns y and the eliminated ones solved for, started from
         those in x; None if Newton fails."""
         x = x.copy()
         x[self.parts.kept] = y
-        previous, tolerance = np.inf, self.tolerance(x)
+        previous, tolerance = np.inf, self.tolerance
         for _ in range(NEWTON_LIMIT):
             with np.errstate(all="ignore"):
                 residual = self.nlp.equality(x)[self.parts.used_rows]

@@ -239,14 +239,13 @@ class FollowingRun(Run):
         x = elimination.complete(self.x, begin) if self._keeps_time(begin) else None
         if x is None:
             return None
-        tolerance = elimination.tolerance(x)
         for _ in range(FOLLOWING_LIMIT):
             y = base + self.move @ r
             if not self._keeps_time(y):
                 return None
             x[setting.parts.kept] = y
             c = setting.nlp.equality(x)
-            size = self._excess(c, tolerance)
+            size = self._excess(c)
             if size <= 1 or (size <= ROUNDING and size > 0.5 * previous):
                 self._trial_r = r
                 return x
@@ -263,12 +262,12 @@ class FollowingRun(Run):
             r = r + change
         return None
 
-    def _excess(self, c: Array, tolerance: float) -> float:
+    def _excess(self, c: Array) -> float:
         """Largest violation of the equations, in units of what is demanded."""
         parts = self.setting.parts
         used, kept = np.abs(c[parts.used_rows]), np.abs(c[parts.kept_rows])
         return max(
-            float(used.max(initial=0.0)) / tolerance,
+            float(used.max(initial=0.0)) / self.setting.elimination.tolerance,
             float(kept.max(initial=0.0)) / EQUATION_TOLERANCE,
         )
 
