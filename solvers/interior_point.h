@@ -58,7 +58,8 @@ typedef struct {
 
 /* The linear system: K index i < n is unknown i, n + r is row r. All arrays are the caller's.
  *   place[n + m]: position in the elimination order, -1 for fixed unknowns
- *   start[size + 1], row[]: upper triangle by columns in elimination order
+ *   start[size + 1], row[]: upper triangle by columns in elimination order, rows ascending, with all
+ *   of the diagonal
  *   first[pivots + 1]: pivots
  *   from_hess[], from_jac[]: entry of K that each entry of the Hessian and of the Jacobian is added
  *   to, -1 for none

@@ -55,14 +55,14 @@ static void subtract_product(const solver *s, const double *x, double *right)
 {
     const dmoc_kkt *k = s->kkt;
     for (int j = 0; j < k->size; ++j) {
+        const int last = k->start[j + 1] - 1; /* the diagonal, which every column has */
         double sum = 0;
-        for (int p = k->start[j]; p < k->start[j + 1]; ++p) {
+        for (int p = k->start[j]; p < last; ++p) {
             const int i = k->row[p];
             sum += s->K[p]*x[i];
-            if (i != j)
-                right[i] -= s->K[p]*x[j];
+            right[i] -= s->K[p]*x[j];
         }
-        right[j] -= sum;
+        right[j] -= sum + s->K[last]*x[j];
     }
 }
 
