@@ -1,17 +1,22 @@
-"""Random smooth motions through the collisions of a problem, many at once: starts that know nothing
-but the statement.
+"""Random smooth motions through the collisions of a problem, many at once, to start from.
 
 A motion has durations, points at the start, the collisions and the goal, velocities there that obey
-the law of impact, and between them cubics with a few waves on top, s (1 - s) sin(m pi s), which
-leave positions at the points as they are.  Its inputs are those of the equations of motion by least
-squares, within their bounds.  Motion k of a seed is the same however many are asked for.
+the law of impact, and between them cubics with a few waves on top.  There are four kinds in turn.
+*Shaken* ones are an automatic guess with waves, other durations and less of its inputs.  *Driven*
+ones know nothing but the statement: they have waves s (1 - s) sin(m pi s) in each phase, which
+leave the points on their surfaces, and the inputs of the equations of motion by least squares,
+within their bounds; *idle* ones are the same without inputs; *loose* ones have waves sin(m pi s)
+over the whole time, which leave the surfaces, and no inputs either.  No kind is best for all
+problems.  Motion k of a seed is the same whichever others are asked for.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
@@ -23,61 +28,102 @@ from dmoc.nlp.tables import Index
 # Largest ratio of the longest and the shortest final time that is tried where bounds leave it open.
 TIMES = 10.0
 # Spread of the logarithm of the shares of time of the phases: some are short.
-SHARES = 1.0
+SHARES = 1.3
 # Distances of points from the straight way, and amplitudes of waves, in reaches of the coordinates:
-# each motion has its own size between the two, evenly by its logarithm, and its own number of
-# waves.  On pendulums, carts and an acrobot smaller ones find nothing new, larger ones hardly
-# anything.
-SMALLEST, LARGEST = 0.05, 1.6
+# each motion has its own size between the two, evenly by its logarithm (loose ones are larger), and
+# its own number of waves.  On pendulums, carts and an acrobot smaller ones find nothing new, larger
+# ones hardly anything.
+SMALLEST, LOOSEST, LARGEST = 0.05, 0.3, 1.6
 WAVES = 6
+# Kinds of motions, by their numbers.
+SHAKEN, IDLE, LOOSE, DRIVEN = range(4)
+KINDS = 4
+# Spread of the logarithm of the durations of a shaken motion.
+SHAKE = 0.7
 # Newton steps from a random point to a surface.
 NEWTON = 12
 # Speed towards a surface that a motion has at least, relative to that of its straight way.
 APPROACH = 0.3
 
 
-def random_motions(problem: Problem, natural: float, numbers: range, seed: int = 0) -> Array:
+def random_motions(
+    problem: Problem, guesses: Sequence[Array], natural: float, numbers: range, seed: int = 0
+) -> Array:
     """Unknowns of the random motions with the given numbers, shape (len(numbers), n).
 
-    ``natural`` is a final time in seconds around which motions are made where the problem does not
-    bound it.
+    ``guesses`` are unknowns that are shaken; ``natural`` is a final time in seconds around which
+    motions are made where the problem does not bound it.
     """
     if not numbers:
         return np.zeros((0, Layout.of(problem).size))
-    draws = [np.random.default_rng([seed, k]) for k in numbers]
     with np.errstate(all="ignore"):
-        return _unknowns(problem, _Drawn.of(problem, natural, draws))
+        x = _unknowns(problem, _Drawn.of(problem, natural, numbers, seed))
+        for row, k in zip(x, numbers, strict=True):
+            if k % KINDS == SHAKEN and guesses:
+                guess = guesses[k // KINDS % len(guesses)]
+                row[:] = _shaken(problem, guess, np.random.default_rng([seed, k]))
+    return x
+
+
+def _shaken(problem: Problem, guess: Array, rng: np.random.Generator) -> Array:
+    """A guess with waves, other durations and less of its inputs."""
+    lay, x = Layout.of(problem), guess.copy()
+    size = SMALLEST * (LARGEST / SMALLEST) ** rng.random()
+    m = np.pi * np.arange(1, WAVES + 1)
+    waves = rng.standard_normal((WAVES, lay.nq)) * size * problem.reach / (m / np.pi)[:, None]
+    s = np.arange(lay.total + 1) / lay.total
+    x[lay.index_q] += np.sin(np.outer(s, m)) @ waves
+    inside = lay.scheme.within(s[:-1, None], s[1:, None]).reshape(-1, 1)
+    x[lay.index_q_i] += (np.sin(inside * m) @ waves).reshape(lay.total, -1)
+    durations = guess[lay.index_h] * lay.steps * np.exp(SHAKE * rng.standard_normal(lay.phases))
+    low, high = problem.final_time_bounds
+    total = float(durations.sum())
+    durations *= min(max(total, low), high) / total
+    x[lay.index_h] = np.clip(durations, *problem.duration_bounds.T) / lay.steps
+    if lay.timed:
+        x[lay.index_t] = lay.times(x)
+    x[lay.index_u] *= rng.uniform(-1, 1)
+    return x
 
 
 @dataclass(frozen=True)
 class _Drawn:
     """Durations (count, phases); points (count, phases + 1, nq); velocities after and before them,
-    at both ends of each phase (count, phases, nq); waves (count, phases, WAVES, nq); impulses
-    (count, collisions)."""
+    at both ends of each phase (count, phases, nq); waves of the phases (count, phases, WAVES, nq)
+    and of the whole time (count, WAVES, nq); impulses (count, collisions); whether there are inputs
+    (count,)."""
 
     durations: Array
     points: Array
     v_first: Array
     v_last: Array
     waves: Array
+    whole: Array
     lam: Array
+    driven: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, problem: Problem, natural: float, draws: list[np.random.Generator]) -> _Drawn:
+    def of(cls, problem: Problem, natural: float, numbers: range, seed: int) -> _Drawn:
+        draws = [np.random.default_rng([seed, k]) for k in numbers]
+        kind = np.array(numbers) % KINDS
         phases, nq = problem.phases, problem.nq
         uniform = np.array([r.random(3 + 2 * nq) for r in draws])
         normal = np.array([r.standard_normal((phases + 1, nq)) for r in draws])
         shares = np.array([r.standard_normal(phases) for r in draws])
         waves = np.array([r.standard_normal((phases, WAVES, nq)) for r in draws])
-        size = SMALLEST * (LARGEST / SMALLEST) ** uniform[:, 1]
+        smallest = np.where(kind == LOOSE, LOOSEST, SMALLEST)
+        size = smallest * (LARGEST / smallest) ** uniform[:, 1]
         durations = _durations(problem, natural, uniform[:, 0], shares)
         points = _points(problem, durations, uniform[:, 3:], normal * size[:, None, None])
         waves = waves * (problem.reach * size[:, None])[:, None, None, :]
         waves /= np.arange(1, WAVES + 1)[:, None]
         waves *= (np.arange(WAVES) <= WAVES * uniform[:, 2, None])[:, None, :, None]
+        loose = kind == LOOSE
+        whole = np.where(loose[:, None, None], waves[:, 0], 0.0)
+        waves[loose] = 0.0
         legs = np.diff(points, axis=1) / durations[:, :, None]
         v_first, v_last, lam = _velocities(problem, durations, points, legs)
-        return cls(durations, points, v_first, v_last, waves, lam)
+        return cls(durations, points, v_first, v_last, waves, whole, lam, kind == DRIVEN)
 
 
 def _durations(problem: Problem, natural: float, uniform: Array, shares: Array) -> Array:
@@ -191,6 +237,12 @@ def _along(drawn: _Drawn, i: int, s: Array) -> tuple[Array, Array, Array]:
     q = q + 4 * np.einsum("sm,kmi->ksi", bump * sin, waves)
     v = v + 4 * np.einsum("sm,kmi->ksi", slope * sin + bump * m * cos, waves)
     a = a + 4 * np.einsum("sm,kmi->ksi", -2 * sin + 2 * slope * m * cos - bump * m * m * sin, waves)
+    begin, end = drawn.durations[:, :i].sum(axis=1), drawn.durations.sum(axis=1)
+    at = m * ((begin[:, None] + s * drawn.durations[:, i, None]) / end[:, None])[:, :, None]
+    rate = m * (drawn.durations[:, i] / end)[:, None, None]
+    q = q + np.einsum("ksm,kmi->ksi", np.sin(at), drawn.whole)
+    v = v + np.einsum("ksm,kmi->ksi", rate * np.cos(at), drawn.whole)
+    a = a - np.einsum("ksm,kmi->ksi", rate**2 * np.sin(at), drawn.whole)
     return q, v / T, a / T**2
 
 
@@ -244,4 +296,5 @@ def _inputs(problem: Problem, lay: Layout, drawn: _Drawn, begin: Array) -> Array
         u[good] = np.einsum("kij,kj->ki", np.linalg.pinv(B[good]), missing[good])
         found.append(u.reshape(count, n, nu))
     steps: Index = lay.step_of_input
-    return np.clip(np.concatenate(found, axis=1)[:, steps], *problem.input_bounds.T)
+    u = np.where(drawn.driven[:, None, None], np.concatenate(found, axis=1)[:, steps], 0.0)
+    return np.clip(u, *problem.input_bounds.T)

@@ -42,11 +42,10 @@ def attempted(
     nlp = programs.program(method.guided)
     points = [nlp.scaled(x) for x in starts.points]
     minimise = _with(method.minimise(form), starts.duals(nlp))
-    tries = _best_of_all if method.tries_all else _first_success
     compiled = programs.problem.kernels.backend == COMPILED
     second = METHODS[method.falls_back_on] if compiled and method.falls_back_on else None
     kept = options.iterations // 2 if second is not None else 0  # for what takes over
-    found = tries(
+    found = _first_success(
         programs, nlp, points, replace(options, iterations=options.iterations - kept), minimise
     )
     if not compiled:
@@ -108,39 +107,6 @@ def _first_success(
     return min(tried, key=lambda t: t.outcome.left.violation).counting(count)
 
 
-def _best_of_all(
-    programs: Programs,
-    nlp: Transcription,
-    points: Sequence[Array],
-    options: Options,
-    minimise: Minimise,
-) -> Attempt:
-    """Solve from every start and return the cheapest minimum, one whose collisions all have an
-    effect if there is one; where there is none, what the first success is."""
-    begin = time.perf_counter()
-    first = _first_success(programs, nlp, points, options, minimise)
-    count = first.outcome.iterations
-    if first.outcome.status is not Status.SOLVED:
-        return first
-    solved = [first]
-
-    def best() -> Attempt:
-        return min(solved, key=lambda s: (bool(s.nlp.law.touching.any()), s.nlp.cost(s.outcome.x)))
-
-    for x in points[1:]:
-        again = minimised(programs, nlp, x, remaining(options, begin, count), minimise)
-        count += again.outcome.iterations
-        status = again.outcome.status
-        if status is Status.SOLVED:
-            solved.append(again)
-        elif status is Status.INTERRUPTED:
-            interrupted = replace(best().outcome, status=status, iterations=count)
-            return replace(best(), outcome=interrupted)
-        elif status in (Status.TIME_LIMIT, Status.ITERATION_LIMIT):
-            break
-    return best().counting(count)
-
-
 def _taken_over(
     programs: Programs,
     before: Attempt,
@@ -151,7 +117,7 @@ def _taken_over(
     """What a second method finds after a first; the end as it was where that finds nothing."""
     first, second = methods
     outcome, minimise = before.outcome, _with(second.minimise(), None)
-    again = _best_of_all(programs, programs.program(second.guided), points, options, minimise)
+    again = _first_success(programs, programs.program(second.guided), points, options, minimise)
     count = outcome.iterations + again.outcome.iterations
     if again.outcome.status in (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED):
         detail = f"{first.name} ended {outcome.status}, the compiled method took over"

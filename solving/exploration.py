@@ -69,7 +69,7 @@ class Effort:
     first: int = 16
     most: int = 100
     more: int = 300
-    often: int = 3
+    often: int = 5
     agreeing: float = 0.75
     refined: int = 4
     most_refined: int = 16
@@ -231,7 +231,7 @@ def _minima(
         ends = [max(effort.total - len(named), 0)]
     for end in ends:
         numbers = range(begin, max(end, begin))
-        x = random_motions(coarse, natural, numbers, seed)
+        x = random_motions(coarse, guesses, natural, numbers, seed)
         named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
         before = len(starts)
         attempts = _solved(programs, named.values(), few, deadline)
@@ -296,7 +296,7 @@ def _continued(
         return []
     wide = _widened(coarse, WIDER[0])
     guesses = [g.x for g in initial_guesses(wide, deadline)]
-    x = random_motions(wide, natural, range(WIDE_STARTS), seed)
+    x = random_motions(wide, guesses, natural, range(WIDE_STARTS), seed)
     scale = scale_of(wide, guesses[0])
     classes = _gathered([], _solved(Programs(wide, scale), [*guesses, *x], options, deadline))
     for factor in WIDER[1:]:

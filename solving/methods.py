@@ -54,8 +54,6 @@ class Method:
         Most inputs of all steps together.
     guided : bool
         Whether estimates of minimal times keep it on the right track.
-    tries_all : bool
-        Whether every start is solved from, and not only one after the other until one succeeds.
     falls_back_on : str or None
         The method that takes over where it ends without a solution.
     uses_blas : bool
@@ -70,7 +68,6 @@ class Method:
     needs_compiled: bool = False
     most_inputs: int | None = None
     guided: bool = False
-    tries_all: bool = False
     falls_back_on: str | None = None
     uses_blas: bool = True
 
@@ -151,7 +148,6 @@ METHODS = {
             "dmoc.solvers.ipm:solve",
             needs_compiled=True,
             uses_blas=False,
-            tries_all=True,  # further starts cost it next to nothing
         ),
         Method("ipopt", "IPOPT, an extra", "dmoc.solvers.external:solve_ipopt", package="ipyopt"),
         Method("uno", "filter SQP, an extra", "dmoc.solvers.external:solve_uno", package="unopy"),

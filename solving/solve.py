@@ -83,7 +83,7 @@ def solve(
         collisions.  The distinct minima they lead to are refined and checked, and the method begins
         with the best of them; ``others`` of the solution are the rest.  By default as many as it
         seems to take: 16 random ones, 100 where those do not agree on a minimum, 300 where fewer
-        than three of these have met the best one, and where there is none with limits of the inputs
+        than five of these have met the best one, and where there is none with limits of the inputs
         that are tightened step by step.  1
         begins with the guess alone, as does a guess that is given and kernels without a compiler.
         No better minimum than the answer was met; that none exists is not shown.
@@ -193,9 +193,7 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
         with np.errstate(all="ignore"):
             effort = Effort.of(request.starts)
             points = _given(problem, guess)
-            found = explored(
-                problem, effort, request.seed, options, request.ranks_checked, points
-            )
+            found = explored(problem, effort, request.seed, options, request.ranks_checked, points)
     except KeyboardInterrupt:
         stopped = replace(request, options=replace(options, iterations=1), verify=False)
         status = Status.INTERRUPTED
