@@ -8,7 +8,7 @@ is none.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +23,11 @@ from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.solution import Minimum, Solution
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving.attempts import Attempt, Minimise, minimised
-from dmoc.solving.methods import METHODS
+from dmoc.solving.attempts import Attempt, minimised
 from dmoc.solving.program import Programs
 from dmoc.solving.result import checked, solution_of
+from dmoc.solving.side_by_side import COMPILED_METHOD, attempts_from, compiled, free_threads
 
-COMPILED_METHOD = METHODS["ipm"]
 # Steps of a phase of the coarse mesh: so many in all phases, but a phase gets enough to bend and
 # none more than it needs; and of the mesh on which minima are ranked.
 COARSE, FEWEST, COARSEST, RANKING = 48, 12, 24, 100
@@ -223,7 +222,8 @@ def _minima(
     natural = natural_time(Planner.of(coarse))
     few = replace(options, iterations=min(options.iterations, ITERATIONS))
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
-    programs = Programs(coarse, scale_of(coarse, next(iter(named.values()))))
+    scale = scale_of(coarse, next(iter(named.values())))
+    programs = [Programs(coarse, scale) for _ in range(free_threads())]
     classes: list[_Class] = []
     starts: list[Start] = []
     begin, ends = 0, [0, effort.first, effort.most, effort.more]
@@ -233,16 +233,13 @@ def _minima(
         numbers = range(begin, max(end, begin))
         x = random_motions(coarse, guesses, natural, numbers, seed)
         named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
-        before = len(starts)
-        attempts = _solved(programs, named.values(), few, deadline)
-        for name, attempt in zip(named, attempts, strict=False):
-            classes = _gathered(classes, [attempt])
-            solved = attempt.outcome.status is Status.SOLVED
-            starts.append(Start(name, attempt.outcome.status, _cost(attempt) if solved else None))
+        attempts = attempts_from(programs, list(named.values()), few, deadline)
+        starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
+        classes = _gathered(classes, attempts)
         agreed = bool(classes) and classes[0].found >= effort.agreeing * len(starts)
         met = bool(classes) and classes[0].found >= effort.often
         enough = (met and end >= effort.most) or (agreed and end > 0)
-        if enough or len(starts) - before < len(named):
+        if enough or len(attempts) < len(named):
             break
         named, begin = {}, numbers.stop
     if not classes and effort.widens:
@@ -250,29 +247,12 @@ def _minima(
     return classes, starts
 
 
-def _solved(
-    programs: Programs, points: Iterable[Array], options: Options, deadline: float
-) -> Iterable[Attempt]:
-    """Attempts from some points in units of the problem, as long as there is time."""
-    nlp = programs.program()
-    minimise = _compiled()
-    for x in points:
-        left = deadline - time.perf_counter()
-        if left <= 0:
-            return
-        limited = options if np.isinf(left) else replace(options, seconds=left)
-        attempt = minimised(programs, nlp, nlp.scaled(x), limited, minimise)
-        if attempt.outcome.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        yield attempt
+def _start(name: str, attempt: Attempt) -> Start:
+    solved = attempt.outcome.status is Status.SOLVED
+    return Start(name, attempt.outcome.status, _cost(attempt) if solved else None)
 
 
-def _compiled() -> Minimise:
-    driver = COMPILED_METHOD.minimise()
-    return lambda nlp, x, options: driver(nlp, x, options, None)
-
-
-def _gathered(classes: list[_Class], attempts: Iterable[Attempt]) -> list[_Class]:
+def _gathered(classes: list[_Class], attempts: Sequence[Attempt]) -> list[_Class]:
     """The distinct minima, the cheapest first, with some attempts more."""
     for attempt in attempts:
         if attempt.outcome.status is not Status.SOLVED:
@@ -295,14 +275,16 @@ def _continued(
     if not np.isfinite(coarse.input_bounds).any():
         return []
     wide = _widened(coarse, WIDER[0])
-    guesses = [g.x for g in initial_guesses(wide, deadline)]
-    x = random_motions(wide, guesses, natural, range(WIDE_STARTS), seed)
-    scale = scale_of(wide, guesses[0])
-    classes = _gathered([], _solved(Programs(wide, scale), [*guesses, *x], options, deadline))
-    for factor in WIDER[1:]:
+    points = [g.x for g in initial_guesses(wide, deadline)]
+    scale = scale_of(wide, points[0])
+    points += list(random_motions(wide, points, natural, range(WIDE_STARTS), seed))
+    classes: list[_Class] = []
+    for factor in WIDER:
+        programs = [Programs(_widened(coarse, factor), scale) for _ in range(free_threads())]
+        classes = _gathered([], attempts_from(programs, points, options, deadline))
         points = [c.attempt.nlp.physical(c.attempt.outcome.x) for c in classes[:FOLLOWED]]
-        programs = Programs(_widened(coarse, factor), scale)
-        classes = _gathered([], _solved(programs, points, options, deadline))
+        if not points:
+            break
     return classes
 
 
@@ -381,7 +363,7 @@ def _on(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
     x = unknowns_along(mesh, pieces_of(motion), impulses)
     programs = Programs(mesh, scale_of(mesh, x, True))
     nlp = programs.program()
-    attempt = minimised(programs, nlp, nlp.scaled(x), options, _compiled())
+    attempt = minimised(programs, nlp, nlp.scaled(x), options, compiled())
     if attempt.outcome.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return attempt
