@@ -27,9 +27,9 @@ from dmoc.solving.exploration import Effort, Exploration, Start, coarse_of, expl
 from dmoc.solving.result import without_effect
 from dmoc.solving.solve import solve
 
-# Random starts that are tried at first, of those of a node; the share of the starts that agree
-# where these are enough; automatic guesses, and minima that are refined at most.
-FIRST, AGREEING, GUESSES, MOST_REFINED = 2, 0.4, 2, 3
+# Automatic guesses beside the parent's motion; the share of these starts that agree where no random
+# ones are needed: they are hardly ever better; and minima that are refined at most.
+GUESSES, AGREEING, MOST_REFINED = 2, 0.5, 3
 # Iterations of a solve that is to lead to a motion where the starts have not.
 ITERATIONS = 1000
 
@@ -94,7 +94,7 @@ def _explored(task: Task) -> Node:
     begin, coarse = time.perf_counter(), coarse_of(task.problem)
     points = {} if task.parent is None else {"parent": extended(task.parent, coarse)}
     effort = Effort(
-        min(FIRST, task.starts),
+        0,
         task.starts,
         task.starts,
         agreeing=AGREEING,

@@ -20,7 +20,7 @@ STRATEGIES = ("exhaustive", "best-first", "beam")
 # at ever shorter intervals would pump energy without limit (Zeno).
 SHORTEST = 0.01
 # Random starts of a node at most, on a coarse mesh.
-STARTS = 8
+STARTS = 4
 DEEPEST = 12  # the tree grows with the power of the depth
 MOST, MOST_WORKERS = 2**31 - 1, 1000  # of what is counted, of processes
 

@@ -28,9 +28,9 @@ from dmoc.solving.program import Programs
 from dmoc.solving.result import checked, solution_of
 from dmoc.solving.side_by_side import COMPILED_METHOD, attempts_from, compiled, free_threads
 
-# Steps of a phase of the coarse mesh: so many in all phases, but a phase gets enough to bend and
-# none more than it needs; and of the mesh on which minima are ranked.
-COARSE, FEWEST, COARSEST, RANKING = 48, 12, 24, 100
+# Steps of a phase on the coarse mesh, and on the mesh where minima are ranked.  With 12 on the coarse
+# one, motions with many collisions mislead, and their refinement takes longer than is saved.
+COARSE, RANKING = 24, 100
 # Iterations of a start: few that take more end in a minimum, hardly ever in a good one; and of a
 # refinement.
 ITERATIONS, REFINING = 100, 300
@@ -200,8 +200,7 @@ def explored(
 
 def coarse_of(problem: Problem) -> Problem:
     """The problem on the mesh of the exploration."""
-    few = min(COARSEST, max(COARSE // problem.phases, FEWEST))
-    return problem.but(steps=[min(n, few) for n in problem.phase_steps])
+    return problem.but(steps=[min(n, COARSE) for n in problem.phase_steps])
 
 
 # On the coarse mesh -------------------------------------------------------------------------------
@@ -238,7 +237,7 @@ def _minima(
         classes = _gathered(classes, attempts)
         agreed = bool(classes) and classes[0].found >= effort.agreeing * len(starts)
         met = bool(classes) and classes[0].found >= effort.often
-        enough = (met and end >= effort.most) or (agreed and end > 0)
+        enough = (met and end >= effort.most) or (agreed and end >= effort.first)
         if enough or len(attempts) < len(named):
             break
         named, begin = {}, numbers.stop

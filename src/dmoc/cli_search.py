@@ -78,7 +78,7 @@ def search(
     ] = 4,
     starts: Annotated[
         int, typer.Option(help="Random starts of each sequence beside the automatic ones.")
-    ] = 8,
+    ] = 4,
     seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes of this machine.")] = 1,
     steps: Annotated[int | None, typer.Option(help="Steps of each phase.")] = None,
