@@ -28,12 +28,11 @@ from dmoc.solving.program import Programs
 from dmoc.solving.result import checked, solution_of
 from dmoc.solving.side_by_side import COMPILED_METHOD, attempts_from, compiled, free_threads
 
-# Steps of a phase on the coarse mesh, and on the mesh where minima are ranked.  With 12 on the coarse
-# one, motions with many collisions mislead, and their refinement takes longer than is saved.
+# Steps of a phase on the coarse mesh, and on the mesh where minima are ranked.  With 12 on the
+# coarse one, motions with many collisions mislead, and their refinement takes longer than is saved.
 COARSE, RANKING = 24, 100
-# Iterations of a start: few that take more end in a minimum, hardly ever in a good one; and of a
-# refinement.
-ITERATIONS, REFINING = 100, 300
+# Iterations of a refinement.
+REFINING = 300
 # Relative differences of costs and of durations that belong to the same minimum.
 SAME_COST, SAME_TIMES = 1e-5, 1e-3
 # Limits of inputs are widened by the first factor and tightened by the others where nothing else
@@ -53,12 +52,15 @@ class Effort:
         where these have not met the best minimum ``often`` enough to think that there is none much
         rarer.
     often : int
-    agreeing : float
-        Share of the starts that end in the best minimum where no more are needed.
+    agreeing, leading : float
+        Share of the starts with a minimum that lead to the best one, and share of all starts, where
+        no more are needed.
     refined, most_refined : int
         Minima that are refined at least, and at most, where cheaper coarse ones are left.
     widens : bool
         Whether limits of inputs are widened, and then tightened, where no start leads to a motion.
+    iterations : int
+        Of a start: one that takes more ends in a minimum less often than another start does.
     guesses : int or None
         Automatic guesses that are tried at most.
     total : int or None
@@ -70,9 +72,11 @@ class Effort:
     more: int = 300
     often: int = 5
     agreeing: float = 0.75
+    leading: float = 0.4
     refined: int = 4
     most_refined: int = 16
     widens: bool = True
+    iterations: int = 100
     guesses: int | None = None
     total: int | None = None
 
@@ -112,16 +116,6 @@ class Exploration:
     found: tuple[int, ...]
     coarse: tuple[Minimum, ...]
     starts: tuple[Start, ...]
-
-    def told(self, best: int) -> str:
-        """What the answer is among the minima, in a sentence."""
-        if best >= len(self.ranked):
-            return f"none of {len(self.starts)} starts on a coarse mesh led to a motion"
-        count = len(self.ranked) + len(self.coarse)
-        found = f"{self.found[best]} of {len(self.starts)} starts led to it"
-        if count == 1:
-            return f"{found}, none to another one"
-        return f"{found}, others to {count - 1} other{'s' if count > 2 else ''}"
 
     def others(self, best: int) -> tuple[Minimum, ...]:
         """The minima other than the answer, the cheapest first."""
@@ -219,7 +213,7 @@ def _minima(
     room = effort.guesses if effort.total is None else effort.total - len(points)
     guesses = [g.x for g in initial_guesses(coarse, deadline)][:room]
     natural = natural_time(Planner.of(coarse))
-    few = replace(options, iterations=min(options.iterations, ITERATIONS))
+    few = replace(options, iterations=min(options.iterations, effort.iterations))
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     scale = scale_of(coarse, next(iter(named.values())))
     programs = [Programs(coarse, scale) for _ in range(free_threads())]
@@ -235,7 +229,9 @@ def _minima(
         attempts = attempts_from(programs, list(named.values()), few, deadline)
         starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
         classes = _gathered(classes, attempts)
-        agreed = bool(classes) and classes[0].found >= effort.agreeing * len(starts)
+        agreed = bool(classes) and classes[0].found >= max(
+            effort.agreeing * sum(c.found for c in classes), effort.leading * len(starts)
+        )
         met = bool(classes) and classes[0].found >= effort.often
         enough = (met and end >= effort.most) or (agreed and end >= effort.first)
         if enough or len(attempts) < len(named):

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -181,7 +182,13 @@ def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: floa
 
     answer = refined(problem, tolerance, options.seconds, on_mesh, check)
     known = explored[0]
-    return replace(answer, starts=known.starts, found=known.found, others=known.others)
+    answer = _with_starts(answer, starts=known.starts, found=known.found, others=known.others)
+    confirmed = bool(answer.verification and answer.verification["passed"])
+    if problem.steps is None and answer.status is Status.NOT_VERIFIED and confirmed:
+        # Nobody has asked for the error of positions, which some minima leave open.
+        message = f"a local minimum was found, confirmed by simulation; {answer.message}"
+        answer = replace(answer, status=Status.SOLVED, message=message)
+    return answer
 
 
 def _best(problem: Problem, guess: Given, request: Request) -> Solution:
@@ -209,14 +216,25 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
         answer = _solved(problem, guess, replace(request, options=remaining(options, begin)))
         tried = answer, len(found.ranked)
     answer, i = tried
-    return replace(
+    return _with_starts(
         answer,
-        message=f"{answer.message}; {found.told(i)}",
         starts=len(found.starts),
         found=found.found[i] if i < len(found.found) else 0,
         others=found.others(i),
         seconds={**answer.seconds, "explore": spent},
     )
+
+
+def _with_starts(answer: Solution, **known: Any) -> Solution:
+    """The answer with what is known of the starts, in its message too."""
+    s = replace(answer, **known)
+    if not s.starts:
+        return s
+    told = f"{s.found} of {s.starts} starts led to it, "
+    told += f"others to {len(s.others)} others" if s.others else "none to another one"
+    if not s.found:
+        told = f"none of {s.starts} starts on a coarse mesh led to it"
+    return replace(s, message=f"{s.message}; {told}")
 
 
 def _given(problem: Problem, guess: Given) -> dict[str, Array]:

@@ -213,6 +213,14 @@ def solve(
         float | None, typer.Option(help="Time limit of the solver in seconds.")
     ] = None,
     guess: GuessOption = None,
+    starts: Annotated[
+        int | None,
+        typer.Option(
+            help="Starts that are tried on a coarse mesh before the best minimum is solved; 1 for "
+            "the guess alone, as many as it seems to take by default."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
     target: Annotated[
         Path | None,
         typer.Option(
@@ -223,7 +231,7 @@ def solve(
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
     from dmoc import registry
-    from dmoc.nlp.problem import Problem
+    from dmoc.nlp.problem import AUTOMATIC_ORDER, Problem
     from dmoc.solving.sensitivity import sensitivities as differentiated
     from dmoc.solving.solve import solve as solved
 
@@ -243,6 +251,8 @@ def solve(
         periodic,
     )
     prepare(target, json_)
+    if order is None and "steps" not in fields and fields.get("controls") != "linear":
+        order = AUTOMATIC_ORDER
     problem = Problem(reference.kernels(order), **fields)
     quiet = json_ == "-"
     with Live() as live:
@@ -252,6 +262,8 @@ def solve(
             tolerance=tolerance,
             form=form.value,
             guess=known,
+            starts=starts,
+            seed=seed,
             iterations=iterations,
             seconds=seconds,
             progress=live.show,

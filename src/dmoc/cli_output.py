@@ -10,6 +10,8 @@ from rich.text import Text
 
 from dmoc.cli_input import err, out
 
+MOST_OTHERS = 5  # minima that a summary lists
+
 if TYPE_CHECKING:
     from dmoc.nlp.sensitivity import Sensitivities
     from dmoc.simulation.check import Verification
@@ -72,6 +74,12 @@ def print_summary(solution: Solution) -> None:
             f"at {c.time:.6g} s, " + ("grazes" if c.grazes else f"impulse {c.impulse:.6g}"),
         )
     table.add_row("active bounds", ", ".join(solution.active_bounds) or "none")
+    for other in solution.others[:MOST_OTHERS]:
+        known = "coarse mesh" if other.status is None else str(other.status).replace("_", " ")
+        table.add_row("other minimum", f"{other.cost:.7g} ({known}), from {other.found} starts")
+    more = len(solution.others) - MOST_OTHERS
+    if more > 0:
+        table.add_row("", f"and {more} more")
     table.add_row("violation", f"{solution.max_violation:.1e}")
     table.add_row("optimality", f"{solution.optimality:.1e}")
     for mesh in solution.meshes:
