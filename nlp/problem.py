@@ -114,7 +114,8 @@ class Problem:
     def __post_init__(self) -> None:
         put = object.__setattr__
         order = AUTOMATIC_ORDER if self.steps is None else DEFAULT_ORDER
-        if self.controls not in (None, *DISCRETISATIONS[order].controls):
+        others = DISCRETISATIONS[order].controls
+        if isinstance(self.controls, str) and self.controls not in others:
             order = DEFAULT_ORDER
         put(self, "kernels", kernels_of(self.kernels, order))
         for name in ("start", "goal", "bounds", "parameters"):

@@ -17,7 +17,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.nlp.guess import initial_guesses, natural_time
 from dmoc.nlp.march import Planner
 from dmoc.nlp.motions import random_motions
-from dmoc.nlp.problem import Problem
+from dmoc.nlp.problem import MOST_STEPS, Problem
 from dmoc.nlp.readout import trajectory
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.transfer import pieces_of, unknowns_along
@@ -31,6 +31,8 @@ from dmoc.solving.side_by_side import COMPILED_METHOD, attempts_from, compiled, 
 # Steps of a phase on the coarse mesh, and on the mesh where minima are ranked.  With 12 on the
 # coarse one, motions with many collisions mislead, and their refinement takes longer than is saved.
 COARSE, RANKING = 24, 100
+# A minimum that is not confirmed is looked at on a mesh so many times finer.
+FINER = 4
 # Iterations of a refinement.
 REFINING = 300
 # Relative differences of costs and of durations that belong to the same minimum.
@@ -57,6 +59,8 @@ class Effort:
         no more are needed.
     refined, most_refined : int
         Minima that are refined at least, and at most, where cheaper coarse ones are left.
+    settles : bool
+        Whether minima that are not confirmed are looked at on a finer mesh, where others are.
     widens : bool
         Whether limits of inputs are widened, and then tightened, where no start leads to a motion.
     iterations : int
@@ -75,6 +79,7 @@ class Effort:
     leading: float = 0.4
     refined: int = 4
     most_refined: int = 16
+    settles: bool = True
     widens: bool = True
     iterations: int = 100
     guesses: int | None = None
@@ -308,30 +313,61 @@ def _ranked(
     not refined; ``wanted`` says how many to refine and whether to check them."""
     effort, verify = wanted
     mesh = problem.but(steps=[min(n, RANKING) for n in problem.phase_steps])
-    refined: list[tuple[_Class, Solution, int]] = []
+    refined: list[_Ranked] = []
+    rest: Sequence[_Class] = []
     for k, coarse in enumerate(minima):
-        confirmed = [s.cost for _, s, _ in refined if s.minimum]
+        confirmed = [r.solution.cost for r in refined if r.solution.minimum]
         passed = bool(confirmed) and coarse.cost > min(confirmed) and k >= effort.refined
-        if passed or len(refined) >= effort.most_refined or time.perf_counter() > deadline:
-            return _sorted(refined), minima[k:]
+        full = len(refined) >= effort.most_refined
+        if passed or full or time.perf_counter() > deadline:
+            rest = minima[k:]
+            break
         attempt = _refined(mesh, coarse.attempt, options)
         if attempt.outcome.status is not Status.SOLVED:
             continue
         new = _Class.of(attempt)
-        for i, (known, s, n) in enumerate(refined):
-            if known.same(new, attempt.nlp.scale.cost):
-                refined[i] = known, s, n + coarse.found
+        for i, known in enumerate(refined):
+            if known.minimum.same(new, attempt.nlp.scale.cost):
+                refined[i] = replace(known, found=known.found + coarse.found)
                 break
         else:
             s = solution_of(attempt, COMPILED_METHOD.name, {})
-            refined.append((new, checked(s) if verify else s, coarse.found))
-    return _sorted(refined), []
+            s = checked(s) if verify else s
+            refined.append(_Ranked(new, s, coarse.found, s.cost if s.minimum else np.inf))
+    if effort.settles and any(r.solution.minimum for r in refined):
+        refined = [_settled(mesh, r, options) for r in refined]
+    refined.sort(key=_Ranked.rank)
+    return [(r.solution, r.found) for r in refined], rest
 
 
-def _sorted(refined: Sequence[tuple[_Class, Solution, int]]) -> list[tuple[Solution, int]]:
-    """Confirmed minima first, those whose collisions all have an effect before others, by cost."""
-    pairs = [(s, n) for _, s, n in refined]
-    return sorted(pairs, key=lambda p: (not p[0].minimum, p[0].status is Status.GRAZES, p[0].cost))
+@dataclass(frozen=True)
+class _Ranked:
+    """A minimum on the ranking mesh, its solution, how many starts led to it, and its cost where
+    the simulation confirms it."""
+
+    minimum: _Class
+    solution: Solution
+    found: int
+    cost: float
+
+    def rank(self) -> tuple[float, ...]:
+        """Confirmed minima first, those whose collisions all have an effect before others, by
+        cost."""
+        grazes = self.solution.status is Status.GRAZES
+        return np.isinf(self.cost), grazes, self.cost, self.solution.cost
+
+
+def _settled(mesh: Problem, r: _Ranked, options: Options) -> _Ranked:
+    """Where the simulation contradicts a minimum, its cost on a finer mesh if it is confirmed
+    there: then the mesh is too coarse, and not the minimum none."""
+    if r.solution.minimum:
+        return r
+    fine = mesh.but(steps=[min(FINER * n, MOST_STEPS) for n in mesh.phase_steps])
+    attempt = _on(fine, r.minimum.attempt, options)
+    if attempt.outcome.status is not Status.SOLVED:
+        return r
+    s = checked(solution_of(attempt, COMPILED_METHOD.name, {}))
+    return replace(r, cost=s.cost) if s.minimum else r
 
 
 def _refined(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:

@@ -3,8 +3,8 @@ lock, and each thread has a program of its own."""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
+import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -26,7 +26,9 @@ MOST_THREADS = 8
 
 def free_threads() -> int:
     """Threads that a solve may take: one in workers, which are as many as there are processors."""
-    alone = multiprocessing.parent_process() is None
+    # loaded in every worker; others do without it
+    processes = sys.modules.get("multiprocessing.process")
+    alone = processes is None or processes.parent_process() is None
     if not (alone and threading.current_thread() is threading.main_thread()):
         return 1
     return min(len(os.sched_getaffinity(0)), MOST_THREADS)

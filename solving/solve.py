@@ -169,13 +169,14 @@ def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: floa
         optimality = base if sharper is None else max(sharper, LEAST_OPTIMALITY)
         sharp = replace(remaining(options, begin), optimality=optimality)
         wanted = replace(request, options=sharp, verify=False)
-        if coarse is not None:
-            return _solved(problem, coarse, wanted)
+        known = coarse or next((s for s in explored if _on_mesh_of(problem, s) and s.minimum), None)
+        if known is not None:
+            return _solved(problem, known, wanted)
         # Many starts have led nowhere on the first mesh, and begin on the same coarse one.
         if problem.phase_steps != first:
             return _best(problem, guess, replace(wanted, starts=1))
         explored.append(_best(problem, guess, wanted))
-        return explored[0]
+        return explored[-1]
 
     def check(solution: Solution) -> Solution:
         return checked(solution, remaining(options, begin).seconds)
@@ -209,13 +210,19 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
     for i, start in enumerate(found.ranked):
         answer = _answer(problem, start, replace(request, options=remaining(options, begin)))
         tried = tried or (answer, i)
-        if answer.minimum or answer.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
+        # On the ranking mesh it is settled that the first one is the best, confirmed or not.
+        settled = not start.minimum and _on_mesh_of(problem, start)
+        if answer.minimum or settled or answer.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
             tried = answer, i
             break
     if tried is None:
         answer = _solved(problem, guess, replace(request, options=remaining(options, begin)))
         tried = answer, len(found.ranked)
     answer, i = tried
+    confirmed = [s.cost for s in found.ranked if s.minimum]
+    if answer.status is Status.NOT_VERIFIED and confirmed:
+        message = f"{answer.message}; the best minimum that is confirmed costs {min(confirmed):.6g}"
+        answer = replace(answer, message=message)
     return _with_starts(
         answer,
         starts=len(found.starts),
@@ -231,7 +238,12 @@ def _with_starts(answer: Solution, **known: Any) -> Solution:
     if not s.starts:
         return s
     told = f"{s.found} of {s.starts} starts led to it, "
-    told += f"others to {len(s.others)} others" if s.others else "none to another one"
+    if not s.others:
+        told += "none to another one"
+    elif len(s.others) == 1:
+        told += "others to one other minimum"
+    else:
+        told += f"others to {len(s.others)} other minima"
     if not s.found:
         told = f"none of {s.starts} starts on a coarse mesh led to it"
     return replace(s, message=f"{s.message}; {told}")
@@ -245,11 +257,14 @@ def _given(problem: Problem, guess: Given) -> dict[str, Array]:
     return {"given": on_mesh(coarse_of(problem), problem, x)}
 
 
+def _on_mesh_of(problem: Problem, solution: Solution) -> bool:
+    return tuple(p.steps for p in solution.phases) == problem.phase_steps
+
+
 def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
     """The solution from a minimum on the ranking mesh: itself where that is the problem's."""
-    same = tuple(p.steps for p in start.phases) == problem.phase_steps
-    checked_too = request.verify or not request.ranks_checked
-    if same and start.method == request.method.name and checked_too:
+    as_asked = request.verify == request.ranks_checked and start.method == request.method.name
+    if _on_mesh_of(problem, start) and as_asked and request.options.progress is None:
         return start
     return _solved(problem, start, request)
 

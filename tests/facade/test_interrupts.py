@@ -167,13 +167,13 @@ def test_an_interrupt_is_told_wherever_it_comes(seed: dmoc.Problem) -> None:
             if heard == number:
                 raise KeyboardInterrupt
 
-        return dmoc.solve(problem, "ipm", tolerance=0.05, progress=interrupt).status
+        return dmoc.solve(problem, "ipm", tolerance=0.05, starts=1, progress=interrupt).status
 
     def count(_: Iteration) -> None:
         nonlocal heard
         heard += 1
 
-    dmoc.solve(problem, "ipm", tolerance=0.05, progress=count)
+    dmoc.solve(problem, "ipm", tolerance=0.05, starts=1, progress=count)
     assert heard > 20
     assert {interrupt_at(number) for number in range(1, heard + 1)} == {"interrupted"}
 

@@ -209,7 +209,7 @@ def test_progress_is_told_and_an_interruption_keeps_the_iterate(
         if i.number == 4:
             raise KeyboardInterrupt
 
-    solution = dmoc.solve(seed.but(steps=50), method=method, progress=interrupt)
+    solution = dmoc.solve(seed.but(steps=50), method=method, starts=1, progress=interrupt)
     assert solution.status == "interrupted"
     assert [i.number for i in seen] == [1, 2, 3, 4]
     assert np.isfinite([i.violation for i in seen]).tolist() == [True] * 4
@@ -257,7 +257,7 @@ def test_an_error_in_the_callback_is_not_lost(seed: dmoc.Problem, method: str) -
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        dmoc.solve(seed.but(steps=20), method=method, progress=fail)
+        dmoc.solve(seed.but(steps=20), method=method, starts=1, progress=fail)
 
 
 @pytest.mark.parametrize(("method", "package"), [("ipopt", "ipyopt"), ("uno", "unopy")])

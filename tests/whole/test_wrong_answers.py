@@ -74,7 +74,7 @@ def random_arm(seed: int, order: int, steps: int) -> dmoc.Problem:
 def test_a_collision_obeys_the_law_of_impact(seed: int, order: int) -> None:
     """w+ = -e w-."""
     problem = random_arm(seed, order, 40 if order == 2 else 20)
-    solution = dmoc.solve(problem, "ipm")
+    solution = dmoc.solve(problem, "ipm", starts=1)
     (hit,) = solution.collisions
     assert solution.status == "solved" and not hit.grazes
     assert hit.rate_before > 0 >= hit.rate_after
@@ -88,7 +88,7 @@ def test_a_collision_obeys_the_law_of_impact(seed: int, order: int) -> None:
 def test_a_collision_without_effect_is_called_a_graze(seed: int, order: int) -> None:
     """The optimum would rather not collide: it touches, and says so."""
     problem = random_arm(seed, order, 40 if order == 2 else 20)
-    solution = dmoc.solve(problem, "ipm")
+    solution = dmoc.solve(problem, "ipm", starts=1)
     (hit,) = solution.collisions
     assert solution.status == "grazes" and hit.grazes and not solution.solved
     assert hit.impulse == 0 and "collision 1 (stop) has no effect" in solution.message
@@ -106,14 +106,17 @@ def test_a_graze_needs_no_more_than_the_motion_that_may_touch() -> None:
     """A touch costs what the same problem costs with a tangential contact, and more than without
     any."""
     problem = random_arm(22, 4, 20)
-    touching, free = dmoc.solve(problem, "ipm"), dmoc.solve(problem.but(sequence=()), "ipm")
+    touching, free = (
+        dmoc.solve(problem, "ipm", starts=1),
+        dmoc.solve(problem.but(sequence=()), "ipm"),
+    )
     assert free.solved and touching.status == "grazes" and touching.cost > free.cost
 
 
 def test_a_motion_that_grazes_is_a_start_like_any_other() -> None:
     """Its multipliers belong to another program than the one that a solve begins with."""
     problem = random_arm(22, 4, 20)
-    grazing = dmoc.solve(problem, "ipm")
+    grazing = dmoc.solve(problem, "ipm", starts=1)
     again = dmoc.solve(
         problem.but(parameters={**problem.parameters, "m1": problem.parameters["m1"] * 1.01}),
         "ipm",
@@ -315,7 +318,7 @@ def acrobot(steps: int) -> dmoc.Problem:
 def test_an_unstable_motion_is_weighed_with_its_amplification_and_a_coarse_one_is_not_excused() -> (
     None
 ):
-    fine = dmoc.solve(acrobot(200), "ipm")
+    fine = dmoc.solve(acrobot(200), "ipm", starts=1)
     assert fine.solved, fine.message
     check = fine.verify()
     assert check.passed and check.amplification > 1000
@@ -323,7 +326,7 @@ def test_an_unstable_motion_is_weighed_with_its_amplification_and_a_coarse_one_i
         check.terminal_error > 0.25
         and "the motion is unstable: it amplifies errors" in fine.message
     )
-    coarse = dmoc.solve(acrobot(12), "ipm")
+    coarse = dmoc.solve(acrobot(12), "ipm", starts=1)
     assert coarse.status == "not_verified" and "too coarse" in coarse.message
 
 
