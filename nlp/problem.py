@@ -290,8 +290,8 @@ class Problem:
     def _normalise_steps(self) -> None:
         given = self.steps
         if given is None:
-            return
-        if isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, (str, bytes)):
+            pass
+        elif isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, (str, bytes)):
             values = tuple(
                 whole(n, f"steps of phase {i}", 2, MOST_STEPS, unit=IN_PHASE)
                 for i, n in enumerate(listed(given, "steps", "numbers"))
@@ -307,8 +307,9 @@ class Problem:
         unknowns = sum(self.phase_steps) * (self.nq + self.nu) * self.scheme.degree
         if unknowns > MOST_UNKNOWNS:
             raise ProblemError(
-                f"steps = {shown(given)} makes {unknowns} unknowns in {self.phases} phases: "
-                f"expected at most {MOST_UNKNOWNS}, more would not fit in memory; take fewer steps."
+                f"steps = {shown(given or max(self.phase_steps))} makes {unknowns} unknowns in "
+                f"{self.phases} phases: expected at most {MOST_UNKNOWNS}, more would not fit in "
+                "memory; take fewer steps."
             )
 
     def _normalise_periodic(self) -> None:

@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.exploration import Effort, Exploration, Start, coarse_of, explored
 from dmoc.solving.result import without_effect
 from dmoc.solving.solve import solve
+from dmoc.solving.starts import Given
 
 # Automatic guesses beside the parent's motion, and minima that are refined at most.  Random starts
 # are tried where none of these has led to a minimum: on the seed's 63 sequences of at most 5
@@ -78,21 +80,25 @@ def _from_parent(task: Task) -> Node:
     """Solve from the parent's motion, else from the automatic guesses, by a method that needs no
     compiled kernels."""
     starts: list[Start] = []
+    deadline = _deadline(task)
     given: list[tuple[str, Array | None]] = [("automatic", None)]
     if task.parent is not None:
         given.insert(0, ("parent", extended(task.parent, task.problem)))
     for name, x in given:
-        s = solve(task.problem, task.method, guess=x, seconds=task.seconds)
+        s = _solved(task.problem, task.method, x, deadline)
         starts.append(Start(name, s.status, s.cost if s.converged else None))
         if s.converged:
             return replace(_node(task, [s]), starts=tuple(starts))
+        if time.perf_counter() > deadline:
+            return _late(task, starts)
     evidence = (f"no start came to an answer ({_told(starts)})",)
     return Node(task.sequence, Verdict.FAILED, evidence=evidence, starts=tuple(starts))
 
 
 def _explored(task: Task) -> Node:
     """Solve from the best of some starts on a coarse mesh, the parent's motion among them."""
-    begin, coarse = time.perf_counter(), coarse_of(task.problem)
+    begin, deadline = time.perf_counter(), _deadline(task)
+    coarse = coarse_of(task.problem)
     points = {} if task.parent is None else {"parent": extended(task.parent, coarse)}
     effort = Effort(
         0,
@@ -102,6 +108,7 @@ def _explored(task: Task) -> Node:
         leading=0.0,
         refined=1,
         most_refined=MOST_REFINED,
+        settles=False,
         widens=False,
         iterations=ITERATIONS,
         guesses=GUESSES,
@@ -111,22 +118,53 @@ def _explored(task: Task) -> Node:
         found = explored(task.problem, effort, task.seed, options, points=points)
     solutions = list(found.ranked)
     if not solutions:
+        # The starts have half of the time.
         if task.seconds is not None and time.perf_counter() - begin > task.seconds / 2:
-            return Node(
-                task.sequence,
-                Verdict.FAILED,
-                evidence=(f"the limit of {task.seconds:g} s was reached",),
-                starts=(*found.starts, Start("rest", Status.TIME_LIMIT, None)),
-            )
-        rest = _without_minimum(task, coarse, found)
+            return _late(task, found.starts)
+        try:
+            rest = _without_minimum(task, coarse, found, deadline)
+        except _TimeIsUp:
+            return _late(task, found.starts)
         if isinstance(rest, Node):
             return rest
         solutions = [rest]
     if task.method != solutions[0].method:
-        driven = solve(task.problem, task.method, guess=solutions[0], seconds=task.seconds)
+        driven = _solved(task.problem, task.method, solutions[0], deadline)
         solutions = [driven, *solutions[1:]] if driven.converged else solutions
     minima = sorted({s.cost for s in solutions} | {m.cost for m in found.coarse})
     return replace(_node(task, solutions), starts=found.starts, minima=tuple(minima))
+
+
+class _TimeIsUp(Exception):  # noqa: N818 - it is an answer
+    """The limit of a node was reached."""
+
+
+def _deadline(task: Task) -> float:
+    """When a node that begins now is over its time, on the clock of ``time.perf_counter``."""
+    return np.inf if task.seconds is None else time.perf_counter() + task.seconds
+
+
+def _left(deadline: float) -> float | None:
+    """Seconds until a deadline; None where there is none."""
+    return None if np.isinf(deadline) else max(deadline - time.perf_counter(), 1e-9)
+
+
+def _late(task: Task, starts: Sequence[Start]) -> Node:
+    """The node of a task that is over its time, which leaves some starts untried."""
+    return Node(
+        task.sequence,
+        Verdict.FAILED,
+        evidence=(f"the limit of {task.seconds:g} s was reached",),
+        starts=(*starts, Start("rest", Status.TIME_LIMIT, None)),
+    )
+
+
+def _solved(problem: Problem, method: str, guess: Given, deadline: float, **more: Any) -> Solution:
+    """Solve until a deadline; Ctrl-C, which ends a solve with a status, ends the search too."""
+    s = solve(problem, method, guess=guess, seconds=_left(deadline), **more)
+    if s.status == Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return s
 
 
 def _node(task: Task, solutions: Sequence[Solution]) -> Node:
@@ -190,17 +228,28 @@ def extended(parent: Solution, problem: Problem) -> Array:
     )
 
 
-def _without_minimum(task: Task, coarse: Problem, found: Exploration) -> Node | Solution:
+def _without_minimum(
+    task: Task, coarse: Problem, found: Exploration, deadline: float
+) -> Node | Solution:
     """Why no start has led to a minimum: infeasible, unreachable; or a solution from the feasible
-    motion that the search for the reason has found."""
+    motion that the search for the reason has found.
+
+    Raises
+    ------
+    _TimeIsUp
+        If the deadline comes before the answer.
+    """
     starts = f"no motion was found from {len(found.starts)} starts ({_told(found.starts)})"
     node = Node(task.sequence, Verdict.INFEASIBLE, starts=found.starts)
-    whole = _least(coarse)
+    whole = _least(coarse, deadline)
     if whole.violation <= INFEASIBLE:
-        on_coarse = solve(coarse, "ipm", guess=whole.x, iterations=MOST_ITERATIONS, verify=False)
-        fine = solve(task.problem, "ipm", guess=on_coarse, iterations=MOST_ITERATIONS)
+        most = MOST_ITERATIONS
+        on_coarse = _solved(coarse, "ipm", whole.x, deadline, iterations=most, verify=False)
+        fine = _solved(task.problem, "ipm", on_coarse, deadline, iterations=most)
         if fine.converged:
             return fine
+        if time.perf_counter() > deadline:
+            raise _TimeIsUp
         why = (
             f"{starts}; one of {max(coarse.phase_steps)} steps a phase obeys all conditions, "
             f"from which none of {max(task.problem.phase_steps)} was found: {fine.message}"
@@ -214,18 +263,21 @@ def _without_minimum(task: Task, coarse: Problem, found: Exploration) -> Node | 
         # matter.
         start = dict.fromkeys(coarse.periodic) | dict(coarse.start)
         latest = (None, coarse.final_time_bounds[1])
-        there = _least(coarse.but(start=start, goal={}, periodic=(), final_time=latest))
+        there = _least(coarse.but(start=start, goal={}, periodic=(), final_time=latest), deadline)
         if there.violation > INFEASIBLE and there.least:
             evidence = (starts, *there.sentences)
             return replace(node, verdict=Verdict.UNREACHABLE, evidence=evidence)
     return replace(node, evidence=evidence)
 
 
-def _least(problem: Problem) -> Diagnosis:
+def _least(problem: Problem, deadline: float) -> Diagnosis:
     """The least violation from any of the automatic guesses."""
     found: list[Diagnosis] = []
-    for guess in initial_guesses(problem):
-        found.append(diagnose(problem, scale_of(problem, guess.x), guess.x, Options()))
+    for guess in initial_guesses(problem, deadline):
+        options = Options(seconds=_left(deadline))
+        found.append(diagnose(problem, scale_of(problem, guess.x), guess.x, options))
         if found[-1].violation <= INFEASIBLE:
             return found[-1]
+        if time.perf_counter() > deadline:
+            raise _TimeIsUp
     return min(found, key=lambda d: (not d.least, d.violation))

@@ -180,6 +180,10 @@ class Processes:
                     )
             except BrokenProcessPool:  # a worker died between two tasks
                 return True
+            except OSError:  # and its pool is being closed, just when it was to start another one
+                if not getattr(self.pool, "_broken", False):
+                    raise
+                return True
             source.popleft()
         return False
 

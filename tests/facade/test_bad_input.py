@@ -278,7 +278,7 @@ def problem_cases() -> Iterator[Case]:
         yield case("periodic", value)
     yield case("periodic", {"x": "-x"}, "mapping")
     for value in (
-        *NO_WHOLE[:-3],
+        *(v for v in NO_WHOLE[:-3] if v is not None),
         1,
         10**9,
         [10, 10],
@@ -362,6 +362,10 @@ def solve_cases() -> Iterator[Case]:
         yield case(option, None)
     for value in NO_WHOLE:
         yield case("iterations", value)
+        if value is not None:
+            yield case("starts", value)
+    for value in NO_WHOLE[1:]:
+        yield case("seed", value)
     for option in ("method", "form"):
         for value in (
             "newton",
@@ -449,7 +453,6 @@ def search_cases() -> Iterator[Case]:
     for value in (0, -1.0):
         yield case("seconds", value)
         yield case("node_seconds", value)
-    yield case("node_seconds", None)
     yield case("shortest_phase", -1e-9)
     for option in ("strategy", "method"):
         for value in ("deep", "", None, 5, True, b"ipm", ["ipm"], np.array(["ipm", "beam"])):
@@ -618,6 +621,7 @@ def test_what_does_not_fit_is_refused_in_one_sentence_that_names_it(
         ({"steps": np.int64(4)}, {"steps": 4}),
         ({"steps": np.array([4])}, {"steps": 4}),
         ({"steps": range(4, 5)}, {"steps": [4]}),
+        ({"steps": None}, {"steps": 100}),  # of the first mesh
         ({"periodic": [X.diff(T)]}, {"periodic": ["x_dot"]}),
         ({"durations": np.array([[0.5, 1.0]])}, {"durations": [(0.5, 1)]}),
         ({"durations": (d for d in [1])}, {"durations": [(1.0, 1.0)]}),
@@ -650,10 +654,26 @@ def test_what_has_one_meaning_is_taken(
         assert getattr(given, name) == getattr(plain, name)
 
 
-def test_a_system_serves_as_its_kernels_of_order_two(block: Kernels) -> None:
-    problem = dmoc.Problem(block_system(), start={"x": 0.0})  # type: ignore[arg-type]
-    assert problem.order == 2
-    assert problem.kernels.manifest["fingerprint"] == block.manifest["fingerprint"]
+def test_a_system_serves_as_its_kernels_of_order_two_with_steps_and_four_without(
+    block: Kernels,
+) -> None:
+    def of_system(**fields: Any) -> dmoc.Problem:
+        return dmoc.Problem(block_system(), start={"x": 0.0}, **fields)  # type: ignore[arg-type]
+
+    fourth = dmoc.build(block_system(), order=4)
+    assert fourth.manifest["fingerprint"] != block.manifest["fingerprint"]
+    for fields, kernels in (
+        ({"steps": 4}, block),
+        ({"controls": "linear"}, block),  # of order 2 alone
+        ({"steps": 4, "controls": "constant"}, block),
+        ({}, fourth),
+        ({"controls": "constant"}, fourth),
+        ({"controls": "stages"}, fourth),
+    ):
+        problem = of_system(**fields)
+        assert problem.order == kernels.manifest["order"]
+        assert problem.kernels.manifest["fingerprint"] == kernels.manifest["fingerprint"]
+    assert of_system().steps is None and of_system().phase_steps == (50,)
     with pytest.raises(ProblemError, match="the start of x is not given"):
         dmoc.Problem(block_system())  # type: ignore[arg-type]
 

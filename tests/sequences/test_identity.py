@@ -23,7 +23,7 @@ SETTINGS = Settings(
     workers=1,
     executor=None,
     seconds=None,
-    node_seconds=60.0,
+    node_seconds=None,
     max_nodes=None,
     shortest_phase=0.01,
     journal=None,
@@ -102,6 +102,12 @@ def test_the_same_problem_in_other_words_has_the_same_journal(problem: dmoc.Prob
         sequence=["left"],
     )
     budget = replace(
-        SETTINGS, max_collisions=5, strategy="beam", workers=3, seconds=1.0, resume=True
+        SETTINGS,
+        max_collisions=5,
+        strategy="beam",
+        workers=3,
+        seconds=1.0,
+        node_seconds=60.0,
+        resume=True,
     )
     assert identity(same, budget) == identity(problem, SETTINGS)

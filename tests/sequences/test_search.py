@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,10 @@ from dmoc.nlp.layout import Layout
 from dmoc.sequences.engine import Progress, SearchResult
 from dmoc.sequences.inner import extended
 from dmoc.sequences.nodes import Verdict
+from dmoc.solvers.outcome import Status
+from dmoc.solving import exploration
+from dmoc.solving.attempts import Attempt
+from dmoc.solving.side_by_side import attempts_from
 
 pytestmark = pytest.mark.slow
 
@@ -63,18 +68,18 @@ def test_the_best_sequence_is_that_of_the_closed_form(
 
 
 def test_nodes_cost_what_a_separate_solve_costs(table: dmoc.Problem, found: SearchResult) -> None:
+    """Its mesh is that of the exploration: the automatic guess costs what it costs alone."""
     for node in found.nodes[:21:3]:
         durations = [(0.02, None)] * (len(node.sequence) + 1) if node.sequence else None
-        alone = dmoc.solve(
-            table.but(sequence=node.sequence, durations=durations),
-            "ipm",
-            iterations=200,
-            verify=False,
-        )
-        automatic = next(s for s in node.starts if s.name == "automatic")
+        problem = table.but(sequence=node.sequence, durations=durations)
+        alone = dmoc.solve(problem, "ipm", starts=1, verify=False)
+        automatic = next(s for s in node.starts if s.name == "automatic 1")
         assert alone.status == automatic.status == "solved"
         assert automatic.cost == pytest.approx(alone.cost, rel=1e-9)
         assert node.cost is not None and node.cost <= alone.cost * (1 + 1e-9)
+        best = dmoc.solve(problem, "ipm")
+        assert best.converged and best.minimum == (node.verdict is not Verdict.UNVERIFIED)
+        assert node.cost == pytest.approx(best.cost, rel=1e-9)
 
 
 def test_every_node_has_evidence(found: SearchResult) -> None:
@@ -123,7 +128,10 @@ def test_infeasible_is_not_unreachable(block: Kernels) -> None:
         Verdict.UNREACHABLE,
     ]
     assert result.best is None
-    assert ["the goal of x is missed" in n.evidence[0] for n in result.nodes[:2]] == [True, True]
+    for n in result.nodes[:2]:
+        count = len(n.starts)
+        assert n.evidence[0] == f"no motion was found from {count} starts ({count} infeasible)"
+        assert "the goal of x is missed" in n.evidence[1]
 
 
 def test_more_collisions_may_still_pay(seed: dmoc.Problem) -> None:
@@ -134,13 +142,19 @@ def test_more_collisions_may_still_pay(seed: dmoc.Problem) -> None:
     assert any("more may cost less" in note for note in deeper.notes)
 
 
-def test_seeded_starts_show_minima(table: dmoc.Problem) -> None:
-    a, b = (dmoc.search(table, 1, starts=2, seed=3, surfaces=["east"]) for _ in range(2))
-    assert outline(a) == outline(b)
-    assert [s.name for s in a.nodes[1].starts if s.name.startswith("seeded")] == [
-        "seeded 1",
-        "seeded 2",
-    ]
+def test_starts_have_names_and_random_ones_come_where_others_lead_nowhere(
+    table: dmoc.Problem, weak: dmoc.Problem
+) -> None:
+    easy = dmoc.search(table, 1, starts=2, surfaces=["east"])
+    for node in easy.nodes:
+        names = [s.name for s in node.starts]
+        assert names[: len(node.sequence)] == ["parent"] * len(node.sequence)
+        assert names[len(node.sequence) :] in (["automatic 1"], ["automatic 1", "automatic 2"])
+    unreachable = dmoc.search(weak, 1, starts=2).nodes[1]
+    assert [s.name for s in unreachable.starts][-2:] == ["random 1", "random 2"]
+    assert all(s.status == "infeasible" and s.cost is None for s in unreachable.starts)
+    without = dmoc.search(weak, 1, starts=0).nodes[1]
+    assert without.starts == unreachable.starts[:-2] and without.verdict is Verdict.UNREACHABLE
 
 
 def test_the_parents_motion_is_bent_to_the_surface(table: dmoc.Problem) -> None:
@@ -173,6 +187,36 @@ def test_solutions_can_be_checked_again(found: SearchResult) -> None:
     assert found.best.solution.verify().passed
 
 
+def test_random_starts_find_what_the_others_miss_and_belong_to_a_seed(
+    table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first starts of a node lead nowhere, as at some deep ones of the seed."""
+
+    def astray(*given: Any) -> list[Attempt]:
+        rounds.append(1)
+        found = attempts_from(*given)
+        if len(rounds) > 1:
+            return found
+        failed = Status.INFEASIBLE
+        return [replace(a, outcome=replace(a.outcome, status=failed)) for a in found]
+
+    without = dmoc.search(table, 0).nodes[0]
+    monkeypatch.setattr(exploration, "attempts_from", astray)
+    results: list[SearchResult] = []
+    for number in (3, 3, 4):
+        rounds: list[int] = []
+        results.append(dmoc.search(table, 0, starts=2, seed=number))
+    a, b, other = (outline(r) for r in results)
+    assert a == b != other
+    for (node,) in (r.nodes for r in results):
+        assert node.verdict is Verdict.OPTIMAL
+        assert node.cost == pytest.approx(without.cost, rel=1e-9)
+        *first, one, two = node.starts
+        assert first and all((s.status, s.cost) == ("infeasible", None) for s in first)
+        assert (one.name, two.name) == ("random 1", "random 2")
+        assert "solved" in (one.status, two.status)
+
+
 # Strategies and budgets ---------------------------------------------------------------------------
 
 
@@ -186,6 +230,18 @@ def test_strategies_find_the_same_best_with_fewer_nodes(
     assert result.best is not None and found.best is not None
     assert result.best.sequence == found.best.sequence
     assert len(result.nodes) < len(found.nodes) and not result.complete and result.notes
+
+
+def test_best_first_finds_the_best_of_the_seed_without_looking_at_all(seed: dmoc.Problem) -> None:
+    every = dmoc.search(seed, 4)
+    assert every.complete and len(every.nodes) == 1 + 2 + 4 + 8 + 16
+    few = dmoc.search(seed, 4, strategy="best-first", max_nodes=16)
+    assert len(few.nodes) == 16 and not few.complete and "limit of 16 nodes" in few.notes[0]
+    assert few.best is not None and every.best is not None
+    assert few.best.sequence == every.best.sequence == ("left", "left")
+    assert few.best.cost == every.best.cost == min(n.cost for n in every.nodes if n.cost)
+    known = {n.sequence: n.cost for n in every.nodes}
+    assert all(known[n.sequence] == n.cost for n in few.nodes)
 
 
 def test_budgets_end_the_search_and_keep_the_best(table: dmoc.Problem) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import multiprocessing
 import multiprocessing.connection
+import os
 import signal
 import subprocess
 import sys
 import threading
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+import time
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,20 +20,56 @@ import pytest
 from searches import outline, suicidal
 
 import dmoc
+from dmoc.registry import find
 from dmoc.sequences import inner
 from dmoc.sequences.engine import Progress, SearchResult
 from dmoc.sequences.nodes import Verdict
 from dmoc.solvers.diagnosis import Diagnosis
+from dmoc.solvers.outcome import Status
+from dmoc.solving.exploration import Exploration, Start
+from dmoc.solving.side_by_side import MOST_THREADS, free_threads
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
+# What one start has led to: nothing.
+NOTHING = Exploration((), (), (), (Start("automatic 1", Status.INFEASIBLE, None),))
+
+
+def no_violation(_: dmoc.Problem, __: object, x: np.ndarray, ___: object) -> Diagnosis:
+    """Instead of the search for the least violation: there is none."""
+    return Diagnosis(x, 0.0, True, (), (), ())
 
 
 def test_the_answer_does_not_depend_on_the_workers(table: dmoc.Problem, pair: SearchResult) -> None:
     assert outline(dmoc.search(table, 2, workers=2)) == outline(pair)
     with ThreadPoolExecutor(1) as pool:
         assert outline(dmoc.search(table, 2, executor=pool)) == outline(pair)
+
+
+@pytest.fixture(scope="module")
+def three(seed: dmoc.Problem) -> SearchResult:
+    """All sequences of the source's problem of at most three collisions."""
+    return dmoc.search(seed, 3)
+
+
+def test_verdicts_and_costs_of_the_seed_do_not_depend_on_the_workers(
+    seed: dmoc.Problem, three: SearchResult
+) -> None:
+    assert len(three.nodes) == 15 and three.complete
+    assert {n.verdict for n in three.nodes} == {Verdict.OPTIMAL, Verdict.FEASIBLE}
+    assert all(n.cost is not None and n.attempts == 1 for n in three.nodes)
+    assert outline(dmoc.search(seed, 3, workers=2)) == outline(three)
+
+
+@pytest.mark.parametrize("way", ["spawn", "forkserver"])
+def test_starts_of_a_node_take_threads_where_no_other_worker_has_them(way: str) -> None:
+    assert free_threads() == min(len(os.sched_getaffinity(0)), MOST_THREADS)
+    with ThreadPoolExecutor(1) as threads:
+        assert threads.submit(free_threads).result() == 1
+    processes = multiprocessing.get_context(way)
+    with ProcessPoolExecutor(1, mp_context=processes) as pool:
+        assert pool.submit(free_threads).result() == 1
 
 
 def test_a_worker_that_dies_costs_an_attempt(table: dmoc.Problem, pair: SearchResult) -> None:
@@ -88,10 +126,10 @@ def test_an_error_in_a_node_is_its_answer(
     def fail(*_: Any, **__: Any) -> Any:
         raise ZeroDivisionError("by chance")
 
-    monkeypatch.setattr(inner, "initial_guesses", fail)
+    monkeypatch.setattr(inner, "explored", fail)
     result = dmoc.search(table, 1)
     assert {n.verdict for n in result.nodes} == {Verdict.FAILED} and len(result.nodes) == 5
-    assert "ZeroDivisionError: by chance" in result.nodes[0].evidence[0]
+    assert {n.evidence for n in result.nodes} == {("ZeroDivisionError: by chance",)}
 
 
 class Flaky(Executor):
@@ -123,10 +161,41 @@ def test_a_lost_node_is_tried_once_more_and_then_recorded(table: dmoc.Problem) -
     assert len(twice.nodes) == 5
 
 
-def test_a_node_over_its_time_is_tried_once_more(table: dmoc.Problem) -> None:
-    result = dmoc.search(table, 0, node_seconds=1e-6)
-    assert result.nodes[0].verdict is Verdict.FAILED and result.nodes[0].attempts == 2
-    assert "time_limit" in result.nodes[0].evidence[0]
+@pytest.mark.parametrize(("backend", "method"), [("compiled", "ipm"), ("numpy", "slsqp")])
+def test_a_node_over_its_time_is_tried_once_more(
+    table: dmoc.Problem, backend: str, method: str
+) -> None:
+    kernels = dmoc.build(find("puck_table").system(), backend=backend)
+    problem = table.but(kernels=kernels)
+    (node,) = dmoc.search(problem, 0, node_seconds=1e-6, method=method).nodes
+    assert node.verdict is Verdict.FAILED and node.attempts == 2
+    assert node.evidence == ("the limit of 1e-06 s was reached",)
+    assert node.starts[-1] == Start("rest", Status.TIME_LIMIT, None)
+
+
+def test_the_limit_of_a_node_holds_for_the_search_for_the_reason_too(
+    table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no start leads to a minimum, what is tried next has what is left of the time: here a
+    motion that obeys all conditions, from which every solve takes longer."""
+    problem, seconds = table.but(sequence=["east"], steps=10), 1.0
+    limits: list[float] = []
+
+    def slow(problem: dmoc.Problem, *_: Any, seconds: float | None, **__: Any) -> dmoc.Solution:
+        assert seconds is not None
+        limits.append(seconds)
+        time.sleep(seconds)
+        return replace(unsolved, status=Status.TIME_LIMIT)
+
+    unsolved = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    monkeypatch.setattr(inner, "explored", lambda *_, **__: NOTHING)
+    monkeypatch.setattr(inner, "diagnose", no_violation)
+    monkeypatch.setattr(inner, "solve", slow)
+    node = inner.solve_node(inner.Task(problem, None, "ipm", 0, 0, seconds))
+    assert len(limits) == 2 and 0 < limits[0] < seconds and 0 < limits[1] <= seconds / 100
+    assert node.verdict is Verdict.FAILED
+    assert node.evidence == (f"the limit of {seconds:g} s was reached",)
+    assert node.starts == (*NOTHING.starts, Start("rest", Status.TIME_LIMIT, None))
 
 
 def test_a_cluster_of_two_processes() -> None:
@@ -140,24 +209,37 @@ def test_a_cluster_of_two_processes() -> None:
     assert "2 workers, 21 sequences" in done.stdout and "best: east, west" in done.stdout
 
 
+@pytest.mark.parametrize("at", [1, 2])
 def test_ctrl_c_in_the_solve_after_a_diagnosis_ends_the_search(
-    table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+    table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, at: int
 ) -> None:
-    """Every solve of a node passes an interrupt on, also that from the motion of least
-    violation."""
+    """Every solve of a node passes an interrupt on, also those from the motion of least
+    violation, on the coarse mesh and on that of the problem."""
     problem = table.but(sequence=["east"], steps=10)
-    failed = replace(dmoc.solve(problem, "ipm", verify=False), status="infeasible")
-    diagnosed: list[bool] = []
+    failed = replace(dmoc.solve(problem, "ipm", starts=1, verify=False), status=Status.INFEASIBLE)
+    solves: list[int] = []
 
-    def no_violation(_: dmoc.Problem, __: object, x: np.ndarray, ___: object) -> Diagnosis:
-        diagnosed.append(True)
-        return Diagnosis(x, 0.0, True, (), (), ())
+    def interrupted(*_: Any, **__: Any) -> dmoc.Solution:
+        solves.append(1)
+        return replace(failed, status=Status.INTERRUPTED) if len(solves) == at else failed
 
+    monkeypatch.setattr(inner, "explored", lambda *_, **__: NOTHING)
     monkeypatch.setattr(inner, "diagnose", no_violation)
-    monkeypatch.setattr(
-        inner,
-        "solve",
-        lambda *_, **__: replace(failed, status="interrupted") if diagnosed else failed,
-    )
+    monkeypatch.setattr(inner, "solve", interrupted)
     with pytest.raises(KeyboardInterrupt):
         inner.solve_node(inner.Task(problem, None, "ipm", 0, 0, 10.0))
+    assert len(solves) == at
+
+
+@pytest.mark.parametrize("backend", ["compiled", "numpy"])
+def test_ctrl_c_in_the_solve_by_another_method_ends_the_search(
+    table: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, backend: str
+) -> None:
+    """That method begins with the minimum of the exploration, or alone without a compiler."""
+    system = find("puck_table").system()
+    problem = table.but(kernels=dmoc.build(system, backend=backend), sequence=["east"], steps=10)
+    solved = dmoc.solve(problem, "slsqp", starts=1, verify=False)
+    interrupted = replace(solved, status=Status.INTERRUPTED)
+    monkeypatch.setattr(inner, "solve", lambda *_, **__: interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        inner.solve_node(inner.Task(problem, None, "slsqp", 0, 0, None))
