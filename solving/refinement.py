@@ -162,7 +162,7 @@ def _why_not_finer(past: History, steps: int, late: bool) -> str:
     """What speaks against a mesh of so many steps a phase."""
     contradicted = [s for s in past.solved if s.status is Status.NOT_VERIFIED]
     if len(contradicted) > CONTRADICTED and contradicted[-1].verification:
-        message = contradicted[-1].verification["message"]
+        message = contradicted[-1].verification["message"].removesuffix(", take more steps")
         return f"the simulation contradicts finer and finer meshes ({message})"
     before = past.meshes[-1 - IDLE_MESHES : -1]
     if len(past.meshes) > IDLE_MESHES and past.meshes[-1].estimate >= max(

@@ -228,7 +228,9 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
         starts=len(found.starts),
         found=found.found[i] if i < len(found.found) else 0,
         others=found.others(i),
-        seconds={**answer.seconds, "explore": spent},
+        seconds={"build": problem.kernels.seconds, "explore": spent}
+        | {"guess": 0.0, "solve": 0.0}
+        | dict(answer.seconds),
     )
 
 
@@ -245,7 +247,9 @@ def _with_starts(answer: Solution, **known: Any) -> Solution:
     else:
         told += f"others to {len(s.others)} other minima"
     if not s.found:
-        told = f"none of {s.starts} starts on a coarse mesh led to it"
+        told = f"none of {s.starts} starts on a coarse mesh led to a motion"
+        if s.others:
+            told = f"{s.starts} starts led to {len(s.others)} minima on a coarse mesh alone"
     return replace(s, message=f"{s.message}; {told}")
 
 
