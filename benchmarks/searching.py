@@ -20,7 +20,8 @@ def compare(quick: bool) -> Section:
         "Search over sequences",
         "The seed's problem, both limiters, N = 100 in each phase, method `ipm`: every sequence "
         "up to a depth, on a coarse mesh from its parent's motion, automatic guesses and random "
-        "motions, the best one refined and confirmed by simulation. Failed: sequences without a verdict, their solves having met a limit or an "
+        "motions, the best one refined and confirmed by simulation. Failed: sequences without a "
+        "verdict, their solves having met a limit or an "
         "error. Other answers: sequences whose verdict or cost is another than with one worker.",
         [
             "collisions, at most",
