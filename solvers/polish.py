@@ -12,6 +12,7 @@ import warnings
 
 import numpy as np
 import scipy.sparse
+import scipy.sparse.csgraph
 import scipy.sparse.linalg
 
 from dmoc.codegen.kernels import Array
@@ -99,6 +100,9 @@ def _newton_step(
     A, G, H = A[:, free], G[:, free], H[free][:, free]
     system = scipy.sparse.bmat([[H, A.T, -G.T], [A, None, None], [G, None, None]], format="csc")
     right = -np.concatenate([slope[free], nlp.equality(x), nlp.inequality(x)[rows]])
+    # SuperLU can end the process where the pattern alone makes a matrix singular.
+    if scipy.sparse.csgraph.structural_rank(system) < len(right):
+        return None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")

@@ -59,3 +59,10 @@ def boundary(start: tuple[float, ...], goal: tuple[float, ...]) -> Mapping[str, 
         "start": dict(zip(names, start, strict=True)),
         "goal": dict(zip(names, goal, strict=True)),
     }
+
+
+@pytest.mark.slow
+def test_a_singular_pattern_ends_no_process() -> None:
+    """More limits are active than the free unknowns can keep, and SuperLU would crash."""
+    rung = next(r for r in RUNGS if r.name.startswith("flying robot"))
+    assert dmoc.solve(rung.make(200, 2), "slsqp").cost == pytest.approx(20.0, rel=1e-6)
