@@ -12,7 +12,6 @@ import warnings
 
 import numpy as np
 import scipy.sparse
-import scipy.sparse.csgraph
 import scipy.sparse.linalg
 
 from dmoc.codegen.kernels import Array
@@ -98,14 +97,21 @@ def _newton_step(
     H = (upper + scipy.sparse.triu(upper, 1).T).tocsr()
     slope = nlp.lagrangian_gradient(x, y, w)
     A, G, H = A[:, free], G[:, free], H[free][:, free]
-    system = scipy.sparse.bmat([[H, A.T, -G.T], [A, None, None], [G, None, None]], format="csc")
+    system = scipy.sparse.bmat([[H, A.T, -G.T], [A, None, None], [G, None, None]], format="coo")
     right = -np.concatenate([slope[free], nlp.equality(x), nlp.inequality(x)[rows]])
-    # SuperLU can end the process where the pattern alone makes a matrix singular.
-    if scipy.sparse.csgraph.structural_rank(system) < len(right):
-        return None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            return np.asarray(scipy.sparse.linalg.splu(system).solve(right))
+            return np.asarray(scipy.sparse.linalg.splu(_with_diagonal(system)).solve(right))
     except (RuntimeError, Warning):
         return None
+
+
+def _with_diagonal(matrix: scipy.sparse.coo_matrix) -> scipy.sparse.csc_matrix:
+    """The same matrix with its whole diagonal stored, zeros as well: SuperLU can end the process
+    where the pattern alone makes a matrix singular, and with this pattern only numbers can."""
+    n = matrix.shape[0]
+    diagonal = np.arange(n)
+    entries = np.concatenate([matrix.data, np.zeros(n)])
+    places = np.concatenate([matrix.row, diagonal]), np.concatenate([matrix.col, diagonal])
+    return scipy.sparse.coo_matrix((entries, places), shape=matrix.shape).tocsc()

@@ -47,15 +47,19 @@ ON_EQUATIONS = 1e-8
 
 
 def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
-    """Minimise from x on the condensed program; multipliers of a neighbouring solution do not
-    serve."""
+    """Minimise from x on the condensed program.
+
+    Multipliers tell whether x is a solution already, which stays one where the first run of SLSQP
+    finds nothing better; where x is none they do not serve."""
+    known = duals if duals is not None and meets(residuals(nlp, x, duals), options) else None
     x = np.clip(x, nlp.lower, nlp.upper)
+    given, given_cost = x, nlp.cost(x)
     tally = Tally(nlp, options, x)
     descent = Descent(nlp, x)
     restorations = 0
     try:
         x = _completed(descent, x)
-        watch = Watch(IDLE_RUNS)
+        watch = Watch(IDLE_RUNS, options.violation)
         while True:
             before = nlp.cost(x)
             x, found, converged = _round(descent, x, tally)
@@ -65,6 +69,9 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
             tally.consider(x, nlp.cost(x), found.violation)
             if meets(found, options):
                 return _outcome(descent, Status.SOLVED, "", x, tally)
+            better = found.violation <= HELD and nlp.cost(x) < given_cost - SLOW * abs(given_cost)
+            if known is not None and not better:
+                return Ending(Status.SOLVED, "", given, known, tally.count)
             if watch.progressing(found.violation, nlp.cost(x)):
                 continue
             if found.violation <= options.violation:
@@ -76,7 +83,7 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
             if restorations == RESTORATIONS or least > INFEASIBLE:
                 detail = "least violation: " + "; ".join(worst_constraints(nlp, x))
                 return _outcome(descent, Status.STALLED, detail, x, tally)
-            restorations, watch = restorations + 1, Watch(IDLE_RUNS)
+            restorations, watch = restorations + 1, Watch(IDLE_RUNS, options.violation)
             descent.forget_multipliers()
     except Stop as stop:
         return _outcome(descent, stop.status, "", tally.best, tally)

@@ -64,16 +64,18 @@ class Tally:
 
 
 class Watch:
-    """Tells whether the iterates still get somewhere: towards the constraints, or, once they hold,
-    to lower cost; ``patience`` of them in a row may get nowhere."""
+    """Tells whether the iterates still get somewhere: towards the constraints until these are held
+    to a tolerance, or, once they nearly hold, to lower cost; ``patience`` of them in a row may get
+    nowhere."""
 
-    def __init__(self, patience: int) -> None:
-        self.patience = patience
+    def __init__(self, patience: int, tolerance: float) -> None:
+        self.patience, self.tolerance = patience, tolerance
         self.violation, self.cost, self.idle = np.inf, np.inf, 0
 
     def progressing(self, violation: float, cost: float) -> bool:
         held = violation <= HELD
-        better = violation < 0.9 * self.violation or (
+        nearer = violation < 0.9 * self.violation and self.violation > self.tolerance
+        better = nearer or (
             held and cost < self.cost - 1e-7 * max(1.0, abs(cost))
         )
         self.violation = min(violation, self.violation)

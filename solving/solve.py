@@ -266,11 +266,26 @@ def _on_mesh_of(problem: Problem, solution: Solution) -> bool:
 
 
 def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
-    """The solution from a minimum on the ranking mesh: itself where that is the problem's."""
-    as_asked = request.verify == request.ranks_checked and start.method == request.method.name
-    if _on_mesh_of(problem, start) and as_asked and request.options.progress is None:
-        return start
-    return _solved(problem, start, request)
+    """The solution from a minimum on the ranking mesh: itself where that is the problem's.
+
+    SLSQP gets a minimum on the problem's own mesh: from others it may take many of its dense
+    iterations to a point that is flat, as the switches of inputs at their limits are.
+    """
+    method, begin = request.method, time.perf_counter()
+    as_asked = request.verify == request.ranks_checked and start.method == method.name
+    if _on_mesh_of(problem, start):
+        given = as_asked and request.options.progress is None
+        return start if given else _solved(problem, start, request)
+    if method.falls_back_on:
+        silent = replace(request.options, progress=None)
+        compiled = METHODS[method.falls_back_on]
+        refined = _solved(
+            problem, start, replace(request, method=compiled, options=silent, verify=False)
+        )
+        if refined.status is Status.INTERRUPTED:
+            return refined
+        start = refined if refined.minimum else start
+    return _solved(problem, start, replace(request, options=remaining(request.options, begin)))
 
 
 def _solved(problem: Problem, guess: Given, request: Request) -> Solution:
