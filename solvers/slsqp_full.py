@@ -51,7 +51,7 @@ def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = 
 def _run(nlp: Transcription, x: Array, tally: Tally) -> tuple[Array, Array, Array]:
     """One run of SLSQP in the free unknowns; return x and the multipliers of c and d."""
     free = np.flatnonzero(nlp.lower != nlp.upper)
-    watch = Watch(IDLE_ITERATIONS, options.violation)
+    watch = Watch(IDLE_ITERATIONS, tally.options.violation)
 
     def full(s: Array) -> Array:
         tally.check_time()
