@@ -75,9 +75,7 @@ class Watch:
     def progressing(self, violation: float, cost: float) -> bool:
         held = violation <= HELD
         nearer = violation < 0.9 * self.violation and self.violation > self.tolerance
-        better = nearer or (
-            held and cost < self.cost - 1e-7 * max(1.0, abs(cost))
-        )
+        better = nearer or (held and cost < self.cost - 1e-7 * max(1.0, abs(cost)))
         self.violation = min(violation, self.violation)
         self.cost = min(cost, self.cost) if held else self.cost
         self.idle = 0 if better else self.idle + 1
