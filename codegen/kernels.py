@@ -74,6 +74,10 @@ class Kernels:
         return list(self.manifest["surfaces"])
 
     @property
+    def tangents(self) -> list[str]:
+        return list(self.manifest["tangents"])
+
+    @property
     def parameters(self) -> dict[str, float | None]:
         return dict(self.manifest["parameters"])
 

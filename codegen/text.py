@@ -151,6 +151,7 @@ def _legend(model: ModelSpec) -> list[str]:
         "q": "coordinates",
         "u": "inputs",
         "g": "surfaces",
+        "tau": "tangents",
         "r_d": "path_constraints",
         "par": "parameters",
     }

@@ -31,6 +31,9 @@ MATRICES = {
     "M_D": "dynamics_jac",
     "F_D": "dynamics_jac",
     "g_D": "surface_jac",
+    "gamma_D": "gap_rate_jac",
+    "tau_D": "tangent_jac",
+    "sigma_D": "slide_rate_jac",
     "p_D": "momentum_jac",
     "C_d_D": "step_jac",
     "r_d_D": "path_jac",
@@ -74,6 +77,11 @@ class Model:
     def nc(self) -> int:
         """Number of surfaces."""
         return len(self.kernels.surfaces)
+
+    @cached_property
+    def nt(self) -> int:
+        """Number of tangents."""
+        return len(self.kernels.tangents)
 
     # Equations of motion --------------------------------------------------------------------------
 
@@ -179,6 +187,50 @@ class Model:
         """Change M^-1 n of the velocity by a unit impulse along n, shape (nq,), and n . M^-1 n."""
         change = solved(self.mass(q, t), n)
         return change, float(n @ change)
+
+    def gap_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Second derivatives of the gaps along a motion without acceleration, shape (..., nc)."""
+        return self._bent("gap_rate", "gamma_D", self.nc, q, v, t)
+
+    # Friction -------------------------------------------------------------------------------------
+
+    @cached_property
+    def friction(self) -> Array:
+        """Coefficients mu of surfaces and largest forces of rails, in the order of the tangents,
+        shape (nt,)."""
+        return self.kernels.call("friction", self.par)[0][0] if self.nt else np.zeros(0)
+
+    def tangents(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """Tangential positions tau, shape (..., nt)."""
+        return self._at("tangent", q, _column(t))[0] if self.nt else np.zeros((*q.shape[:-1], 0))
+
+    def tangent_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """Derivatives of the tangential positions with respect to (q, t), shape (..., nt, nq +
+        1)."""
+        if not self.nt:
+            return np.zeros((*q.shape[:-1], 0, self.nq + 1))
+        return self._full("tau_D", self._at("tangent_jac", q, _column(t))[0])
+
+    def slide_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Sliding velocities sigma, shape (..., nt)."""
+        if not self.nt:
+            return np.zeros((*q.shape[:-1], 0))
+        return self._at("slide_rate", q, _rows(v), _column(t))[0]
+
+    def slide_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Second derivatives of the tangential positions along a motion without acceleration, shape
+        (..., nt)."""
+        return self._bent("slide_rate", "sigma_D", self.nt, q, v, t)
+
+    def _bent(
+        self, kernel: str, slopes: str, size: int, q: Array, v: Array, t: ArrayLike
+    ) -> Array:
+        """What a rate changes by along v and with the time."""
+        if not size:
+            return np.zeros((*q.shape[:-1], 0))
+        rate_D = self._full(slopes, self._at(f"{kernel}_jac", q, _rows(v), _column(t))[0])
+        bent = (rate_D[..., : self.nq] @ v[..., None])[..., 0]
+        return np.asarray(bent + rate_D[..., 2 * self.nq])
 
     # Costs ----------------------------------------------------------------------------------------
 

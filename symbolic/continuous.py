@@ -26,7 +26,7 @@ from dmoc.symbolic.system import MechanicalSystem
 @dataclass(frozen=True)
 class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
-    g_j, r_j."""
+    gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -39,6 +39,8 @@ class Continuous:
     Phi: Any
     g: tuple[Any, ...]
     r: tuple[Any, ...]
+    tau: tuple[Any, ...]
+    mu: tuple[Any, ...]
 
     @classmethod
     def of(
@@ -74,6 +76,8 @@ class Continuous:
             rewrite(system.terminal_cost),
             tuple(rewrite(e) for e in system.gaps.values()),
             tuple(rewrite(e) for e in system.path_functions.values()),
+            tuple(rewrite(e) for e in system.tangents.values()),
+            tuple(rewrite(system.friction[name]) for name in system.tangents),
         )
 
     def to_symengine(self) -> Continuous:
@@ -97,6 +101,8 @@ class Continuous:
             convert(self.Phi),
             each(self.g),
             each(self.r),
+            each(self.tau),
+            each(self.mu),
         )
 
 
@@ -179,7 +185,12 @@ def right_hand_side(f: Continuous) -> list[Any]:
 
 def gap_rates(f: Continuous) -> list[Any]:
     """dg/dt along the motion: grad g . v + the partial derivative with respect to t."""
-    return [dot(gradient(g, f.q), f.v) + g.diff(f.t) for g in f.g]
+    return rates(f, f.g)
+
+
+def rates(f: Continuous, places: Sequence[Any]) -> list[Any]:
+    """Derivatives of functions of (q, t) along the motion."""
+    return [dot(gradient(g, f.q), f.v) + g.diff(f.t) for g in places]
 
 
 def impact_work(f: Continuous, lam: Sequence[Any]) -> tuple[Any, Any]:

@@ -255,6 +255,20 @@ def _continuous_sections(
             "g <= 0; the gradient points out of the admissible set.",
             tuple(equations),
         )
+    if f.tau:
+        equations = []
+        for name, tau, mu in zip(system.tangents, f.tau, f.mu, strict=True):
+            tag = f"{{\\mathrm{{{_escape(name)}}}}}"
+            equations.append(_equation(own, f"tau_{name}", rf"\tau_{tag}", tau))
+            letter, symbol = ("mu", r"\mu") if name in system.surfaces else ("F", "F")
+            equations.append(_equation(own, f"{letter}_{name}", f"{symbol}_{tag}", mu))
+        yield Section(
+            "Friction",
+            "Tangential positions tau. A contact that sticks keeps tau, with a tangential impulse "
+            "|T| <= mu P and P the normal one; one that slides with the sign s has T = -s mu P. A "
+            "rail has the largest force F instead of mu P/h.",
+            tuple(equations),
+        )
 
 
 def _discrete_sections(

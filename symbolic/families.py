@@ -1,6 +1,6 @@
 """From a system to the list of kernels that the numerical layers call.
 
-Letters: ``nq`` coordinates, ``nu`` inputs, ``nc`` surfaces; ``x_k = (q_k, q_kp1, u_k, u_kp1, h,
+Letters: ``nq`` coordinates, ``nu`` inputs, ``nc`` surfaces, ``nt`` tangents; ``x_k = (q_k, q_kp1, u_k, u_kp1, h,
 t_k, q_i)``; ``a_D`` is the derivative of a with respect to the inputs of its kernel before the
 parameters, ``hess`` an upper triangle of second derivatives of a weighted sum.
 """
@@ -25,6 +25,7 @@ from dmoc.symbolic.continuous import (
     input_matrix,
     mass_matrix,
     momenta,
+    rates,
     right_hand_side,
 )
 from dmoc.symbolic.discrete import StepElement, step_element
@@ -32,7 +33,7 @@ from dmoc.symbolic.names import name_of
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 
-FORMAT = 5  # of the facts and the kernel list; a manifest of another format is refused
+FORMAT = 6  # of the facts and the kernel list; a manifest of another format is refused
 
 
 def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
@@ -53,6 +54,7 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
         *_step_kernels(f, e),
         *_state_kernels(f),
         *_surface_kernels(f),
+        *_tangent_kernels(f),
         *_terminal_kernels(f),
         *_feasibility_kernels(f),
     ]
@@ -90,7 +92,7 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
     return {
         "format": FORMAT,
         "order": order,
-        "explicit_time": any(f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r)),
+        "explicit_time": any(f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau)),
         "title": _title(system),
         "coordinates": [name_of(q) for q in system.coordinates],
         "inputs": [name_of(u) for u in system.inputs],
@@ -101,6 +103,11 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
             name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
         ],
         "path_constraints": list(system.path_constraints),
+        "tangents": list(system.tangents),
+        "tangent_coordinates": {
+            name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
+            for name, tau in zip(system.tangents, f.tau, strict=True)
+        },
         "parameters": {
             name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
         },
@@ -262,6 +269,30 @@ def _surface_kernels(f: Continuous) -> list[KernelSpec]:
             (q, v, lam, t),
             {"W_gamma": [rate]},
             par,
+        ),
+    ]
+
+
+def _tangent_kernels(f: Continuous) -> list[KernelSpec]:
+    """Kernels of the tangential positions tau(q, t), of the tangential impulse T . grad tau, and
+    of the coefficients of friction."""
+    if not f.tau:
+        return []
+    q, v, _, t, par = _inputs(f)
+    T = Input.vector("T", len(f.tau))
+    along = gradient(dot(T.symbols, f.tau), f.q)
+    slides = rates(f, f.tau)
+    return [
+        *_family("tangent", "Tangential positions tau.", (q, t), {"tau": f.tau}, par),
+        *_family("slide_rate", "Sliding velocities sigma.", (q, v, t), {"sigma": slides}, par),
+        *_family(
+            "traction", "Tangential impulse s = sum_j T_j grad tau_j.", (q, T, t), {"s": along}, par
+        ),
+        KernelSpec(
+            "friction",
+            "Coefficients of friction of surfaces, largest forces of rails.",
+            (par,),
+            (Output.vector("mu", f.mu),),
         ),
     ]
 

@@ -53,6 +53,14 @@ class MechanicalSystem:
         Unilateral constraints by name, as relations between expressions in q, and in t if they
         move: ``{"left": alpha >= a_min}``.  Each becomes a gap g(q, t) <= 0 whose gradient points
         out of the admissible set.
+    tangents : mapping of str to Expr, optional
+        Tangential positions tau(q, t) of what rubs, by name: ``{"floor": x}`` for the contact with
+        the surface ``floor``, whose point slides with the velocity tau'; the time where the
+        other side moves.  A name that is no surface is a rail or a joint with dry friction.
+    friction : mapping of str to Expr, optional
+        Of each tangent, in parameters alone: Coulomb's coefficient mu of a surface, or the
+        largest friction force F in the direction of tau, in the unit of a force, of a rail or a
+        joint.
     cost : Expr, optional
         Integrand C(q, q', u, t) of the cost.
     terminal_cost : Expr, optional
@@ -90,6 +98,8 @@ class MechanicalSystem:
     units: Mapping[Any, str] = field(default_factory=dict)
     dissipation: Any = 0
     terminal_cost: Any = 0
+    tangents: Mapping[str, Any] = field(default_factory=dict)
+    friction: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -102,6 +112,8 @@ class MechanicalSystem:
             ("path_constraints", '{"speed": v <= 1}'),
             ("forces", "{x: F}"),
             ("units", '{x: "m"}'),
+            ("tangents", '{"floor": x}'),
+            ("friction", '{"floor": 0.5}'),
         ):
             put(self, name, _mapping(getattr(self, name), name, example))
         self._check_names()
@@ -118,6 +130,10 @@ class MechanicalSystem:
         put(self, "dissipation", _expression(self.dissipation, "the dissipation"))
         put(self, "terminal_cost", _expression(self.terminal_cost, "the terminal cost"))
         put(self, "forces", self._normalised_forces())
+        for name, what in (("tangents", "the tangent of"), ("friction", "the friction of")):
+            given = getattr(self, name)
+            put(self, name, {key: _expression(e, f"{what} {key!r}") for key, e in given.items()})
+        self._check_friction()
         self._check_symbols()
         self._check_mass_matrix()
         self._check_relations()
@@ -243,6 +259,8 @@ class MechanicalSystem:
             *(f"{n}:{sp.srepr(g)}" for n, g in self.gaps.items()),
             "|",
             *(f"{n}:{sp.srepr(r)}" for n, r in self.path_functions.items()),
+            "|",
+            *(f"{n}:{sp.srepr(e)}:{sp.srepr(self.friction[n])}" for n, e in self.tangents.items()),
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
@@ -290,17 +308,25 @@ class MechanicalSystem:
                 )
         for name in (*self.surfaces, *self.path_constraints):
             check_name(name, "surface" if name in self.surfaces else "path constraint")
+        rails = [name for name in self.tangents if name not in self.surfaces]
+        for name in rails:
+            check_name(name, "tangent")
         roles = [(q, "coordinate") for q in self.coordinates] + [(u, "input") for u in self.inputs]
         roles += [(s, "parameter") for s in self.parameters] + [
             (s, "surface") for s in self.surfaces
         ]
         roles += [(s, "path constraint") for s in self.path_constraints]
+        roles += [(s, "tangent") for s in rails]
         for symbol, role in roles:
             check_name(name_of(symbol), role)
             if name_of(symbol) == "t":
                 raise ModelError(f"the {role} 't' has the name of the time: choose another name.")
         _check_distinct(
-            [(name_of(s), role) for s, role in roles if role in ("surface", "path constraint")]
+            [
+                (name_of(s), role)
+                for s, role in roles
+                if role in ("surface", "path constraint", "tangent")
+            ]
         )
         derived = [
             (name_of(s), role) for s, role in roles if role in ("coordinate", "input", "parameter")
@@ -321,6 +347,30 @@ class MechanicalSystem:
             forces[q] = _expression(expression, f"the force on {name_of(q)}")
         return forces
 
+    def _check_friction(self) -> None:
+        for name in self.friction:
+            if name not in self.tangents:
+                raise ModelError(
+                    f"{shown(name)} has friction but no tangent: give the tangential position of "
+                    f'its contact, as tangents={{"{name}": x}}.'
+                )
+        for name, tau in self.tangents.items():
+            if name not in self.friction:
+                raise ModelError(
+                    f"{shown(name)} has a tangent but no friction: give its coefficient mu, or, of "
+                    f'a rail, its largest force, as friction={{"{name}": 0.5}}; 0 for none.'
+                )
+            if not _atoms(tau) & set(self.coordinates):
+                raise ModelError(
+                    f"the tangent of {name!r} contains no coordinate: expected a position along "
+                    f"the contact in {_listed(self.coordinates)}."
+                )
+            value = self.friction[name]
+            if value.is_number and value < 0:
+                raise ModelError(
+                    f"the friction of {name!r} is {shown(value)}: expected 0 or a positive number."
+                )
+
     def _check_symbols(self) -> None:
         state = set(self.coordinates) | set(self.velocities)
         time = {dynamicsymbols._t}
@@ -339,6 +389,11 @@ class MechanicalSystem:
         ]
         parts += [
             (f"path constraint {n!r}", r, with_inputs) for n, r in self.path_functions.items()
+        ]
+        place = set(self.coordinates) | set(self.parameters) | time
+        parts += [(f"the tangent of {n!r}", e, place) for n, e in self.tangents.items()]
+        parts += [
+            (f"the friction of {n!r}", e, set(self.parameters)) for n, e in self.friction.items()
         ]
         used: set[Any] = set()
         for where, expression, allowed in parts:
