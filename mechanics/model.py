@@ -222,9 +222,7 @@ class Model:
         (..., nt)."""
         return self._bent("slide_rate", "sigma_D", self.nt, q, v, t)
 
-    def _bent(
-        self, kernel: str, slopes: str, size: int, q: Array, v: Array, t: ArrayLike
-    ) -> Array:
+    def _bent(self, kernel: str, slopes: str, size: int, q: Array, v: Array, t: ArrayLike) -> Array:
         """What a rate changes by along v and with the time."""
         if not size:
             return np.zeros((*q.shape[:-1], 0))

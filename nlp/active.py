@@ -143,6 +143,7 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
 
 
 def _impulses(nlp: Transcription, x: Array) -> Iterator[ActiveBound]:
-    for i, k in enumerate(nlp.layout.index_lam):
-        if x[k] <= NO_IMPULSE:
+    hits = [bool(event.hit) for event in nlp.problem.events]
+    for i in np.flatnonzero(hits):
+        if x[nlp.layout.index_lam[i]] <= NO_IMPULSE:
             yield ActiveBound(BoundKind.IMPULSE, f"{i + 1} ({nlp.problem.sequence[i]})")

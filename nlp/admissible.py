@@ -11,10 +11,13 @@ from dmoc.codegen.kernels import Array
 from dmoc.errors import ProblemError
 
 if TYPE_CHECKING:
+    from dmoc.mechanics.modes import Mode
     from dmoc.nlp.problem import Boundary, Problem
 
 # Share of the gap's largest possible rate below which a state on a surface does not move into it.
 MOVING_INTO = 1e-9
+# Distance of a start from a contact that is closed there, and its rate, relative to their sizes.
+OFF_CONTACT = 1e-6
 
 
 def check_mass_matrix(problem: Problem) -> None:
@@ -65,7 +68,8 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
                 f"the {end} ({state}) lies behind surface {surface!r}, {gaps[j]:g} outside the "
                 f"admissible set g <= 0: move the {end} or the surface."
             )
-        if end == "start" and fixed.all() and gaps[j] >= -rounding[j]:
+        closed = surface in problem.modes[0].closed
+        if end == "start" and fixed.all() and gaps[j] >= -rounding[j] and not closed:
             _check_leaving(problem, at, j, state)
 
 
@@ -91,3 +95,89 @@ def _fixed_velocity(problem: Problem, q: Array) -> Array | None:
     if not (momentum[:, 0] == momentum[:, 1]).all():
         return None
     return problem.model.velocity(q, momentum[:, 0])
+
+
+def check_contacts(problem: Problem) -> None:
+    """Refuse what contacts that last cannot be: of another order, redundant, with a negative
+    friction, or closed at a start that is off them; and a hit with friction."""
+    model, kernels = problem.model, problem.kernels
+    for name, value in zip(kernels.tangents, model.friction, strict=True):
+        if not value >= 0:
+            raise ProblemError(
+                f"the friction of {name!r} is {value:g}: expected 0 or a positive number; check "
+                "the parameters."
+            )
+        hit = any(event.hit == name for event in problem.events)
+        if hit and value > 0:
+            raise ProblemError(
+                f"{name!r} has friction and is hit: an optimal control problem takes contacts with "
+                f"friction that land ('+{name}'), no hits that are released; set its friction to 0 "
+                "or let it land."
+            )
+    if not problem.lasting:
+        return
+    if problem.order != 2:
+        raise ProblemError(
+            f"the kernels are of order {problem.order}: contacts that last are solved with order "
+            "2; build the model with order=2."
+        )
+    _check_start_in_contact(problem)
+    for i, mode in enumerate(problem.modes):
+        _check_independent(problem, i, mode)
+
+
+def _check_start_in_contact(problem: Problem) -> None:
+    """Refuse a fixed start off the contacts that are closed there."""
+    model, mode, q = problem.model, problem.modes[0], problem.start_position
+    position = problem.start_bounds.position
+    fixed = position[:, 0] == position[:, 1]
+    manifest = problem.kernels.manifest
+    v = _fixed_velocity(problem, q) if fixed.all() else None
+    gaps, sizes = model.gaps(q), model.gap_sizes(q)
+    for name in mode.closed:
+        j = problem.kernels.surfaces.index(name)
+        if not fixed[manifest["surface_coordinates"][name]].all():
+            continue
+        if abs(gaps[j]) > OFF_CONTACT * sizes[j]:
+            raise ProblemError(
+                f"contact {name!r} is closed at the start, which is {-gaps[j]:g} off it: move the "
+                "start onto it, or leave a coordinate free."
+            )
+        if v is not None:
+            rate, slope = float(model.gap_rates(q, v)[j]), model.gap_slopes(q)[j]
+            _check_rate(name, "leaves or enters it", rate, slope, v)
+    if v is None:
+        return
+    for name in mode.sticking:
+        j = problem.kernels.tangents.index(name)
+        rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
+        _check_rate(name, "slides", rate, slope, v)
+
+
+def _check_rate(name: str, what: str, rate: float, slope: Array, v: Array) -> None:
+    if abs(rate) > OFF_CONTACT * float(np.abs(slope) @ np.append(np.abs(v), 1.0)):
+        raise ProblemError(
+            f"contact {name!r} is closed at the start, whose velocity {what} ({rate:g} per "
+            "second): give a velocity along the contact, or say how it slides."
+        )
+
+
+def _check_independent(problem: Problem, phase: int, mode: Mode) -> None:
+    """Refuse contacts whose directions depend on each other wherever the motion may be."""
+    model, q = problem.model, problem.start_position
+    rng = np.random.default_rng(0)
+    names = [*mode.closed, *mode.sticking]
+    most = 0
+    for share in (0.0, 0.3, 1.0):
+        at = q + share * problem.reach * rng.standard_normal(problem.nq)
+        normal = model.gap_slopes(at)[[problem.kernels.surfaces.index(n) for n in mode.closed]]
+        along = model.tangent_slopes(at)[[problem.kernels.tangents.index(n) for n in mode.sticking]]
+        slopes = np.vstack([normal, along])[:, :-1] * problem.reach
+        if slopes.size and np.isfinite(slopes).all():
+            most = max(most, int(np.linalg.matrix_rank(slopes)))
+    if most < len(names):
+        raise ProblemError(
+            f"the contacts {', '.join(names)} of phase {phase} are redundant: together they hold "
+            f"{most} of {problem.nq} coordinates, {len(names)} conditions are too many; leave one "
+            "out."
+        )

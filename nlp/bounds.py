@@ -11,6 +11,7 @@ from dmoc.nlp.problem import Problem
 from dmoc.nlp.rows import Goal
 from dmoc.nlp.sizes import Scale
 from dmoc.nlp.surfaces import near_surface
+from dmoc.nlp.tables import NOWHERE
 from dmoc.symbolic.names import momentum_name, velocity_name
 
 # The smallest step that is distinguishable from none, relative to the final time: shorter steps
@@ -61,6 +62,12 @@ def limits(
             box[v] = boundary.velocity
     for unknown, side, limit in _at_contacts(problem, lay, scale, box):
         box[unknown, side] = limit
+    for node, places in zip(lay.collision_nodes, problem.via_bounds, strict=True):
+        at = lay.index_q[node]
+        box[at, 0] = np.maximum(box[at, 0], places[:, 0])
+        box[at, 1] = np.minimum(box[at, 1], places[:, 1])
+    for index in (lay.index_P, lay.index_P_c):
+        box[index[index != NOWHERE], 0] = 0.0
     box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
     box[lay.index_t[:1]] = 0.0
     for goal in goals:
@@ -91,7 +98,10 @@ def _at_contacts(
     """
     found = []
     manifest = problem.kernels.manifest
-    for node, surface in zip(lay.collision_nodes, problem.sequence, strict=True):
+    for node, event in zip(lay.collision_nodes, problem.events, strict=True):
+        surface = event.surface
+        if not surface:
+            continue
         involved = manifest["surface_coordinates"][surface]
         if len(involved) > 1 or surface in manifest["moving_surfaces"]:
             continue

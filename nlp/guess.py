@@ -24,6 +24,7 @@ from dmoc.nlp.march import Choice, March, Planner, resting
 from dmoc.nlp.plan import Plan, end_velocity
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
+from dmoc.nlp.standing import standing
 from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import on_mesh
 
@@ -86,6 +87,10 @@ def initial_guesses(problem: Problem, deadline: float = np.inf) -> tuple[Guess, 
             replace(g, x=on_mesh(problem, few, g.x)) for g in initial_guesses(few, deadline)
         )
     with np.errstate(all="ignore"):
+        if problem.lasting:
+            x = standing(problem, expected_time(problem))
+            lay = Layout.of(problem)
+            return (Guess(x, float(x[lay.index_h] @ np.array(lay.steps)), (), 0, 0.0),)
         return _guesses(problem, deadline)
 
 
@@ -191,7 +196,11 @@ def _final_times(planner: Planner) -> list[float]:
 def natural_time(planner: Planner) -> float:
     """Time that the reaches take at the speeds of the start, at the forces at rest, or at full
     input."""
-    problem = planner.problem
+    return expected_time(planner.problem) or _cheapest_decade(planner)
+
+
+def expected_time(problem: Problem) -> float | None:
+    """What the statement of a problem says of its time, if it does."""
     reach = problem.reach
     q = problem.start_position
     boundary = problem.start_bounds
@@ -206,7 +215,7 @@ def natural_time(planner: Planner) -> float:
             for i in range(problem.nq)
             if np.isfinite(a[i]) and a[i] > 0
         ]
-    return float(np.median(times)) if times else _cheapest_decade(planner)
+    return float(np.median(times)) if times else None
 
 
 def _cheapest_decade(planner: Planner) -> float:

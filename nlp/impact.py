@@ -14,7 +14,8 @@ gamma+ = -e gamma-::
     separation  -gamma(q_c, v_c) >= 0                      where the law does not fix that rate
 
 with the unknown velocities v_a before and v_c after the collision, and W_t, W_gamma of
-:func:`dmoc.symbolic.continuous.impact_work`.
+:func:`dmoc.symbolic.continuous.impact_work`.  A surface that lands obeys the law with e = 0; an
+event without an impact has arrival and departure alone.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Layout, collision_names
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
+from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering, sizes_of
 from dmoc.nlp.terms import Places, Term, like
 from dmoc.symbolic.names import velocity_name
 
@@ -39,32 +40,43 @@ class ImpactLaw:
     Attributes
     ----------
     surfaces : array of int, shape (collisions,)
+        NOWHERE for events without an impact.
     e : array, shape (collisions,)
-        Coefficients of restitution, 0 for touches.
+        Coefficients of restitution, 0 for touches and landings.
     touching : array of bool, shape (collisions,)
         Collisions that touch their surface without an impulse.
+    landing : array of bool, shape (collisions,)
+        Those after which the surface stays closed.
     """
 
     surfaces: Index
     e: Array
     touching: Bools
+    landing: Bools
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout, touching: Index) -> ImpactLaw:
         touches = np.isin(np.arange(len(lay.surfaces)), touching)
-        return cls(
-            lay.surfaces, np.where(touches, 0.0, problem.restitution_values[lay.surfaces]), touches
-        )
+        landing = np.array([bool(event.lands) for event in problem.events], dtype=bool)
+        elastic = ~touches & ~landing & (lay.surfaces != NOWHERE)
+        e = np.zeros(len(lay.surfaces))
+        e[elastic] = problem.restitution_values[lay.surfaces[elastic]]
+        return cls(lay.surfaces, e, touches, landing)
+
+    @property
+    def impact(self) -> Bools:
+        """Events at which something is hit or lands."""
+        return np.asarray(self.surfaces != NOWHERE)
 
     @property
     def plain(self) -> Bools:
-        """Collisions whose law says gamma = 0 after them: plastic ones and touches."""
-        return np.asarray(self.e == 0)
+        """Collisions whose law says gamma = 0 after them: plastic ones, touches and landings."""
+        return np.asarray((self.e == 0) & self.impact)
 
     @property
     def most_impulse(self) -> Array:
         """Upper bounds of the impulses."""
-        return np.where(self.touching, 0.0, np.inf)
+        return np.where(self.touching | ~self.impact, 0.0, np.inf)
 
     def equations(self, problem: Problem, block: Numbering) -> tuple[Block, Block, Block, Block]:
         """Rows of arrival, departure, energy and contact."""
@@ -86,11 +98,16 @@ class ImpactLaw:
             ),
             block(
                 "energy",
-                (n,),
+                self.impact,
                 lambda k: f"energy at {at[k]}",
-                lambda s: np.where(plain, s.rate[hit], s.energy),
+                lambda s: np.where(plain, sizes_of(s.rate, hit), s.energy),
             ),
-            block("contact", (n,), lambda k: f"contact at {at[k]}", lambda s: s.gap[hit]),
+            block(
+                "contact",
+                self.impact,
+                lambda k: f"contact at {at[k]}",
+                lambda s: sizes_of(s.gap, hit),
+            ),
         )
 
     def inequalities(self, problem: Problem, lay: Layout, block: Numbering) -> tuple[Block, Block]:
@@ -99,16 +116,16 @@ class ImpactLaw:
         return (
             block(
                 "approach",
-                ~self.touching,
+                self.impact & ~self.touching,
                 lambda k: f"approach of {at[k]}",
-                lambda s: s.rate[hit],
+                lambda s: sizes_of(s.rate, hit),
                 nodes,
             ),
             block(
                 "separation",
-                ~self.plain,
+                self.impact & ~self.plain,
                 lambda k: f"separation after {at[k]}",
-                lambda s: s.rate[hit],
+                lambda s: sizes_of(s.rate, hit),
                 nodes,
             ),
         )
@@ -155,5 +172,6 @@ class ImpactLaw:
     def _by_surface(self, values: Index, places: Places, otherwise: int = NOWHERE) -> Index:
         """Values of the collisions in the columns of their surfaces, shape (collisions, nc)."""
         found = np.full((len(self.surfaces), places.nc), otherwise)
-        found[np.arange(len(found)), self.surfaces] = values
+        at = np.flatnonzero(self.impact)
+        found[at, self.surfaces[at]] = values[at]
         return found

@@ -1,12 +1,14 @@
 """The table of the unknowns, the only place that knows their order.
 
-    x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i)
+    x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i | P | T | P_c | T_c)
 
 h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases;
 u: inputs, in the rows of their form (:class:`~dmoc.discretisation.InputForm`); lam: impulses, one a
 collision; p_B, p_E: momenta at both ends; v_B, v_E: velocities at both ends, only where the problem
 needs them; v_a, v_c: velocities before and after the collisions; t: times of the nodes, only where
-the model depends on them; q_i: coordinates of the nodes inside the steps.
+the model depends on them; q_i: coordinates of the nodes inside the steps; P, T: normal and
+tangential impulses of the contacts that last, at the nodes of each phase; P_c, T_c: those that
+closed contacts take in an impact beside lam.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.discretisation import DISCRETISATIONS, FORMS, Discretisation, InputForm
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
-from dmoc.nlp.tables import NOWHERE, Block, Index, Numbering
+from dmoc.nlp.tables import NOWHERE, Block, Index, Numbering, sizes_of
+from dmoc.nlp.touch import Touch, touch_of
 from dmoc.symbolic.names import momentum_name, velocity_name
 
 # Layouts that are remembered, and the steps of one that is not.
@@ -34,7 +37,8 @@ class Layout:
 
     ``index_a`` is an integer array of the shape of ``a`` that holds the positions of its entries in
     x, so that ``x[index_a]`` is a; ``unknowns`` is the table with names and sizes.  ``surfaces``
-    are those of the collisions.
+    are those of the collisions, NOWHERE of events without an impact.  ``touch`` says what is in
+    contact.
     """
 
     nq: int
@@ -44,6 +48,7 @@ class Layout:
     scheme: Discretisation
     timed: bool
     surfaces: Index
+    touch: Touch
     unknowns: tuple[Block, ...]
     index_h: Index
     index_q: Index
@@ -57,12 +62,19 @@ class Layout:
     index_v_c: Index
     index_t: Index
     index_q_i: Index
+    index_P: Index
+    index_T: Index
+    index_P_c: Index
+    index_T_c: Index
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
-        kernels, periodic = problem.kernels, problem.periodic
-        turning = any(velocity_name(c) in periodic for c in kernels.coordinates)
-        at_goal = turning or bool(kernels.manifest["terminal_velocity"])
+        kernels = problem.kernels
+        turning = {name for r in problem.relations for name in (r.start, r.end)}
+        turns = any(velocity_name(c) in turning for c in kernels.coordinates)
+        at_start = turns or not (problem.modes[0].free or problem.start_is_known)
+        at_goal = turns or bool(kernels.manifest["terminal_velocity"])
+        at_goal |= not problem.modes[-1].free
         kind = Kind(
             tuple(kernels.coordinates),
             tuple(kernels.inputs),
@@ -71,16 +83,19 @@ class Layout:
             problem.order,
             problem.explicit_time,
             tuple(problem.sequence),
-            tuple(kernels.surfaces.index(s) for s in problem.sequence),
-            problem.start_bounds.needs_velocity or turning,
+            tuple(
+                kernels.surfaces.index(e.surface) if e.surface else NOWHERE for e in problem.events
+            ),
+            problem.start_bounds.needs_velocity or at_start,
             problem.goal_bounds.needs_velocity or at_goal,
+            touch_of(problem),
         )
         return (_shared if sum(kind.steps) <= MOST_SHARED else _laid_out)(kind)
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return sum(b.index.size for b in self.unknowns)
+        return sum(b.count for b in self.unknowns)
 
     def names(self) -> list[str]:
         """Names of all unknowns in the user's words, in the order of x."""
@@ -190,7 +205,10 @@ def collision_names(problem: Problem) -> list[str]:
 
 
 def _names_of_collisions(sequence: Sequence[str]) -> list[str]:
-    return [f"collision {i + 1} ({s})" for i, s in enumerate(sequence)]
+    def kind(word: str) -> str:
+        return "event" if any(sign in word for sign in "+-: ") else "collision"
+
+    return [f"{kind(s)} {i + 1} ({s})" for i, s in enumerate(sequence)]
 
 
 def _first_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
@@ -223,6 +241,7 @@ class Kind:
     surfaces: tuple[int, ...]
     v_at_start: bool
     v_at_end: bool
+    touch: Touch
 
 
 def _laid_out(kind: Kind) -> Layout:
@@ -253,7 +272,12 @@ def _laid_out(kind: Kind) -> Layout:
             lambda k, i: f"{u[i]} {place_of_input(k)}",
             lambda s: s.u,
         ),
-        block("lam", (hits,), lambda i: f"impulse of {at[i]}", lambda s: s.lam[surfaces]),
+        block(
+            "lam",
+            (hits,),
+            lambda i: f"impulse of {at[i]}",
+            lambda s: sizes_of(s.lam, surfaces),
+        ),
         block("p_B", (nq,), lambda i: f"{p[i]} at the start", lambda s: s.p),
         block("p_E", (nq,), lambda i: f"{p[i]} at the goal", lambda s: s.p),
         block(
@@ -282,9 +306,12 @@ def _laid_out(kind: Kind) -> Layout:
             lambda k, i: f"{names[i % nq]} {place_inside(i // nq)} step {k}",
             lambda s: np.tile(s.q, scheme.inside),
         ),
+        *kind.touch.unknowns(block, steps),
     )
     indices = {f"index_{b.name}": b.index for b in table}
-    return Layout(nq, len(u), steps, form, scheme, kind.timed, surfaces, table, **indices)
+    return Layout(
+        nq, len(u), steps, form, scheme, kind.timed, surfaces, kind.touch, table, **indices
+    )
 
 
 _shared = lru_cache(maxsize=SHARED)(_laid_out)

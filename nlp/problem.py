@@ -16,8 +16,9 @@ from dmoc.codegen.of_system import kernels_of
 from dmoc.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.errors import ProblemError
 from dmoc.mechanics.model import Model
+from dmoc.mechanics.modes import Contacts, Event, Mode, event_of, mode_of, modes_along
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
-from dmoc.nlp.admissible import check_admissible, check_mass_matrix
+from dmoc.nlp.admissible import check_admissible, check_contacts, check_mass_matrix
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 
 IN_PHASE = " steps in each phase"
@@ -49,6 +50,20 @@ class Boundary:
 
 
 @dataclass(frozen=True)
+class Relation:
+    """A state at the end is one at the start and a difference between two bounds further."""
+
+    end: str
+    start: str
+    low: float = 0.0
+    high: float = 0.0
+
+    @property
+    def fixed(self) -> bool:
+        return self.low == self.high
+
+
+@dataclass(frozen=True)
 class Problem:
     """An optimal control problem for a fixed sequence of collisions.
 
@@ -64,7 +79,11 @@ class Problem:
         periodic; a velocity that is not given there is zero.  At the goal, what is not given is
         free.
     sequence : sequence of str
-        Surfaces in the order of the collisions; empty for a motion without collisions.
+        What happens between the phases, in its order; empty for a motion of one phase.  "wall" is
+        hit and released, "+foot" lands and stays closed (sticking where the model gives it
+        friction, "+foot:slip+" and "+foot:slip-" sliding in one direction), "-foot" leaves,
+        "foot:stick", "foot:slip+", "foot:slip-" change the friction of a contact or a rail; several
+        at one event are separated by blanks ("+right -left").
     steps : int or sequence of int, optional
         Number of steps N_i of each phase; one phase more than collisions.  Without it a solve
         chooses its mesh: it begins with a coarse one and refines it; and the kernels of a system
@@ -84,17 +103,27 @@ class Problem:
     restitution : number or mapping, optional
         Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic): 1 is elastic
         (default), 0 perfectly plastic, the contact released at once.
-    periodic : sequence of str, optional
+    periodic : sequence of str, or mapping, optional
         States (coordinates, velocities, momenta by name) that end as they start; one that ``start``
-        does not give is free there.
+        does not give is free there.  A mapping from states at the end to states at the start says
+        which ends as which, so that a gait may exchange its legs ({"left": "right", "right":
+        "left"}); with a difference, ``{"x": ("x", 0.5)}``, the end is that much further, a number,
+        a range or None for any.
     minimal_times : bool, optional
         Bound each phase before a collision from below by the estimated shortest time at full input.
+    contacts : sequence of str, optional
+        Surfaces that are closed at the start, with their friction ("foot", "foot:slip+"), and rails
+        that slide then; what rubs and is not said to slide sticks.
+    via : sequence of mappings, optional
+        Coordinates at the events by name, one mapping for each (None for nothing): numbers or
+        ranges.
 
     Raises
     ------
     ProblemError
         If a name is unknown, a value is missing, not finite or reversed, the start or goal lies
-        outside the admissible set, or the mass matrix at the start is not positive definite.
+        outside the admissible set, the mass matrix at the start is not positive definite, or the
+        contacts do not fit the sequence or the start.
     """
 
     kernels: Kernels
@@ -108,8 +137,10 @@ class Problem:
     parameters: Mapping[Any, float] = field(default_factory=dict)
     controls: str | None = None
     restitution: Any = 1.0
-    periodic: Sequence[str] = ()
+    periodic: Sequence[str] | Mapping[Any, Any] = ()
     minimal_times: bool = True
+    contacts: Sequence[str] = ()
+    via: Sequence[Mapping[Any, Any] | None] | None = None
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -117,12 +148,13 @@ class Problem:
         others = DISCRETISATIONS[order].controls
         if isinstance(self.controls, str) and self.controls not in others:
             order = DEFAULT_ORDER
+        put(self, "sequence", tuple(names(self.sequence, "sequence", "surfaces")))
+        put(self, "contacts", tuple(names(self.contacts, "contacts", "surfaces")))
+        if self.contacts or any("+" in word or ":" in word for word in self.sequence):
+            order = DEFAULT_ORDER  # the only one for contacts that last
         put(self, "kernels", kernels_of(self.kernels, order))
         for name in ("start", "goal", "bounds", "parameters"):
             put(self, name, by_name(getattr(self, name), name))
-        put(self, "sequence", tuple(names(self.sequence, "sequence", "surfaces")))
-        for surface in self.sequence:
-            check_known(surface, self.kernels.surfaces, "surface", "in the sequence")
         if not isinstance(self.control_form, str) or self.control_form not in self.scheme.controls:
             known = ", ".join(self.scheme.controls)
             raise ProblemError(
@@ -138,8 +170,12 @@ class Problem:
                 "durations",
                 tuple(listed(self.durations, "durations", "ranges, one for each phase")),
             )
+        if self.via is not None:
+            put(self, "via", tuple(listed(self.via, "via", "mappings, one for each event")))
         # The properties below check what they read.
         _ = (
+            self.modes,
+            self.via_bounds,
             self.parameter_values,
             self.restitution_values,
             self.input_bounds,
@@ -151,6 +187,7 @@ class Problem:
         check_mass_matrix(self)
         check_admissible(self, "start", self.start_bounds)
         check_admissible(self, "goal", self.goal_bounds)
+        check_contacts(self)
 
     def but(self, **changes: Any) -> Problem:
         """Return the same problem with some fields replaced."""
@@ -198,6 +235,61 @@ class Problem:
         """The form of the inputs: ``controls``, or the default of the order."""
         return self.scheme.controls[0] if self.controls is None else self.controls
 
+    # Contacts -------------------------------------------------------------------------------------
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """What happens between the phases."""
+        return tuple(event_of(word, self._contacts) for word in self.sequence)
+
+    @cached_property
+    def modes(self) -> tuple[Mode, ...]:
+        """What is in contact in each phase."""
+        return modes_along(mode_of(self.contacts, self._contacts), self.events, self._contacts)
+
+    @cached_property
+    def lasting(self) -> bool:
+        """Whether contacts last in some phase."""
+        return not all(mode.free for mode in self.modes)
+
+    @cached_property
+    def _contacts(self) -> Contacts:
+        return Contacts(tuple(self.kernels.surfaces), tuple(self.kernels.tangents))
+
+    @cached_property
+    def relations(self) -> tuple[Relation, ...]:
+        """What ``periodic`` says of the end and the start."""
+        given = self.periodic
+        pairs = given.items() if isinstance(given, Mapping) else [(n, n) for n in given]
+        return tuple(self._relation(str(end), value) for end, value in pairs)
+
+    def _relation(self, end: str, value: Any) -> Relation:
+        start, difference = value, 0.0
+        if isinstance(value, (tuple, list)) and len(value) == 2:
+            start, difference = value
+        start = name_of(start)
+        for name in (end, start):
+            check_known(name, self.states, "state", "in periodic")
+        return Relation(end, start, *interval(difference, f"the difference of {end} in periodic"))
+
+    @cached_property
+    def via_bounds(self) -> Array:
+        """Bounds of the coordinates at the events, shape (events, nq, 2)."""
+        given = [None] * len(self.sequence) if self.via is None else self.via
+        if len(given) != len(self.sequence):
+            raise ProblemError(
+                f"via has {len(given)} entries: expected one for each of the {len(self.sequence)} "
+                "events of the sequence."
+            )
+        found = np.tile((-np.inf, np.inf), (len(given), self.nq, 1))
+        for i, places in enumerate(given):
+            what = f"via of event {i + 1}"
+            for name, value in by_name({} if places is None else places, what).items():
+                check_known(name, self.kernels.coordinates, "coordinate", f"in {what}")
+                j = self.kernels.coordinates.index(name)
+                found[i, j] = interval(value, f"{what}: {name}")
+        return found
+
     # Values ---------------------------------------------------------------------------------------
 
     @cached_property
@@ -221,6 +313,13 @@ class Problem:
         their bounds have nearest to zero."""
         return midpoints(self.start_bounds.position, np.zeros(self.nq))
 
+    @property
+    def start_is_known(self) -> bool:
+        """Whether position and velocity at the start are fixed."""
+        b = self.start_bounds
+        fixed = [bool((a[:, 0] == a[:, 1]).all()) for a in (b.position, b.velocity, b.momentum)]
+        return fixed[0] and (fixed[1] or fixed[2])
+
     @cached_property
     def inertia(self) -> Array:
         """Diagonal of the mass matrix at the start, shape (nq,)."""
@@ -235,7 +334,7 @@ class Problem:
         known = np.max(np.abs([goal - start, start, goal]), axis=0)
         if self.kernels.surfaces:
             slopes, gaps = self.model.gap_slopes(start), np.abs(self.model.gaps(start))
-            for j in {self.kernels.surfaces.index(s) for s in self.sequence}:
+            for j in {self.kernels.surfaces.index(e.surface) for e in self.events if e.surface}:
                 size = np.abs(slopes[j, :-1])
                 with np.errstate(divide="ignore", invalid="ignore"):
                     away = np.where(size > 0, gaps[j] / size, 0.0)
@@ -313,6 +412,10 @@ class Problem:
             )
 
     def _normalise_periodic(self) -> None:
+        if isinstance(self.periodic, Mapping):
+            object.__setattr__(self, "periodic", by_name(self.periodic, "periodic"))
+            _ = self.relations
+            return
         states = [name_of(name) for name in listed(self.periodic, "periodic", "states")]
         for i, name in enumerate(states):
             check_known(name, self.states, "state", "in periodic")
@@ -352,15 +455,15 @@ class Problem:
         momenta = [momentum_name(q) for q in coordinates]
         for name in given:
             check_known(name, self.states, "state", f"at the {end}")
-        free = None
+        free, turning = None, {relation.start for relation in self.relations}
         position, velocity, momentum = [], [], []
         for q, v, p in zip(coordinates, velocities, momenta, strict=True):
-            if end == "start" and q not in given and q not in self.periodic:
+            if end == "start" and q not in given and q not in turning:
                 raise ProblemError(
                     f"the start of {q} is not given: give a number, a range, or None to leave it "
                     "free."
                 )
-            rest = 0.0 if end == "start" and not {v, p} & {*given, *self.periodic} else free
+            rest = 0.0 if end == "start" and not {v, p} & {*given, *turning} else free
             position.append(interval(given.get(q, free), f"{end} of {q}"))
             velocity.append(interval(given.get(v, rest), f"{end} of {v}"))
             momentum.append(interval(given.get(p, free), f"{end} of {p}"))

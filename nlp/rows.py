@@ -9,11 +9,12 @@ Equalities, node by node along the whole chain of steps::
     arrival, departure, energy, contact        at each collision: the law of impact
     velocity    p_B - dL/dv(q_0, v_B) = 0, p_E - dL/dv(q_N, v_E) = 0    where velocities are needed
     final time  t_E - value = 0                                   where it is fixed
-    periodic    state at the end - state at the start = 0
+    periodic    state at the end - state at the start - difference = 0
     goal        unknown - value = 0                               where goals are rows
 
 Inequalities: gaps -g(q_k) at every node and inside the steps, path constraints r_d of every step,
-bounds of the final time, goals that are ranges, and approach and separation of the law of impact.
+bounds of the final time, goals and differences of periodic states that are ranges, and approach
+and separation of the law of impact.  Contacts that last add the rows of :mod:`dmoc.nlp.contact`.
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.contact import ContactLaw
 from dmoc.nlp.impact import ImpactLaw
 from dmoc.nlp.layout import Layout
-from dmoc.nlp.problem import Problem
+from dmoc.nlp.problem import Problem, Relation
 from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
 from dmoc.nlp.terms import COST, Places, Term
 from dmoc.symbolic.names import momentum_name
@@ -68,6 +70,15 @@ class Equalities:
     final_time: Block
     periodic: Block
     goal: Block
+    closed: Block
+    stuck: Block
+    sliding: Block
+    at_rest: Block
+    stopped: Block
+    lands: Block
+    stays: Block
+    sticks: Block
+    slides: Block
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +94,11 @@ class Inequalities:
     goal: Block
     approach: Block
     separation: Block
+    periodic: Block
+    cone: Block
+    cone_of_impact: Block
+    direction: Block
+    direction_of_impact: Block
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +132,7 @@ def rows_of(
     problem: Problem,
     lay: Layout,
     law: ImpactLaw,
+    contact: ContactLaw,
     free_ends: tuple[Bools, Bools],
     goals: Sequence[Goal],
 ) -> Rows:
@@ -126,20 +143,26 @@ def rows_of(
     """
     block = Numbering()
     fixed = tuple(g for g in goals if g.low == g.high)
-    c = _equalities(problem, lay, law, fixed, block)
+    c = _equalities(problem, lay, (law, contact), fixed, block)
     limits = tuple((g, 1.0, g.low) for g in goals if -np.inf < g.low < g.high)
     limits += tuple((g, -1.0, g.high) for g in goals if g.low < g.high < np.inf)
-    return Rows(c, _inequalities(problem, lay, law, free_ends, limits, block), fixed, limits)
+    d = _inequalities(problem, lay, (law, contact), free_ends, limits, block)
+    return Rows(c, d, fixed, limits)
 
 
 def _equalities(
-    problem: Problem, lay: Layout, law: ImpactLaw, goals: tuple[Goal, ...], block: Numbering
+    problem: Problem,
+    lay: Layout,
+    laws: tuple[ImpactLaw, ContactLaw],
+    goals: tuple[Goal, ...],
+    block: Numbering,
 ) -> Equalities:
     names, total, nq = problem.kernels.coordinates, lay.total, lay.nq
     low, high = problem.final_time_bounds
     states = lay.states(names)
     p = [momentum_name(q) for q in names]
-    ends = np.array([states[name][1] for name in problem.periodic], dtype=np.intp)
+    relations = [r for r in problem.relations if r.fixed]
+    ends = np.array([states[r.end][1] for r in relations], dtype=np.intp)
     wanted = np.array([g.unknown for g in goals], dtype=np.intp)
     return Equalities(
         block(
@@ -155,7 +178,7 @@ def _equalities(
             lambda s: np.tile(s.p, lay.inside),
         ),
         block("time", (total * lay.timed,), lambda k: f"time of node {k + 1}", lambda s: s.time),
-        *law.equations(problem, block),
+        *laws[0].equations(problem, block),
         block(
             "start velocity",
             lay.index_v_B.shape,
@@ -174,7 +197,7 @@ def _equalities(
         block(
             "periodic",
             (len(ends),),
-            lambda i: f"periodic {problem.periodic[i]}",
+            lambda i: f"periodic {relations[i].end}",
             lambda s: lay.units(s)[ends],
         ),
         block(
@@ -183,12 +206,13 @@ def _equalities(
             lambda i: f"goal of {goals[i].name}",
             lambda s: lay.units(s)[wanted],
         ),
+        *laws[1].equations(block),
     )
 
 
 def _inequalities(
-    problem: Problem, lay: Layout, law: ImpactLaw, free_ends: tuple[Bools, Bools],
-    limits: tuple[tuple[Goal, float, float], ...], block: Numbering,
+    problem: Problem, lay: Layout, laws: tuple[ImpactLaw, ContactLaw],
+    free_ends: tuple[Bools, Bools], limits: tuple[tuple[Goal, float, float], ...], block: Numbering,
 ) -> Inequalities:  # fmt: skip
     kernels, total, inside = problem.kernels, lay.total, lay.inside
     surfaces, paths = kernels.surfaces, kernels.manifest["path_constraints"]
@@ -196,6 +220,10 @@ def _inequalities(
     bounded = np.array([g.unknown for g, _, _ in limits], dtype=np.intp)
     moving = np.isin(surfaces, kernels.manifest["moving_surfaces"])
     within = np.tile(~moving, (total * inside, 1))
+
+    ranges = ranged(problem)
+    states = lay.states(kernels.coordinates)
+    turning = np.array([states[r.end][1] for r, _, _ in ranges], dtype=np.intp)
 
     def limit(i: int) -> str:
         goal, sign, value = limits[i]
@@ -237,19 +265,40 @@ def _inequalities(
             lambda s: s.time,
         ),
         block("goal", (len(limits),), limit, lambda s: lay.units(s)[bounded]),
-        *law.inequalities(problem, lay, block),
+        *laws[0].inequalities(problem, lay, block),
+        block(
+            "periodic >=",
+            (len(ranges),),
+            lambda i: (
+                f"periodic {ranges[i][0].end} {'>=' if ranges[i][1] > 0 else '<='} {ranges[i][2]:g}"
+            ),
+            lambda s: lay.units(s)[turning],
+        ),
+        *laws[1].inequalities(block),
     )
+
+
+def ranged(problem: Problem) -> list[tuple[Relation, float, float]]:
+    """Relations between the end and the start that are ranges: each with a side and its bound."""
+    wide = [r for r in problem.relations if not r.fixed]
+    found = [(r, 1.0, r.low) for r in wide if r.low > -np.inf]
+    return found + [(r, -1.0, r.high) for r in wide if r.high < np.inf]
 
 
 def _gaps(problem: Problem, lay: Layout, free_ends: tuple[Bools, Bools]) -> Bools:
     """Nodes and surfaces whose gap is a constraint.
 
-    Contacts of collisions hold with equality.  At a fixed end the gap is known and was checked: a
-    constraint that cannot move would have no interior.
+    Contacts of collisions and those that last hold with equality.  At a fixed end the gap is known
+    and was checked: a constraint that cannot move would have no interior.
     """
     manifest, surfaces = problem.kernels.manifest, problem.kernels.surfaces
     keep = np.ones((lay.total + 1, len(surfaces)), dtype=bool)
-    keep[lay.collision_nodes, lay.surfaces] = False
+    hits = lay.surfaces != NOWHERE
+    keep[lay.collision_nodes[hits], lay.surfaces[hits]] = False
+    for i, closed in enumerate(lay.touch.closed):
+        keep[lay.ends[i] : lay.ends[i + 1] + 1, list(closed)] = False
+    for node, lands in zip(lay.collision_nodes, lay.touch.landings, strict=True):
+        keep[node, list(lands)] = False
     for node, free in zip((0, -1), free_ends, strict=True):
         for j, surface in enumerate(surfaces):
             moves = node == -1 and surface in manifest["moving_surfaces"]
@@ -257,7 +306,9 @@ def _gaps(problem: Problem, lay: Layout, free_ends: tuple[Bools, Bools]) -> Bool
     return keep
 
 
-def terms(problem: Problem, lay: Layout, rows: Rows, law: ImpactLaw) -> list[Term]:
+def terms(
+    problem: Problem, lay: Layout, rows: Rows, law: ImpactLaw, contact: ContactLaw
+) -> list[Term]:
     """All terms of the cost and of the rows that are not linear; those that enter nothing are
     left out."""
     c, d = rows.c, rows.d
@@ -269,6 +320,7 @@ def terms(problem: Problem, lay: Layout, rows: Rows, law: ImpactLaw) -> list[Ter
     found = [
         Term("step", step, (momentum[:-1], momentum[1:], cost, c.inside.index)),
         *law.terms(lay, places, momentum, by_name.__getitem__),
+        *contact.terms(places, by_name, momentum),
         Term("surface", (q, places.times(nodes)), (d.gap.index,), -1.0),
         Term("surface", (lay.index_q_i.reshape(-1, lay.nq), none), (d.gap_inside.index,), -1.0),
         Term("path", step, (d.path.index,)),
@@ -301,8 +353,12 @@ def linear_rows(problem: Problem, lay: Layout, rows: Rows) -> list[LinearRow]:
     ]
     found += [LinearRow(r, lay.index_h, -steps, high) for r in d.latest.numbers]
     states = lay.states(problem.kernels.coordinates)
-    for r, name in zip(c.periodic.numbers, problem.periodic, strict=True):
-        found.append(LinearRow(r, np.array(states[name]), np.array([-1.0, 1.0]), 0.0))
+    relations = [r for r in problem.relations if r.fixed]
+    sides = [*((r, 1.0, r.low) for r in relations), *ranged(problem)]
+    numbers = np.concatenate([c.periodic.numbers, d.periodic.numbers])
+    for row, (r, sign, value) in zip(numbers, sides, strict=True):
+        between = np.array([states[r.start][0], states[r.end][1]])
+        found.append(LinearRow(row, between, sign * np.array([-1.0, 1.0]), -sign * value))
     for r, g in zip(c.goal.numbers, rows.goals, strict=True):
         found.append(LinearRow(r, np.array([g.unknown]), one, -g.low))
     for r, (g, sign, value) in zip(d.goal.numbers, rows.limits, strict=True):

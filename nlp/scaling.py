@@ -48,7 +48,9 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         p = model.momentum(middle, rates, now)
         size_p = np.maximum(_finite(np.abs(p).max(axis=0), 0.0), inertia * size_q / time)
         size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), size_p / time)
-        gap, rate = _gaps(problem, q, t, (size_q, size_v, time))
+        sizes = (size_q, size_v, time)
+        gap, rate = _places(problem.model.gap_slopes(q, t), sizes)
+        tau, slide = _places(problem.model.tangent_slopes(q, t), sizes)
         energy = float(size_p @ size_v) / 2
         path = np.ones(len(problem.kernels.manifest["path_constraints"]))
         scale = Scale(
@@ -62,6 +64,9 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
             gap,
             rate,
             energy / rate,
+            tau,
+            slide,
+            energy / slide,
             path,
             h.copy(),
         )
@@ -106,18 +111,13 @@ def _inputs(problem: Problem, u: Array, state: tuple[Array, Array, Array], force
     return np.where(size > 0, size, 1.0)
 
 
-def _gaps(
-    problem: Problem, q: Array, t: Array, sizes: tuple[Array, Array, float]
-) -> tuple[Array, Array]:
-    """Sizes of gaps and of their rates: how far coordinates, velocities and a time of their
-    sizes move them."""
+def _places(slopes: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Array]:
+    """Sizes of gaps or tangents and of their rates, from their slopes along a motion: how far
+    coordinates, velocities and a time of their sizes move them."""
     size_q, size_v, time = sizes
-    if not problem.model.nc:
-        return np.ones(0), np.ones(0)
-    slope = np.abs(_finite(problem.model.gap_slopes(q, t), 0.0)).max(axis=0)
-    gap = slope @ np.append(size_q, time)
-    rate = slope @ np.append(size_v, 1.0)
-    return np.where(gap > 0, gap, 1.0), np.where(rate > 0, rate, 1.0)
+    slope = np.abs(_finite(slopes, 0.0)).max(axis=0)
+    place, rate = slope @ np.append(size_q, time), slope @ np.append(size_v, 1.0)
+    return np.where(place > 0, place, 1.0), np.where(rate > 0, rate, 1.0)
 
 
 def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) -> float:

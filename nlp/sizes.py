@@ -14,7 +14,8 @@ from dmoc.symbolic.names import momentum_name, velocity_name
 @dataclass(frozen=True)
 class Scale:
     """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
-    gaps, their rates and impulses (nc,); path constraints; step sizes (phases,)."""
+    gaps, their rates and impulses (nc,); tangents, their rates and impulses (nt,); path
+    constraints; step sizes (phases,)."""
 
     time: float
     cost: float
@@ -26,6 +27,9 @@ class Scale:
     gap: Array
     rate: Array
     lam: Array
+    tau: Array
+    slide: Array
+    friction: Array
     path: Array
     h: Array
 
@@ -37,7 +41,8 @@ class Scale:
             np.ones(len(names)) for names in (kernels.coordinates, kernels.inputs, kernels.surfaces)
         )
         path = np.ones(len(kernels.manifest["path_constraints"]))
-        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, path, np.ones(problem.phases))
+        nt, h = np.ones(len(kernels.tangents)), np.ones(problem.phases)
+        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, nt, path, h)
 
     def named(self, problem: Problem) -> dict[str, float]:
         """Sizes by name, as results show them."""

@@ -100,3 +100,10 @@ class Numbering:
             index[where] = np.arange(self.next, self.next + count)
         self.next += count
         return Block(name, index, label, size, nodes)
+
+
+def sizes_of(sizes: Array, surfaces: Index) -> Array:
+    """Sizes of the surfaces of events; 1 where there is none."""
+    if not len(sizes):
+        return np.ones(len(surfaces))
+    return np.where(surfaces == NOWHERE, 1.0, sizes[surfaces])

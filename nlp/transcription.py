@@ -16,6 +16,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.bounds import goal_rows, limits
+from dmoc.nlp.contact import ContactLaw
 from dmoc.nlp.elements import (
     Assembled,
     Form,
@@ -47,6 +48,7 @@ class Transcription(Evaluator):
     rows : Rows
         The table of the constraints.
     law : ImpactLaw
+    contact : ContactLaw
     scale : Scale
         Sizes; none by default, so that x and r are in units of the problem.
     unit, row_unit : arrays, shape (n,), (n_eq + n_in,)
@@ -76,7 +78,8 @@ class Transcription(Evaluator):
         self.limits = limits(problem, self.layout, self.law, self.scale, goals)
         free = self.limits[0] != self.limits[1]
         ends = (free[self.layout.index_q[0]], free[self.layout.index_q[-1]])
-        self.rows = rows_of(problem, self.layout, self.law, ends, goals)
+        self.contact = ContactLaw.of(problem, self.layout, self.limits)
+        self.rows = rows_of(problem, self.layout, self.law, self.contact, ends, goals)
         self.n, self.n_eq, self.n_in = self.layout.size, self.rows.n_eq, self.rows.n_in
         self.unit = self.layout.units(self.scale)
         self.lower, self.upper = (limit / self.unit for limit in self.limits)
@@ -110,7 +113,8 @@ class Transcription(Evaluator):
         return (
             *(manifest["fingerprint"], manifest.get("code"), self.kernels.backend),
             *(lay.steps, lay.form.name, len(lay.index_v_B), len(lay.index_v_E)),
-            *(problem.sequence, problem.periodic),
+            *(problem.sequence, problem.relations, lay.touch, self.contact.mu.tobytes()),
+            *(c.closed.index.tobytes(), c.at_rest.index.tobytes(), c.stopped.index.tobytes()),
             *(self.law.e.tobytes(), self.law.touching.tobytes()),
             *(c.final_time.count, d.earliest.count, d.latest.count),
             (d.gap.index[[0, -1]] == NOWHERE).tobytes(),
@@ -123,8 +127,10 @@ class Transcription(Evaluator):
         parts = [(r, c, np.full(len(r), factor)) for r, c, factor in unit_entries(lay, rows)]
         for line in linear_rows(problem, lay, rows):
             parts.append((np.full(len(line.unknowns), line.row), line.unknowns, line.factors))
+        named = {b.name: b.index for b in (*rows.equalities, *rows.inequalities)}
+        parts += self.contact.entries(named)
         linear = Linear(*(np.concatenate(p) for p in zip(*parts, strict=True)))
-        found = terms(problem, lay, rows, self.law)
+        found = terms(problem, lay, rows, self.law, self.contact)
         m = rows.n_eq + rows.n_in
         return Form(self.kernels, self.par.shape[1], found, linear, self.n, m, rows.n_eq)
 

@@ -20,12 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.nlp.tables import NOWHERE, Index
+from dmoc.nlp.touch import phase_nodes
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.compiled import kkt_pattern
 
 # Ranks within the time of one node.
-INEQUALITY, INPUT, INSIDE, STATE, COLLISION = range(5)
-RANKS = 5
+INEQUALITY, INPUT, INSIDE, STATE, CONTACT, COLLISION, AT_REST = range(7)
+RANKS = 7
 
 
 @dataclass(frozen=True)
@@ -83,9 +84,13 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     nodes = lay.collision_nodes
     before, after = key(nodes - 1, COLLISION), key(nodes, COLLISION)
     pair(lay.index_v_a, c.arrival.numbers, np.repeat(before, lay.nq))
-    pair(lay.index_h[:-1], c.contact.numbers, before)
+    hit = nlp.law.impact
+    pair(lay.index_h[:-1][hit], c.contact.numbers, before[hit])
     pair(lay.index_v_c, c.departure.numbers, np.repeat(after, lay.nq))
-    pair(lay.index_lam, c.energy.numbers, after)
+    pair(lay.index_lam[hit], c.energy.numbers, after[hit])
+    for unknown, row, node, rank in _contacts(nlp):
+        both = (unknown != NOWHERE) & (row != NOWHERE)
+        pair(unknown[both], row[both], key(node, rank)[np.nonzero(both)[0]])
     end = key(last, STATE)
     pair(lay.index_p_E, c.momentum.index[-1], np.repeat(end, lay.nq))
     first, second, at = (np.concatenate(part) for part in zip(*members, strict=True))
@@ -102,6 +107,31 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     widths = 1 + (table[:, 1] >= 0)
     order = np.concatenate([chain, np.flatnonzero(free)])
     return order, np.concatenate([[0], np.cumsum(widths)])
+
+
+def _contacts(nlp: Transcription) -> list[tuple[Index, Index, Index, int]]:
+    """Impulses of contacts that last, the rows that determine them, and the node and the rank at
+    which both can be eliminated, one a row of both."""
+    lay, c = nlp.layout, nlp.rows.c
+    if lay.touch.free:
+        return []
+    nodes, events = phase_nodes(lay.steps), lay.collision_nodes
+    last = np.append(nodes[1:] == nodes[:-1], True)
+    found = [(lay.index_T, c.sliding.index, nodes - last, INPUT)]
+    for impulse, held, rest in (
+        (lay.index_P, c.closed.index, c.at_rest.index),
+        (lay.index_T, c.stuck.index, np.where(lay.touch.sticks, c.stopped.index[1:], NOWHERE)),
+    ):
+        following = np.full_like(held, NOWHERE)
+        following[:-1] = held[1:]
+        following[last] = NOWHERE
+        found.append((impulse, following, nodes, CONTACT))
+        ends = rest[-lay.phases :]
+        found.append((impulse[last], ends, nodes[last] - 1, AT_REST))
+    found.append((lay.index_P_c, c.stays.index, events, AT_REST))
+    found.append((lay.index_T_c, c.sticks.index, events, AT_REST))
+    found.append((lay.index_T_c, c.slides.index, events - 1, INPUT))
+    return found
 
 
 def kkt_layout(nlp: Transcription) -> KKTLayout:

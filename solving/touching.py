@@ -27,17 +27,18 @@ PUSH = 0.05
 
 
 def suspects(nlp: Transcription, x: Array) -> Index:
-    """Collisions that hardly approach their surface, or hardly push it."""
-    lay, nodes = nlp.layout, nlp.layout.collision_nodes
-    if not len(nodes):
+    """Hits that hardly approach their surface, or hardly push it; a landing may be soft."""
+    lay, law = nlp.layout, nlp.law
+    hits = np.flatnonzero(law.impact & ~law.landing & ~law.touching)
+    if not len(hits):
         return np.zeros(0, dtype=np.intp)
-    y = nlp.physical(x)
-    hit = (np.arange(len(nodes)), lay.surfaces)
-    before = nlp.problem.model.gap_rates(
-        y[lay.index_q[nodes]], y[lay.index_v_a], lay.times(y)[nodes]
-    )[hit]
-    faint = (before <= SUSPECT * nlp.scale.rate[lay.surfaces]) | (x[lay.index_lam] <= SUSPECT)
-    return np.flatnonzero(faint & ~nlp.law.touching)
+    y, nodes, surfaces = nlp.physical(x), lay.collision_nodes[hits], lay.surfaces[hits]
+    rates = nlp.problem.model.gap_rates(
+        y[lay.index_q[nodes]], y[lay.index_v_a[hits]], lay.times(y)[nodes]
+    )
+    before = rates[np.arange(len(hits)), surfaces]
+    faint = (before <= SUSPECT * nlp.scale.rate[surfaces]) | (x[lay.index_lam[hits]] <= SUSPECT)
+    return np.asarray(hits[faint])
 
 
 def pushed(nlp: Transcription, x: Array, at: Index) -> Array:

@@ -1,8 +1,8 @@
 """From a system to the list of kernels that the numerical layers call.
 
-Letters: ``nq`` coordinates, ``nu`` inputs, ``nc`` surfaces, ``nt`` tangents; ``x_k = (q_k, q_kp1, u_k, u_kp1, h,
-t_k, q_i)``; ``a_D`` is the derivative of a with respect to the inputs of its kernel before the
-parameters, ``hess`` an upper triangle of second derivatives of a weighted sum.
+Letters: ``nq`` coordinates, ``nu`` inputs, ``nc`` surfaces, ``nt`` tangents; ``x_k = (q_k, q_kp1,
+u_k, u_kp1, h, t_k, q_i)``; ``a_D`` is the derivative of a with respect to the inputs of its kernel
+before the parameters, ``hess`` an upper triangle of second derivatives of a weighted sum.
 """
 
 from __future__ import annotations
@@ -92,7 +92,9 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
     return {
         "format": FORMAT,
         "order": order,
-        "explicit_time": any(f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau)),
+        "explicit_time": any(
+            f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau)
+        ),
         "title": _title(system),
         "coordinates": [name_of(q) for q in system.coordinates],
         "inputs": [name_of(u) for u in system.inputs],

@@ -1,0 +1,156 @@
+"""What is in contact in each phase, by numbers, and the unknown impulses of contacts that last."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.modes import STICK
+from dmoc.nlp.problem import Problem
+from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Contacts of phases and events by numbers of surfaces and tangents.
+
+    Attributes
+    ----------
+    surfaces, tangents : tuples of str
+    surface_of : tuple of int
+        The surface of each tangent; NOWHERE for rails.
+    closed : tuple of tuples of int
+        Surfaces of each phase.
+    rubbing : tuple of tuples of pairs of int
+        Tangent and friction (0 sticks, +1 and -1 slide) of each phase.
+    impacts : tuple of bool
+        Events at which something is hit or lands.
+    landings : tuple of tuples of int
+        Surfaces that land at each event.
+    """
+
+    surfaces: tuple[str, ...]
+    tangents: tuple[str, ...]
+    surface_of: tuple[int, ...]
+    closed: tuple[tuple[int, ...], ...]
+    rubbing: tuple[tuple[tuple[int, int], ...], ...]
+    impacts: tuple[bool, ...]
+    landings: tuple[tuple[int, ...], ...]
+
+    @property
+    def free(self) -> bool:
+        """Whether no contact lasts."""
+        return not (any(self.closed) or any(self.rubbing))
+
+    # Phases: rows of phases, columns of surfaces or tangents --------------------------------------
+
+    @property
+    def is_closed(self) -> Bools:
+        """Shape (phases, nc)."""
+        found = np.zeros((len(self.closed), len(self.surfaces)), dtype=bool)
+        for i, surfaces in enumerate(self.closed):
+            found[i, list(surfaces)] = True
+        return found
+
+    @property
+    def rubs(self) -> Bools:
+        """Shape (phases, nt)."""
+        found = np.zeros((len(self.rubbing), len(self.tangents)), dtype=bool)
+        for i, pairs in enumerate(self.rubbing):
+            found[i, [t for t, _ in pairs]] = True
+        return found
+
+    @property
+    def signs(self) -> Array:
+        """Directions of sliding, 0 for what sticks or does not rub, shape (phases, nt)."""
+        found = np.zeros((len(self.rubbing), len(self.tangents)))
+        for i, pairs in enumerate(self.rubbing):
+            for t, sign in pairs:
+                found[i, t] = sign
+        return found
+
+    @property
+    def sticks(self) -> Bools:
+        return np.asarray(self.rubs & (self.signs == STICK))
+
+    # Events: rows of events -----------------------------------------------------------------------
+
+    @property
+    def beside(self) -> Bools:
+        """Surfaces that take an impulse P_c beside lam in an impact: those that stay closed, and
+        those that land with the first one, shape (events, nc)."""
+        found = np.zeros((len(self.impacts), len(self.surfaces)), dtype=bool)
+        for i, (before, after) in enumerate(pairwise(self.is_closed)):
+            if self.impacts[i]:
+                found[i] = after & before
+                found[i, list(self.landings[i][1:])] = True
+        return found
+
+    @property
+    def rubs_in_impact(self) -> Bools:
+        """Tangents of surfaces that take a tangential impulse T_c, shape (events, nt)."""
+        found = np.zeros((len(self.impacts), len(self.tangents)), dtype=bool)
+        for i, rubs in enumerate(self.rubs[1:]):
+            found[i] = rubs & (np.array(self.surface_of) >= 0) & self.impacts[i]
+        return found
+
+    def unknowns(self, block: Numbering, steps: tuple[int, ...]) -> tuple[Block, ...]:
+        """Blocks of P and T, in rows of :func:`phase_nodes`, and of P_c and T_c."""
+        nodes = [0] * len(steps) if self.free else [n + 1 for n in steps]
+        count, names = sum(steps), (self.surfaces, self.tangents)
+        return (
+            block(
+                "P",
+                np.repeat(self.is_closed, nodes, axis=0),
+                lambda r, j: f"contact impulse of {names[0][j]} at node {_node(steps, r)}",
+                lambda s: s.lam / count,
+            ),
+            block(
+                "T",
+                np.repeat(self.rubs, nodes, axis=0),
+                lambda r, j: f"friction impulse of {names[1][j]} at node {_node(steps, r)}",
+                lambda s: s.friction / count,
+            ),
+            block(
+                "P_c",
+                self.beside,
+                lambda i, j: f"impulse of {names[0][j]} at event {i + 1}",
+                lambda s: s.lam,
+            ),
+            block(
+                "T_c",
+                self.rubs_in_impact,
+                lambda i, j: f"friction impulse of {names[1][j]} at event {i + 1}",
+                lambda s: s.friction,
+            ),
+        )
+
+
+def _node(steps: tuple[int, ...], row: int) -> int:
+    """The node of a row of phase nodes."""
+    return int(phase_nodes(steps)[row])
+
+
+def phase_nodes(steps: tuple[int, ...]) -> Index:
+    """The node of each node of each phase; those that two phases share come twice."""
+    ends = np.concatenate([[0], np.cumsum(steps)])
+    return np.concatenate([np.arange(a, b + 1) for a, b in pairwise(ends)])
+
+
+def touch_of(problem: Problem) -> Touch:
+    surfaces, tangents = problem.kernels.surfaces, problem.kernels.tangents
+    return Touch(
+        tuple(surfaces),
+        tuple(tangents),
+        tuple(surfaces.index(t) if t in surfaces else NOWHERE for t in tangents),
+        tuple(tuple(surfaces.index(c) for c in mode.closed) for mode in problem.modes),
+        tuple(
+            tuple((tangents.index(t), sign) for t, sign in mode.rubbing.items())
+            for mode in problem.modes
+        ),
+        tuple(bool(event.surface) for event in problem.events),
+        tuple(tuple(surfaces.index(s) for s in event.lands) for event in problem.events),
+    )
