@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,14 @@ class Phase:
     u : array of shape (N, nu), (N + 1, nu) or (2 N, nu)
         Inputs of the steps (constant), at the nodes (linear), or at the two ends of each step,
         where they may jump (stages).
+    closed : tuple of str
+        Surfaces in lasting contact.
+    rubbing : mapping of str to int
+        Friction of the tangents that rub: 0 sticks, 1 and -1 slide with that sign of tau'.
+    normal : array of shape (N + 1, len(closed))
+        Contact forces N >= 0 at the nodes in newton: -N grad g acts on the coordinates.
+    tangential : array of shape (N + 1, len(rubbing))
+        Friction forces T at the nodes: T grad tau acts on the coordinates.
     """
 
     t: Array
@@ -36,6 +44,10 @@ class Phase:
     p: Array
     v: Array
     u: Array
+    closed: tuple[str, ...] = ()
+    rubbing: Mapping[str, int] = field(default_factory=dict)
+    normal: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    tangential: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def steps(self) -> int:
@@ -52,11 +64,24 @@ class Phase:
 
 @dataclass(frozen=True)
 class Collision:
-    """A collision: surface, time (s), position, impulse lam >= 0 along grad g, momenta before and
-    after.
+    """What happens between two phases: surface, time (s), position, impulse lam >= 0 along grad g,
+    momenta before and after.
 
     ``rate_before`` >= 0 >= ``rate_after`` are the rates of the gap on both sides; a collision that
     ``grazes`` has no effect: the motion touches the surface and goes on as if it were not there.
+
+    Attributes
+    ----------
+    surface : str
+        The surface that is hit and released, or the first one that lands; empty where nothing is
+        hit.
+    lands, leaves : tuples of str
+        Surfaces that land plastically and stay closed, and contacts that open.
+    friction : mapping of str to int
+        Friction of tangents from here on, where it changes: 0 sticks, 1 and -1 slide.
+    impulses, tractions : mappings of str to float
+        Normal impulses P of all contacts that take one, and their tangential impulses S: the
+        momentum changes by -P grad g + S grad tau.
     """
 
     surface: str
@@ -68,6 +93,11 @@ class Collision:
     rate_before: float = 0.0
     rate_after: float = 0.0
     grazes: bool = False
+    lands: tuple[str, ...] = ()
+    leaves: tuple[str, ...] = ()
+    friction: Mapping[str, int] = field(default_factory=dict)
+    impulses: Mapping[str, float] = field(default_factory=dict)
+    tractions: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
