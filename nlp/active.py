@@ -143,7 +143,6 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
 
 
 def _impulses(nlp: Transcription, x: Array) -> Iterator[ActiveBound]:
-    hits = [bool(event.hit) for event in nlp.problem.events]
-    for i in np.flatnonzero(hits):
-        if x[nlp.layout.index_lam[i]] <= NO_IMPULSE:
+    for i, (k, event) in enumerate(zip(nlp.layout.index_lam, nlp.problem.events, strict=True)):
+        if event.hit and x[k] <= NO_IMPULSE:
             yield ActiveBound(BoundKind.IMPULSE, f"{i + 1} ({nlp.problem.sequence[i]})")

@@ -68,6 +68,8 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
                 f"the {end} ({state}) lies behind surface {surface!r}, {gaps[j]:g} outside the "
                 f"admissible set g <= 0: move the {end} or the surface."
             )
+        if surface in problem.ignored:
+            continue
         closed = surface in problem.modes[0].closed
         if end == "start" and fixed.all() and gaps[j] >= -rounding[j] and not closed:
             _check_leaving(problem, at, j, state)

@@ -32,6 +32,7 @@ from dmoc.nlp.sizes import Scale
 from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
 from dmoc.nlp.terms import Places, Term
 from dmoc.nlp.touch import Touch, phase_nodes
+from dmoc.symbolic.names import momentum_name, velocity_name
 
 # Linear entries: rows, unknowns and factors.
 Entries = tuple[Index, Index, Array]
@@ -69,18 +70,19 @@ class ContactLaw:
         def all_of(where: dict[str, list[int]], known: Bools) -> Bools:
             return np.array([bool(known[list(i)].all()) for i in where.values()], dtype=bool)
 
-        def rates(p: Index, v: Index) -> tuple[Bools, Bools]:
+        def rates(p: Index, v: Index, also: Bools) -> tuple[Bools, Bools]:
             known = fixed[p].all() or (fixed[v] if len(v) else np.zeros(lay.nq, dtype=bool))
-            known = np.broadcast_to(np.asarray(known), (lay.nq,))
+            known = np.broadcast_to(np.asarray(known), (lay.nq,)) | also
             return all_of(on[0], known), all_of(on[1], known)
 
-        # A start that ends in itself has the contacts of the end.
+        # A start that is the end of a periodic motion has the contacts of the end.
         returned = np.array([name in turning for name in names])
+        moving = np.array([{velocity_name(n), momentum_name(n)} & turning != set() for n in names])
         return cls(
             lay,
             problem.model.friction,
-            rates(lay.index_p_B, lay.index_v_B),
-            rates(lay.index_p_E, lay.index_v_E),
+            rates(lay.index_p_B, lay.index_v_B, moving),
+            rates(lay.index_p_E, lay.index_v_E, np.zeros(lay.nq, dtype=bool)),
             np.array(
                 [
                     all_of(on[0], fixed[lay.index_q[0]] | returned),
@@ -183,7 +185,7 @@ class ContactLaw:
             block(
                 "direction",
                 slides,
-                lambda k, j: f"{word(lay.phase_of_step[k], j)} of {friction[j]} in step {k}",
+                lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {friction[j]} in step {k}",
                 _tau,
                 steps[: len(slides)],
             ),

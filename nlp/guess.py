@@ -88,7 +88,7 @@ def initial_guesses(problem: Problem, deadline: float = np.inf) -> tuple[Guess, 
         )
     with np.errstate(all="ignore"):
         if problem.lasting:
-            x = standing(problem, expected_time(problem))
+            x = standing(problem, natural_time(problem))
             lay = Layout.of(problem)
             return (Guess(x, float(x[lay.index_h] @ np.array(lay.steps)), (), 0, 0.0),)
         return _guesses(problem, deadline)
@@ -187,19 +187,22 @@ def _final_times(planner: Planner) -> list[float]:
     low, high = max(low, durations[0]), min(high, durations[1])
     if low == high:
         return [low]
-    top = high if np.isfinite(high) else AROUND * max(natural_time(planner), low)
+    top = high if np.isfinite(high) else AROUND * max(natural_time(problem), low)
     bottom = max(low, top / 50)
     count = int(np.ceil(np.log(top / bottom) / np.log(TIME_RATIO))) + 1
     return list(np.geomspace(bottom, top, max(count, 2)))
 
 
-def natural_time(planner: Planner) -> float:
+def natural_time(problem: Problem) -> float:
     """Time that the reaches take at the speeds of the start, at the forces at rest, or at full
     input."""
-    return expected_time(planner.problem) or _cheapest_decade(planner)
+    known = _expected_time(problem)
+    if known is not None:
+        return known
+    return NO_TIME if problem.lasting else _cheapest_decade(Planner.of(problem))
 
 
-def expected_time(problem: Problem) -> float | None:
+def _expected_time(problem: Problem) -> float | None:
     """What the statement of a problem says of its time, if it does."""
     reach = problem.reach
     q = problem.start_position

@@ -140,6 +140,10 @@ class Layout:
         """First node of each phase, and the last node of all."""
         return np.concatenate([[0], np.cumsum(self.steps)])
 
+    def rows_of_phase(self, i: int) -> slice:
+        """Rows of P and T that belong to phase i."""
+        return slice(int(self.ends[i]) + i, int(self.ends[i + 1]) + i + 1)
+
     @cached_property
     def collision_nodes(self) -> Index:
         return self.ends[1:-1]

@@ -23,6 +23,7 @@ from dmoc.mechanics.algebra import solved
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.plan import end_velocity
 from dmoc.nlp.problem import Problem, midpoints
+from dmoc.nlp.standing import in_contact
 from dmoc.nlp.tables import Index
 
 # Largest ratio of the longest and the shortest final time that is tried where bounds leave it open.
@@ -62,6 +63,7 @@ def random_motions(
             if k % KINDS == SHAKEN and guesses:
                 guess = guesses[k // KINDS % len(guesses)]
                 row[:] = _shaken(problem, guess, np.random.default_rng([seed, k]))
+            row[:] = in_contact(problem, row)
     return x
 
 
@@ -159,8 +161,10 @@ def _points(problem: Problem, durations: Array, uniform: Array, away: Array) -> 
     part = np.hstack([np.zeros((len(part), 1)), part])[:, :, None]
     points = (1 - part) * ends[0][:, None] + part * ends[1][:, None]
     times = np.cumsum(durations, axis=1)
-    for i, surface in enumerate(problem.sequence):
-        j = problem.kernels.surfaces.index(surface)
+    for i, event in enumerate(problem.events):
+        if not event.surface:
+            continue
+        j = problem.kernels.surfaces.index(event.surface)
         around = points[:, i + 1] + away[:, i + 1] * reach
         points[:, i + 1] = _onto(problem, around, times[:, i], j)
     return points
@@ -198,9 +202,12 @@ def _velocities(
     )  # fmt: skip
     v_last[:, -1] = np.where(np.isnan(default), legs[:, -1], default)
     times = np.cumsum(durations, axis=1)
-    for i, surface in enumerate(problem.sequence):
-        j = problem.kernels.surfaces.index(surface)
-        e = float(problem.restitution_values[j])
+    for i, event in enumerate(problem.events):
+        if not event.surface:
+            v_last[:, i] = v_first[:, i + 1] = (legs[:, i] + legs[:, i + 1]) / 2
+            continue
+        j = problem.kernels.surfaces.index(event.surface)
+        e = float(problem.restitution_values[j]) if event.hit else 0.0
         q, t = points[:, i + 1], times[:, i]
         slope = problem.model.gap_slopes(q, t)[:, j]
         n, moving = slope[:, :-1], slope[:, -1]

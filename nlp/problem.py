@@ -114,6 +114,9 @@ class Problem:
     contacts : sequence of str, optional
         Surfaces that are closed at the start, with their friction ("foot", "foot:slip+"), and rails
         that slide then; what rubs and is not said to slide sticks.
+    ignored : sequence of str, optional
+        Surfaces that hold nothing back where the sequence does not name them: feet without knees,
+        which scuff the floor as they swing.
     via : sequence of mappings, optional
         Coordinates at the events by name, one mapping for each (None for nothing): numbers or
         ranges.
@@ -141,6 +144,7 @@ class Problem:
     minimal_times: bool = True
     contacts: Sequence[str] = ()
     via: Sequence[Mapping[Any, Any] | None] | None = None
+    ignored: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -161,6 +165,9 @@ class Problem:
                 f"controls = {shown(self.controls)}: expected one of {known} with kernels of order "
                 f"{self.order}."
             )
+        put(self, "ignored", tuple(names(self.ignored, "ignored", "surfaces")))
+        for name in self.ignored:
+            check_known(name, self.kernels.surfaces, "surface", "in ignored")
         put(self, "minimal_times", flag(self.minimal_times, "minimal_times"))
         self._normalise_steps()
         self._normalise_periodic()

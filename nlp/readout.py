@@ -4,11 +4,15 @@ kind."""
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.tables import Block
+from dmoc.mechanics.modes import Mode
+from dmoc.nlp.layout import Layout
+from dmoc.nlp.tables import NOWHERE, Block, Index
+from dmoc.nlp.touch import node_shares
 from dmoc.nlp.transcription import Transcription
 from dmoc.trajectory import Collision, Phase, Trajectory
 
@@ -31,26 +35,46 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
     for i, steps in enumerate(lay.steps):
         first, last = int(lay.ends[i]), int(lay.ends[i + 1])
         t = begin + h[i] * np.arange(steps + 1)
-        p = np.vstack([p_start[first : first + 1], p_end[first:last]])
         at = np.ascontiguousarray(q[first : last + 1])
+        normal, tangential = _impulses(lay, x, i)
+        p = np.vstack([p_start[first : first + 1], p_end[first:last]])
+        p = p + _pushed(nlp, at, t, normal, tangential)
         inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
+        mode, weight = problem.modes[i], h[i] * node_shares(steps)[:, None]
         phases.append(
-            Phase(t, at, p, problem.model.velocity(at, p, t), np.ascontiguousarray(inputs))
+            Phase(
+                t,
+                at,
+                p,
+                problem.model.velocity(at, p, t),
+                np.ascontiguousarray(inputs),
+                mode.closed,
+                dict(mode.rubbing),
+                normal[:, list(lay.touch.closed[i])] / weight,
+                tangential[:, [k for k, _ in lay.touch.rubbing[i]]] / weight,
+            )
         )
         begin = float(t[-1])
-        if i < lay.phases - 1:
-            collisions.append(
-                Collision(
-                    problem.sequence[i],
-                    begin,
-                    q[last].copy(),
-                    float(x[lay.index_lam[i]]),
-                    p_end[last - 1].copy(),
-                    p_start[last].copy(),
-                    *_rates(nlp, x, i, begin),
-                    bool(_without_effect(p_end[last - 1], p_start[last], largest)),
-                )
+    for i, (before, after) in enumerate(pairwise(phases)):
+        arriving, leaving = before.p[-1], after.p[0]
+        event, t = problem.events[i], float(after.t[0])
+        effect = not event.hit or not _without_effect(arriving, leaving, largest)
+        collisions.append(
+            Collision(
+                event.surface,
+                t,
+                before.q[-1].copy(),
+                float(x[lay.index_lam[i]]),
+                arriving.copy(),
+                leaving.copy(),
+                *_rates(nlp, x, i, t),
+                not effect,
+                event.lands,
+                event.leaves,
+                _changes(problem.modes[i], problem.modes[i + 1]),
+                *_impulses_of_event(lay, x, i),
             )
+        )
     kernels = problem.kernels
     return Trajectory(
         kernels.name,
@@ -65,12 +89,60 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         problem.coordinate_bounds,
         dict(zip(kernels.surfaces, problem.restitution_values.tolist(), strict=True)),
         problem.order,
+        tuple(problem.ignored),
     )
+
+
+def _impulses(lay: Layout, x: Array, i: int) -> tuple[Array, Array]:
+    """Normal and tangential impulses at the nodes of phase i, shapes (N + 1, nc) and (N + 1, nt);
+    zero where there is no contact."""
+    if lay.touch.free:
+        nodes = lay.steps[i] + 1
+        return np.zeros((nodes, len(lay.touch.surfaces))), np.zeros(
+            (nodes, len(lay.touch.tangents))
+        )
+    rows = slice(int(lay.ends[i]) + i, int(lay.ends[i + 1]) + i + 1)
+    padded = np.append(x, 0.0)  # NOWHERE is its last entry
+    return padded[lay.index_P[rows]], padded[lay.index_T[rows]]
+
+
+def _pushed(nlp: Transcription, q: Array, t: Array, normal: Array, tangential: Array) -> Array:
+    """What impulses add to the momenta of a phase at its nodes: at the first one back to where the
+    phase begins, at the others to the middle of the impulse, at the last one all of it."""
+    if nlp.layout.touch.free:
+        return np.zeros_like(q)
+    model = nlp.problem.model
+    change = np.einsum("kj,kji->ki", tangential, model.tangent_slopes(q, t)[:, :, :-1])
+    change -= np.einsum("kj,kji->ki", normal, model.gap_slopes(q, t)[:, :, :-1])
+    change[0] *= -1
+    change[1:-1] /= 2
+    return np.asarray(change)
+
+
+def _changes(before: Mode, after: Mode) -> dict[str, int]:
+    """Friction of the tangents that rub otherwise from an event on."""
+    return {t: s for t, s in after.rubbing.items() if before.rubbing.get(t) != s}
+
+
+def _impulses_of_event(lay: Layout, x: Array, i: int) -> tuple[dict[str, float], dict[str, float]]:
+    """Normal and tangential impulses of an event, by name."""
+    touch = lay.touch
+    normal = {touch.surfaces[j]: float(x[k]) for j, k in _at(lay.index_P_c[i])}
+    if touch.impacts[i]:
+        normal |= {touch.surfaces[int(lay.surfaces[i])]: float(x[lay.index_lam[i]])}
+    return normal, {touch.tangents[j]: float(x[k]) for j, k in _at(lay.index_T_c[i])}
+
+
+def _at(index: Index) -> list[tuple[int, int]]:
+    """Places and numbers of what there is in a row."""
+    return [(int(j), int(index[j])) for j in np.flatnonzero(index != NOWHERE)]
 
 
 def _rates(nlp: Transcription, x: Array, i: int, t: float) -> tuple[float, float]:
     """Rates of the gap before and after collision i, from the unknowns in units of the problem."""
     lay, j = nlp.layout, int(nlp.layout.surfaces[i])
+    if j == NOWHERE:
+        return 0.0, 0.0
     q = x[lay.index_q[lay.collision_nodes[i]]]
     before, after = (
         nlp.problem.model.gap_rates(q, x[v[i]], t)[j] for v in (lay.index_v_a, lay.index_v_c)

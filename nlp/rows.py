@@ -295,6 +295,7 @@ def _gaps(problem: Problem, lay: Layout, free_ends: tuple[Bools, Bools]) -> Bool
     keep = np.ones((lay.total + 1, len(surfaces)), dtype=bool)
     hits = lay.surfaces != NOWHERE
     keep[lay.collision_nodes[hits], lay.surfaces[hits]] = False
+    keep[:, [surfaces.index(name) for name in problem.ignored]] = False
     for i, closed in enumerate(lay.touch.closed):
         keep[lay.ends[i] : lay.ends[i + 1] + 1, list(closed)] = False
     for node, lands in zip(lay.collision_nodes, lay.touch.landings, strict=True):

@@ -48,9 +48,9 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         p = model.momentum(middle, rates, now)
         size_p = np.maximum(_finite(np.abs(p).max(axis=0), 0.0), inertia * size_q / time)
         size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), size_p / time)
-        sizes = (size_q, size_v, time)
-        gap, rate = _places(problem.model.gap_slopes(q, t), sizes)
-        tau, slide = _places(problem.model.tangent_slopes(q, t), sizes)
+        moving = (size_q, size_v, time)
+        gap, rate = _places(model.gap_slopes(q, t), moving)
+        tau, slide = _places(model.tangent_slopes(q, t), moving)
         energy = float(size_p @ size_v) / 2
         path = np.ones(len(problem.kernels.manifest["path_constraints"]))
         scale = Scale(

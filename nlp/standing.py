@@ -13,17 +13,15 @@ from dmoc.nlp.problem import Problem, midpoints
 from dmoc.nlp.tables import NOWHERE
 from dmoc.nlp.touch import phase_nodes
 
-# Final time in seconds of a start where the problem says nothing of it.
-NO_TIME = 1.0
 # Gauss-Newton steps onto the contacts of a mode, and the largest of a coordinate, in its reach.
 PROJECTIONS, LONGEST = 12, 0.5
 
 
-def standing(problem: Problem, natural: float | None) -> Array:
+def standing(problem: Problem, natural: float) -> Array:
     """Unknowns along straight ways from the start to the goal, in phases of equal durations."""
     lay = Layout.of(problem)
     low, high = problem.final_time_bounds
-    time = float(np.clip(natural or NO_TIME, low, high))
+    time = float(np.clip(natural, low, high))
     durations = np.clip(np.full(lay.phases, time / lay.phases), *problem.duration_bounds.T)
     start = problem.start_position
     goal = midpoints(problem.goal_bounds.position, start)

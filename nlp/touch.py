@@ -154,3 +154,8 @@ def touch_of(problem: Problem) -> Touch:
         tuple(bool(event.surface) for event in problem.events),
         tuple(tuple(surfaces.index(s) for s in event.lands) for event in problem.events),
     )
+
+
+def node_shares(steps: int) -> Array:
+    """What each node of a phase stands for, in steps."""
+    return np.concatenate([[0.5], np.ones(steps - 1), [0.5]])

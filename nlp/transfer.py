@@ -11,6 +11,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.discretisation import FORMS
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.touch import node_shares
 from dmoc.trajectory import Trajectory
 
 # How far inside of its step an input at a node counts where inputs may jump there, as a share of
@@ -20,13 +21,16 @@ INSIDE = 1e-6
 
 @dataclass(frozen=True)
 class Piece:
-    """A phase to follow: times t of positions q and velocities v, times t_u of inputs u."""
+    """A phase to follow: times t of positions q and velocities v, times t_u of inputs u, and the
+    forces of contacts that last, in the columns of surfaces and tangents."""
 
     t: Array
     q: Array
     v: Array
     t_u: Array
     u: Array
+    normal: Array | None = None
+    tangential: Array | None = None
 
     def positions(self, t: Array) -> Array:
         """The cubics through the nodes, with their velocities, at times of shape (n,)."""
@@ -40,7 +44,7 @@ class Piece:
 
 def pieces_of(trajectory: Trajectory) -> list[Piece]:
     return [
-        Piece(p.t, p.q, p.v, times_of_inputs(trajectory.controls, p.t), p.u)
+        Piece(p.t, p.q, p.v, times_of_inputs(trajectory.controls, p.t), p.u, p.normal, p.tangential)
         for p in trajectory.phases
     ]
 
@@ -69,6 +73,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     if lay.timed:
         x[lay.index_t] = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
     x[lay.index_q_i] = np.vstack(inside)
+    _push(lay, pieces, x)
     ends = (
         (pieces[0], 0, lay.index_p_B, lay.index_v_B),
         (pieces[-1], -1, lay.index_p_E, lay.index_v_E),
@@ -78,6 +83,26 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
         if len(index_v):
             x[index_v] = piece.v[k]
     return x
+
+
+def _push(lay: Layout, pieces: Sequence[Piece], x: Array) -> None:
+    """Impulses of contacts that last, from the forces of the pieces; where a piece has none of the
+    phase's contacts they stay zero."""
+    if lay.touch.free:
+        return
+    for i, (piece, n) in enumerate(zip(pieces, lay.steps, strict=True)):
+        weight, share = x[lay.index_h[i]] * node_shares(n), np.linspace(0, 1, n + 1)
+        rows = lay.rows_of_phase(i)
+        rubs = tuple(k for k, _ in lay.touch.rubbing[i])
+        for index, columns, forces in (
+            (lay.index_P, lay.touch.closed[i], piece.normal),
+            (lay.index_T, rubs, piece.tangential),
+        ):
+            if forces is None or forces.shape[1:] != (len(columns),):
+                continue
+            at = np.linspace(0, 1, len(forces))
+            for column, force in zip(columns, forces.T, strict=True):
+                x[index[rows, column]] = weight * np.interp(share, at, force)
 
 
 def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
@@ -90,11 +115,24 @@ def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
         nodes, at = np.ascontiguousarray(q[first : last + 1]), t[first : last + 1]
         v = np.gradient(nodes, h[i], axis=0)
         rows = slice(lay.row_u_k[first], lay.row_u_kp1[last - 1] + 1)
-        pieces.append(Piece(at, nodes, v, times_of_inputs(lay.form.name, at), x[lay.index_u][rows]))
+        times = times_of_inputs(lay.form.name, at)
+        forces = _forces(lay, x, i)
+        pieces.append(Piece(at, nodes, v, times, x[lay.index_u][rows], *forces))
     for index, side, k in ((lay.index_v_a, pieces[:-1], -1), (lay.index_v_c, pieces[1:], 0)):
         for known, piece in zip(x[index], side, strict=True):
             piece.v[k] = known
     return unknowns_along(problem, pieces, list(x[lay.index_lam]))
+
+
+def _forces(lay: Layout, x: Array, i: int) -> tuple[Array, Array]:
+    """Forces of the contacts that last in phase i."""
+    n, rows = lay.steps[i], lay.rows_of_phase(i)
+    weight = x[lay.index_h[i]] * node_shares(n)[:, None]
+    rubs = [k for k, _ in lay.touch.rubbing[i]]
+    if lay.touch.free:
+        return np.zeros((n + 1, 0)), np.zeros((n + 1, 0))
+    normal, tangential = lay.index_P[rows][:, list(lay.touch.closed[i])], lay.index_T[rows][:, rubs]
+    return x[normal] / weight, x[tangential] / weight
 
 
 def times_of_inputs(controls: str, t: Array) -> Array:

@@ -15,7 +15,6 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.guess import initial_guesses, natural_time
-from dmoc.nlp.march import Planner
 from dmoc.nlp.motions import random_motions
 from dmoc.nlp.problem import MOST_STEPS, Problem
 from dmoc.nlp.readout import trajectory
@@ -217,7 +216,7 @@ def _minima(
     coarse = coarse_of(problem)
     room = effort.guesses if effort.total is None else effort.total - len(points)
     guesses = [g.x for g in initial_guesses(coarse, deadline)][:room]
-    natural = natural_time(Planner.of(coarse))
+    natural = natural_time(coarse)
     few = replace(options, iterations=min(options.iterations, effort.iterations))
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     scale = scale_of(coarse, next(iter(named.values())))

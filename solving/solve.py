@@ -60,7 +60,7 @@ def solve(
     method : {"slsqp", "ipm", "ipopt", "uno"}
         SciPy's sequential quadratic programming on the condensed program; the compiled
         interior-point method of dmoc; IPOPT; Uno.  The last two are extras.  The default is
-        "slsqp", with a tolerance "ipm".
+        "slsqp", with a tolerance or contacts that last "ipm".
     tolerance : float, optional
         Refine the mesh, beginning with the problem's steps, until the estimated relative error of
         cost, durations and positions and the simulated errors over segments are below it.  The
@@ -117,7 +117,8 @@ def solve(
     check_problem(problem)
     if tolerance is None and problem.steps is None:
         tolerance = AUTOMATIC
-    name = (DEFAULT if tolerance is None else REFINING) if method is None else method
+    default = DEFAULT if tolerance is None and not problem.lasting else REFINING
+    name = default if method is None else method
     chosen = METHODS[choice(name, "method", tuple(METHODS))]
     choice(form, "form", FORMS)
     optimality = positive(optimality, "optimality", "expected a positive number")

@@ -37,7 +37,7 @@ from dmoc.solution import Mesh, Minimum, Solution
 from dmoc.solvers.outcome import Status
 from dmoc.trajectory import Array, Collision, Phase, Trajectory
 
-FILE_FORMAT = 5
+FILE_FORMAT = 6
 SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
 REMEDY = "give one that `dmoc solve --out` has written"
 
@@ -112,7 +112,7 @@ def _wrong_joints(motion: Trajectory) -> str | None:
         if not abs(phase.t[0] - end) <= near:
             return f"phase {i} does not begin where the time before it ends"
     for collision, end in zip(motion.collisions, ends[1:], strict=False):
-        if collision.surface not in motion.restitution:
+        if collision.surface and collision.surface not in motion.restitution:
             return f"surface {collision.surface!r} has no coefficient of restitution"
         if not abs(collision.time - end) <= near:
             return f"the collision with {collision.surface!r} is not where its phase ends"
@@ -148,6 +148,17 @@ class Bound:
         return ActiveBound.read(Text().read(given, where, context))
 
 
+SIGN = Choice((-1, 0, 1))  # of friction
+
+
+def _wrong_contacts(phase: Phase) -> str | None:
+    """What of the contacts of a phase does not fit together."""
+    for names, forces in ((phase.closed, phase.normal), (phase.rubbing, phase.tangential)):
+        if forces.shape not in {(len(phase.t), len(names))} | ({(0, 0)} if not names else set()):
+            return f"a phase has forces of shape {forces.shape} for {len(names)} contacts"
+    return None
+
+
 # One line for each field; N nodes, nq coordinates, nu inputs.
 PHASE = Record(
     Phase,
@@ -157,12 +168,17 @@ PHASE = Record(
         "p": Stored("N", "nq"),
         "v": Stored("N", "nq"),
         "u": Stored(None, "nu"),
+        "closed": Listed(Name()),
+        "rubbing": Mapped(SIGN, names=Name()),
+        "normal": Stored(None, None),
+        "tangential": Stored(None, None),
     },
+    _wrong_contacts,
 )
 COLLISION = Record(
     Collision,
     {
-        "surface": Name(),
+        "surface": Either(Choice(("",)), Name()),
         "time": Number(),
         "position": Numbers("nq"),
         "impulse": Number(),
@@ -171,6 +187,11 @@ COLLISION = Record(
         "rate_before": Number(),
         "rate_after": Number(),
         "grazes": Flag(),
+        "lands": Listed(Name()),
+        "leaves": Listed(Name()),
+        "friction": Mapped(SIGN, names=Name()),
+        "impulses": Mapped(Number(), names=Name()),
+        "tractions": Mapped(Number(), names=Name()),
     },
 )
 TRAJECTORY = Record(
@@ -188,6 +209,7 @@ TRAJECTORY = Record(
         "coordinate_bounds": Stored("nq", 2, special=True),
         "restitution": Mapped(Number(0.0, 1.0), names=Name()),
         "order": Choice(ORDERS),
+        "ignored": Listed(Name()),
     },
     _wrong_motion,
 )

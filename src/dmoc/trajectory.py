@@ -119,6 +119,8 @@ class Trajectory:
         Coefficient of each surface.
     order : int
         Order of the discretisation that the motion comes from.
+    ignored : tuple of str
+        Surfaces that hold nothing back where no event names them.
     """
 
     model: str
@@ -133,6 +135,7 @@ class Trajectory:
     coordinate_bounds: Array
     restitution: Mapping[str, float]
     order: int
+    ignored: tuple[str, ...] = ()
 
     def input_ends(self, phase: Phase) -> tuple[Array, Array]:
         """Inputs at the start and at the end of every step of a phase, shape (N, nu) each; in
