@@ -22,6 +22,7 @@ from dmoc.errors import ProblemError
 
 STICK, FORWARD, BACKWARD = 0, 1, -1
 FRICTION = {"stick": STICK, "slip+": FORWARD, "slip-": BACKWARD}
+IN_SEQUENCE = "in the sequence"
 WORDS = {state: word for word, state in FRICTION.items()}
 
 
@@ -107,7 +108,8 @@ def event_of(word: str, contacts: Contacts) -> Event:
             raise ProblemError(f"{shown(word)} in the sequence names {name!r} twice: say it once.")
         seen.append(name)
         known = contacts.surfaces if sign or not colon else contacts.tangents
-        check_known(name, known, "surface" if sign or not colon else "tangent", "in the sequence")
+        if name not in known:
+            check_known(part, known, "tangent" if colon and not sign else "surface", IN_SEQUENCE)
         if colon:
             if sign == "-" or state not in FRICTION or name not in contacts.tangents:
                 raise ProblemError(
@@ -117,7 +119,7 @@ def event_of(word: str, contacts: Contacts) -> Event:
             friction[name] = FRICTION[state]
         {"": hits if not colon else [], "+": lands, "-": leaves}[sign].append(name)
     if not seen:
-        check_known(word, contacts.surfaces, "surface", "in the sequence")
+        check_known(word, contacts.surfaces, "surface", IN_SEQUENCE)
     if len(hits) > 1 or (hits and lands):
         raise ProblemError(
             f"{word!r} in the sequence hits {' and '.join([*hits, *lands])} at once: expected one "

@@ -113,7 +113,13 @@ class Transcription(Evaluator):
         return (
             *(manifest["fingerprint"], manifest.get("code"), self.kernels.backend),
             *(lay.steps, lay.form.name, len(lay.index_v_B), len(lay.index_v_E)),
-            *(problem.sequence, problem.relations, problem.ignored, lay.touch, self.contact.mu.tobytes()),
+            *(
+                problem.sequence,
+                problem.relations,
+                problem.ignored,
+                lay.touch,
+                self.contact.mu.tobytes(),
+            ),
             *(c.closed.index.tobytes(), c.at_rest.index.tobytes(), c.stopped.index.tobytes()),
             *(self.law.e.tobytes(), self.law.touching.tobytes()),
             *(c.final_time.count, d.earliest.count, d.latest.count),

@@ -301,7 +301,7 @@ class Mapped:
 
 class Stored:
     """A float64 array beside the text, which has its shape; any shape of one or two sizes if none
-    is given.
+    is given.  One without entries is its shape alone.
 
     Its values are numbers; any at all, infinite and NaN included, where it is ``special``.
     """
@@ -311,7 +311,8 @@ class Stored:
 
     def write(self, value: Any, where: str, put: Put) -> list[int]:
         array = np.asarray(value, dtype=float)
-        put(where, array)
+        if array.size:
+            put(where, array)
         return list(array.shape)
 
     def read(self, given: Any, where: str, context: Context) -> Array:
@@ -323,7 +324,7 @@ class Stored:
             )
         for size, number in zip(wanted, shape, strict=True):
             context.check(size, number, where)
-        array = context.take(where, shape)
+        array = context.take(where, shape) if 0 not in shape else np.zeros(shape)
         if not self.special and not (np.abs(array) <= LARGEST_NUMBER).all():
             raise Refused(
                 f"{where} has a value that is not a number from {-LARGEST_NUMBER:g} to "

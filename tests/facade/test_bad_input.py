@@ -276,7 +276,7 @@ def problem_cases() -> Iterator[Case]:
         [X.diff(T, 2)],
     ):
         yield case("periodic", value)
-    yield case("periodic", {"x": "-x"}, "mapping")
+    yield case("periodic", {"x": "-x"}, "'-x'")
     for value in (
         *(v for v in NO_WHOLE[:-3] if v is not None),
         1,

@@ -41,6 +41,9 @@ OTHER_FIELDS: dict[str, Any] = {
     "restitution": 0.5,
     "periodic": ("p_x",),
     "minimal_times": False,
+    "contacts": ("left",),
+    "via": (),
+    "ignored": ("left",),
 }
 OTHER_SETTINGS: dict[str, Any] = {
     "surfaces": ("left",),
@@ -61,6 +64,8 @@ def changed(problem: dmoc.Problem, name: str) -> dmoc.Problem:
     if name == "kernels":
         return problem.but(kernels=dmoc.build(find("cart_pendulum").system(), order=4))
     value = OTHER_FIELDS[name]
+    if name == "contacts":  # the start is off them
+        return problem.unchecked(contacts=value)
     return problem.but(
         **{name: {**getattr(problem, name), **value} if isinstance(value, dict) else value}
     )
