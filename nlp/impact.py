@@ -8,7 +8,9 @@ gamma+ = -e gamma-::
     arrival     r_plus(last step before) - dL/dv(q_c, v_a) = 0
     departure   r_minus(first step after) + dL/dv(q_c, v_c) = 0
     energy      e (e_plus(before) - e_minus(after) - W_t) - (1 - e)/2 W_gamma = 0
-                gamma(q_c, v_c) = 0             where e = 0, and where a collision only touches
+                gamma(q_c, v_c) + e gamma(q_c, v_a) = 0    where e = 0, where a collision only
+                touches, and beside phases with contacts that last, whose impulses at the ends of
+                steps the energies of the steps leave out
     contact     g(q_c) = 0
     approach    gamma(q_c, v_a) >= 0                       but for touches, whose rate is known
     separation  -gamma(q_c, v_c) >= 0                      where the law does not fix that rate
@@ -47,12 +49,15 @@ class ImpactLaw:
         Collisions that touch their surface without an impulse.
     landing : array of bool, shape (collisions,)
         Those after which the surface stays closed.
+    beside : array of bool, shape (collisions,)
+        Those with a contact that lasts before or after them.
     """
 
     surfaces: Index
     e: Array
     touching: Bools
     landing: Bools
+    beside: Bools
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout, touching: Index) -> ImpactLaw:
@@ -61,7 +66,8 @@ class ImpactLaw:
         elastic = ~touches & ~landing & (lay.surfaces != NOWHERE)
         e = np.zeros(len(lay.surfaces))
         e[elastic] = problem.restitution_values[lay.surfaces[elastic]]
-        return cls(lay.surfaces, e, touches, landing)
+        lasts = np.array([not mode.free for mode in problem.modes], dtype=bool)
+        return cls(lay.surfaces, e, touches, landing, lasts[:-1] | lasts[1:])
 
     @property
     def impact(self) -> Bools:
@@ -70,8 +76,9 @@ class ImpactLaw:
 
     @property
     def plain(self) -> Bools:
-        """Collisions whose law says gamma = 0 after them: plastic ones, touches and landings."""
-        return np.asarray((self.e == 0) & self.impact)
+        """Collisions whose law says the rate after them: plastic ones, touches, landings, and those
+        beside contacts that last."""
+        return np.asarray(((self.e == 0) | self.beside) & self.impact)
 
     @property
     def most_impulse(self) -> Array:
@@ -165,6 +172,7 @@ class ImpactLaw:
             (lay.index_v_a, row("approach"), 1.0),
             (lay.index_v_c, row("separation"), -1.0),
             (lay.index_v_c, plain, 1.0),
+            (lay.index_v_a, np.where(self.e > 0, plain, NOWHERE), e),
         ):
             found.append(Term("gap_rate", (q, v, t), (self._by_surface(rows, places),), sign))
         return found

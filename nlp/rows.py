@@ -120,6 +120,14 @@ class Rows:
         return [getattr(self.d, f.name) for f in fields(self.d)]
 
     @property
+    def contacts(self) -> list[Block]:
+        """Blocks of contacts that last."""
+        c, d = self.c, self.d
+        equalities = [c.closed, c.stuck, c.sliding, c.at_rest, c.stopped]
+        events = [c.lands, c.stays, c.sticks, c.slides]
+        return [*equalities, *events, d.cone, d.cone_of_impact, d.direction, d.direction_of_impact]
+
+    @property
     def n_eq(self) -> int:
         return sum(b.count for b in self.equalities)
 

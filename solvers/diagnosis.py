@@ -154,7 +154,8 @@ def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], st
     goals = [*rows.goals, *(g for g, _, _ in rows.limits)]
     for row, goal in zip((*c.goal.numbers, *d.goal.numbers), goals, strict=True):
         yield np.array([row]), said(f"the goal of {goal.name} is missed"), _unit(goal.name, units)
-    for i, (row, surface) in enumerate(zip(c.contact.numbers, problem.sequence, strict=True)):
+    impacts = [(i, event.surface) for i, event in enumerate(problem.events) if event.surface]
+    for (i, surface), row in zip(impacts, c.contact.numbers, strict=True):
         involved = [names[j] for j in kernels.manifest["surface_coordinates"][surface]]
         unit = _unit(involved[0], units) if len(involved) == 1 else ""
         yield np.array([row]), said(f"collision {i + 1} misses {surface!r}"), unit
@@ -171,22 +172,18 @@ def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], st
     yield c.arrival.numbers, said("the velocity before a collision does not fit its momentum"), ""
     yield c.departure.numbers, said("the velocity after a collision does not fit its momentum"), ""
     yield c.final_time.numbers, said("the final time is missed"), "s"
-    for row, name in zip(c.periodic.numbers, problem.periodic, strict=True):
-        yield (
-            np.array([row]),
-            said(f"{name} at the end misses its value at the start"),
-            _unit(name, units),
-        )
+    relations = [r for r in problem.relations if r.fixed]
+    for row, r in zip(c.periodic.numbers, relations, strict=True):
+        whose = "its value" if r.end == r.start else f"the value of {r.start}"
+        text = f"{r.end} at the end misses {whose} at the start"
+        yield np.array([row]), said(text), _unit(r.end, units)
     for end, block in (("start", c.start_velocity), ("goal", c.goal_velocity)):
         for row, q in zip(block.numbers, names, strict=False):
             text = f"the momentum of {q} at the {end} does not fit the velocity"
             yield np.array([row]), said(text), _unit(f"p_{q}", units)
-    for i, row in enumerate(c.energy.numbers):
-        yield (
-            np.array([row]),
-            said(f"collision {i + 1} ({problem.sequence[i]}) violates its law of restitution"),
-            "",
-        )
+    for (i, surface), row in zip(impacts, c.energy.numbers, strict=True):
+        text = f"collision {i + 1} ({surface}) violates its law of restitution"
+        yield np.array([row]), said(text), ""
     for j, surface in enumerate(kernels.surfaces):
         kept = np.flatnonzero(d.gap.index[:, j] != NOWHERE)
         passes = [f"the motion passes {surface} at node {k}" for k in kept]
@@ -194,6 +191,8 @@ def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], st
     for block in (d.gap_inside, d.path, d.earliest, d.latest, d.approach, d.separation):
         unit = "s" if block in (d.earliest, d.latest) else ""
         yield block.numbers, _violated(block), unit
+    for block in (*rows.contacts, d.periodic):
+        yield block.numbers, _violated(block), ""
 
 
 def _violated(block: Block) -> Callable[[int], str]:
@@ -214,6 +213,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
     problem, lay = nlp.problem, nlp.layout
     if (
         not problem.nu
+        or problem.lasting
         or not np.isfinite(problem.input_bounds).all()
         or not problem.model.has_minimal_times
     ):

@@ -16,6 +16,7 @@ from dmoc.solution import Solution, check_same_model
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals
 from dmoc.solving.program import Programs
+from dmoc.solving.starts import same_course
 
 # Residuals above this are those of another problem.
 OTHER_PROBLEM = 1e-4
@@ -36,9 +37,8 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
         raise ProblemError(f"solution = {shown(solution)}: expected the Solution of the problem.")
     steps = tuple(p.steps for p in solution.phases)
     sequence = tuple(c.surface for c in solution.collisions)
-    size = Layout.of(problem).size
-    given = (steps, sequence, len(solution.unknowns))
-    if given != (problem.phase_steps, tuple(problem.sequence), size):
+    given, size = (steps, len(solution.unknowns)), Layout.of(problem).size
+    if given != (problem.phase_steps, size) or not same_course(problem, solution):
         raise ProblemError(
             f"the solution has the sequence {list(sequence)} with {list(steps)} steps, the problem "
             f"{list(problem.sequence)} with {list(problem.phase_steps)}: give the problem that was "
