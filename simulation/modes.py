@@ -1,0 +1,205 @@
+"""The modes of a motion: which contacts are closed and what sticks or slides, with the
+accelerations and the forces that belong to them.
+
+In a mode the motion obeys
+
+    M a = F(q, v, u, t) - sum_j N_j grad g_j + sum_j T_j grad tau_j
+
+with g_j'' = 0 of closed contacts and tau_j'' = 0 of what sticks; T_j = -s mu N_j of a contact that
+slides with the sign s of tau_j', -s F of a rail.  An impact obeys the same relations with
+impulses for forces and rates for second derivatives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.model import Model
+from dmoc.trajectory import Phase
+
+# Singular values below this share of the largest are those of conditions that say the same twice.
+REDUNDANT = 1e-11
+RAIL = -1  # the surface of a tangent that belongs to none
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Closed surfaces, tangents that stick, and tangents that slide with their signs, each by its
+    place in the model."""
+
+    closed: tuple[int, ...] = ()
+    sticking: tuple[int, ...] = ()
+    sliding: tuple[tuple[int, int], ...] = ()
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """Accelerations (n, nq), contact forces (n, nc) and friction forces (n, nt) of rows of states;
+    zero where a surface is open or a tangent does not rub."""
+
+    acceleration: Array
+    normal: Array
+    tangential: Array
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Conditions of a mode at rows of states: their gradients C and the directions B in which a
+    unit of their multipliers pushes, both (n, m, nq), closed contacts before what sticks."""
+
+    C: Array
+    B: Array
+
+
+def supports(kernels: Kernels) -> tuple[int, ...]:
+    """The surface that each tangent belongs to, or RAIL."""
+    surfaces = kernels.surfaces
+    return tuple(surfaces.index(n) if n in surfaces else RAIL for n in kernels.tangents)
+
+
+def mode_of(phase: Phase, kernels: Kernels) -> Mode:
+    """The mode of a phase."""
+    states = [(kernels.tangents.index(name), s) for name, s in phase.rubbing.items()]
+    return Mode(
+        tuple(kernels.surfaces.index(name) for name in phase.closed),
+        tuple(k for k, s in states if s == 0),
+        tuple((k, s) for k, s in states if s != 0),
+    )
+
+
+def without_rails(mode: Mode, kernels: Kernels) -> Mode:
+    """A mode as it is during an impact, in which rails have no part."""
+    at = supports(kernels)
+    return replace(
+        mode,
+        sticking=tuple(k for k in mode.sticking if at[k] != RAIL),
+        sliding=tuple((k, s) for k, s in mode.sliding if at[k] != RAIL),
+    )
+
+
+def conditions(model: Model, mode: Mode, q: Array, t: Array) -> Conditions:
+    """The conditions of a mode at rows of positions."""
+    normals = model.gap_slopes(q, t)[..., :-1]
+    along = model.tangent_slopes(q, t)[..., :-1]
+    closed, at = list(mode.closed), supports(model.kernels)
+    pushes = -normals[:, closed]
+    for k, s in mode.sliding:
+        if at[k] != RAIL:
+            pushes[:, closed.index(at[k])] -= s * model.friction[k] * along[:, k]
+    sticking = along[:, list(mode.sticking)]
+    return Conditions(
+        np.concatenate([normals[:, closed], sticking], axis=1),
+        np.concatenate([pushes, sticking], axis=1),
+    )
+
+
+def reaction(model: Model, mode: Mode, q: Array, v: Array, u: Array, t: Array) -> Reaction:
+    """Accelerations and forces of a mode at rows of states, from the conditions on the second
+    derivatives."""
+    M, F = model.equations(q, v, u, t)
+    F = F + rail_forces(model, mode, q, t)
+    if not mode.closed and not mode.sticking:
+        return Reaction(solved(M, F), *spread(model, mode, np.zeros((len(q), 0))))
+    c = conditions(model, mode, q, t)
+    bent = np.hstack(
+        [
+            model.gap_accelerations(q, v, t)[:, list(mode.closed)],
+            model.slide_accelerations(q, v, t)[:, list(mode.sticking)],
+        ]
+    )
+    a = solved(M, F)
+    change, found = answers(M, c, -bent - (c.C @ a[..., None])[..., 0])
+    return Reaction(a + change, *spread(model, mode, found))
+
+
+def answers(M: Array, c: Conditions, wanted: Array) -> tuple[Array, Array]:
+    """The change M^-1 B^T lam of an acceleration or a velocity (n, nq) that changes C a by what is
+    wanted (n, m), and its multipliers lam (n, m): the smallest where several would do."""
+    response = _columns(M, c.B)
+    lam = _multipliers(c.C @ response, _sizes(M, c.C), wanted)
+    return (response @ lam[..., None])[..., 0], lam
+
+
+def spread(model: Model, mode: Mode, lam: Array) -> tuple[Array, Array]:
+    """Multipliers (n, m) of a mode as forces of all surfaces (n, nc) and tangents (n, nt)."""
+    normal, tangential = np.zeros((len(lam), model.nc)), np.zeros((len(lam), model.nt))
+    count, at = len(mode.closed), supports(model.kernels)
+    normal[:, list(mode.closed)] = lam[:, :count]
+    tangential[:, list(mode.sticking)] = lam[:, count:]
+    for k, s in mode.sliding:
+        held = 1.0 if at[k] == RAIL else normal[:, at[k]]
+        tangential[:, k] = -s * model.friction[k] * held
+    return normal, tangential
+
+
+def rail_forces(model: Model, mode: Mode, q: Array, t: Array) -> Array:
+    """Generalised friction forces of the rails that slide, at rows of positions."""
+    at = supports(model.kernels)
+    force = np.zeros_like(q)
+    for k, s in mode.sliding:
+        if at[k] == RAIL:
+            force -= s * model.friction[k] * model.tangent_slopes(q, t)[:, k, :-1]
+    return force
+
+
+def contact_power(model: Model, found: Reaction, q: Array, v: Array, t: Array) -> Array:
+    """Power of contact and friction forces at rows of states, shape (n,)."""
+    normals, along = model.gap_slopes(q, t)[..., :-1], model.tangent_slopes(q, t)[..., :-1]
+    force = np.einsum("nk,nki->ni", found.tangential, along)
+    force -= np.einsum("nj,nji->ni", found.normal, normals)
+    return np.asarray((force * v).sum(axis=1))
+
+
+def settled(model: Model, mode: Mode, y: Array, t: Array, held: Array) -> Array:
+    """Rows of states y = (q | v ...) moved the shortest way, measured by the masses, to where the
+    closed gaps are zero and what sticks is at its place ``held`` (n, nt), both without rates."""
+    nq, y = model.nq, y.copy()
+    if not mode.closed and not mode.sticking:
+        return y
+    closed, sticking = list(mode.closed), list(mode.sticking)
+    for _ in range(2):  # Newton's method, from errors of integration
+        q = np.ascontiguousarray(y[:, :nq])
+        off = np.hstack([model.gaps(q, t)[:, closed], (model.tangents(q, t) - held)[:, sticking]])
+        y[:, :nq] += _moved(model, mode, q, t, -off)
+    q, v = np.ascontiguousarray(y[:, :nq]), np.ascontiguousarray(y[:, nq : 2 * nq])
+    rates = np.hstack(
+        [model.gap_rates(q, v, t)[:, closed], model.slide_rates(q, v, t)[:, sticking]]
+    )
+    y[:, nq : 2 * nq] += _moved(model, mode, q, t, -rates)
+    return y
+
+
+def _moved(model: Model, mode: Mode, q: Array, t: Array, wanted: Array) -> Array:
+    """The least change of a position or velocity, measured by the masses, that changes the
+    conditions by what is wanted."""
+    C = conditions(model, mode, q, t).C
+    return answers(model.mass(q, t), Conditions(C, C), wanted)[0]
+
+
+def _columns(M: Array, B: Array) -> Array:
+    """M^-1 B^T, shape (n, nq, m)."""
+    right = np.swapaxes(B, 1, 2)
+    parts = [solved(M, np.ascontiguousarray(right[..., k])) for k in range(right.shape[2])]
+    return np.stack(parts, axis=2)
+
+
+def _sizes(M: Array, C: Array) -> Array:
+    """Roots of the diagonal of C M^-1 C^T, shape (n, m)."""
+    squares = np.einsum("nmi,nim->nm", C, _columns(M, C))
+    return np.asarray(np.where(squares > 0, np.sqrt(np.abs(squares)), 1.0))
+
+
+def _multipliers(A: Array, size: Array, b: Array) -> Array:
+    """The shortest solution of A lam = b with rows and columns measured by their sizes; not a
+    number where there is none."""
+    if A.shape[1] == 1:
+        return np.asarray(b / A[:, 0])
+    scaled = A / size[:, :, None] / size[:, None, :]
+    if not (np.isfinite(scaled).all() and np.isfinite(b).all()):
+        return np.full(b.shape, np.nan)
+    inverse = np.linalg.pinv(scaled, rcond=REDUNDANT)
+    return np.asarray((inverse @ (b / size)[..., None])[..., 0] / size)

@@ -1,0 +1,106 @@
+"""One impact with friction in the plane after Poisson: the normal impulse of restitution is e times
+that of compression, Coulomb's law holds all along.
+
+J. Wang and M. T. Mason, Journal of Applied Mechanics 59 (1992) 635-642.  The normal impulse takes
+the place of the time; the rates change by
+
+    dn = A_nn dP + A_nt dS,    dt = A_nt dP + A_tt dS,    A = D M^-1 D^T
+
+with the directions D = (-grad g, grad tau), dS = -s mu dP while the contact slides with the sign
+s of t, and dS = -A_nt / A_tt dP while it sticks, where that is at most mu dP.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+
+Regime = Literal["slides forward", "slides backward", "sticks"]
+# A tangential rate below this share of what the impact changes it by is none.
+STOPPED = 1e-13
+
+
+@dataclass(frozen=True)
+class Impulses:
+    """Normal impulse P >= 0 and tangential impulse S with |S| <= mu P, and the regimes of
+    compression and of restitution, one after the other."""
+
+    normal: float
+    tangential: float
+    compression: tuple[Regime, ...]
+    restitution: tuple[Regime, ...]
+
+
+def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:
+    """The impulses of an impact.
+
+    Parameters
+    ----------
+    rates : array of shape (2,)
+        Rates (n, t) before the impact: of separation, negative where the bodies approach, and of
+        sliding.
+    response : array of shape (2, 2)
+        A, symmetric and positive definite.
+    mu, e : float
+        Coefficients of friction and of restitution, mu >= 0 and 0 <= e <= 1.
+    """
+    n, t = float(rates[0]), float(rates[1])
+    if n >= 0:
+        return Impulses(0.0, 0.0, (), ())
+    small = STOPPED * (abs(t) + abs(n) * float(np.sqrt(response[1, 1] / response[0, 0])))
+    way = _Way(response, mu, small)
+    compressed, first = way.follow(_Point(n, t, 0.0, 0.0), np.inf)
+    end, second = way.follow(compressed, (1 + e) * compressed.P) if e > 0 else (compressed, ())
+    return Impulses(end.P, end.S, first, second)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Rates and impulses at some moment of an impact."""
+
+    n: float
+    t: float
+    P: float
+    S: float
+
+
+@dataclass(frozen=True)
+class _Way:
+    """What an impact goes by: A, mu, and a tangential rate that counts as none."""
+
+    response: Array
+    mu: float
+    small: float
+
+    def follow(self, at: _Point, most: float) -> tuple[_Point, tuple[Regime, ...]]:
+        """Go on to the end of compression, n = 0, or, in restitution, to the normal impulse
+        ``most``."""
+        regimes: list[Regime] = []
+        while True:
+            slope = self._slope(at.t)  # dS/dP
+            n_slope, t_slope = self.response @ np.array([1.0, slope])
+            left = most - at.P if most < np.inf else -at.n / n_slope if n_slope > 0 else np.inf
+            stop = -at.t / t_slope if abs(at.t) > self.small and at.t * t_slope < 0 else np.inf
+            regimes.append(self._name(at.t, slope, t_slope))
+            dP = min(left, stop)
+            t = 0.0 if stop <= left else at.t + t_slope * dP
+            at = _Point(at.n + n_slope * dP, t, at.P + dP, at.S + slope * dP)
+            if left <= stop:
+                return at, tuple(regimes)
+
+    def _slope(self, t: float) -> float:
+        """dS/dP of what slides, or, at rest, of what sticks or begins to slide."""
+        coupled, own = float(self.response[0, 1]), float(self.response[1, 1])
+        if abs(t) > self.small:
+            return -float(np.sign(t)) * self.mu
+        return float(np.clip(-coupled / own, -self.mu, self.mu))
+
+    def _name(self, t: float, slope: float, t_slope: float) -> Regime:
+        at_rest = abs(t) <= self.small
+        if at_rest and abs(slope) < self.mu:
+            return "sticks"
+        return "slides forward" if (t_slope if at_rest else t) > 0 else "slides backward"

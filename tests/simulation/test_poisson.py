@@ -1,0 +1,86 @@
+"""One impact with friction after Poisson: known answers, and energy that never grows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dmoc.simulation.poisson import Impulses, impulses
+
+
+def rod(angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (-grad g, grad tau) of the lower left end of a uniform rod of length 1, in the
+    velocities (x, y, angle) of its centre, and its inverse masses."""
+    c, s = np.cos(angle) / 2, np.sin(angle) / 2
+    return np.array([[0, 1, -c], [1, 0, s]]), np.array([1.0, 1.0, 12.0])
+
+
+@pytest.mark.parametrize(
+    ("angle", "v", "mu", "after", "normal", "tangential", "regimes"),
+    [
+        (45, (-0.3, -1, 0), 0.2, (-0.16363636, -0.31818182, -2.31416765), 0.681818182, 0.136363636,
+         (("slides backward",), ("slides backward",))),
+        (60, (0.5, -1, 0), 0.3, (0.64219558, -0.08626835, -2.00232502), 0.913731651, 0.142195585,
+         (("slides forward", "slides backward"), ("slides backward",))),
+        (60, (0.1, -1, 0), 0.6, (0.53689891, 0.17003607, -1.23991491), 1.170036071, 0.436898905,
+         (("slides forward", "sticks"), ("sticks",))),
+    ],
+)  # fmt: skip
+def test_a_rod_that_hits_a_floor(
+    angle: float, v: tuple[float, ...], mu: float, after: tuple[float, ...], normal: float,
+    tangential: float, regimes: tuple[tuple[str, ...], ...],
+) -> None:  # fmt: skip
+    D, inverse = rod(np.radians(angle))
+    found = impulses(D @ v, D * inverse @ D.T, mu, 0.5)
+    assert v + inverse * (D.T @ [found.normal, found.tangential]) == pytest.approx(after, abs=6e-9)
+    assert found.normal == pytest.approx(normal, abs=6e-10)
+    assert found.tangential == pytest.approx(tangential, abs=6e-10)
+    assert (found.compression, found.restitution) == regimes
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("mu", [0.0, 0.05, 0.1, 0.3])
+@pytest.mark.parametrize("inertia", [0.5, 0.4])
+def test_a_ball_sticks_or_slides(inertia: float, mu: float, e: float) -> None:
+    """A disc or ball of radius 1, k = I / (m r^2), that comes down with 2 m/s, 0.7 m/s along the
+    floor and 0.1 rad/s: it sticks with -m s / (1 + 1/k) where friction holds that."""
+    n, s = -2.0, 0.7 + 0.1
+    found = impulses(np.array([n, s]), np.diag([1.0, 1 + 1 / inertia]), mu, e)
+    sticks = s / (1 + 1 / inertia)
+    assert found.normal == pytest.approx((1 + e) * 2, rel=1e-14)
+    assert -found.tangential == pytest.approx(min(sticks, mu * found.normal), rel=1e-14)
+
+
+def test_what_separates_takes_no_impulse() -> None:
+    assert impulses(np.array([0.1, 1.0]), np.eye(2), 0.5, 1.0) == Impulses(0.0, 0.0, (), ())
+
+
+def test_a_jam_ends_where_sliding_stops() -> None:
+    """While it slides the contact is pressed together harder and harder."""
+    response = np.array([[1.0, 0.9], [0.9, 1.0]])
+    found = impulses(np.array([-1.0, 1.0]), response, 2.0, 0.0)
+    n, t = np.array([-1.0, 1.0]) + response @ [found.normal, found.tangential]
+    assert found.compression == ("slides forward", "sticks")
+    assert [n, t] == pytest.approx([0, 0], abs=1e-14)
+
+
+@given(
+    st.floats(-10, -1e-3), st.floats(-10, 10), st.floats(0.01, 100), st.floats(0.01, 100),
+    st.floats(-0.999, 0.999), st.floats(0, 5), st.floats(0, 1),
+)  # fmt: skip
+def test_energy_never_grows_and_the_laws_hold(
+    n: float, t: float, normal: float, tangential: float, coupled: float, mu: float, e: float
+) -> None:
+    off = coupled * np.sqrt(normal * tangential)
+    response = np.array([[normal, off], [off, tangential]])
+    found = impulses(np.array([n, t]), response, mu, e)
+    lam = np.array([found.normal, found.tangential])
+    before = np.array([n, t])
+    after = before + response @ lam
+    gained = lam @ (before + after) / 2
+    scale = before @ np.linalg.solve(response, before) / 2
+    assert gained <= 1e-9 * scale
+    assert abs(found.tangential) <= mu * found.normal * (1 + 1e-12)
+    assert after[0] >= -1e-9 * (abs(n) + np.abs(response[0] @ np.abs(lam)))
