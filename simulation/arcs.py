@@ -39,10 +39,11 @@ def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
     hits = [
         (model.kernels.surfaces.index(c.surface), c.time)
         for c in trajectory.collisions
-        if not c.grazes
+        if c.surface and not c.grazes
     ]
     for phase in trajectory.phases:
         on, h = model.gaps(phase.q, phase.t) >= -ON_ARC * sizes.gap, phase.step_size
+        on[:, [model.kernels.surfaces.index(name) for name in phase.closed]] = False
         for k, j in zip(*np.nonzero(on), strict=True):
             t = float(phase.t[k])
             if not any(surface == j and abs(t - at) <= 2.5 * h for surface, at in hits):

@@ -8,20 +8,19 @@ open-loop run.  An unstable motion amplifies every error on the way, so that the
 open-loop run says nothing about it: it is weighed with the amplification of the linearised flow.
 Where the motion itself lies on a surface, held there by its inputs, a simulation may enter the
 surface by a little.
+
+A motion with lasting contacts or friction is checked in :mod:`dmoc.simulation.contact_check`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from dmoc.arguments import shown
-from dmoc.codegen.kernels import Array, Kernels
+from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SimulationError
 from dmoc.simulation.amplification import amplification
-from dmoc.simulation.arcs import PENETRATION
-from dmoc.simulation.flow import Contact
+from dmoc.simulation.contact_check import judged_with_contacts
 from dmoc.simulation.measures import (
     energy_error,
     impact_errors,
@@ -33,75 +32,19 @@ from dmoc.simulation.measures import (
 )
 from dmoc.simulation.motion import Motion
 from dmoc.simulation.runs import compare, on_the_way, open_loop
+from dmoc.simulation.verdict import (
+    TERMINAL,
+    UNSTABLE_SEGMENT,
+    WEIGHED,
+    Verification,
+    exceeded,
+    lost_by,
+    too_coarse,
+    unstable,
+)
 from dmoc.trajectory import Trajectory
 
-# What a motion may miss and still count as confirmed.  Errors of states are relative to the ranges
-# of coordinates and momenta, energies to the kinetic energy, penetration and excess of soft limits
-# to the ranges, the law of impact to the largest rate of the gap.
-PASSING = {
-    "segment error": 0.01,
-    "energy error": 0.02,
-    "penetration": PENETRATION,
-    "excess of a limit": 0.002,
-    "excess of an input": 1e-6,
-    "error of the law of impact": 0.02,
-    "error of the law of impact relative to its own rates": 0.05,
-}
-# The end of the open-loop run: its error as it is, or divided by the motion's amplification, where
-# segments are right to the last share.
-TERMINAL, WEIGHED, UNSTABLE_SEGMENT = 0.25, 0.01, 0.005
-
-
-@dataclass(frozen=True)
-class Verification:
-    """What the check found.  Errors are relative to the range of the coordinate and to the largest
-    momentum of the motion.
-
-    Attributes
-    ----------
-    passed : bool
-    message : str
-        What contradicts the motion, or, where it passed, why its open-loop end does not count.
-    terminal_error : float
-        Error of the state at the end of an open-loop simulation with the motion's inputs.
-    amplification : float
-        Largest ratio by which the linearised flow, through the collisions, carries a small error
-        from a segment's start to the end.
-    max_defect : float
-        Largest error over a single step, started at its first node.
-    segment_defects : array
-        Error over each of ten segments a phase, started at its first node.
-    energy_error : float
-        Largest |E(end) - E(start) - work| of a phase, or jump of the energy at a collision,
-        relative to the largest kinetic energy.
-    impact_error : float
-        Largest error of the law of impact: of the rate of the gap after a collision, and of its
-        impulse, both relative to the largest rate.
-    missed_contacts, extra_contacts : tuples of str
-        Planned collisions that the simulation does not meet, and contacts that were not planned and
-        change a momentum by more than 1 %.
-    penetration : float
-        Largest gap g > 0 between nodes, relative to how far the motion's ranges move the gap.
-    limit_excess : float
-        Largest excess of an input or a coordinate over its bounds, between nodes too, relative to
-        its range.
-    contacts : tuple of Contact
-        Of the open-loop simulation.
-    """
-
-    passed: bool
-    message: str
-    terminal_error: float
-    amplification: float
-    max_defect: float
-    segment_defects: Array
-    energy_error: float
-    impact_error: float
-    missed_contacts: tuple[str, ...]
-    extra_contacts: tuple[str, ...]
-    penetration: float
-    limit_excess: float
-    contacts: tuple[Contact, ...]
+__all__ = ["Verification", "verify"]
 
 
 def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = None) -> Verification:
@@ -132,7 +75,8 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
             f"it than the kernels of {kernels.name!r}: give those it was made with."
         )
     with np.errstate(all="ignore"):
-        return _judged(Motion.of(trajectory, kernels, seconds))
+        motion = Motion.of(trajectory, kernels, seconds)
+        return judged_with_contacts(motion) if motion.has_modes else _judged(motion)
 
 
 def _judged(motion: Motion) -> Verification:
@@ -157,23 +101,19 @@ def _judged(motion: Motion) -> Verification:
         (missed, extra) if failures else compare(motion, on_the_way(motion))
     )
     if not (failures or missed or extra) and extra_on_way:
-        failures, extra = _lost((), extra_on_way, 0.0), extra_on_way
+        failures, extra = lost_by((), extra_on_way, 0.0), extra_on_way
     elif missed or extra or not terminal <= TERMINAL:
-        lost = _lost(missed, extra, terminal)
+        lost = lost_by(missed, extra, terminal)
         followed = not failures and worst <= UNSTABLE_SEGMENT
         explained = np.isfinite(amplified) and amplified * WEIGHED >= min(terminal, 1.0)
         if followed and not (missed_on_way or extra_on_way) and explained:
-            note = (
-                f"the motion is unstable: it amplifies errors {amplified:.3g} times, so that "
-                "an open-loop run leaves it "
-                f"({'; '.join(lost)}), while every segment is right to {worst:.1g}"
-            )
+            note = unstable(amplified, lost, worst)
             missed, extra = missed_on_way, extra_on_way
         else:
             failures = lost + failures
     return Verification(
         not failures,
-        _too_coarse(failures, amplified) if failures else note,
+        too_coarse(failures, amplified) if failures else note,
         terminal,
         amplified,
         float(steps.defects.max(initial=0.0)),
@@ -199,24 +139,4 @@ def _failures(motion: Motion, measured: dict[str, float]) -> list[str]:
         failures.append(
             f"the mass matrix is singular or negative on the way, first at {where:.4g} s"
         )
-    return failures + [
-        f"{name} {value:.3g} exceeds {PASSING[name]:g}"
-        for name, value in measured.items()
-        if not value <= PASSING[name]
-    ]
-
-
-def _lost(missed: tuple[str, ...], extra: tuple[str, ...], terminal: float) -> list[str]:
-    """How an open-loop run leaves a motion."""
-    lost = [f"the simulation misses {', '.join(missed)}"] * bool(missed)
-    lost += [f"the simulation meets {', '.join(extra)}"] * bool(extra)
-    return lost + [f"terminal error {terminal:.3g} exceeds {TERMINAL:g}"] * (
-        not terminal <= TERMINAL
-    )
-
-
-def _too_coarse(failures: list[str], amplified: float) -> str:
-    unstable = (
-        f" (the motion amplifies errors {amplified:.3g} times)" if amplified * WEIGHED > 1 else ""
-    )
-    return "; ".join(failures) + f": too coarse{unstable}, take more steps"
+    return failures + exceeded(measured)

@@ -45,12 +45,12 @@ def step_errors(motion: Motion) -> StepErrors:
     return StepErrors(
         motion.error(y, t1, q1, p1),
         tuple(float(part.sum()) for part in np.split(y[:, -1], cuts)),
-        _largest(gaps),
-        _largest(excess),
+        largest(gaps),
+        largest(excess),
     )
 
 
-def _largest(a: Array) -> float:
+def largest(a: Array) -> float:
     """The largest entry above 0; infinite if one is not a number."""
     return max(0.0, float(np.nan_to_num(a, nan=np.inf).max(initial=0.0)))
 
@@ -156,7 +156,7 @@ def input_excess(motion: Motion) -> float:
     )
     width = np.where(np.isfinite(width) & (width > 0), width, 1.0)
     u = np.vstack([ends for s in motion.steps for ends in (s.u0, s.u1)])
-    return _largest(np.maximum(low - u, u - high) / width)
+    return largest(np.maximum(low - u, u - high) / width)
 
 
 def singular(motion: Motion) -> float | None:

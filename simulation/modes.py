@@ -16,7 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dmoc.arguments import check_known
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.errors import SimulationError
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
 from dmoc.trajectory import Phase
@@ -62,8 +64,26 @@ def supports(kernels: Kernels) -> tuple[int, ...]:
 
 
 def mode_of(phase: Phase, kernels: Kernels) -> Mode:
-    """The mode of a phase."""
-    states = [(kernels.tangents.index(name), s) for name, s in phase.rubbing.items()]
+    """The mode of a phase; what rubs at an open surface has no part in it."""
+    for name in phase.closed:
+        check_known(name, kernels.surfaces, "closed surface", error=SimulationError)
+    for name in phase.rubbing:
+        check_known(name, kernels.tangents, "rubbing tangent", error=SimulationError)
+    for forces, what, names in (
+        (phase.normal, "normal", phase.closed),
+        (phase.tangential, "tangential", phase.rubbing),
+    ):
+        shape = (len(phase.t), len(names))
+        if names and forces.shape != shape:
+            raise SimulationError(
+                f"{what} forces of the phase from {phase.t[0]:.4g} s on have the shape "
+                f"{forces.shape}: expected {shape}, a column for each of {', '.join(names)}."
+            )
+    states = [
+        (kernels.tangents.index(name), s)
+        for name, s in phase.rubbing.items()
+        if name in phase.closed or name not in kernels.surfaces
+    ]
     return Mode(
         tuple(kernels.surfaces.index(name) for name in phase.closed),
         tuple(k for k, s in states if s == 0),
@@ -119,7 +139,7 @@ def reaction(model: Model, mode: Mode, q: Array, v: Array, u: Array, t: Array) -
 def answers(M: Array, c: Conditions, wanted: Array) -> tuple[Array, Array]:
     """The change M^-1 B^T lam of an acceleration or a velocity (n, nq) that changes C a by what is
     wanted (n, m), and its multipliers lam (n, m): the smallest where several would do."""
-    response = _columns(M, c.B)
+    response = columns(M, c.B)
     lam = _multipliers(c.C @ response, _sizes(M, c.C), wanted)
     return (response @ lam[..., None])[..., 0], lam
 
@@ -180,7 +200,7 @@ def _moved(model: Model, mode: Mode, q: Array, t: Array, wanted: Array) -> Array
     return answers(model.mass(q, t), Conditions(C, C), wanted)[0]
 
 
-def _columns(M: Array, B: Array) -> Array:
+def columns(M: Array, B: Array) -> Array:
     """M^-1 B^T, shape (n, nq, m)."""
     right = np.swapaxes(B, 1, 2)
     parts = [solved(M, np.ascontiguousarray(right[..., k])) for k in range(right.shape[2])]
@@ -189,7 +209,7 @@ def _columns(M: Array, B: Array) -> Array:
 
 def _sizes(M: Array, C: Array) -> Array:
     """Roots of the diagonal of C M^-1 C^T, shape (n, m)."""
-    squares = np.einsum("nmi,nim->nm", C, _columns(M, C))
+    squares = np.einsum("nmi,nim->nm", C, columns(M, C))
     return np.asarray(np.where(squares > 0, np.sqrt(np.abs(squares)), 1.0))
 
 

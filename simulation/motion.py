@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
 
@@ -15,7 +16,8 @@ from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row, restitution_row
 from dmoc.simulation.arcs import allowance, arcs_of
 from dmoc.simulation.flow import Flow, Steps
-from dmoc.simulation.sizes import Sizes, sizes_of
+from dmoc.simulation.modes import RAIL, Mode, mode_of, supports
+from dmoc.simulation.sizes import Sizes, sizes_of, sizes_with_contacts
 from dmoc.trajectory import Trajectory
 
 SEGMENTS = 10  # of a phase
@@ -27,14 +29,16 @@ class OutOfTimeError(SimulationError):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion, its model with its parameters, its sizes, its phases as steps, and the flow it is
-    compared with."""
+    """A motion, its model with its parameters, its sizes, its phases as steps and as modes, and the
+    flow it is compared with."""
 
     trajectory: Trajectory
     model: Model
     sizes: Sizes
     flow: Flow
     steps: tuple[Steps, ...]
+    modes: tuple[Mode, ...]
+    check_time: Callable[[], None]
 
     @classmethod
     def of(cls, trajectory: Trajectory, kernels: Kernels, seconds: float | None) -> Motion:
@@ -49,7 +53,12 @@ class Motion:
 
         restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
         model = Model(kernels, parameter_row(kernels, trajectory.parameters, SimulationError))
-        sizes = sizes_of(trajectory, model)
+        modes = tuple(mode_of(phase, kernels) for phase in trajectory.phases)
+        sizes = (
+            sizes_with_contacts(trajectory, model)
+            if _has_modes(trajectory, model)
+            else sizes_of(trajectory, model)
+        )
         arcs = arcs_of(trajectory, model, sizes)
         steps = [
             Steps(
@@ -61,7 +70,12 @@ class Motion:
             for p in trajectory.phases
         ]
         flow = Flow(model, sizes, restitution, partial(allowance, arcs, model.nc), check_time)
-        return cls(trajectory, model, sizes, flow, tuple(steps))
+        return cls(trajectory, model, sizes, flow, tuple(steps), modes, check_time)
+
+    @cached_property
+    def has_modes(self) -> bool:
+        """Whether contacts last or something rubs."""
+        return _has_modes(self.trajectory, self.model)
 
     @cached_property
     def all_steps(self) -> Steps:
@@ -77,6 +91,20 @@ class Motion:
             [np.abs(q - q_wanted) / self.sizes.q, np.abs(p - p_wanted) / self.sizes.p]
         )
         return np.asarray(np.nan_to_num(parts.max(axis=1), nan=np.inf))
+
+
+def _has_modes(trajectory: Trajectory, model: Model) -> bool:
+    """Whether contacts last or something rubs in a motion, or should: rails do always, and
+    surfaces with friction where they are hit."""
+    hit = {c.surface for c in trajectory.collisions}
+    rubs = np.array(
+        [j == RAIL or model.kernels.surfaces[j] in hit for j in supports(model.kernels)], dtype=bool
+    )
+    return (
+        any(p.closed or p.rubbing for p in trajectory.phases)
+        or any(c.lands or c.leaves or not c.surface for c in trajectory.collisions)
+        or bool((rubs & (model.friction > 0)).any())
+    )
 
 
 def nodes_of_segments(steps: int) -> NDArray[np.intp]:

@@ -45,18 +45,23 @@ def open_loop(motion: Motion) -> tuple[float, list[Contact]]:
 def on_the_way(motion: Motion) -> list[Contact]:
     """Contacts met in segments, each simulated from the motion's own state; one that ends in
     a planned collision meets it a little early or late."""
-    contacts = list[Contact]()
-    for i, phase in enumerate(motion.trajectory.phases):
-        upper = motion.flow.upper(motion.steps[i])
-        for first, last in pairwise(map(int, nodes_of_segments(phase.steps))):
-            met = list[Contact]()
-            try:
-                y = _segment(motion, i, upper, (first, last), met)
-                if last == phase.steps and i < len(motion.trajectory.collisions):
-                    met += _late(motion, i, y, float(phase.t[last]), met)
-            except Lost:
-                pass  # what it has met until then does not fit
-            contacts += met
+    phases = range(len(motion.trajectory.phases))
+    return [contact for i in phases for contact in contacts_of_phase(motion, i)]
+
+
+def contacts_of_phase(motion: Motion, i: int) -> list[Contact]:
+    """Contacts met in the segments of one phase."""
+    contacts, phase = list[Contact](), motion.trajectory.phases[i]
+    upper = motion.flow.upper(motion.steps[i])
+    for first, last in pairwise(map(int, nodes_of_segments(phase.steps))):
+        met = list[Contact]()
+        try:
+            y = _segment(motion, i, upper, (first, last), met)
+            if last == phase.steps and i < len(motion.trajectory.collisions):
+                met += _late(motion, i, y, float(phase.t[last]), met)
+        except Lost:
+            pass  # what it has met until then does not fit
+        contacts += met
     return contacts
 
 
@@ -88,7 +93,7 @@ def _planned(motion: Motion, contact: Contact, i: int, end: float) -> bool:
     window = SAME_CONTACT * motion.sizes.time
     return (
         i < len(collisions)
-        and contact.surface == collisions[i].surface
+        and contact.surface in (collisions[i].surface, *collisions[i].lands)
         and abs(contact.time - end) <= window
     )
 
@@ -96,7 +101,7 @@ def _planned(motion: Motion, contact: Contact, i: int, end: float) -> bool:
 def _late(motion: Motion, i: int, y: Array, t: float, met: list[Contact]) -> list[Contact]:
     """The planned collision where a segment ends just before it: by the rate of the gap."""
     collision = motion.trajectory.collisions[i]
-    if any(_planned(motion, c, i, t) for c in met):
+    if not collision.surface or any(_planned(motion, c, i, t) for c in met):
         return []
     j = motion.model.kernels.surfaces.index(collision.surface)
     gap = float(motion.model.gaps(y[: motion.model.nq], t)[j])

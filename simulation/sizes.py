@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.trajectory import Trajectory
+
+# Share of the speed that its energy could give to a coordinate by which that counts at least, where
+# contacts hold coordinates still.
+STILL = 1e-3
 
 
 @dataclass(frozen=True)
@@ -58,4 +62,24 @@ def sizes_of(trajectory: Trajectory, model: Model) -> Sizes:
         rate,
         time,
         largest if largest > 0 else 1.0,
+    )
+
+
+def sizes_with_contacts(trajectory: Trajectory, model: Model) -> Sizes:
+    """Sizes of a motion whose contacts hold some coordinates still: these count by a thousandth of
+    what its energy could make of them."""
+    sizes = sizes_of(trajectory, model)
+    q = np.vstack([p.q for p in trajectory.phases])
+    t = np.concatenate([p.t for p in trajectory.phases])
+    inertia = np.abs(np.diagonal(model.mass(q, t), axis1=1, axis2=2)).max(axis=0)
+    little = STILL * np.sqrt(2 * sizes.energy / inertia)
+    size_q, size_v = np.maximum(sizes.q, little * sizes.time), np.maximum(sizes.v, little)
+    slope = np.abs(model.gap_slopes(q, t)).max(axis=0)
+    return replace(
+        sizes,
+        q=size_q,
+        v=size_v,
+        p=np.maximum(sizes.p, inertia * little),
+        gap=slope @ np.append(size_q, sizes.time),
+        rate=slope @ np.append(size_v, 1.0),
     )

@@ -1,0 +1,115 @@
+"""The independent check of a motion with lasting contacts or friction.
+
+It is compared with the flow of its planned modes, whose forces follow from the conditions on the
+accelerations: step by step and segment by segment, each from its own states, and from the start to
+the end through its planned events at their planned times.  What would make another mode, a contact
+that pulls, a friction that its contact cannot hold, sliding that turns, an open surface that is
+met, contradicts it, and so do events that do not obey their law.  Phases in which nothing is closed
+or rubs are also simulated through the contacts that they meet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dmoc.simulation.contact_events import event_errors, off_surface
+from dmoc.simulation.contact_forces import ForceErrors, force_errors, left_out, still_pressed
+from dmoc.simulation.contact_measures import (
+    amplification,
+    flow_of,
+    is_free,
+    is_planned,
+    open_loop,
+    segments,
+    step_errors,
+)
+from dmoc.simulation.flow import Contact
+from dmoc.simulation.measures import input_excess, singular
+from dmoc.simulation.motion import Motion
+from dmoc.simulation.runs import contacts_of_phase
+from dmoc.simulation.verdict import (
+    TERMINAL,
+    UNSTABLE_SEGMENT,
+    WEIGHED,
+    Verification,
+    exceeded,
+    lost_by,
+    too_coarse,
+    unstable,
+)
+from dmoc.trajectory import GRAZING
+
+
+def judged_with_contacts(motion: Motion) -> Verification:
+    """Measure a motion and judge it."""
+    flow, held = flow_of(motion), _forces(motion)
+    steps, (parts, met) = step_errors(motion, flow), segments(motion, flow)
+    events, inputs = event_errors(motion, steps.work), input_excess(motion)
+    missed, extra = _compared(motion, met)
+    defects = np.array([part.error for part in parts])
+    worst = float(defects.max(initial=0.0))
+    terminal, amplified = open_loop(motion, flow), amplification(motion, parts)
+    measured = {
+        "segment error": worst, "energy error": events.energy,
+        "error of the law of impact": events.law,
+        "error of the law of impact relative to its own rates": events.own,
+        "penetration": steps.penetration, "excess of a limit": steps.excess,
+        "excess of an input": inputs, "error of a contact force": held.largest,
+    }  # fmt: skip
+    told = [*_wrong_places(motion), *held.told, *events.told]
+    told += [*still_pressed(motion, held.sizes), *lost_by(missed, extra, 0.0)]
+    too_far, note = exceeded(measured), ""
+    if not terminal <= TERMINAL:
+        lost = lost_by((), (), terminal)
+        explained = np.isfinite(amplified) and amplified * WEIGHED >= min(terminal, 1.0)
+        if worst <= UNSTABLE_SEGMENT and explained and not (told or too_far):
+            note = unstable(amplified, lost, worst)
+        else:
+            too_far = lost + too_far
+    extra_met = tuple(c for c in met if c.jump > GRAZING)
+    message = "; ".join(told + too_far)
+    if too_far and not told:
+        message = too_coarse(too_far, amplified)
+    return Verification(
+        not (told or too_far), message or note, terminal, amplified,
+        float(steps.defects.max(initial=0.0)), defects, events.energy, events.law, missed,
+        tuple(extra), steps.penetration, max(steps.excess, inputs), extra_met, held.largest,
+    )  # fmt: skip
+
+
+def _forces(motion: Motion) -> ForceErrors:
+    found = force_errors(motion)
+    return replace(found, told=(*left_out(motion), *found.told))
+
+
+def _wrong_places(motion: Motion) -> list[str]:
+    """Events off their surfaces, and a mass matrix that is none."""
+    told = [f"the contact with {s!r} is {gap:.3g} off it" for s, gap in off_surface(motion)]
+    where = singular(motion)
+    if where is not None:
+        told.append(f"the mass matrix is singular or negative on the way, first at {where:.4g} s")
+    return told
+
+
+def _compared(motion: Motion, met: list[Contact]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Planned contacts at the ends of free phases that are missed, and contacts that were not
+    planned and do not merely graze."""
+    missed = []
+    for i, phase in enumerate(motion.trajectory.phases):
+        if not is_free(motion, i):
+            continue
+        contacts = contacts_of_phase(motion, i)
+        end = float(phase.t[-1])
+        met += [c for c in contacts if not is_planned(motion, i, c.surface, c.time)]
+        planned = motion.trajectory.collisions[i : i + 1]
+        missed += [
+            f"the contact with {c.surface!r} at {end:.4g} s"
+            for c in planned
+            if c.surface
+            and not c.grazes
+            and not any(is_planned(motion, i, m.surface, m.time) for m in contacts)
+        ]
+    extra = [f"a contact with {c.surface!r} at {c.time:.4g} s" for c in met if c.jump > GRAZING]
+    return tuple(missed), tuple(dict.fromkeys(extra))

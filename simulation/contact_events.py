@@ -1,0 +1,158 @@
+"""The events of a motion with lasting contacts beside their laws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.simulation.contact_forces import BEARABLE, TURNED
+from dmoc.simulation.contact_law import Event, Outcome, after_event, event_of
+from dmoc.simulation.measures import OFF_SURFACE
+from dmoc.simulation.modes import RAIL, supports
+from dmoc.simulation.motion import Motion
+from dmoc.trajectory import Collision
+
+
+@dataclass(frozen=True)
+class EventErrors:
+    """Largest imbalance of energy, relative to the kinetic energy; errors of the law of impact,
+    relative to the largest momenta and rates and to the rates of the event itself; and what
+    contradicts the motion, in sentences."""
+
+    energy: float
+    law: float
+    own: float
+    told: tuple[str, ...]
+
+
+def event_errors(motion: Motion, work: tuple[float, ...]) -> EventErrors:
+    """Compare the energies of phases with their work, and the events with their laws."""
+    energy, law, own, told = _imbalance(motion, work), 0.0, 0.0, list[str]()
+    for i, c in enumerate(motion.trajectory.collisions):
+        event = event_of(motion, i)
+        if event.wrong:
+            told.append(event.wrong)
+            continue
+        before, after = motion.trajectory.phases[i], motion.trajectory.phases[i + 1]
+        found = after_event(motion, event, before.q[-1:], before.v[-1:], c.time)
+        energies = motion.model.energy(
+            np.vstack([before.q[-1:]] * 2), np.vstack([found.velocity, after.v[:1]]), c.time
+        )
+        energy = max(energy, abs(float(energies[1] - energies[0])) / motion.sizes.energy)
+        law = max(law, _law(motion, i, found))
+        own = max(own, _own(motion, i, event, found))
+        told += _unbearable(motion, c, event, found)
+        told += _approached(motion, i, event)
+    energy, law, own = (float(np.nan_to_num(x, nan=np.inf)) for x in (energy, law, own))
+    return EventErrors(energy, law, own, tuple(told))
+
+
+def off_surface(motion: Motion) -> list[tuple[str, float]]:
+    """Surfaces that are hit or land where the motion is not on them, with the gap."""
+    surfaces, found = motion.model.kernels.surfaces, []
+    for c in motion.trajectory.collisions:
+        for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
+            j = surfaces.index(name)
+            gap = float(motion.model.gaps(c.position, c.time)[j])
+            if not abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]:
+                found.append((name, gap))
+    return found
+
+
+def _imbalance(motion: Motion, work: tuple[float, ...]) -> float:
+    """Largest difference of the change of energy in a phase and the work, friction's too."""
+    found, ends = [], [0, -1]
+    for phase, done in zip(motion.trajectory.phases, work, strict=True):
+        first, last = motion.model.energy(phase.q[ends], phase.v[ends], phase.t[ends])
+        found.append(abs(last - first - done))
+    return float(np.nan_to_num(max(found), nan=np.inf)) / motion.sizes.energy
+
+
+def _given(motion: Motion, c: Collision) -> tuple[Array, Array]:
+    """The planned impulses of all surfaces and tangents."""
+    kernels = motion.model.kernels
+    normal = {c.surface: c.impulse, **c.impulses} if c.surface and not c.grazes else c.impulses
+    return (
+        np.array([normal.get(name, 0.0) for name in kernels.surfaces]),
+        np.array([c.tractions.get(name, 0.0) for name in kernels.tangents]),
+    )
+
+
+def _law(motion: Motion, i: int, found: Outcome) -> float:
+    """Errors of the momentum after an event and of its planned impulses, relative to the largest
+    momenta, and of its position on both sides."""
+    c, model = motion.trajectory.collisions[i], motion.model
+    before, after = motion.trajectory.phases[i], motion.trajectory.phases[i + 1]
+    q, t = before.q[-1], c.time
+    normal, tangential = _given(motion, c)
+    change = (
+        tangential @ model.tangent_slopes(q, t)[:, :-1] - normal @ model.gap_slopes(q, t)[:, :-1]
+    )
+    errors = [
+        (after.p[0] - model.momentum(q, found.velocity[0], t)) / motion.sizes.p,
+        (after.p[0] - before.p[-1] - change) / motion.sizes.p,
+        (after.q[0] - q) / motion.sizes.q,
+    ]
+    return float(np.abs(errors).max())
+
+
+def _own(motion: Motion, i: int, event: Event, found: Outcome) -> float:
+    """Errors of the rates after a hit or a landing relative to the largest of them."""
+    if not event.mode.closed:
+        return 0.0
+    c, model, closed = motion.trajectory.collisions[i], motion.model, list(event.mode.closed)
+    before, after = motion.trajectory.phases[i], motion.trajectory.phases[i + 1]
+    old, new, right = (
+        model.gap_rates(before.q[-1], v, c.time)[closed]
+        for v in (before.v[-1], after.v[0], found.velocity[0])
+    )
+    return float(np.abs(new - right).max() / max(np.abs([old, new]).max(), 1e-300))
+
+
+def _unbearable(motion: Motion, c: Collision, event: Event, found: Outcome) -> Iterator[str]:
+    """Impulses that pull or leave the cone, by the law or by the plan, and surfaces that take one
+    without a part in the event."""
+    model, mode, at = motion.model, event.mode, supports(motion.model.kernels)
+    normal, tangential = _given(motion, c)
+    surfaces, tangents = model.kernels.surfaces, model.kernels.tangents
+    slack = BEARABLE * max(float(np.abs(found.normal).max(initial=0.0)), 1e-300)
+    for j, name in enumerate(surfaces):
+        least = min(float(found.normal[0, j]), normal[j])
+        if least < -slack:
+            yield f"{name} would have to pull with an impulse of {-least:.4g} N s at {c.time:.4g} s"
+        if j not in mode.closed and normal[j] > slack:
+            yield f"{name} takes an impulse at {c.time:.4g} s without being hit or closed"
+    for k, name in enumerate(tangents):
+        held = model.friction[k] * found.normal[0, at[k]] if at[k] != RAIL else 0.0
+        needed = max(abs(float(found.tangential[0, k])), abs(tangential[k]))
+        if needed > held + slack * max(model.friction[k], 1.0):
+            yield (
+                f"{name} would need an impulse of friction of {needed:.4g} N s at {c.time:.4g} s, "
+                f"where it holds {max(held, 0.0):.4g} N s"
+            )
+    sigma = model.slide_rates(c.position, found.velocity[0], c.time)
+    along = np.abs(model.tangent_slopes(c.position, c.time)[:, :-1]) @ motion.sizes.v
+    for k, s in mode.sliding:
+        if event.rubs is None and s * sigma[k] < -TURNED * along[k]:
+            yield f"{tangents[k]} does not slide with the sign {s:+d} after {c.time:.4g} s"
+
+
+def _approached(motion: Motion, i: int, event: Event) -> Iterator[str]:
+    """Surfaces hit without being approached, and contacts that leave without opening."""
+    c, model = motion.trajectory.collisions[i], motion.model
+    surfaces = model.kernels.surfaces
+    before, after = motion.trajectory.phases[i], motion.trajectory.phases[i + 1]
+    old = model.gap_rates(before.q[-1], before.v[-1], c.time) / motion.sizes.rate
+    new = model.gap_rates(before.q[-1], after.v[0], c.time) / motion.sizes.rate
+    for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
+        if old[surfaces.index(name)] < -TURNED:
+            yield f"{name} is not approached where it is hit at {c.time:.4g} s"
+    for j in {
+        *(surfaces.index(n) for n in c.leaves),
+        *((event.hit,) if event.hit is not None else ()),
+    }:
+        if new[j] > TURNED:
+            yield f"{surfaces[j]} is entered where it should open at {c.time:.4g} s"

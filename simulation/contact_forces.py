@@ -1,0 +1,215 @@
+"""The forces of lasting contacts and of friction in a motion, beside those of the flow and beside
+what contacts can bear."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.simulation.contact_measures import Forces, forces
+from dmoc.simulation.modes import RAIL, Mode, columns, conditions, reaction, supports
+from dmoc.simulation.motion import Motion
+
+# What a force may pull or exceed its cone by, as a share of the largest of its contact, and what a
+# sliding velocity may turn by, as a share of its size.
+BEARABLE, TURNED = 0.01, 1e-3
+# What a contact may still push with where it leaves, as a share of its largest force.
+PRESSED = 0.05
+# A closed contact may be off its surface, and what sticks off its place, by this share of the
+# sizes, and their rates by the second share.
+OFF, DRIFT = 1e-6, 0.02
+
+
+@dataclass(frozen=True)
+class ForceErrors:
+    """The largest error of a force relative to the largest of its contact, what contradicts the
+    motion, in sentences, and the largest force of each contact (nc,)."""
+
+    largest: float
+    told: tuple[str, ...]
+    sizes: Array
+
+
+def force_errors(motion: Motion) -> ForceErrors:
+    """Compare the forces of all phases with the flow's."""
+    found = [forces(motion, i) for i in range(len(motion.modes))]
+    normal, tangential = _sizes(motion, found)
+    largest, told = 0.0, list[str]()
+    for i, (mode, flow) in enumerate(zip(motion.modes, found, strict=True)):
+        if not mode.closed and not mode.sticking and not mode.sliding:
+            continue
+        largest = max(largest, _difference(motion, i, flow, (normal, tangential)))
+        told += _off(motion, i)
+        told += _paradoxes(motion, i)
+        told += _pulling(motion, i, flow, normal)
+        told += _slipping(motion, i, flow, tangential)
+        told += _turning(motion, i)
+    return ForceErrors(largest, tuple(told), normal)
+
+
+def still_pressed(motion: Motion, size: Array) -> Iterator[str]:
+    """Contacts that leave while they are pressed: kept closed they would still push."""
+    model, surfaces = motion.model, motion.model.kernels.surfaces
+    for i, c in enumerate(motion.trajectory.collisions):
+        after, mode = motion.trajectory.phases[i + 1], motion.modes[i + 1]
+        q, v, t = after.q[:1], after.v[:1], after.t[:1]
+        rates = model.gap_rates(q, v, t)[0]
+        for j in (surfaces.index(name) for name in c.leaves):
+            if rates[j] < -DRIFT * motion.sizes.rate[j]:
+                continue  # it opens with a velocity
+            kept = replace(mode, closed=(*mode.closed, j))
+            force = reaction(model, kept, q, v, motion.steps[i + 1].u0[:1], t).normal[0, j]
+            if force > PRESSED * size[j]:
+                yield (f"{surfaces[j]} leaves at {c.time:.4g} s, pressed with {force:.4g} N")
+
+
+def left_out(motion: Motion) -> list[str]:
+    """Friction that a phase leaves out, or has at an open contact."""
+    kernels, told = motion.model.kernels, []
+    for phase in motion.trajectory.phases:
+        span = f"from {phase.t[0]:.4g} to {phase.t[-1]:.4g} s"
+        for name, j, mu in zip(
+            kernels.tangents, supports(kernels), motion.model.friction, strict=True
+        ):
+            touches = j == RAIL or kernels.surfaces[j] in phase.closed
+            if mu > 0 and touches and name not in phase.rubbing:
+                told.append(f"the friction of {name!r} is left out {span}")
+            elif not touches and name in phase.rubbing:
+                told.append(f"{name!r} rubs {span} where its contact is open")
+    return told
+
+
+def _sizes(motion: Motion, found: list[Forces]) -> tuple[Array, Array]:
+    """The largest contact forces (nc,) and friction forces that are possible (nt,) of a motion."""
+    sizes, model = motion.sizes, motion.model
+    stopping = float((sizes.p @ sizes.v) / sizes.time)  # power that could stop the motion
+    normal = np.max([np.abs(f.normal).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
+    normal = np.maximum(normal, BEARABLE * stopping / sizes.rate)
+    at = supports(model.kernels)
+    possible = [
+        mu if j == RAIL else mu * normal[j] for j, mu in zip(at, model.friction, strict=True)
+    ]
+    taken = np.max([np.abs(f.tangential).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
+    return normal, np.maximum(np.array(possible).reshape(model.nt), BEARABLE * taken)
+
+
+def _difference(motion: Motion, i: int, flow: Forces, sizes: tuple[Array, Array]) -> float:
+    """Largest error of the planned forces of a phase, relative to the sizes; between two steps
+    whose inputs differ every force between theirs is right."""
+    phase, kernels = motion.trajectory.phases[i], motion.model.kernels
+    worst = 0.0
+    for given, names, known, all_found, size in (
+        (phase.normal, phase.closed, kernels.surfaces, flow.normal, sizes[0]),
+        (phase.tangential, tuple(phase.rubbing), kernels.tangents, flow.tangential, sizes[1]),
+    ):
+        for column, name in enumerate(names):
+            j = known.index(name)
+            low, high = all_found[..., j].min(axis=0), all_found[..., j].max(axis=0)
+            off = np.maximum(low - given[:, column], given[:, column] - high)
+            error = (
+                np.maximum(off, 0.0) / size[j] if size[j] > 0 else np.sign(np.abs(given[:, column]))
+            )
+            worst = max(worst, float(np.nan_to_num(error, nan=np.inf).max()))
+    return worst
+
+
+def _off(motion: Motion, i: int) -> Iterator[str]:
+    """Closed contacts off their surfaces and what sticks off its place, and their rates."""
+    phase, model, sizes, mode = (
+        motion.trajectory.phases[i],
+        motion.model,
+        motion.sizes,
+        motion.modes[i],
+    )
+    along = np.abs(model.tangent_slopes(phase.q, phase.t)).max(axis=0)
+    slid = model.tangents(phase.q, phase.t)
+    for names, places, off, rates, size, rate in (
+        (
+            model.kernels.surfaces, mode.closed, model.gaps(phase.q, phase.t),
+            model.gap_rates(phase.q, phase.v, phase.t), sizes.gap, sizes.rate,
+        ),
+        (
+            model.kernels.tangents, mode.sticking, slid - slid[0],
+            model.slide_rates(phase.q, phase.v, phase.t),
+            along @ np.append(sizes.q, sizes.time), along @ np.append(sizes.v, 1.0),
+        ),
+    ):  # fmt: skip
+        for j in places:
+            k = int(np.argmax(np.abs(off[:, j])))
+            if not abs(off[k, j]) <= OFF * size[j]:
+                what = "is off its surface" if places is mode.closed else "has slipped"
+                yield f"{names[j]!r} {what} by {off[k, j]:.3g} at {phase.t[k]:.4g} s"
+            k = int(np.argmax(np.abs(rates[:, j])))
+            if not abs(rates[k, j]) <= DRIFT * rate[j]:
+                yield (
+                    f"{names[j]!r} moves with {rates[k, j]:.3g} at {phase.t[k]:.4g} s, where it is "
+                    "held"
+                )
+
+
+def _paradoxes(motion: Motion, i: int) -> Iterator[str]:
+    """Sliding contacts whose force would press them together (Painleve's paradox)."""
+    phase, model, mode = motion.trajectory.phases[i], motion.model, motion.modes[i]
+    if not mode.sliding:
+        return
+    rails_alone = Mode(mode.closed, (), mode.sliding)
+    c = conditions(model, rails_alone, phase.q, phase.t)
+    M = model.mass(phase.q, phase.t)
+    for place, j in enumerate(mode.closed):
+        pushed = columns(M, c.B[:, [place]])[..., 0]
+        wrong = np.flatnonzero(~((c.C[:, place] * pushed).sum(axis=1) < 0))
+        if len(wrong):
+            yield (
+                f"sliding of {model.kernels.surfaces[j]!r} at {phase.t[wrong[0]]:.4g} s presses "
+                "the contact together whatever its force (Painleve's paradox): no motion does that"
+            )
+
+
+def _pulling(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str]:
+    """Contacts that would have to pull."""
+    phase, surfaces = motion.trajectory.phases[i], motion.model.kernels.surfaces
+    for column, j in enumerate(motion.modes[i].closed):
+        least = np.minimum(flow.normal[..., j].min(axis=0), phase.normal[:, column])
+        k = int(np.argmin(least))
+        if not least[k] >= -BEARABLE * size[j]:
+            yield f"{surfaces[j]} would have to pull with {-least[k]:.4g} N at {phase.t[k]:.4g} s"
+
+
+def _slipping(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str]:
+    """Friction beyond what its contact or rail holds."""
+    phase, model, at = motion.trajectory.phases[i], motion.model, supports(motion.model.kernels)
+    for j in motion.modes[i].sticking:
+        mu = model.friction[j]
+        bears = mu * (
+            np.ones_like(flow.tangential[..., j]) if at[j] == RAIL else flow.normal[..., at[j]]
+        )
+        needs = np.abs(flow.tangential[..., j])
+        beyond = (needs - bears).max(axis=0)
+        k = int(np.argmax(beyond))
+        if not beyond[k] <= BEARABLE * size[j]:
+            side = int(np.argmax((needs - bears)[:, k]))
+            yield (
+                f"{model.kernels.tangents[j]} would have to stick with {needs[side, k]:.4g} N at "
+                f"{phase.t[k]:.4g} s, where it holds {max(bears[side, k], 0.0):.4g} N"
+            )
+
+
+def _turning(motion: Motion, i: int) -> Iterator[str]:
+    """Sliding against its planned direction, or from rest into the other one."""
+    phase, model = motion.trajectory.phases[i], motion.model
+    rates = model.slide_rates(phase.q, phase.v, phase.t)
+    along = np.abs(model.tangent_slopes(phase.q, phase.t)).max(axis=0)
+    size = along @ np.append(
+        motion.sizes.v, 1.0 if model.kernels.manifest["explicit_time"] else 0.0
+    )
+    for j, s in motion.modes[i].sliding:
+        forward = s * rates[:, j]
+        k = int(np.argmin(forward))
+        if not forward[k] >= -TURNED * size[j]:
+            yield (
+                f"{model.kernels.tangents[j]} slides with {rates[k, j]:.4g} at {phase.t[k]:.4g} s, "
+                f"against its planned direction {s:+d}"
+            )

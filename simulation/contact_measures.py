@@ -1,0 +1,251 @@
+"""What is measured of a motion with lasting contacts or friction: its steps and segments within
+their modes, and the forces that hold it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Index
+from dmoc.simulation.amplification import PERTURBED
+from dmoc.simulation.contact_law import after_event, event_of
+from dmoc.simulation.flow import PLACES, TOUCH, Contact
+from dmoc.simulation.measures import Segment, StepErrors, largest
+from dmoc.simulation.mode_flow import ModeFlow, Span
+from dmoc.simulation.modes import reaction, settled
+from dmoc.simulation.motion import Motion, nodes_of_segments
+from dmoc.simulation.runs import SAME_CONTACT
+
+
+def flow_of(motion: Motion) -> ModeFlow:
+    """The flow that a motion is compared with."""
+    sizes = motion.sizes
+    size = np.concatenate([sizes.q, sizes.v, [sizes.energy]])
+    return ModeFlow(motion.model, size, motion.check_time)
+
+
+def span_of(motion: Motion, i: int, which: Index | slice) -> Span:
+    """Some steps of a phase."""
+    s = motion.steps[i]
+    return Span(s.t[which], s.h[which], s.u0[which], s.u1[which])
+
+
+def rows_at(motion: Motion, i: int, nodes: Index) -> Array:
+    """States at nodes of a phase as rows (q | v | work)."""
+    phase = motion.trajectory.phases[i]
+    return np.hstack([phase.q[nodes], phase.v[nodes], np.zeros((len(nodes), 1))])
+
+
+def put(motion: Motion, i: int, y: Array, t: Array) -> tuple[Array, Array]:
+    """Rows moved to where the conditions of a phase's mode hold, and the tangential positions that
+    they keep."""
+    held = motion.model.tangents(np.ascontiguousarray(y[:, : motion.model.nq]), t)
+    return settled(motion.model, motion.modes[i], y, t, held), held
+
+
+# Steps --------------------------------------------------------------------------------------------
+
+
+def step_errors(motion: Motion, flow: ModeFlow) -> StepErrors:
+    """Integrate every step from its first node, in the mode of its phase."""
+    parts = [_steps_of(motion, flow, i) for i in range(len(motion.steps))]
+    return StepErrors(
+        np.concatenate([p.defects for p in parts]),
+        tuple(p.work[0] for p in parts),
+        max(p.penetration for p in parts),
+        max(p.excess for p in parts),
+    )
+
+
+def _steps_of(motion: Motion, flow: ModeFlow, i: int) -> StepErrors:
+    phase, mode, nq = motion.trajectory.phases[i], motion.modes[i], motion.model.nq
+    span = span_of(motion, i, slice(None))
+    y0, held = put(motion, i, rows_at(motion, i, np.arange(phase.steps)), span.t)
+    y1 = flow.advance(mode, y0, span, held)
+    times, between = _between(motion, flow, i, (y0, y1), span)
+    gaps = motion.model.gaps(between.reshape(-1, nq), times.ravel()) / motion.sizes.gap
+    low, high = motion.trajectory.coordinate_bounds.T
+    return StepErrors(
+        motion.error(y1, phase.t[1:], phase.q[1:], phase.p[1:]),
+        (float(y1[:, -1].sum()),),
+        largest(np.delete(gaps, mode.closed, axis=1)),
+        largest(np.maximum(low - between, between - high) / motion.sizes.q),
+    )
+
+
+def _between(
+    motion: Motion, flow: ModeFlow, i: int, y: tuple[Array, Array], span: Span
+) -> tuple[Array, Array]:
+    """Times and positions at places within steps, shapes (places, n) and (places, n, nq)."""
+    ends = flow.ends(motion.modes[i], *y, span)
+    places = PLACES[1:]
+    y0, a, y1, h = (np.ascontiguousarray(part) for part in (y[0], ends, y[1], span.h))
+    found = motion.flow.integrator.between(y0, a, y1, h, places)
+    return span.t + places[:, None] * h, found
+
+
+# Segments -----------------------------------------------------------------------------------------
+
+
+def segments(motion: Motion, flow: ModeFlow) -> tuple[list[Segment], list[Contact]]:
+    """The segments of all phases with the derivatives of their ends by their starts, from
+    differences, and contacts that were not planned and are met in phases with closed contacts or
+    friction."""
+    found, met = list[Segment](), list[Contact]()
+    for i in range(len(motion.steps)):
+        parts, contacts = _segments_of(motion, flow, i)
+        found += parts
+        met += contacts
+    return found, met
+
+
+def _segments_of(motion: Motion, flow: ModeFlow, i: int) -> tuple[list[Segment], list[Contact]]:
+    phase, m = motion.trajectory.phases[i], 2 * motion.model.nq
+    cuts = nodes_of_segments(phase.steps)
+    places = list(pairwise(map(int, cuts)))
+    unit = PERTURBED * np.concatenate([motion.sizes.q, motion.sizes.v])
+    changes = np.zeros((1 + 2 * m, m + 1))
+    changes[1:, :m] = np.vstack([np.diag(unit), -np.diag(unit)])
+    y = (rows_at(motion, i, cuts[:-1])[:, None] + changes).reshape(-1, m + 1)
+    y, held = put(motion, i, y, np.repeat(phase.t[cuts[:-1]], len(changes)))
+    met = list[Contact]()
+    for k in range(int(np.diff(cuts).max())):
+        on = np.flatnonzero(cuts[:-1] + k < cuts[1:])
+        rows = (on[:, None] * len(changes) + np.arange(len(changes))).ravel()
+        span = span_of(motion, i, np.repeat(cuts[on] + k, len(changes)))
+        y0 = y[rows]
+        y[rows] = y1 = flow.advance(motion.modes[i], y0, span, held[rows])
+        one = slice(None, None, len(changes))
+        alone = Span(span.t[one], span.h[one], span.u0[one], span.u1[one])
+        met += _met(motion, flow, i, (y0[one], y1[one]), alone)
+    ends = y.reshape(len(places), len(changes), m + 1)[..., :m]
+    wanted = (phase.t[cuts[1:]], phase.q[cuts[1:]], phase.p[cuts[1:]])
+    errors = motion.error(np.ascontiguousarray(ends[:, 0]), *wanted)
+    slopes = np.swapaxes(ends[:, 1 : 1 + m] - ends[:, 1 + m :], 1, 2) / (2 * unit)
+    parts = [
+        Segment(i, a, b, float(error), slope)
+        for (a, b), error, slope in zip(places, errors, slopes, strict=True)
+    ]
+    return parts, met
+
+
+def _met(
+    motion: Motion, flow: ModeFlow, i: int, y: tuple[Array, Array], span: Span
+) -> list[Contact]:
+    """Contacts in steps of a phase that its plan does not have; a phase without closed contacts
+    and friction is simulated through its contacts elsewhere."""
+    mode, model, nq = motion.modes[i], motion.model, motion.model.nq
+    if is_free(motion, i):
+        return []
+    times, path = _between(motion, flow, i, y, span)
+    gaps = model.gaps(path.reshape(-1, nq), times.ravel()).reshape(*times.shape, model.nc)
+    allowed = motion.flow.allowance(times.ravel()).reshape(gaps.shape)
+    over = gaps > allowed + TOUCH * motion.sizes.gap
+    over[..., list(mode.closed)] = False
+    return [
+        Contact(
+            model.kernels.surfaces[j], float(times[k, n]), _jump(motion, y[1][n], times[k, n], j)
+        )
+        for n, j in zip(*np.nonzero(over.any(axis=0)), strict=True)
+        for k in [int(np.argmax(over[:, n, j]))]
+        if not is_planned(motion, i, model.kernels.surfaces[j], float(times[k, n]))
+    ]
+
+
+def _jump(motion: Motion, y: Array, t: float, j: int) -> float:
+    """Largest change of a momentum by an impact from a state, relative to the largest momentum."""
+    nq = motion.model.nq
+    q, v = y[:nq], y[nq : 2 * nq]
+    after, impulse, _ = motion.flow.impact(q, v, t, j, float(motion.flow.restitution[j]))
+    change = motion.model.momentum(q, after, t) - motion.model.momentum(q, v, t)
+    return float((np.abs(change) / motion.sizes.p).max()) if impulse > 0 else 0.0
+
+
+def is_free(motion: Motion, i: int) -> bool:
+    """Whether nothing is closed or rubs in a phase."""
+    phase = motion.trajectory.phases[i]
+    return not phase.closed and not phase.rubbing
+
+
+def is_planned(motion: Motion, i: int, surface: str, time: float) -> bool:
+    """Whether a contact is the one that ends a phase."""
+    if i >= len(motion.trajectory.collisions):
+        return False
+    c = motion.trajectory.collisions[i]
+    return surface in (c.surface, *c.lands) and abs(time - c.time) <= (
+        SAME_CONTACT * motion.sizes.time
+    )
+
+
+# From the start to the end ------------------------------------------------------------------------
+
+
+def amplification(motion: Motion, parts: list[Segment]) -> float:
+    """Largest ratio of an error at the end to one at a segment's start, by the linearised flow and
+    the linearised events at their planned times, in sizes of positions and velocities."""
+    unit = np.concatenate([motion.sizes.q, motion.sizes.v])
+    product, i = np.eye(len(unit)), len(motion.steps) - 1
+    products = [product]
+    for segment in reversed(parts):
+        if segment.phase < i:
+            i = segment.phase
+            product = product @ (_event_slope(motion, i, unit) / unit[:, None] * unit)
+        product = product @ (segment.slope / unit[:, None] * unit)
+        if not np.isfinite(product).all():
+            return float("inf")
+        products.append(product)
+    return float(np.linalg.norm(np.array(products), 2, axis=(1, 2)).max())
+
+
+def _event_slope(motion: Motion, i: int, unit: Array) -> Array:
+    """Derivative of the state after an event by the state before it."""
+    phase, nq = motion.trajectory.phases[i], motion.model.nq
+    start = np.concatenate([phase.q[-1], phase.v[-1]])
+    rows = start + PERTURBED * np.vstack([np.diag(unit), -np.diag(unit)])
+    q, v = (np.ascontiguousarray(rows[:, k * nq : (k + 1) * nq]) for k in (0, 1))
+    ends = np.hstack([q, after_event(motion, event_of(motion, i), q, v, phase.t[-1]).velocity])
+    return np.asarray((ends[: 2 * nq] - ends[2 * nq :]).T / (2 * PERTURBED * unit))
+
+
+def open_loop(motion: Motion, flow: ModeFlow) -> float:
+    """The error at the end of a simulation from the start, which goes through the planned modes and
+    events at their planned times."""
+    nq, phases = motion.model.nq, motion.trajectory.phases
+    y = rows_at(motion, 0, np.array([0]))
+    for i, phase in enumerate(phases):
+        y, held = put(motion, i, y, phase.t[:1])
+        for k in range(phase.steps):
+            y = flow.advance(motion.modes[i], y, span_of(motion, i, slice(k, k + 1)), held)
+        if i + 1 < len(phases):
+            q, v = (np.ascontiguousarray(y[:, k * nq : (k + 1) * nq]) for k in (0, 1))
+            y[:, nq : 2 * nq] = after_event(
+                motion, event_of(motion, i), q, v, float(phase.t[-1])
+            ).velocity
+    last = phases[-1]
+    return float(motion.error(y, last.t[-1:], last.q[-1:], last.p[-1:])[0])
+
+
+# Forces -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Contact forces (2, N + 1, nc) and friction forces (2, N + 1, nt) of the flow at the nodes of
+    a phase, with the inputs before each node and after it."""
+
+    normal: Array
+    tangential: Array
+
+
+def forces(motion: Motion, i: int) -> Forces:
+    """The forces that hold a phase at its nodes."""
+    phase, mode, steps = motion.trajectory.phases[i], motion.modes[i], motion.steps[i]
+    y, _ = put(motion, i, rows_at(motion, i, np.arange(phase.steps + 1)), phase.t)
+    nq = motion.model.nq
+    q, v = (np.ascontiguousarray(y[:, k * nq : (k + 1) * nq]) for k in (0, 1))
+    inputs = (np.vstack([steps.u0[:1], steps.u1]), np.vstack([steps.u0, steps.u1[-1:]]))
+    found = [reaction(motion.model, mode, q, v, u, phase.t) for u in inputs]
+    return Forces(np.array([f.normal for f in found]), np.array([f.tangential for f in found]))

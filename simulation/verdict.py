@@ -1,0 +1,116 @@
+"""What the check of a motion found, and what counts as confirmed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dmoc.codegen.kernels import Array
+from dmoc.simulation.arcs import PENETRATION
+from dmoc.simulation.flow import Contact
+
+# What a motion may miss and still count as confirmed.  Errors of states are relative to the ranges
+# of coordinates and momenta, energies to the kinetic energy, penetration and excess of soft limits
+# to the ranges, the law of impact to the largest rate of the gap.
+PASSING = {
+    "segment error": 0.01,
+    "energy error": 0.02,
+    "penetration": PENETRATION,
+    "excess of a limit": 0.002,
+    "excess of an input": 1e-6,
+    "error of the law of impact": 0.02,
+    "error of the law of impact relative to its own rates": 0.05,
+    "error of a contact force": 0.05,
+}
+# The end of the open-loop run: its error as it is, or divided by the motion's amplification, where
+# segments are right to the last share.
+TERMINAL, WEIGHED, UNSTABLE_SEGMENT = 0.25, 0.01, 0.005
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What the check found.  Errors are relative to the range of the coordinate and to the largest
+    momentum of the motion.
+
+    Attributes
+    ----------
+    passed : bool
+    message : str
+        What contradicts the motion, or, where it passed, why its open-loop end does not count.
+    terminal_error : float
+        Error of the state at the end of an open-loop simulation with the motion's inputs.
+    amplification : float
+        Largest ratio by which the linearised flow, through the collisions, carries a small error
+        from a segment's start to the end.
+    max_defect : float
+        Largest error over a single step, started at its first node.
+    segment_defects : array
+        Error over each of ten segments a phase, started at its first node.
+    energy_error : float
+        Largest |E(end) - E(start) - work| of a phase, or jump of the energy at a collision,
+        relative to the largest kinetic energy.
+    impact_error : float
+        Largest error of the law of impact: of the rate of the gap after a collision, and of its
+        impulse, both relative to the largest rate.
+    missed_contacts, extra_contacts : tuples of str
+        Planned collisions that the simulation does not meet, and contacts that were not planned and
+        change a momentum by more than 1 %.
+    penetration : float
+        Largest gap g > 0 between nodes, relative to how far the motion's ranges move the gap.
+    limit_excess : float
+        Largest excess of an input or a coordinate over its bounds, between nodes too, relative to
+        its range.
+    contacts : tuple of Contact
+        Of the open-loop simulation; of a motion with lasting contact or friction, those that were
+        not planned.
+    force_error : float
+        Largest error of a contact force or a friction force at a node, relative to the largest of
+        its contact.
+    """
+
+    passed: bool
+    message: str
+    terminal_error: float
+    amplification: float
+    max_defect: float
+    segment_defects: Array
+    energy_error: float
+    impact_error: float
+    missed_contacts: tuple[str, ...]
+    extra_contacts: tuple[str, ...]
+    penetration: float
+    limit_excess: float
+    contacts: tuple[Contact, ...]
+    force_error: float = 0.0
+
+
+def lost_by(missed: tuple[str, ...], extra: tuple[str, ...], terminal: float) -> list[str]:
+    """How an open-loop run leaves a motion."""
+    lost = [f"the simulation misses {', '.join(missed)}"] * bool(missed)
+    lost += [f"the simulation meets {', '.join(extra)}"] * bool(extra)
+    return lost + [f"terminal error {terminal:.3g} exceeds {TERMINAL:g}"] * (
+        not terminal <= TERMINAL
+    )
+
+
+def too_coarse(failures: list[str], amplified: float) -> str:
+    unstable = (
+        f" (the motion amplifies errors {amplified:.3g} times)" if amplified * WEIGHED > 1 else ""
+    )
+    return "; ".join(failures) + f": too coarse{unstable}, take more steps"
+
+
+def exceeded(measured: dict[str, float]) -> list[str]:
+    """The measures that exceed what passes."""
+    return [
+        f"{name} {value:.3g} exceeds {PASSING[name]:g}"
+        for name, value in measured.items()
+        if not value <= PASSING[name]
+    ]
+
+
+def unstable(amplified: float, lost: list[str], worst: float) -> str:
+    """Why the end of an open-loop run does not count."""
+    return (
+        f"the motion is unstable: it amplifies errors {amplified:.3g} times, so that an open-loop "
+        f"run leaves it ({'; '.join(lost)}), while every segment is right to {worst:.1g}"
+    )

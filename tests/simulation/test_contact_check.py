@@ -1,0 +1,239 @@
+"""The check of motions with lasting contact and friction: it confirms closed forms and
+independent integrations, and contradicts what is wrong in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import motions
+import numpy as np
+import pytest
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.errors import SimulationError
+from dmoc.trajectory import Trajectory
+
+Change = Callable[[Trajectory], Trajectory]
+
+
+@pytest.fixture(scope="module")
+def rail() -> Kernels:
+    return dmoc.build(motions.rail_system())
+
+
+@pytest.fixture(scope="module")
+def floor() -> Kernels:
+    return dmoc.build(motions.floor_system())
+
+
+@pytest.fixture(scope="module")
+def ball() -> Kernels:
+    return dmoc.build(motions.ball_system())
+
+
+@pytest.fixture(scope="module")
+def compass() -> Kernels:
+    return dmoc.build(motions.compass_system())
+
+
+def phase_changed(i: int, **changes: object) -> Change:
+    def change(motion: Trajectory) -> Trajectory:
+        phases = list(motion.phases)
+        phases[i] = replace(
+            phases[i], **{k: f(phases[i]) if callable(f) else f for k, f in changes.items()}
+        )
+        return replace(motion, phases=tuple(phases))
+
+    return change
+
+
+def event_changed(i: int, **changes: object) -> Change:
+    def change(motion: Trajectory) -> Trajectory:
+        events = list(motion.collisions)
+        events[i] = replace(events[i], **changes)  # type: ignore[arg-type]
+        return replace(motion, collisions=tuple(events))
+
+    return change
+
+
+def confirmed(motion: Trajectory, kernels: Kernels) -> dmoc.simulation.verdict.Verification:
+    check = dmoc.verify(motion, kernels)
+    assert check.passed and not check.message, check.message
+    return check
+
+
+def test_a_block_that_sticks_slides_and_sticks_on_a_rail(rail: Kernels) -> None:
+    """The motion of least effort: its cost is (2/3) sqrt(6)."""
+    check = confirmed(motions.pushed_block(rail, 20, on_floor=False), rail)
+    for error in (check.terminal_error, check.max_defect, check.energy_error, check.force_error):
+        assert error < 1e-13
+
+
+def test_a_block_pushed_over_a_floor(floor: Kernels) -> None:
+    check = confirmed(motions.pushed_block(floor, 20, on_floor=True), floor)
+    assert max(check.terminal_error, check.segment_defects.max(), check.force_error) < 1e-13
+
+
+def test_a_bead_in_a_bowl() -> None:
+    kernels = dmoc.build(motions.bowl_system())
+    check = confirmed(motions.swinging_bead(kernels, 30), kernels)
+    assert max(check.terminal_error, check.energy_error, check.force_error) < 1e-9
+
+
+def test_a_bead_that_leaves_a_ball(ball: Kernels) -> None:
+    check = confirmed(motions.sliding_off(ball, 30), ball)
+    assert max(check.terminal_error, check.energy_error, check.force_error) < 1e-10
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_a_block_thrown_on_a_floor(floor: Kernels, e: float) -> None:
+    """It lands sliding and comes to rest, or bounces with friction after Poisson."""
+    check = confirmed(motions.thrown_block(floor, 20, e), floor)
+    assert max(check.terminal_error, check.energy_error, check.impact_error) < 1e-12
+
+
+def test_the_passive_compass_gait(compass: Kernels) -> None:
+    """Two steps down a slope of 3 degrees, on one foot and on the other: a step takes
+    0.734346391 s, and the state after the landing is that at the start with the legs exchanged."""
+    motion = motions.gait(compass, 40)
+    assert motion.phases[0].duration == pytest.approx(0.734346391, abs=3e-8)
+    check = confirmed(motion, compass)
+    assert check.impact_error < 1e-6 and check.segment_defects.max() < 1e-10
+
+
+@pytest.mark.parametrize("leaves_at", [0.6, 0.5])
+def test_a_late_release_pulls(ball: Kernels, leaves_at: float) -> None:
+    check = dmoc.verify(motions.sliding_off(ball, 30, leaves_at), ball)
+    assert not check.passed
+    assert "ball would have to pull with " in check.message
+
+
+def test_an_early_release_is_still_pressed(ball: Kernels) -> None:
+    slightly = dmoc.verify(motions.sliding_off(ball, 30, 0.66), ball)
+    assert not slightly.passed
+    assert "ball leaves at 0.551 s, pressed with 0.34 N" in slightly.message
+    early = dmoc.verify(motions.sliding_off(ball, 30, 0.8), ball)
+    assert "a contact with 'ball'" in early.extra_contacts[0] and not early.passed
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (phase_changed(1, rubbing={"rail": -1}), "against its planned direction -1"),
+        (phase_changed(1, rubbing={"rail": 0}), "'rail' has slipped by"),
+        (phase_changed(0, rubbing={"rail": 1}), "segment error"),
+        (phase_changed(1, tangential=lambda p: 0.9 * p.tangential), "error of a contact force"),
+        (phase_changed(1, u=lambda p: 1.1 * p.u), "segment error"),
+        (phase_changed(0, u=lambda p: p.u + 1.1), "rail would have to stick with 1.1 N at 0 s"),
+        (phase_changed(1, rubbing={}, tangential=np.zeros((0, 0))), "friction of 'rail' is left"),
+        (phase_changed(1, v=lambda p: p.v + 0.1, p=lambda p: p.p + 0.1), "segment error"),
+        (lambda m: replace(m, parameters={"f": 0.9}), "segment error"),
+    ],
+)
+def test_wrong_motions_on_a_rail_are_contradicted(rail: Kernels, change: Change, told: str) -> None:
+    check = dmoc.verify(change(motions.pushed_block(rail, 20, on_floor=False)), rail)
+    assert not check.passed and told in check.message
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (phase_changed(1, normal=lambda p: 0.9 * p.normal), "error of a contact force 0.1"),
+        (phase_changed(1, normal=lambda p: -p.normal), "floor would have to pull with 10 N at"),
+        (phase_changed(1, rubbing={"floor": -1}), "against its planned direction -1"),
+        (phase_changed(1, closed=(), normal=np.zeros((0, 0))), "'floor' rubs from 0.775"),
+        (lambda m: replace(m, parameters={"g": 10.0, "mu": 0.09}), "segment error"),
+        (lambda m: replace(m, parameters={"g": -10.0, "mu": 0.1}), "floor would have to pull"),
+    ],
+)
+def test_wrong_motions_on_a_floor_are_contradicted(
+    floor: Kernels, change: Change, told: str
+) -> None:
+    check = dmoc.verify(change(motions.pushed_block(floor, 20, on_floor=True)), floor)
+    assert not check.passed and told in check.message
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (event_changed(0, impulse=3.0), "law of impact"),
+        (event_changed(0, tractions={"floor": -0.5}), "law of impact"),
+        (event_changed(0, tractions={}), "law of impact"),
+        (event_changed(0, lands=()), "the contacts closed after what happens at 0.4 s are none"),
+        (phase_changed(1, rubbing={"floor": -1}), "does not slide with the sign -1 after 0.4 s"),
+        (phase_changed(2, rubbing={"floor": -1}), "segment error"),
+        (lambda m: replace(m, parameters={"g": 10.0, "mu": 0.2}), "law of impact"),
+    ],
+)
+def test_wrong_landings_are_contradicted(floor: Kernels, change: Change, told: str) -> None:
+    check = dmoc.verify(change(motions.thrown_block(floor, 20, 0.0)), floor)
+    assert not check.passed and told in check.message
+
+
+def test_a_bounce_without_its_friction_is_contradicted(floor: Kernels) -> None:
+    good = motions.thrown_block(floor, 20, 0.5)
+    for wrong in (
+        event_changed(0, tractions={})(good),
+        replace(good, restitution={"floor": 0.6}),
+        replace(good, parameters={"g": 10.0, "mu": 0.2}),
+    ):
+        assert not dmoc.verify(wrong, floor).passed
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda m: replace(m, parameters={"mu": 0.1}), "left would have to stick with "),
+        (event_changed(0, impulse=1.0, impulses={}), "law of impact"),
+        (
+            event_changed(0, leaves=()),
+            "the contacts closed after what happens at 0.7343 s are left",
+        ),
+        (phase_changed(1, closed=("left",), rubbing={"left": 0}), "the contacts closed after"),
+    ],
+)
+def test_wrong_gaits_are_contradicted(compass: Kernels, change: Change, told: str) -> None:
+    check = dmoc.verify(change(motions.gait(compass, 20)), compass)
+    assert not check.passed and told in check.message
+
+
+def test_sliding_that_jams_is_no_motion() -> None:
+    """A rod that is pushed ahead of its contact: the force of the floor would press the contact
+    together (Painleve's paradox)."""
+    import sympy as sp
+    from sympy.physics.mechanics import dynamicsymbols
+
+    x, y, a = dynamicsymbols("x y a")
+    t = dynamicsymbols._t
+    system = dmoc.MechanicalSystem(
+        "painleve", [x, y, a],
+        (x.diff(t) ** 2 + y.diff(t) ** 2) / 2 + a.diff(t) ** 2 / 24 - sp.Symbol("g") * y,
+        {sp.Symbol("g"): 10.0}, surfaces={"floor": y >= sp.sin(a) / 2},
+        tangents={"floor": x - sp.cos(a) / 2}, friction={"floor": 3.0},
+    )  # fmt: skip
+    kernels = dmoc.build(system)
+
+    def state(t: np.ndarray) -> np.ndarray:
+        return motions.columns(-t, 0.5 * np.sin(1.0), 1.0, -1, 0, 0)
+
+    piece = motions.Piece(
+        0.1, state, lambda t: np.zeros((len(t), 0)), ("floor",), {"floor": -1},
+        lambda t: np.ones((len(t), 1)), lambda t: np.ones((len(t), 1)),
+    )  # fmt: skip
+    check = dmoc.verify(motions.trajectory(kernels, [piece], [], 4), kernels)
+    assert not check.passed and "Painleve's paradox" in check.message
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (phase_changed(1, closed=("ceiling",)), "unknown closed surface 'ceiling'"),
+        (phase_changed(1, rubbing={"wall": 1}), "unknown rubbing tangent 'wall'"),
+        (phase_changed(1, normal=np.zeros((0, 0))), r"normal forces of the phase from 0.7753 s on"),
+    ],
+)
+def test_forces_that_do_not_fit_are_refused(floor: Kernels, change: Change, told: str) -> None:
+    with pytest.raises(SimulationError, match=told):
+        dmoc.verify(change(motions.pushed_block(floor, 20, on_floor=True)), floor)
