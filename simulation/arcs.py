@@ -57,10 +57,11 @@ def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
     return found
 
 
-def allowance(arcs: Sequence[Arc], surfaces: int, t: Array) -> Array:
+def allowance(arcs: Sequence[Arc], surfaces: int, ignored: Sequence[int], t: Array) -> Array:
     """How far simulations may enter surfaces at times t, shape (n, surfaces): where the motion
-    itself lies on one, without a force of its own."""
+    itself lies on one, without a force of its own, and without end where they are ignored."""
     allowed = np.zeros((len(t), surfaces))
+    allowed[:, list(ignored)] = np.inf
     for arc in arcs:
         on = (arc.begin <= t) & (t <= arc.end)
         allowed[on, arc.surface] = np.maximum(allowed[on, arc.surface], arc.depth)

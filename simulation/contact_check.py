@@ -108,6 +108,7 @@ def _compared(motion: Motion, met: list[Contact]) -> tuple[tuple[str, ...], tupl
             f"the contact with {c.surface!r} at {end:.4g} s"
             for c in planned
             if c.surface
+            and c.surface not in motion.trajectory.ignored
             and not c.grazes
             and not any(is_planned(motion, i, m.surface, m.time) for m in contacts)
         ]

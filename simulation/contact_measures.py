@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Index
@@ -15,7 +16,7 @@ from dmoc.simulation.contact_law import after_event, event_of
 from dmoc.simulation.flow import PLACES, TOUCH, Contact
 from dmoc.simulation.measures import Segment, StepErrors, largest
 from dmoc.simulation.mode_flow import ModeFlow, Span
-from dmoc.simulation.modes import reaction, settled
+from dmoc.simulation.modes import Mode, reaction, settled
 from dmoc.simulation.motion import Motion, nodes_of_segments
 from dmoc.simulation.runs import SAME_CONTACT
 
@@ -49,6 +50,13 @@ def put(motion: Motion, i: int, y: Array, t: Array) -> tuple[Array, Array]:
 # Steps --------------------------------------------------------------------------------------------
 
 
+def _open(motion: Motion, mode: Mode) -> NDArray[np.bool_]:
+    """Surfaces that hold an open motion back in a mode, shape (nc,)."""
+    found = motion.watched.copy()
+    found[list(mode.closed)] = False
+    return found
+
+
 def step_errors(motion: Motion, flow: ModeFlow) -> StepErrors:
     """Integrate every step from its first node, in the mode of its phase."""
     parts = [_steps_of(motion, flow, i) for i in range(len(motion.steps))]
@@ -71,7 +79,7 @@ def _steps_of(motion: Motion, flow: ModeFlow, i: int) -> StepErrors:
     return StepErrors(
         motion.error(y1, phase.t[1:], phase.q[1:], phase.p[1:]),
         (float(y1[:, -1].sum()),),
-        largest(np.delete(gaps, mode.closed, axis=1)),
+        largest(gaps[:, _open(motion, mode)]),
         largest(np.maximum(low - between, between - high) / motion.sizes.q),
     )
 

@@ -45,7 +45,7 @@ def step_errors(motion: Motion) -> StepErrors:
     return StepErrors(
         motion.error(y, t1, q1, p1),
         tuple(float(part.sum()) for part in np.split(y[:, -1], cuts)),
-        largest(gaps),
+        largest(gaps[:, motion.watched]),
         largest(excess),
     )
 

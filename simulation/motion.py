@@ -69,8 +69,16 @@ class Motion:
             )
             for p in trajectory.phases
         ]
-        flow = Flow(model, sizes, restitution, partial(allowance, arcs, model.nc), check_time)
+        ignored = tuple(kernels.surfaces.index(name) for name in trajectory.ignored)
+        allowed = partial(allowance, arcs, model.nc, ignored)
+        flow = Flow(model, sizes, restitution, allowed, check_time)
         return cls(trajectory, model, sizes, flow, tuple(steps), modes, check_time)
+
+    @cached_property
+    def watched(self) -> NDArray[np.bool_]:
+        """Surfaces that are not ignored, shape (nc,)."""
+        surfaces = self.model.kernels.surfaces
+        return np.array([name not in self.trajectory.ignored for name in surfaces], dtype=bool)
 
     @cached_property
     def has_modes(self) -> bool:
