@@ -32,8 +32,8 @@ from dmoc.solving.side_by_side import COMPILED_METHOD, attempts_from, compiled, 
 COARSE, RANKING = 24, 100
 # A minimum that is not confirmed is looked at on a mesh so many times finer.
 FINER = 4
-# Iterations of a refinement.
-REFINING = 300
+# Iterations of a refinement, and of a start with contacts that last at least: gaits take long.
+REFINING = LASTING = 300
 # Relative differences of costs and of durations that belong to the same minimum.
 SAME_COST, SAME_TIMES = 1e-5, 1e-3
 # Limits of inputs are widened by the first factor and tightened by the others where nothing else
@@ -146,11 +146,16 @@ class _Class:
         h = nlp.physical(x)[nlp.layout.index_h]
         return cls(attempt, _cost(attempt), h * np.array(nlp.layout.steps))
 
-    def same(self, other: _Class, size: float) -> bool:
-        """Whether both are the same minimum, with costs that are compared with a size."""
+    def costs_as(self, other: _Class) -> bool:
+        """Whether both cost the same, compared with the size of the cost."""
+        size = max(abs(self.cost), self.attempt.nlp.scale.cost)
+        return abs(self.cost - other.cost) <= SAME_COST * size
+
+    def same(self, other: _Class) -> bool:
+        """Whether both are the same minimum."""
         near = SAME_TIMES * float(self.durations.sum())
-        costs = abs(self.cost - other.cost) <= SAME_COST * max(abs(self.cost), size)
-        return costs and bool((np.abs(self.durations - other.durations) <= near).all())
+        times = bool((np.abs(self.durations - other.durations) <= near).all())
+        return self.costs_as(other) and times
 
 
 def _cost(attempt: Attempt) -> float:
@@ -217,7 +222,8 @@ def _minima(
     room = effort.guesses if effort.total is None else effort.total - len(points)
     guesses = [g.x for g in initial_guesses(coarse, deadline)][:room]
     natural = natural_time(coarse)
-    few = replace(options, iterations=min(options.iterations, effort.iterations))
+    most = max(effort.iterations, LASTING) if problem.lasting else effort.iterations
+    few = replace(options, iterations=min(options.iterations, most))
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     scale = scale_of(coarse, next(iter(named.values())))
     programs = [Programs(coarse, scale) for _ in range(free_threads())]
@@ -233,10 +239,12 @@ def _minima(
         attempts = attempts_from(programs, list(named.values()), few, deadline)
         starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
         classes = _gathered(classes, attempts)
-        agreed = bool(classes) and classes[0].found >= max(
+        best = _met_best(classes)
+        agreed = best >= max(
             effort.agreeing * sum(c.found for c in classes), effort.leading * len(starts)
         )
-        met = bool(classes) and classes[0].found >= effort.often
+        met = best >= effort.often
+        agreed &= best > 0
         enough = (met and end >= effort.most) or (agreed and end >= effort.first)
         if enough or len(attempts) < len(named):
             break
@@ -244,6 +252,12 @@ def _minima(
     if not classes and effort.widens:
         classes = _continued(coarse, natural, seed, few, deadline)
     return classes, starts
+
+
+def _met_best(classes: Sequence[_Class]) -> int:
+    """Starts that have met the least cost, whatever the durations: where a motion may wait, many
+    minima cost the same."""
+    return sum(c.found for c in classes if c.costs_as(classes[0]))
 
 
 def _start(name: str, attempt: Attempt) -> Start:
@@ -257,9 +271,8 @@ def _gathered(classes: list[_Class], attempts: Sequence[Attempt]) -> list[_Class
         if attempt.outcome.status is not Status.SOLVED:
             continue
         found = _Class.of(attempt)
-        size = attempt.nlp.scale.cost
         for i, known in enumerate(classes):
-            if known.same(found, size):
+            if known.same(found):
                 classes[i] = replace(known, found=known.found + 1)
                 break
         else:
@@ -326,7 +339,7 @@ def _ranked(
             continue
         new = _Class.of(attempt)
         for i, known in enumerate(refined):
-            if known.minimum.same(new, attempt.nlp.scale.cost):
+            if known.minimum.same(new):
                 refined[i] = replace(known, found=known.found + coarse.found)
                 break
         else:
