@@ -14,7 +14,7 @@ A tangent that belongs to no surface, a rail, rubs in every phase.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dmoc.arguments import check_known, shown
@@ -197,3 +197,28 @@ def modes_along(start: Mode, events: Sequence[Event], contacts: Contacts) -> tup
                 )
         modes.append(_mode(closed, friction | dict(event.friction), contacts))
     return tuple(modes)
+
+
+def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:
+    """Words of what can happen in a mode to some surfaces and to what rubs: hits and landings of
+    open surfaces, of landings also those at which another contact leaves, of hits those at which a
+    rail changes its friction; contacts that leave; changes of friction."""
+    is_open = [s for s in surfaces if s not in mode.closed]
+    turns = list(_changes(mode, contacts))
+    for name in is_open:
+        if name not in contacts.tangents:  # a hit with friction has no law here
+            yield name
+            yield from (f"{name} {turn}" for turn in turns if turn.split(":")[0] in contacts.rails)
+    for name in is_open:
+        states = ("", ":slip+", ":slip-") if name in contacts.tangents else ("",)
+        for landing in (f"+{name}{state}" for state in states):
+            yield landing
+            yield from (f"{landing} -{other}" for other in mode.closed if other in surfaces)
+    yield from (f"-{name}" for name in mode.closed if name in surfaces)
+    yield from turns
+
+
+def _changes(mode: Mode, contacts: Contacts) -> Iterator[str]:
+    """Changes of friction in a mode."""
+    for name, state in mode.rubbing.items():
+        yield from (f"{name}:{word}" for word, other in FRICTION.items() if other != state)

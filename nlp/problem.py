@@ -247,12 +247,12 @@ class Problem:
     @cached_property
     def events(self) -> tuple[Event, ...]:
         """What happens between the phases."""
-        return tuple(event_of(word, self._contacts) for word in self.sequence)
+        return tuple(event_of(word, self.touches) for word in self.sequence)
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
         """What is in contact in each phase."""
-        return modes_along(mode_of(self.contacts, self._contacts), self.events, self._contacts)
+        return modes_along(mode_of(self.contacts, self.touches), self.events, self.touches)
 
     @cached_property
     def lasting(self) -> bool:
@@ -260,7 +260,8 @@ class Problem:
         return not all(mode.free for mode in self.modes)
 
     @cached_property
-    def _contacts(self) -> Contacts:
+    def touches(self) -> Contacts:
+        """What can touch in the model."""
         return Contacts(tuple(self.kernels.surfaces), tuple(self.kernels.tangents))
 
     @cached_property

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import least_squares, solved
+from dmoc.mechanics.algebra import solved
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.plan import end_velocity
 from dmoc.nlp.problem import Problem, midpoints
@@ -116,16 +116,17 @@ def _balance(problem: Problem, lay: Layout, x: Array) -> None:
         closed, rubs = list(touch.closed[i]), [k for k, _ in touch.rubbing[i]]
         if not closed and not rubs:
             continue
-        first = int(lay.ends[i])
-        for k in range(1, steps):
-            row, node = rows[i] + k, first + k
-            missing = ends[node - 1] - starts[node]
-            G = np.vstack([normal[row, closed], -along[row, rubs]]).T
-            weighed = solved(mass[row], np.column_stack([G, missing]))
-            found = least_squares(G.T @ weighed[:, :-1], G.T @ weighed[:, -1])
-            if np.isfinite(found).all():
-                x[lay.index_P[row, closed]] = np.maximum(found[: len(closed)], 0.0)
-                x[lay.index_T[row, rubs]] = found[len(closed) :]
+        inner, node = rows[i] + np.arange(1, steps), int(lay.ends[i]) + np.arange(1, steps)
+        missing = ends[node - 1] - starts[node]
+        G = np.concatenate([normal[inner][:, closed], -along[inner][:, rubs]], axis=1)
+        response = [solved(mass[inner], np.ascontiguousarray(G[:, m])) for m in range(G.shape[1])]
+        A = G @ np.stack(response, axis=2)
+        b = (G @ solved(mass[inner], missing)[..., None])[..., 0]
+        good = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
+        found = np.zeros((steps - 1, G.shape[1]))
+        found[good] = (np.linalg.pinv(A[good], rcond=1e-8) @ b[good][..., None])[..., 0]
+        x[lay.index_P[np.ix_(inner, closed)]] = np.maximum(found[:, : len(closed)], 0.0)
+        x[lay.index_T[np.ix_(inner, rubs)]] = found[:, len(closed) :]
         for index in (lay.index_P, lay.index_T):
             for row, inner in ((rows[i], 1), (rows[i + 1] - 1, -2)):
                 used = index[row] != NOWHERE

@@ -22,7 +22,7 @@ from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Processes, Workers, here, in_executor
-from dmoc.sequences.settings import STARTS, Settings, check, shortest_of, surfaces_of
+from dmoc.sequences.settings import STARTS, Settings, check, events_of, shortest_of, surfaces_of
 from dmoc.sequences.tree import Tree
 from dmoc.solving.methods import SEARCHING
 from dmoc.solving.workers import NoMoreWork
@@ -122,6 +122,7 @@ def search(
     max_collisions: int = 3,
     *,
     surfaces: Sequence[str] | None = None,
+    events: Sequence[str] | None = None,
     strategy: str = "exhaustive",
     beam: int = 4,
     starts: int = STARTS,
@@ -152,7 +153,11 @@ def search(
     max_collisions : int
         Depth of the tree.
     surfaces : sequence of str, optional
-        Surfaces that may be hit; all by default.
+        Surfaces that may be hit, land or leave; all by default.
+    events : sequence of str, optional
+        Words that may happen, as those of a problem's ``sequence``.  By default all that the
+        contacts of a prefix leave possible: landings, contacts that leave and changes of friction
+        too, where the problem starts in contact or the model has friction; else hits.
     strategy : {"exhaustive", "best-first", "beam"}
         All nodes; those first whose parents cost least; the children of the ``beam`` best nodes of
         each depth.
@@ -202,6 +207,7 @@ def search(
     settings = Settings(
         max_collisions,
         surfaces_of(problem, surfaces),
+        events_of(problem, events),
         strategy,
         beam,
         starts,

@@ -17,6 +17,7 @@ from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.march import reflected
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
+from dmoc.nlp.standing import in_contact
 from dmoc.nlp.surfaces import onto_surface
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.sequences.nodes import Node, Verdict
@@ -203,29 +204,34 @@ def _told(starts: Sequence[Start]) -> str:
 
 
 def extended(parent: Solution, problem: Problem) -> Array:
-    """Unknowns of a motion with one more collision: the parent's last phase, bent to touch the
-    surface where it comes closest to it."""
-    surface = problem.sequence[-1]
+    """Unknowns of a motion with one more event: the parent's last phase, bent to touch the surface
+    that is met where it comes closest to it, or cut in its middle where none is."""
+    event = problem.events[-1]
     *earlier, last = pieces_of(parent.trajectory)
     steps = len(last.t) - 1
-    j = problem.kernels.surfaces.index(surface)
-    gaps = problem.model.gaps(last.q, last.t)[:, j]
-    inner = slice(max(1, steps // 10), steps - max(1, steps // 10) + 1)
-    k = int(np.argmax(gaps[inner])) + inner.start
-    met = onto_surface(problem, last.q[k], surface, float(last.t[k]))
-    bend = np.zeros(problem.nq) if met is None else met - last.q[k]
-    share = np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, 0, steps - k + 1)[1:]])
-    q = last.q + share[:, None] * bend
-    rates = [
-        last.v[part] + sign * bend / np.ptp(last.t[part])
-        for part, sign in ((slice(k + 1), 1), (slice(k, None), -1))
-    ]
-    before = replace(last, t=last.t[: k + 1], q=q[: k + 1], v=rates[0])
-    after = replace(last, t=last.t[k:], q=q[k:], v=rates[1])
-    _, impulse = reflected(problem, q[k], rates[0][-1], surface, float(last.t[k]))
-    return unknowns_along(
+    k, impulse, rates = steps // 2, 0.0, [last.v[: steps // 2 + 1], last.v[steps // 2 :]]
+    q = last.q
+    if event.surface:
+        j = problem.kernels.surfaces.index(event.surface)
+        gaps = problem.model.gaps(last.q, last.t)[:, j]
+        inner = slice(max(1, steps // 10), steps - max(1, steps // 10) + 1)
+        k = int(np.argmax(gaps[inner])) + inner.start
+        met = onto_surface(problem, last.q[k], event.surface, float(last.t[k]))
+        bend = np.zeros(problem.nq) if met is None else met - last.q[k]
+        share = np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, 0, steps - k + 1)[1:]])
+        q = last.q + share[:, None] * bend
+        rates = [
+            last.v[part] + sign * bend / np.ptp(last.t[part])
+            for part, sign in ((slice(k + 1), 1), (slice(k, None), -1))
+        ]
+        after_impact = reflected(problem, q[k], rates[0][-1], event.surface, float(last.t[k]))
+        impulse = after_impact[1]
+    before = replace(last, t=last.t[: k + 1], q=q[: k + 1], v=rates[0], normal=None)
+    after = replace(last, t=last.t[k:], q=q[k:], v=rates[1], normal=None)
+    x = unknowns_along(
         problem, [*earlier, before, after], [*(c.impulse for c in parent.collisions), impulse]
     )
+    return in_contact(problem, x)
 
 
 def _without_minimum(

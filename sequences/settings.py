@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from dmoc.arguments import choice, flag, function, names, number, positive, shown, whole
-from dmoc.errors import SearchError
+from dmoc.errors import ProblemError, SearchError
+from dmoc.mechanics.modes import event_of, words_after
 from dmoc.nlp.problem import Problem
 from dmoc.solving.methods import METHODS
 
@@ -32,6 +33,7 @@ class Settings:
 
     max_collisions: int
     surfaces: tuple[str, ...]
+    events: tuple[str, ...] | None
     strategy: str
     beam: int
     starts: int
@@ -51,6 +53,8 @@ class Settings:
 def surfaces_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...]:
     """The surfaces that may be hit: all of the model, or some of them."""
     known = problem.kernels.surfaces
+    if not known and problem.kernels.tangents and given is None:
+        return ()
     if not known:
         raise SearchError(
             f"model {problem.kernels.name!r} has no surfaces: there are no sequences to search."
@@ -67,6 +71,33 @@ def surfaces_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...
             f"one of {', '.join(known)}."
         )
     return chosen
+
+
+def events_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...] | None:
+    """The words that may happen; None for all that can."""
+    if given is None:
+        return None
+    chosen = tuple(names(given, "events", "words of a sequence", SearchError))
+    for word in chosen:
+        try:
+            event_of(word, problem.touches)
+        except ProblemError as error:
+            raise SearchError(f"events: {error}") from None
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise SearchError(
+            f"events = {', '.join(chosen) or 'none'}: expected each word once, and at least one."
+        )
+    return chosen
+
+
+def children(problem: Problem, sequence: tuple[str, ...], settings: Settings) -> list[str]:
+    """The words that may follow a sequence: hits alone where no contact lasts and no word says
+    otherwise, else whatever its last mode leaves possible."""
+    if settings.events is None and not problem.lasting and not problem.kernels.tangents:
+        return list(settings.surfaces)
+    mode = problem.but(sequence=sequence, durations=None, via=None).modes[-1]
+    words = words_after(mode, problem.touches, settings.surfaces)
+    return [w for w in words if settings.events is None or w in settings.events]
 
 
 def shortest_of(problem: Problem, given: float | None) -> float:
@@ -136,4 +167,9 @@ def _check_problem(problem: Problem, s: Settings) -> None:
     method.check_size(
         problem.steps, (s.max_collisions + 1) * problem.steps * problem.nu, SearchError
     )
-    problem.but(sequence=s.surfaces[:1] * s.max_collisions)
+    if problem.via is not None:
+        raise SearchError(
+            "the problem has via, one entry for each event: expected none in a search."
+        )
+    if s.events is None and not problem.lasting and not problem.kernels.tangents:
+        problem.but(sequence=s.surfaces[:1] * s.max_collisions)

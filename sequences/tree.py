@@ -13,7 +13,7 @@ from dmoc.sequences.inner import Task
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Workers
-from dmoc.sequences.settings import Settings
+from dmoc.sequences.settings import Settings, children
 
 # Nodes that best-first looks at before it chooses again: a fixed number, so that the answer does
 # not depend on the number of workers.
@@ -87,7 +87,8 @@ class Tree:
             node.verdict is not Verdict.UNREACHABLE
             and len(node.sequence) < self.settings.max_collisions
         ):
-            self.frontier += [(*node.sequence, s) for s in self.settings.surfaces]
+            words = children(self.problem, node.sequence, self.settings)
+            self.frontier += [(*node.sequence, word) for word in words]
         return node
 
     def _task(self, sequence: tuple[str, ...]) -> Task:
@@ -98,10 +99,13 @@ class Tree:
         problem = self.problem.but(sequence=sequence, durations=durations)
         return Task(problem, parent, s.method, s.starts, s.seed, s.node_seconds)
 
-    def place(self, sequence: tuple[str, ...]) -> tuple[int, list[int]]:
-        return len(sequence), [self.settings.surfaces.index(s) for s in sequence]
+    def place(self, sequence: tuple[str, ...]) -> tuple[int, list[tuple[int, str]]]:
+        """Shorter ones first, then in the order of the surfaces, hits before other words."""
+        surfaces = self.settings.surfaces
+        order = {name: i for i, name in enumerate(surfaces)}
+        return len(sequence), [(order.get(word, len(surfaces)), word) for word in sequence]
 
-    def _cost(self, sequence: tuple[str, ...]) -> tuple[float, int, list[int]]:
+    def _cost(self, sequence: tuple[str, ...]) -> tuple[float, int, list[tuple[int, str]]]:
         node = self.nodes.get(sequence)
         return np.inf if node is None or node.cost is None else node.cost, *self.place(sequence)
 
