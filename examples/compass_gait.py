@@ -1,0 +1,96 @@
+"""Two legs that walk down a slope without inputs: the passive compass gait.
+
+Hip and legs float freely; the foot of the stance leg is held by the floor and by friction, the other
+foot lands while it leaves, and the motion ends as it began with the legs exchanged.  Legs without
+knees scuff the floor as they swing, which is ignored, as usual.  There are two gaits, a short and a
+long one; the known period of the long one, 0.734346391 s, is that of an event-driven simulation
+with 1e-12.
+
+Run:  python examples/compass_gait.py [FOLDER]
+"""
+
+from math import cos, radians, sin
+
+import numpy as np
+import sympy as sp
+from showing import show
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.report.shapes import Picture
+
+
+def system() -> dmoc.MechanicalSystem:
+    x, y, a, b = dynamicsymbols("x y a b")
+    m, M, l, g, slope, mu = sp.symbols("m M l g slope mu")
+    t = dynamicsymbols._t
+    hip = sp.Matrix([x, y])
+    gravity = sp.Matrix([g * sp.sin(slope), -g * sp.cos(slope)])
+
+    def leg(angle, length):
+        return hip + length * sp.Matrix([sp.sin(angle), -sp.cos(angle)])
+
+    lagrangian = 0
+    for mass, place in ((M, hip), (m, leg(a, l / 2)), (m, leg(b, l / 2))):
+        speed = place.diff(t)
+        lagrangian += mass * (speed.dot(speed) / 2 + gravity.dot(place))
+    left, right = leg(a, l), leg(b, l)
+    return dmoc.MechanicalSystem(
+        "compass_gait",
+        coordinates=[x, y, a, b],
+        lagrangian=lagrangian,
+        surfaces={"left": left[1] >= 0, "right": right[1] >= 0},
+        tangents={"left": left[0], "right": right[0]},
+        friction={"left": mu, "right": mu},
+        parameters={m: 5.0, M: 10.0, l: 1.0, g: 9.81, slope: radians(3), mu: 1.0},
+        cost=1,
+        units={x: "m", y: "m", a: "rad", b: "rad"},
+    )
+
+
+def problem(steps: int = 40, shortest: float = 0.65) -> dmoc.Problem:
+    return dmoc.Problem(
+        dmoc.build(system()),
+        start={"x": 0.0, "a": 0.0},
+        contacts=["left"],
+        sequence=["+right -left"],
+        via=[{"a": (-0.5, -0.05)}],
+        ignored=["left", "right"],
+        periodic={
+            "x": ("x", None),
+            "y": "y",
+            "a": "b",
+            "b": "a",
+            "x_dot": "x_dot",
+            "y_dot": "y_dot",
+            "a_dot": "b_dot",
+            "b_dot": "a_dot",
+        },
+        steps=steps,
+        final_time=(shortest, 0.9),
+        durations=[(0.05, None)] * 2,
+    )
+
+
+def shape(q, parameters) -> Picture:
+    x, y, a, b = map(float, q)
+    feet = [(x + parameters["l"] * sin(c), y - parameters["l"] * cos(c)) for c in (a, b)]
+    floor = np.array([(x - 0.6, 0.0), (x + 0.6, 0.0)])
+    return Picture(tuple(np.array([(x, y), foot]) for foot in feet), ((x, y),), (floor,))
+
+
+def main() -> None:
+    solution = dmoc.solve(problem())
+    event = solution.collisions[0]
+    after = solution.phases[1].v[0]
+    rows = [
+        ("period", solution.cost, 0.734346391),
+        ("angle of the landing leg to the plumb line", event.position[3] - radians(3), 0.2186688),
+        ("rate of the stance leg after the event", -after[3], 1.09238359),
+        ("rate of the swing leg after the event", -after[2], 0.37737395),
+    ]
+    show("compass_gait", rows, solution, shape)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""A finger of two links flicks a puck, which slides over the table and comes to rest at a mark.
+
+The tip of the finger hits the puck (e = 0.5), which sticks to the table until then and slides
+afterwards; friction stops it at the mark.  How fast it has to leave follows from the distance alone,
+v = sqrt(2 mu g d); when and how the finger swings is found.
+
+Run:  python examples/finger_puck.py [FOLDER]
+"""
+
+from math import cos, sin
+
+import numpy as np
+import sympy as sp
+from showing import show
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.report.shapes import Picture
+
+MARK, PUCK = 0.5, 0.05
+
+
+def system() -> dmoc.MechanicalSystem:
+    a, b, s, u, w = dynamicsymbols("a b s u w")
+    m, l, puck, mu, g = sp.symbols("m l puck mu g")
+    t = dynamicsymbols._t
+
+    def link(angle):
+        return sp.Matrix([sp.cos(angle), sp.sin(angle)])
+
+    elbow, tip = l * link(a), l * (link(a) + link(b))
+    lagrangian = puck * s.diff(t) ** 2 / 2
+    for place, angle in ((elbow / 2, a), ((elbow + tip) / 2, b)):
+        speed = place.diff(t)
+        lagrangian += m * speed.dot(speed) / 2 + m * l**2 / 12 * angle.diff(t) ** 2 / 2
+    return dmoc.MechanicalSystem(
+        "finger_puck",
+        coordinates=[a, b, s],
+        inputs=[u, w],
+        lagrangian=lagrangian,
+        forces={a: u - w, b: w},
+        surfaces={"tip": s - tip[0] >= 0},
+        path_constraints={"lane": 0.02**2 >= (tip[1] - 0.1) ** 2},
+        tangents={"table": s},
+        friction={"table": mu * puck * g},
+        parameters={m: 0.1, l: 0.15, puck: PUCK, mu: 0.2, g: 9.81},
+        cost=u**2 + w**2,
+        units={a: "rad", b: "rad", s: "m", u: "N m", w: "N m"},
+    )
+
+
+def problem(steps: int = 40) -> dmoc.Problem:
+    start = {"a": 1.9, "b": 0.0, "s": 0.12}
+    # The tip begins in its lane.
+    start["b"] = float(np.arcsin(0.1 / 0.15 - sin(start["a"])))
+    return dmoc.Problem(
+        dmoc.build(system()),
+        start=start,
+        goal={"s": start["s"] + MARK, "s_dot": 0.0, "a_dot": 0.0, "b_dot": 0.0},
+        sequence=["tip table:slip+"],
+        steps=steps,
+        restitution=0.5,
+        final_time=(0.3, 2.0),
+        bounds={"a": (-0.5, 3.2), "b": (-2.0, 2.0)},
+    )
+
+
+def shape(q, parameters) -> Picture:
+    a, b, s = map(float, q)
+    l = parameters["l"]
+    elbow = (l * cos(a), l * sin(a))
+    tip = (elbow[0] + l * cos(b), elbow[1] + l * sin(b))
+    corners = [(s, 0.08), (s + 0.04, 0.08), (s + 0.04, 0.12), (s, 0.12), (s, 0.08)]
+    return Picture((np.array([(0.0, 0.0), elbow, tip]), np.array(corners)), (elbow,))
+
+
+def main() -> None:
+    solution = dmoc.solve(problem())
+    leaves = solution.phases[1].v[0, 2]
+    rows = [
+        ("speed of the puck after the flick", leaves, (2 * 0.2 * 9.81 * MARK) ** 0.5),
+        ("duration of its slide", solution.phases[1].duration, (2 * MARK / 0.2 / 9.81) ** 0.5),
+        ("impulse of the flick", solution.collisions[0].impulse, PUCK * (2 * 0.2 * 9.81 * MARK) ** 0.5),
+    ]
+    show("finger_puck", rows, solution, shape)
+
+
+if __name__ == "__main__":
+    main()

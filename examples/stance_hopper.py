@@ -1,0 +1,81 @@
+"""A hopper with a spring in its leg: it pushes off, flies, lands and stands again.
+
+The leg's foot has a mass; the floor holds it while it stands, cannot pull it, and takes the speed of
+the foot when it lands.  An actuator beside the spring has at most 40 N, a quarter more than the
+weight, and the flight shall last 0.35 s: the hopper has to swing on its spring before it leaves.
+
+Run:  python examples/stance_hopper.py [FOLDER]
+"""
+
+import numpy as np
+import sympy as sp
+from showing import show
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.report.shapes import Picture
+
+FLIGHT = 0.35
+
+
+def system() -> dmoc.MechanicalSystem:
+    z, f, F = dynamicsymbols("z f F")
+    m, foot, k, rest, d, g = sp.symbols("m foot k rest d g")
+    t = dynamicsymbols._t
+    kinetic = m * z.diff(t) ** 2 / 2 + foot * f.diff(t) ** 2 / 2
+    potential = m * g * z + foot * g * f + k * (z - f - rest) ** 2 / 2
+    return dmoc.MechanicalSystem(
+        "stance_hopper",
+        coordinates=[z, f],
+        inputs=[F],
+        lagrangian=kinetic - potential,
+        forces={z: F, f: -F},
+        dissipation=d * (z - f).diff(t) ** 2 / 2,
+        surfaces={"floor": f >= 0},
+        path_constraints={"leg": z - f >= 0.2},
+        parameters={m: 3.0, foot: 0.3, k: 300.0, rest: 0.6, d: 2.0, g: 9.81},
+        cost=F**2,
+        units={z: "m", f: "m", F: "N"},
+    )
+
+
+def problem(steps: int = 40) -> dmoc.Problem:
+    standing = 0.6 - 3.0 * 9.81 / 300.0
+    return dmoc.Problem(
+        dmoc.build(system()),
+        start={"z": standing, "f": 0.0},
+        goal={"z": standing, "z_dot": 0.0, "f_dot": 0.0},
+        contacts=["floor"],
+        sequence=["-floor", "+floor"],
+        steps=steps,
+        final_time=(0.5, 3.0),
+        durations=[None, (FLIGHT, FLIGHT), None],
+        bounds={"F": (-40.0, 40.0)},
+    )
+
+
+def shape(q, parameters) -> Picture:
+    z, f = map(float, q)
+    width = 0.06
+    turns = np.linspace(f, z, 9)
+    spring = np.array([(width * (-1) ** i * (0 < i < 8), h) for i, h in enumerate(turns)])
+    floor = np.array([(-0.2, 0.0), (0.2, 0.0)])
+    return Picture((spring,), ((0.0, z), (0.0, f)), (floor,))
+
+
+def main() -> None:
+    solution = dmoc.solve(problem())
+    stance = solution.phases[0]
+    weight = 3.3 * 9.81
+    rows = [
+        ("cost", solution.cost, None),
+        ("contact force at the start, in weights", stance.normal[0, 0] / weight, None),
+        ("largest contact force, in weights", stance.normal.max() / weight, None),
+        ("contact force before it leaves", stance.normal[-1, 0], 0.0),
+        ("impulse of the landing, N s", solution.collisions[1].impulse, None),
+    ]
+    show("stance_hopper", rows, solution, shape)
+
+
+if __name__ == "__main__":
+    main()
