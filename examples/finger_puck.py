@@ -1,8 +1,8 @@
 """A finger of two links flicks a puck, which slides over the table and comes to rest at a mark.
 
 The tip of the finger hits the puck (e = 0.5), which sticks to the table until then and slides
-afterwards; friction stops it at the mark.  How fast it has to leave follows from the distance alone,
-v = sqrt(2 mu g d); when and how the finger swings is found.
+afterwards; friction stops it at the mark.  How fast it has to leave follows from the distance
+alone, v = sqrt(2 mu g d); when and how the finger swings is found.
 
 Run:  python examples/finger_puck.py [FOLDER]
 """
@@ -40,7 +40,7 @@ def system() -> dmoc.MechanicalSystem:
         lagrangian=lagrangian,
         forces={a: u - w, b: w},
         surfaces={"tip": s - tip[0] >= 0},
-        path_constraints={"lane": 0.02**2 >= (tip[1] - 0.1) ** 2},
+        path_constraints={"lane": (tip[1] - 0.1) ** 2 <= 0.02**2},
         tangents={"table": s},
         friction={"table": mu * puck * g},
         parameters={m: 0.1, l: 0.15, puck: PUCK, mu: 0.2, g: 9.81},
@@ -76,11 +76,15 @@ def shape(q, parameters) -> Picture:
 
 def main() -> None:
     solution = dmoc.solve(problem())
-    leaves = solution.phases[1].v[0, 2]
+    leaves, needed = solution.phases[1].v[0, 2], (2 * 0.2 * 9.81 * MARK) ** 0.5
     rows = [
-        ("speed of the puck after the flick", leaves, (2 * 0.2 * 9.81 * MARK) ** 0.5),
+        ("speed of the puck after the flick", leaves, needed),
         ("duration of its slide", solution.phases[1].duration, (2 * MARK / 0.2 / 9.81) ** 0.5),
-        ("impulse of the flick", solution.collisions[0].impulse, PUCK * (2 * 0.2 * 9.81 * MARK) ** 0.5),
+        (
+            "impulse of the flick",
+            solution.collisions[0].impulse,
+            PUCK * (2 * 0.2 * 9.81 * MARK) ** 0.5,
+        ),
     ]
     show("finger_puck", rows, solution, shape)
 

@@ -1,10 +1,10 @@
 """A step of a walker with five links, RABBIT: it finds its own gait.
 
-Floating torso, two legs with knees, torques at hips and knees.  The stance foot is held by the floor
-and by friction, the other foot lands plastically while the stance foot leaves, and the next step is
-the same with the legs exchanged.  Given are the length of the step and its time alone; the cost is
-the square of the torques.  Masses, inertias, lengths and centres are those of the robot (Chevallereau
-et al., IEEE Control Systems Magazine 23 (2003) 57-79).
+Floating torso, two legs with knees, torques at hips and knees.  The stance foot is held by the
+floor and by friction, the other foot lands plastically while the stance foot leaves, and the next
+step is the same with the legs exchanged.  Given are the length of the step and its time alone; the
+cost is the square of the torques.  Masses, inertias, lengths and centres are those of the robot
+(Chevallereau et al., IEEE Control Systems Magazine 23 (2003) 57-79).
 
 Run:  python examples/walker.py [FOLDER]
 """
@@ -66,9 +66,7 @@ def system() -> dmoc.MechanicalSystem:
         path_constraints={"knee_left": thigh_l >= shin_l, "knee_right": thigh_r >= shin_r},
         parameters={g: 9.81, mu: 0.7},
         cost=sum(torque**2 for torque in u),
-        units={x: "m", y: "m"}
-        | {angle: "rad" for angle in q[2:]}
-        | {torque: "N m" for torque in u},
+        units={x: "m", y: "m"} | dict.fromkeys(q[2:], "rad") | dict.fromkeys(u, "N m"),
     )
 
 

@@ -98,8 +98,8 @@ class Problem:
         Parameter values that replace the model's.
     controls : {"constant", "linear", "stages"}, optional
         Inputs constant in each step, linear between nodes, or linear in each step with values of
-        its own at both ends.  Kernels of order 2 take "constant" (default) or "linear", those of a
-        higher order "stages" (default) or "constant".
+        its own at both ends.  Kernels of order 2 take "constant" (default) or "linear" (default
+        with contacts that last), those of a higher order "stages" (default) or "constant".
     restitution : number or mapping, optional
         Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic): 1 is elastic
         (default), 0 perfectly plastic, the contact released at once.
@@ -239,8 +239,11 @@ class Problem:
 
     @property
     def control_form(self) -> str:
-        """The form of the inputs: ``controls``, or the default of the order."""
-        return self.scheme.controls[0] if self.controls is None else self.controls
+        """The form of the inputs: ``controls``, or the default: that of the order, and linear ones
+        beside contacts that last, whose forces would jump with the inputs at every node."""
+        if self.controls is not None:
+            return self.controls
+        return "linear" if self.lasting else self.scheme.controls[0]
 
     # Contacts -------------------------------------------------------------------------------------
 

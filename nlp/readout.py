@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.modes import Mode
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.tables import NOWHERE, Block, Index
@@ -21,6 +22,8 @@ NO_EFFECT = 1e-3
 # Smallest eigenvalue of a mass matrix, relative to the inertias at the start, below which it counts
 # as singular.
 SINGULAR = 1e-6
+# Nodes of a phase whose forces are continued to its ends, at least one more.
+FEWEST = 4
 
 
 def trajectory(nlp: Transcription, x: Array) -> Trajectory:
@@ -39,6 +42,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         normal, tangential = _impulses(lay, x, i)
         p = np.vstack([p_start[first : first + 1], p_end[first:last]])
         p = p + _pushed(nlp, at, t, normal, tangential)
+        p = _along_contacts(nlp, i, (at, p, t))
         inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
         mode, weight = problem.modes[i], h[i] * node_shares(steps)[:, None]
         phases.append(
@@ -50,8 +54,8 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 np.ascontiguousarray(inputs),
                 mode.closed,
                 dict(mode.rubbing),
-                normal[:, list(lay.touch.closed[i])] / weight,
-                tangential[:, [k for k, _ in lay.touch.rubbing[i]]] / weight,
+                _forces(normal[:, list(lay.touch.closed[i])] / weight),
+                _forces(tangential[:, [k for k, _ in lay.touch.rubbing[i]]] / weight),
             )
         )
         begin = float(t[-1])
@@ -106,6 +110,16 @@ def _impulses(lay: Layout, x: Array, i: int) -> tuple[Array, Array]:
     return padded[lay.index_P[rows]], padded[lay.index_T[rows]]
 
 
+def _forces(of_nodes: Array) -> Array:
+    """Forces at the nodes of a phase from impulses by the time that they stand for; at its ends,
+    where that is half a step and leaves an error of first order, those of the nodes beside
+    continued."""
+    if len(of_nodes) > FEWEST:
+        of_nodes[0] = 2 * of_nodes[1] - of_nodes[2]
+        of_nodes[-1] = 2 * of_nodes[-2] - of_nodes[-3]
+    return of_nodes
+
+
 def _pushed(nlp: Transcription, q: Array, t: Array, normal: Array, tangential: Array) -> Array:
     """What impulses add to the momenta of a phase at its nodes: at the first one back to where the
     phase begins, at the others to the middle of the impulse, at the last one all of it."""
@@ -117,6 +131,24 @@ def _pushed(nlp: Transcription, q: Array, t: Array, normal: Array, tangential: A
     change[0] *= -1
     change[1:-1] /= 2
     return np.asarray(change)
+
+
+def _along_contacts(nlp: Transcription, i: int, states: tuple[Array, Array, Array]) -> Array:
+    """Momenta of a phase at the states (q, p, t) of its nodes, moved the shortest way, measured by
+    the masses, to where closed contacts and what sticks have no rates."""
+    model, touch, (q, p, t) = nlp.problem.model, nlp.layout.touch, states
+    closed, sticking = list(touch.closed[i]), np.flatnonzero(touch.sticks[i])
+    if not closed and not len(sticking):
+        return p
+    slopes = [model.gap_slopes(q, t)[:, closed, :-1], model.tangent_slopes(q, t)[:, sticking, :-1]]
+    C, v, mass = np.concatenate(slopes, axis=1), model.velocity(q, p, t), model.mass(q, t)
+    rates = np.hstack(
+        [model.gap_rates(q, v, t)[:, closed], model.slide_rates(q, v, t)[:, sticking]]
+    )
+    response = [solved(mass, np.ascontiguousarray(C[:, m])) for m in range(C.shape[1])]
+    impulses = solved(C @ np.stack(response, axis=2), rates)
+    found = p - np.einsum("kmi,km->ki", C, impulses)
+    return np.where(np.isfinite(found), found, p)
 
 
 def _changes(before: Mode, after: Mode) -> dict[str, int]:
