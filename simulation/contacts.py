@@ -20,6 +20,11 @@ MOST_IMPACTS = 100
 MOST_SWEEPS = 10_000
 
 
+class Lasting(Exception):  # noqa: N818 - it is caught where the simulation began
+    """A motion that stays on a surface, or collisions that accumulate: steps from impact to impact
+    do not carry it further."""
+
+
 def simultaneous(
     gaps: Array,
     tolerance: Array,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,17 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row, restitution_row
+from dmoc.simulation.contact_motion import (
+    Journal,
+    Node,
+    Setting,
+    Stretch,
+    node,
+    nodes,
+    on_surfaces,
+    start,
+)
+from dmoc.simulation.contacts import Lasting
 from dmoc.simulation.stepper import Stepper
 from dmoc.symbolic.names import name_of
 from dmoc.trajectory import Collision
@@ -20,6 +32,8 @@ from dmoc.trajectory import Collision
 MOST_STEPS = 10**12
 # Memory for the recorded nodes.
 MOST_BYTES = 4 * 10**9
+# Steps of a flight that resolve it: what comes to rest is followed more closely from there on.
+RESOLVED = 20
 # Letters of a wrong value in a sentence.
 MOST_SHOWN = 80
 
@@ -38,6 +52,12 @@ class Simulation:
         E = v . p - L at the recorded nodes.
     collisions : tuple of Collision
         In the order in which they happened.
+    contacts, rubbing : tuples of Stretch
+        When surfaces stayed closed, and when tangents stuck or slid, in the order in which that
+        ended.
+    normal, tangential : arrays of shape (n, nc), (n, nt)
+        Contact forces N and friction forces T at the recorded nodes, in newton, with the inputs of
+        the step that ends there: -N grad g and T grad tau act on the coordinates.
     """
 
     t: Array
@@ -45,6 +65,10 @@ class Simulation:
     p: Array
     energy: Array
     collisions: tuple[Collision, ...]
+    contacts: tuple[Stretch, ...]
+    rubbing: tuple[Stretch, ...]
+    normal: Array
+    tangential: Array
 
 
 def simulate(
@@ -59,7 +83,7 @@ def simulate(
     restitution: float | Mapping[str, float] = 1.0,
     every: int = 1,
 ) -> Simulation:
-    """Simulate a system through its collisions.
+    """Simulate a system through its collisions, lasting contacts and friction.
 
     Each step solves r_minus(q_k, q_{k+1}) + p_k = 0.  A step that crosses a surface is split at the
     collision: first (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam)
@@ -67,6 +91,11 @@ def simulate(
     one step are handled one after the other; impacts on several surfaces at the same moment too,
     see :func:`dmoc.simulation.contacts.simultaneous`.  Ctrl-C ends a run, which leaves the
     interpreter to other threads.
+
+    Where the motion stays on a surface, or bounces that accumulate come to rest on it, and in
+    models with friction from the start on, it goes on by the continuous equations of one mode of
+    contact and friction after the other, see :mod:`dmoc.simulation.contact_motion`.  One hit with
+    friction obeys Poisson's law of impact.
 
     Parameters
     ----------
@@ -92,8 +121,9 @@ def simulate(
     Raises
     ------
     SimulationError
-        If an argument does not fit, a step has no solution, the mass matrix becomes singular, the
-        motion stays on a surface (lasting contact), or collisions accumulate (Zeno).
+        If an argument does not fit, a step has no solution, the mass matrix becomes singular,
+        collisions accumulate without coming to rest (Zeno), no state of contact obeys the law of
+        Coulomb, or several contacts with friction are hit at once and are not plastic.
     """
     if not isinstance(kernels, Kernels):
         raise SimulationError(
@@ -108,28 +138,141 @@ def simulate(
             f"step_size = {_shown(step_size)}: expected a positive number of seconds, and a finite "
             "time of all steps."
         )
-    _check_room(steps, every, nq)
+    _check_room(steps, every, nq + len(kernels.surfaces) + len(kernels.tangents))
     model = Model(
         kernels, parameter_row(kernels, {} if parameters is None else parameters, SimulationError)
     )
     q = _vector(position, kernels.coordinates, "position")
     v = _vector(np.zeros(nq) if velocity is None else velocity, kernels.coordinates, "velocity")
     u = _inputs(inputs, steps, nu)
-    stepper = Stepper(kernels, model.par, restitution_row(kernels, restitution, SimulationError))
+    e = restitution_row(kernels, restitution, SimulationError)
+    run = _Run(model, u, h, every)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
-        t, positions, momenta = stepper.run(q, model.momentum(q, v), u, h, every)
-        velocities = model.velocity(positions, momenta, t)
+        if model.friction.any():
+            _check_start(model, q)
+            found = run.recorded(q, model.momentum(q, v))
+            journal = _through_contacts(run, e, q, v, 0, found)
+        else:
+            found, journal = _from_impact_to_impact(run, e, q, model.momentum(q, v))
+        velocities = model.velocity(found.q, found.p, found.t)
         if not np.isfinite(velocities).all():
             raise SimulationError(
                 "the mass matrix is singular where the motion ends: check the parameters, and stop "
                 "before it."
             )
-        energy = model.energy(positions, velocities, t)
-    collisions = tuple(
-        Collision(kernels.surfaces[j], time, at, float(lam), before, after)
-        for _, time, j, lam, at, before, after in stepper.collisions
-    )
-    return Simulation(t, positions, momenta, energy, collisions)
+        energy = model.energy(found.q, velocities, found.t)
+    journal.note(model, None, h * steps)
+    return Simulation(
+        found.t, found.q, found.p, energy, tuple(journal.collisions),
+        tuple(s for s in journal.stretches if s.friction is None),
+        tuple(s for s in journal.stretches if s.friction is not None),
+        found.normal, found.tangential,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Recorded:
+    """Recorded nodes, filled one by one."""
+
+    t: Array
+    q: Array
+    p: Array
+    normal: Array
+    tangential: Array
+
+    def put(self, row: int, model: Model, at: Node) -> None:
+        q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
+        self.q[row], self.p[row] = q, model.momentum(q, v, at.t)
+        self.normal[row], self.tangential[row] = at.normal, at.tangential
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """A model, inputs of all steps (steps, nu), the size of a step, and how many go by between
+    recorded nodes."""
+
+    model: Model
+    u: Array
+    h: float
+    every: int
+
+    def recorded(self, q: Array, p: Array) -> _Recorded:
+        """Nodes of which the first is known."""
+        rows, model = len(self.u) // self.every + 1, self.model
+        times = np.arange(rows, dtype=float) * (self.h * self.every)
+        found = _Recorded(
+            times, np.empty((rows, model.nq)),
+            np.empty((rows, model.nq)), *self.forces(rows),
+        )  # fmt: skip
+        found.q[0], found.p[0] = q, p
+        return found
+
+    def forces(self, rows: int) -> tuple[Array, Array]:
+        return np.zeros((rows, self.model.nc)), np.zeros((rows, self.model.nt))
+
+
+def _from_impact_to_impact(run: _Run, e: Array, q: Array, p: Array) -> tuple[_Recorded, Journal]:
+    """The motion by the variational integrator, as far as that goes."""
+    model = run.model
+    stepper = Stepper(model.kernels, model.par, e)
+    try:
+        found = stepper.run(q, p, run.u, run.h, run.every)
+    except Lasting:
+        last, known = stepper.held
+        first = _before_settling(last, [c[0] for c in stepper.collisions])
+        if first > 0:
+            to_there = Stepper(model.kernels, model.par, e)
+            _, ways, momenta = to_there.run(q, p, run.u[:first], run.h, first)
+            q, p = ways[-1], momenta[-1]
+        recorded = _Recorded(*known, *run.forces(len(known[0])))
+        v = model.velocity(q, p, first * run.h)
+        journal = _through_contacts(run, e, q, v, first, recorded)
+        before = [c for c in stepper.collisions if c[0] < first]
+        journal.collisions[:0] = _collisions(model, before)
+        return recorded, journal
+    journal = Journal(list(_collisions(model, stepper.collisions)))
+    return _Recorded(*found, *run.forces(len(found[0]))), journal
+
+
+def _before_settling(last: int, struck: list[int]) -> int:
+    """The step from which on collisions, each in its step, follow one another up to the last
+    one so closely that steps do not resolve the flights in between."""
+    for step in reversed(struck):
+        if last - step > RESOLVED:
+            break
+        last = step
+    return last
+
+
+def _collisions(model: Model, given: list[list[Any]]) -> Iterator[Collision]:
+    for _, time, j, lam, at, before, after in given:
+        yield Collision(model.kernels.surfaces[j], time, at, float(lam), before, after)
+
+
+def _through_contacts(
+    run: _Run, e: Array, q: Array, v: Array, first: int, found: _Recorded
+) -> Journal:
+    """The motion from the step ``first`` on by the continuous equations of its modes."""
+    setting, journal = Setting(run.model, e, run.h), Journal()
+    t = first * run.h
+    y = on_surfaces(run.model, np.concatenate([q, v, [0.0]]), t)
+    if first % run.every == 0:
+        mode = start(setting, y, run.u[first], t)
+        found.put(first // run.every, run.model, node(run.model, mode, y, run.u[first], t))
+    for k, at in enumerate(nodes(setting, y, run.u, first, journal), start=first + 1):
+        if k % run.every == 0:
+            found.put(k // run.every, run.model, at)
+    return journal
+
+
+def _check_start(model: Model, q: Array) -> None:
+    """Refuse a position behind a surface."""
+    gaps = model.gaps(q)
+    for name, gap, near in zip(model.kernels.surfaces, gaps, model.gap_rounding(q), strict=True):
+        if gap > near:
+            raise SimulationError(
+                f"position lies behind surface {name!r} by {gap:g}: move it inside g <= 0."
+            )
 
 
 # What a user gives --------------------------------------------------------------------------------

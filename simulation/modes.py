@@ -177,6 +177,21 @@ def contact_power(model: Model, found: Reaction, q: Array, v: Array, t: Array) -
 def settled(model: Model, mode: Mode, y: Array, t: Array, held: Array) -> Array:
     """Rows of states y = (q | v ...) moved the shortest way, measured by the masses, to where the
     closed gaps are zero and what sticks is at its place ``held`` (n, nt), both without rates."""
+    nq = model.nq
+    if not mode.closed and not mode.sticking:
+        return y
+    y = placed(model, mode, y, t, held)
+    closed, sticking = list(mode.closed), list(mode.sticking)
+    q, v = np.ascontiguousarray(y[:, :nq]), np.ascontiguousarray(y[:, nq : 2 * nq])
+    rates = np.hstack(
+        [model.gap_rates(q, v, t)[:, closed], model.slide_rates(q, v, t)[:, sticking]]
+    )
+    y[:, nq : 2 * nq] += _moved(model, mode, q, t, -rates)
+    return y
+
+
+def placed(model: Model, mode: Mode, y: Array, t: Array, held: Array) -> Array:
+    """Rows of states with their positions alone moved as in :func:`settled`."""
     nq, y = model.nq, y.copy()
     if not mode.closed and not mode.sticking:
         return y
@@ -185,11 +200,6 @@ def settled(model: Model, mode: Mode, y: Array, t: Array, held: Array) -> Array:
         q = np.ascontiguousarray(y[:, :nq])
         off = np.hstack([model.gaps(q, t)[:, closed], (model.tangents(q, t) - held)[:, sticking]])
         y[:, :nq] += _moved(model, mode, q, t, -off)
-    q, v = np.ascontiguousarray(y[:, :nq]), np.ascontiguousarray(y[:, nq : 2 * nq])
-    rates = np.hstack(
-        [model.gap_rates(q, v, t)[:, closed], model.slide_rates(q, v, t)[:, sticking]]
-    )
-    y[:, nq : 2 * nq] += _moved(model, mode, q, t, -rates)
     return y
 
 

@@ -10,6 +10,7 @@ class Stepper:
     nc: int
     ni: int
     collisions: list[list[Any]]
+    held: tuple[int, tuple[Array, Array, Array]]
     def __init__(self, kernels: Kernels, par: Array, restitution: Array) -> None: ...
     def run(
         self, q0: Array, p0: Array, u: Array, h: float, every: int

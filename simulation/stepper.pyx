@@ -27,7 +27,7 @@ import numpy as np
 from dmoc.discretisation import DISCRETISATIONS
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import ROUNDING
-from dmoc.simulation.contacts import NOISE, simultaneous
+from dmoc.simulation.contacts import NOISE, Lasting, simultaneous
 
 cdef enum:
     NEWTON_LIMIT = 50
@@ -41,7 +41,6 @@ cdef double GAP_TOLERANCE = 1e-13    # of a gap relative to its slopes and the c
 cdef double START_TOLERANCE = ROUNDING  # the same for the first position, which a user has computed
 cdef double RATE_TOLERANCE = NOISE   # a rate of a gap below it, relative to its slopes and the velocities, is a rounding error
 cdef double SHORTEST_LEG = 1e-9      # share of a step below which a leg is replaced by its limit: its equations divide by s
-cdef double ROUNDED_FLIGHTS = 1e-2  # share of a step in which three bounces are so short that rounding errors decide which is shortest
 cdef double SINGULAR = 1e-15         # a pivot of the mass matrix below it, relative to the diagonal, is none
 
 
@@ -90,6 +89,7 @@ cdef class Stepper:
     """
     cdef readonly int nq, nu, nc, ni
     cdef readonly list collisions
+    cdef readonly tuple held
     cdef object names
     cdef Call step, step_jac, impact, impact_jac, surface, slope, dynamics, momentum, total_energy
     cdef double[:, ::1] q_a, q_b, q_i, t, now, r_i, r_i_z, u, h, r_minus, r_plus, C_d, r_minus_z, r_plus_z, C_d_z, e_plus, e_minus, e_plus_z, e_minus_z
@@ -98,6 +98,7 @@ cdef class Stepper:
     cdef double[:, ::1] shapes
     cdef double[::1] share, phi
     cdef double[::1] b, p, normal, velocity, restitution, weight, tolerance, rates, rate_size, start_gap, rates_before
+    cdef long number
     cdef double lam, lam_limit, e_before, e, approach, inertia, reach, fastest, full
     cdef bint after_impact
     cdef clock_t heard
@@ -491,9 +492,7 @@ cdef class Stepper:
             hits += 1
             if hits > MOST_HITS:
                 with gil:
-                    raise SimulationError(
-                        f"more than {MOST_HITS} collisions within the step at t = {t:.6g} s (Zeno): reduce the step size or stop before it."
-                    )
+                    raise Lasting
             self.leg(s)
             if self.after_impact:
                 self.finish_collision()
@@ -517,7 +516,8 @@ cdef class Stepper:
                 if s == -2.0:
                     if self.after_impact and self.e > 0:
                         return -1.0
-                    self.stays(j, t)
+                    with gil:  # bounces have died away, or it is pushed against the surface
+                        raise Lasting
                 if s < 0:
                     return -1.0
                 if found[0] < 0 or s < first:
@@ -543,23 +543,6 @@ cdef class Stepper:
         self.find_velocity()
         with gil:
             raise SimulationError(f"the step at t = {t:.6g} s has no solution: change the step size.")
-
-    cdef int stays(self, int j, double t) except -1 with gil:
-        """Raise: the motion cannot leave surface j, because bounces have died away or because it is pushed against it."""
-        dying = False
-        times = sorted({c[1] for c in self.collisions[-MOST_HITS:] if c[2] == j})[-3:]
-        if len(times) == 3:
-            shorter = times[2] - times[1] < times[1] - times[0] or times[2] - times[0] < ROUNDED_FLIGHTS * self.full
-            dying = shorter and t - times[2] <= times[2] - times[1]
-        if self.restitution[j] > 0 and dying:
-            raise SimulationError(
-                f"collisions with surface {self.names[j]!r} accumulate at t = {t:.6g} s (Zeno): with a restitution of {self.restitution[j]:g} "
-                "they die away in lasting contact, which is not simulated; stop before it."
-            )
-        raise SimulationError(
-            f"lasting contact with surface {self.names[j]!r} from t = {t:.6g} s on: the motion is pushed against the surface and does not bounce "
-            "off it, and resting or sliding on a surface is not simulated; stop before it."
-        )
 
     cdef int start_collision(self, int j, double t, long number) except -1 nogil:
         """Begin a leg at the collision reached by the leg that was just solved."""
@@ -698,22 +681,13 @@ cdef class Stepper:
             )
         return 0
 
-    def run(self, double[::1] q0, double[::1] p0, const double[:, :] u, double h, long every):
-        """Take ``len(u)`` steps of size h; return t, q and p at every ``every``-th node.  Collisions are appended to ``collisions``.
-
-        Compiled kernels step without the interpreter's lock.
-        """
-        cdef long k, row, steps = u.shape[0]
+    cdef int go(self, const double[:, :] u, double h, long every, double[:, ::1] q_out, double[:, ::1] p_out) except -1:
+        """Take the steps and record nodes; ``number`` is that of the step at work."""
+        cdef long k, row
         cdef int i
-        rows = steps // every + 1
-        times, positions, momenta = np.arange(rows) * (h * every), np.empty((rows, self.nq)), np.empty((rows, self.nq))
-        cdef double[:, ::1] q_out = positions, p_out = momenta
-        self.begin(q0, p0, h)
-        for i in range(self.nq):
-            q_out[0, i] = q0[i]
-            p_out[0, i] = p0[i]
         with nogil:
-            for k in range(steps):
+            for k in range(u.shape[0]):
+                self.number = k
                 for i in range(self.nu):
                     self.u[0, i] = u[k, i]
                 self.advance(h, k * h, k)
@@ -724,4 +698,25 @@ cdef class Stepper:
                     for i in range(self.nq):
                         q_out[row, i] = self.q_b[0, i]
                         p_out[row, i] = self.p[i]
+        return 0
+
+    def run(self, double[::1] q0, double[::1] p0, const double[:, :] u, double h, long every):
+        """Take ``len(u)`` steps of size h; return t, q and p at every ``every``-th node.  Collisions are appended to ``collisions``.
+
+        Compiled kernels step without the interpreter's lock.  Where Lasting is raised, ``held`` are the number of the step and what has been
+        recorded.
+        """
+        cdef int i
+        rows = u.shape[0] // every + 1
+        times, positions, momenta = np.arange(rows) * (h * every), np.empty((rows, self.nq)), np.empty((rows, self.nq))
+        cdef double[:, ::1] q_out = positions, p_out = momenta
+        self.begin(q0, p0, h)
+        for i in range(self.nq):
+            q_out[0, i] = q0[i]
+            p_out[0, i] = p0[i]
+        try:
+            self.go(u, h, every, q_out, p_out)
+        except Lasting:
+            self.held = self.number, (times, positions, momenta)
+            raise
         return times, positions, momenta

@@ -1,0 +1,158 @@
+"""Impacts in a simulation with lasting contact and friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.errors import SimulationError
+from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.model import Model
+from dmoc.simulation.choices import Blow, Place, plastic_blow
+from dmoc.simulation.contacts import simultaneous
+from dmoc.simulation.modes import RAIL, Mode, conditions, reaction, supports
+from dmoc.simulation.poisson import impulses
+
+# A rebound whose flight, with all that follow it, takes less than this share of a step is none.
+SETTLED = 1e-4
+# Response of one contact to another below this share of their own that counts as none.
+COUPLED = 1e-12
+# Share of the kinetic energy by which rounding may raise it.
+ROUNDED = 1e-9
+
+
+@dataclass(frozen=True)
+class Struck:
+    """Velocity after impacts (nq,) and their impulses, in their order: of surfaces, with that of
+    the surface's tangent or 0."""
+
+    velocity: Array
+    impulses: tuple[tuple[int, float, float], ...]
+
+
+def struck(model: Model, at: Place, mode: Mode, restitution: Array, h: float) -> Struck:
+    """The impacts on the surfaces that a state touches and approaches.
+
+    Raises
+    ------
+    SimulationError
+        If several contacts with friction take part and one of them is not plastic, or if the law
+        of impact has no outcome.
+    """
+    nq, surfaces = model.nq, model.kernels.surfaces
+    q, v = at.y[:nq], at.y[nq : 2 * nq]
+    rates = model.gap_rates(q, v, at.t)
+    on = np.flatnonzero(model.gaps(q, at.t) >= -at.small.gap)
+    hit = [int(j) for j in on if rates[j] > at.small.rate[j]]
+    e = _effective(model, at, mode, restitution, h)
+    tangent = {
+        j: k for k, j in enumerate(supports(model.kernels)) if j != RAIL and model.friction[k] > 0
+    }
+    normals = model.gap_slopes(q, at.t)[:, :-1]
+    response = normals @ solved(model.mass(q, at.t), normals.T)
+    alone = len(hit) == 1 and _uncoupled(model, at, hit[0], [int(j) for j in on])
+    if not any(int(j) in tangent for j in on):
+        return _without_friction(model, at, rates, response, e, h)
+    if alone:
+        return _alone(model, at, hit[0], tangent.get(hit[0]), float(e[hit[0]]))
+    if any(j in tangent and e[j] > 0 for j in hit):
+        names = ", ".join(repr(surfaces[j]) for j in on)
+        raise SimulationError(
+            f"the contacts {names} with friction are hit at once at t = {at.t:.6g} s: such an "
+            "impact is known for a restitution of 0 only, give them that."
+        )
+    blow = plastic_blow(model, at, [int(j) for j in on], e)
+    if blow is None or _gains(model, at, blow):
+        names = ", ".join(repr(surfaces[j]) for j in on)
+        raise SimulationError(
+            f"the impact on {names} at t = {at.t:.6g} s has no outcome that obeys the laws of "
+            "impact and friction: give them a restitution of 0, or lower the friction."
+        )
+    return Struck(
+        blow.velocity,
+        tuple(
+            (
+                int(j),
+                float(blow.normal[j]),
+                float(blow.tangential[tangent[j]]) if j in tangent else 0.0,
+            )
+            for j in map(int, on)
+            if blow.normal[j] > 0
+        ),
+    )
+
+
+def _effective(model: Model, at: Place, mode: Mode, restitution: Array, h: float) -> Array:
+    """Coefficients of restitution, zero where the bounces that would follow die away at once."""
+    nq = model.nq
+    q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
+    a = reaction(model, mode, q, v, at.u[None], t).acceleration[0]
+    pressed = model.gap_slopes(q, t)[0, :, :-1] @ a + model.gap_accelerations(q, v, t)[0]
+    rates = model.gap_rates(q, v, t)[0]
+    rebound = 2 * restitution * np.maximum(rates, 0.0)
+    dies = (pressed > 0) & (rebound < SETTLED * h * (1 - restitution) * pressed)
+    return np.where(dies, 0.0, restitution)
+
+
+def _uncoupled(model: Model, at: Place, j: int, on: list[int]) -> bool:
+    """Whether an impact on one surface leaves the others that are touched alone."""
+    q, t = at.y[None, : model.nq], np.array([at.t])
+    others = [k for k in on if k != j]
+    if not others:
+        return True
+    rubs = tuple(k for k, s in enumerate(supports(model.kernels)) if s in on)
+    c = conditions(model, Mode((j, *others), rubs), q, t).C[0]
+    A = c @ solved(model.mass(q, t)[0], c.T)
+    at_j = np.array(
+        [True, *[False] * len(others), *[supports(model.kernels)[k] == j for k in rubs]]
+    )
+    size = np.sqrt(np.outer(np.diag(A), np.diag(A)))
+    return bool((np.abs(A)[np.ix_(at_j, ~at_j)] <= COUPLED * size[np.ix_(at_j, ~at_j)]).all())
+
+
+def _without_friction(
+    model: Model, at: Place, rates: Array, response: Array, e: Array, h: float
+) -> Struck:
+    """Impacts on surfaces without friction, one after the other or at once."""
+    q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
+    small = at.small
+    found = simultaneous(
+        model.gaps(q, at.t), small.gap, rates, small.rate / 1e-11, response, e, 0.0
+    )
+    if found is None:
+        raise SimulationError(
+            f"the impacts at t = {at.t:.6g} s come to no end: bodies that meet so cannot be "
+            "simulated, change the start or give the surfaces a restitution below 1."
+        )
+    normals, M = model.gap_slopes(q, at.t)[:, :-1], model.mass(q, at.t)
+    for j, impulse in found:
+        v = v - impulse * solved(M, normals[j])
+    return Struck(v, tuple((j, impulse, 0.0) for j, impulse in found))
+
+
+def _alone(model: Model, at: Place, j: int, tangent: int | None, e: float) -> Struck:
+    """An impact on one surface, after Poisson where it has friction."""
+    nq = model.nq
+    q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
+    M = model.mass(q[0], at.t)
+    D = conditions(model, Mode((j,), () if tangent is None else (tangent,)), q, t).B[0]
+    pushed = solved(M, D.T)
+    approach = -float(model.gap_rates(q, v, t)[0, j])
+    if tangent is None:
+        impulse = -(1 + e) * approach / float(D[0] @ pushed[:, 0])
+        return Struck(v[0] + impulse * pushed[:, 0], ((j, impulse, 0.0),))
+    slide = float(model.slide_rates(q, v, t)[0, tangent])
+    found = impulses(np.array([approach, slide]), D @ pushed, float(model.friction[tangent]), e)
+    lam = np.array([found.normal, found.tangential])
+    return Struck(v[0] + pushed @ lam, ((j, found.normal, found.tangential),))
+
+
+def _gains(model: Model, at: Place, blow: Blow) -> bool:
+    """Whether an impact would raise the energy, where nothing that is touched moves by itself."""
+    q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
+    if model.kernels.manifest["explicit_time"]:
+        return False
+    M = model.mass(q, at.t)
+    return bool(blow.velocity @ M @ blow.velocity > (1 + ROUNDED) * (v @ M @ v))

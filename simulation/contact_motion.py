@@ -1,0 +1,294 @@
+"""Forward simulation through lasting contacts and friction: the continuous flow of one mode after
+the other, from event to event.
+
+Within a step of the simulation the inputs are constant.  What a mode keeps above zero is looked at
+in several places of the way (gaps, contact forces, what friction still bears, sliding velocities);
+where something falls below, the moment is located, impacts are resolved, and the laws of contact
+and friction choose the mode that follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.errors import SimulationError
+from dmoc.mechanics.model import Model
+from dmoc.simulation.choices import Hints, Place, limits, mode_at, names_of, slack
+from dmoc.simulation.contact_impacts import struck
+from dmoc.simulation.mode_flow import ModeFlow, Span
+from dmoc.simulation.modes import Mode, placed, reaction, settled
+from dmoc.simulation.roots import crossing
+from dmoc.simulation.tolerances import Reach, reached, tolerances
+from dmoc.trajectory import Collision
+
+# Where in a way limits are looked at, and, where one falls at once, how near to its start.
+PLACES, NEAR = np.linspace(0.0, 1.0, 9)[1:], 0.5 ** np.arange(50, 0, -1)
+MOST_EVENTS = 1000  # within one step
+LOCATED = 1e-14  # of a step, to which events are located
+SHORTEST = 1e-13  # share of a step that is not gone any more
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A time in which a surface stays closed (``friction`` None), or in which a tangent sticks (0)
+    or slides in one direction (1 or -1)."""
+
+    name: str
+    begin: float
+    end: float
+    friction: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What a simulation goes by: model, coefficients of restitution (nc,), step size."""
+
+    model: Model
+    restitution: Array
+    h: float
+
+
+@dataclass(eq=False)
+class Journal:
+    """What happens on the way: collisions, and the stretches of contact and friction, of which some
+    go on."""
+
+    collisions: list[Collision] = field(default_factory=list)
+    stretches: list[Stretch] = field(default_factory=list)
+    going: dict[tuple[str, int | None], float] = field(default_factory=dict)
+
+    def note(self, model: Model, mode: Mode | None, t: float) -> None:
+        """A mode begins, or, without one, the simulation ends."""
+        now = set() if mode is None else set(names_of(model, mode))
+        for name, friction in [key for key in self.going if key not in now]:
+            begin = self.going.pop((name, friction))
+            if t > begin:
+                self.stretches.append(Stretch(name, begin, t, friction))
+        for key in now:
+            self.going.setdefault(key, t)
+
+
+@dataclass(frozen=True)
+class Node:
+    """A state after a step: time, row (q | v | work), and its contact and friction forces."""
+
+    t: float
+    y: Array
+    normal: Array
+    tangential: Array
+
+
+def nodes(setting: Setting, y: Array, u: Array, first: int, journal: Journal) -> Iterator[Node]:
+    """States at the end of the steps from ``first`` on, each with its inputs u (steps, nu)."""
+    reach = Reach()
+    for k in range(first, len(u)):
+        t = k * setting.h
+        reach = reached(setting.model, y, u[k], t, setting.h, reach)
+        y, mode = _step(setting, y, u[k], (t, (k + 1) * setting.h), (reach, journal))
+        yield node(setting.model, mode, y, u[k], (k + 1) * setting.h)
+
+
+def node(model: Model, mode: Mode, y: Array, u: Array, t: float) -> Node:
+    """A state with the forces of its mode."""
+    q, v = y[None, : model.nq], y[None, model.nq : 2 * model.nq]
+    found = reaction(model, mode, q, v, u[None], np.array([t]))
+    return Node(t, y, found.normal[0], found.tangential[0])
+
+
+def start(setting: Setting, y: Array, u: Array, t: float) -> Mode:
+    """The mode of a state that approaches nothing."""
+    place = _place(setting, y, u, t, reached(setting.model, y, u, t, setting.h, Reach()))
+    return mode_at(setting.model, place, Hints())
+
+
+def on_surfaces(model: Model, y: Array, t: float) -> Array:
+    """A state moved onto the surfaces that it lies on up to rounding."""
+    near = np.abs(model.gaps(y[: model.nq], t)) <= model.gap_rounding(y[: model.nq], t)
+    mode, times = Mode(tuple(map(int, np.flatnonzero(near)))), np.array([t])
+    return np.asarray(placed(model, mode, y[None], times, np.zeros((1, model.nt)))[0])
+
+
+def _place(setting: Setting, y: Array, u: Array, t: float, reach: Reach) -> Place:
+    small = tolerances(setting.model, y[: setting.model.nq], t, setting.h, reach)
+    return Place(t, y, u, small)
+
+
+def _step(
+    setting: Setting, y: Array, u: Array, span: tuple[float, float],
+    known: tuple[Reach, Journal],
+) -> tuple[Array, Mode]:  # fmt: skip
+    """The state after a step, and its mode there."""
+    model, (reach, journal), (t, end) = setting.model, known, span
+    place, hints = _place(setting, y, u, t, reach), Hints()
+    mode = Mode()
+    for _ in range(MOST_EVENTS):
+        place, mode = _resolved(setting, place, (mode, hints), reach, journal)
+        journal.note(model, mode, place.t)
+        if end - place.t <= SHORTEST * setting.h:
+            return place.y, mode
+        way = _Way.of(setting, place, mode)
+        event = way.first(end)
+        if event is None:
+            return way(end), mode
+        at, which = event
+        y = way(at) if at > place.t else place.y
+        reach = reached(model, y, u, at, setting.h, reach)
+        place = _place(setting, y, u, at, reach)
+        hints = _hints(model, place, mode, which)
+        place = replace(place, y=_on_limit(model, place, mode, which))
+    raise SimulationError(
+        f"more than {MOST_EVENTS} collisions or changes of contact within the step at "
+        f"t = {t:.6g} s (Zeno): reduce the step size or stop before it."
+    )
+
+
+def _resolved(
+    setting: Setting, place: Place, before: tuple[Mode, Hints], reach: Reach, journal: Journal
+) -> tuple[Place, Mode]:
+    """The place after the impacts on what it touches and approaches, and the mode that follows."""
+    model, nq = setting.model, setting.model.nq
+    mode, hints = before
+    q, v = place.y[:nq], place.y[nq : 2 * nq]
+    hit = (model.gaps(q, place.t) >= -place.small.gap) & (
+        model.gap_rates(q, v, place.t) > place.small.rate
+    )
+    if not hit.any():
+        return place, mode_at(model, place, hints)
+    met, t = Mode(tuple(map(int, np.flatnonzero(hit)))), np.array([place.t])
+    none = np.zeros((1, model.nt))  # errors of location would add up from bounce to bounce
+    place = replace(place, y=placed(model, met, place.y[None], t, none)[0])
+    found = struck(model, place, mode, setting.restitution, setting.h)
+    after = place.y.copy()
+    after[nq : 2 * nq] = found.velocity
+    reach = reached(model, after, place.u, place.t, setting.h, reach)
+    place = _place(setting, after, place.u, place.t, reach)
+    mode = mode_at(model, place, Hints())
+    journal.collisions += _records(model, place, (v, mode), found.impulses)
+    return place, mode
+
+
+def _records(
+    model: Model, place: Place, before: tuple[Array, Mode],
+    found: tuple[tuple[int, float, float], ...],
+) -> Iterator[Collision]:  # fmt: skip
+    """The collisions of one moment, in their order."""
+    kernels, (v, mode) = model.kernels, before
+    q = place.y[: model.nq].copy()
+    p, normals = model.momentum(q, v, place.t), model.gap_slopes(q, place.t)[:, :-1]
+    along = dict(zip(kernels.tangents, model.tangent_slopes(q, place.t)[:, :-1], strict=True))
+    for j, impulse, traction in found:
+        name = kernels.surfaces[j]
+        change = -impulse * normals[j] + traction * along.get(name, np.zeros(model.nq))
+        yield Collision(
+            name, place.t, q, impulse, p, p + change,
+            lands=(name,) if j in mode.closed else (),
+            impulses={name: impulse},
+            tractions={name: traction} if name in along else {},
+        )  # fmt: skip
+        p = p + change
+
+
+def _hints(model: Model, place: Place, mode: Mode, which: int) -> Hints:
+    """What the limit that is reached means for the mode that follows."""
+    nc, nt, nq = model.nc, model.nt, model.nq
+    if which < nc:
+        return Hints(opening=(which,) if which in mode.closed else ())
+    if which < nc + nt:
+        q, v = place.y[None, :nq], place.y[None, nq : 2 * nq]
+        held = reaction(model, mode, q, v, place.u[None], np.array([place.t])).tangential
+        return Hints(slipping=((which - nc, -1 if held[0, which - nc] > 0 else 1),))
+    return Hints()
+
+
+def _on_limit(model: Model, place: Place, mode: Mode, which: int) -> Array:
+    """The state moved to where the mode's conditions hold, and a sliding that has stopped rests."""
+    stopped = (which - model.nc - model.nt,) if which >= model.nc + model.nt else ()
+    sliding = tuple((k, s) for k, s in mode.sliding if k not in stopped)
+    resting = Mode(mode.closed, (*mode.sticking, *stopped), sliding)
+    t = np.array([place.t])
+    held = model.tangents(place.y[None, : model.nq], t)
+    return np.asarray(settled(model, resting, place.y[None], t, held)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """The motion in one mode from a place on: its state at a later time."""
+
+    setting: Setting
+    place: Place
+    mode: Mode
+    flow: ModeFlow
+    held: Array
+
+    @classmethod
+    def of(cls, setting: Setting, place: Place, mode: Mode) -> _Way:
+        model = setting.model
+        flow = ModeFlow(model, place.small.size, _nothing)
+        held = model.tangents(place.y[None, : model.nq], np.array([place.t]))
+        return cls(setting, place, mode, flow, held)
+
+    def rows(self, times: Array) -> Array:
+        """Rows of states at later times."""
+        n, u = len(times), self.place.u[None]
+        span = Span(
+            np.full(n, self.place.t), times - self.place.t, np.repeat(u, n, 0), np.repeat(u, n, 0)
+        )
+        rows = self.flow.advance(
+            self.mode, np.repeat(self.place.y[None], n, 0), span, np.repeat(self.held, n, 0)
+        )
+        if not np.isfinite(rows).all():
+            raise SimulationError(
+                f"the motion cannot be followed from t = {self.place.t:.6g} s on: its mass matrix "
+                "is singular, or its forces are not finite there; stop before it."
+            )
+        return rows
+
+    def __call__(self, time: float) -> Array:
+        return np.asarray(self.rows(np.array([time]))[0])
+
+    def kept(self, times: Array) -> Array:
+        """The limits of the mode at later times."""
+        return limits(self.setting.model, self.mode, self.rows(times), self.place.u, times)
+
+    def first(self, end: float) -> tuple[float, int] | None:
+        """The first time at which a limit is passed, and which; None if there is none until the
+        end."""
+        t, least = self.place.t, -slack(self.mode, self.place.small)
+        times = t + PLACES * (end - t)
+        kept = self.kept(times)
+        over = kept < least
+        if not over.any():
+            return None
+        row = int(np.argmax(over.any(axis=1)))
+        if row == 0:  # from the start on, or soon after it
+            times = t + NEAR * (times[0] - t)
+            times, kept = (
+                np.append(times, t + PLACES[0] * (end - t)),
+                np.vstack([self.kept(times), kept[:1]]),
+            )
+            over = kept < least
+            row = int(np.argmax(over.any(axis=1)))
+        found = [self._moment(int(j), (times, kept), row) for j in np.flatnonzero(over[row])]
+        return min(found)
+
+    def _moment(self, j: int, seen: tuple[Array, Array], row: int) -> tuple[float, int]:
+        """When a limit is passed that holds in the rows before, and not in this one."""
+        times, kept = seen
+        inside = np.flatnonzero(kept[:row, j] > 0)
+        if not len(inside):
+            return float(times[row - 1]) if row else self.place.t, j
+        low, high = int(inside[-1]), row
+
+        def limit(time: float) -> float:
+            return float(self.kept(np.array([time]))[0, j])
+
+        ends = [(float(times[k]), float(kept[k, j])) for k in (low, high)]
+        return crossing(limit, ends[0], ends[1], LOCATED * self.setting.h), j
+
+
+def _nothing() -> None:
+    """There is no limit of time."""

@@ -1,0 +1,77 @@
+"""What counts as zero in a simulation through contacts, in whatever units the model is given:
+shares of what coordinates, velocities and forces make of gaps, rates and accelerations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.model import Model
+
+# Shares of the sizes of gaps, of rates, and of accelerations.
+GAP, RATE, ACCELERATION = 1e-13, 1e-9, 1e-9
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Largest coordinate, velocity and acceleration so far, each measured by the masses."""
+
+    coordinate: float = 0.0
+    velocity: float = 0.0
+    acceleration: float = 0.0
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """What counts as zero at one state.
+
+    Attributes
+    ----------
+    size : array of shape (2 nq + 1,)
+        Of the rows (q | v | work) that are integrated; the work is not looked at.
+    gap, rate, bend, force : arrays of shape (nc,)
+        Of gaps, their rates, their second derivatives, and contact forces.
+    slide, skid, hold : arrays of shape (nt,)
+        Of sliding velocities, their rates, and friction forces.
+    """
+
+    size: Array
+    gap: Array
+    rate: Array
+    bend: Array
+    force: Array
+    slide: Array
+    skid: Array
+    hold: Array
+
+
+def reached(model: Model, y: Array, u: Array, t: float, h: float, before: Reach) -> Reach:
+    """The reach of a motion that has come to a state, for steps of size h."""
+    q, v = y[: model.nq], y[model.nq : 2 * model.nq]
+    M, F = model.equations(q, v, u, t)
+    mass = np.sqrt(np.diagonal(M))
+    acceleration = max(before.acceleration, float(np.abs(F / mass).max()))
+    velocity = max(before.velocity, float(np.abs(mass * v).max()), h * acceleration)
+    coordinate = max(before.coordinate, float(np.abs(mass * q).max()), h * velocity)
+    return Reach(coordinate, velocity, acceleration)
+
+
+def tolerances(model: Model, q: Array, t: float, h: float, reach: Reach) -> Tolerances:
+    """What counts as zero at a position."""
+    M = model.mass(q, t)
+    mass = np.sqrt(np.diagonal(M))
+    sizes = [part / mass for part in (reach.coordinate, reach.velocity, reach.acceleration)]
+    size = np.concatenate([sizes[0], sizes[1], [np.inf]])
+    found = []
+    for slopes in (model.gap_slopes(q, t), model.tangent_slopes(q, t)):
+        along, moving = np.abs(slopes[:, :-1]), np.abs(slopes[:, -1])
+        place = GAP * (along @ sizes[0] + moving * max(abs(t), h))
+        rate = RATE * (along @ sizes[1] + moving)
+        bend = ACCELERATION * (along @ sizes[2] + moving / h)
+        inertia = np.einsum("ji,ji->j", slopes[:, :-1], solved(M, slopes[:, :-1].T).T)
+        found.append((place, rate, bend, bend / np.where(inertia > 0, inertia, 1.0)))
+    (gap, rate, bend, force), (_, slide, skid, hold) = found
+    return Tolerances(np.where(size > 0, size, 1.0), gap, rate, bend, force, slide, skid, hold)
