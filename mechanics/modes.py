@@ -16,14 +16,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from dmoc.arguments import check_known, shown
 from dmoc.errors import ProblemError
+from dmoc.trajectory import FRICTION_WORDS, event_word, mode_word
 
-STICK, FORWARD, BACKWARD = 0, 1, -1
-FRICTION = {"stick": STICK, "slip+": FORWARD, "slip-": BACKWARD}
+STICK = 0
+FRICTION = {word: state for state, word in FRICTION_WORDS.items()}
 IN_SEQUENCE = "in the sequence"
-WORDS = {state: word for word, state in FRICTION.items()}
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,7 @@ class Mode:
         return tuple(t for t, s in self.rubbing.items() if s == STICK)
 
     def __str__(self) -> str:
-        names = [f"{c}:{WORDS[self.rubbing[c]]}" if c in self.rubbing else c for c in self.closed]
-        names += [f"{t}:{WORDS[s]}" for t, s in self.rubbing.items() if t not in self.closed]
-        return " ".join(names) or "free"
+        return mode_word(self.closed, self.rubbing)
 
 
 @dataclass(frozen=True)
@@ -204,7 +203,7 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     open surfaces, of landings also those at which another contact leaves, of hits those at which a
     rail changes its friction; contacts that leave; changes of friction."""
     is_open = [s for s in surfaces if s not in mode.closed]
-    turns = list(_changes(mode, contacts))
+    turns = list(_turns(mode))
     for name in is_open:
         if name not in contacts.tangents:  # a hit with friction has no law here
             yield name
@@ -218,7 +217,20 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     yield from turns
 
 
-def _changes(mode: Mode, contacts: Contacts) -> Iterator[str]:
+def _turns(mode: Mode) -> Iterator[str]:
     """Changes of friction in a mode."""
     for name, state in mode.rubbing.items():
         yield from (f"{name}:{word}" for word, other in FRICTION.items() if other != state)
+
+
+def changes(before: Mode, after: Mode) -> dict[str, int]:
+    """Friction of the tangents that rub otherwise in the later mode."""
+    return {t: s for t, s in after.rubbing.items() if before.rubbing.get(t) != s}
+
+
+def words_along(modes: Sequence[Mode], events: Sequence[Event]) -> tuple[str, ...]:
+    """Each event in words that are the same for the same event, as those of a motion are."""
+    return tuple(
+        event_word(event.hit, event.lands, event.leaves, changes(*pair))
+        for event, pair in zip(events, pairwise(modes), strict=True)
+    )

@@ -25,7 +25,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.modes import WORDS
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
@@ -33,6 +32,7 @@ from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
 from dmoc.nlp.terms import Places, Term
 from dmoc.nlp.touch import Touch, phase_nodes
 from dmoc.symbolic.names import momentum_name, velocity_name
+from dmoc.trajectory import FRICTION_WORDS
 
 # Linear entries: rows, unknowns and factors.
 Entries = tuple[Index, Index, Array]
@@ -166,7 +166,7 @@ class ContactLaw:
         slides = slides if not touch.free else slides[:0]
 
         def word(i: int, j: int) -> str:
-            return WORDS[int(touch.signs[i, j])]
+            return FRICTION_WORDS[int(touch.signs[i, j])]
 
         return (
             block(

@@ -16,7 +16,15 @@ from dmoc.codegen.of_system import kernels_of
 from dmoc.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.errors import ProblemError
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.modes import Contacts, Event, Mode, event_of, mode_of, modes_along
+from dmoc.mechanics.modes import (
+    Contacts,
+    Event,
+    Mode,
+    event_of,
+    mode_of,
+    modes_along,
+    words_along,
+)
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
 from dmoc.nlp.admissible import check_admissible, check_contacts, check_mass_matrix
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
@@ -154,7 +162,7 @@ class Problem:
             order = DEFAULT_ORDER
         put(self, "sequence", tuple(names(self.sequence, "sequence", "surfaces")))
         put(self, "contacts", tuple(names(self.contacts, "contacts", "surfaces")))
-        if self.contacts or any("+" in word or ":" in word for word in self.sequence):
+        if says_lasting(self.contacts, self.sequence):
             order = DEFAULT_ORDER  # the only one for contacts that last
         put(self, "kernels", kernels_of(self.kernels, order))
         for name in ("start", "goal", "bounds", "parameters"):
@@ -256,6 +264,11 @@ class Problem:
     def modes(self) -> tuple[Mode, ...]:
         """What is in contact in each phase."""
         return modes_along(mode_of(self.contacts, self.touches), self.events, self.touches)
+
+    @cached_property
+    def words(self) -> tuple[str, ...]:
+        """The events in words that are the same for the same event; those of a motion are, too."""
+        return words_along(self.modes, self.events)
 
     @cached_property
     def lasting(self) -> bool:
@@ -519,6 +532,11 @@ class Problem:
             np.repeat(momentum[:, None], 2, axis=1),
         )
         return Boundary(boundary.position, free, fixed_momentum, by_velocity=True)
+
+
+def says_lasting(contacts: Sequence[str], sequence: Sequence[str]) -> bool:
+    """Whether words say that contacts last, where no kernels are known yet that could tell."""
+    return bool(contacts) or any("+" in word or ":" in word for word in sequence)
 
 
 def midpoints(bounds: Array, default: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
-from dmoc.mechanics.modes import Mode
+from dmoc.mechanics.modes import changes
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.tables import NOWHERE, Block, Index
 from dmoc.nlp.touch import node_shares
@@ -75,7 +75,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 not effect,
                 event.lands,
                 event.leaves,
-                _changes(problem.modes[i], problem.modes[i + 1]),
+                changes(problem.modes[i], problem.modes[i + 1]),
                 *_impulses_of_event(lay, x, i),
             )
         )
@@ -94,6 +94,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         dict(zip(kernels.surfaces, problem.restitution_values.tolist(), strict=True)),
         problem.order,
         tuple(problem.ignored),
+        dict(zip(kernels.tangents, problem.model.friction.tolist(), strict=True)),
     )
 
 
@@ -149,11 +150,6 @@ def _along_contacts(nlp: Transcription, i: int, states: tuple[Array, Array, Arra
     impulses = solved(C @ np.stack(response, axis=2), rates)
     found = p - np.einsum("kmi,km->ki", C, impulses)
     return np.where(np.isfinite(found), found, p)
-
-
-def _changes(before: Mode, after: Mode) -> dict[str, int]:
-    """Friction of the tangents that rub otherwise from an event on."""
-    return {t: s for t, s in after.rubbing.items() if before.rubbing.get(t) != s}
 
 
 def _impulses_of_event(lay: Layout, x: Array, i: int) -> tuple[dict[str, float], dict[str, float]]:

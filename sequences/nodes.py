@@ -137,7 +137,7 @@ def _wrong(node: Node) -> str | None:
     if (s is None) != (node.cost is None) or (s is None) != (node.verdict not in WITH_MOTION):
         return "a verdict, its cost and its motion do not fit together"
     if s is not None and (
-        s.cost != node.cost or tuple(c.surface for c in s.collisions) != node.sequence
+        s.cost != node.cost or tuple(c.word for c in s.collisions) != node.sequence
     ):
         return "a motion is that of another node"
     return None

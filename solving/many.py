@@ -280,7 +280,7 @@ def _row(number: int, problem: Problem | DmocError, setting: Setting, left: floa
         ended,
         cost=found.cost,
         final_time=found.final_time,
-        collisions=tuple(c.surface for c in found.collisions),
+        collisions=tuple(c.word for c in found.collisions),
         times=tuple(c.time for c in found.collisions),
         impulses=tuple(c.impulse for c in found.collisions),
         check="" if checked is None else "passed" if checked["passed"] else "failed",

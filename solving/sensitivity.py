@@ -16,7 +16,6 @@ from dmoc.solution import Solution, check_same_model
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals
 from dmoc.solving.program import Programs
-from dmoc.solving.starts import same_course
 
 # Residuals above this are those of another problem.
 OTHER_PROBLEM = 1e-4
@@ -36,12 +35,13 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     if not isinstance(solution, Solution):
         raise ProblemError(f"solution = {shown(solution)}: expected the Solution of the problem.")
     steps = tuple(p.steps for p in solution.phases)
-    sequence = tuple(c.surface for c in solution.collisions)
-    given, size = (steps, len(solution.unknowns)), Layout.of(problem).size
-    if given != (problem.phase_steps, size) or not same_course(problem, solution):
+    sequence = tuple(c.word for c in solution.collisions)
+    size = Layout.of(problem).size
+    given = (steps, sequence, len(solution.unknowns))
+    if given != (problem.phase_steps, problem.words, size):
         raise ProblemError(
             f"the solution has the sequence {list(sequence)} with {list(steps)} steps, the problem "
-            f"{list(problem.sequence)} with {list(problem.phase_steps)}: give the problem that was "
+            f"{list(problem.words)} with {list(problem.phase_steps)}: give the problem that was "
             "solved."
         )
     if not solution.converged:

@@ -88,19 +88,8 @@ def _from_solution(problem: Problem, guess: Solution) -> Starts:
     if not _same_mesh(problem, guess):
         impulses = [c.impulse for c in guess.collisions]
         return Starts((unknowns_along(problem, pieces_of(guess.trajectory), impulses),), True)
-    same = guess.multipliers if same_course(problem, guess) else None
-    return Starts((guess.unknowns.copy(),), True, same)
-
-
-def same_course(problem: Problem, solution: Solution) -> bool:
-    """Whether the phases and events of a solution are those of a problem."""
-    modes = zip(solution.phases, problem.modes, strict=False)
-    return (
-        len(solution.phases) == problem.phases
-        and all(p.closed == m.closed and dict(p.rubbing) == dict(m.rubbing) for p, m in modes)
-        and tuple(c.surface for c in solution.collisions)
-        == tuple(e.surface for e in problem.events)
-    )
+    same = tuple(c.word for c in guess.collisions) == problem.words
+    return Starts((guess.unknowns.copy(),), True, guess.multipliers if same else None)
 
 
 def _same_mesh(problem: Problem, guess: Solution) -> bool:

@@ -30,7 +30,7 @@ REFUSED, FAILED, NOT_TRIED = "refused", "failed", "not_tried"
 STATUSES = (*map(str, Status), REFUSED, FAILED, NOT_TRIED)
 # What the simulation says of a motion; nothing where it was not asked.
 CHECKS = ("passed", "failed", "")
-APART = " "  # between the names of surfaces
+APART = ","  # between events, as in the option of a sequence
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Batch:
     cost, final_time : array, shape (n,)
         NaN where no local minimum was found.  Seconds.
     collisions : tuple of str
-        Surfaces in the order of the collisions, with spaces between them; empty where no local
+        What happens at the events in their order, with commas between them; empty where no local
         minimum was found.
     collision_times, impulses : array, shape (n, most collisions)
         NaN where a problem has fewer.  Seconds; units of the model.

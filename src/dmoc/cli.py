@@ -24,10 +24,12 @@ from dmoc.cli_input import (
     METHOD_HELP,
     NOT_SOLVED,
     BoundOption,
+    ContactsOption,
     ControlsOption,
     FinalTimeOption,
     GoalOption,
     GuessOption,
+    IgnoredOption,
     JsonOption,
     ModelArgument,
     OrderOption,
@@ -37,6 +39,7 @@ from dmoc.cli_input import (
     SetOption,
     StartOption,
     StepsOption,
+    ViaOption,
     draw,
     emit,
     err,
@@ -181,7 +184,10 @@ def solve(
     final_time: FinalTimeOption = None,
     method: Annotated[
         str | None,
-        typer.Option(help=f"{METHOD_HELP}; {DEFAULT} by default, with --tolerance {REFINING}."),
+        typer.Option(
+            help=f"{METHOD_HELP}; {DEFAULT} by default, with --tolerance or contacts that "
+            f"last {REFINING}."
+        ),
     ] = None,
     tolerance: Annotated[
         float | None,
@@ -201,6 +207,9 @@ def solve(
     goal: GoalOption = None,
     restitution: RestitutionOption = None,
     periodic: PeriodicOption = None,
+    contacts: ContactsOption = None,
+    ignored: IgnoredOption = None,
+    via: ViaOption = None,
     sensitivities: Annotated[
         bool,
         typer.Option(
@@ -231,7 +240,7 @@ def solve(
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
     from dmoc import registry
-    from dmoc.nlp.problem import AUTOMATIC_ORDER, Problem
+    from dmoc.nlp.problem import AUTOMATIC_ORDER, Problem, says_lasting
     from dmoc.solving.sensitivity import sensitivities as differentiated
     from dmoc.solving.solve import solve as solved
 
@@ -249,10 +258,14 @@ def solve(
         goal,
         restitution,
         periodic,
+        contacts,
+        ignored,
+        via,
     )
     prepare(target, json_)
+    lasting = says_lasting(fields.get("contacts", ()), fields.get("sequence", ()))
     if order is None and "steps" not in fields and fields.get("controls") != "linear":
-        order = AUTOMATIC_ORDER
+        order = None if lasting else AUTOMATIC_ORDER
     problem = Problem(reference.kernels(order), **fields)
     quiet = json_ == "-"
     with Live() as live:

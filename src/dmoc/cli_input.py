@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Mapping
 from enum import StrEnum
@@ -27,6 +28,7 @@ out = Console(markup=False, emoji=False, highlight=False)
 err = Console(markup=False, emoji=False, highlight=False, stderr=True)
 NOT_SOLVED, BAD_INPUT = 1, 2
 MOST_VALUES = 10_000  # of a range
+RELATION = re.compile(r"([^\s+-]+)\s*(?:([+-])\s*(\S+))?")  # a state, and a difference
 
 
 class Controls(StrEnum):
@@ -55,7 +57,34 @@ FinalTimeOption = Annotated[
 ]
 SequenceOption = Annotated[
     str | None,
-    typer.Option(help="Surfaces in the order of the collisions, as left,right; '' for none."),
+    typer.Option(
+        help="Events in their order, with commas between them, as left,right; '' for none. "
+        "left is hit and released, +left lands and stays closed, -left leaves, left:stick, "
+        "left:slip+ and left:slip- change the friction; several at one event as '+right -left'."
+    ),
+]
+ContactsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="CONTACTS",
+        help="Surfaces that are closed at the start and rails that slide then, as left,rail:slip+; "
+        "what has friction sticks unless it is said to slide.",
+    ),
+]
+ViaOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PLACES",
+        help="Coordinates at the events, values or ranges LOW:HIGH, with ';' between the events, "
+        "as 'x=1,y=0.2;;x=2'.",
+    ),
+]
+IgnoredOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SURFACES",
+        help="Surfaces that hold nothing back where no event names them, as left,right.",
+    ),
 ]
 StepsOption = Annotated[
     str | None,
@@ -98,7 +127,8 @@ PeriodicOption = Annotated[
     str | None,
     typer.Option(
         metavar="STATES",
-        help="States that end as they start, as y,p_y; free at the start unless given.",
+        help="States that end as they start, as y,p_y; free at the start unless given. a=b ends as "
+        "b starts, x=x+0.5 that much further, x=x+? any distance further.",
     ),
 ]
 OrderOption = Annotated[
@@ -134,11 +164,14 @@ def problem_fields(
     goal: list[str] | None,
     restitution: list[str] | None,
     periodic: str | None,
+    contacts: str | None,
+    ignored: str | None,
+    via: str | None = None,
 ) -> dict[str, Any]:
     """Fields of a problem: a model's own, changed by options."""
     fields = dict(defaults)
     if sequence is not None:
-        fields["sequence"] = tuple(s for s in sequence.split(",") if s)
+        fields["sequence"] = read_names(sequence)
     if steps is not None:
         numbers = [read_whole(part, "--steps") for part in steps.split(",")]
         fields["steps"] = numbers[0] if len(numbers) == 1 else numbers
@@ -149,7 +182,13 @@ def problem_fields(
     if restitution:
         fields["restitution"] = read_restitution(restitution)
     if periodic is not None:
-        fields["periodic"] = tuple(s.strip() for s in periodic.split(",") if s.strip())
+        fields["periodic"] = read_periodic(periodic)
+    if contacts is not None:
+        fields["contacts"] = read_names(contacts)
+    if ignored is not None:
+        fields["ignored"] = read_names(ignored)
+    if via is not None:
+        fields["via"] = read_via(via)
     for name, given in (("parameters", set_), ("bounds", bound), ("start", start), ("goal", goal)):
         option = {"parameters": "--set", "bounds": "--bound", "start": "--start", "goal": "--goal"}[
             name
@@ -167,6 +206,46 @@ def replace_rest(values: dict[str, Any], given: dict[str, Any]) -> None:
             values.pop(f"p_{name[:-4]}", None)
         if name.startswith("p_") and f"{name[2:]}_dot" not in given:
             values.pop(f"{name[2:]}_dot", None)
+
+
+def read_names(text: str) -> tuple[str, ...]:
+    """Read names, or words of events, with commas between them."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def read_periodic(text: str) -> tuple[str, ...] | dict[str, Any]:
+    """Read states that end as they start, or END=START with a difference for some of them."""
+    parts = read_names(text)
+    if not any("=" in part for part in parts):
+        return parts
+    relations: dict[str, Any] = {}
+    for part in parts:
+        end, _, start = map(str.strip, part.partition("="))
+        found = RELATION.fullmatch(start if "=" in part else end)
+        if not end or end in relations or found is None:
+            raise ProblemError(
+                f"--periodic {part}: expected NAME, END=START, END=START+0.5 or END=START+?, each "
+                "END once."
+            )
+        relations[end] = _start_and_difference(part, *found.groups())
+    return relations
+
+
+def _start_and_difference(part: str, start: str, sign: str | None, by: str | None) -> Any:
+    if sign is None or by is None:
+        return start
+    if by == "?":
+        return start, None
+    number = read_number(by, f"the difference in --periodic {part}", "expected a number, or ?")
+    return start, number if sign == "+" else -number
+
+
+def read_via(text: str) -> list[dict[str, Any] | None]:
+    """Read coordinates at the events, NAME=VALUE with commas between them, ';' between events."""
+    return [
+        dict(read_pair(part, "--via") for part in read_names(event)) or None
+        for event in text.split(";")
+    ]
 
 
 def read_restitution(given: list[str]) -> float | dict[str, Any]:

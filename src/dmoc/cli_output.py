@@ -53,6 +53,8 @@ def coloured(good: bool, word: str) -> Text:
 
 def print_summary(solution: Solution) -> None:
     """What was found, and how."""
+    from dmoc.trajectory import impulses_told, largest_forces
+
     table = Table(show_header=False, box=None)
     message = (
         solution.message.replace(": " + "; ".join(solution.conflicts), "")
@@ -66,12 +68,15 @@ def print_summary(solution: Solution) -> None:
         table.add_row("conflict", conflict)
     table.add_row("cost", f"{solution.cost:.7g}")
     for i, phase in enumerate(solution.phases):
-        table.add_row(f"phase {i}", f"{phase.duration:.6g} s in {phase.steps} steps")
+        mode = f", {phase.mode}" if solution.trajectory.lasting else ""
+        table.add_row(f"phase {i}", f"{phase.duration:.6g} s in {phase.steps} steps{mode}")
     table.add_row("final time", f"{solution.final_time:.6g} s")
     for c in solution.collisions:
+        kind = "collision" if c.word == c.surface else "event"
+        table.add_row(f"{kind} {c.word}", f"at {c.time:.6g} s{impulses_told(c)}")
+    for force in largest_forces(solution.trajectory):
         table.add_row(
-            f"collision {c.surface}",
-            f"at {c.time:.6g} s, " + ("grazes" if c.grazes else f"impulse {c.impulse:.6g}"),
+            f"largest {force.kind} of {force.contact}", f"{force.value:.6g} N at {force.time:.6g} s"
         )
     table.add_row("active bounds", ", ".join(solution.active_bounds) or "none")
     for other in solution.others[:MOST_OTHERS]:

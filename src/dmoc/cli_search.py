@@ -15,9 +15,11 @@ from rich.text import Text
 from dmoc.cli_input import (
     NOT_SOLVED,
     BoundOption,
+    ContactsOption,
     ControlsOption,
     FinalTimeOption,
     GoalOption,
+    IgnoredOption,
     JsonOption,
     MethodOption,
     ModelArgument,
@@ -92,6 +94,8 @@ def search(
     goal: GoalOption = None,
     restitution: RestitutionOption = None,
     periodic: PeriodicOption = None,
+    contacts: ContactsOption = None,
+    ignored: IgnoredOption = None,
     shortest_phase: Annotated[
         float | None,
         typer.Option(
@@ -140,8 +144,10 @@ def search(
         goal,
         restitution,
         periodic,
+        contacts,
+        ignored,
     )
-    fields |= {"sequence": (), "durations": None}
+    fields |= {"sequence": (), "durations": None, "via": None}
     prepare(target, json_)
     problem = Problem(reference.kernels(order), **fields)
     with _Board() as board:

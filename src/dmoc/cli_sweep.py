@@ -12,10 +12,12 @@ from rich.text import Text
 from dmoc.cli_input import (
     NOT_SOLVED,
     BoundOption,
+    ContactsOption,
     ControlsOption,
     FinalTimeOption,
     GoalOption,
     GuessOption,
+    IgnoredOption,
     JsonOption,
     MethodOption,
     ModelArgument,
@@ -26,6 +28,7 @@ from dmoc.cli_input import (
     SetOption,
     StartOption,
     StepsOption,
+    ViaOption,
     draw,
     emit,
     err,
@@ -64,6 +67,9 @@ def sweep(
     controls: ControlsOption = None,
     restitution: RestitutionOption = None,
     periodic: PeriodicOption = None,
+    contacts: ContactsOption = None,
+    ignored: IgnoredOption = None,
+    via: ViaOption = None,
     guess: GuessOption = None,
     starts: Annotated[
         int, typer.Option(help="Starts that are explored for each; 1 is the automatic guess alone.")
@@ -105,6 +111,9 @@ def sweep(
         firsts["goal"],
         restitution,
         periodic,
+        contacts,
+        ignored,
+        via,
     )
     problem = Problem(reference.kernels(order), **fields)
     quiet = json_ == "-"

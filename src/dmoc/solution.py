@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Any
 from dmoc.errors import SolutionFileError
 from dmoc.nlp.active import ActiveBound
 from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
-from dmoc.trajectory import Array, Collision, Phase, Trajectory
+from dmoc.trajectory import (
+    FRICTION_WORDS,
+    Array,
+    Collision,
+    Phase,
+    Trajectory,
+    largest_forces,
+)
 from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
@@ -157,6 +164,11 @@ class Solution:
     others: tuple[Minimum, ...] = ()
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
 
+    def __str__(self) -> str:
+        head = f"{self.status}, cost {self.cost:.7g}, final time {self.final_time:.6g} s"
+        events = "".join(f"; {collision}" for collision in self.collisions)
+        return f"{self.trajectory.model}: {head}{events}"
+
     @property
     def solved(self) -> bool:
         """Whether the solver converged and the check confirmed it."""
@@ -237,12 +249,18 @@ class Solution:
             "final_time": self.final_time,
             "active_bounds": list(map(str, self.active_bounds)),
             "phases": [
-                {"steps": p.steps, "step_size": p.step_size, "duration": p.duration}
+                {
+                    "steps": p.steps,
+                    "step_size": p.step_size,
+                    "duration": p.duration,
+                    "mode": p.mode,
+                }
                 for p in self.phases
             ],
             "collisions": [
                 {
-                    "surface": c.surface,
+                    "event": c.word,
+                    "surface": c.surface or None,
                     "time": c.time,
                     "impulse": c.impulse,
                     "position": c.position.tolist(),
@@ -251,9 +269,15 @@ class Solution:
                     "rate_before": c.rate_before,
                     "rate_after": c.rate_after,
                     "grazes": c.grazes,
+                    "lands": list(c.lands),
+                    "leaves": list(c.leaves),
+                    "friction": {name: FRICTION_WORDS[s] for name, s in c.friction.items()},
+                    "impulses": dict(c.impulses),
+                    "tractions": dict(c.tractions),
                 }
                 for c in self.collisions
             ],
+            "largest_forces": [asdict(force) for force in largest_forces(self.trajectory)],
             "max_violation": self.max_violation,
             "optimality": self.optimality,
             "iterations": self.iterations,

@@ -115,7 +115,7 @@ def _wrong_joints(motion: Trajectory) -> str | None:
         if collision.surface and collision.surface not in motion.restitution:
             return f"surface {collision.surface!r} has no coefficient of restitution"
         if not abs(collision.time - end) <= near:
-            return f"the collision with {collision.surface!r} is not where its phase ends"
+            return f"the event {collision.word!r} is not where its phase ends"
     return None
 
 
@@ -210,6 +210,7 @@ TRAJECTORY = Record(
         "restitution": Mapped(Number(0.0, 1.0), names=Name()),
         "order": Choice(ORDERS),
         "ignored": Listed(Name()),
+        "friction": Mapped(Number(0.0), names=Name()),
     },
     _wrong_motion,
 )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ Array = NDArray[np.float64]
 # A contact that changes no momentum by more than this share of its size grazes: the motion touches
 # a surface without colliding.
 GRAZING = 0.01
+# What the states of friction are called: it sticks, or slides with that sign of tau'.
+FRICTION_WORDS = {0: "stick", 1: "slip+", -1: "slip-"}
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,16 @@ class Phase:
     @property
     def steps(self) -> int:
         return len(self.t) - 1
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing touches."""
+        return not (self.closed or self.rubbing)
+
+    @property
+    def mode(self) -> str:
+        """What is in contact, and how it rubs, as "left:stick"; "free" where nothing is."""
+        return mode_word(self.closed, self.rubbing)
 
     @property
     def step_size(self) -> float:
@@ -99,6 +112,19 @@ class Collision:
     impulses: Mapping[str, float] = field(default_factory=dict)
     tractions: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def hit(self) -> str:
+        """The surface that is hit and released; empty where none is."""
+        return "" if self.surface in self.lands else self.surface
+
+    @property
+    def word(self) -> str:
+        """What happens, as a sequence says it: "wall", "+right -left", "rail:slip+"."""
+        return event_word(self.hit, self.lands, self.leaves, self.friction)
+
+    def __str__(self) -> str:
+        return f"{self.word} at {self.time:.6g} s{impulses_told(self)}"
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -121,6 +147,8 @@ class Trajectory:
         Order of the discretisation that the motion comes from.
     ignored : tuple of str
         Surfaces that hold nothing back where no event names them.
+    friction : mapping of str to float
+        Coefficient mu of each surface with friction, largest force in newton of each rail.
     """
 
     model: str
@@ -136,6 +164,20 @@ class Trajectory:
     restitution: Mapping[str, float]
     order: int
     ignored: tuple[str, ...] = ()
+    friction: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def lasting(self) -> bool:
+        """Whether contacts last in some phase."""
+        return not all(phase.free for phase in self.phases)
+
+    def friction_limits(self, phase: Phase) -> Array:
+        """Largest friction forces at the nodes of a phase, mu N of contacts and those of rails,
+        shape (N + 1, len(rubbing)); NaN where the coefficient is not known."""
+        normal = dict(zip(phase.closed, phase.normal.T, strict=True))
+        one = np.ones(len(phase.t))
+        limits = [self.friction.get(t, np.nan) * normal.get(t, one) for t in phase.rubbing]
+        return np.array(limits).reshape(len(limits), len(one)).T
 
     def input_ends(self, phase: Phase) -> tuple[Array, Array]:
         """Inputs at the start and at the end of every step of a phase, shape (N, nu) each; in
@@ -154,3 +196,64 @@ class Trajectory:
     @property
     def final_time(self) -> float:
         return float(self.phases[-1].t[-1])
+
+
+@dataclass(frozen=True)
+class LargestForce:
+    """The largest force of a contact along a motion: "N" or "T", its value in newton, which has a
+    sign for T, and its time in seconds."""
+
+    contact: str
+    kind: str
+    value: float
+    time: float
+
+
+def largest_forces(motion: Trajectory) -> list[LargestForce]:
+    """The largest normal force and the largest friction of each contact, at its first time."""
+    found: dict[tuple[str, str], LargestForce] = {}
+    for phase in motion.phases:
+        normal = (("N", name, row) for name, row in zip(phase.closed, phase.normal.T, strict=True))
+        friction = (
+            ("T", name, row) for name, row in zip(phase.rubbing, phase.tangential.T, strict=True)
+        )
+        for kind, name, forces in chain(normal, friction):
+            k = int(np.argmax(np.abs(forces)))
+            force = LargestForce(name, kind, float(forces[k]), float(phase.t[k]))
+            known = found.get((name, kind))
+            if known is None or abs(force.value) > abs(known.value):
+                found[name, kind] = force
+    return sorted(found.values(), key=lambda force: (force.contact, force.kind))
+
+
+def mode_word(closed: Sequence[str], rubbing: Mapping[str, int]) -> str:
+    """The contacts that are closed and the tangents that rub, as "left:stick"; "free" for none."""
+    names = [f"{c}:{FRICTION_WORDS[rubbing[c]]}" if c in rubbing else c for c in closed]
+    names += [f"{t}:{FRICTION_WORDS[s]}" for t, s in rubbing.items() if t not in closed]
+    return " ".join(names) or "free"
+
+
+def event_word(
+    hit: str, lands: Sequence[str], leaves: Sequence[str], friction: Mapping[str, int]
+) -> str:
+    """What happens at an event in the words of a sequence, the same for the same: what is hit,
+    lands, leaves, and rubs otherwise from then on."""
+    sliding = {name: f":{FRICTION_WORDS[s]}" for name, s in friction.items() if s}
+    words = [hit] if hit else []
+    words += [f"+{name}{sliding.get(name, '')}" for name in lands]
+    words += [f"-{name}" for name in leaves]
+    words += [f"{name}:{FRICTION_WORDS[s]}" for name, s in friction.items() if name not in lands]
+    return " ".join(words) or "no change"
+
+
+def impulses_told(collision: Collision) -> str:
+    """The impulses of an event, each with its contact where they are several or not of a hit
+    alone."""
+    if collision.grazes:
+        return ", grazes"
+    if collision.word == collision.surface:
+        return f", impulse {collision.impulse:.6g}"
+    normal = "".join(f", impulse {v:.6g} of {name}" for name, v in collision.impulses.items())
+    return normal + "".join(
+        f", friction {v:.6g} of {name}" for name, v in collision.tractions.items()
+    )
