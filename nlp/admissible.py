@@ -168,7 +168,7 @@ def _check_independent(problem: Problem, phase: int, mode: Mode) -> None:
     """Refuse contacts whose directions depend on each other wherever the motion may be."""
     model, q = problem.model, problem.start_position
     rng = np.random.default_rng(0)
-    names = [*mode.closed, *mode.sticking]
+    names = [*mode.closed, *(f"{name}:stick" for name in mode.sticking)]
     most = 0
     for share in (0.0, 0.3, 1.0):
         at = q + share * problem.reach * rng.standard_normal(problem.nq)

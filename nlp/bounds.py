@@ -40,9 +40,15 @@ def goal_rows(problem: Problem, lay: Layout) -> list[Goal]:
 
 
 def limits(
-    problem: Problem, lay: Layout, law: ImpactLaw, scale: Scale, goals: list[Goal]
+    problem: Problem,
+    lay: Layout,
+    law: ImpactLaw,
+    scale: Scale,
+    goals: list[Goal],
+    pulling: bool = False,
 ) -> tuple[Array, Array]:
-    """Lower and upper bounds of x; ``goals`` are constraints and bound nothing."""
+    """Lower and upper bounds of x; ``goals`` are constraints and bound nothing, and closed contacts
+    may pull if they are ``pulling``."""
     box = np.tile((-np.inf, np.inf), (lay.size, 1))
     box[lay.index_h] = np.maximum(
         _durations(problem) / np.array(lay.steps)[:, None], SMALLEST_STEP * scale.time
@@ -66,8 +72,9 @@ def limits(
         at = lay.index_q[node]
         box[at, 0] = np.maximum(box[at, 0], places[:, 0])
         box[at, 1] = np.minimum(box[at, 1], places[:, 1])
-    for index in (lay.index_P, lay.index_P_c):
-        box[index[index != NOWHERE], 0] = 0.0
+    if not pulling:
+        for index in (lay.index_P, lay.index_P_c):
+            box[index[index != NOWHERE], 0] = 0.0
     box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
     box[lay.index_t[:1]] = 0.0
     for goal in goals:

@@ -30,7 +30,7 @@ from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
 from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
 from dmoc.nlp.terms import Places, Term
-from dmoc.nlp.touch import Touch, phase_nodes
+from dmoc.nlp.touch import Touch, phase_nodes, place
 from dmoc.symbolic.names import momentum_name, velocity_name
 from dmoc.trajectory import FRICTION_WORDS
 
@@ -102,7 +102,7 @@ class ContactLaw:
         stays, sticks, slides."""
         lay, touch = self.lay, self.touch
         names, friction = touch.surfaces, touch.tangents
-        nodes, first = self._nodes, self._is_first
+        first = self._is_first
         closed = self._along(touch.is_closed) & ~first[:, None]
         if len(closed):
             closed[0] = touch.is_closed[0] & ~self.known_places[0]
@@ -113,7 +113,7 @@ class ContactLaw:
             landing[i, list(surfaces[1:])] = True
 
         def at(r: int, j: int, which: Sequence[str]) -> str:
-            return f"{which[j]} at node {nodes[r]}"
+            return f"{which[j]} {place(lay.steps, r)}"
 
         return (
             block("closed", closed, lambda r, j: f"contact {at(r, j, names)}", lambda s: s.gap),
@@ -172,7 +172,7 @@ class ContactLaw:
             block(
                 "cone",
                 _twice(self._along(touch.sticks)),
-                lambda r, j, _: f"friction cone of {friction[j]} at node {nodes[r]}",
+                lambda r, j, _: f"friction cone of {friction[j]} {place(lay.steps, r)}",
                 lambda s: s.friction[:, None] / lay.total,
                 nodes,
             ),

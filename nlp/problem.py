@@ -251,7 +251,8 @@ class Problem:
         beside contacts that last, whose forces would jump with the inputs at every node."""
         if self.controls is not None:
             return self.controls
-        return "linear" if self.lasting else self.scheme.controls[0]
+        lasts = self.lasting and "linear" in self.scheme.controls
+        return "linear" if lasts else self.scheme.controls[0]
 
     # Contacts -------------------------------------------------------------------------------------
 

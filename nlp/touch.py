@@ -105,13 +105,13 @@ class Touch:
             block(
                 "P",
                 np.repeat(self.is_closed, nodes, axis=0),
-                lambda r, j: f"contact impulse of {names[0][j]} at node {_node(steps, r)}",
+                lambda r, j: f"contact impulse of {names[0][j]} {place(steps, r)}",
                 lambda s: s.lam / count,
             ),
             block(
                 "T",
                 np.repeat(self.rubs, nodes, axis=0),
-                lambda r, j: f"friction impulse of {names[1][j]} at node {_node(steps, r)}",
+                lambda r, j: f"friction impulse of {names[1][j]} {place(steps, r)}",
                 lambda s: s.friction / count,
             ),
             block(
@@ -129,9 +129,10 @@ class Touch:
         )
 
 
-def _node(steps: tuple[int, ...], row: int) -> int:
-    """The node of a row of phase nodes."""
-    return int(phase_nodes(steps)[row])
+def place(steps: tuple[int, ...], row: int) -> str:
+    """The node and the phase of a row of phase nodes."""
+    phase = int(np.searchsorted(np.cumsum([n + 1 for n in steps]), row, side="right"))
+    return f"at node {phase_nodes(steps)[row]} in phase {phase}"
 
 
 def phase_nodes(steps: tuple[int, ...]) -> Index:

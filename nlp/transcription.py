@@ -60,6 +60,8 @@ class Transcription(Evaluator):
         missed by some amount.
     touching : sequence of int
         Collisions that touch their surface without an impulse.
+    pulling : bool
+        Closed contacts may pull, to see how strongly they would have to.
     """
 
     def __init__(
@@ -68,6 +70,7 @@ class Transcription(Evaluator):
         scale: Scale | None = None,
         goal_as_rows: bool = False,
         touching: Sequence[int] | Index = (),
+        pulling: bool = False,
     ) -> None:
         self.problem, self.kernels, self.goal_as_rows = problem, problem.kernels, goal_as_rows
         self.scale = Scale.none(problem) if scale is None else scale
@@ -75,7 +78,7 @@ class Transcription(Evaluator):
         self.layout = Layout.of(problem)
         self.law = ImpactLaw.of(problem, self.layout, np.asarray(touching, dtype=np.intp))
         goals = goal_rows(problem, self.layout) if goal_as_rows else []
-        self.limits = limits(problem, self.layout, self.law, self.scale, goals)
+        self.limits = limits(problem, self.layout, self.law, self.scale, goals, pulling)
         free = self.limits[0] != self.limits[1]
         ends = (free[self.layout.index_q[0]], free[self.layout.index_q[-1]])
         self.contact = ContactLaw.of(problem, self.layout, self.limits)

@@ -19,8 +19,9 @@ from dmoc.nlp.minimal_times import phase_minimal_time
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
 from dmoc.nlp.tables import NOWHERE, Block, Index
+from dmoc.nlp.touch import node_shares
 from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.ipm import least_violation
+from dmoc.solvers.ipm import least_violation, solve
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
 
@@ -49,7 +50,7 @@ class Diagnosis:
     ``x`` are its unknowns, ``violation`` the largest violation relative to the size of the
     constraint, ``least`` whether the search for it ended at a minimum, ``missed`` what is not met
     and by how much, ``against`` the bounds and constraints that hold it there, ``times`` what the
-    shortest collision times say.
+    shortest collision times say, ``pulls`` how strongly contacts would have to pull for a motion.
     """
 
     x: Array
@@ -58,9 +59,12 @@ class Diagnosis:
     missed: tuple[str, ...]
     against: tuple[str, ...]
     times: tuple[str, ...]
+    pulls: tuple[str, ...] = ()
 
     @property
     def sentences(self) -> tuple[str, ...]:
+        if self.pulls:
+            return self.pulls
         parts = (
             []
             if self.least
@@ -104,7 +108,39 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
         tuple(text for _, text in missed),
         against,
         _times(nlp, outcome.x),
+        _pulls(problem, scale, x, limits) if amount > INFEASIBLE else (),
     )
+
+
+def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[str, ...]:
+    """How strongly contacts would have to pull for a motion, if there is one then."""
+    if not problem.lasting:
+        return ()
+    nlp = Transcription(problem, scale, pulling=True)
+    ending = solve(nlp, nlp.scaled(x), options)
+    if ending.status is not Status.SOLVED:
+        return ()
+    lay, y = nlp.layout, nlp.physical(ending.x)
+    t, found = lay.times(y), []
+    for j, surface in enumerate(problem.kernels.surfaces):
+        pulls = [
+            (float(force[k]), float(t[lay.ends[i] + k]))
+            for i in range(lay.phases)
+            for at in [lay.index_P[lay.rows_of_phase(i), j]]
+            if len(at) and at[0] != NOWHERE
+            for force in [y[at] / (y[lay.index_h[i]] * node_shares(lay.steps[i]))]
+            for k in [int(np.argmin(force))]
+        ]
+        force, when = min(pulls, default=(0.0, 0.0))
+        if force < 0:
+            found.append(f"{surface} would have to pull with {-force:.3g} N at {when:.3g} s")
+        for i, k in enumerate(lay.index_P_c[:, j]):
+            if k != NOWHERE and y[k] < 0:
+                found.append(
+                    f"{surface} would have to pull with an impulse of {-y[k]:.3g} N s at event "
+                    f"{i + 1}"
+                )
+    return tuple(found)
 
 
 def _prices(nlp: Transcription) -> Array:

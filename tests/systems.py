@@ -137,3 +137,29 @@ def bouncer_problem(
     )
     cost = 6 * d**2 / T**3 - 6 * d * w / T**2 + 2 * w**2 / T
     return problem, float(cost.subs(v, sp.solve(cost.diff(v), v)[0]))
+
+
+def rod_system() -> dmoc.MechanicalSystem:
+    """A rod with two ends on a rising floor, a wall, and a carriage on a rail that a spring ties to
+    it: contacts with and without friction, dry friction, and a tangent that moves with the time."""
+    x, y, a, s, u, w = dynamicsymbols("x y a s u w")
+    m, l, g, k, mu, rub, belt, rise = sp.symbols("m l g k mu rub belt rise")
+    t = dynamicsymbols._t
+    ends = {
+        "left": (x - l * sp.cos(a), y - l * sp.sin(a)),
+        "right": (x + l * sp.cos(a), y + l * sp.sin(a)),
+    }
+    speeds = x.diff(t) ** 2 + y.diff(t) ** 2 + (l * a.diff(t)) ** 2 / 3
+    return dmoc.MechanicalSystem(
+        "rod",
+        coordinates=[x, y, a, s],
+        inputs=[u, w],
+        lagrangian=m * speeds / 2 + m * s.diff(t) ** 2 / 2 - m * g * y - k * (s - x) ** 2 / 2,
+        forces={x: u, a: w, s: -u},
+        surfaces={name: end[1] >= rise * end[0] ** 2 for name, end in ends.items()}
+        | {"wall": s <= 2},
+        tangents={"left": ends["left"][0], "right": ends["right"][0] - belt * t, "rail": s},
+        friction={"left": mu, "right": 2 * mu, "rail": rub},
+        parameters={m: 1.0, l: 0.5, g: 9.81, k: 3.0, mu: 0.4, rub: 0.7, belt: 0.3, rise: 0.1},
+        cost=u**2 + w**2 + x**2,
+    )

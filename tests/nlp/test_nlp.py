@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from systems import driven_system
+from systems import driven_system, rod_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -70,12 +70,45 @@ def driven_problem(order: int) -> dmoc.Problem:
     )
 
 
+def rod_problem(periodic: bool) -> dmoc.Problem:
+    """Contacts that land, stay, leave, stick, slide and turn, a hit beside them, several at once; a
+    start that is known and one that is not."""
+    sequence = [
+        "+right:slip- -left",
+        "wall rail:slip- right:stick",
+        "+left:slip+",
+        "-right rail:stick",
+    ]
+    start = {"x": 0.0, "y": 1.0, "a": (0.1, 1.0), "s": 0.0, "x_dot": None, "a_dot": None}
+    if periodic:
+        sequence = ["right:stick rail:slip+", "-right", "+right +left:slip-"]
+        start = {"s": 0.1, "x": 0.0, "a": None}
+    return dmoc.Problem(
+        dmoc.build(rod_system()),
+        start=start,
+        contacts=["right:slip+"] if periodic else ["left", "rail:slip+"],
+        sequence=sequence,
+        goal={} if periodic else {"x": 0.2, "s_dot": 0.0},
+        via=None if periodic else [{"y": (0.0, 2.0)}, None, {"x": 0.1}, None],
+        ignored=["left"] if periodic else [],
+        periodic={"y": "y", "x": ("x", (0.1, 0.4)), "y_dot": "y_dot"} if periodic else (),
+        steps=[3, 2, 4, 2, 3][: len(sequence) + 1],
+        final_time=(0.5, 2.0),
+        restitution=0.5,
+    )
+
+
 @pytest.fixture(
-    params=["constant", "linear", "puck", "driven", "driven, order 4", "pendulum, order 4"]
+    params=[
+        *("constant", "linear", "puck", "driven", "driven, order 4", "pendulum, order 4"),
+        *("contacts", "contacts, periodic"),
+    ]
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
     if request.param.startswith("driven"):
         return Transcription(driven_problem(4 if "4" in request.param else 2))
+    if request.param.startswith("contacts"):
+        return Transcription(rod_problem("periodic" in request.param))
     if "4" in request.param:
         return Transcription(small(dmoc.load("cart_pendulum", order=4), None))
     return Transcription(
@@ -127,7 +160,8 @@ def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> No
         assert names[lay.index_p_B[j]] == f"p_{q} at the start"
         assert names[lay.index_p_E[j]] == f"p_{q} at the goal"
         for i, surface in enumerate(nlp.problem.sequence):
-            at = f"collision {i + 1} ({surface})"
+            kind = "event" if set(surface) & set("+-: ") else "collision"
+            at = f"{kind} {i + 1} ({surface})"
             assert names[lay.index_v_a[i, j]] == f"{q}_dot before {at}"
             assert names[lay.index_v_c[i, j]] == f"{q}_dot after {at}"
             assert names[lay.index_lam[i]] == f"impulse of {at}"
@@ -150,7 +184,11 @@ def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> No
         f"step {k}" for k in (node - 1, node)
     }
     assert all(
-        any(name.endswith(place) for place in near) or "collision 1" in name for name in changed
+        any(name.endswith(place) or f"{place} in phase" in name for place in near)
+        or "collision 1" in name
+        or "event 1" in name
+        or "end of phase 0" in name
+        for name in changed
     )
 
 

@@ -1,0 +1,319 @@
+"""Contacts that last and friction: closed forms, orders, forces, what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from math import sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.errors import ModelError, ProblemError
+
+X, Y, U = dynamicsymbols("x y u")
+M, F, G, MU = sp.symbols("m f g mu")
+T = dynamicsymbols._t
+
+
+def rail(cost: object, wall: bool = False, name: str = "railed") -> dmoc.MechanicalSystem:
+    """A block on a rail with dry friction, and a wall at 1."""
+    return dmoc.MechanicalSystem(
+        name,
+        [X],
+        M * X.diff(T) ** 2 / 2,
+        {M: 1.0, F: 1.0},
+        inputs=[U],
+        forces={X: U},
+        cost=cost,
+        tangents={"rail": X},
+        friction={"rail": F},
+        surfaces={"wall": X <= 1} if wall else {},
+    )
+
+
+def floor(name: str = "floored") -> dmoc.MechanicalSystem:
+    """A block on a floor with friction."""
+    return dmoc.MechanicalSystem(
+        name,
+        [X, Y],
+        M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
+        {M: 2.0, G: 5.0, MU: 0.1},
+        inputs=[U],
+        forces={X: U},
+        cost=U**2 / 2,
+        surfaces={"floor": Y >= 0},
+        tangents={"floor": X},
+        friction={"floor": MU},
+    )
+
+
+def pushed(steps: int) -> dmoc.Problem:
+    return dmoc.Problem(
+        rail(U**2 / 2),
+        start={"x": 0},
+        goal={"x": 1, "x_dot": 0},
+        sequence=["rail:slip+", "rail:stick"],
+        steps=steps,
+        final_time=4,
+    )
+
+
+def against_wall(steps: int, e: float) -> dmoc.Problem:
+    return dmoc.Problem(
+        rail(U**2 / 2, wall=True, name="railed_wall"),
+        start={"x": 0},
+        goal={"x": 0, "x_dot": 0},
+        contacts=["rail:slip+"],
+        sequence=["wall rail:slip-"],
+        restitution=e,
+        steps=steps,
+        final_time=1,
+    )
+
+
+def there_and_back(steps: int) -> dmoc.Problem:
+    return dmoc.Problem(
+        rail(1, name="railed_time"),
+        start={"x": 0},
+        goal={"x": 0, "x_dot": 0},
+        contacts=["rail:slip+"],
+        sequence=["rail:slip-"],
+        via=[{"x": 10}],
+        parameters={"f": 0.6 * 9.81},
+        bounds={"u": (-400, 400)},
+        controls="constant",
+        steps=steps,
+        final_time=(0.1, 2),
+    )
+
+
+def turned(steps: int) -> dmoc.Problem:
+    return dmoc.Problem(
+        rail(1, name="railed_time"),
+        start={"x": 0, "x_dot": 1},
+        goal={"x": -1, "x_dot": 0},
+        contacts=["rail:slip+"],
+        sequence=["rail:slip-"],
+        bounds={"u": (-2, 2)},
+        steps=steps,
+        final_time=(0.1, 10),
+    )
+
+
+@pytest.mark.parametrize(
+    ("problem", "known"),
+    [
+        (pushed, 2 / 3 * sqrt(6)),
+        (lambda n: against_wall(n, 1.0), 24.5),
+        (lambda n: against_wall(n, 0.5), 31.20551823),
+        (turned, 1 / 3 + 2 * sqrt(7) / 3),
+    ],
+)
+def test_dry_friction_has_its_known_costs_with_order_two(
+    problem: Callable[[int], dmoc.Problem], known: float
+) -> None:
+    errors = []
+    for steps in (20, 40, 80):
+        solution = dmoc.solve(problem(steps))
+        assert solution.status == "solved", solution.message
+        errors.append(abs(solution.cost - known) / known)
+    assert errors[-1] < 2e-4
+    exact = max(errors) < 1e-8
+    assert exact or all(3.5 < a / b < 4.5 for a, b in pairwise(errors))
+
+
+def test_a_block_there_and_back_in_least_time_turns_where_it_is_told_to() -> None:
+    solution = dmoc.solve(there_and_back(160))
+    assert solution.status == "solved"
+    assert solution.cost == pytest.approx(0.6325240163, rel=1e-4)
+    assert solution.collisions[0].position[0] == pytest.approx(10, abs=1e-9)
+
+
+def test_forces_of_a_floor_are_weight_and_coulomb_friction(tmp_path: Path) -> None:
+    problem = dmoc.Problem(
+        floor(),
+        start={"x": 0, "y": 0},
+        goal={"x": 1, "x_dot": 0},
+        contacts=["floor"],
+        sequence=["floor:slip+", "floor:stick"],
+        steps=20,
+        final_time=4,
+    )
+    solution = dmoc.solve(problem)
+    assert solution.status == "solved", solution.message
+    for phase, sign in zip(solution.phases, (0, 1, 0), strict=True):
+        assert phase.closed == ("floor",) and phase.rubbing == {"floor": sign}
+        np.testing.assert_allclose(phase.normal, 10.0, rtol=1e-9)
+        if sign:
+            np.testing.assert_allclose(phase.tangential, -1.0, rtol=1e-9)
+        assert (np.abs(phase.tangential) <= 0.1 * phase.normal + 1e-9).all()
+    solution.save(tmp_path / "s.npz")
+    again = dmoc.Solution.load(tmp_path / "s.npz")
+    np.testing.assert_array_equal(again.phases[1].tangential, solution.phases[1].tangential)
+    assert [c.word for c in again.collisions] == ["floor:slip+", "floor:stick"]
+    warm = dmoc.solve(problem, guess=again)
+    assert warm.status == "solved" and warm.cost == pytest.approx(solution.cost, rel=1e-9)
+    finer = dmoc.solve(problem.but(steps=40), guess=again)
+    assert finer.status == "solved" and finer.cost < solution.cost * 1.01
+
+
+def test_a_plastic_push_moves_two_masses_as_one() -> None:
+    """A driven mass lands on one at rest: momentum is kept, then both share the force."""
+    s = dynamicsymbols("s")
+    system = dmoc.MechanicalSystem(
+        "pushers",
+        [X, s],
+        (X.diff(T) ** 2 + 3 * s.diff(T) ** 2) / 2,
+        {},
+        inputs=[U],
+        forces={X: U},
+        cost=U**2,
+        surfaces={"pad": s >= X},
+    )
+    solution = dmoc.solve(
+        dmoc.Problem(
+            system,
+            start={"x": 0, "s": 1, "x_dot": 2},
+            goal={"s": 2, "s_dot": 1},
+            sequence=["+pad"],
+            steps=20,
+            final_time=(0.5, 4),
+        )
+    )
+    assert solution.status == "solved", solution.message
+    event, after = solution.collisions[0], solution.phases[1]
+    np.testing.assert_allclose(after.v[0], event.momentum_before[0] / 4, rtol=1e-9)
+    assert event.impulses["pad"] == pytest.approx(3 * after.v[0, 0], rel=1e-9)
+    # Three quarters of the force go on to the second mass.
+    force = np.interp(after.t, solution.trajectory.input_times(after), after.u[:, 0])
+    np.testing.assert_allclose(after.normal[1:-1, 0], 0.75 * force[1:-1], atol=1e-6)
+
+
+def test_a_contact_that_would_have_to_pull_is_named_with_its_force() -> None:
+    lifted = dmoc.MechanicalSystem(
+        "lifted",
+        [Y],
+        M * Y.diff(T) ** 2 / 2 + M * G * Y,  # gravity points up
+        {M: 1.0, G: 2.0},
+        surfaces={"floor": Y >= 0},
+        cost=1,
+    )
+    solution = dmoc.solve(
+        dmoc.Problem(lifted, start={"y": 0}, contacts=["floor"], steps=10, final_time=1)
+    )
+    assert solution.status == "infeasible"
+    assert "floor would have to pull with 2 N" in solution.message
+
+
+def test_sensitivities_equal_differences_of_solved_problems() -> None:
+    problem = against_wall(40, 0.5)
+    solution = dmoc.solve(problem)
+    found = dmoc.sensitivities(problem, solution)
+    step = 1e-4
+
+    def slope(but: Callable[[float], dmoc.Problem]) -> float:
+        costs = [dmoc.solve(but(s), guess=solution).cost for s in (-step, step)]
+        return (costs[1] - costs[0]) / (2 * step)
+
+    for name, but in (
+        ("parameters", lambda s: problem.but(parameters={"f": 1 + s})),
+        ("restitution", lambda s: problem.but(restitution=0.5 + s)),
+    ):
+        value = found[name]["f" if name == "parameters" else "wall"]
+        assert value == pytest.approx(slope(but), rel=1e-5)
+    assert found["final_time"] == pytest.approx(
+        slope(lambda s: problem.but(final_time=1 + s)), rel=1e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"contacts": ["floor"], "start": {"x": 0, "y": 0.1}}, "0.1 off it"),
+        (
+            {"contacts": ["floor"], "start": {"x": 0, "y": 0, "y_dot": 1}},
+            "velocity leaves or enters it",
+        ),
+        ({"contacts": ["floor"], "start": {"x": 0, "y": 0, "x_dot": 1}}, "velocity slides"),
+        ({"contacts": ["floor"], "parameters": {"mu": -0.1}}, "friction of 'floor' is -0.1"),
+        ({"sequence": ["floor"], "start": {"x": 0, "y": 1}}, "has friction and is hit"),
+        ({"sequence": ["-floor"], "start": {"x": 0, "y": 1}}, "is not closed"),
+        ({"contacts": ["floor"], "via": [{}]}, "via has 1 entries"),
+        ({"contacts": ["floor"], "sequence": ["-floor"], "via": [{"z": 1}]}, "unknown coordinate"),
+        ({"ignored": ["roof"]}, "unknown surface 'roof'"),
+        ({"periodic": {"x": ("y", "far")}}, "the difference of x in periodic"),
+    ],
+)
+def test_what_contacts_cannot_be_is_a_sentence(change: dict[str, object], told: str) -> None:
+    stated = {"start": {"x": 0, "y": 0}, "steps": 5, "final_time": 1} | change
+    with pytest.raises(ProblemError) as found:
+        dmoc.Problem(dmoc.build(floor()), **stated)  # type: ignore[arg-type]
+    assert told in str(found.value) and "\n" not in str(found.value)
+
+
+def test_contacts_that_last_are_refused_with_kernels_of_another_order() -> None:
+    with pytest.raises(ProblemError, match="build the model with order=2"):
+        dmoc.Problem(
+            dmoc.build(floor(), order=4), start={"x": 0, "y": 0}, contacts=["floor"], steps=5
+        )
+
+
+def test_redundant_contacts_are_refused_by_name() -> None:
+    twice = dmoc.MechanicalSystem(
+        "twice",
+        [X, Y],
+        (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2,
+        {},
+        surfaces={"floor": Y >= 0, "ground": 2 * Y >= 0},
+        cost=1,
+    )
+    with pytest.raises(ProblemError, match="floor, ground of phase 0 are redundant"):
+        dmoc.Problem(twice, start={"x": 0, "y": 0}, contacts=["floor", "ground"], steps=5)
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({"friction": {"rail": F}}, "has friction but no tangent"),
+        ({"tangents": {"rail": X}}, "has a tangent but no friction"),
+        ({"tangents": {"rail": F}, "friction": {"rail": F}}, "contains no coordinate"),
+        ({"tangents": {"rail": X}, "friction": {"rail": -1}}, "expected 0 or a positive"),
+        ({"tangents": {"rail": X}, "friction": {"rail": X}}, "the friction of 'rail' contains"),
+        ({"tangents": {"x": X}, "friction": {"x": F}}, None),
+    ],
+)
+def test_wrong_friction_of_a_model_is_a_sentence(
+    fields: dict[str, object], told: str | None
+) -> None:
+    def make() -> dmoc.MechanicalSystem:
+        return dmoc.MechanicalSystem(
+            "wrong", [X], F * X.diff(T) ** 2 / 2, {F: 1.0}, cost=1, **fields
+        )  # type: ignore[arg-type]
+
+    if told is None:
+        make()
+        return
+    with pytest.raises(ModelError) as found:
+        make()
+    assert told in str(found.value) and "\n" not in str(found.value)
+
+
+def test_the_search_finds_when_to_stick_and_when_to_slide() -> None:
+    problem = pushed(20).but(sequence=())
+    result = dmoc.search(problem, 2)
+    assert result.best is not None
+    assert result.best.cost == pytest.approx(2 / 3 * sqrt(6), rel=2e-3)
+    sliding = {node.sequence for node in result.ranked()}
+    assert ("rail:slip+", "rail:stick") in sliding
+    counts = result.counts
+    assert not counts.get("failed") and counts["infeasible"] >= 1
+
+
+def test_a_search_takes_the_words_it_is_given() -> None:
+    result = dmoc.search(pushed(20).but(sequence=()), 2, events=["rail:slip+"])
+    assert [node.sequence for node in result.nodes] == [(), ("rail:slip+",)]
