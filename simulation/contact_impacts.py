@@ -19,7 +19,8 @@ from dmoc.simulation.poisson import impulses
 SETTLED = 1e-4
 # Response of one contact to another below this share of their own that counts as none.
 COUPLED = 1e-12
-# Share of the kinetic energy by which rounding may raise it.
+# Share of the kinetic energy by which rounding may raise it, and of the largest impulse below which
+# one is none.
 ROUNDED = 1e-9
 
 
@@ -79,7 +80,7 @@ def struck(model: Model, at: Place, mode: Mode, restitution: Array, h: float) ->
                 float(blow.tangential[tangent[j]]) if j in tangent else 0.0,
             )
             for j in map(int, on)
-            if blow.normal[j] > 0
+            if blow.normal[j] > ROUNDED * blow.normal.max()
         ),
     )
 

@@ -28,7 +28,7 @@ from dmoc.trajectory import Collision
 # Where in a way limits are looked at, and, where one falls at once, how near to its start.
 PLACES, NEAR = np.linspace(0.0, 1.0, 9)[1:], 0.5 ** np.arange(50, 0, -1)
 MOST_EVENTS = 1000  # within one step
-LOCATED = 1e-14  # of a step, to which events are located
+LOCATED = 1e-12  # of a step, to which events are located
 SHORTEST = 1e-13  # share of a step that is not gone any more
 
 
@@ -74,7 +74,7 @@ class Journal:
 
 @dataclass(frozen=True)
 class Node:
-    """A state after a step: time, row (q | v | work), and its contact and friction forces."""
+    """A state after a step: time, row (q | v), and its contact and friction forces."""
 
     t: float
     y: Array
@@ -131,9 +131,10 @@ def _step(
         if end - place.t <= SHORTEST * setting.h:
             return place.y, mode
         way = _Way.of(setting, place, mode)
-        event = way.first(end)
+        rows = way.rows(place.t + PLACES * (end - place.t))
+        event = way.first(end, rows)
         if event is None:
-            return way(end), mode
+            return rows[-1], mode
         at, which = event
         y = way(at) if at > place.t else place.y
         reach = reached(model, y, u, at, setting.h, reach)
@@ -252,14 +253,17 @@ class _Way:
 
     def kept(self, times: Array) -> Array:
         """The limits of the mode at later times."""
-        return limits(self.setting.model, self.mode, self.rows(times), self.place.u, times)
+        return self._limits(self.rows(times), times)
 
-    def first(self, end: float) -> tuple[float, int] | None:
+    def _limits(self, rows: Array, times: Array) -> Array:
+        return limits(self.setting.model, self.mode, rows, self.place.u, times)
+
+    def first(self, end: float, rows: Array) -> tuple[float, int] | None:
         """The first time at which a limit is passed, and which; None if there is none until the
-        end."""
+        end.  ``rows`` are the states at the places on the way there."""
         t, least = self.place.t, -slack(self.mode, self.place.small)
         times = t + PLACES * (end - t)
-        kept = self.kept(times)
+        kept = self._limits(rows, times)
         over = kept < least
         if not over.any():
             return None
@@ -287,7 +291,8 @@ class _Way:
             return float(self.kept(np.array([time]))[0, j])
 
         ends = [(float(times[k]), float(kept[k, j])) for k in (low, high)]
-        return crossing(limit, ends[0], ends[1], LOCATED * self.setting.h), j
+        near = max(LOCATED * self.setting.h, 4 * np.finfo(float).eps * abs(ends[1][0]))
+        return crossing(limit, ends[0], ends[1], near), j
 
 
 def _nothing() -> None:

@@ -138,7 +138,7 @@ def simulate(
             f"step_size = {_shown(step_size)}: expected a positive number of seconds, and a finite "
             "time of all steps."
         )
-    _check_room(steps, every, nq + len(kernels.surfaces) + len(kernels.tangents))
+    _check_room(steps, every, nq, len(kernels.surfaces) + len(kernels.tangents))
     model = Model(
         kernels, parameter_row(kernels, {} if parameters is None else parameters, SimulationError)
     )
@@ -255,7 +255,7 @@ def _through_contacts(
     """The motion from the step ``first`` on by the continuous equations of its modes."""
     setting, journal = Setting(run.model, e, run.h), Journal()
     t = first * run.h
-    y = on_surfaces(run.model, np.concatenate([q, v, [0.0]]), t)
+    y = on_surfaces(run.model, np.concatenate([q, v]), t)
     if first % run.every == 0:
         mode = start(setting, y, run.u[first], t)
         found.put(first // run.every, run.model, node(run.model, mode, y, run.u[first], t))
@@ -315,10 +315,10 @@ def _whole(given: object, name: str) -> int:
     return int(given)
 
 
-def _check_room(steps: int, every: int, nq: int) -> None:
+def _check_room(steps: int, every: int, nq: int, forces: int) -> None:
     """Refuse what the recorded nodes, their mass matrices among it, would not fit into, before
     anything is allocated."""
-    size = 8 * (steps // every + 1) * (2 + 6 * nq + nq * nq)
+    size = 8 * (steps // every + 1) * (2 + 6 * nq + nq * nq + forces)
     if size > MOST_BYTES:
         raise SimulationError(
             f"steps = {steps} with every = {every}: recording {steps // every + 1} nodes needs "

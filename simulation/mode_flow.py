@@ -1,8 +1,8 @@
 """The continuous flow within a mode: rows of states side by side, by the method of Dormand and
 Prince of order 8.
 
-A row is (q | v | work).  After every part of a step the row is moved back to where the conditions
-of the mode hold, so that errors of integration do not open a contact or let it slip.
+A row is (q | v) or (q | v | work).  After every part of a step the row is moved back to where the
+conditions of the mode hold, so that errors of integration do not open a contact or let it slip.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class ModeFlow:
-    """The flow of a model; ``size`` (2 nq + 1,) measures a row, ``check_time`` may raise."""
+    """The flow of a model; ``size`` measures a row, ``check_time`` may raise."""
 
     model: Model
     size: Array
@@ -99,6 +99,8 @@ class ModeFlow:
         q, v = (np.ascontiguousarray(y[:, k * nq : (k + 1) * nq]) for k in (0, 1))
         u, t = span.inputs(share), span.t + share * span.h
         found = reaction(self.model, mode, q, v, u, t)
+        if y.shape[1] == 2 * nq:
+            return np.hstack([v, found.acceleration])
         power = self.model.balance(q, v, u, t)[2] + contact_power(self.model, found, q, v, t)
         return np.hstack([v, found.acceleration, power[:, None]])
 

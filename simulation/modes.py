@@ -140,7 +140,12 @@ def answers(M: Array, c: Conditions, wanted: Array) -> tuple[Array, Array]:
     """The change M^-1 B^T lam of an acceleration or a velocity (n, nq) that changes C a by what is
     wanted (n, m), and its multipliers lam (n, m): the smallest where several would do."""
     response = columns(M, c.B)
-    lam = _multipliers(c.C @ response, _sizes(M, c.C), wanted)
+    A = c.C @ response
+    if A.shape[1] == 1:
+        lam = np.asarray(wanted / A[:, 0])
+    else:
+        squares = np.einsum("nmi,nim->nm", c.C, columns(M, c.C))
+        lam = _multipliers(A, np.where(squares > 0, np.sqrt(np.abs(squares)), 1.0), wanted)
     return (response @ lam[..., None])[..., 0], lam
 
 
@@ -211,23 +216,13 @@ def _moved(model: Model, mode: Mode, q: Array, t: Array, wanted: Array) -> Array
 
 
 def columns(M: Array, B: Array) -> Array:
-    """M^-1 B^T, shape (n, nq, m)."""
-    right = np.swapaxes(B, 1, 2)
-    parts = [solved(M, np.ascontiguousarray(right[..., k])) for k in range(right.shape[2])]
-    return np.stack(parts, axis=2)
-
-
-def _sizes(M: Array, C: Array) -> Array:
-    """Roots of the diagonal of C M^-1 C^T, shape (n, m)."""
-    squares = np.einsum("nmi,nim->nm", C, columns(M, C))
-    return np.asarray(np.where(squares > 0, np.sqrt(np.abs(squares)), 1.0))
+    """M^-1 B^T, shape (n, nq, m); not a number where M is singular or not finite."""
+    return solved(M, np.ascontiguousarray(np.swapaxes(B, 1, 2)))
 
 
 def _multipliers(A: Array, size: Array, b: Array) -> Array:
     """The shortest solution of A lam = b with rows and columns measured by their sizes; not a
     number where there is none."""
-    if A.shape[1] == 1:
-        return np.asarray(b / A[:, 0])
     scaled = A / size[:, :, None] / size[:, None, :]
     if not (np.isfinite(scaled).all() and np.isfinite(b).all()):
         return np.full(b.shape, np.nan)

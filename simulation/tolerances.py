@@ -30,8 +30,8 @@ class Tolerances:
 
     Attributes
     ----------
-    size : array of shape (2 nq + 1,)
-        Of the rows (q | v | work) that are integrated; the work is not looked at.
+    size : array of shape (2 nq,)
+        Of the rows (q | v) that are integrated.
     gap, rate, bend, force : arrays of shape (nc,)
         Of gaps, their rates, their second derivatives, and contact forces.
     slide, skid, hold : arrays of shape (nt,)
@@ -64,7 +64,7 @@ def tolerances(model: Model, q: Array, t: float, h: float, reach: Reach) -> Tole
     M = model.mass(q, t)
     mass = np.sqrt(np.diagonal(M))
     sizes = [part / mass for part in (reach.coordinate, reach.velocity, reach.acceleration)]
-    size = np.concatenate([sizes[0], sizes[1], [np.inf]])
+    size = np.concatenate(sizes[:2])
     found = []
     for slopes in (model.gap_slopes(q, t), model.tangent_slopes(q, t)):
         along, moving = np.abs(slopes[:, :-1]), np.abs(slopes[:, -1])

@@ -23,7 +23,7 @@ class ProblemError(DmocError):
 
 
 class SimulationError(DmocError):
-    """A simulation cannot go on: resting contact, too many impacts, or no solution of a step."""
+    """A simulation cannot go on: too many impacts, friction that jams, or no solution of a step."""
 
 
 class SearchError(DmocError):
