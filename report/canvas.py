@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +12,13 @@ from dmoc.errors import MissingExtraError, OutputError
 from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+LENGTH = 6.0  # inches of axes from left to right in a figure of one column
+# Inches of a legend's entry beside its text, and of a character of it.
+KEY, CHARACTER = 0.66, 0.09
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -56,3 +64,26 @@ def symbol(name: str) -> str:
 
     parts = [letter(part) for part in tail.split("_") if part]
     return letter(head) + (f"_{{{','.join(parts)}}}" if parts else "")
+
+
+def entries_in_a_row(labels: Sequence[str]) -> int:
+    """How many entries of a legend have room beside each other over the axes."""
+    plain = [re.sub(r"\\mathrm|[$_{}]", "", label) for label in labels]
+    widths = [KEY + CHARACTER * len(re.sub(r"\\[a-z]+", "a", text)) for text in plain]
+    if sum(widths) <= LENGTH:
+        return len(labels)
+    return max(1, int(LENGTH / max(widths)))
+
+
+def legend_above(axes: Axes, handles: Sequence[Artist]) -> None:
+    """A legend over the axes, where it hides no curve, in as many rows as it needs."""
+    labels = [str(handle.get_label()) for handle in handles]
+    axes.legend(
+        handles=list(handles),
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=entries_in_a_row(labels),
+        frameon=False,
+        borderaxespad=0.1,
+        fontsize=9,
+    )
