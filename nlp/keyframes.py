@@ -21,6 +21,7 @@ from dmoc.mechanics.values import by_name
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.march import reflected
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.standing import in_contact
 from dmoc.nlp.transfer import times_of_inputs
 
 DURATIONS = "durations"
@@ -190,18 +191,21 @@ def _called(function: Callable[[Array], Any], name: str, t: Array) -> Array:
 
 def _completed(problem: Problem, lay: Layout, x: Array) -> Array:
     """The unknowns that follow from times, positions and inputs: nodes inside the steps, momenta
-    and velocities at both ends, impulses and velocities at the collisions."""
+    and velocities at both ends, impulses and velocities at the collisions; contacts that last
+    correct the positions and take impulses."""
     q, t = x[lay.index_q], lay.times(x)
     rates = np.diff(q, axis=0) / np.diff(t)[:, None]
     x[lay.index_t] = t[: len(lay.index_t)]
     x[lay.index_q_i] = lay.scheme.within(q[:-1], q[1:]).reshape(lay.total, -1)
-    for i, node in enumerate(lay.collision_nodes):
-        v = rates[node - 1]
-        after, impulse = reflected(problem, q[node], v, problem.sequence[i], float(t[node]))
+    for i, (node, event) in enumerate(zip(lay.collision_nodes, problem.events, strict=True)):
+        v, after, impulse = rates[node - 1], rates[node], 0.0
+        if event.surface:
+            lands, at = bool(event.lands), float(t[node])
+            after, impulse = reflected(problem, q[node], v, event.surface, at, lands=lands)
         x[lay.index_v_a[i]], x[lay.index_v_c[i]], x[lay.index_lam[i]] = v, after, impulse
     ends = ((0, 0, lay.index_p_B, lay.index_v_B), (-1, -1, lay.index_p_E, lay.index_v_E))
     for node, step, index_p, index_v in ends:
         x[index_p] = problem.model.momentum(q[node], rates[step], t[node])
         if len(index_v):
             x[index_v] = rates[step]
-    return x
+    return in_contact(problem, x)

@@ -93,19 +93,18 @@ class Planner:
         return route_of(self.problem, final_time) if self.still is None else self.still
 
 
-def reflected(problem: Problem, q: Array, v: Array, surface: str, t: float) -> tuple[Array, float]:
+def reflected(
+    problem: Problem, q: Array, v: Array, surface: str, t: float, *, lands: bool = False
+) -> tuple[Array, float]:
     """Velocity after an impact, and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n) with n
-    = grad g."""
+    = grad g; e = 0 where the surface ``lands``."""
     j = problem.kernels.surfaces.index(surface)
     *slope, moving = problem.model.gap_slopes(q, t)[j]
     normal = np.array(slope)
     response, inertia = problem.model.impulse_response(q, normal, t)
     approach = float(normal @ v) + moving
-    impulse = (
-        max((1 + float(problem.restitution_values[j])) * approach / inertia, 0.0)
-        if inertia > 0
-        else 0.0
-    )
+    e = 0.0 if lands else float(problem.restitution_values[j])
+    impulse = max((1 + e) * approach / inertia, 0.0) if inertia > 0 else 0.0
     return v - impulse * response, impulse
 
 

@@ -12,7 +12,6 @@ from dmoc.schema import (
     Context,
     Either,
     Listed,
-    Name,
     Nothing,
     Number,
     Record,
@@ -156,7 +155,7 @@ START = Record(
 NODE = Record(
     Node,
     {
-        "sequence": Listed(Name()),
+        "sequence": Listed(Text()),  # words of events
         "verdict": Choice(tuple(Verdict)),
         "cost": Either(Nothing(), Number()),
         "phases": Listed(Number()),

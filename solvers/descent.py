@@ -54,6 +54,8 @@ class Descent:
         nlp, lay = self.nlp, self.nlp.layout
         d = nlp.rows.d
         for c, s in zip(lay.collision_nodes, lay.surfaces, strict=True):
+            if s == NOWHERE:  # an event without an impact
+                continue
             rows = d.gap.index[max(c - 2, 0) : c + 3, s]
             self.watched_rows[rows[rows != NOWHERE] - nlp.n_eq] = True
         for block in (d.earliest, d.latest, d.approach, d.separation):
