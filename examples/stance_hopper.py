@@ -39,7 +39,7 @@ def system() -> dmoc.MechanicalSystem:
     )
 
 
-def problem(steps: int = 40) -> dmoc.Problem:
+def problem(steps: int = 80) -> dmoc.Problem:
     standing = 0.6 - 3.0 * 9.81 / 300.0
     return dmoc.Problem(
         dmoc.build(system()),

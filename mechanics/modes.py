@@ -200,21 +200,36 @@ def modes_along(start: Mode, events: Sequence[Event], contacts: Contacts) -> tup
 
 def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:
     """Words of what can happen in a mode to some surfaces and to what rubs: hits and landings of
-    open surfaces, of landings also those at which another contact leaves, of hits those at which a
-    rail changes its friction; contacts that leave; changes of friction."""
+    open surfaces, also those at which a rail changes its friction, and landings at which another
+    contact leaves; contacts that leave; changes of friction."""
     is_open = [s for s in surfaces if s not in mode.closed]
     turns = list(_turns(mode))
-    for name in is_open:
-        if name not in contacts.tangents:  # a hit with friction has no law here
-            yield name
-            yield from (f"{name} {turn}" for turn in turns if turn.split(":")[0] in contacts.rails)
-    for name in is_open:
-        states = ("", ":slip+", ":slip-") if name in contacts.tangents else ("",)
-        for landing in (f"+{name}{state}" for state in states):
-            yield landing
-            yield from (f"{landing} -{other}" for other in mode.closed if other in surfaces)
+    of_rails = [turn for turn in turns if turn.split(":")[0] in contacts.rails]
+    impacts = [name for name in is_open if name not in contacts.tangents]  # else there is no law
+    landings = [
+        f"+{name}{state}"
+        for name in is_open
+        for state in (("", ":slip+", ":slip-") if name in contacts.tangents else ("",))
+    ]
+    for word in (*impacts, *landings):
+        yield word
+        yield from (f"{word} {turn}" for turn in of_rails)
+    for landing in landings:
+        yield from (f"{landing} -{other}" for other in mode.closed if other in surfaces)
     yield from (f"-{name}" for name in mode.closed if name in surfaces)
     yield from turns
+
+
+def possible_after(mode: Mode, words: Sequence[str], contacts: Contacts) -> Iterator[str]:
+    """Those of some words that can happen in a mode, and change it or are an impact."""
+    for word in words:
+        event = event_of(word, contacts)
+        try:
+            after = modes_along(mode, [event], contacts)[-1]
+        except ProblemError:
+            continue
+        if event.surface or after != mode:
+            yield word
 
 
 def _turns(mode: Mode) -> Iterator[str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from dmoc.arguments import choice, flag, function, names, number, positive, shown, whole
 from dmoc.errors import ProblemError, SearchError
-from dmoc.mechanics.modes import event_of, words_after
+from dmoc.mechanics.modes import event_of, possible_after, words_after
 from dmoc.nlp.problem import Problem
 from dmoc.solving.methods import METHODS
 
@@ -96,8 +96,9 @@ def children(problem: Problem, sequence: tuple[str, ...], settings: Settings) ->
     if settings.events is None and not problem.lasting and not problem.kernels.tangents:
         return list(settings.surfaces)
     mode = problem.but(sequence=sequence, durations=None, via=None).modes[-1]
-    words = words_after(mode, problem.touches, settings.surfaces)
-    return [w for w in words if settings.events is None or w in settings.events]
+    if settings.events is not None:
+        return list(possible_after(mode, settings.events, problem.touches))
+    return list(words_after(mode, problem.touches, settings.surfaces))
 
 
 def shortest_of(problem: Problem, given: float | None) -> float:

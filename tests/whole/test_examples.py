@@ -22,6 +22,12 @@ NAMES = (
     "cart_links",
     "hopper",
     "puck",
+    "pushed_block",
+    "compass_gait",
+    "stance_hopper",
+    "finger_puck",
+    "walker",
+    "push_or_flick",
 )
 
 

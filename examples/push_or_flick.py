@@ -1,0 +1,66 @@
+"""Push it or flick it?  A search over contacts that hit, land, stay and leave, and over friction.
+
+A driven mass shall bring a block, which rests on a rail with dry friction, to a mark 1 m away,
+where it stays, in at most 2.5 s with the least effort int u^2 dt.  It may hit the block (e = 0.8),
+land on it and push for a while, or push all the way; the block sticks or slides.  Nothing of the
+order is given.  To hit it twice costs less than to hit it once, and that less than to push it.
+
+Run:  python examples/push_or_flick.py [FOLDER]
+"""
+
+import numpy as np
+import sympy as sp
+from showing import show
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.report.shapes import Picture
+
+EVENTS = ["pad rail:slip+", "+pad rail:slip+", "-pad", "rail:stick", "+pad", "rail:slip+"]
+
+
+def system() -> dmoc.MechanicalSystem:
+    x, s, u = dynamicsymbols("x s u")
+    m, block, f = sp.symbols("m block f")
+    t = dynamicsymbols._t
+    return dmoc.MechanicalSystem(
+        "push_or_flick",
+        coordinates=[x, s],
+        inputs=[u],
+        lagrangian=m * x.diff(t) ** 2 / 2 + block * s.diff(t) ** 2 / 2,
+        forces={x: u},
+        surfaces={"pad": x <= s},
+        tangents={"rail": s},
+        friction={"rail": f},
+        parameters={m: 1.0, block: 1.0, f: 1.0},
+        cost=u**2,
+        units={x: "m", s: "m", u: "N"},
+    )
+
+
+def problem(steps: int = 20) -> dmoc.Problem:
+    return dmoc.Problem(
+        dmoc.build(system()),
+        start={"x": -0.5, "s": 0.0},
+        goal={"s": 1.0, "s_dot": 0.0, "x_dot": 0.0},
+        steps=steps,
+        restitution=0.8,
+        final_time=(0.5, 2.5),
+    )
+
+
+def shape(q, parameters) -> Picture:
+    x, s = map(float, q)
+    corners = [(0.0, 0.0), (0.12, 0.0), (0.12, 0.12), (0.0, 0.12), (0.0, 0.0)]
+    boxes = (np.array([(a + left, b) for a, b in corners]) for left in (s, x - 0.12))
+    return Picture(tuple(boxes), ())
+
+
+def main() -> None:
+    result = dmoc.search(problem(), 2, events=EVENTS)
+    rows = [(", then ".join(node.sequence), node.cost, None) for node in result.ranked()]
+    show("push_or_flick", rows, result.best.solution, shape)
+
+
+if __name__ == "__main__":
+    main()
