@@ -9,15 +9,17 @@ gamma+ = -e gamma-::
     departure   r_minus(first step after) + dL/dv(q_c, v_c) = 0
     energy      e (e_plus(before) - e_minus(after) - W_t) - (1 - e)/2 W_gamma = 0
                 gamma(q_c, v_c) + e gamma(q_c, v_a) = 0    where e = 0, where a collision only
-                touches, and beside phases with contacts that last, whose impulses at the ends of
-                steps the energies of the steps leave out
+                touches, and where the law is stated in the rates
     contact     g(q_c) = 0
     approach    gamma(q_c, v_a) >= 0                       but for touches, whose rate is known
     separation  -gamma(q_c, v_c) >= 0                      where the law does not fix that rate
 
 with the unknown velocities v_a before and v_c after the collision, and W_t, W_gamma of
-:func:`dmoc.symbolic.continuous.impact_work`.  A surface that lands obeys the law with e = 0; an
-event without an impact has arrival and departure alone.
+:func:`dmoc.symbolic.continuous.impact_work`.  The energies are those of the two steps beside the
+collision, which tell little of the rates where one of them is long and the other one short, and
+leave out the impulses of contacts that last: beside these the law is stated in the rates.  A
+surface that lands obeys the law with e = 0; an event without an impact has arrival and departure
+alone.
 """
 
 from __future__ import annotations
@@ -49,25 +51,27 @@ class ImpactLaw:
         Collisions that touch their surface without an impulse.
     landing : array of bool, shape (collisions,)
         Those after which the surface stays closed.
-    beside : array of bool, shape (collisions,)
-        Those with a contact that lasts before or after them.
+    by_rates : array of bool, shape (collisions,)
+        The law is stated in the rates, whatever e is.
     """
 
     surfaces: Index
     e: Array
     touching: Bools
     landing: Bools
-    beside: Bools
+    by_rates: Bools
 
     @classmethod
-    def of(cls, problem: Problem, lay: Layout, touching: Index) -> ImpactLaw:
+    def of(
+        cls, problem: Problem, lay: Layout, touching: Index, by_rates: bool = False
+    ) -> ImpactLaw:
         touches = np.isin(np.arange(len(lay.surfaces)), touching)
         landing = np.array([bool(event.lands) for event in problem.events], dtype=bool)
         elastic = ~touches & ~landing & (lay.surfaces != NOWHERE)
         e = np.zeros(len(lay.surfaces))
         e[elastic] = problem.restitution_values[lay.surfaces[elastic]]
         lasts = np.array([not mode.free for mode in problem.modes], dtype=bool)
-        return cls(lay.surfaces, e, touches, landing, lasts[:-1] | lasts[1:])
+        return cls(lay.surfaces, e, touches, landing, lasts[:-1] | lasts[1:] | by_rates)
 
     @property
     def impact(self) -> Bools:
@@ -76,9 +80,9 @@ class ImpactLaw:
 
     @property
     def plain(self) -> Bools:
-        """Collisions whose law says the rate after them: plastic ones, touches, landings, and those
-        beside contacts that last."""
-        return np.asarray(((self.e == 0) | self.beside) & self.impact)
+        """Collisions whose law says what gamma is after them: plastic ones, touches, landings, and
+        all where it is stated in the rates."""
+        return np.asarray(((self.e == 0) | self.by_rates) & self.impact)
 
     @property
     def most_impulse(self) -> Array:

@@ -74,7 +74,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     ) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
         known = nlp.law.impact
         lam = np.maximum(x[nlp.layout.index_lam[known]], 1e-300)
-        plain = (nlp.law.plain & ~nlp.law.beside)[known]
+        plain = (nlp.law.plain & ~nlp.law.by_rates)[known]
         law = np.asarray(named.get("energy", np.zeros(0))) * np.where(plain, -2 / lam, 1.0)
         high, low = (
             {**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.5)

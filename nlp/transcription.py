@@ -62,6 +62,8 @@ class Transcription(Evaluator):
         Collisions that touch their surface without an impulse.
     pulling : bool
         Closed contacts may pull, to see how strongly they would have to.
+    by_rates : bool
+        The law of impact is stated in the rates of the gaps instead of the energies.
     """
 
     def __init__(
@@ -71,12 +73,14 @@ class Transcription(Evaluator):
         goal_as_rows: bool = False,
         touching: Sequence[int] | Index = (),
         pulling: bool = False,
+        by_rates: bool = False,
     ) -> None:
         self.problem, self.kernels, self.goal_as_rows = problem, problem.kernels, goal_as_rows
         self.scale = Scale.none(problem) if scale is None else scale
         self.par = problem.parameter_values
         self.layout = Layout.of(problem)
-        self.law = ImpactLaw.of(problem, self.layout, np.asarray(touching, dtype=np.intp))
+        touches = np.asarray(touching, dtype=np.intp)
+        self.law = ImpactLaw.of(problem, self.layout, touches, by_rates)
         goals = goal_rows(problem, self.layout) if goal_as_rows else []
         self.limits = limits(problem, self.layout, self.law, self.scale, goals, pulling)
         free = self.limits[0] != self.limits[1]
@@ -124,7 +128,7 @@ class Transcription(Evaluator):
                 self.contact.mu.tobytes(),
             ),
             *(c.closed.index.tobytes(), c.at_rest.index.tobytes(), c.stopped.index.tobytes()),
-            *(self.law.e.tobytes(), self.law.touching.tobytes()),
+            *(self.law.e.tobytes(), self.law.touching.tobytes(), self.law.by_rates.tobytes()),
             *(c.final_time.count, d.earliest.count, d.latest.count),
             (d.gap.index[[0, -1]] == NOWHERE).tobytes(),
             tuple(goal.unknown for goal in rows.goals),

@@ -219,14 +219,17 @@ def _minima(
 ) -> tuple[list[_Class], list[Start]]:
     """Distinct minima on the coarse mesh, the cheapest first, and the starts."""
     coarse = coarse_of(problem)
+    # On a coarse mesh the energies of a long and of a short step tell little of the rates: minima
+    # would live on what they miss, and be far from those of a finer mesh.
+    by_rates = coarse.phase_steps != problem.phase_steps
     room = effort.guesses if effort.total is None else effort.total - len(points)
-    guesses = [g.x for g in initial_guesses(coarse, deadline)][:room]
+    guesses = [g.x for g in initial_guesses(coarse, deadline, by_rates)][:room]
     natural = natural_time(coarse)
     most = max(effort.iterations, LASTING) if problem.lasting else effort.iterations
     few = replace(options, iterations=min(options.iterations, most))
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     scale = scale_of(coarse, next(iter(named.values())))
-    programs = [Programs(coarse, scale) for _ in range(free_threads())]
+    programs = [Programs(coarse, scale, by_rates) for _ in range(free_threads())]
     classes: list[_Class] = []
     starts: list[Start] = []
     begin, ends = 0, [0, effort.first, effort.most, effort.more]
@@ -250,7 +253,7 @@ def _minima(
             break
         named, begin = {}, numbers.stop
     if not classes and effort.widens:
-        classes = _continued(coarse, natural, seed, few, deadline)
+        classes = _continued(coarse, by_rates, natural, seed, few, deadline)
     return classes, starts
 
 
@@ -281,18 +284,24 @@ def _gathered(classes: list[_Class], attempts: Sequence[Attempt]) -> list[_Class
 
 
 def _continued(
-    coarse: Problem, natural: float, seed: int, options: Options, deadline: float
+    coarse: Problem,
+    by_rates: bool,
+    natural: float,
+    seed: int,
+    options: Options,
+    deadline: float,
 ) -> list[_Class]:
     """Minima that are left when wide limits of the inputs are tightened step by step."""
     if not np.isfinite(coarse.input_bounds).any():
         return []
     wide = _widened(coarse, WIDER[0])
-    points = [g.x for g in initial_guesses(wide, deadline)]
+    points = [g.x for g in initial_guesses(wide, deadline, by_rates)]
     scale = scale_of(wide, points[0])
     points += list(random_motions(wide, points, natural, range(WIDE_STARTS), seed))
     classes: list[_Class] = []
     for factor in WIDER:
-        programs = [Programs(_widened(coarse, factor), scale) for _ in range(free_threads())]
+        tightened = _widened(coarse, factor)
+        programs = [Programs(tightened, scale, by_rates) for _ in range(free_threads())]
         classes = _gathered([], attempts_from(programs, points, options, deadline))
         points = [c.attempt.nlp.physical(c.attempt.outcome.x) for c in classes[:FOLLOWED]]
         if not points:

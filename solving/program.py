@@ -18,11 +18,12 @@ class Programs:
     """The programs of a problem in one scale.
 
     ``guided`` ones have the estimated minimal times as constraints, in as far as the problem has
-    them; the others leave them out.
+    them; the others leave them out.  ``by_rates`` says how they state the law of impact.
     """
 
     problem: Problem
     scale: Scale
+    by_rates: bool = False
     _made: dict[tuple[bool, tuple[int, ...]], Transcription] = field(default_factory=dict)
 
     def program(self, guided: bool = False, touching: Iterable[int] = ()) -> Transcription:
@@ -30,7 +31,9 @@ class Programs:
         key = (guided and self.problem.minimal_times, tuple(sorted(map(int, touching))))
         if key not in self._made:
             make = WithMinimalTimes if key[0] else Transcription
-            self._made[key] = make(self.problem, self.scale, touching=key[1])
+            self._made[key] = make(
+                self.problem, self.scale, touching=key[1], by_rates=self.by_rates
+            )
         return self._made[key]
 
     def free(self, nlp: Transcription) -> Transcription:

@@ -100,13 +100,14 @@ def rod_problem(periodic: bool) -> dmoc.Problem:
 
 @pytest.fixture(
     params=[
-        *("constant", "linear", "puck", "driven", "driven, order 4", "pendulum, order 4"),
-        *("contacts", "contacts, periodic"),
+        *("constant", "linear", "puck", "driven", "driven, by rates", "driven, order 4"),
+        *("pendulum, order 4", "contacts", "contacts, periodic"),
     ]
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
     if request.param.startswith("driven"):
-        return Transcription(driven_problem(4 if "4" in request.param else 2))
+        problem = driven_problem(4 if "4" in request.param else 2)
+        return Transcription(problem, by_rates="rates" in request.param)
     if request.param.startswith("contacts"):
         return Transcription(rod_problem("periodic" in request.param))
     if "4" in request.param:
@@ -136,6 +137,24 @@ def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs
         ):
             rows = getattr(nlp.rows.c, name).index[i]
             np.testing.assert_allclose(jacobian[np.ix_(rows, unknowns)], sign * mass, rtol=1e-12)
+
+
+def test_the_law_in_the_rates_is_newtons() -> None:
+    """gamma+ = -e gamma- with the rates of moving gaps, and nothing of any energy."""
+    problem = driven_problem(2)
+    nlp = Transcription(problem, by_rates=True)
+    x = np.random.default_rng(6).normal(size=nlp.n)
+    lay, at = nlp.layout, nlp.layout.collision_nodes
+    q, t = x[lay.index_q[at]], x[lay.index_t[at]]
+    before, after = (
+        problem.model.gap_rates(q, x[v], t)[[0, 1], lay.surfaces]
+        for v in (lay.index_v_a, lay.index_v_c)
+    )
+    rows = nlp.rows.c.energy.numbers
+    np.testing.assert_allclose(
+        nlp.equality(x)[rows], after + np.array([0.6, 0.0]) * before, rtol=1e-12
+    )
+    assert not nlp.rows.d.separation.count  # it follows from the approach
 
 
 def test_every_unknown_has_one_place(nlp: Transcription) -> None:

@@ -85,6 +85,7 @@ def test_other_numbers_share_a_structure_and_other_forms_do_not(small: dmoc.Prob
     first = Transcription(small).structure
     shared = [Transcription(small.but(**change)).structure is first for change in CHANGES]
     assert shared == [True] * 3 + [False] * (len(CHANGES) - 3)
+    assert Transcription(small, by_rates=True).structure is not first
 
 
 def test_names_are_those_of_the_problem_not_of_the_one_that_was_first(small: dmoc.Problem) -> None:
