@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,18 @@ def pieces_of(trajectory: Trajectory) -> list[Piece]:
         Piece(p.t, p.q, p.v, times_of_inputs(trajectory.controls, p.t), p.u, p.normal, p.tangential)
         for p in trajectory.phases
     ]
+
+
+def equally_long(pieces: Sequence[Piece]) -> list[Piece]:
+    """The same way in the same time, in phases that take equally long."""
+    begin = pieces[0].t[0]
+    length = (pieces[-1].t[-1] - begin) / len(pieces)
+    found = []
+    for i, piece in enumerate(pieces):
+        pace = np.ptp(piece.t) / length
+        t, t_u = (begin + i * length + (at - piece.t[0]) / pace for at in (piece.t, piece.t_u))
+        found.append(replace(piece, t=t, v=pace * piece.v, t_u=t_u))
+    return found
 
 
 def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence[float]) -> Array:

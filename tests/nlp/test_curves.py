@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from dmoc.nlp.surfaces import _root
-from dmoc.nlp.transfer import Piece
+from dmoc.nlp.transfer import Piece, equally_long
 
 
 @pytest.mark.parametrize(
@@ -53,3 +53,21 @@ def test_positions_between_nodes_are_those_of_the_cubics() -> None:
     np.testing.assert_allclose(
         piece.positions(at), CubicHermiteSpline(t, q, v)(at), rtol=0, atol=1e-13
     )
+
+
+def test_phases_that_take_equally_long_lead_the_same_way_in_the_same_time() -> None:
+    def piece(begin: float, end: float) -> Piece:
+        t = np.linspace(begin, end, 9)
+        v = np.stack([np.cos(t), 2 * t], axis=1)
+        return Piece(t, np.stack([np.sin(t), t**2], axis=1), v, t, t[:, None])
+
+    given = [piece(1.0, 1.25), piece(1.25, 4.0), piece(4.0, 4.75)]
+    found = equally_long(given)
+    assert [p.t[0] for p in found] == pytest.approx([1.0, 2.25, 3.5])
+    assert [p.t[-1] for p in found] == pytest.approx([2.25, 3.5, 4.75])
+    for a, b in zip(given, found, strict=True):
+        np.testing.assert_array_equal(a.q, b.q)
+        np.testing.assert_allclose(b.t_u, b.t)
+        share = np.linspace(0, 1, 33)
+        places = [p.positions(p.t[0] + share * np.ptp(p.t)) for p in (a, b)]
+        np.testing.assert_allclose(places[0], places[1], rtol=1e-12)

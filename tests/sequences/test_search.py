@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 from searches import outline
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -164,7 +166,49 @@ def test_the_parents_motion_is_bent_to_the_surface(table: dmoc.Problem) -> None:
     lay = Layout.of(child)
     assert np.isfinite(x).all()
     assert x[lay.index_q[table.phase_steps[0], 0]] == pytest.approx(1.0)
-    assert x[lay.index_h] @ np.array(lay.steps) == pytest.approx(2.0)
+    assert x[lay.index_h] * lay.steps == pytest.approx([1.0, 1.0])  # of 2 s in all
+
+
+def test_a_surface_that_moves_is_met_where_it_is_at_that_time() -> None:
+    """A wall at 1 - 0.3 t, and a block that comes closest to it at the end of its motion."""
+    (x, u), t = dynamicsymbols("x u"), dynamicsymbols._t
+    system = dmoc.MechanicalSystem(
+        "moving_wall",
+        [x],
+        x.diff(t) ** 2 / 2,
+        {},
+        [u],
+        {x: u},
+        {"wall": x <= 1 - sp.Rational(3, 10) * t},
+        u**2 / 2,
+    )
+    child = dmoc.Problem(
+        dmoc.build(system),
+        start={"x": 0},
+        goal={"x": 0.5, "x_dot": 0},
+        sequence=["wall"],
+        steps=20,
+        final_time=1.0,
+    )
+    parent = dmoc.solve(child.but(sequence=[]), "ipm", verify=False)
+    start, lay = extended(parent, child), Layout.of(child)
+    met = lay.times(start)[20]
+    assert 0.85 < met < 0.95
+    assert start[lay.index_q[20, 0]] == pytest.approx(1 - 0.3 * met)
+
+
+def test_the_coarse_mesh_promises_no_collisions_that_a_finer_one_cannot_keep(
+    seed: dmoc.Problem,
+) -> None:
+    """Energies of steps of 25 ms beside steps of 0.4 ms would let the pendulum come with 3 rad/s
+    and leave with 0.2 rad/s: three hits would cost 1212 on the coarse mesh and 1691 on the fine
+    one, which is a long way from there."""
+    result = dmoc.search(seed, 3, surfaces=["right"])
+    assert [len(n.sequence) for n in result.nodes] == [0, 1, 2, 3]
+    for node in result.nodes:
+        assert node.solution is not None and node.solution.iterations < 60
+        for start in node.starts:
+            assert start.cost == pytest.approx(node.cost, rel=0.02)
 
 
 def test_a_collision_that_must_be_followed_by_another_is_reachable(table: dmoc.Problem) -> None:
