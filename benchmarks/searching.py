@@ -19,7 +19,7 @@ def compare(quick: bool) -> Section:
     section = Section(
         "Search over sequences",
         "The seed's problem, both limiters, N = 100 in each phase, method `ipm`: every sequence "
-        "up to a depth, on a coarse mesh from its parent's motion, automatic guesses and random "
+        "up to a depth, on a coarse mesh from its parent's motion, an automatic guess and random "
         "motions, the best one refined and confirmed by simulation. Failed: sequences without a "
         "verdict, their solves having met a limit or an "
         "error. Other answers: sequences whose verdict or cost is another than with one worker.",

@@ -141,7 +141,7 @@ def search(
     """Search for the best sequence of collisions.
 
     The nodes of a tree are the sequences of surfaces up to a depth, from the empty one on, repeated
-    hits included.  Each is solved from its parent's motion, from automatic guesses and from random
+    hits included.  Each is solved from its parent's motion, from an automatic guess and from random
     starts on a coarse mesh, and gets a verdict with its evidence; the children of one whose last
     collision cannot be made are not looked at.
 
@@ -163,7 +163,7 @@ def search(
         each depth.
     beam : int
     starts : int
-        Random starts of each node at most, beside the parent's motion and the automatic guesses.
+        Random starts of each node at most, beside the parent's motion and the automatic guess.
     seed : int
     method : str
         As in :func:`dmoc.solve`.
