@@ -163,3 +163,34 @@ def rod_system() -> dmoc.MechanicalSystem:
         parameters={m: 1.0, l: 0.5, g: 9.81, k: 3.0, mu: 0.4, rub: 0.7, belt: 0.3, rise: 0.1},
         cost=u**2 + w**2 + x**2,
     )
+
+
+def landing_system() -> dmoc.MechanicalSystem:
+    """A puck over a floor with friction, pushed along it."""
+    x, y, u = dynamicsymbols("x y u")
+    m, g, mu = sp.symbols("m g mu")
+    t = dynamicsymbols._t
+    return dmoc.MechanicalSystem(
+        "landing",
+        coordinates=[x, y],
+        inputs=[u],
+        lagrangian=m * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2 - m * g * y,
+        forces={x: u},
+        parameters={m: 1.0, g: 10.0, mu: 0.1},
+        cost=u**2 / 2,
+        surfaces={"floor": y >= 0},
+        tangents={"floor": x},
+        friction={"floor": mu},
+    )
+
+
+def landing_problem(steps: int = 8) -> dmoc.Problem:
+    """It falls for 0.2 s, lands with 2 N s, slides under 10 N and 1 N of friction, and sticks."""
+    return dmoc.Problem(
+        dmoc.build(landing_system()),
+        start={"x": 0, "y": 0.2, "x_dot": 1.0},
+        goal={"x": 0.5, "x_dot": 0},
+        sequence=["+floor:slip+", "floor:stick"],
+        steps=steps,
+        final_time=1.5,
+    )
