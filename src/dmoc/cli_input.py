@@ -28,7 +28,8 @@ out = Console(markup=False, emoji=False, highlight=False)
 err = Console(markup=False, emoji=False, highlight=False, stderr=True)
 NOT_SOLVED, BAD_INPUT = 1, 2
 MOST_VALUES = 10_000  # of a range
-RELATION = re.compile(r"([^\s+-]+)\s*(?:([+-])\s*(\S+))?")  # a state, and a difference
+# END=START and a difference, or a state alone.
+RELATION = re.compile(r"(?:([^\s=+-]+)\s*=\s*)?([^\s=+-]+)\s*(?:([+-])\s*(\S+))?")
 
 
 class Controls(StrEnum):
@@ -220,14 +221,15 @@ def read_periodic(text: str) -> tuple[str, ...] | dict[str, Any]:
         return parts
     relations: dict[str, Any] = {}
     for part in parts:
-        end, _, start = map(str.strip, part.partition("="))
-        found = RELATION.fullmatch(start if "=" in part else end)
-        if not end or end in relations or found is None:
+        found = RELATION.fullmatch(part)
+        end, start, sign, by = found.groups() if found else (None, None, None, None)
+        end = start if sign is None and end is None else end
+        if end is None or start is None or end in relations:
             raise ProblemError(
                 f"--periodic {part}: expected NAME, END=START, END=START+0.5 or END=START+?, each "
                 "END once."
             )
-        relations[end] = _start_and_difference(part, *found.groups())
+        relations[end] = _start_and_difference(part, start, sign, by)
     return relations
 
 

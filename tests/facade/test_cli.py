@@ -85,6 +85,7 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
         "active_bounds",
         "phases",
         "collisions",
+        "largest_forces",
         "max_violation",
         "optimality",
         "iterations",
@@ -102,8 +103,9 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
         f"{found['found']} of {found['starts']} starts led to it, none to another one"
     )
     assert found["others"] == []
-    assert set(found["phases"][0]) == {"steps", "step_size", "duration"}
+    assert set(found["phases"][0]) == {"steps", "step_size", "duration", "mode"}
     keys = {
+        "event",
         "surface",
         "time",
         "impulse",
@@ -113,6 +115,11 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
         "rate_before",
         "rate_after",
         "grazes",
+        "lands",
+        "leaves",
+        "friction",
+        "impulses",
+        "tractions",
     }
     assert set(found["collisions"][0]) == keys
     assert {"build", "guess", "solve"} <= set(found["seconds"])
