@@ -103,9 +103,8 @@ def contacts_of(trajectory: Trajectory) -> dict[str, str]:
 
 
 def has_normal_forces(trajectory: Trajectory) -> bool:
-    """Whether a surface pushes in some phase or event."""
-    pushed = any(phase.closed for phase in trajectory.phases)
-    return pushed or any(event.impulses for event in trajectory.collisions)
+    """Whether a surface pushes in some phase."""
+    return any(phase.closed for phase in trajectory.phases)
 
 
 def has_friction(trajectory: Trajectory) -> bool:
@@ -130,7 +129,7 @@ def normal_forces(axes: Axes, trajectory: Trajectory) -> None:
 
 def friction_forces(axes: Axes, trajectory: Trajectory) -> None:
     """Friction over time, what it cannot exceed as dashed lines behind it, and the tangential
-    impulses of the events."""
+    impulses of the events; the normal ones too where nothing else shows them."""
     largest = max(float(np.abs(p.tangential).max(initial=0.0)) for p in trajectory.phases)
     far = FAR * largest or np.inf
     outside = []
@@ -149,7 +148,10 @@ def friction_forces(axes: Axes, trajectory: Trajectory) -> None:
             for side in (limit, -limit):
                 axes.plot(phase.t, side, color=colour, linestyle="--", linewidth=0.9, zorder=1)
     low, high = np.clip(axes.get_ylim(), -far, far)
-    _impulses(axes, trajectory, [e.tractions for e in trajectory.collisions], (low, high))
+    impulses = [e.tractions for e in trajectory.collisions]
+    if not has_normal_forces(trajectory):
+        impulses = [{**e.impulses, **e.tractions} for e in trajectory.collisions]
+    _impulses(axes, trajectory, impulses, (low, high))
     _legend(axes, _limits_named(trajectory, outside))
 
 
@@ -173,8 +175,10 @@ def _impulses(
     impulses: Iterable[Mapping[str, float]],
     limits: tuple[float, float],
 ) -> None:
-    """Marks at the events with the values of their impulses, above the curves."""
+    """Marks at the events with the values of their impulses, above the curves; with the names of
+    contacts that have no curve."""
     colours, rows = contacts_of(trajectory), 0
+    drawn = {line.get_color() for line in axes.lines}
     for event, found in zip(trajectory.collisions, impulses, strict=True):
         right = event.time > 0.75 * trajectory.final_time
         for row, (name, value) in enumerate(found.items()):
@@ -185,7 +189,8 @@ def _impulses(
                 transform=axes.get_xaxis_transform(),
             )  # fmt: skip
             axes.annotate(
-                f"{value:.3g} N s".replace("-", "\N{MINUS SIGN}"),
+                f"{value:.3g} N s".replace("-", "\N{MINUS SIGN}")
+                + ("" if colours[name] in drawn else f" of {name}"),
                 (event.time, height),
                 xycoords=axes.get_xaxis_transform(),
                 xytext=(-7 if right else 7, 0),

@@ -183,10 +183,12 @@ def test_a_rail_has_a_limit_instead_of_a_cone(landed: dmoc.Solution) -> None:
         replace(p, closed=(), normal=bare, rubbing={"rail": 1}, tangential=np.full((9, 1), -2.0))
         for p in landed.phases
     )
-    events = tuple(replace(c, impulses={}, tractions={}) for c in landed.collisions)
+    events = tuple(replace(c, tractions={}) for c in landed.collisions)
     figure = drawn(landed, phases=phases, collisions=events, friction={"rail": 2.0})
     assert "normal forces [N]" not in [a.get_ylabel() for a in figure.axes]
     axes = labelled(figure, "friction [N]")
     assert legend(axes) == [r"$T_{\mathrm{rail}}$", r"$\pm F$"]
     dashed = [a for a in axes.lines if a.get_linestyle() == "--" and many(a)]
     assert {float(y) for a in dashed for y in np.asarray(a.get_ydata())} == {2.0, -2.0}
+    # What is hit and has no curve is named.
+    assert marks(axes) == {"2 N s of floor": landed.collisions[0].time}
