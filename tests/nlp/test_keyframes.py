@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from systems import driven_system
+from systems import driven_system, landing_problem
 
 import dmoc
 from dmoc.codegen.kernels import Array
@@ -141,3 +141,19 @@ def test_a_bad_guess_is_one_sentence(small: dmoc.Problem, guess: Any, message: s
     assert str(caught.value).startswith(message)
     assert str(caught.value).endswith(".")
     assert str(caught.value).count("\n") == 0
+
+
+def test_keyframes_come_down_on_contacts_that_last() -> None:
+    """From the landing on the puck stays on the floor, pushed with 10 N times the step; what
+    sticks does not slide."""
+    problem = landing_problem()
+    lay, x, _ = unknowns(problem, {"x": [0.0, 0.5], "y": [0.2, 0.1], "durations": [0.2, 0.8, 0.5]})
+    q, landing, sticking = x[lay.index_q], *lay.collision_nodes
+    assert np.abs(q[landing:, 1]).max() < 1e-12
+    assert np.ptp(q[sticking:-1, 0]) < 1e-12  # the goal is fixed
+    pushed = x[lay.index_P[lay.rows_of_phase(2), 0]]
+    assert pushed[2:-2] == pytest.approx(10.0 * 0.5 / 8)
+    # The landing takes the rate of the way to it, and keeps nothing of it.
+    assert x[lay.index_lam[0]] == pytest.approx(-x[lay.index_v_a[0, 1]])
+    assert x[lay.index_v_c[0, 1]] == pytest.approx(0.0, abs=1e-12)
+    assert x[lay.index_lam[1]] == 0.0

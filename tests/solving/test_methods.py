@@ -8,6 +8,7 @@ from typing import Any
 
 import block_and_wall
 import pytest
+from systems import landing_problem
 
 import dmoc
 from dmoc.errors import ProblemError, SearchError
@@ -67,3 +68,14 @@ def test_the_full_program_has_the_minimum_of_the_condensed_one(order: int) -> No
     assert full.status == condensed.status == "solved"
     assert full.cost == pytest.approx(condensed.cost, rel=1e-12)
     assert abs(full.unknowns - condensed.unknowns).max() < 1e-8
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_slsqp_solves_contacts_that_last(form: str) -> None:
+    """The same minimum as the compiled method, through an event without an impact."""
+    problem = landing_problem(6)
+    found = dmoc.solve(problem, "slsqp", form=form, starts=1, verify=False)
+    wanted = dmoc.solve(problem, starts=1, verify=False)
+    assert (found.status, found.method) == ("solved", "slsqp")
+    assert found.cost == pytest.approx(wanted.cost, rel=1e-5)
+    assert [c.word for c in found.collisions] == ["+floor:slip+", "floor:stick"]
