@@ -35,6 +35,7 @@ from dmoc.cli_input import (
     out,
     prepare,
     problem_fields,
+    read_names,
     written,
 )
 from dmoc.errors import SearchError
@@ -67,6 +68,13 @@ def search(
     max_collisions: Annotated[int, typer.Option(help="Most collisions of a sequence.")] = 3,
     surfaces: Annotated[
         str | None, typer.Option(help="Surfaces that may be hit, as left,right; all by default.")
+    ] = None,
+    events: Annotated[
+        str | None,
+        typer.Option(
+            help="Events that may happen, as '+right -left,rail:slip+' (see --sequence of dmoc "
+            "solve); by default all hits, and with contacts that last all that is possible."
+        ),
     ] = None,
     strategy: Annotated[
         Strategy,
@@ -154,9 +162,8 @@ def search(
         result = search_sequences(
             problem,
             max_collisions,
-            surfaces=None
-            if surfaces is None
-            else [s.strip() for s in surfaces.split(",") if s.strip()],
+            surfaces=None if surfaces is None else read_names(surfaces),
+            events=None if events is None else read_names(events),
             strategy=strategy.value,
             beam=beam,
             starts=starts,

@@ -207,6 +207,21 @@ def test_a_search_begins_in_contact_and_is_resumed(run: Run) -> None:
         assert json.loads(out)["best"] is not None
 
 
+def test_a_search_takes_the_events_that_may_happen(run: Run) -> None:
+    options = [o for o in PUSHED if o not in ("--starts", "1")]
+    options = ["search", "models.py:railed", *options, "--start", "x=0", "--max-collisions", "2"]
+    code, out, err = run(*options, "--events", "rail:slip+, rail:stick", "--json", "-")
+    assert code == 0, err
+    found = json.loads(out)
+    assert [n["sequence"] for n in found["nodes"]] == [
+        [],
+        ["rail:slip+"],
+        ["rail:slip+", "rail:stick"],
+    ]
+    code, _, err = run(*options, "--events", "rail:slide")
+    assert code == 2 and "events: " in err and "Traceback" not in err
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
