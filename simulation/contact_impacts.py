@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +12,8 @@ from dmoc.errors import SimulationError
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
 from dmoc.simulation.choices import Blow, Place, plastic_blow
-from dmoc.simulation.contacts import simultaneous
-from dmoc.simulation.modes import RAIL, Mode, conditions, reaction, supports
+from dmoc.simulation.contacts import NOISE, simultaneous
+from dmoc.simulation.modes import RAIL, Mode, Reaction, conditions, reaction, supports
 from dmoc.simulation.poisson import impulses
 
 # A rebound whose flight, with all that follow it, takes less than this share of a step is none.
@@ -34,7 +35,8 @@ class Struck:
 
 
 def struck(model: Model, at: Place, mode: Mode, restitution: Array, h: float) -> Struck:
-    """The impacts on the surfaces that a state touches and approaches.
+    """The impacts on the surfaces that a state touches and approaches; closed contacts that carry
+    a force stay closed through them.
 
     Raises
     ------
@@ -45,52 +47,50 @@ def struck(model: Model, at: Place, mode: Mode, restitution: Array, h: float) ->
     nq, surfaces = model.nq, model.kernels.surfaces
     q, v = at.y[:nq], at.y[nq : 2 * nq]
     rates = model.gap_rates(q, v, at.t)
-    on = np.flatnonzero(model.gaps(q, at.t) >= -at.small.gap)
-    hit = [int(j) for j in on if rates[j] > at.small.rate[j]]
-    e = _effective(model, at, mode, restitution, h)
+    on = [int(j) for j in np.flatnonzero(model.gaps(q, at.t) >= -at.small.gap)]
+    hit = [j for j in on if rates[j] > at.small.rate[j]]
+    found = reaction(model, mode, q[None], v[None], at.u[None], np.array([at.t]))
+    e = _effective(model, at, found, restitution, h)
     tangent = {
         j: k for k, j in enumerate(supports(model.kernels)) if j != RAIL and model.friction[k] > 0
     }
-    normals = model.gap_slopes(q, at.t)[:, :-1]
-    response = normals @ solved(model.mass(q, at.t), normals.T)
-    alone = len(hit) == 1 and _uncoupled(model, at, hit[0], [int(j) for j in on])
-    if not any(int(j) in tangent for j in on):
-        return _without_friction(model, at, rates, response, e, h)
-    if alone:
+    rough = [j for j in on if j in tangent]
+    carrying = bool((found.normal[0] > at.small.force).any())
+    names = ", ".join(repr(surfaces[j]) for j in on)
+    if not rough and not carrying:
+        return _one_by_one(model, at, e)
+    if len(hit) == 1 and _uncoupled(model, at, hit[0], on):
         return _alone(model, at, hit[0], tangent.get(hit[0]), float(e[hit[0]]))
-    if any(j in tangent and e[j] > 0 for j in hit):
-        names = ", ".join(repr(surfaces[j]) for j in on)
+    if any(e[j] > 0 for j in hit if j in tangent):
         raise SimulationError(
             f"the contacts {names} with friction are hit at once at t = {at.t:.6g} s: such an "
             "impact is known for a restitution of 0 only, give them that."
         )
-    blow = plastic_blow(model, at, [int(j) for j in on], e)
-    if blow is None or _gains(model, at, blow):
-        names = ", ".join(repr(surfaces[j]) for j in on)
-        raise SimulationError(
-            f"the impact on {names} at t = {at.t:.6g} s has no outcome that obeys the laws of "
-            "impact and friction: give them a restitution of 0, or lower the friction."
-        )
-    return Struck(
-        blow.velocity,
-        tuple(
-            (
-                int(j),
-                float(blow.normal[j]),
-                float(blow.tangential[tangent[j]]) if j in tangent else 0.0,
-            )
-            for j in map(int, on)
-            if blow.normal[j] > ROUNDED * blow.normal.max()
-        ),
+    blow = plastic_blow(model, at, on, e)
+    if blow is not None and not _gains(model, at, blow):
+        return Struck(blow.velocity, tuple(_felt(blow, on, tangent)))
+    if not rough:
+        return _one_by_one(model, at, e)
+    raise SimulationError(
+        f"the impact on {names} at t = {at.t:.6g} s has no outcome that obeys the laws of impact "
+        "and friction: give them a restitution of 0, or lower the friction."
     )
 
 
-def _effective(model: Model, at: Place, mode: Mode, restitution: Array, h: float) -> Array:
+def _felt(blow: Blow, on: list[int], tangent: dict[int, int]) -> Iterator[tuple[int, float, float]]:
+    """Surfaces that take an impulse, with it and with that of their friction."""
+    for j in on:
+        if blow.normal[j] > ROUNDED * blow.normal.max():
+            traction = float(blow.tangential[tangent[j]]) if j in tangent else 0.0
+            yield j, float(blow.normal[j]), traction
+
+
+def _effective(model: Model, at: Place, found: Reaction, restitution: Array, h: float) -> Array:
     """Coefficients of restitution, zero where the bounces that would follow die away at once."""
     nq = model.nq
     q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
-    a = reaction(model, mode, q, v, at.u[None], t).acceleration[0]
-    pressed = model.gap_slopes(q, t)[0, :, :-1] @ a + model.gap_accelerations(q, v, t)[0]
+    slopes = model.gap_slopes(q, t)[0, :, :-1]
+    pressed = slopes @ found.acceleration[0] + model.gap_accelerations(q, v, t)[0]
     rates = model.gap_rates(q, v, t)[0]
     rebound = 2 * restitution * np.maximum(rates, 0.0)
     dies = (pressed > 0) & (rebound < SETTLED * h * (1 - restitution) * pressed)
@@ -113,23 +113,23 @@ def _uncoupled(model: Model, at: Place, j: int, on: list[int]) -> bool:
     return bool((np.abs(A)[np.ix_(at_j, ~at_j)] <= COUPLED * size[np.ix_(at_j, ~at_j)]).all())
 
 
-def _without_friction(
-    model: Model, at: Place, rates: Array, response: Array, e: Array, h: float
-) -> Struck:
-    """Impacts on surfaces without friction, one after the other or at once."""
+def _one_by_one(model: Model, at: Place, e: Array) -> Struck:
+    """Impacts on surfaces without friction, one after the other, or at once where all are
+    plastic."""
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
+    normals, rates = model.gap_slopes(q, at.t)[:, :-1], model.gap_rates(q, v, at.t)
+    response = normals @ solved(model.mass(q, at.t), normals.T)
     small = at.small
     found = simultaneous(
-        model.gaps(q, at.t), small.gap, rates, small.rate / 1e-11, response, e, 0.0
+        model.gaps(q, at.t), small.gap, rates, small.rate / NOISE, response, e, 0.0
     )
     if found is None:
         raise SimulationError(
             f"the impacts at t = {at.t:.6g} s come to no end: bodies that meet so cannot be "
             "simulated, change the start or give the surfaces a restitution below 1."
         )
-    normals, M = model.gap_slopes(q, at.t)[:, :-1], model.mass(q, at.t)
     for j, impulse in found:
-        v = v - impulse * solved(M, normals[j])
+        v = v - impulse * solved(model.mass(q, at.t), normals[j])
     return Struck(v, tuple((j, impulse, 0.0) for j, impulse in found))
 
 

@@ -47,6 +47,16 @@ def put(motion: Motion, i: int, y: Array, t: Array) -> tuple[Array, Array]:
     return settled(motion.model, motion.modes[i], y, t, held), held
 
 
+def wanted(motion: Motion, i: int, nodes: Index) -> tuple[Array, Array, Array]:
+    """Times, positions and momenta of nodes of a phase, less what its closed contacts and what
+    sticks would not let pass: that is judged by itself (:mod:`dmoc.simulation.contact_forces`)."""
+    phase, nq = motion.trajectory.phases[i], motion.model.nq
+    t, q, v, p = phase.t[nodes], phase.q[nodes], phase.v[nodes], phase.p[nodes]
+    y, _ = put(motion, i, rows_at(motion, i, nodes), t)
+    at, rates = (np.ascontiguousarray(y[:, k * nq : (k + 1) * nq]) for k in (0, 1))
+    return t, at, p + motion.model.momentum(at, rates, t) - motion.model.momentum(q, v, t)
+
+
 # Steps --------------------------------------------------------------------------------------------
 
 
@@ -77,7 +87,7 @@ def _steps_of(motion: Motion, flow: ModeFlow, i: int) -> StepErrors:
     gaps = motion.model.gaps(between.reshape(-1, nq), times.ravel()) / motion.sizes.gap
     low, high = motion.trajectory.coordinate_bounds.T
     return StepErrors(
-        motion.error(y1, phase.t[1:], phase.q[1:], phase.p[1:]),
+        motion.error(y1, *wanted(motion, i, np.arange(1, phase.steps + 1))),
         (float(y1[:, -1].sum()),),
         largest(gaps[:, _open(motion, mode)]),
         largest(np.maximum(low - between, between - high) / motion.sizes.q),
@@ -130,8 +140,7 @@ def _segments_of(motion: Motion, flow: ModeFlow, i: int) -> tuple[list[Segment],
         alone = Span(span.t[one], span.h[one], span.u0[one], span.u1[one])
         met += _met(motion, flow, i, (y0[one], y1[one]), alone)
     ends = y.reshape(len(places), len(changes), m + 1)[..., :m]
-    wanted = (phase.t[cuts[1:]], phase.q[cuts[1:]], phase.p[cuts[1:]])
-    errors = motion.error(np.ascontiguousarray(ends[:, 0]), *wanted)
+    errors = motion.error(np.ascontiguousarray(ends[:, 0]), *wanted(motion, i, cuts[1:]))
     slopes = np.swapaxes(ends[:, 1 : 1 + m] - ends[:, 1 + m :], 1, 2) / (2 * unit)
     parts = [
         Segment(i, a, b, float(error), slope)

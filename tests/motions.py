@@ -341,12 +341,13 @@ def gait(kernels: Kernels, steps: int) -> Trajectory:
 # A bead in a bowl ---------------------------------------------------------------------------------
 
 
-def bowl_system() -> dmoc.MechanicalSystem:
+def bowl_system(room_to_the_right: float = 2.0) -> dmoc.MechanicalSystem:
     x, y = dynamicsymbols("x y")
-    g = sp.Symbol("g")
+    g, room = sp.symbols("g room")
     return dmoc.MechanicalSystem(
-        "bead_in_bowl", [x, y], (x.diff(T) ** 2 + y.diff(T) ** 2) / 2 - g * y, {g: 9.81},
-        surfaces={"bowl": y >= x**2 / 2},
+        "bead_in_bowl", [x, y], (x.diff(T) ** 2 + y.diff(T) ** 2) / 2 - g * y,
+        {g: 9.81, room: room_to_the_right},
+        surfaces={"bowl": y >= x**2 / 2, "wall": x <= room},
     )  # fmt: skip
 
 
@@ -372,3 +373,38 @@ def swinging_bead(kernels: Kernels, steps: int) -> Trajectory:
         return np.zeros((len(t), 0))
 
     return trajectory(kernels, [Piece(1.5, state, none, ("bowl",), {}, force)], [], steps)
+
+
+def thrown_back(kernels: Kernels, steps: int, e: float) -> Trajectory:
+    """A bead that comes down in the bowl against a wall, which throws it back up: the bowl, from
+    which it does not lift, takes an impulse too."""
+
+    def slope(t: float, z: np.ndarray) -> list[float]:
+        return [z[1], -z[0] * (z[1] ** 2 + 9.81) / (1 + z[0] ** 2)]
+
+    def wall(t: float, z: np.ndarray) -> float:
+        return float(z[0] + 0.5)
+
+    wall.terminal = True  # type: ignore[attr-defined]
+    kept = {"rtol": 1e-12, "atol": 1e-13, "dense_output": True}
+    down = solve_ivp(slope, (0, 2), [-1.0, 0.0], "DOP853", events=wall, **kept)
+    end, v = float(down.t[-1]), float(down.y[1, -1])
+    up = solve_ivp(slope, (end, end + 0.3), [-0.5, -e * v], "DOP853", **kept)
+
+    def piece(end: float, run: Function) -> Piece:
+        def state(t: np.ndarray) -> np.ndarray:
+            x, v = run(t)
+            return columns(x, x**2 / 2, v, x * v)
+
+        def force(t: np.ndarray) -> np.ndarray:
+            x, v = run(t)
+            return columns((v**2 + 9.81) / (1 + x**2))
+
+        return Piece(end, state, lambda t: np.zeros((len(t), 0)), ("bowl",), {}, force)
+
+    change = -(1 + e) * v  # of x', and -0.5 times that of y'
+    bowl = -0.5 * change
+    impulses = {"wall": -change + 0.5 * bowl, "bowl": bowl}
+    hit = {"surface": "wall", "impulse": impulses["wall"], "impulses": impulses}
+    pieces = [piece(end, down.sol), piece(end + 0.3, up.sol)]
+    return trajectory(kernels, pieces, [hit], steps, {"wall": e})

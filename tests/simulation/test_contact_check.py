@@ -82,6 +82,86 @@ def test_a_bead_in_a_bowl() -> None:
     assert max(check.terminal_error, check.energy_error, check.force_error) < 1e-9
 
 
+@pytest.mark.parametrize("e", [0.7, 1.0])
+def test_a_hit_through_which_a_contact_stays_closed(e: float) -> None:
+    kernels = dmoc.build(motions.bowl_system(-0.5))
+    motion = motions.thrown_back(kernels, 30, e)
+    check = confirmed(motion, kernels)
+    assert max(check.terminal_error, check.impact_error, check.force_error) < 1e-8
+    weaker = {"wall": 0.9 * motion.collisions[0].impulses["wall"], "bowl": 0.0}
+    for wrong in (event_changed(0, impulses=weaker), event_changed(0, impulses={})):
+        assert "law of impact" in dmoc.verify(wrong(motion), kernels).message
+
+
+def discrete(kernels: Kernels, motion: Trajectory, steps: int) -> Trajectory:
+    """The first phase of a motion by the midpoint rule with the conditions of its mode at the
+    nodes, r_plus + r_minus + h C^T lam = 0, and a velocity at the end that keeps them."""
+    from scipy.optimize import root
+
+    from dmoc.mechanics.model import Model
+    from dmoc.mechanics.values import parameter_row
+
+    phase, model = motion.phases[0], Model(kernels, parameter_row(kernels, {}))
+    h, nq, none = phase.duration / steps, model.nq, np.zeros((1, 0))
+    on = [kernels.surfaces.index(name) for name in phase.closed]
+    held = [kernels.tangents.index(name) for name in phase.rubbing]
+    place = model.tangents(phase.q[0])
+
+    def gradients(q: np.ndarray) -> np.ndarray:
+        return np.vstack([-model.gap_slopes(q)[on, :-1], model.tangent_slopes(q)[held, :-1]])
+
+    def off(q: np.ndarray) -> np.ndarray:
+        return np.concatenate([model.gaps(q)[on], (model.tangents(q) - place)[held]])
+
+    def step(q: np.ndarray, after: np.ndarray) -> np.ndarray:
+        rows = [q[None], after[None], none, none, np.array([[h]]), np.zeros((1, 1)), none]
+        return np.concatenate(model.step_momenta(rows))
+
+    q, p, forces = [phase.q[0]], [phase.p[0]], []
+    come, share = phase.p[0], 0.5
+    for _ in range(steps):
+
+        def balance(z: np.ndarray, q=q, come=come, share=share) -> np.ndarray:  # type: ignore[no-untyped-def]
+            pushed = come + share * h * gradients(q[-1]).T @ z[nq:]
+            return np.concatenate([pushed - step(q[-1], z[:nq])[0], off(z[:nq]) / h])
+
+        start = np.concatenate([q[-1] + h * model.velocity(q[-1], p[-1]), np.zeros(len(on + held))])
+        found = root(balance, start, tol=1e-12).x
+        forces.append(found[nq:])
+        if share == 1:
+            p[-1] = come + h / 2 * gradients(q[-1]).T @ forces[-1]
+        come, share = step(q[-1], found[:nq])[1], 1.0
+        q.append(found[:nq])
+        p.append(come)
+    C, M = gradients(q[-1]), model.mass(q[-1])
+    response = np.linalg.solve(M, C.T)
+    free = model.velocity(q[-1], come)
+    forces.append(-2 / h * np.linalg.solve(C @ response, C @ free))
+    p[-1] = come + h / 2 * C.T @ forces[-1]
+    nodes, momenta, lam = np.array(q), np.array(p), np.array(forces)
+    made = replace(
+        phase, t=h * np.arange(steps + 1), q=nodes, p=momenta, v=model.velocity(nodes, momenta),
+        u=np.zeros((steps + 1, 0)), normal=lam[:, : len(on)], tangential=lam[:, len(on) :],
+    )  # fmt: skip
+    return replace(motion, phases=(made,), collisions=())
+
+
+@pytest.mark.parametrize("which", ["bowl", "compass"])
+def test_errors_of_discrete_motions_fall_as_the_square_of_the_step(
+    compass: Kernels, which: str
+) -> None:
+    """Segments and the end of order 2, a step of order 3; the force at an end is that of half a
+    step: of order 1."""
+    kernels = compass if which == "compass" else dmoc.build(motions.bowl_system())
+    exact = (motions.gait if which == "compass" else motions.swinging_bead)(kernels, 2)
+    checks = [confirmed(discrete(kernels, exact, n), kernels) for n in (40, 80)]
+    for value, order in (
+        (lambda c: c.segment_defects.max(), 2), (lambda c: c.terminal_error, 2),
+        (lambda c: c.energy_error, 2), (lambda c: c.max_defect, 3), (lambda c: c.force_error, 1),
+    ):  # fmt: skip
+        assert np.log2(value(checks[0]) / value(checks[1])) == pytest.approx(order, abs=0.1)
+
+
 def test_a_bead_that_leaves_a_ball(ball: Kernels) -> None:
     check = confirmed(motions.sliding_off(ball, 30), ball)
     assert max(check.terminal_error, check.energy_error, check.force_error) < 1e-10

@@ -215,3 +215,18 @@ def test_a_contact_that_jams_is_told() -> None:
 def test_a_start_behind_a_surface_is_refused(floor: Kernels) -> None:
     with pytest.raises(SimulationError, match="lies behind surface 'floor'"):
         dmoc.simulate(floor, [0.0, -0.1], step_size=0.1, steps=1)
+
+
+@pytest.mark.parametrize("e", [0.5, 1.0])
+def test_a_contact_under_load_stays_closed_when_another_is_hit(e: float) -> None:
+    """A bead that comes down in a bowl against a wall goes back up along the bowl."""
+    kernels = dmoc.build(motions.bowl_system(-0.5))
+    motion = motions.thrown_back(kernels, 10, e)
+    run = dmoc.simulate(
+        kernels, [-1.0, 0.5], step_size=0.05, steps=14, restitution={"wall": e, "bowl": 1.0}
+    )
+    assert {c.surface: c.impulse for c in run.collisions} == pytest.approx(
+        dict(motion.collisions[0].impulses), rel=1e-9
+    )
+    assert [s.name for s in run.contacts] == ["bowl"]
+    assert run.q[:, 1] == pytest.approx(run.q[:, 0] ** 2 / 2, abs=1e-12)
