@@ -8,14 +8,16 @@ impulses of a plastic impact.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice, product
+from itertools import product
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.errors import SimulationError
+from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
 from dmoc.simulation.modes import (
     RAIL,
@@ -29,7 +31,7 @@ from dmoc.simulation.modes import (
 )
 from dmoc.simulation.tolerances import Tolerances
 
-# Combinations that are tried before a choice is given up.
+# Combinations that may be tried for one choice.
 MOST_COMBINATIONS = 20_000
 OPEN = 2  # beside the signs 0, 1 and -1 of friction: a contact that opens
 SMOOTH = 3  # a contact that is closed without friction
@@ -91,6 +93,14 @@ def mode_at(model: Model, at: Place, hints: Hints) -> Mode:
         )  # fmt: skip
 
     mode = _first(model, on, sigma, at.small.slide, hints, holds, rails=True)
+    if (
+        mode is None
+        and not np.isfinite(reaction(model, Mode(), q, v, at.u[None], t).acceleration).all()
+    ):
+        raise SimulationError(
+            f"the mass matrix or a force at t = {at.t:.6g} s is singular or not finite: check the "
+            "parameters, and stop before the motion gets there."
+        )
     if mode is None:
         names = ", ".join(repr(model.kernels.surfaces[j]) for j in on) or "the rails"
         raise SimulationError(
@@ -126,7 +136,7 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
         change, lam = answers(M, conditions(model, mode, q, t), aims)
         normal, tangential = (part[0] for part in spread(model, mode, lam))
         gap_rates, slides = rates + slopes[0] @ change[0], sigma + slopes[1] @ change[0]
-        inertia = np.einsum("ji,ij->j", slopes[0], np.linalg.solve(M[0], slopes[0].T))
+        inertia = np.einsum("ji,ij->j", slopes[0], solved(M[0], slopes[0].T))
         noise = at.small.rate / np.where(inertia > 0, inertia, 1.0)
         found[mode] = Blow(v[0] + change[0], normal, tangential)
         least = np.array([noise[j] if j != RAIL else 0.0 for j in supports(model.kernels)])
@@ -164,7 +174,12 @@ def _first(
     options = [_options(j, tangent.get(j), sigma, small, hints) for j in on]
     options += [_signs(k, sigma, small, hints) for k in rubs]
     keys = [*[tangent.get(j, RAIL) for j in on], *rubs]
-    for states in islice(product(*options), MOST_COMBINATIONS):
+    if math.prod(map(len, options)) > MOST_COMBINATIONS:
+        raise SimulationError(
+            f"{len(options)} contacts and rails are touched at once: these are too many states of "
+            "contact and friction to choose from, stop before it."
+        )
+    for states in product(*options):
         closed = tuple(j for j, s in zip(on, states, strict=False) if s != OPEN)
         rubbing = [(k, s) for k, s in zip(keys, states, strict=True) if s not in (OPEN, SMOOTH)]
         mode = Mode(

@@ -230,3 +230,24 @@ def test_a_contact_under_load_stays_closed_when_another_is_hit(e: float) -> None
     )
     assert [s.name for s in run.contacts] == ["bowl"]
     assert run.q[:, 1] == pytest.approx(run.q[:, 0] ** 2 / 2, abs=1e-12)
+
+
+def test_a_mass_that_vanishes_under_friction_is_told() -> None:
+    system = dmoc.MechanicalSystem(
+        "vanishing", [x], x * x.diff(T) ** 2 / 2, {f: 0.1}, tangents={"rail": x},
+        friction={"rail": f},
+    )  # fmt: skip
+    with pytest.raises(SimulationError, match="mass matrix"):
+        dmoc.simulate(dmoc.build(system), [0.5], [-1.0], step_size=0.1, steps=20)
+
+
+def test_numpy_kernels_go_the_same_way() -> None:
+    runs = [
+        dmoc.simulate(
+            dmoc.build(motions.floor_system(), backend=backend), [0.0, 0.8], [2.0, 0.0],
+            step_size=0.1, steps=15, restitution=0.5,
+        )
+        for backend in ("compiled", "numpy")
+    ]  # fmt: skip
+    assert runs[0].q == pytest.approx(runs[1].q, abs=1e-12)
+    assert len(runs[0].collisions) == len(runs[1].collisions)
