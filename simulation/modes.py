@@ -25,6 +25,8 @@ from dmoc.trajectory import Phase
 
 # Singular values below this share of the largest are those of conditions that say the same twice.
 REDUNDANT = 1e-11
+# Determinant, measured by the sizes of its rows and columns, of conditions that are far from that.
+REGULAR = 1e-6
 RAIL = -1  # the surface of a tangent that belongs to none
 
 
@@ -226,5 +228,7 @@ def _multipliers(A: Array, size: Array, b: Array) -> Array:
     scaled = A / size[:, :, None] / size[:, None, :]
     if not (np.isfinite(scaled).all() and np.isfinite(b).all()):
         return np.full(b.shape, np.nan)
+    if (np.abs(np.linalg.det(scaled)) > REGULAR).all():
+        return np.asarray(np.linalg.solve(scaled, (b / size)[..., None])[..., 0] / size)
     inverse = np.linalg.pinv(scaled, rcond=REDUNDANT)
     return np.asarray((inverse @ (b / size)[..., None])[..., 0] / size)

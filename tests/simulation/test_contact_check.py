@@ -317,3 +317,20 @@ def test_sliding_that_jams_is_no_motion() -> None:
 def test_forces_that_do_not_fit_are_refused(floor: Kernels, change: Change, told: str) -> None:
     with pytest.raises(SimulationError, match=told):
         dmoc.verify(change(motions.pushed_block(floor, 20, on_floor=True)), floor)
+
+
+def test_between_two_inputs_every_force_between_theirs_is_right(rail: Kernels) -> None:
+    """A block held by a rail under a push that jumps from step to step."""
+    u = np.array([[0.2], [0.8], [0.2], [0.8]])
+    still = motions.Piece(
+        1.0, lambda t: motions.columns(0.3 + 0 * t, 0), lambda t: np.zeros((len(t), 1)),
+        (), {"rail": 0}, None, lambda t: np.array([[-0.2], [-0.5], [-0.5], [-0.5], [-0.8]]),
+    )  # fmt: skip
+    motion = replace(motions.trajectory(rail, [still], [], 4), controls="constant")
+    motion = phase_changed(0, u=u)(motion)
+    assert confirmed(motion, rail).force_error == 0
+    wrong = phase_changed(0, tangential=lambda p: p.tangential - 0.4)(motion)
+    check = dmoc.verify(wrong, rail)
+    assert not check.passed and "error of a contact force" in check.message
+    beyond = dmoc.verify(phase_changed(0, u=1.5 * u)(motion), rail)
+    assert "rail would have to stick with 1.2 N at 0.25 s, where it holds 1 N" in beyond.message
