@@ -15,7 +15,13 @@ from dataclasses import replace
 import numpy as np
 
 from dmoc.simulation.contact_events import event_errors, off_surface
-from dmoc.simulation.contact_forces import ForceErrors, force_errors, left_out, still_pressed
+from dmoc.simulation.contact_forces import (
+    TURNED,
+    ForceErrors,
+    force_errors,
+    left_out,
+    still_pressed,
+)
 from dmoc.simulation.contact_measures import (
     amplification,
     flow_of,
@@ -47,7 +53,9 @@ def judged_with_contacts(motion: Motion) -> Verification:
     flow, held = flow_of(motion), _forces(motion)
     steps, (parts, met) = step_errors(motion, flow), segments(motion, flow)
     events, inputs = event_errors(motion, steps.work), input_excess(motion)
-    missed, extra = _compared(motion, met)
+    missed, in_flight = _in_flight(motion)
+    met = [c for c in (*met, *in_flight) if c.jump > GRAZING]
+    extra = dict.fromkeys(f"a contact with {c.surface!r} at {c.time:.4g} s" for c in met)
     defects = np.array([part.error for part in parts])
     worst = float(defects.max(initial=0.0))
     terminal, amplified = open_loop(motion, flow), amplification(motion, parts)
@@ -59,7 +67,7 @@ def judged_with_contacts(motion: Motion) -> Verification:
         "excess of an input": inputs, "error of a contact force": held.largest,
     }  # fmt: skip
     told = [*_wrong_places(motion), *held.told, *events.told]
-    told += [*still_pressed(motion, held.sizes), *lost_by(missed, extra, 0.0)]
+    told += [*still_pressed(motion, held.sizes), *lost_by(missed, tuple(extra), 0.0)]
     too_far, note = exceeded(measured), ""
     if not terminal <= TERMINAL:
         lost = lost_by((), (), terminal)
@@ -68,14 +76,13 @@ def judged_with_contacts(motion: Motion) -> Verification:
             note = unstable(amplified, lost, worst)
         else:
             too_far = lost + too_far
-    extra_met = tuple(c for c in met if c.jump > GRAZING)
     message = "; ".join(told + too_far)
     if too_far and not told:
         message = too_coarse(too_far, amplified)
     return Verification(
         not (told or too_far), message or note, terminal, amplified,
         float(steps.defects.max(initial=0.0)), defects, events.energy, events.law, missed,
-        tuple(extra), steps.penetration, max(steps.excess, inputs), extra_met, held.largest,
+        tuple(extra), steps.penetration, max(steps.excess, inputs), tuple(met), held.largest,
     )  # fmt: skip
 
 
@@ -93,24 +100,32 @@ def _wrong_places(motion: Motion) -> list[str]:
     return told
 
 
-def _compared(motion: Motion, met: list[Contact]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Planned contacts at the ends of free phases that are missed, and contacts that were not
-    planned and do not merely graze."""
-    missed = []
+def _softly(motion: Motion, i: int) -> bool:
+    """Whether a phase ends on its surface with hardly a rate, so that a simulation may just not
+    reach it."""
+    c, phase = motion.trajectory.collisions[i], motion.trajectory.phases[i]
+    j = motion.model.kernels.surfaces.index(c.surface)
+    rate = motion.model.gap_rates(phase.q[-1], phase.v[-1], c.time)[j]
+    return bool(rate <= TURNED * motion.sizes.rate[j])
+
+
+def _in_flight(motion: Motion) -> tuple[tuple[str, ...], list[Contact]]:
+    """Planned contacts at the ends of free phases that are missed, and contacts on the way there
+    that were not planned."""
+    missed, met = list[str](), list[Contact]()
     for i, phase in enumerate(motion.trajectory.phases):
         if not is_free(motion, i):
             continue
         contacts = contacts_of_phase(motion, i)
-        end = float(phase.t[-1])
-        met += [c for c in contacts if not is_planned(motion, i, c.surface, c.time)]
-        planned = motion.trajectory.collisions[i : i + 1]
+        planned = [c for c in contacts if is_planned(motion, i, c.surface, c.time)]
+        met += [c for c in contacts if c not in planned]
         missed += [
-            f"the contact with {c.surface!r} at {end:.4g} s"
-            for c in planned
+            f"the contact with {c.surface!r} at {phase.t[-1]:.4g} s"
+            for c in motion.trajectory.collisions[i : i + 1]
             if c.surface
             and c.surface not in motion.trajectory.ignored
             and not c.grazes
-            and not any(is_planned(motion, i, m.surface, m.time) for m in contacts)
+            and not planned
+            and not _softly(motion, i)
         ]
-    extra = [f"a contact with {c.surface!r} at {c.time:.4g} s" for c in met if c.jump > GRAZING]
-    return tuple(missed), tuple(dict.fromkeys(extra))
+    return tuple(missed), met

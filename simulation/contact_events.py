@@ -109,7 +109,8 @@ def _own(motion: Motion, i: int, event: Event, found: Outcome) -> float:
         model.gap_rates(before.q[-1], v, c.time)[closed]
         for v in (before.v[-1], after.v[0], found.velocity[0])
     )
-    return float(np.abs(new - right).max() / max(np.abs([old, new]).max(), 1e-300))
+    soft = TURNED * float(motion.sizes.rate[closed].max())  # a landing may have no rate at all
+    return float(np.abs(new - right).max() / max(float(np.abs([old, new]).max()), soft))
 
 
 def _unbearable(motion: Motion, c: Collision, event: Event, found: Outcome) -> Iterator[str]:

@@ -20,7 +20,7 @@ BEARABLE, TURNED = 0.01, 1e-3
 PRESSED = 0.05
 # A closed contact may be off its surface, and what sticks off its place, by this share of the
 # sizes, and their rates by the second share.
-OFF, DRIFT = 1e-6, 0.02
+OFF, DRIFT = 1e-4, 0.02
 
 
 @dataclass(frozen=True)

@@ -162,6 +162,37 @@ def thrown_block(kernels: Kernels, steps: int, e: float) -> Trajectory:
     return trajectory(kernels, [first, *pieces], [lands, {"friction": {"floor": 0}}], steps)
 
 
+def lowered_block(kernels: Kernels, steps: int) -> Trajectory:
+    """A mass that is let down on the floor by a force and arrives without a rate."""
+
+    def lowers(t: np.ndarray) -> np.ndarray:
+        return columns(t, (1 - t) ** 2 * (1 + 2 * t), 1, 6 * t * (t - 1))
+
+    def rests(t: np.ndarray) -> np.ndarray:
+        return columns(t - (t - 1) ** 2 / 2, 0, 2 - t, 0)
+
+    def lift(t: np.ndarray) -> np.ndarray:
+        return columns(0, 10 + 12 * t - 6)
+
+    pieces = [
+        Piece(1.0, lowers, lift),
+        Piece(1.5, rests, lambda t: columns(0 * t, 0), ("floor",), {"floor": 1},
+              lambda t: np.full((len(t), 1), 10.0), lambda t: np.full((len(t), 1), -1.0)),
+    ]  # fmt: skip
+    lands = {"surface": "floor", "lands": ("floor",), "friction": {"floor": 1}}
+    return trajectory(kernels, pieces, [lands], steps)
+
+
+def hoist_system() -> dmoc.MechanicalSystem:
+    x, y, u, lift = dynamicsymbols("x y u lift")
+    g, mu = sp.symbols("g mu")
+    return dmoc.MechanicalSystem(
+        "hoist", [x, y], (x.diff(T) ** 2 + y.diff(T) ** 2) / 2 - g * y, {g: 10.0, mu: 0.1},
+        inputs=[u, lift], forces={x: u, y: lift}, surfaces={"floor": y >= 0},
+        tangents={"floor": x}, friction={"floor": mu},
+    )  # fmt: skip
+
+
 # A bead that slides off a ball and falls ----------------------------------------------------------
 
 

@@ -15,6 +15,7 @@ from dmoc.sequences.settings import Settings
 SETTINGS = Settings(
     max_collisions=2,
     surfaces=("left", "right"),
+    events=None,
     strategy="exhaustive",
     beam=4,
     starts=0,
@@ -47,6 +48,7 @@ OTHER_FIELDS: dict[str, Any] = {
 }
 OTHER_SETTINGS: dict[str, Any] = {
     "surfaces": ("left",),
+    "events": ("left",),
     "starts": 1,
     "seed": 1,
     "method": "slsqp",

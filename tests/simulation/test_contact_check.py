@@ -174,6 +174,14 @@ def test_a_block_thrown_on_a_floor(floor: Kernels, e: float) -> None:
     assert max(check.terminal_error, check.energy_error, check.impact_error) < 1e-12
 
 
+def test_a_soft_landing() -> None:
+    """A mass that is let down arrives without a rate, and slides on."""
+    kernels = dmoc.build(motions.hoist_system())
+    for steps in (10, 21):
+        check = confirmed(motions.lowered_block(kernels, steps), kernels)
+        assert max(check.terminal_error, check.impact_error, check.energy_error) < 1e-10
+
+
 def test_the_passive_compass_gait(compass: Kernels) -> None:
     """Two steps down a slope of 3 degrees, on one foot and on the other: a step takes
     0.734346391 s, and the state after the landing is that at the start with the legs exchanged."""
