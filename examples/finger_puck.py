@@ -49,7 +49,7 @@ def system() -> dmoc.MechanicalSystem:
     )
 
 
-def problem(steps: int = 40) -> dmoc.Problem:
+def problem(steps: int = 100) -> dmoc.Problem:
     start = {"a": 1.9, "b": 0.0, "s": 0.12}
     # The tip begins in its lane.
     start["b"] = float(np.arcsin(0.1 / 0.15 - sin(start["a"])))

@@ -1,10 +1,8 @@
-"""A step of a walker with five links, RABBIT: it finds its own gait.
+"""A step of a walker with five links, RABBIT (Chevallereau et al., IEEE Control Systems Magazine 23
+(2003) 57-79), which finds its own gait from the length of the step and its time.
 
-Floating torso, two legs with knees, torques at hips and knees.  The stance foot is held by the
-floor and by friction, the other foot lands plastically while the stance foot leaves, and the next
-step is the same with the legs exchanged.  Given are the length of the step and its time alone; the
-cost is the square of the torques.  Masses, inertias, lengths and centres are those of the robot
-(Chevallereau et al., IEEE Control Systems Magazine 23 (2003) 57-79).
+The floor and friction hold the stance foot; the other foot lands plastically while that one leaves,
+and the next step is the same with the legs exchanged.
 
 Run:  python examples/walker.py [FOLDER]
 """
@@ -27,44 +25,32 @@ SHIN, THIGH, TORSO = (3.2, 0.93, 0.4, 0.128), (6.8, 1.08, 0.4, 0.163), (20.0, 2.
 def system() -> dmoc.MechanicalSystem:
     q = dynamicsymbols("x y torso thigh_l shin_l thigh_r shin_r")
     u = dynamicsymbols("hip_l knee_l hip_r knee_r")
-    x, y, torso, thigh_l, shin_l, thigh_r, shin_r = q
-    hip_l, knee_l, hip_r, knee_r = u
-    g, mu = sp.symbols("g mu")
-    t = dynamicsymbols._t
+    (x, y, torso, thigh_l, shin_l, thigh_r, shin_r), (hip_l, knee_l, hip_r, knee_r) = q, u
+    g, mu, t = *sp.symbols("g mu"), dynamicsymbols._t
     hip = sp.Matrix([x, y])
 
     def below(angle, length):
         return length * sp.Matrix([sp.sin(angle), -sp.cos(angle)])
 
-    bodies = [(TORSO, hip - below(torso, TORSO[3]), torso)]
-    feet = {}
+    bodies, feet, lagrangian = [(TORSO, hip - below(torso, TORSO[3]), torso)], {}, 0
     for name, thigh, shin in (("left", thigh_l, shin_l), ("right", thigh_r, shin_r)):
         knee = hip + below(thigh, THIGH[2])
-        bodies.append((THIGH, hip + below(thigh, THIGH[3]), thigh))
-        bodies.append((SHIN, knee + below(shin, SHIN[3]), shin))
+        bodies += [(THIGH, hip + below(thigh, THIGH[3]), thigh)]
+        bodies += [(SHIN, knee + below(shin, SHIN[3]), shin)]
         feet[name] = knee + below(shin, SHIN[2])
-    lagrangian = 0
+    torques = (-hip_l - hip_r, hip_l - knee_l, knee_l, hip_r - knee_r, knee_r)
     for (mass, inertia, _, _), centre, angle in bodies:
         speed = centre.diff(t)
         lagrangian += mass * (speed.dot(speed) / 2 - g * centre[1])
         lagrangian += inertia * angle.diff(t) ** 2 / 2
+    stated = ("walker", q, lagrangian, {g: 9.81, mu: 0.7}, u)
     return dmoc.MechanicalSystem(
-        "walker",
-        coordinates=q,
-        inputs=u,
-        lagrangian=lagrangian,
-        forces={
-            torso: -hip_l - hip_r,
-            thigh_l: hip_l - knee_l,
-            shin_l: knee_l,
-            thigh_r: hip_r - knee_r,
-            shin_r: knee_r,
-        },
+        *stated,
+        forces=dict(zip(q[2:], torques, strict=True)),
         surfaces={name: foot[1] >= 0 for name, foot in feet.items()},
         tangents={name: foot[0] for name, foot in feet.items()},
         friction=dict.fromkeys(feet, mu),
         path_constraints={"knee_left": thigh_l >= shin_l, "knee_right": thigh_r >= shin_r},
-        parameters={g: 9.81, mu: 0.7},
         cost=sum(torque**2 for torque in u),
         units={x: "m", y: "m"} | dict.fromkeys(q[2:], "rad") | dict.fromkeys(u, "N m"),
     )
@@ -76,22 +62,13 @@ def problem(steps: int = 30) -> dmoc.Problem:
     rates = {f"{end}_dot": f"{start}_dot" for end, start in ({"x": "x"} | same).items()}
     return dmoc.Problem(
         dmoc.build(system()),
-        start={"x": 0.0},
+        {"x": 0.0},
         contacts=["left"],
         sequence=["+right -left"],
         periodic={"x": ("x", STEP)} | same | rates,
         steps=steps,
-        final_time=TIME,
-        # Where in the step it begins is open; in its middle, say.
         durations=[(TIME / 2, TIME / 2)] * 2,
-        bounds={
-            "y": (0.5, 0.81),
-            "torso": (-0.6, 0.6),
-            "thigh_l": (-1.2, 1.2),
-            "thigh_r": (-1.2, 1.2),
-            "shin_l": (-1.8, 1.0),
-            "shin_r": (-1.8, 1.0),
-        },
+        bounds={"torso": (-0.6, 0.6)} | dict.fromkeys(exchanged, (-1.8, 1.2)),
     )
 
 
@@ -102,22 +79,17 @@ def shape(q, parameters) -> Picture:
         knee = (x + THIGH[2] * sin(thigh), y - THIGH[2] * cos(thigh))
         foot = (knee[0] + SHIN[2] * sin(shin), knee[1] - SHIN[2] * cos(shin))
         lines.append(np.array([(x, y), knee, foot]))
-    floor = np.array([(x - 0.5, 0.0), (x + 0.5, 0.0)])
-    return Picture(tuple(lines), ((x, y),), (floor,))
+    return Picture(tuple(lines), ((x, y),), (np.array([(x - 0.5, 0.0), (x + 0.5, 0.0)]),))
 
 
 def main() -> None:
     solution = dmoc.solve(problem())
-    stance = solution.phases[0]
-    weight = 40.0 * 9.81
-    ratio = np.abs(stance.tangential[:, 0] / stance.normal[:, 0]).max()
-    mean = np.concatenate([p.normal[1:-1, 0] for p in solution.phases]).mean()
-    landing = solution.collisions[0].impulse
+    stance, landing = solution.phases[0], solution.collisions[0].impulse
+    mean = np.mean([phase.normal[1:-1] for phase in solution.phases]) + landing / TIME
     rows = [
         ("cost", solution.cost, None),
-        # Over a step the floor carries the weight: forces and the impulse of the landing together.
-        ("mean vertical force, in weights", (mean + landing / TIME) / weight, 1.0),
-        ("largest ratio of friction to contact force", ratio, None),
+        ("mean vertical force, in weights", mean / 40.0 / 9.81, 1.0),
+        ("most friction to contact force", abs(stance.tangential / stance.normal).max(), None),
         ("impulse of the landing, N s", landing, None),
     ]
     show("walker", rows, solution, shape)
