@@ -162,7 +162,10 @@ class Problem:
             order = DEFAULT_ORDER
         put(self, "sequence", tuple(names(self.sequence, "sequence", "surfaces")))
         put(self, "contacts", tuple(names(self.contacts, "contacts", "surfaces")))
-        if says_lasting(self.contacts, self.sequence):
+        tangents = getattr(self.kernels, "tangents", None)
+        # Rails rub in every phase.
+        rubs = isinstance(tangents, dict) and bool(set(tangents) - set(self.kernels.surfaces))
+        if rubs or says_lasting(self.contacts, self.sequence):
             order = DEFAULT_ORDER  # the only one for contacts that last
         put(self, "kernels", kernels_of(self.kernels, order))
         for name in ("start", "goal", "bounds", "parameters"):

@@ -60,7 +60,8 @@ class MechanicalSystem:
     friction : mapping of str to Expr, optional
         Of each tangent, in parameters alone: Coulomb's coefficient mu of a surface, or the
         largest friction force F in the direction of tau, in the unit of a force, of a rail or a
-        joint.
+        joint.  mu is the ratio of the forces along grad tau and grad g, hence Coulomb's where the
+        gap and the tangent are lengths.
     cost : Expr, optional
         Integrand C(q, q', u, t) of the cost.
     terminal_cost : Expr, optional

@@ -263,6 +263,11 @@ def test_contacts_that_last_are_refused_with_kernels_of_another_order() -> None:
         )
 
 
+def test_a_rail_alone_takes_kernels_of_order_two() -> None:
+    problem = dmoc.Problem(rail(U**2 / 2), start={"x": 0}, final_time=1)
+    assert problem.order == 2 and problem.lasting
+
+
 def test_redundant_contacts_are_refused_by_name() -> None:
     twice = dmoc.MechanicalSystem(
         "twice",
