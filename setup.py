@@ -26,7 +26,7 @@ SOLVER_FLAGS = [
 ]  # unrolls the loops of the factorisation: an eighth less time in all
 
 models = sorted(p.parent.name for p in Path("generated").glob("*/manifest.json"))
-package_dir = {"dmoc": "src/dmoc"}
+package_dir = {"dmoc": "src/dmoc", "dmoc.cli": "src/dmoc/cli"}
 package_dir |= {f"dmoc.{layer}": layer for layer in LAYERS}
 package_dir |= {f"dmoc.generated.{model}": f"generated/{model}" for model in models}
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from dmoc.cli import main
-from dmoc.cli_input import read_names, read_periodic, read_via
+from dmoc.cli.reading import read_names, read_periodic, read_via
 from dmoc.errors import ProblemError
 
 Run = Callable[..., tuple[int, str, str]]

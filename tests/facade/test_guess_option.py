@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import dmoc
-from dmoc.cli_input import read_guess
+from dmoc.cli.reading import read_guess
 from dmoc.errors import ProblemError
 
 

@@ -12,7 +12,7 @@ import pytest
 
 import dmoc
 from dmoc.cli import main
-from dmoc.cli_input import read_range
+from dmoc.cli.reading import read_range
 from dmoc.registry import find
 from dmoc.solving import many
 

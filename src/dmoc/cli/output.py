@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from dmoc.cli_input import err, out
+from dmoc.cli.writing import (
+    err,
+    out,
+)
 
 MOST_OTHERS = 5  # minima that a summary lists
 

@@ -12,7 +12,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from dmoc.cli_input import (
+from dmoc.cli.options import (
     NOT_SOLVED,
     BoundOption,
     ContactsOption,
@@ -28,14 +28,18 @@ from dmoc.cli_input import (
     RestitutionOption,
     SetOption,
     StartOption,
+)
+from dmoc.cli.reading import (
+    problem_fields,
+    read_names,
+)
+from dmoc.cli.writing import (
     draw,
     emit,
     err,
     in_turn,
     out,
     prepare,
-    problem_fields,
-    read_names,
     written,
 )
 from dmoc.errors import SearchError

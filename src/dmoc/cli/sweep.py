@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from dmoc.cli_input import (
+from dmoc.cli.options import (
     NOT_SOLVED,
     BoundOption,
     ContactsOption,
@@ -29,14 +29,18 @@ from dmoc.cli_input import (
     StartOption,
     StepsOption,
     ViaOption,
+)
+from dmoc.cli.reading import (
+    problem_fields,
+    read_guess,
+    read_range,
+)
+from dmoc.cli.writing import (
     draw,
     emit,
     err,
     in_turn,
     out,
-    problem_fields,
-    read_guess,
-    read_range,
     written,
 )
 from dmoc.errors import OutputError, ProblemError

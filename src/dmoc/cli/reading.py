@@ -1,156 +1,22 @@
-"""What the commands share: consoles, options, reading of values, writing of files."""
+"""Values of options: numbers, ranges, states, places, guesses."""
 
 from __future__ import annotations
 
-import json
 import re
-import sys
-from collections.abc import Callable, Mapping
-from enum import StrEnum
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-from rich.console import Console
-
-from dmoc.discretisation import ORDERS_SHOWN
-from dmoc.errors import DmocError, ProblemError
-from dmoc.solving.methods import listed
-from dmoc.writing import check_file, check_folder, write_whole
+from dmoc.cli.options import Controls
+from dmoc.errors import ProblemError
 
 if TYPE_CHECKING:
     from dmoc.solution import Solution
 
-# What is printed is never read as markup: names, units and messages have brackets and colons of
-# their own.  Colours are Text objects.
-out = Console(markup=False, emoji=False, highlight=False)
-err = Console(markup=False, emoji=False, highlight=False, stderr=True)
-NOT_SOLVED, BAD_INPUT = 1, 2
 MOST_VALUES = 10_000  # of a range
 # END=START and a difference, or a state alone.
 RELATION = re.compile(r"(?:([^\s=+-]+)\s*=\s*)?([^\s=+-]+)\s*(?:([+-])\s*(\S+))?")
-
-
-class Controls(StrEnum):
-    constant = "constant"
-    linear = "linear"
-    stages = "stages"
-
-
-ModelArgument = Annotated[
-    str,
-    typer.Argument(help="Name of a shipped model or problem, or file.py:name.", show_default=False),
-]
-JsonOption = Annotated[
-    str | None,
-    typer.Option(
-        "--json",
-        metavar="FILE|-",
-        help="Write the result as JSON; with - standard output is the JSON alone.",
-    ),
-]
-FinalTimeOption = Annotated[
-    str | None,
-    typer.Option(
-        "--final-time", help="Final time in seconds, or its range, as 0.5:1, or :1 for at most 1."
-    ),
-]
-SequenceOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Events in their order, with commas between them, as left,right; '' for none. "
-        "left is hit and released, +left lands and stays closed, -left leaves, left:stick, "
-        "left:slip+ and left:slip- change the friction; several at one event as '+right -left'."
-    ),
-]
-ContactsOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="CONTACTS",
-        help="Surfaces that are closed at the start and rails that slide then, as left,rail:slip+; "
-        "what has friction sticks unless it is said to slide.",
-    ),
-]
-ViaOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="PLACES",
-        help="Coordinates at the events, values or ranges LOW:HIGH, with ';' between the events, "
-        "as 'x=1,y=0.2;;x=2'.",
-    ),
-]
-IgnoredOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="SURFACES",
-        help="Surfaces that hold nothing back where no event names them, as left,right.",
-    ),
-]
-StepsOption = Annotated[
-    str | None,
-    typer.Option(help="Steps of each phase, one number or one for each phase, as 100,50."),
-]
-GuessOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="FILE|NAME=V1,V2,...",
-        help="Start from a solution file with the same number of collisions, or along keyframes of "
-        "coordinates and inputs, evenly spread over the time, with durations=T1,T2,... in seconds; "
-        "repeatable.",
-    ),
-]
-METHOD_HELP = f"Solver: {listed()}"
-MethodOption = Annotated[str, typer.Option(help=f"{METHOD_HELP}.")]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Parameter value; repeatable."),
-]
-BoundOption = Annotated[
-    list[str] | None,
-    typer.Option(metavar="NAME=LOW:HIGH", help="Bounds of an input or coordinate; repeatable."),
-]
-StartOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME=VALUE",
-        help="Start state: x, x_dot or p_x; a value, a range LOW:HIGH, or free; repeatable.",
-    ),
-]
-RestitutionOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="E|SURFACE=E",
-        help="Coefficient of restitution, 0 to 1, of all surfaces or of one; repeatable.",
-    ),
-]
-PeriodicOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="STATES",
-        help="States that end as they start, as y,p_y; free at the start unless given. a=b ends as "
-        "b starts, x=x+0.5 that much further, x=x+? any distance further.",
-    ),
-]
-OrderOption = Annotated[
-    int | None,
-    typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}; 2 by default."),
-]
-ControlsOption = Annotated[
-    Controls | None,
-    typer.Option(
-        help="Inputs constant in a step, linear between nodes (order 2 only), or linear in each "
-        "step, "
-        "with jumps at the nodes (stages, order 4 and more)."
-    ),
-]
-GoalOption = Annotated[
-    list[str] | None,
-    typer.Option(metavar="NAME=VALUE", help="Goal state, like --start; repeatable."),
-]
-
-
-# Input --------------------------------------------------------------------------------------------
 
 
 def problem_fields(
@@ -335,68 +201,3 @@ def read_whole(text: str, what: str) -> int:
         return int(text)
     except ValueError:
         raise ProblemError(f"{what} = {text!r}: expected a whole number.") from None
-
-
-# Output -------------------------------------------------------------------------------------------
-
-
-def prepare(folder: Path | None, json_: str | None) -> None:
-    """Fail before a long solve rather than after it."""
-    if folder is not None:
-        check_folder(folder)
-    if json_ not in (None, "-"):
-        check_file(Path(str(json_)))
-
-
-def emit(summary: dict[str, Any], target: str | None) -> None:
-    text = json.dumps(finite(summary), indent=2) + "\n"
-    if target == "-":
-        print_text(text)
-    elif target is not None:
-        write_whole(Path(target), text.encode())
-
-
-def finite(value: Any) -> Any:
-    """JSON has no infinity: what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {k: finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(v) for v in value]
-    if isinstance(value, float) and value - value != 0.0:
-        return None
-    return value
-
-
-def in_turn(*actions: Callable[[], None]) -> None:
-    """Do all of them, so that the failure of one loses nothing of the others; then raise the
-    first error."""
-    errors = []
-    for action in actions:
-        try:
-            action()
-        except (DmocError, OSError) as error:
-            errors.append(error)
-    if errors:
-        raise errors[0]
-
-
-def draw(path: Path, figure: Callable[[Path], object], quiet: bool) -> None:
-    """Draw a figure of a result that is kept already: what goes wrong is a note."""
-    try:
-        figure(path)
-    except Exception as error:
-        text = str(error) if isinstance(error, DmocError) else f"{type(error).__name__}: {error}"
-        err.print(f"note: {path} was not drawn: {text}", soft_wrap=True)
-    else:
-        if not quiet:
-            written(path)
-
-
-def written(*paths: Path) -> None:
-    for path in paths:
-        out.print(f"written: {path}", soft_wrap=True)
-
-
-def print_text(text: str) -> None:
-    sys.stdout.write(text)
-    sys.stdout.flush()  # where the room is used up this fails here, not when Python ends

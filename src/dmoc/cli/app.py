@@ -1,0 +1,70 @@
+"""The commands together, and how errors leave them."""
+
+from __future__ import annotations
+
+import errno
+import io
+import sys
+import warnings
+from typing import Annotated
+
+import typer
+
+from dmoc.cli.doctor import doctor
+from dmoc.cli.model import build, derive, generate, models
+from dmoc.cli.options import BAD_INPUT
+from dmoc.cli.result import plot, verify
+from dmoc.cli.search import search
+from dmoc.cli.solve import solve
+from dmoc.cli.sweep import sweep
+from dmoc.cli.writing import err
+from dmoc.errors import DmocError
+from dmoc.writing import REMEDY
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+COMMANDS = (models, derive, generate, build, solve, search, sweep, verify, plot, doctor)
+
+app = typer.Typer(
+    help="Discrete mechanics and optimal control for mechanical systems with collisions.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in COMMANDS:
+    app.command()(command)
+
+
+@app.callback()
+def _options(
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")] = False,
+) -> None:
+    del debug  # read by main, before anything can fail
+
+
+def main() -> None:
+    """Run the command line; errors become one sentence and exit status 2."""
+    debug = "--debug" in sys.argv
+    if debug:
+        sys.argv.remove("--debug")  # so that it may stand anywhere
+    else:
+        warnings.showwarning = lambda message, *_, **__: err.print(
+            f"warning: {message}", soft_wrap=True
+        )
+    try:
+        app()
+    except (DmocError, OSError) as error:
+        if debug or (isinstance(error, OSError) and error.errno not in NO_ROOM):
+            raise
+        what = (
+            error
+            if isinstance(error, DmocError)
+            else f"standard output cannot be written ({error.strerror}): {REMEDY}."
+        )
+        err.print(f"error: {what}", style="red", soft_wrap=True)
+        if isinstance(error, OSError):
+            sys.stdout = io.StringIO()  # Python would try once more, and complain, when it ends
+        sys.exit(BAD_INPUT)
+    except KeyboardInterrupt:
+        err.print("interrupted")
+        sys.exit(130)

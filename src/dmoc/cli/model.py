@@ -1,0 +1,108 @@
+"""Commands about models: list, derive, generate, build."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from dmoc.cli.options import ModelArgument
+from dmoc.cli.writing import out, print_text
+from dmoc.discretisation import ORDERS_SHOWN
+from dmoc.errors import OutputError
+from dmoc.writing import write_whole
+
+
+class TextFormat(StrEnum):
+    text = "text"
+    latex = "latex"
+
+
+def models() -> None:
+    """List the shipped models and problems."""
+    from dmoc.models import catalogue
+
+    table = Table("name", "model", "what", box=None, header_style="bold")
+    for name, entry in catalogue.ENTRIES.items():
+        table.add_row(
+            name,
+            entry.model,
+            entry.title + ("" if entry.problem else " - no problem, give one by options"),
+        )
+    out.print(table)
+
+
+def derive(
+    model: ModelArgument,
+    format_: Annotated[
+        TextFormat, typer.Option("--format", help="Readable text, or a LaTeX document.")
+    ] = TextFormat.text,
+    order: Annotated[
+        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
+    ] = 2,
+    target: Annotated[
+        Path | None, typer.Option("--out", help="Write to a file instead of standard output.")
+    ] = None,
+) -> None:
+    """Print every step of the derivation of a model."""
+    from dmoc.registry import find
+    from dmoc.symbolic.derivation import derive as derive_system
+
+    derivation = derive_system(find(model).system(), order)
+    text = derivation.latex() if format_ is TextFormat.latex else str(derivation)
+    if target is None:
+        print_text(text)
+    else:
+        write_whole(target, text.encode())
+
+
+def generate(
+    model: ModelArgument,
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="Folder for the sources; by default a folder of the model's name."
+        ),
+    ] = None,
+    order: Annotated[
+        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
+    ] = 2,
+) -> None:
+    """Write the C and Cython sources of a model."""
+    from dmoc.codegen.build import header, write_files
+    from dmoc.codegen.text import c_files
+    from dmoc.registry import find
+    from dmoc.symbolic.families import model_spec
+
+    files = c_files(model_spec(find(model).system(), order)) | header()
+    folder = target or Path(find(model).system().name)
+    try:
+        paths = write_files(folder, files)
+    except OSError as error:
+        raise OutputError(
+            f"{folder} cannot be written ({error.strerror}): choose a writable folder."
+        ) from None
+    for path in paths:
+        out.print(str(path), soft_wrap=True)
+
+
+def build(
+    model: ModelArgument,
+    order: Annotated[
+        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
+    ] = 2,
+    force: Annotated[
+        bool, typer.Option("--force", help="Build again even if the cache holds the kernels.")
+    ] = False,
+) -> None:
+    """Compile the kernels of a model into the cache."""
+    from dmoc import registry
+
+    kernels = registry.build(
+        registry.find(model).system(), order=order, backend="compiled", force=force
+    )
+    state = f"built in {kernels.seconds:.2f} s" if kernels.seconds else "found in the cache"
+    out.print(f"{kernels.name}: {state}, {kernels.module.__file__}", soft_wrap=True)

@@ -1,0 +1,61 @@
+"""Commands about solutions: verify, plot."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dmoc.cli.options import NOT_SOLVED, JsonOption
+from dmoc.cli.output import print_verification
+from dmoc.cli.writing import emit, out, prepare
+
+
+def verify(
+    solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
+    model: Annotated[
+        str | None, typer.Option(help="Model of the solution, if it is not shipped: file.py:name.")
+    ] = None,
+    json_: JsonOption = None,
+) -> None:
+    """Check a solution by an independent simulation."""
+    from dmoc import registry
+    from dmoc.solution import Solution, check_same_model
+
+    prepare(None, json_)
+    loaded = Solution.load(solution)
+    order = loaded.trajectory.order
+    kernels = (
+        registry.load(model, order=order)
+        if model
+        else registry.load_for_file(loaded.reference, order)
+    )
+    check_same_model(loaded, kernels)
+    check = loaded.verify(kernels)
+    summary = {
+        key: (value.tolist() if hasattr(value, "tolist") else value)
+        for key, value in asdict(check).items()
+    }
+    emit(summary, json_)
+    if json_ != "-":
+        print_verification(check)
+    raise typer.Exit(0 if check.passed else NOT_SOLVED)
+
+
+def plot(
+    solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="Figure file (.png, .pdf, .svg); by default beside the solution, as .png."
+        ),
+    ] = None,
+) -> None:
+    """Draw a solution: snapshots, positions, momenta, inputs."""
+    from dmoc.solution import Solution
+
+    path = target or solution.with_suffix(".png")
+    Solution.load(solution).plot(path)
+    out.print(str(path), highlight=False, soft_wrap=True)

@@ -1,0 +1,182 @@
+"""The command ``dmoc solve``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dmoc.cli.options import (
+    METHOD_HELP,
+    NOT_SOLVED,
+    BoundOption,
+    ContactsOption,
+    ControlsOption,
+    FinalTimeOption,
+    GoalOption,
+    GuessOption,
+    IgnoredOption,
+    JsonOption,
+    ModelArgument,
+    OrderOption,
+    PeriodicOption,
+    RestitutionOption,
+    SequenceOption,
+    SetOption,
+    StartOption,
+    StepsOption,
+    ViaOption,
+)
+from dmoc.cli.output import Live, print_sensitivities, print_summary
+from dmoc.cli.reading import (
+    problem_fields,
+    read_guess,
+)
+from dmoc.cli.writing import (
+    draw,
+    emit,
+    in_turn,
+    prepare,
+    written,
+)
+from dmoc.solving.methods import DEFAULT, REFINING, Form
+
+if TYPE_CHECKING:
+    from dmoc.nlp.sensitivity import Sensitivities
+
+
+def solve(
+    model: ModelArgument,
+    sequence: SequenceOption = None,
+    steps: StepsOption = None,
+    final_time: FinalTimeOption = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help=f"{METHOD_HELP}; {DEFAULT} by default, with --tolerance or contacts that "
+            f"last {REFINING}."
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="Refine the mesh, from --steps on, until the relative error is below this."
+        ),
+    ] = None,
+    order: OrderOption = None,
+    form: Annotated[
+        Form,
+        typer.Option(help="For slsqp: condensed, or the full program (small numbers of steps)."),
+    ] = Form.CONDENSED,
+    controls: ControlsOption = None,
+    set_: SetOption = None,
+    bound: BoundOption = None,
+    start: StartOption = None,
+    goal: GoalOption = None,
+    restitution: RestitutionOption = None,
+    periodic: PeriodicOption = None,
+    contacts: ContactsOption = None,
+    ignored: IgnoredOption = None,
+    via: ViaOption = None,
+    sensitivities: Annotated[
+        bool,
+        typer.Option(
+            "--sensitivities",
+            help="Derivatives of the optimal cost with respect to what the problem is given.",
+        ),
+    ] = False,
+    iterations: Annotated[int, typer.Option(help="Iteration limit.")] = 1000,
+    seconds: Annotated[
+        float | None, typer.Option(help="Time limit of the solver in seconds.")
+    ] = None,
+    guess: GuessOption = None,
+    starts: Annotated[
+        int | None,
+        typer.Option(
+            help="Starts that are tried on a coarse mesh before the best minimum is solved; 1 for "
+            "the guess alone, as many as it seems to take by default."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Write solution.npz (and the figure) into this folder."
+        ),
+    ] = None,
+    json_: JsonOption = None,
+) -> None:
+    """Solve an optimal control problem and check the solution by simulation."""
+    from dmoc import registry
+    from dmoc.nlp.problem import AUTOMATIC_ORDER, Problem, says_lasting
+    from dmoc.solving.sensitivity import sensitivities as differentiated
+    from dmoc.solving.solve import solve as solved
+
+    known = read_guess(guess)
+    reference = registry.find(model)
+    fields = problem_fields(
+        reference.defaults,
+        sequence,
+        steps,
+        final_time,
+        controls,
+        set_,
+        bound,
+        start,
+        goal,
+        restitution,
+        periodic,
+        contacts,
+        ignored,
+        via,
+    )
+    prepare(target, json_)
+    lasting = says_lasting(fields.get("contacts", ()), fields.get("sequence", ()))
+    if order is None and "steps" not in fields and fields.get("controls") != "linear":
+        order = None if lasting else AUTOMATIC_ORDER
+    problem = Problem(reference.kernels(order), **fields)
+    quiet = json_ == "-"
+    with Live() as live:
+        solution = solved(
+            problem,
+            method,
+            tolerance=tolerance,
+            form=form.value,
+            guess=known,
+            starts=starts,
+            seed=seed,
+            iterations=iterations,
+            seconds=seconds,
+            progress=live.show,
+        )
+    files: list[Path] = []
+    derivatives: list[Sensitivities] = []
+
+    def save() -> None:
+        if target is not None:
+            files.append(solution.save(target / "solution.npz"))
+
+    def differentiate() -> None:
+        if sensitivities and solution.converged:
+            derivatives.append(
+                differentiated(problem.but(steps=[p.steps for p in solution.phases]), solution)
+            )
+
+    def tell() -> None:
+        if not quiet:
+            print_summary(solution)
+            for found in derivatives:
+                print_sensitivities(found)
+            written(*files)
+
+    in_turn(
+        save,
+        differentiate,
+        lambda: emit(
+            solution.to_dict() | ({"sensitivities": derivatives[0]} if derivatives else {}), json_
+        ),
+        tell,
+        lambda: None if target is None else draw(target / "solution.png", solution.plot, quiet),
+    )
+    raise typer.Exit(0 if solution.solved else NOT_SOLVED)
