@@ -9,109 +9,43 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import sympy as sp
-from sympy.physics.mechanics import dynamicsymbols
+from contact_problems import (
+    PUSHED,
+    THERE_AND_BACK,
+    TURNED,
+    F,
+    G,
+    M,
+    T,
+    U,
+    X,
+    Y,
+    against_wall,
+    floor,
+    pushed,
+    pushed_together,
+    pushers,
+    rail,
+    rimless,
+    rimless_rate,
+    there_and_back,
+    turned,
+    wall_with_friction,
+)
 
 import dmoc
 from dmoc.errors import ModelError, ProblemError
-
-X, Y, U = dynamicsymbols("x y u")
-M, F, G, MU = sp.symbols("m f g mu")
-T = dynamicsymbols._t
-
-
-def rail(cost: object, wall: bool = False, name: str = "railed") -> dmoc.MechanicalSystem:
-    """A block on a rail with dry friction, and a wall at 1."""
-    return dmoc.MechanicalSystem(
-        name,
-        [X],
-        M * X.diff(T) ** 2 / 2,
-        {M: 1.0, F: 1.0},
-        inputs=[U],
-        forces={X: U},
-        cost=cost,
-        tangents={"rail": X},
-        friction={"rail": F},
-        surfaces={"wall": X <= 1} if wall else {},
-    )
-
-
-def floor(name: str = "floored") -> dmoc.MechanicalSystem:
-    """A block on a floor with friction."""
-    return dmoc.MechanicalSystem(
-        name,
-        [X, Y],
-        M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
-        {M: 2.0, G: 5.0, MU: 0.1},
-        inputs=[U],
-        forces={X: U},
-        cost=U**2 / 2,
-        surfaces={"floor": Y >= 0},
-        tangents={"floor": X},
-        friction={"floor": MU},
-    )
-
-
-def pushed(steps: int) -> dmoc.Problem:
-    return dmoc.Problem(
-        rail(U**2 / 2),
-        start={"x": 0},
-        goal={"x": 1, "x_dot": 0},
-        sequence=["rail:slip+", "rail:stick"],
-        steps=steps,
-        final_time=4,
-    )
-
-
-def against_wall(steps: int, e: float) -> dmoc.Problem:
-    return dmoc.Problem(
-        rail(U**2 / 2, wall=True, name="railed_wall"),
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        contacts=["rail:slip+"],
-        sequence=["wall rail:slip-"],
-        restitution=e,
-        steps=steps,
-        final_time=1,
-    )
-
-
-def there_and_back(steps: int) -> dmoc.Problem:
-    return dmoc.Problem(
-        rail(1, name="railed_time"),
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        contacts=["rail:slip+"],
-        sequence=["rail:slip-"],
-        via=[{"x": 10}],
-        parameters={"f": 0.6 * 9.81},
-        bounds={"u": (-400, 400)},
-        controls="constant",
-        steps=steps,
-        final_time=(0.1, 2),
-    )
-
-
-def turned(steps: int) -> dmoc.Problem:
-    return dmoc.Problem(
-        rail(1, name="railed_time"),
-        start={"x": 0, "x_dot": 1},
-        goal={"x": -1, "x_dot": 0},
-        contacts=["rail:slip+"],
-        sequence=["rail:slip-"],
-        bounds={"u": (-2, 2)},
-        steps=steps,
-        final_time=(0.1, 10),
-    )
 
 
 @pytest.mark.parametrize(
     ("problem", "known"),
     [
-        (pushed, 2 / 3 * sqrt(6)),
+        (pushed, PUSHED),
         (lambda n: against_wall(n, 1.0), 24.5),
         (lambda n: against_wall(n, 0.5), 31.20551823),
-        (turned, 1 / 3 + 2 * sqrt(7) / 3),
+        (lambda n: against_wall(n, 0.3), wall_with_friction(0.3)),
+        (turned, TURNED),
+        (pushers, pushed_together()),
     ],
 )
 def test_dry_friction_has_its_known_costs_with_order_two(
@@ -130,7 +64,7 @@ def test_dry_friction_has_its_known_costs_with_order_two(
 def test_a_block_there_and_back_in_least_time_turns_where_it_is_told_to() -> None:
     solution = dmoc.solve(there_and_back(160))
     assert solution.status == "solved"
-    assert solution.cost == pytest.approx(0.6325240163, rel=1e-4)
+    assert solution.cost == pytest.approx(THERE_AND_BACK, rel=1e-4)
     assert solution.collisions[0].position[0] == pytest.approx(10, abs=1e-9)
 
 
@@ -164,27 +98,7 @@ def test_forces_of_a_floor_are_weight_and_coulomb_friction(tmp_path: Path) -> No
 
 def test_a_plastic_push_moves_two_masses_as_one() -> None:
     """A driven mass lands on one at rest: momentum is kept, then both share the force."""
-    s = dynamicsymbols("s")
-    system = dmoc.MechanicalSystem(
-        "pushers",
-        [X, s],
-        (X.diff(T) ** 2 + 3 * s.diff(T) ** 2) / 2,
-        {},
-        inputs=[U],
-        forces={X: U},
-        cost=U**2,
-        surfaces={"pad": s >= X},
-    )
-    solution = dmoc.solve(
-        dmoc.Problem(
-            system,
-            start={"x": 0, "s": 1, "x_dot": 2},
-            goal={"s": 2, "s_dot": 1},
-            sequence=["+pad"],
-            steps=20,
-            final_time=(0.5, 4),
-        )
-    )
+    solution = dmoc.solve(pushers(20))
     assert solution.status == "solved", solution.message
     event, after = solution.collisions[0], solution.phases[1]
     np.testing.assert_allclose(after.v[0], event.momentum_before[0] / 4, rtol=1e-9)
@@ -192,6 +106,16 @@ def test_a_plastic_push_moves_two_masses_as_one() -> None:
     # Three quarters of the force go on to the second mass.
     force = np.interp(after.t, solution.trajectory.input_times(after), after.u[:, 0])
     np.testing.assert_allclose(after.normal[1:-1, 0], 0.75 * force[1:-1], atol=1e-6)
+
+
+def test_a_rimless_wheel_rolls_at_the_rate_at_which_steps_lose_what_they_fall() -> None:
+    errors, solution = [], None
+    for steps in (10, 20, 40):
+        solution = dmoc.solve(rimless(steps), guess=solution)
+        assert solution.status == "solved", solution.message
+        errors.append(abs(abs(solution.phases[0].v[-1, 2]) - rimless_rate()))
+    assert errors[-1] < 1e-3
+    assert all(3.5 < a / b < 4.5 for a, b in pairwise(errors))
 
 
 def test_a_contact_that_would_have_to_pull_is_named_with_its_force() -> None:
