@@ -42,6 +42,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "solve": speed.comparison,
         "answer": speed.answer,
         "where": speed.where,
+        "contact": speed.contact,
         "ladder": lambda quick: ladder.ladder(quick, folder),
         "growth": lambda quick: speed.growth(quick, folder),
         "kernels": evaluating.compare,

@@ -34,6 +34,9 @@ from common import cost as own_cost
 
 import dmoc
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))  # a folder of scripts
+import contact_problems as contacts
+
 SOLVED = "Solve_Succeeded"  # as CasADi says it
 PEER = "CasADi + IPOPT"
 SLOWEST = 1000  # steps up to which the peer is measured
@@ -91,6 +94,41 @@ def comparison(quick: bool) -> Section:
                 f"{own_cost(own, last):.6f}",
                 f"{violation(own, last):.0e}",
                 ms(seconds),
+            )
+        )
+    return section
+
+
+def contact(quick: bool) -> Section:
+    """What a phase in contact costs against a free one of the same block."""
+    section = Section(
+        "A phase in contact",
+        "A block with three unknown functions (two coordinates and a force), N = 200, `ipm`: free "
+        "flight against sliding and sticking on the floor, with a multiplier for each condition "
+        "at each node. Median time of an iteration.",
+        ["phase", "solved", "us an iteration", "times the free one", "iterations"],
+    )
+    system = contacts.floor()
+    slow = {"start": {"x": 0, "y": 0, "x_dot": 1}, "goal": {"x": 1}, "final_time": 0.8}
+    problems = {
+        "free": {"start": {"x": 0, "y": 1, "x_dot": 1}, "goal": {"x": 1}, "final_time": 0.6},
+        "slides": slow | {"contacts": ["floor:slip+"]},
+        "sticks": {"start": {"x": 0, "y": 0}, "contacts": ["floor"], "final_time": 0.8},
+    }
+    reference = np.nan
+    for name, fields in problems.items():
+        problem = dmoc.Problem(system, steps=200, controls="linear", **fields)
+        x = guess(problem)
+        found = solves(program(problem, x), x, "ipm", 3 if quick else 21)
+        seconds = found.seconds / found.outcome.iterations
+        reference = seconds if name == "free" else reference
+        section.rows.append(
+            (
+                name,
+                found.share,
+                f"{1e6 * seconds:.0f}",
+                f"{seconds / reference:.2f} x",
+                found.outcome.iterations,
             )
         )
     return section
