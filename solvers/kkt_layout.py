@@ -111,7 +111,8 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
 
 def _contacts(nlp: Transcription) -> list[tuple[Index, Index, Index, int]]:
     """Impulses of contacts that last, the rows that determine them, and the node and the rank at
-    which both can be eliminated, one a row of both."""
+    which both can be eliminated, one a row of both.  Those of the last node are determined through
+    the final state, which belongs to the final group, and so do they."""
     lay, c = nlp.layout, nlp.rows.c
     if lay.touch.free:
         return []
@@ -126,8 +127,8 @@ def _contacts(nlp: Transcription) -> list[tuple[Index, Index, Index, int]]:
         following[:-1] = held[1:]
         following[last] = NOWHERE
         found.append((impulse, following, nodes, CONTACT))
-        ends = rest[-lay.phases :]
-        found.append((impulse[last], ends, nodes[last] - 1, AT_REST))
+        ends = rest[-lay.phases : -1]
+        found.append((impulse[last][:-1], ends, nodes[last][:-1] - 1, AT_REST))
     found.append((lay.index_P_c, c.stays.index, events, AT_REST))
     found.append((lay.index_T_c, c.sticks.index, events, AT_REST))
     found.append((lay.index_T_c, c.slides.index, events - 1, INPUT))
