@@ -226,9 +226,7 @@ def arrived(manifest: Mapping[str, Any], backend: str, files: Mapping[str, str])
     ):
         kernels = load_installed(installed)
     else:
-        kernels = _found(
-            cache_directory(), name, _entry_key(f"{described['fingerprint']}\n{described['title']}")
-        )
+        kernels = _found(cache_directory(), name, _entry_key(str(described["key"])))
     if kernels is not None and kernels.manifest == described:
         return kernels
     text = json.dumps(dict(files), sort_keys=True)

@@ -230,6 +230,14 @@ class Model:
         bent = (rate_D[..., : self.nq] @ v[..., None])[..., 0]
         return np.asarray(bent + rate_D[..., 2 * self.nq])
 
+    # Drawing --------------------------------------------------------------------------------------
+
+    def drawing(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """Values of the shapes of the drawing, shape (..., columns)."""
+        if not self.kernels.has("drawing"):
+            return np.zeros((*q.shape[:-1], 0))
+        return self._at("drawing", q, _column(t))[0]
+
     # Costs ----------------------------------------------------------------------------------------
 
     def running_cost(self, q: Array, v: Array | None, u: Array, t: ArrayLike = 0.0) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
+from dmoc.symbolic.drawing import Box, Contact, Link, Point, Wall
 from dmoc.symbolic.system import MechanicalSystem
 
 
@@ -25,6 +26,12 @@ def system() -> MechanicalSystem:
     y_p = l * sp.sin(alpha)
     kinetic = m_c * x.diff(t) ** 2 / 2 + m_p * (x_p.diff(t) ** 2 + y_p.diff(t) ** 2) / 2
     potential = m_p * g * y_p
+
+    upwards = (-sp.sin(alpha), sp.cos(alpha))  # where alpha grows
+
+    def limiter(angle: sp.Symbol) -> list[tuple[sp.Expr, sp.Expr]]:
+        reach = (sp.Rational(3, 4) * l, sp.Rational(11, 10) * l)
+        return [(x + r * sp.cos(angle), r * sp.sin(angle)) for r in reach]
 
     return MechanicalSystem(
         name="cart_pendulum",
@@ -44,4 +51,13 @@ def system() -> MechanicalSystem:
         },
         cost=force**2 / 2,
         units={alpha: "rad", x: "m", force: "N"},
+        drawing=[
+            Wall(*limiter(a_min)),
+            Wall(*reversed(limiter(a_max))),
+            Box((x, 0), l / 2, l / 4),
+            Link((x, 0), (x_p, y_p)),
+            Point((x_p, y_p)),
+            Contact("left", (x_p, y_p), upwards),
+            Contact("right", (x_p, y_p), (sp.sin(alpha), -sp.cos(alpha))),
+        ],
     )

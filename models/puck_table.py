@@ -9,6 +9,7 @@ from __future__ import annotations
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
+from dmoc.symbolic.drawing import Contact, Point, Wall
 from dmoc.symbolic.system import MechanicalSystem
 
 
@@ -29,4 +30,15 @@ def system() -> MechanicalSystem:
         parameters={m: 1.0, a: 1.0, b: 1.0},
         cost=(f_x**2 + f_y**2) / 2,
         units={x: "m", y: "m", f_x: "N", f_y: "N"},
+        drawing=[
+            Wall((0, 0), (a, 0)),
+            Wall((a, 0), (a, b)),
+            Wall((a, b), (0, b)),
+            Wall((0, b), (0, 0)),
+            Point((x, y)),
+            Contact("west", (x, y), (1, 0)),
+            Contact("east", (x, y), (-1, 0)),
+            Contact("south", (x, y), (0, 1)),
+            Contact("north", (x, y), (0, -1)),
+        ],
     )

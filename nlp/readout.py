@@ -11,6 +11,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.modes import changes
+from dmoc.mechanics.scenes import scene_of
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.tables import NOWHERE, Block, Index
 from dmoc.nlp.touch import node_shares
@@ -95,6 +96,8 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         problem.order,
         tuple(problem.ignored),
         dict(zip(kernels.tangents, problem.model.friction.tolist(), strict=True)),
+        dict(kernels.manifest["units"]),
+        scene_of(problem.model, [(phase.t, phase.q, phase.v) for phase in phases]),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
+from dmoc.mechanics.scenes import scene_of
 from dmoc.mechanics.values import parameter_row, restitution_row
+from dmoc.scene import Scene
 from dmoc.simulation.contact_motion import (
     Journal,
     Node,
@@ -34,6 +36,8 @@ MOST_STEPS = 10**12
 MOST_BYTES = 4 * 10**9
 # Steps of a flight that resolve it: what comes to rest is followed more closely from there on.
 RESOLVED = 20
+# Events of a motion that is still drawn.
+MOST_DRAWN = 1000
 # Letters of a wrong value in a sentence.
 MOST_SHOWN = 80
 
@@ -58,6 +62,9 @@ class Simulation:
     normal, tangential : arrays of shape (n, nc), (n, nt)
         Contact forces N and friction forces T at the recorded nodes, in newton, with the inputs of
         the step that ends there: -N grad g and T grad tau act on the coordinates.
+    scene : Scene or None
+        The drawing of the model along the motion, in pieces from one event to the next; None where
+        the model has none, and where there are more than 1000 events.
     """
 
     t: Array
@@ -69,6 +76,7 @@ class Simulation:
     rubbing: tuple[Stretch, ...]
     normal: Array
     tangential: Array
+    scene: Scene | None = None
 
 
 def simulate(
@@ -167,7 +175,38 @@ def simulate(
         tuple(s for s in journal.stretches if s.friction is None),
         tuple(s for s in journal.stretches if s.friction is not None),
         found.normal, found.tangential,
+        None if len(journal.collisions) > MOST_DRAWN
+        else scene_of(model, _pieces(model, found, velocities, journal.collisions)),
     )  # fmt: skip
+
+
+def _pieces(
+    model: Model, found: _Recorded, velocities: Array, collisions: Sequence[Collision]
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Times, positions and velocities of the recorded nodes between any two events, which belong
+    to both sides; what happens at one moment has nothing in between."""
+    nodes, count = (found.t, found.q, velocities), len(found.t)
+    first, begin = 0, None
+    for collision in (*collisions, None):
+        t = np.inf if collision is None else collision.time
+        # A node at an event is the event's own.
+        inside = slice(first, count if collision is None else int(np.searchsorted(found.t, t)))
+        rows = [part[inside] for part in nodes]
+        piece = [begin, rows] if begin else [rows]
+        if collision is not None:
+            piece.append(_moment(model, collision, collision.momentum_before))
+            begin = _moment(model, collision, collision.momentum_after)
+            first = int(np.searchsorted(found.t, t, side="right"))
+        times, positions, rates = (np.concatenate(parts) for parts in zip(*piece, strict=True))
+        if len(times) > 1 and times[-1] > times[0]:
+            yield times, positions, rates
+
+
+def _moment(model: Model, event: Collision, momentum: Array) -> list[Array]:
+    """Time, position and velocity on one side of an event, as rows."""
+    time = np.array([event.time])
+    q, p = event.position[None], momentum[None]
+    return [time, q, model.velocity(q, p, time)]
 
 
 @dataclass(frozen=True, eq=False)

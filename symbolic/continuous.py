@@ -18,6 +18,7 @@ from sympy.logic.boolalg import Boolean
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.errors import GenerationError
+from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.names import name_of, velocity_name
 from dmoc.symbolic.spec import FUNCTIONS
 from dmoc.symbolic.system import MechanicalSystem
@@ -26,7 +27,8 @@ from dmoc.symbolic.system import MechanicalSystem
 @dataclass(frozen=True)
 class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
-    gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j."""
+    gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, looks: the values of
+    the drawing."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -41,6 +43,7 @@ class Continuous:
     r: tuple[Any, ...]
     tau: tuple[Any, ...]
     mu: tuple[Any, ...]
+    looks: tuple[Any, ...]
 
     @classmethod
     def of(
@@ -78,6 +81,7 @@ class Continuous:
             tuple(rewrite(e) for e in system.path_functions.values()),
             tuple(rewrite(e) for e in system.tangents.values()),
             tuple(rewrite(system.friction[name]) for name in system.tangents),
+            tuple(rewrite(e) for part in system.drawing for e in values_of(part)),
         )
 
     def to_symengine(self) -> Continuous:
@@ -103,6 +107,7 @@ class Continuous:
             each(self.r),
             each(self.tau),
             each(self.mu),
+            each(self.looks),
         )
 
 

@@ -29,11 +29,13 @@ from dmoc.symbolic.continuous import (
     right_hand_side,
 )
 from dmoc.symbolic.discrete import StepElement, step_element
+from dmoc.symbolic.drawing import table_of, values_of
 from dmoc.symbolic.names import name_of
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 
-FORMAT = 6  # of the facts and the kernel list; a manifest of another format is refused
+FORMAT = 7  # of the facts and the kernel list
+EQUATIONS = 6  # of what the kernels compute: solutions of other equations are refused
 
 
 def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
@@ -57,6 +59,7 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
         *_tangent_kernels(f),
         *_terminal_kernels(f),
         *_feasibility_kernels(f),
+        *_drawing_kernels(f),
     ]
     return ModelSpec(
         system.name, model_fingerprint(system, order), _facts(system, f, order), tuple(kernels)
@@ -64,18 +67,23 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
 
 
 def model_key(system: MechanicalSystem, order: int = 2) -> str:
-    """Return the key of the kernels of ``system`` in a cache: the fingerprint and the title,
-    which the manifest holds."""
+    """Return the key of the kernels of ``system`` in a cache: a digest of the format, the
+    fingerprint, and of the title and the drawing, which the manifest holds."""
     check_system(system)
     order = known_order(order)
-    return f"{model_fingerprint(system, order)}\n{_title(system)}"
+    lines = [str(FORMAT), model_fingerprint(system, order), _title(system)]
+    for (kind, name, *_), part in zip(table_of(system.drawing), system.drawing, strict=True):
+        lines += [f"{kind} {name}", *map(sp.srepr, values_of(part))]
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def model_fingerprint(system: MechanicalSystem, order: int) -> str:
-    """What solutions depend on: the content of ``system``, its units, the order and the format
-    of the kernel list."""
+    """What solutions depend on: the content of ``system``, its units, the order and the equations;
+    not its title and its drawing."""
     units = "".join(f"\n{name} {unit}" for name, unit in system.units.items())
-    return hashlib.sha256(f"{FORMAT}\n{order}\n{system.fingerprint()}{units}".encode()).hexdigest()
+    return hashlib.sha256(
+        f"{EQUATIONS}\n{order}\n{system.fingerprint()}{units}".encode()
+    ).hexdigest()
 
 
 def _title(system: MechanicalSystem) -> str:
@@ -91,6 +99,7 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
     }
     return {
         "format": FORMAT,
+        "key": model_key(system, order),
         "order": order,
         "explicit_time": any(
             f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau)
@@ -110,6 +119,7 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
             name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
             for name, tau in zip(system.tangents, f.tau, strict=True)
         },
+        "drawing": table_of(system.drawing),
         "parameters": {
             name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
         },
@@ -335,6 +345,15 @@ def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
     return _family(
         "min_time", summary, inputs, {"T_min": times}, par, derive, e.definitions, second=False
     )
+
+
+def _drawing_kernels(f: Continuous) -> list[KernelSpec]:
+    """The values of the drawing; nothing is differentiated by them."""
+    if not f.looks:
+        return []
+    q, _, _, t, par = _inputs(f)
+    drawn = (Output.vector("shapes", f.looks),)
+    return [KernelSpec("drawing", "Values of the shapes of the drawing.", (q, t, par), drawn)]
 
 
 def approach(

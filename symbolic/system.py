@@ -11,20 +11,19 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
-from sympy.core.function import AppliedUndef, UndefinedFunction
-from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
+from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.arguments import shown
 from dmoc.errors import ModelError
+from dmoc.symbolic.drawing import Part, parts_in, values_of
+from dmoc.symbolic.expressions import atoms_of, expression_in, slack_of, unknown_symbol
 from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_name
 
 if TYPE_CHECKING:
     from dmoc.symbolic.interop import Imported
 
-# Constants of an expression must be numbers of C; a parameter or a mass is also multiplied by
-# itself.
-LARGEST = sp.Integer(10) ** 307
+# A parameter or a mass is also multiplied by itself.
 LARGEST_PARAMETER = 1e100
 
 
@@ -72,6 +71,10 @@ class MechanicalSystem:
         One line for lists and figures.
     units : mapping of coordinate or input to str, optional
         Units for messages and figures: ``{alpha: "rad", x: "m", F: "N"}``.
+    drawing : sequence of shapes, optional
+        How figures and animations show a planar model: Link, Point, Disc, Box, Spring, Wall and
+        Contact, whose places are expressions in q, t and parameters:
+        ``[dmoc.Box((x, 0), 0.2, 0.1), dmoc.Link((x, 0), tip), dmoc.Point(tip)]``.
 
     Raises
     ------
@@ -101,6 +104,7 @@ class MechanicalSystem:
     terminal_cost: Any = 0
     tangents: Mapping[str, Any] = field(default_factory=dict)
     friction: Mapping[str, Any] = field(default_factory=dict)
+    drawing: Sequence[Part] = ()
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -126,14 +130,17 @@ class MechanicalSystem:
         put(self, "units", self._named_units())
         if not isinstance(self.title, str) or not self.title.isprintable():
             raise ModelError(f"title = {shown(self.title)}: expected one line of text.")
-        put(self, "lagrangian", _expression(self.lagrangian, "the Lagrangian"))
-        put(self, "cost", _expression(self.cost, "the cost"))
-        put(self, "dissipation", _expression(self.dissipation, "the dissipation"))
-        put(self, "terminal_cost", _expression(self.terminal_cost, "the terminal cost"))
+        put(self, "lagrangian", expression_in(self.lagrangian, "the Lagrangian"))
+        put(self, "cost", expression_in(self.cost, "the cost"))
+        put(self, "dissipation", expression_in(self.dissipation, "the dissipation"))
+        put(self, "terminal_cost", expression_in(self.terminal_cost, "the terminal cost"))
         put(self, "forces", self._normalised_forces())
         for name, what in (("tangents", "the tangent of"), ("friction", "the friction of")):
             given = getattr(self, name)
-            put(self, name, {key: _expression(e, f"{what} {key!r}") for key, e in given.items()})
+            put(self, name, {key: expression_in(e, f"{what} {key!r}") for key, e in given.items()})
+        put(
+            self, "drawing", parts_in(self.drawing, dict.fromkeys((*self.surfaces, *self.tangents)))
+        )
         self._check_friction()
         self._check_symbols()
         self._check_mass_matrix()
@@ -207,7 +214,7 @@ class MechanicalSystem:
         }
         forces = dict(model.forces)
         for q, force in _mapping(given.pop("forces", {}), "forces", "{x: F}").items():
-            forces[q] = forces.get(q, sp.S.Zero) + _expression(force, f"the force on {shown(q)}")
+            forces[q] = forces.get(q, sp.S.Zero) + expression_in(force, f"the force on {shown(q)}")
         return cls(name, model.coordinates, model.lagrangian, parameters, forces=forces, **given)
 
     # Symbols --------------------------------------------------------------------------------------
@@ -228,14 +235,15 @@ class MechanicalSystem:
     def gaps(self) -> dict[str, Any]:
         """Gap functions g(q) <= 0 by surface name."""
         return {
-            name: -_slack(relation, f"surface {name!r}") for name, relation in self.surfaces.items()
+            name: -slack_of(relation, f"surface {name!r}")
+            for name, relation in self.surfaces.items()
         }
 
     @property
     def path_functions(self) -> dict[str, Any]:
         """Path constraint functions r(q, q', u) >= 0 by name."""
         return {
-            name: _slack(relation, f"path constraint {name!r}")
+            name: slack_of(relation, f"path constraint {name!r}")
             for name, relation in self.path_constraints.items()
         }
 
@@ -245,7 +253,7 @@ class MechanicalSystem:
         return sp.hessian(self.lagrangian, self.velocities)
 
     def fingerprint(self) -> str:
-        """Return a digest of everything that the generated code depends on."""
+        """Return a digest of everything that solutions depend on."""
         parts = [
             self.name,
             *map(sp.srepr, self.coordinates),
@@ -345,7 +353,7 @@ class MechanicalSystem:
                     f"the force on {shown(q)} belongs to no coordinate: expected one of "
                     f"{_listed(self.coordinates)}."
                 )
-            forces[q] = _expression(expression, f"the force on {name_of(q)}")
+            forces[q] = expression_in(expression, f"the force on {name_of(q)}")
         return forces
 
     def _check_friction(self) -> None:
@@ -361,7 +369,7 @@ class MechanicalSystem:
                     f"{shown(name)} has a tangent but no friction: give its coefficient mu, or, of "
                     f'a rail, its largest force, as friction={{"{name}": 0.5}}; 0 for none.'
                 )
-            if not _atoms(tau) & set(self.coordinates):
+            if not atoms_of(tau) & set(self.coordinates):
                 raise ModelError(
                     f"the tangent of {name!r} contains no coordinate: expected a position along "
                     f"the contact in {_listed(self.coordinates)}."
@@ -396,19 +404,24 @@ class MechanicalSystem:
         parts += [
             (f"the friction of {n!r}", e, set(self.parameters)) for n, e in self.friction.items()
         ]
+        parts += [
+            (f"a {type(part).__name__} of the drawing", e, place)
+            for part in self.drawing
+            for e in values_of(part)
+        ]
         used: set[Any] = set()
         for where, expression, allowed in parts:
-            found = _atoms(expression)
+            found = atoms_of(expression)
             used |= found
             for symbol in sorted(found - allowed, key=str):
-                raise ModelError(_unknown_symbol(symbol, where, with_inputs))
+                raise ModelError(unknown_symbol(symbol, where, with_inputs))
         for symbol in self.parameters:
             if symbol not in used:
                 raise ModelError(
                     f"parameter {symbol} is used nowhere in model {self.name!r}: remove it or use "
                     "it."
                 )
-        in_forces: set[Any] = set().union(*(_atoms(e) for e in self.forces.values()))
+        in_forces: set[Any] = set().union(*(atoms_of(e) for e in self.forces.values()))
         for u in self.inputs:
             if u not in in_forces:
                 raise ModelError(
@@ -434,7 +447,7 @@ class MechanicalSystem:
                     f"the mass matrix of model {self.name!r} contains {shown(entry)}: expected "
                     "masses from 1e-100 to 1e100; use other units."
                 )
-        if any(_atoms(entry) & set(self.velocities) for entry in mass):
+        if any(atoms_of(entry) & set(self.velocities) for entry in mass):
             raise ModelError(
                 "the kinetic energy is not quadratic in the velocities: the mass matrix depends on "
                 "them."
@@ -448,7 +461,7 @@ class MechanicalSystem:
 
     def _check_relations(self) -> None:
         for name, gap in self.gaps.items():
-            if not _atoms(gap) & set(self.coordinates):
+            if not atoms_of(gap) & set(self.coordinates):
                 raise ModelError(
                     f"surface {name!r} contains no coordinate: expected a relation in "
                     f"{_listed(self.coordinates)}."
@@ -467,50 +480,6 @@ def _mapping(value: Any, what: str, example: str) -> dict[Any, Any]:
     if not isinstance(value, Mapping):
         raise ModelError(f"{what} = {shown(value)}: expected a mapping such as {example}.")
     return dict(value)
-
-
-def _expression(value: Any, what: str) -> Any:
-    expression = (
-        _number(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else value
-    )
-    if not isinstance(expression, sp.Expr) or expression.is_Matrix:
-        remedy = (
-            "write it with SymPy's symbols" if isinstance(value, str) else "give one, or a number"
-        )
-        raise ModelError(f"{what} is not a scalar SymPy expression: got {shown(value)}; {remedy}.")
-    expression = expression.doit()
-    if not isinstance(expression, sp.Expr) or expression.is_commutative is False:
-        raise ModelError(
-            f"{what} is not a scalar SymPy expression: got {shown(value)}; give one, or a number."
-        )
-    if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
-        raise ModelError(f"{what} contains an infinite or undefined constant: {shown(expression)}.")
-    if expression.has(sp.I):
-        raise ModelError(
-            f"{what} contains the imaginary unit: {shown(expression)}; expected a real expression."
-        )
-    for constant in expression.atoms(sp.Number):
-        if not _fits_in_c(constant):
-            raise ModelError(
-                f"{what} contains the constant {shown(constant)}: expected 0 or a magnitude from "
-                "1e-307 to 1e307."
-            )
-    return expression
-
-
-def _number(value: Any) -> Any:
-    """A real number as one of SymPy, exactly; nothing that the number says of itself is asked."""
-    if isinstance(value, numbers.Integral):
-        return sp.Integer(int(value))
-    if isinstance(value, numbers.Rational):
-        return sp.Rational(int(value.numerator), int(value.denominator))
-    return sp.Float(float(value))
-
-
-def _fits_in_c(constant: Any) -> bool:
-    if isinstance(constant, sp.Rational):
-        return bool(max(abs(constant.p), constant.q) <= LARGEST)
-    return bool(constant == 0 or 1 / LARGEST <= abs(constant) <= LARGEST)
 
 
 def _parameter_value(symbol: Any, value: Any) -> float | None:
@@ -553,66 +522,9 @@ def check_system(system: Any) -> None:
         )
 
 
-def _slack(relation: Any, what: str) -> Any:
-    """Return the expression that is >= 0 where ``relation`` holds."""
-    if isinstance(relation, (GreaterThan, StrictGreaterThan)):
-        return _expression(relation.lhs - relation.rhs, what)
-    if isinstance(relation, (LessThan, StrictLessThan)):
-        return _expression(relation.rhs - relation.lhs, what)
-    raise ModelError(
-        f"{what} is not an inequality: expected a relation such as `alpha >= a_min`, got "
-        f"{shown(relation)}."
-    )
-
-
-def _atoms(expression: Any) -> set[Any]:
-    """Symbols, functions of time and their derivatives in an expression; a derivative hides what
-    it contains."""
-    derivatives = expression.atoms(sp.Derivative)
-    bare = expression.xreplace({d: sp.Dummy() for d in derivatives})
-    functions = bare.atoms(AppliedUndef)
-    bare = bare.xreplace({f: sp.Dummy() for f in functions})
-    return set(
-        derivatives | functions | {s for s in bare.free_symbols if not isinstance(s, sp.Dummy)}
-    )
-
-
-def _unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:
-    if isinstance(symbol, sp.Derivative):
-        return (
-            f"{where} contains {symbol}: only coordinates and their first derivatives may appear "
-            "there."
-        )
-    if (
-        isinstance(symbol, AppliedUndef)
-        and isinstance(symbol.func, UndefinedFunction)
-        and symbol not in known
-    ):
-        return (
-            f"{where} contains {symbol}, which is neither a coordinate nor an input: declare it or "
-            "remove it."
-        )
-    if symbol.name == "t":
-        return (
-            f"{where} contains a symbol t of its own: the time is dynamicsymbols._t of "
-            "sympy.physics.mechanics."
-        )
-    if symbol not in known and str(symbol) in {str(s) for s in known}:
-        return (
-            f"{where} contains the symbol {symbol}, and the model one of the same name with "
-            "other assumptions: use one symbol."
-        )
-    role = (
-        "may not appear there"
-        if symbol in known
-        else "is unknown: list it in `parameters` with its value"
-    )
-    return f"{where} contains the symbol {symbol}, which {role}."
-
-
 def _is_singular(mass: sp.Matrix) -> bool:
     """Tell whether M is singular at several fixed generic points, hence everywhere."""
-    symbols = sorted(set().union(*(_atoms(entry) for entry in mass)), key=str)
+    symbols = sorted(set().union(*(atoms_of(entry) for entry in mass)), key=str)
     for shift in (0.0, 1.7, 4.1):
         point = {
             s: sp.Float(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0, 30)

@@ -851,6 +851,46 @@ void bouncing_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const
         min_time_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*4);
 }
 
+/* Values of the shapes of the drawing.
+ *   in  q[1]
+ *   in  t[1]
+ *   in  par[4]
+ *   out shapes[14]
+ */
+static inline void drawing_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict shapes)
+{
+    (void)t;
+    const double w0 = sin(par[3]);
+    const double w1 = 0.69999999999999996*par[1];
+    const double w2 = cos(par[3]);
+    const double w3 = 1.1499999999999999*par[1];
+    const double w4 = sin(q[0]);
+    const double w5 = par[1]*w4;
+    const double w6 = cos(q[0]);
+    const double w7 = -par[1]*w6;
+    const double w8 = 1.0/sqrt(power2(w4) + power2(w6));
+    shapes[0] = w0*w1;
+    shapes[1] = -w1*w2;
+    shapes[2] = w0*w3;
+    shapes[3] = -w2*w3;
+    shapes[4] = 0.0;
+    shapes[5] = 0.0;
+    shapes[6] = w5;
+    shapes[7] = w7;
+    shapes[8] = w5;
+    shapes[9] = w7;
+    shapes[10] = w5;
+    shapes[11] = w7;
+    shapes[12] = w6*w8;
+    shapes[13] = w4*w8;
+}
+
+void bouncing_pendulum_drawing(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        drawing_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*14);
+}
+
 /* ---- Table of the kernels ---- */
 
 static const dmoc_array step_arrays[] = {
@@ -949,6 +989,9 @@ static const dmoc_array min_time_arrays[] = {
 static const dmoc_array min_time_jac_arrays[] = {
     {"q_k", 1}, {"q_kp1", 1}, {"h", 1}, {"q_c", 1}, {"a", 1}, {"par", 4}, {"T_min_D", 4},
 };
+static const dmoc_array drawing_arrays[] = {
+    {"q", 1}, {"t", 1}, {"par", 4}, {"shapes", 14},
+};
 
 static const dmoc_entry entries[] = {
     {"step", bouncing_pendulum_step, 8, 4, step_arrays},
@@ -983,6 +1026,7 @@ static const dmoc_entry entries[] = {
     {"rate_work_hess", bouncing_pendulum_rate_work_hess, 6, 1, rate_work_hess_arrays},
     {"min_time", bouncing_pendulum_min_time, 6, 1, min_time_arrays},
     {"min_time_jac", bouncing_pendulum_min_time_jac, 6, 1, min_time_jac_arrays},
+    {"drawing", bouncing_pendulum_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", 32, entries};
+const dmoc_table bouncing_pendulum_kernels = {"bouncing_pendulum", 33, entries};

@@ -36,6 +36,7 @@ dmoc_kernel bouncing_pendulum_rate_work_jac;
 dmoc_kernel bouncing_pendulum_rate_work_hess;
 dmoc_kernel bouncing_pendulum_min_time;
 dmoc_kernel bouncing_pendulum_min_time_jac;
+dmoc_kernel bouncing_pendulum_drawing;
 
 extern const dmoc_table bouncing_pendulum_kernels;
 

@@ -1062,6 +1062,63 @@ void cart_pendulum_min_time_jac(ptrdiff_t n, const double *const in[], const ptr
         min_time_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*8);
 }
 
+/* Values of the shapes of the drawing.
+ *   in  q[2]
+ *   in  t[1]
+ *   in  par[6]
+ *   out shapes[27]
+ */
+static inline void drawing_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict shapes)
+{
+    (void)t;
+    const double w0 = cos(par[4]);
+    const double w1 = 0.75*par[2];
+    const double w2 = sin(par[4]);
+    const double w3 = 1.1000000000000001*par[2];
+    const double w4 = cos(par[5]);
+    const double w5 = sin(par[5]);
+    const double w6 = cos(q[0]);
+    const double w7 = par[2]*w6 + q[1];
+    const double w8 = sin(q[0]);
+    const double w9 = par[2]*w8;
+    const double w10 = 1.0/sqrt(power2(w6) + power2(w8));
+    const double w11 = w10*w8;
+    const double w12 = w10*w6;
+    shapes[0] = q[1] + w0*w1;
+    shapes[1] = w1*w2;
+    shapes[2] = q[1] + w0*w3;
+    shapes[3] = w2*w3;
+    shapes[4] = q[1] + w3*w4;
+    shapes[5] = w3*w5;
+    shapes[6] = q[1] + w1*w4;
+    shapes[7] = w1*w5;
+    shapes[8] = q[1];
+    shapes[9] = 0.0;
+    shapes[10] = 0.5*par[2];
+    shapes[11] = 0.25*par[2];
+    shapes[12] = 0.0;
+    shapes[13] = q[1];
+    shapes[14] = 0.0;
+    shapes[15] = w7;
+    shapes[16] = w9;
+    shapes[17] = w7;
+    shapes[18] = w9;
+    shapes[19] = w7;
+    shapes[20] = w9;
+    shapes[21] = -w11;
+    shapes[22] = w12;
+    shapes[23] = w7;
+    shapes[24] = w9;
+    shapes[25] = w11;
+    shapes[26] = -w12;
+}
+
+void cart_pendulum_drawing(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        drawing_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*27);
+}
+
 /* ---- Table of the kernels ---- */
 
 static const dmoc_array step_arrays[] = {
@@ -1160,6 +1217,9 @@ static const dmoc_array min_time_arrays[] = {
 static const dmoc_array min_time_jac_arrays[] = {
     {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 6}, {"T_min_D", 8},
 };
+static const dmoc_array drawing_arrays[] = {
+    {"q", 2}, {"t", 1}, {"par", 6}, {"shapes", 27},
+};
 
 static const dmoc_entry entries[] = {
     {"step", cart_pendulum_step, 8, 4, step_arrays},
@@ -1194,6 +1254,7 @@ static const dmoc_entry entries[] = {
     {"rate_work_hess", cart_pendulum_rate_work_hess, 6, 1, rate_work_hess_arrays},
     {"min_time", cart_pendulum_min_time, 6, 1, min_time_arrays},
     {"min_time_jac", cart_pendulum_min_time_jac, 6, 1, min_time_jac_arrays},
+    {"drawing", cart_pendulum_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table cart_pendulum_kernels = {"cart_pendulum", 32, entries};
+const dmoc_table cart_pendulum_kernels = {"cart_pendulum", 33, entries};

@@ -36,6 +36,7 @@ dmoc_kernel cart_pendulum_rate_work_jac;
 dmoc_kernel cart_pendulum_rate_work_hess;
 dmoc_kernel cart_pendulum_min_time;
 dmoc_kernel cart_pendulum_min_time_jac;
+dmoc_kernel cart_pendulum_drawing;
 
 extern const dmoc_table cart_pendulum_kernels;
 

@@ -994,6 +994,57 @@ void puck_table_min_time_jac(ptrdiff_t n, const double *const in[], const ptrdif
         min_time_jac_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], in[3] + i*stride[3], in[4] + i*stride[4], in[5] + i*stride[5], out[0] + i*16);
 }
 
+/* Values of the shapes of the drawing.
+ *   in  q[2]
+ *   in  t[1]
+ *   in  par[3]
+ *   out shapes[34]
+ */
+static inline void drawing_element(const double *restrict q, const double *restrict t, const double *restrict par, double *restrict shapes)
+{
+    (void)t;
+    shapes[0] = 0.0;
+    shapes[1] = 0.0;
+    shapes[2] = par[1];
+    shapes[3] = 0.0;
+    shapes[4] = par[1];
+    shapes[5] = 0.0;
+    shapes[6] = par[1];
+    shapes[7] = par[2];
+    shapes[8] = par[1];
+    shapes[9] = par[2];
+    shapes[10] = 0.0;
+    shapes[11] = par[2];
+    shapes[12] = 0.0;
+    shapes[13] = par[2];
+    shapes[14] = 0.0;
+    shapes[15] = 0.0;
+    shapes[16] = q[0];
+    shapes[17] = q[1];
+    shapes[18] = q[0];
+    shapes[19] = q[1];
+    shapes[20] = 1.0;
+    shapes[21] = 0.0;
+    shapes[22] = q[0];
+    shapes[23] = q[1];
+    shapes[24] = -1.0;
+    shapes[25] = 0.0;
+    shapes[26] = q[0];
+    shapes[27] = q[1];
+    shapes[28] = 0.0;
+    shapes[29] = 1.0;
+    shapes[30] = q[0];
+    shapes[31] = q[1];
+    shapes[32] = 0.0;
+    shapes[33] = -1.0;
+}
+
+void puck_table_drawing(ptrdiff_t n, const double *const in[], const ptrdiff_t stride[], double *const out[])
+{
+    for (ptrdiff_t i = 0; i < n; ++i)
+        drawing_element(in[0] + i*stride[0], in[1] + i*stride[1], in[2] + i*stride[2], out[0] + i*34);
+}
+
 /* ---- Table of the kernels ---- */
 
 static const dmoc_array step_arrays[] = {
@@ -1092,6 +1143,9 @@ static const dmoc_array min_time_arrays[] = {
 static const dmoc_array min_time_jac_arrays[] = {
     {"q_k", 2}, {"q_kp1", 2}, {"h", 1}, {"q_c", 2}, {"a", 2}, {"par", 3}, {"T_min_D", 16},
 };
+static const dmoc_array drawing_arrays[] = {
+    {"q", 2}, {"t", 1}, {"par", 3}, {"shapes", 34},
+};
 
 static const dmoc_entry entries[] = {
     {"step", puck_table_step, 8, 4, step_arrays},
@@ -1126,6 +1180,7 @@ static const dmoc_entry entries[] = {
     {"rate_work_hess", puck_table_rate_work_hess, 6, 1, rate_work_hess_arrays},
     {"min_time", puck_table_min_time, 6, 1, min_time_arrays},
     {"min_time_jac", puck_table_min_time_jac, 6, 1, min_time_jac_arrays},
+    {"drawing", puck_table_drawing, 3, 1, drawing_arrays},
 };
 
-const dmoc_table puck_table_kernels = {"puck_table", 32, entries};
+const dmoc_table puck_table_kernels = {"puck_table", 33, entries};

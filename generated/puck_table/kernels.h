@@ -36,6 +36,7 @@ dmoc_kernel puck_table_rate_work_jac;
 dmoc_kernel puck_table_rate_work_hess;
 dmoc_kernel puck_table_min_time;
 dmoc_kernel puck_table_min_time_jac;
+dmoc_kernel puck_table_drawing;
 
 extern const dmoc_table puck_table_kernels;
 

@@ -23,15 +23,23 @@ if TYPE_CHECKING:
     from dmoc.solving.solve import solve
     from dmoc.solving.sweep import sweep
     from dmoc.symbolic.derivation import derive
+    from dmoc.symbolic.drawing import Box, Contact, Disc, Link, Point, Spring, Wall
     from dmoc.symbolic.system import MechanicalSystem
 
 __version__ = "0.1.0"
 __all__ = [
     "Batch",
+    "Box",
+    "Contact",
+    "Disc",
     "DmocError",
+    "Link",
     "MechanicalSystem",
+    "Point",
     "Problem",
     "Solution",
+    "Spring",
+    "Wall",
     "build",
     "derive",
     "load",
@@ -46,10 +54,17 @@ __all__ = [
 
 _PLACES = {
     "Batch": "dmoc.batch",
+    "Box": "dmoc.symbolic.drawing",
+    "Contact": "dmoc.symbolic.drawing",
+    "Disc": "dmoc.symbolic.drawing",
     "DmocError": "dmoc.errors",
+    "Link": "dmoc.symbolic.drawing",
     "MechanicalSystem": "dmoc.symbolic.system",
+    "Point": "dmoc.symbolic.drawing",
     "Problem": "dmoc.nlp.problem",
     "Solution": "dmoc.solution",
+    "Spring": "dmoc.symbolic.drawing",
+    "Wall": "dmoc.symbolic.drawing",
     "build": "dmoc.registry",
     "derive": "dmoc.symbolic.derivation",
     "load": "dmoc.registry",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from dmoc.archive import LARGEST, Archive, pack
 from dmoc.discretisation import FORMS, ORDERS
 from dmoc.errors import SolutionFileError
 from dmoc.nlp.active import ActiveBound
+from dmoc.scene import COLUMNS, Scene, Shape, wrong_scene
 from dmoc.schema import (
     Choice,
     Context,
@@ -37,7 +39,9 @@ from dmoc.solution import Mesh, Minimum, Solution
 from dmoc.solvers.outcome import Status
 from dmoc.trajectory import Array, Collision, Phase, Trajectory
 
-FILE_FORMAT = 6
+FILE_FORMAT = 7
+# Fields of a motion that files of the format before have not: their values there.
+ADDED: Mapping[str, Any] = {"units": {}, "scene": None}
 SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
 REMEDY = "give one that `dmoc solve --out` has written"
 
@@ -70,6 +74,7 @@ def solution_in(content: bytes, name: str) -> Solution:
     try:
         archive = Archive(content)
         header = plain(archive.text())
+        header = _as_now(header)
         version = header.get("format") if isinstance(header, dict) else None
         if isinstance(version, int) and version != FILE_FORMAT:
             raise SolutionFileError(
@@ -84,6 +89,17 @@ def solution_in(content: bytes, name: str) -> Solution:
             "--out`."
         ) from None
     return solution
+
+
+def _as_now(header: Any) -> Any:
+    """What a file of the format before says, in the format of now; everything else as it is."""
+    match header:
+        case {"format": int(version), "solution": {"trajectory": dict(motion)} as solution} if (
+            version == FILE_FORMAT - 1 and not set(ADDED) & set(motion)
+        ):
+            now = {**solution, "trajectory": {**motion, **ADDED}}
+            return {**header, "format": FILE_FORMAT, "solution": now}
+    return header
 
 
 @np.errstate(all="ignore")
@@ -101,6 +117,8 @@ def _wrong_motion(motion: Trajectory) -> str | None:
             return f"the times of phase {i} do not increase"
         if len(phase.u) != len(motion.input_times(phase)):
             return f"phase {i} has {len(phase.u)} rows of inputs for {phase.steps} steps"
+    if motion.scene is not None and len(motion.scene.times) != len(motion.phases):
+        return f"the motion has {len(motion.phases)} phases, its scene {len(motion.scene.times)}"
     return _wrong_joints(motion)
 
 
@@ -194,6 +212,24 @@ COLLISION = Record(
         "tractions": Mapped(Number(), names=Name()),
     },
 )
+SHAPE = Record(
+    Shape,
+    {
+        "kind": Choice(tuple(COLUMNS)),
+        "name": Either(Choice(("",)), Name()),
+        "start": Whole(),
+        "size": Whole(2),
+    },
+)
+SCENE = Record(
+    Scene,
+    {
+        "shapes": Listed(SHAPE),
+        "times": Listed(Stored(None)),
+        "values": Listed(Stored(None, "columns")),
+    },
+    wrong_scene,
+)
 TRAJECTORY = Record(
     Trajectory,
     {
@@ -211,6 +247,8 @@ TRAJECTORY = Record(
         "order": Choice(ORDERS),
         "ignored": Listed(Name()),
         "friction": Mapped(Number(0.0), names=Name()),
+        "units": Mapped(Text(), names=Name()),
+        "scene": Either(Nothing(), SCENE),
     },
     _wrong_motion,
 )

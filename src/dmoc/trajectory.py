@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.discretisation import FORMS, InputForm
+from dmoc.scene import Scene
 
 Array = NDArray[np.float64]
 # A contact that changes no momentum by more than this share of its size grazes: the motion touches
@@ -149,6 +150,10 @@ class Trajectory:
         Surfaces that hold nothing back where no event names them.
     friction : mapping of str to float
         Coefficient mu of each surface with friction, largest force in newton of each rail.
+    units : mapping of str to str
+        Units of coordinates and inputs, where the model names them.
+    scene : Scene or None
+        The drawing of the model along the motion; None where the model has none.
     """
 
     model: str
@@ -165,6 +170,8 @@ class Trajectory:
     order: int
     ignored: tuple[str, ...] = ()
     friction: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    scene: Scene | None = None
 
     @property
     def lasting(self) -> bool:

@@ -17,6 +17,7 @@ import dmoc
 from dmoc import archive as archives
 from dmoc import solution_file
 from dmoc.errors import ModelError, SearchError, SolutionFileError
+from dmoc.scene import Scene, Shape
 from dmoc.schema import Either, Listed, Mapped, Number, Numbers, Record, Refused
 from dmoc.sequences import nodes
 from dmoc.sequences.journal import Journal
@@ -51,6 +52,8 @@ def test_every_damage_to_a_solution_file_is_a_sentence(content: bytes) -> None:
         (solution_file.SOLUTION, dmoc.Solution),
         (solution_file.TRAJECTORY, Trajectory),
         (solution_file.PHASE, Phase),
+        (solution_file.SCENE, Scene),
+        (solution_file.SHAPE, Shape),
         (solution_file.COLLISION, Collision),
         (solution_file.MESH, dmoc.solution.Mesh),
         (nodes.NODE, nodes.Node),
@@ -105,9 +108,9 @@ def test_declared_sizes_are_refused_before_anything_is_unpacked(
 
 def test_a_file_of_another_format_says_so(content: bytes) -> None:
     parts = members(content)
-    parts["header.json"] = parts["header.json"].replace(b'"format": 6', b'"format": 5', 1)
+    parts["header.json"] = parts["header.json"].replace(b'"format": 7', b'"format": 5', 1)
     with pytest.raises(
-        SolutionFileError, match="has format 5, expected 6: solve the problem again"
+        SolutionFileError, match="has format 5, expected 7: solve the problem again"
     ):
         dmoc.Solution.from_bytes(archive(parts))
 

@@ -1,0 +1,124 @@
+"""What a motion looks like as plain data: the shapes of its model, and their places over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Columns of each kind of shape; those of a link are pairs, as many as it has points.
+COLUMNS = {
+    "link": ("x0", "y0", "x1", "y1"),
+    "point": ("x", "y"),
+    "disc": ("x", "y", "radius", "angle"),
+    "box": ("x", "y", "width", "height", "angle"),
+    "spring": ("x0", "y0", "x1", "y1"),
+    "wall": ("x0", "y0", "x1", "y1"),
+    "contact": ("x", "y", "nx", "ny"),
+}
+# Intervals of a phase between two samples: at least, so that its arcs look round, and at most.
+FINE, FINEST = 60, 3000
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A shape of a drawing: its columns are ``start`` to ``start + size``.
+
+    Attributes
+    ----------
+    kind : str
+        One of COLUMNS.  Lengths are in the unit of the drawing, angles in rad, counterclockwise;
+        (nx, ny) has the length 1.  A wall is solid to the right of the way from its first point to
+        its second.
+    name : str
+        Of a contact its surface or rail; of other shapes a label, which may be empty.
+    start, size : int
+    """
+
+    kind: str
+    name: str
+    start: int
+    size: int
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Shapes and their places along a motion.
+
+    Attributes
+    ----------
+    shapes : tuple of Shape
+    times : tuple of arrays, shape (n,) for each phase
+        In seconds.
+    values : tuple of arrays, shape (n, columns) for each phase
+    """
+
+    shapes: tuple[Shape, ...]
+    times: tuple[Array, ...]
+    values: tuple[Array, ...]
+
+    def of(self, shape: Shape, phase: int) -> Array:
+        """Values of a shape along a phase, shape (n, shape.size)."""
+        return self.values[phase][:, shape.start : shape.start + shape.size]
+
+    @property
+    def contacts(self) -> tuple[Shape, ...]:
+        """Where forces act."""
+        return tuple(shape for shape in self.shapes if shape.kind == "contact")
+
+
+def resampled(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+    """Times and positions of a phase finely enough to be drawn: cubics between its nodes, with
+    the velocities there.
+
+    Parameters
+    ----------
+    t : array of shape (N + 1,)
+    q, v : arrays of shape (N + 1, nq)
+
+    Returns
+    -------
+    arrays of shape (n,) and (n, nq)
+        With the nodes among them, or some of the nodes if those are more than FINEST.
+    """
+    if len(t) > FINEST + 1:
+        chosen = np.linspace(0, len(t) - 1, FINEST + 1).round().astype(int)
+        return t[chosen], q[chosen]
+    parts = -(-FINE // (len(t) - 1))
+    s = (np.arange(parts) / parts)[:, None]
+    h = np.diff(t)[:, None, None]
+    begins, ends = q[:-1, None], q[1:, None]
+    way = begins + s**2 * (3 - 2 * s) * (ends - begins)
+    way = way + h * s * (1 - s) * ((1 - s) * v[:-1, None] - s * v[1:, None])
+    times = t[:-1, None] + s[:, 0] * np.diff(t)[:, None]
+    return np.append(times.ravel(), t[-1]), np.vstack([way.reshape(-1, q.shape[1]), q[-1:]])
+
+
+def shapes_in(table: Iterable[tuple[str, str, int, int]]) -> tuple[Shape, ...]:
+    """The shapes that a manifest lists."""
+    return tuple(Shape(*row) for row in table)
+
+
+def wrong_scene(scene: Scene) -> str | None:
+    """What of a scene does not fit together."""
+    start = 0
+    for shape in scene.shapes:
+        size = len(COLUMNS[shape.kind])
+        fits = shape.size == size or (
+            shape.kind == "link" and shape.size > size and shape.size % 2 == 0
+        )
+        if not fits or shape.start != start:
+            return f"a {shape.kind} of the scene has the wrong columns"
+        start += shape.size
+    if len(scene.times) != len(scene.values):
+        return "the scene has times and values of different phases"
+    for t, values in zip(scene.times, scene.values, strict=True):
+        if len(t) < 2 or not (np.diff(t) > 0).all():
+            return "the times of the scene do not increase"
+        if values.shape != (len(t), start):
+            return "the scene has values of the wrong shape"
+    return None

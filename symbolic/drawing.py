@@ -1,0 +1,213 @@
+"""How a planar model looks: rods, masses, bodies, springs and walls, with places in q, t and
+parameters.
+
+A drawing is looks and no physics: solutions do not depend on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import sympy as sp
+
+from dmoc.arguments import shown
+from dmoc.errors import ModelError
+from dmoc.symbolic.expressions import expression_in
+
+Place: TypeAlias = tuple[Any, Any]  # x and y, as SymPy expressions
+
+
+@dataclass(frozen=True, init=False)
+class Link:
+    """A rod, or a polyline through several points: ``Link((0, 0), elbow, tip)``.
+
+    Points are pairs of SymPy expressions in coordinates, parameters and the time, or matrices of
+    two entries; x points to the right, y upwards.
+    """
+
+    points: tuple[Place, ...]
+
+    def __init__(self, *points: Any) -> None:
+        if len(points) < 2:
+            raise ModelError(
+                f"a Link has {len(points)} points: expected two or more, as in "
+                "Link((0, 0), (x, y))."
+            )
+        object.__setattr__(self, "points", tuple(_place(p, "a point of a Link") for p in points))
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point mass."""
+
+    at: Any
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "at", _place(self.at, "the place of a Point"))
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A disc; a mark shows its angle in rad, which grows counterclockwise."""
+
+    centre: Any
+    radius: Any
+    angle: Any = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", _place(self.centre, "the centre of a Disc"))
+        object.__setattr__(self, "radius", _size(self.radius, "the radius of a Disc"))
+        object.__setattr__(self, "angle", expression_in(self.angle, "the angle of a Disc"))
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle around its centre, turned by an angle in rad counterclockwise."""
+
+    centre: Any
+    width: Any
+    height: Any
+    angle: Any = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", _place(self.centre, "the centre of a Box"))
+        object.__setattr__(self, "width", _size(self.width, "the width of a Box"))
+        object.__setattr__(self, "height", _size(self.height, "the height of a Box"))
+        object.__setattr__(self, "angle", expression_in(self.angle, "the angle of a Box"))
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring between two points."""
+
+    a: Any
+    b: Any
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "a", _place(self.a, "an end of a Spring"))
+        object.__setattr__(self, "b", _place(self.b, "an end of a Spring"))
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A wall or a floor from a to b, solid on the right as one looks from a to b: a floor goes from
+    left to right."""
+
+    a: Any
+    b: Any
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "a", _place(self.a, "an end of a Wall"))
+        object.__setattr__(self, "b", _place(self.b, "an end of a Wall"))
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Where the force of a surface, or the friction of a tangent, acts.
+
+    Attributes
+    ----------
+    surface : str
+        Name of the surface, or of the rail.
+    at : pair
+        The point that touches.
+    normal : pair
+        Direction in which the surface pushes what it touches; of any length but zero.  Friction is
+        drawn along the normal turned by 90 degrees clockwise: to the right over a floor.
+    """
+
+    surface: str
+    at: Any
+    normal: Any = (0, 1)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "at", _place(self.at, "the place of a Contact"))
+        normal = _place(self.normal, "the normal of a Contact")
+        if normal == (0, 0):
+            raise ModelError(
+                f"the normal of the Contact {shown(self.surface)} is zero: expected the direction "
+                "in which the surface pushes, as in normal=(0, 1)."
+            )
+        object.__setattr__(self, "normal", normal)
+
+
+Part: TypeAlias = Link | Point | Disc | Box | Spring | Wall | Contact
+PARTS = (Link, Point, Disc, Box, Spring, Wall, Contact)
+
+
+def parts_in(given: Any, contacts: Iterable[str]) -> tuple[Part, ...]:
+    """Read a drawing, whose contacts are some of those named; raise ModelError for what is none."""
+    names = list(contacts)
+    known = ", ".join(part.__name__ for part in PARTS)
+    if not isinstance(given, Sequence) or isinstance(given, str):
+        raise ModelError(f"drawing = {shown(given)}: expected a list of shapes out of {known}.")
+    seen: set[str] = set()
+    for part in given:
+        if not isinstance(part, PARTS):
+            raise ModelError(f"the drawing contains {shown(part)}: expected shapes out of {known}.")
+        if not isinstance(part, Contact):
+            continue
+        if part.surface not in names:
+            raise ModelError(
+                f"the drawing has a Contact of {shown(part.surface)}: expected a surface or a rail "
+                f"of the model, {'one of ' + ', '.join(names) if names else 'which has none'}."
+            )
+        if part.surface in seen:
+            raise ModelError(f"the drawing has two Contacts of {part.surface!r}: give one.")
+        seen.add(part.surface)
+    return tuple(given)
+
+
+def values_of(part: Part) -> tuple[Any, ...]:
+    """The expressions of a shape, in the order of the columns of a scene."""
+    match part:
+        case Link():
+            return tuple(x for point in part.points for x in point)
+        case Point():
+            return tuple(part.at)
+        case Disc():
+            return (*part.centre, part.radius, part.angle)
+        case Box():
+            return (*part.centre, part.width, part.height, part.angle)
+        case Spring() | Wall():
+            return (*part.a, *part.b)
+        case Contact():
+            x, y = part.normal
+            length = sp.sqrt(x**2 + y**2)
+            return (*part.at, x / length, y / length)
+
+
+def table_of(drawing: Iterable[Part]) -> list[list[Any]]:
+    """Kind, name, first column and number of columns of each shape."""
+    table: list[list[Any]] = []
+    start = 0
+    for part in drawing:
+        name, size = part.surface if isinstance(part, Contact) else "", len(values_of(part))
+        table.append([type(part).__name__.lower(), name, start, size])
+        start += size
+    return table
+
+
+def _place(value: Any, what: str) -> Place:
+    """A pair of expressions."""
+    entries = value
+    if isinstance(value, sp.MatrixBase):
+        entries = list(value)
+    elif isinstance(value, (str, bytes, sp.Basic, Mapping, Set)) or not isinstance(value, Iterable):
+        raise ModelError(f"{what} = {shown(value)}: expected two expressions, as in (x, y).")
+    entries = list(entries)
+    if len(entries) != 2:
+        raise ModelError(
+            f"{what} = {shown(value)} has {len(entries)} entries: expected two, as in (x, y)."
+        )
+    return expression_in(entries[0], what), expression_in(entries[1], what)
+
+
+def _size(value: Any, what: str) -> Any:
+    """An expression that is positive where it is a number."""
+    size = expression_in(value, what)
+    if size.is_number and not size > 0:
+        raise ModelError(f"{what} = {shown(size)}: expected a positive length.")
+    return size

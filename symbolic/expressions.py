@@ -1,0 +1,119 @@
+"""What expressions of a model may be: scalars, real, finite, in the symbols that belong there."""
+
+from __future__ import annotations
+
+import numbers
+from typing import Any
+
+import sympy as sp
+from sympy.core.function import AppliedUndef, UndefinedFunction
+from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
+
+from dmoc.arguments import shown
+from dmoc.errors import ModelError
+
+# Constants of an expression must be numbers of C.
+LARGEST = sp.Integer(10) ** 307
+
+
+def expression_in(value: Any, what: str) -> Any:
+    """A scalar, real and finite SymPy expression; raise ModelError for what is none."""
+    expression = (
+        _number(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else value
+    )
+    if not isinstance(expression, sp.Expr) or expression.is_Matrix:
+        remedy = (
+            "write it with SymPy's symbols" if isinstance(value, str) else "give one, or a number"
+        )
+        raise ModelError(f"{what} is not a scalar SymPy expression: got {shown(value)}; {remedy}.")
+    expression = expression.doit()
+    if not isinstance(expression, sp.Expr) or expression.is_commutative is False:
+        raise ModelError(
+            f"{what} is not a scalar SymPy expression: got {shown(value)}; give one, or a number."
+        )
+    if expression.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
+        raise ModelError(f"{what} contains an infinite or undefined constant: {shown(expression)}.")
+    if expression.has(sp.I):
+        raise ModelError(
+            f"{what} contains the imaginary unit: {shown(expression)}; expected a real expression."
+        )
+    for constant in expression.atoms(sp.Number):
+        if not _fits_in_c(constant):
+            raise ModelError(
+                f"{what} contains the constant {shown(constant)}: expected 0 or a magnitude from "
+                "1e-307 to 1e307."
+            )
+    return expression
+
+
+def _number(value: Any) -> Any:
+    """A real number as one of SymPy, exactly; nothing that the number says of itself is asked."""
+    if isinstance(value, numbers.Integral):
+        return sp.Integer(int(value))
+    if isinstance(value, numbers.Rational):
+        return sp.Rational(int(value.numerator), int(value.denominator))
+    return sp.Float(float(value))
+
+
+def _fits_in_c(constant: Any) -> bool:
+    if isinstance(constant, sp.Rational):
+        return bool(max(abs(constant.p), constant.q) <= LARGEST)
+    return bool(constant == 0 or 1 / LARGEST <= abs(constant) <= LARGEST)
+
+
+def slack_of(relation: Any, what: str) -> Any:
+    """The expression that is >= 0 where ``relation`` holds."""
+    if isinstance(relation, (GreaterThan, StrictGreaterThan)):
+        return expression_in(relation.lhs - relation.rhs, what)
+    if isinstance(relation, (LessThan, StrictLessThan)):
+        return expression_in(relation.rhs - relation.lhs, what)
+    raise ModelError(
+        f"{what} is not an inequality: expected a relation such as `alpha >= a_min`, got "
+        f"{shown(relation)}."
+    )
+
+
+def atoms_of(expression: Any) -> set[Any]:
+    """Symbols, functions of time and their derivatives in an expression; a derivative hides what
+    it contains."""
+    derivatives = expression.atoms(sp.Derivative)
+    bare = expression.xreplace({d: sp.Dummy() for d in derivatives})
+    functions = bare.atoms(AppliedUndef)
+    bare = bare.xreplace({f: sp.Dummy() for f in functions})
+    return set(
+        derivatives | functions | {s for s in bare.free_symbols if not isinstance(s, sp.Dummy)}
+    )
+
+
+def unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:
+    """What is wrong with a symbol that does not belong where it stands."""
+    if isinstance(symbol, sp.Derivative):
+        return (
+            f"{where} contains {symbol}: only coordinates and their first derivatives may appear "
+            "there."
+        )
+    if (
+        isinstance(symbol, AppliedUndef)
+        and isinstance(symbol.func, UndefinedFunction)
+        and symbol not in known
+    ):
+        return (
+            f"{where} contains {symbol}, which is neither a coordinate nor an input: declare it or "
+            "remove it."
+        )
+    if symbol.name == "t":
+        return (
+            f"{where} contains a symbol t of its own: the time is dynamicsymbols._t of "
+            "sympy.physics.mechanics."
+        )
+    if symbol not in known and str(symbol) in {str(s) for s in known}:
+        return (
+            f"{where} contains the symbol {symbol}, and the model one of the same name with "
+            "other assumptions: use one symbol."
+        )
+    role = (
+        "may not appear there"
+        if symbol in known
+        else "is unknown: list it in `parameters` with its value"
+    )
+    return f"{where} contains the symbol {symbol}, which {role}."
