@@ -15,6 +15,10 @@ each of its nodes, the ends among them, and velocities v- before and v+ after it
 
 A rail has the largest force F instead of mu P_k, times the time that the node stands for.  This is
 the scheme RATTLE with the momenta of the step element.
+
+The places of closed, stuck and direction are measured by how far the contact could move in one
+step: an error of a place is one of the velocity times the step, which in a phase that shrinks is
+far below the sizes of the motion.
 """
 
 from __future__ import annotations
@@ -115,9 +119,22 @@ class ContactLaw:
         def at(r: int, j: int, which: Sequence[str]) -> str:
             return f"{which[j]} {place(lay.steps, r)}"
 
+        def in_a_step(rate: Array, s: Scale) -> Array:
+            return np.asarray(rate * s.h[self._phase][:, None])
+
         return (
-            block("closed", closed, lambda r, j: f"contact {at(r, j, names)}", lambda s: s.gap),
-            block("stuck", stuck, lambda r, j: f"sticking of {at(r, j, friction)}", _tau),
+            block(
+                "closed",
+                closed,
+                lambda r, j: f"contact {at(r, j, names)}",
+                lambda s: in_a_step(s.rate, s),
+            ),
+            block(
+                "stuck",
+                stuck,
+                lambda r, j: f"sticking of {at(r, j, friction)}",
+                lambda s: in_a_step(s.slide, s),
+            ),
             block(
                 "sliding",
                 self._along(touch.rubs & ~touch.sticks),
@@ -186,7 +203,7 @@ class ContactLaw:
                 "direction",
                 slides,
                 lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {friction[j]} in step {k}",
-                _tau,
+                lambda s: s.slide * s.h[lay.phase_of_step][: len(slides), None],
                 steps[: len(slides)],
             ),
             block(
@@ -383,10 +400,6 @@ def _friction(
 
 def _twice(mask: Bools) -> Bools:
     return np.repeat(mask[:, :, None], 2, axis=2)
-
-
-def _tau(s: Scale) -> Array:
-    return s.tau
 
 
 def _gap(s: Scale) -> Array:

@@ -50,7 +50,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), size_p / time)
         moving = (size_q, size_v, time)
         gap, rate = _places(model.gap_slopes(q, t), moving)
-        tau, slide = _places(model.tangent_slopes(q, t), moving)
+        _, slide = _places(model.tangent_slopes(q, t), moving)
         energy = float(size_p @ size_v) / 2
         path = np.ones(len(problem.kernels.manifest["path_constraints"]))
         scale = Scale(
@@ -64,7 +64,6 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
             gap,
             rate,
             energy / rate,
-            tau,
             slide,
             energy / slide,
             path,

@@ -14,7 +14,7 @@ from dmoc.symbolic.names import momentum_name, velocity_name
 @dataclass(frozen=True)
 class Scale:
     """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
-    gaps, their rates and impulses (nc,); tangents, their rates and impulses (nt,); path
+    gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
     constraints; step sizes (phases,)."""
 
     time: float
@@ -27,7 +27,6 @@ class Scale:
     gap: Array
     rate: Array
     lam: Array
-    tau: Array
     slide: Array
     friction: Array
     path: Array
@@ -42,7 +41,7 @@ class Scale:
         )
         path = np.ones(len(kernels.manifest["path_constraints"]))
         nt, h = np.ones(len(kernels.tangents)), np.ones(problem.phases)
-        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, nt, path, h)
+        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, path, h)
 
     def named(self, problem: Problem) -> dict[str, float]:
         """Sizes by name, as results show them."""
