@@ -67,13 +67,18 @@ def _order(quotient: float, first: float, second: float, order: int) -> float:
     return low
 
 
+def _ratios(coarse: Solution, fine: Solution) -> list[int]:
+    """Steps of each phase on the fine mesh for one on the coarse one."""
+    return [b.steps // a.steps for a, b in zip(coarse.phases, fine.phases, strict=True)]
+
+
 def _ratio(coarse: Solution, fine: Solution) -> float:
-    return fine.phases[0].steps / coarse.phases[0].steps
+    """That of the phases that are refined."""
+    return max(_ratios(coarse, fine))
 
 
-def _change(coarse: Solution, fine: Solution, everywhere: bool = True) -> float:
+def _change(coarse: Solution, fine: Solution) -> float:
     """Largest relative difference of cost and durations, and of positions at common nodes."""
-    step = round(_ratio(coarse, fine))
     cost = abs(fine.cost - coarse.cost) / max(abs(fine.cost), _little(fine))
     pairs = list(zip(coarse.phases, fine.phases, strict=True))
     duration = max(abs(b.duration - a.duration) for a, b in pairs) / fine.final_time
@@ -81,7 +86,10 @@ def _change(coarse: Solution, fine: Solution, everywhere: bool = True) -> float:
     scale = np.maximum(
         spread, 1e-6 * np.array([fine.scale.get(name, 1.0) for name in fine.trajectory.coordinates])
     )
-    place = max(float((np.abs(b.q[::step] - a.q) / scale).max(initial=0.0)) for a, b in pairs)
+    place = max(
+        float((np.abs(b.q[::step] - a.q) / scale).max(initial=0.0))
+        for (a, b), step in zip(pairs, _ratios(coarse, fine), strict=True)
+    )
     return float(max(cost, duration, place))
 
 

@@ -17,6 +17,9 @@ from dmoc.solving.mesh_error import barrier, compared, estimate
 
 # A quarter of the steps at once where the error is this far above the tolerance, else half of them.
 FAR = 100.0
+# A phase whose steps are shorter than the longest ones by this factor keeps its number of them: it
+# has shrunk, and steps that shrink with it would divide rounding errors by next to nothing.
+SHORTER = 16.0
 # Share of the tolerance that the barrier may take; beyond it a mesh is solved once more, sharper.
 BARRIER = 0.25
 # Meshes in a row without a smaller estimate that end the refinement.
@@ -93,14 +96,21 @@ def refined(
         simulated = past.meshes[-1].simulated
         if simulated is not None and simulated <= tolerance and past.solved[-1].minimum:
             return _result(past)
-        steps = [
-            (4 if FAR * tolerance < past.error < np.inf else 2) * n for n in problem.phase_steps
-        ]
+        steps = _finer(s, 4 if FAR * tolerance < past.error < np.inf else 2)
         late = seconds is not None and time.perf_counter() - begin > seconds
         reason = _why_not_finer(past, max(steps), late)
         if reason:
             return _unmet(past, tolerance, check, reason)
         problem = problem.but(steps=steps)
+
+
+def _finer(s: Solution, factor: int) -> list[int]:
+    """The steps of each phase on the next mesh."""
+    h = [p.duration / p.steps for p in s.phases]
+    return [
+        p.steps if SHORTER * h_i < max(h) else factor * p.steps
+        for p, h_i in zip(s.phases, h, strict=True)
+    ]
 
 
 def _solved(
