@@ -16,26 +16,21 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.guess import initial_guesses, natural_time
 from dmoc.nlp.motions import random_motions
-from dmoc.nlp.problem import MOST_STEPS, Problem
-from dmoc.nlp.readout import trajectory
+from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
-from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.solution import Minimum, Solution
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving.attempts import Attempt, minimised
+from dmoc.solving.attempts import Attempt
+from dmoc.solving.basins import Basin, cost_of, gathered
 from dmoc.solving.program import Programs
-from dmoc.solving.result import checked, solution_of
-from dmoc.solving.side_by_side import COMPILED_METHOD, attempts_from, compiled, free_threads
+from dmoc.solving.ranking import ranked
+from dmoc.solving.side_by_side import attempts_from, free_threads
 
-# Steps of a phase on the coarse mesh, and on the mesh where minima are ranked.  With 12 on the
-# coarse one, motions with many collisions mislead, and their refinement takes longer than is saved.
-COARSE, RANKING = 24, 100
-# A minimum that is not confirmed is looked at on a mesh so many times finer.
-FINER = 4
-# Iterations of a refinement, and of a start with contacts that last at least: gaits take long.
-REFINING = LASTING = 300
-# Relative differences of costs and of durations that belong to the same minimum.
-SAME_COST, SAME_TIMES = 1e-5, 1e-3
+# Steps of a phase on the coarse mesh.  With 12, motions with many collisions mislead, and their
+# refinement takes longer than is saved.
+COARSE = 24
+# Iterations of a start with contacts that last at least: gaits take long.
+LASTING = 300
 # Limits of inputs are widened by the first factor and tightened by the others where nothing else
 # has helped, with so many starts, of which so many minima are followed.
 WIDER = (4.0, 2.8, 2.0, 1.6, 1.3, 1.12, 1.0)
@@ -124,42 +119,11 @@ class Exploration:
     def others(self, best: int) -> tuple[Minimum, ...]:
         """The minima other than the answer, the cheapest first."""
         refined = [
-            Minimum(s.cost, n, s.status, tuple(p.steps for p in s.phases))
+            Minimum(s.cost, n, s.status, s.steps)
             for i, (s, n) in enumerate(zip(self.ranked, self.found, strict=True))
             if i != best
         ]
         return tuple(sorted((*refined, *self.coarse), key=lambda m: m.cost))
-
-
-@dataclass(frozen=True)
-class _Class:
-    """Attempts that ended in the same minimum: the first one, how many, its cost in units."""
-
-    attempt: Attempt
-    cost: float
-    durations: Array
-    found: int = 1
-
-    @classmethod
-    def of(cls, attempt: Attempt) -> _Class:
-        nlp, x = attempt.nlp, attempt.outcome.x
-        h = nlp.physical(x)[nlp.layout.index_h]
-        return cls(attempt, _cost(attempt), h * np.array(nlp.layout.steps))
-
-    def costs_as(self, other: _Class) -> bool:
-        """Whether both cost the same, compared with the size of the cost."""
-        size = max(abs(self.cost), self.attempt.nlp.scale.cost)
-        return abs(self.cost - other.cost) <= SAME_COST * size
-
-    def same(self, other: _Class) -> bool:
-        """Whether both are the same minimum."""
-        near = SAME_TIMES * float(self.durations.sum())
-        times = bool((np.abs(self.durations - other.durations) <= near).all())
-        return self.costs_as(other) and times
-
-
-def _cost(attempt: Attempt) -> float:
-    return attempt.nlp.cost(attempt.outcome.x) * attempt.nlp.scale.cost
 
 
 def explored(
@@ -195,9 +159,9 @@ def explored(
     deadline = time.perf_counter() + seconds
     options = replace(options, progress=None)
     minima, starts = _minima(problem, effort, seed, options, deadline, points or {})
-    ranked, left = _ranked(problem, minima, (effort, verify), options, deadline)
+    ordered, left = ranked(problem, minima, (effort, verify), options, deadline)
     coarse = tuple(Minimum(c.cost, c.found, None, c.attempt.nlp.problem.phase_steps) for c in left)
-    solutions, found = tuple(s for s, _ in ranked), tuple(n for _, n in ranked)
+    solutions, found = tuple(s for s, _ in ordered), tuple(n for _, n in ordered)
     return Exploration(solutions, found, coarse, tuple(starts))
 
 
@@ -216,7 +180,7 @@ def _minima(
     options: Options,
     deadline: float,
     points: Mapping[str, Array],
-) -> tuple[list[_Class], list[Start]]:
+) -> tuple[list[Basin], list[Start]]:
     """Distinct minima on the coarse mesh, the cheapest first, and the starts."""
     coarse = coarse_of(problem)
     # On a coarse mesh the energies of a long and of a short step tell little of the rates: minima
@@ -230,7 +194,7 @@ def _minima(
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     scale = scale_of(coarse, next(iter(named.values())))
     programs = [Programs(coarse, scale, by_rates) for _ in range(free_threads())]
-    classes: list[_Class] = []
+    classes: list[Basin] = []
     starts: list[Start] = []
     begin, ends = 0, [0, effort.first, effort.most, effort.more]
     if effort.total is not None:
@@ -241,7 +205,7 @@ def _minima(
         named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
         attempts = attempts_from(programs, list(named.values()), few, deadline)
         starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
-        classes = _gathered(classes, attempts)
+        classes = gathered(classes, attempts)
         best = _met_best(classes)
         agreed = best >= max(
             effort.agreeing * sum(c.found for c in classes), effort.leading * len(starts)
@@ -257,7 +221,7 @@ def _minima(
     return classes, starts
 
 
-def _met_best(classes: Sequence[_Class]) -> int:
+def _met_best(classes: Sequence[Basin]) -> int:
     """Starts that have met the least cost, whatever the durations: where a motion may wait, many
     minima cost the same."""
     return sum(c.found for c in classes if c.costs_as(classes[0]))
@@ -265,22 +229,7 @@ def _met_best(classes: Sequence[_Class]) -> int:
 
 def _start(name: str, attempt: Attempt) -> Start:
     solved = attempt.outcome.status is Status.SOLVED
-    return Start(name, attempt.outcome.status, _cost(attempt) if solved else None)
-
-
-def _gathered(classes: list[_Class], attempts: Sequence[Attempt]) -> list[_Class]:
-    """The distinct minima, the cheapest first, with some attempts more."""
-    for attempt in attempts:
-        if attempt.outcome.status is not Status.SOLVED:
-            continue
-        found = _Class.of(attempt)
-        for i, known in enumerate(classes):
-            if known.same(found):
-                classes[i] = replace(known, found=known.found + 1)
-                break
-        else:
-            classes = sorted([*classes, found], key=lambda c: c.cost)
-    return classes
+    return Start(name, attempt.outcome.status, cost_of(attempt) if solved else None)
 
 
 def _continued(
@@ -290,7 +239,7 @@ def _continued(
     seed: int,
     options: Options,
     deadline: float,
-) -> list[_Class]:
+) -> list[Basin]:
     """Minima that are left when wide limits of the inputs are tightened step by step."""
     if not np.isfinite(coarse.input_bounds).any():
         return []
@@ -298,11 +247,11 @@ def _continued(
     points = [g.x for g in initial_guesses(wide, deadline, by_rates)]
     scale = scale_of(wide, points[0])
     points += list(random_motions(wide, points, natural, range(WIDE_STARTS), seed))
-    classes: list[_Class] = []
+    classes: list[Basin] = []
     for factor in WIDER:
         tightened = _widened(coarse, factor)
         programs = [Programs(tightened, scale, by_rates) for _ in range(free_threads())]
-        classes = _gathered([], attempts_from(programs, points, options, deadline))
+        classes = gathered([], attempts_from(programs, points, options, deadline))
         points = [c.attempt.nlp.physical(c.attempt.outcome.x) for c in classes[:FOLLOWED]]
         if not points:
             break
@@ -318,104 +267,3 @@ def _widened(problem: Problem, factor: float) -> Problem:
     names = problem.kernels.inputs
     boxes = dict(zip(names, zip(low - more, high + more, strict=True), strict=True))
     return problem.but(bounds={**problem.bounds, **boxes})
-
-
-# On the mesh where they are ranked ----------------------------------------------------------------
-
-
-def _ranked(
-    problem: Problem,
-    minima: Sequence[_Class],
-    wanted: tuple[Effort, bool],
-    options: Options,
-    deadline: float,
-) -> tuple[list[tuple[Solution, int]], Sequence[_Class]]:
-    """Solutions from the minima with the number of starts, the best first, and the minima that were
-    not refined; ``wanted`` says how many to refine and whether to check them."""
-    effort, verify = wanted
-    mesh = problem.but(steps=[min(n, RANKING) for n in problem.phase_steps])
-    refined: list[_Ranked] = []
-    rest: Sequence[_Class] = []
-    for k, coarse in enumerate(minima):
-        confirmed = [r.solution.cost for r in refined if r.solution.minimum]
-        passed = bool(confirmed) and coarse.cost > min(confirmed) and k >= effort.refined
-        full = len(refined) >= effort.most_refined
-        if passed or full or time.perf_counter() > deadline:
-            rest = minima[k:]
-            break
-        attempt = _refined(mesh, coarse.attempt, options)
-        if attempt.outcome.status is not Status.SOLVED:
-            continue
-        new = _Class.of(attempt)
-        for i, known in enumerate(refined):
-            if known.minimum.same(new):
-                refined[i] = replace(known, found=known.found + coarse.found)
-                break
-        else:
-            s = solution_of(attempt, COMPILED_METHOD.name, {})
-            s = checked(s) if verify else s
-            refined.append(_Ranked(new, s, coarse.found, s.cost if s.minimum else np.inf))
-    if effort.settles and any(r.solution.minimum for r in refined):
-        refined = [_settled(mesh, r, options) for r in refined]
-    refined.sort(key=_Ranked.rank)
-    return [(r.solution, r.found) for r in refined], rest
-
-
-@dataclass(frozen=True)
-class _Ranked:
-    """A minimum on the ranking mesh, its solution, how many starts led to it, and its cost where
-    the simulation confirms it."""
-
-    minimum: _Class
-    solution: Solution
-    found: int
-    cost: float
-
-    def rank(self) -> tuple[float, ...]:
-        """Confirmed minima first, those whose collisions all have an effect before others, by
-        cost."""
-        grazes = self.solution.status is Status.GRAZES
-        return np.isinf(self.cost), grazes, self.cost, self.solution.cost
-
-
-def _settled(mesh: Problem, r: _Ranked, options: Options) -> _Ranked:
-    """Where the simulation contradicts a minimum, its cost on a finer mesh if it is confirmed
-    there: then the mesh is too coarse, and not the minimum none."""
-    if r.solution.minimum:
-        return r
-    fine = mesh.but(steps=[min(FINER * n, MOST_STEPS) for n in mesh.phase_steps])
-    attempt = _on(fine, r.minimum.attempt, options)
-    if attempt.outcome.status is not Status.SOLVED:
-        return r
-    s = checked(solution_of(attempt, COMPILED_METHOD.name, {}))
-    return replace(r, cost=s.cost) if s.minimum else r
-
-
-def _refined(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
-    """Solve on a finer mesh from a motion on a coarse one; where that leads nowhere, once more by
-    way of the meshes between."""
-    few = replace(options, iterations=min(options.iterations, REFINING))
-    attempt = _on(mesh, coarse, few)
-    while attempt.outcome.status is not Status.SOLVED:
-        pairs = zip(coarse.nlp.problem.phase_steps, mesh.phase_steps, strict=True)
-        between = mesh.but(steps=[min(2 * n, most) for n, most in pairs])
-        if between.phase_steps == mesh.phase_steps:
-            return attempt
-        step = _on(between, coarse, few)
-        if step.outcome.status is not Status.SOLVED:
-            return attempt
-        coarse, attempt = step, _on(mesh, step, few)
-    return attempt
-
-
-def _on(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
-    """Solve on a mesh from a motion on another one."""
-    motion = trajectory(coarse.nlp, coarse.outcome.x)
-    impulses = [c.impulse for c in motion.collisions]
-    x = unknowns_along(mesh, pieces_of(motion), impulses)
-    programs = Programs(mesh, scale_of(mesh, x, True))
-    nlp = programs.program()
-    attempt = minimised(programs, nlp, nlp.scaled(x), options, compiled())
-    if attempt.outcome.status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    return attempt

@@ -14,12 +14,10 @@ from dmoc.solution import Mesh, Solution
 from dmoc.solvers.judge import rounded
 from dmoc.solvers.outcome import NOWHERE, Residuals, Status
 from dmoc.solving.mesh_error import barrier, compared, estimate
+from dmoc.solving.meshes import finer
 
 # A quarter of the steps at once where the error is this far above the tolerance, else half of them.
 FAR = 100.0
-# A phase whose steps are shorter than the longest ones by this factor keeps its number of them: it
-# has shrunk, and steps that shrink with it would divide rounding errors by next to nothing.
-SHORTER = 16.0
 # Share of the tolerance that the barrier may take; beyond it a mesh is solved once more, sharper.
 BARRIER = 0.25
 # Meshes in a row without a smaller estimate that end the refinement.
@@ -96,21 +94,14 @@ def refined(
         simulated = past.meshes[-1].simulated
         if simulated is not None and simulated <= tolerance and past.solved[-1].minimum:
             return _result(past)
-        steps = _finer(s, 4 if FAR * tolerance < past.error < np.inf else 2)
+        factor = 4 if FAR * tolerance < past.error < np.inf else 2
+        known = s.steps
+        steps = finer([p.duration for p in s.phases], known, [factor * n for n in known])
         late = seconds is not None and time.perf_counter() - begin > seconds
         reason = _why_not_finer(past, max(steps), late)
         if reason:
             return _unmet(past, tolerance, check, reason)
         problem = problem.but(steps=steps)
-
-
-def _finer(s: Solution, factor: int) -> list[int]:
-    """The steps of each phase on the next mesh."""
-    h = [p.duration / p.steps for p in s.phases]
-    return [
-        p.steps if SHORTER * h_i < max(h) else factor * p.steps
-        for p, h_i in zip(s.phases, h, strict=True)
-    ]
 
 
 def _solved(
@@ -160,7 +151,7 @@ def _measured(
     if error <= tolerance:
         s = check(s)
         solved, simulated = (*past.solved, s), _simulated(s)
-    mesh = Mesh(problem.phase_steps, s.cost, past.iterations, error, simulated)
+    mesh = Mesh(s.steps, s.cost, past.iterations, error, simulated)
     return replace(past, solved=solved, meshes=(*past.meshes, mesh))
 
 
@@ -196,7 +187,14 @@ def _result(past: History) -> Solution:
 
 
 def _unmet(past: History, tolerance: float, check: Check, reason: str) -> Solution:
-    """The solution on the finest mesh, whose error exceeds the tolerance."""
+    """The solution on the finest mesh, which does not meet the tolerance, and why."""
     s = _result(past)
-    message = f"the estimated error {past.error:.2g} exceeds the tolerance {tolerance:g}: {reason}"
-    return replace(s if s.verification else check(s), status=Status.NOT_VERIFIED, message=message)
+    s = s if s.verification else check(s)
+    if past.error > tolerance:
+        unmet = f"the estimated error {past.error:.2g} exceeds the tolerance {tolerance:g}"
+    else:
+        found = (s.verification or {}).get("message", "")
+        unmet = f"an independent simulation contradicts the finest mesh ({found})"
+    if len(past.meshes) == 1:
+        unmet = "one mesh was solved, which gives no estimate of its error"
+    return replace(s, status=Status.NOT_VERIFIED, message=f"{unmet}: {reason}")

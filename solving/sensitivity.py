@@ -34,7 +34,7 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     check_problem(problem)
     if not isinstance(solution, Solution):
         raise ProblemError(f"solution = {shown(solution)}: expected the Solution of the problem.")
-    steps = tuple(p.steps for p in solution.phases)
+    steps = solution.steps
     sequence = tuple(c.word for c in solution.collisions)
     size = Layout.of(problem).size
     given = (steps, sequence, len(solution.unknowns))

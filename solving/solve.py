@@ -172,7 +172,7 @@ def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: floa
         wanted = replace(request, options=sharp, verify=False)
         known = coarse or next((s for s in explored if _on_mesh_of(problem, s) and s.minimum), None)
         if known is not None:
-            return _solved(problem, known, wanted)
+            return _solved(_meshed(problem, known), known, wanted)
         # Many starts have led nowhere on the first mesh, and begin on the same coarse one.
         if problem.phase_steps != first:
             return _best(problem, guess, replace(wanted, starts=1))
@@ -186,7 +186,8 @@ def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: floa
     known = explored[0]
     answer = _with_starts(answer, starts=known.starts, found=known.found, others=known.others)
     confirmed = bool(answer.verification and answer.verification["passed"])
-    if problem.steps is None and answer.status is Status.NOT_VERIFIED and confirmed:
+    estimated = answer.error_estimate is not None and np.isfinite(answer.error_estimate)
+    if problem.steps is None and answer.status is Status.NOT_VERIFIED and confirmed and estimated:
         # Nobody has asked for the error of positions, which some minima leave open.
         message = f"a local minimum was found, confirmed by simulation; {answer.message}"
         answer = replace(answer, status=Status.SOLVED, message=message)
@@ -262,8 +263,13 @@ def _given(problem: Problem, guess: Given) -> dict[str, Array]:
     return {"given": on_mesh(coarse_of(problem), problem, x)}
 
 
+def _meshed(problem: Problem, solution: Solution) -> Problem:
+    """The problem, on the mesh of a solution where it leaves its own open."""
+    return problem if problem.steps is not None else problem.but(steps=solution.steps)
+
+
 def _on_mesh_of(problem: Problem, solution: Solution) -> bool:
-    return tuple(p.steps for p in solution.phases) == problem.phase_steps
+    return problem.steps is None or solution.steps == problem.phase_steps
 
 
 def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
@@ -273,6 +279,7 @@ def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
     iterations to a point that is flat, as the switches of inputs at their limits are.
     """
     method, begin = request.method, time.perf_counter()
+    problem = _meshed(problem, start)
     as_asked = request.verify == request.ranks_checked and start.method == method.name
     if _on_mesh_of(problem, start):
         given = as_asked and request.options.progress is None

@@ -94,7 +94,7 @@ def _from_solution(problem: Problem, guess: Solution) -> Starts:
 
 def _same_mesh(problem: Problem, guess: Solution) -> bool:
     """Whether the unknowns of a motion are those of the problem."""
-    steps, controls = tuple(p.steps for p in guess.phases), guess.trajectory.controls
+    steps, controls = guess.steps, guess.trajectory.controls
     size = Layout.of(problem).size
     same = steps == problem.phase_steps and controls == problem.control_form
     return same and len(guess.unknowns) == size

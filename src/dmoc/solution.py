@@ -190,6 +190,11 @@ class Solution:
         return self.trajectory.phases
 
     @property
+    def steps(self) -> tuple[int, ...]:
+        """Steps of each phase."""
+        return tuple(p.steps for p in self.phases)
+
+    @property
     def collisions(self) -> tuple[Collision, ...]:
         return self.trajectory.collisions
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import block_and_wall
 import pytest
 import seed as seed_example
@@ -10,6 +13,9 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.errors import ProblemError
+from dmoc.solvers.outcome import Status
+from dmoc.solving.refinement import refined
+from dmoc.solving.result import checked
 
 pytestmark = pytest.mark.slow
 
@@ -100,3 +106,62 @@ def test_the_estimate_is_honest_where_inputs_switch(order: int) -> None:
         solution = dmoc.solve(problem, tolerance=tolerance)
         assert solution.solved and solution.error_estimate is not None
         assert abs(solution.cost / exact - 1) <= solution.error_estimate <= tolerance
+
+
+def floored(name: str) -> dmoc.MechanicalSystem:
+    """A block on a floor with friction."""
+    x, y, u = dynamicsymbols("x y u")
+    m, mu, g = sp.symbols("m mu g")
+    return dmoc.MechanicalSystem(
+        name,
+        [x, y],
+        m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
+        {m: 1.0, mu: 0.5, g: 10.0},
+        inputs=[u],
+        forces={x: u},
+        cost=u**2 / 2,
+        surfaces={"floor": y >= 0},
+        tangents={"floor": x},
+        friction={"floor": mu},
+    )
+
+
+@pytest.mark.parametrize(
+    ("distance", "mu", "mass"), [(1.0, 0.5, 1.0), (-5.0, 0.5, 1.0), (1.0, 0.01, 1.0), (1, 0.5, 7.0)]
+)
+def test_a_phase_that_shrinks_to_nothing_is_refined_to_the_closed_form(
+    distance: float, mu: float, mass: float
+) -> None:
+    """The block has no time to wait: the first phase keeps its shortest duration, a thousandth of
+    a second, and the other one costs m^2 (6 d^2/T^3 + (mu g)^2 T/2)."""
+    way = "slip+" if distance > 0 else "slip-"
+    solution = dmoc.solve(
+        dmoc.Problem(
+            floored("shrinking"),
+            start={"x": 0, "y": 0},
+            goal={"x": distance, "x_dot": 0},
+            contacts=["floor"],
+            sequence=[f"floor:{way}"],
+            final_time=1,
+            parameters={"mu": mu, "m": mass},
+        )
+    )
+    time = 0.999
+    exact = mass**2 * (6 * distance**2 / time**3 + (10 * mu) ** 2 * time / 2)
+    assert solution.solved and solution.error_estimate is not None
+    assert solution.error_estimate <= 1e-3
+    assert solution.cost == pytest.approx(exact, rel=1e-3)
+    assert solution.phases[0].duration == pytest.approx(1 - time, rel=1e-6)
+
+
+def test_the_first_mesh_alone_is_no_checked_answer() -> None:
+    """Its error is not estimated, so that nothing says what the answer is worth."""
+    problem = block_and_wall.problem(0.8, 20)
+    first = dmoc.solve(problem, "ipm")
+
+    def solve(problem: dmoc.Problem, coarse: dmoc.Solution | None, _: float | None) -> Any:
+        return first if coarse is None else replace(first, status=Status.ITERATION_LIMIT)
+
+    found = refined(problem, 1e-3, None, solve, checked)
+    assert found.status == "not_verified" and len(found.meshes) == 1
+    assert found.message.startswith("one mesh was solved, which gives no estimate of its error")

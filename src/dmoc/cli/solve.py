@@ -160,7 +160,7 @@ def solve(
     def differentiate() -> None:
         if sensitivities and solution.converged:
             derivatives.append(
-                differentiated(problem.but(steps=[p.steps for p in solution.phases]), solution)
+                differentiated(problem.but(steps=solution.steps), solution)
             )
 
     def tell() -> None:

@@ -1,0 +1,141 @@
+"""Minima of a coarse mesh on a finer one, checked, the best first."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.nlp.problem import MOST_STEPS, Problem
+from dmoc.nlp.readout import trajectory
+from dmoc.nlp.scaling import scale_of
+from dmoc.nlp.transfer import pieces_of, unknowns_along
+from dmoc.solution import Solution
+from dmoc.solvers.outcome import Options, Status
+from dmoc.solving.attempts import Attempt, minimised
+from dmoc.solving.basins import Basin
+from dmoc.solving.meshes import finer
+from dmoc.solving.program import Programs
+from dmoc.solving.result import checked, solution_of
+from dmoc.solving.side_by_side import COMPILED_METHOD, compiled
+
+if TYPE_CHECKING:
+    from dmoc.solving.exploration import Effort
+
+# Steps of a phase on the mesh where minima are ranked.
+RANKING = 100
+# A minimum that is not confirmed is looked at on a mesh so many times finer.
+FINER = 4
+# Iterations of a refinement.
+REFINING = 300
+
+
+def ranked(
+    problem: Problem,
+    minima: Sequence[Basin],
+    wanted: tuple[Effort, bool],
+    options: Options,
+    deadline: float,
+) -> tuple[list[tuple[Solution, int]], Sequence[Basin]]:
+    """Solutions from the minima with the number of starts, the best first, and the minima that were
+    not refined; ``wanted`` says how many to refine and whether to check them."""
+    effort, verify = wanted
+    refined: list[_Ranked] = []
+    rest: Sequence[Basin] = []
+    for k, coarse in enumerate(minima):
+        confirmed = [r.solution.cost for r in refined if r.solution.minimum]
+        passed = bool(confirmed) and coarse.cost > min(confirmed) and k >= effort.refined
+        full = len(refined) >= effort.most_refined
+        if passed or full or time.perf_counter() > deadline:
+            rest = minima[k:]
+            break
+        attempt = _refined(_mesh(problem, coarse), coarse.attempt, options)
+        if attempt.outcome.status is not Status.SOLVED:
+            continue
+        new = Basin.of(attempt)
+        for i, known in enumerate(refined):
+            if known.minimum.same(new):
+                refined[i] = replace(known, found=known.found + coarse.found)
+                break
+        else:
+            s = solution_of(attempt, COMPILED_METHOD.name, {})
+            s = checked(s) if verify else s
+            refined.append(_Ranked(new, s, coarse.found, s.cost if s.minimum else np.inf))
+    if effort.settles and any(r.solution.minimum for r in refined):
+        refined = [_settled(r, options) for r in refined]
+    refined.sort(key=_Ranked.rank)
+    return [(r.solution, r.found) for r in refined], rest
+
+
+def _mesh(problem: Problem, coarse: Basin) -> Problem:
+    """The mesh where a minimum is ranked: that of the problem, at most; where that is left open,
+    without more steps for phases that have shrunk."""
+    steps = [min(n, RANKING) for n in problem.phase_steps]
+    if problem.steps is None:
+        known = coarse.attempt.nlp.problem.phase_steps
+        steps = finer(coarse.durations.tolist(), known, steps)
+    return problem.but(steps=steps)
+
+
+@dataclass(frozen=True)
+class _Ranked:
+    """A minimum on the ranking mesh, its solution, how many starts led to it, and its cost where
+    the simulation confirms it."""
+
+    minimum: Basin
+    solution: Solution
+    found: int
+    cost: float
+
+    def rank(self) -> tuple[float, ...]:
+        """Confirmed minima first, those whose collisions all have an effect before others, by
+        cost."""
+        grazes = self.solution.status is Status.GRAZES
+        return np.isinf(self.cost), grazes, self.cost, self.solution.cost
+
+
+def _settled(r: _Ranked, options: Options) -> _Ranked:
+    """Where the simulation contradicts a minimum, its cost on a finer mesh if it is confirmed
+    there: then the mesh is too coarse, and not the minimum none."""
+    if r.solution.minimum:
+        return r
+    mesh = r.minimum.attempt.nlp.problem
+    fine = mesh.but(steps=[min(FINER * n, MOST_STEPS) for n in mesh.phase_steps])
+    attempt = _on(fine, r.minimum.attempt, options)
+    if attempt.outcome.status is not Status.SOLVED:
+        return r
+    s = checked(solution_of(attempt, COMPILED_METHOD.name, {}))
+    return replace(r, cost=s.cost) if s.minimum else r
+
+
+def _refined(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
+    """Solve on a finer mesh from a motion on a coarse one; where that leads nowhere, once more by
+    way of the meshes between."""
+    few = replace(options, iterations=min(options.iterations, REFINING))
+    attempt = _on(mesh, coarse, few)
+    while attempt.outcome.status is not Status.SOLVED:
+        pairs = zip(coarse.nlp.problem.phase_steps, mesh.phase_steps, strict=True)
+        between = mesh.but(steps=[min(2 * n, most) for n, most in pairs])
+        if between.phase_steps == mesh.phase_steps:
+            return attempt
+        step = _on(between, coarse, few)
+        if step.outcome.status is not Status.SOLVED:
+            return attempt
+        coarse, attempt = step, _on(mesh, step, few)
+    return attempt
+
+
+def _on(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
+    """Solve on a mesh from a motion on another one."""
+    motion = trajectory(coarse.nlp, coarse.outcome.x)
+    impulses = [c.impulse for c in motion.collisions]
+    x = unknowns_along(mesh, pieces_of(motion), impulses)
+    programs = Programs(mesh, scale_of(mesh, x, True))
+    nlp = programs.program()
+    attempt = minimised(programs, nlp, nlp.scaled(x), options, compiled())
+    if attempt.outcome.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return attempt
