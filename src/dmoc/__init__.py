@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from dmoc.symbolic.drawing import Box, Contact, Disc, Link, Point, Spring, Wall
     from dmoc.symbolic.system import MechanicalSystem
 
-__version__ = "0.1.0"
+    __version__: str
+
 __all__ = [
     "Batch",
     "Box",
@@ -79,10 +80,14 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":  # stands in pyproject.toml alone
+        from importlib.metadata import version
+
+        return version("dmoc")
     if name in _PLACES:
         return getattr(import_module(_PLACES[name]), name)
     raise AttributeError(f"module 'dmoc' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_PLACES])
+    return sorted([*globals(), *_PLACES, "__version__"])
