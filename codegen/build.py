@@ -17,9 +17,6 @@ import importlib.machinery
 import importlib.util
 import json
 import os
-import shlex
-import shutil
-import subprocess
 import sys
 import sysconfig
 import tempfile
@@ -31,22 +28,22 @@ from importlib import import_module, resources
 from pathlib import Path
 from typing import Any
 
+from dmoc.codegen.compiling import (
+    FLAGS,
+    HEADER,
+    HEADERS,
+    WRAPPER,
+    compile_extension,
+    compiler,
+)
 from dmoc.codegen.kernels import COMPILED, NUMPY, Kernels
 from dmoc.codegen.private import is_private, make_folder, remove, safe_folder, write_whole
 from dmoc.errors import BuildError
 from dmoc.symbolic.names import check_name
 
-# The kernels decide the speed of a solve; the wrapper only hands over their table, so it is
-# compiled quickly instead.  Contraction into fused operations stays off so that results are the
-# same on every machine.  A warning is no reason to refuse a user's model.
-KERNEL_FLAGS = ("-std=c11", "-O2", "-fPIC", "-ffp-contract=off", "-w")
-WRAPPER_FLAGS = ("-O1", "-fPIC", "-w")
 BUILD_RECORD = "build.json"
-WRAPPER = "wrapper"
 SOURCES = ("__init__.py", "kernels.c", "kernels.h", "manifest.json", "wrapper.pyi", "wrapper.pyx")
 NUMPY_TEXT = "numpy.py"
-# The header of every model's sources, and its folder.
-HEADER, HEADERS = "dmoc_kernel.h", Path(__file__).parent
 
 
 def cache_directory() -> Path:
@@ -57,29 +54,6 @@ def cache_directory() -> Path:
     import platformdirs
 
     return Path(platformdirs.user_cache_dir("dmoc", appauthor=False))
-
-
-def compiler() -> list[str]:
-    """Return the C compiler's command: $CC if set, else the one Python was built with, else cc or
-    gcc.
-
-    Raises
-    ------
-    BuildError
-        If none of them can be found.
-    """
-    candidates = [os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang"]
-    for candidate in candidates:
-        command = shlex.split(candidate) if candidate else []
-        if command and shutil.which(command[0]):
-            return command
-        if command and candidate == os.environ.get("CC"):
-            break
-    raise BuildError(
-        "no C compiler was found"
-        + (f" (CC={os.environ['CC']})" if os.environ.get("CC") else "")
-        + ": install gcc or clang (Debian: apt install gcc), or set CC to its command."
-    )
 
 
 def build_cached(
@@ -261,7 +235,7 @@ def _entry_key(key: str) -> str:
     for package in ("dmoc.symbolic", "dmoc.codegen"):
         for path in sorted(_sources(package)):
             digest.update(path.read_bytes())
-    digest.update(repr((KERNEL_FLAGS, WRAPPER_FLAGS, os.environ.get("CC"))).encode())
+    digest.update(repr((*FLAGS, os.environ.get("CC"))).encode())
     digest.update(f"{sysconfig.get_config_var('EXT_SUFFIX')} {sys.version}".encode())
     return digest.hexdigest()
 
@@ -301,39 +275,6 @@ def _make_entry(entry: Path, digest: str, files: Mapping[str, str], command: lis
             path.chmod(0o600)  # also where the user's files are open to a group
         remove(entry)
         folder.rename(entry)
-
-
-def compile_extension(folder: Path, command: list[str]) -> Path:
-    """Compile the sources in ``folder`` into an extension module beside them and return its
-    path."""
-    from Cython.Compiler import Main, Options
-
-    translate: Any = Main.compile_single  # Cython's compiler is untyped
-    make_options: Any = Main.CompilationOptions  # type: ignore[attr-defined]
-    options = make_options(
-        Options.default_options, output_file=str(folder / "wrapper_cython.c"), language_level=3
-    )
-    result = translate(str(folder / f"{WRAPPER}.pyx"), options, full_module_name=WRAPPER)
-    if result.num_errors:
-        raise BuildError(f"Cython cannot translate {folder / WRAPPER}.pyx: see its messages above.")
-    include = ["-I", str(folder), "-I", str(HEADERS), "-I", sysconfig.get_path("include")]
-    _run([*command, *KERNEL_FLAGS, *include, "-c", "kernels.c", "-o", "kernels.o"], folder)
-    _run([*command, *WRAPPER_FLAGS, *include, "-c", "wrapper_cython.c", "-o", "wrapper.o"], folder)
-    target = folder / f"{WRAPPER}{sysconfig.get_config_var('EXT_SUFFIX')}"
-    linker = shlex.split(sysconfig.get_config_var("LDSHARED") or "cc -shared")[1:]
-    _run([command[0], *linker, "kernels.o", "wrapper.o", "-lm", "-o", target.name], folder)
-    for leftover in ("kernels.o", "wrapper.o", "wrapper_cython.c"):
-        (folder / leftover).unlink()
-    return target
-
-
-def _run(command: list[str], folder: Path) -> None:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise BuildError(
-            f"the compiler failed.\n  command: {shlex.join(command)}\n  output: "
-            f"{done.stderr.strip()}"
-        )
 
 
 def _load_entry(entry: Path, digest: str) -> Kernels | None:

@@ -31,11 +31,11 @@ def safe_folder(folder: Path) -> Path:
     """Return an existing folder, free of links, if what lies in it is the user's; otherwise warn
     once and return a temporary folder."""
     real = folder.resolve()
-    why = _objection(real)
+    why = objection(real)
     return real if why is None else _instead_of(folder, why)
 
 
-def _objection(folder: Path) -> str | None:
+def objection(folder: Path) -> str | None:
     """Say why others could change what lies in a folder, by way of it or of one above it; None
     if they cannot."""
     me = os.geteuid()
@@ -59,7 +59,7 @@ def _instead_of(folder: Path, why: str) -> Path:
     )
     made = Path(tempfile.mkdtemp(prefix="dmoc-")).resolve()
     atexit.register(_remove, made, os.getpid())
-    why_not = _objection(made)
+    why_not = objection(made)
     if why_not is not None:
         raise BuildError(
             f"kernels cannot be built in {made}, because {why_not}: set TMPDIR or DMOC_CACHE to a "

@@ -21,7 +21,7 @@ from dmoc.nlp.program import strided
 def _pattern(pattern, rows, entries):
     """A pattern as C takes it, never empty."""
     start, column = pattern
-    if len(start) != rows + 1 or start[-1] != len(column) or len(column) != entries:
+    if len(start) != rows + 1 or start[len(start) - 1] != len(column) or len(column) != entries:
         raise ValueError(f"expected a pattern of {rows} rows and {entries} entries")
     return np.append(start, 0).astype(np.intc), np.append(column, 0).astype(np.intc)
 

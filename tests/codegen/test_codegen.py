@@ -16,7 +16,8 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system, puck_system
 
 import dmoc
-from dmoc.codegen.build import HEADERS, compiler, write_files
+from dmoc.codegen.build import write_files
+from dmoc.codegen.compiling import HEADERS, compiler
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.printer import CPrinter, NumPyPrinter
 from dmoc.codegen.text import c_files

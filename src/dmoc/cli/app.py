@@ -10,14 +10,14 @@ from typing import Annotated
 
 import typer
 
-from dmoc.cli.doctor import doctor
+from dmoc.cli.doctor import doctor, versions
 from dmoc.cli.model import build, derive, generate, models
 from dmoc.cli.options import BAD_INPUT
 from dmoc.cli.result import plot, verify
 from dmoc.cli.search import search
 from dmoc.cli.solve import solve
 from dmoc.cli.sweep import sweep
-from dmoc.cli.writing import err
+from dmoc.cli.writing import err, out
 from dmoc.errors import DmocError
 from dmoc.writing import REMEDY
 
@@ -28,18 +28,29 @@ app = typer.Typer(
     help="Discrete mechanics and optimal control for mechanical systems with collisions.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in COMMANDS:
     app.command()(command)
 
 
+def _version(asked: bool) -> None:
+    if asked:
+        out.print(versions())
+        raise typer.Exit()
+
+
 @app.callback()
 def _options(
     debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")] = False,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", "-V", callback=_version, is_eager=True, help="Show versions and backend."
+        ),
+    ] = False,
 ) -> None:
-    del debug  # read by main, before anything can fail
+    del debug, version  # read before anything can fail
 
 
 def main() -> None:

@@ -1,0 +1,135 @@
+"""What a new user meets first: versions, what the doctor says, completion, and a system file."""
+
+from __future__ import annotations
+
+import json
+import platform
+import sys
+import sysconfig
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import dmoc
+from dmoc.cli import main
+from dmoc.errors import BuildError
+
+ROOT = Path(__file__).resolve().parents[2]
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["dmoc", *arguments])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capsys.readouterr()
+        code = end.value.code
+        return (code if isinstance(code, int) else 0), out, err
+
+    return call
+
+
+@pytest.fixture
+def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+
+
+def test_the_version_is_that_of_the_project_file() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert dmoc.__version__ == project["version"]
+    assert "__version__" in dir(dmoc)
+
+
+@pytest.mark.parametrize("option", ["--version", "-V"])
+def test_versions_and_backend_are_a_line(run: Run, option: str) -> None:
+    code, out, err = run(option)
+    told = f"dmoc {dmoc.__version__}, Python {platform.python_version()}; kernels are compiled by "
+    assert code == 0 and not err and out.startswith(told) and out.count("\n") == 1
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_the_version_says_that_there_is_no_compiler(run: Run) -> None:
+    code, out, _ = run("-V")
+    assert code == 0 and out.endswith("kernels run on NumPy, because there is no C compiler\n")
+
+
+def findings(run: Run) -> tuple[int, bool, dict[str, dict[str, str]]]:
+    code, out, err = run("doctor", "--json")
+    told = json.loads(out)
+    assert not err
+    return code, told["well"], {part["part"]: part for part in told["parts"]}
+
+
+def test_the_doctor_says_that_all_is_well(run: Run) -> None:
+    code, out, err = run("doctor")
+    assert code == 0 and not err and out.splitlines()[-1].startswith("All is well")
+    code, well, parts = findings(run)
+    assert code == 0 and well
+    assert parts["dmoc"]["found"] == dmoc.__version__
+    assert parts["model cart_pendulum"]["found"] == "compiled"
+    assert {part["state"] for part in parts.values()} <= {"ok", "absent"}
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_the_doctor_names_a_missing_compiler_and_what_cures_it(run: Run) -> None:
+    code, out, _ = run("doctor")
+    assert code == 2 and out.splitlines()[-1] == "Not well: C compiler."
+    code, well, parts = findings(run)
+    assert code == 2 and not well and parts["C compiler"]["state"] == "wrong"
+    assert "apt install gcc" in parts["C compiler"]["cure"]
+
+
+def test_the_doctor_tries_the_compiler(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "false")
+    code, _, parts = findings(run)
+    assert code == 2 and "the compiler failed" in parts["C compiler"]["cure"]
+
+
+def test_missing_headers_of_python_are_named(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from dmoc.codegen.compiling import compiler
+
+    monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
+    with pytest.raises(BuildError, match=r"Python\.h is missing, .* apt install python3-dev"):
+        compiler()
+    assert "python3-dev" in findings(run)[2]["C compiler"]["cure"]
+
+
+def test_the_doctor_names_a_cache_that_cannot_be_used(
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("DMOC_CACHE", str(tmp_path / "file"))
+    code, _, parts = findings(run)
+    assert code == 2 and "set DMOC_CACHE" in parts["kernel cache"]["cure"]
+    (tmp_path / "open").mkdir(mode=0o777)
+    (tmp_path / "open").chmod(0o777)
+    monkeypatch.setenv("DMOC_CACHE", str(tmp_path / "open"))
+    code, _, parts = findings(run)
+    assert code == 2 and "other users may write to" in parts["kernel cache"]["cure"]
+
+
+def test_an_extra_that_is_not_installed_is_no_trouble(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from importlib import metadata
+
+    known = metadata.version
+
+    def version(name: str) -> str:
+        if name == "ipyopt":
+            raise metadata.PackageNotFoundError(name)
+        return known(name)
+
+    monkeypatch.setattr(metadata, "version", version)
+    code, out, _ = run("doctor")
+    assert code == 0 and out.splitlines()[-1] == "All is well; 1 optional part is not there."
+    _, _, parts = findings(run)
+    assert parts["ipyopt"]["state"] == "absent" and "dmoc[ipopt]" in parts["ipyopt"]["cure"]
