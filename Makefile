@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # setuptools warns of the folders beside setup.py in every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
-.PHONY: demo test test-fast check bench ladder clean
+.PHONY: demo test test-fast test-wheels check bench ladder release clean
 
 demo: $(VENV)/.installed-demo
 	@$(BIN)/python examples/seed.py demo
@@ -33,6 +33,14 @@ bench: $(VENV)/.installed-bench
 ladder: $(VENV)/.installed-bench
 	cd benchmarks && ../$(BIN)/python run.py --only ladder
 
+# A source distribution and a manylinux wheel for every interpreter here, each tried, ready to be uploaded.
+release: $(VENV)/.installed-release
+	$(BIN)/python tools/release.py
+
+# The tests that are not slow against each of these wheels, under its own interpreter.
+test-wheels: $(VENV)/.installed-release
+	$(BIN)/python tools/wheels.py
+
 # The folders of sources are part of what is installed: a changed extension is compiled again.
 SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx nlp/*.pyx nlp/*.pxd nlp/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
 
@@ -56,6 +64,10 @@ $(VENV)/.installed-check: $(SOURCES) | $(VENV)/bin/python
 $(VENV)/.installed-bench: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) '.[bench]'
 	@$(BIN)/python -m pip install --quiet --no-deps 'opty>=1.5' 'nosnoc>=0.2'
+	@touch $@
+
+$(VENV)/.installed-release: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --group release
 	@touch $@
 
 clean:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import platform
 import runpy
+import sys
+import tomllib
+import zipfile
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
@@ -10,6 +14,8 @@ from typing import Any
 import pytest
 import setuptools
 from setuptools.command.egg_info import FileList
+
+import dmoc
 
 ROOT = Path(__file__).resolve().parents[2]
 MADE = {"__pycache__", "figures", ".hypothesis"}  # folders that runs leave behind
@@ -73,9 +79,57 @@ def test_a_source_distribution_holds_what_its_tests_need(monkeypatch: pytest.Mon
             held.process_template_line(line)
     files = {
         str(p.relative_to(ROOT))
-        for folder in ("tests", "examples", "docs", "benchmarks")
+        for folder in ("tests", "examples", "docs", "benchmarks", "tools")
         for p in (ROOT / folder).rglob("*")
         if p.is_file() and not MADE & set(p.parts)
     }
     assert files and files <= set(held.files)
-    assert {"Makefile", "CHANGELOG.md", "CONTRIBUTING.md"} <= set(held.files)
+    assert {"Makefile", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff"} <= set(held.files)
+
+
+@pytest.fixture
+def release() -> dict[str, Any]:
+    """What tools/release.py defines."""
+    return runpy.run_path(str(ROOT / "tools" / "release.py"))
+
+
+def test_a_release_needs_its_section_of_the_changelog(release: dict[str, Any]) -> None:
+    unreleased = release["unreleased"]
+    assert unreleased(dmoc.__version__, (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")) == ""
+    assert unreleased("1.2.3", "## [1.2.3] - 2026-01-31\n") == ""
+    for text in ("## [1.2.3]\n", "## [1.2.30] - 2026-01-31\n", "## [1x2.3] - 2026-01-31\n"):
+        assert unreleased("1.2.3", text).startswith("CHANGELOG.md has no section '## [1.2.3] - ")
+
+
+def test_a_wheel_with_what_does_not_belong_there_is_refused(
+    release: dict[str, Any], tmp_path: Path
+) -> None:
+    info = "dmoc-1.0.dist-info/licenses/LICENSE"
+    good = {*release["NEEDED"], info, "dmoc/nlp/a.cpython-311-x86_64-linux-gnu.so"}
+
+    def wrong(names: set[str]) -> list[str]:
+        wheel = tmp_path / "dmoc-1.0-cp311-cp311-manylinux_2_17_x86_64.whl"
+        with zipfile.ZipFile(wheel, "w") as archive:
+            for name in names:
+                archive.writestr(name, "")
+        found: list[str] = release["wrong_in"](wheel)
+        return found
+
+    assert wrong(good) == []
+    for name in ("tests/test_a.py", "dmoc/nlp/a.o", "dmoc/nlp/a.cpython-312-x86_64-linux-gnu.so"):
+        (sentence,) = wrong({*good, name})
+        assert f"holds {name}, which does not belong there" in sentence
+    assert any("lacks dmoc/py.typed" in s for s in wrong(good - {"dmoc/py.typed"}))
+
+
+def test_interpreters_that_run_are_found(release: dict[str, Any]) -> None:
+    assert release["version_of"](sys.executable) == platform.python_version().rpartition(".")[0]
+    assert release["version_of"]("no-such-python") == ""
+
+
+def test_the_project_says_what_it_runs_on(release: dict[str, Any]) -> None:
+    """Versions of Python that are named are those that wheels are built for."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    named = [c.split(" :: ")[-1] for c in project["classifiers"] if ":: Python :: 3." in c]
+    assert set(named) <= set(release["VERSIONS"])
+    assert project["requires-python"] == f">={named[0]}"
