@@ -34,6 +34,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
     p_start, p_end = nlp.momenta(x)
     x = nlp.physical(x)
     h, q, u = x[lay.index_h], x[lay.index_q], x[lay.index_u]
+    q_i = x[lay.index_q_i].reshape(lay.total, -1)
     phases, collisions = [], []
     begin, largest = 0.0, np.maximum(np.abs(p_start).max(axis=0), np.abs(p_end).max(axis=0))
     for i, steps in enumerate(lay.steps):
@@ -46,17 +47,19 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         p = _along_contacts(nlp, i, (at, p, t))
         inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
         mode, weight = problem.modes[i], h[i] * node_shares(steps)[:, None]
+        v = problem.model.velocity(at, p, t)
         phases.append(
             Phase(
                 t,
                 at,
                 p,
-                problem.model.velocity(at, p, t),
+                v,
                 np.ascontiguousarray(inputs),
                 mode.closed,
                 dict(mode.rubbing),
                 _forces(normal[:, list(lay.touch.closed[i])] / weight),
                 _forces(tangential[:, [k for k, _ in lay.touch.rubbing[i]]] / weight),
+                *_inside(nlp, t, at, v, q_i[first:last]),
             )
         )
         begin = float(t[-1])
@@ -99,6 +102,24 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         dict(kernels.manifest["units"]),
         scene_of(problem.model, [(phase.t, phase.q, phase.v) for phase in phases]),
     )
+
+
+def _inside(nlp: Transcription, t: Array, q: Array, v: Array, q_i: Array) -> tuple[Array, Array]:
+    """Coordinates and momenta at the nodes inside the steps of a phase, with q and v at the nodes
+    between them."""
+    scheme, h = nlp.layout.scheme, np.diff(t)[:, None]
+    flat = np.ascontiguousarray(q_i.reshape(-1, q.shape[1]))
+    if not scheme.inside:
+        return flat, flat
+    nodes = q_i.reshape(len(q_i), scheme.inside, -1)
+    data = np.concatenate([np.stack([q[:-1], q[1:]], axis=1), nodes], axis=1)
+    data = np.concatenate([data, np.stack([h * v[:-1], h * v[1:]], axis=1)], axis=1)
+    powers = np.arange(1, scheme.degree + 3)
+    slopes = powers * scheme.nodes[2:, None] ** (powers - 1) @ scheme.course[1:]
+    rates = np.einsum("ia,kaj->kij", slopes, data) / h[:, None]
+    rows = np.ascontiguousarray(rates.reshape(flat.shape))
+    times = scheme.within(t[:-1], t[1:]).ravel()
+    return flat, nlp.problem.model.momentum(flat, rows, times)
 
 
 def _impulses(lay: Layout, x: Array, i: int) -> tuple[Array, Array]:

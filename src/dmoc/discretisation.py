@@ -114,6 +114,19 @@ class Discretisation:
 
         return np.asarray(np.linalg.inv(np.vander(self.nodes, increasing=True)).T.copy())
 
+    @cached_property
+    def course(self) -> Array:
+        """Polynomials on [0, 1] of which the first ones are one at one node of a step and zero at
+        the others, without slopes at its ends, and the last two zero at all nodes with the slope
+        one at the start and at the end: column a holds the coefficients of 1, x, x^2, ... of
+        polynomial a, shape (degree + 3, degree + 3)."""
+        import numpy as np
+
+        powers = np.arange(self.degree + 3)
+        rows = np.vander(self.nodes, self.degree + 3, increasing=True)
+        slopes = powers * self.nodes[:2, None] ** np.maximum(powers - 1, 0)
+        return np.asarray(np.linalg.inv(np.vstack([rows, slopes])))
+
     def within(self, start: Array, end: Array) -> Array:
         """Values inside each step of what is linear in it, shape (steps, inside, ...)."""
         import numpy as np

@@ -26,6 +26,10 @@ class SimulationError(DmocError):
     """A simulation cannot go on: too many impacts, friction that jams, or no solution of a step."""
 
 
+class MotionError(DmocError):
+    """A motion is asked for what it does not have: a time outside of it, a kind of file."""
+
+
 class SearchError(DmocError):
     """A search over sequences is stated wrongly, or its journal cannot be used."""
 

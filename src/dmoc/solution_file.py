@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dmoc.archive import LARGEST, Archive, pack
-from dmoc.discretisation import FORMS, ORDERS
+from dmoc.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.errors import SolutionFileError
 from dmoc.nlp.active import ActiveBound
 from dmoc.scene import COLUMNS, Scene, Shape, wrong_scene
@@ -40,8 +39,6 @@ from dmoc.solvers.outcome import Status
 from dmoc.trajectory import Array, Collision, Phase, Trajectory
 
 FILE_FORMAT = 7
-# Fields of a motion that files of the format before have not: their values there.
-ADDED: Mapping[str, Any] = {"units": {}, "scene": None}
 SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
 REMEDY = "give one that `dmoc solve --out` has written"
 
@@ -74,7 +71,6 @@ def solution_in(content: bytes, name: str) -> Solution:
     try:
         archive = Archive(content)
         header = plain(archive.text())
-        header = _as_now(header)
         version = header.get("format") if isinstance(header, dict) else None
         if isinstance(version, int) and version != FILE_FORMAT:
             raise SolutionFileError(
@@ -89,17 +85,6 @@ def solution_in(content: bytes, name: str) -> Solution:
             "--out`."
         ) from None
     return solution
-
-
-def _as_now(header: Any) -> Any:
-    """What a file of the format before says, in the format of now; everything else as it is."""
-    match header:
-        case {"format": int(version), "solution": {"trajectory": dict(motion)} as solution} if (
-            version == FILE_FORMAT - 1 and not set(ADDED) & set(motion)
-        ):
-            now = {**solution, "trajectory": {**motion, **ADDED}}
-            return {**header, "format": FILE_FORMAT, "solution": now}
-    return header
 
 
 @np.errstate(all="ignore")
@@ -119,6 +104,10 @@ def _wrong_motion(motion: Trajectory) -> str | None:
             return f"phase {i} has {len(phase.u)} rows of inputs for {phase.steps} steps"
     if motion.scene is not None and len(motion.scene.times) != len(motion.phases):
         return f"the motion has {len(motion.phases)} phases, its scene {len(motion.scene.times)}"
+        nodes = (DISCRETISATIONS[motion.order].inside * phase.steps, len(motion.coordinates))
+        for inside in (phase.q_inside, phase.p_inside):
+            if inside.size and inside.shape != nodes:
+                return f"phase {i} has {len(inside)} nodes inside {phase.steps} steps"
     return _wrong_joints(motion)
 
 
@@ -190,6 +179,8 @@ PHASE = Record(
         "rubbing": Mapped(SIGN, names=Name()),
         "normal": Stored(None, None),
         "tangential": Stored(None, None),
+        "q_inside": Stored(None, None),
+        "p_inside": Stored(None, None),
     },
     _wrong_contacts,
 )

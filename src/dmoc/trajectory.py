@@ -41,6 +41,9 @@ class Phase:
         Contact forces N >= 0 at the nodes in newton: -N grad g acts on the coordinates.
     tangential : array of shape (N + 1, len(rubbing))
         Friction forces T at the nodes: T grad tau acts on the coordinates.
+    q_inside, p_inside : arrays of shape ((d - 1) N, nq)
+        Coordinates and momenta at the nodes inside the steps, one step after the other, of
+        polynomials of degree d; none at order 2.
     """
 
     t: Array
@@ -52,6 +55,8 @@ class Phase:
     rubbing: Mapping[str, int] = field(default_factory=dict)
     normal: Array = field(default_factory=lambda: np.zeros((0, 0)))
     tangential: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    q_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    p_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def steps(self) -> int:
@@ -154,6 +159,7 @@ class Trajectory:
         Units of coordinates and inputs, where the model names them.
     scene : Scene or None
         The drawing of the model along the motion; None where the model has none.
+        Units of coordinates and inputs by name, where the model gives them.
     """
 
     model: str

@@ -108,9 +108,9 @@ def test_declared_sizes_are_refused_before_anything_is_unpacked(
 
 def test_a_file_of_another_format_says_so(content: bytes) -> None:
     parts = members(content)
-    parts["header.json"] = parts["header.json"].replace(b'"format": 7', b'"format": 5', 1)
+    parts["header.json"] = parts["header.json"].replace(b'"format": 7', b'"format": 6', 1)
     with pytest.raises(
-        SolutionFileError, match="has format 5, expected 7: solve the problem again"
+        SolutionFileError, match="has format 6, expected 7: solve the problem again"
     ):
         dmoc.Solution.from_bytes(archive(parts))
 
@@ -153,6 +153,9 @@ def test_motions_that_do_not_fit_together_are_refused(solution: dmoc.Solution) -
         "has no coefficient of restitution": {"collisions": (replace(hit, surface="ceiling"),)},
         "phase 0 has 99 rows of inputs for 100 steps": {
             "phases": (replace(first, u=first.u[1:]), last)
+        },
+        "phase 0 has 3 nodes inside 100 steps": {
+            "phases": (replace(first, q_inside=first.q[:3]), last)
         },
         "a lower bound above the upper one": {"input_bounds": t.input_bounds[:, ::-1]},
         r"phases\.1\.q has a value that is not a number from -1e\+150 to 1e\+150": {

@@ -23,19 +23,6 @@ def test_scene_and_units_come_back_as_they_were(solution: dmoc.Solution) -> None
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_file_of_the_format_before_loads_without_a_scene(solution: dmoc.Solution) -> None:
-    parts = {k: v for k, v in members(solution.to_bytes()).items() if ".scene." not in k}
-    header = json.loads(parts["header.json"])
-    header["format"] = 6
-    for name in ("scene", "units"):
-        del header["solution"]["trajectory"][name]
-    parts["header.json"] = json.dumps(header).encode()
-    old = dmoc.Solution.from_bytes(archive(parts))
-    assert old.trajectory.scene is None and old.trajectory.units == {}
-    assert old.verify().passed
-    np.testing.assert_array_equal(old.unknowns, solution.unknowns)
-
-
 def test_a_file_of_this_format_must_say_whether_there_is_a_scene(solution: dmoc.Solution) -> None:
     parts = {k: v for k, v in members(solution.to_bytes()).items() if ".scene." not in k}
     header = json.loads(parts["header.json"])

@@ -159,9 +159,7 @@ def solve(
 
     def differentiate() -> None:
         if sensitivities and solution.converged:
-            derivatives.append(
-                differentiated(problem.but(steps=solution.steps), solution)
-            )
+            derivatives.append(differentiated(problem.but(steps=solution.steps), solution))
 
     def tell() -> None:
         if not quiet:

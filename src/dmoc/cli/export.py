@@ -1,0 +1,33 @@
+"""The command ``dmoc export``: a motion as a table for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dmoc.cli.writing import written
+
+
+def export(
+    solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            metavar="FILE",
+            help="Table, .csv or .json; by default beside the solution, as .csv.",
+        ),
+    ] = None,
+) -> None:
+    """Write the motion of a solution as a table: time, phase, states, inputs, contact forces."""
+    from dmoc.solution import Solution
+    from dmoc.tabulated import written_as
+    from dmoc.writing import write_whole
+
+    path = target or solution.with_suffix(".csv")
+    write = written_as(path.suffix[1:].lower())
+    write_whole(path, write(Solution.load(solution).trajectory).encode())
+    written(path)
