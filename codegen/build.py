@@ -96,7 +96,7 @@ def build_cached(
         if fallback is None:
             raise
         warnings.warn(
-            f"{error} The NumPy kernels are used instead; they are much slower.",
+            f"{str(error).rstrip('.')}; until then NumPy kernels are used, which are much slower.",
             RuntimeWarning,
             stacklevel=3,
         )

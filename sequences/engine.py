@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dmoc.arguments import shown
+from dmoc.codegen.kernels import COMPILED
 from dmoc.errors import SearchError
 from dmoc.nlp.problem import Problem
 from dmoc.sequences.identity import identity
@@ -24,7 +25,7 @@ from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Processes, Workers, here, in_executor
 from dmoc.sequences.settings import STARTS, Settings, check, events_of, shortest_of, surfaces_of
 from dmoc.sequences.tree import Tree
-from dmoc.solving.methods import SEARCHING
+from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.workers import NoMoreWork
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def search(
     beam: int = 4,
     starts: int = STARTS,
     seed: int = 0,
-    method: str = SEARCHING,
+    method: str | None = None,
     workers: int = 1,
     executor: Executor | None = None,
     seconds: float | None = None,
@@ -165,8 +166,8 @@ def search(
     starts : int
         Random starts of each node at most, beside the parent's motion and the automatic guess.
     seed : int
-    method : str
-        As in :func:`dmoc.solve`.
+    method : str, optional
+        As in :func:`dmoc.solve`; by default "ipm", or "slsqp" if the kernels are not compiled.
     workers : int
         Processes of this machine.
     executor : concurrent.futures.Executor, optional
@@ -204,6 +205,8 @@ def search(
         )
     if problem.steps is None:
         problem = problem.but(steps=SEARCHED * max(problem.phase_steps))
+    if method is None:
+        method = usual(SEARCHING, problem.kernels.backend == COMPILED)
     settings = Settings(
         max_collisions,
         surfaces_of(problem, surfaces),

@@ -15,12 +15,12 @@ import numpy as np
 
 from dmoc.arguments import choice, flag, function, positive, shown, whole
 from dmoc.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
-from dmoc.codegen.kernels import Array
+from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.errors import DmocError, ProblemError
 from dmoc.nlp.problem import Problem
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Status
-from dmoc.solving.methods import METHODS, SEARCHING
+from dmoc.solving.methods import METHODS, SEARCHING, usual
 from dmoc.solving.solve import solve
 from dmoc.solving.starts import Given
 
@@ -96,7 +96,7 @@ class Share:
 
 def solve_many(
     problems: Iterable[Problem],
-    method: str = SEARCHING,
+    method: str | None = None,
     *,
     workers: int = 1,
     executor: Executor | None = None,
@@ -111,8 +111,8 @@ def solve_many(
     Parameters
     ----------
     problems : iterable of Problem
-    method : str
-        As in :func:`dmoc.solve`.
+    method : str, optional
+        As in :func:`dmoc.solve`; by default "ipm", or "slsqp" if some kernels are not compiled.
     workers : int
         Processes of this machine; in a script more than one need
         ``if __name__ == "__main__":``.  They are processes because most of a small problem is
@@ -152,8 +152,14 @@ def solve_many(
                 f"problems has {shown(problem)} at place {i}: expected Problems, as "
                 "dmoc.Problem(system, start=..., ...) states them."
             )
-    setting = Setting(method, guess, keep, STARTS | options)
+    setting = Setting(method_for(method, given), guess, keep, STARTS | options)
     return batch_of(given, {}, setting, workers, executor, seconds, progress)
+
+
+def method_for(method: str | None, problems: Sequence[Problem]) -> str:
+    """The method that is named, or the usual one for the kernels of some problems."""
+    compiled = all(problem.kernels.backend == COMPILED for problem in problems)
+    return usual(SEARCHING, compiled) if method is None else method
 
 
 def batch_of(

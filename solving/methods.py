@@ -157,6 +157,12 @@ METHODS = {
 DEFAULT, REFINING, SEARCHING = "slsqp", "ipm", "ipm"
 
 
+def usual(preferred: str, compiled: bool) -> str:
+    """The method where none is named: the preferred one, or without compiled kernels, if that needs
+    them, the one of a single solve."""
+    return preferred if compiled or not METHODS[preferred].needs_compiled else DEFAULT
+
+
 def listed() -> str:
     """The methods in a line."""
     return ", ".join(f"{method.name} ({method.what})" for method in METHODS.values())

@@ -19,7 +19,7 @@ from dmoc.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
 from dmoc.solving.attempts import attempted, remaining
 from dmoc.solving.exploration import Effort, coarse_of, explored
-from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method
+from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method, usual
 from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
 from dmoc.solving.result import checked, solution_of
@@ -60,7 +60,7 @@ def solve(
     method : {"slsqp", "ipm", "ipopt", "uno"}
         SciPy's sequential quadratic programming on the condensed program; the compiled
         interior-point method of dmoc; IPOPT; Uno.  The last two are extras.  The default is
-        "slsqp", with a tolerance or contacts that last "ipm".
+        "slsqp", with a tolerance or contacts that last "ipm" if the kernels are compiled.
     tolerance : float, optional
         Refine the mesh, beginning with the problem's steps, until the estimated relative error of
         cost, durations and positions and the simulated errors over segments are below it.  The
@@ -118,7 +118,8 @@ def solve(
     if tolerance is None and problem.steps is None:
         tolerance = AUTOMATIC
     default = DEFAULT if tolerance is None and not problem.lasting else REFINING
-    name = default if method is None else method
+    compiled = problem.kernels.backend == COMPILED
+    name = usual(default, compiled) if method is None else method
     chosen = METHODS[choice(name, "method", tuple(METHODS))]
     choice(form, "form", FORMS)
     optimality = positive(optimality, "optimality", "expected a positive number")

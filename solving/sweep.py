@@ -16,8 +16,7 @@ from dmoc.batch import Batch
 from dmoc.errors import DmocError, ProblemError
 from dmoc.mechanics.values import by_name
 from dmoc.nlp.problem import Problem
-from dmoc.solving.many import STARTS, BatchProgress, Setting, batch_of
-from dmoc.solving.methods import SEARCHING
+from dmoc.solving.many import STARTS, BatchProgress, Setting, batch_of, method_for
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given
 
@@ -46,7 +45,7 @@ def sweep(
     start: Mapping[Any, Sequence[Any]] | None = None,
     goal: Mapping[Any, Sequence[Any]] | None = None,
     bounds: Mapping[Any, Sequence[Any]] | None = None,
-    method: str = SEARCHING,
+    method: str | None = None,
     workers: int = 1,
     executor: Executor | None = None,
     guess: Given = None,
@@ -97,7 +96,7 @@ def sweep(
         for i, axis in enumerate(axes)
     }
     problems = [_problem(problem, axes, values) for values in grid]
-    setting = Setting(method, guess, keep, STARTS | options)
+    setting = Setting(method_for(method, [problem]), guess, keep, STARTS | options)
     return batch_of(problems, columns, setting, workers, executor, seconds, progress)
 
 

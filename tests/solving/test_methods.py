@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import block_and_wall
 import pytest
-from systems import landing_problem
+from systems import landing_problem, landing_system
 
 import dmoc
 from dmoc.errors import ProblemError, SearchError
@@ -58,6 +59,34 @@ def test_a_method_that_cannot_be_used_is_refused_before_anything_is_tried(
         check(plain, method="ipm")
     with pytest.raises(error, match="at most 2000 inputs"):
         check(problem.but(steps=2000), method="slsqp")
+
+
+def test_without_a_compiler_there_is_a_warning_of_one_sentence_and_an_answer(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Whatever has the compiled method as its default takes one that needs no compiler."""
+    problem = block_and_wall.problem(1.0, 8)
+    monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.setenv("DMOC_CACHE", str(tmp_path))
+    with pytest.warns(RuntimeWarning, match=r"no C compiler was found [^.]*much slower\.$"):
+        kernels = dmoc.build(block_and_wall.system())
+    problem = problem.but(kernels=kernels)
+    refined = dmoc.solve(problem, tolerance=1e-2)
+    assert refined.status == "solved" and refined.method == "slsqp"
+    assert refined.cost == pytest.approx(24, rel=1e-2)
+    batch = dmoc.sweep(problem, {"m": [1.0, 2.0]})
+    assert batch.method == "slsqp" and batch.cost[1] == pytest.approx(4 * batch.cost[0])
+    found = dmoc.search(problem, 1)
+    assert found.best is not None and found.best.sequence == ()
+    assert {node.sequence: node.verdict for node in found.nodes}["wall",] == "feasible"
+
+
+def test_contacts_that_last_are_solved_without_a_compiler() -> None:
+    problem = landing_problem(6)
+    plain = problem.but(kernels=dmoc.build(landing_system(), backend="numpy"))
+    found, wanted = dmoc.solve(plain), dmoc.solve(problem, starts=1)
+    assert (found.status, found.method) == ("solved", "slsqp")
+    assert found.cost == pytest.approx(wanted.cost, rel=1e-5)
 
 
 @pytest.mark.parametrize("order", [2, 4])

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from dmoc.discretisation import ORDERS_SHOWN
-from dmoc.solving.methods import listed
+from dmoc.solving.methods import SEARCHING, listed
 
 NOT_SOLVED, BAD_INPUT = 1, 2
 
@@ -82,7 +82,9 @@ GuessOption = Annotated[
     ),
 ]
 METHOD_HELP = f"Solver: {listed()}"
-MethodOption = Annotated[str, typer.Option(help=f"{METHOD_HELP}.")]
+MethodOption = Annotated[
+    str | None, typer.Option(help=f"{METHOD_HELP}; {SEARCHING} if the kernels are compiled.")
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="Parameter value; repeatable."),

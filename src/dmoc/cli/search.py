@@ -43,7 +43,6 @@ from dmoc.cli.writing import (
     written,
 )
 from dmoc.errors import SearchError
-from dmoc.solving.methods import SEARCHING
 
 if TYPE_CHECKING:
     from dmoc.sequences.engine import Progress, SearchResult
@@ -97,7 +96,7 @@ def search(
     workers: Annotated[int, typer.Option(help="Processes of this machine.")] = 1,
     steps: Annotated[int | None, typer.Option(help="Steps of each phase.")] = None,
     final_time: FinalTimeOption = None,
-    method: MethodOption = SEARCHING,
+    method: MethodOption = None,
     order: OrderOption = None,
     controls: ControlsOption = None,
     set_: SetOption = None,

@@ -55,7 +55,7 @@ def solve(
         str | None,
         typer.Option(
             help=f"{METHOD_HELP}; {DEFAULT} by default, with --tolerance or contacts that "
-            f"last {REFINING}."
+            f"last {REFINING} if the kernels are compiled."
         ),
     ] = None,
     tolerance: Annotated[

@@ -44,7 +44,6 @@ from dmoc.cli.writing import (
     written,
 )
 from dmoc.errors import OutputError, ProblemError
-from dmoc.solving.methods import SEARCHING
 from dmoc.writing import check_file
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ def sweep(
     sequence: SequenceOption = None,
     steps: StepsOption = None,
     final_time: FinalTimeOption = None,
-    method: MethodOption = SEARCHING,
+    method: MethodOption = None,
     order: OrderOption = None,
     controls: ControlsOption = None,
     restitution: RestitutionOption = None,
