@@ -105,6 +105,7 @@ setup(
     package_dir=package_dir,
     package_data={
         "dmoc": ["py.typed"],
+        "dmoc.cli": ["templates/*.py"],
         "dmoc.codegen": ["templates/*.jinja", "*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.h"],
         **{
             f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pyi", "*.c", "*.h"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dmoc.arguments import choice, flag, shown
 from dmoc.codegen.build import build_cached, numpy_kernels
@@ -12,6 +12,8 @@ from dmoc.errors import BuildError, ModelError, ProblemError
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
+
+    GivenModel: TypeAlias = Kernels | MechanicalSystem  # what kernels_of takes
 
 BACKENDS = ("auto", "compiled", "numpy")
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from dmoc.mechanics.modes import (
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
 from dmoc.nlp.admissible import check_admissible, check_contacts, check_mass_matrix
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
+
+if TYPE_CHECKING:
+    from dmoc.codegen.of_system import GivenModel
 
 IN_PHASE = " steps in each phase"
 BOX = "expected a pair (lower, upper) such as (-5, 5) or (None, 5), where (5, 5) holds the value 5"
@@ -153,6 +156,28 @@ class Problem:
     contacts: Sequence[str] = ()
     via: Sequence[Mapping[Any, Any] | None] | None = None
     ignored: Sequence[str] = ()
+
+    if TYPE_CHECKING:
+        # The fields again, for what may be given in place of kernels.
+        def __init__(
+            self,
+            kernels: GivenModel,
+            start: Mapping[Any, Any] = ...,
+            goal: Mapping[Any, Any] = ...,
+            sequence: Sequence[str] = ...,
+            steps: int | Sequence[int] | None = ...,
+            final_time: Any = ...,
+            durations: Sequence[Any] | None = ...,
+            bounds: Mapping[Any, Any] = ...,
+            parameters: Mapping[Any, float] = ...,
+            controls: str | None = ...,
+            restitution: Any = ...,
+            periodic: Sequence[str] | Mapping[Any, Any] = ...,
+            minimal_times: bool = ...,
+            contacts: Sequence[str] = ...,
+            via: Sequence[Mapping[Any, Any] | None] | None = ...,
+            ignored: Sequence[str] = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         put = object.__setattr__

@@ -25,6 +25,7 @@ BYTES = 6_000_000  # of a wheel, at most
 # What a wheel cannot do without.
 NEEDED = (
     "dmoc/py.typed",
+    "dmoc/cli/templates/collision.py",
     "dmoc/codegen/dmoc_kernel.h",
     "dmoc/codegen/templates/kernels.c.jinja",
     "dmoc/generated/cart_pendulum/manifest.json",

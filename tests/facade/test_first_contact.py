@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import platform
+import subprocess
 import sys
 import sysconfig
 import tomllib
@@ -14,6 +16,7 @@ import pytest
 
 import dmoc
 from dmoc.cli import main
+from dmoc.cli.new import Kind
 from dmoc.errors import BuildError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -133,3 +136,77 @@ def test_an_extra_that_is_not_installed_is_no_trouble(
     assert code == 0 and out.splitlines()[-1] == "All is well; 1 optional part is not there."
     _, _, parts = findings(run)
     assert parts["ipyopt"]["state"] == "absent" and "dmoc[ipopt]" in parts["ipyopt"]["cure"]
+
+
+def test_a_new_file_is_there_with_its_name_and_what_to_do_next(run: Run, tmp_path: Path) -> None:
+    code, out, err = run("new", "begun", "--out", "models")
+    text = (tmp_path / "models" / "begun.py").read_text(encoding="utf-8")
+    assert code == 0 and not err and "my_system" not in text and '"begun"' in text
+    assert out.splitlines() == [
+        "written: models/begun.py",
+        "It is complete and runs as it is. Next:",
+        "    python models/begun.py",
+        "    dmoc solve models/begun.py:problem --out begun",
+        "    dmoc derive models/begun.py:system",
+    ]
+
+
+def test_a_new_file_replaces_none(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "begun.py").write_text("mine")
+    code, out, err = run("new", "begun")
+    assert code == 2 and not out and err.startswith("error: begun.py exists, and is left as it is")
+    assert (tmp_path / "begun.py").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("my-system", "is not a C identifier"),
+        ("2d", "is not a C identifier"),
+        ("../x", "is not a C identifier"),
+        ("lambda", "is a keyword"),
+        ("random", "is that of a module"),
+        ("sympy", "is that of a module"),
+        ("dmoc", "is that of a module"),
+    ],
+)
+def test_a_name_that_cannot_be_used_is_refused(
+    run: Run, tmp_path: Path, name: str, message: str
+) -> None:
+    code, out, err = run("new", name)
+    assert code == 2 and not out and message in err and err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence(run: Run) -> None:
+    code, _, err = run("new", "begun", "--out", "/proc/nowhere")
+    assert code == 2 and "cannot be written" in err and err.count("\n") == 1
+
+
+COSTS = {
+    "collision": 24.0,  # twice 3/2 (2 d/T)^2 over T/2, d = 1 m, T = 1 s
+    "contact": 2 / 3 * (6 * (0.3 * 9.81) ** 3) ** 0.5,  # slides for sqrt(6 d/(mu g))
+    "smooth": None,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [kind.value for kind in Kind])
+def test_what_a_new_file_says_comes_next_works(run: Run, tmp_path: Path, kind: str) -> None:
+    _, out, _ = run("new", "begun", "--kind", kind)
+    commands = [line.strip() for line in out.splitlines() if line.startswith("    ")]
+    assert len(commands) == 3
+    tools = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    printed = [
+        subprocess.run(
+            command, shell=True, check=True, capture_output=True, text=True, cwd=tmp_path,
+            env=os.environ | tools,
+        ).stdout
+        for command in commands
+    ]  # fmt: skip
+    assert printed[0].startswith("begun: solved, cost ")
+    cost = float(printed[0].split("cost ")[1].split(",")[0])
+    assert COSTS[kind] is None or cost == pytest.approx(COSTS[kind], rel=1e-3)
+    assert "passed" in printed[1] and "Lagrangian" in printed[2]
+    for made in ("begun.npz", "begun.png", "begun/solution.npz", "begun/solution.png"):
+        assert (tmp_path / made).stat().st_size > 1000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import platform
 import runpy
 import sys
@@ -133,3 +134,21 @@ def test_the_project_says_what_it_runs_on(release: dict[str, Any]) -> None:
     named = [c.split(" :: ")[-1] for c in project["classifiers"] if ":: Python :: 3." in c]
     assert set(named) <= set(release["VERSIONS"])
     assert project["requires-python"] == f">={named[0]}"
+
+
+def test_type_checkers_see_the_fields_of_a_problem() -> None:
+    """Its __init__ for type checkers says what its fields say, but for the model."""
+    (problem,) = (
+        node
+        for node in ast.parse((ROOT / "nlp" / "problem.py").read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and node.name == "Problem"
+    )
+    fields = [
+        (node.target.id, ast.unparse(node.annotation))
+        for node in problem.body
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+    ]
+    (said,) = (node.body[0] for node in problem.body if isinstance(node, ast.If))
+    assert isinstance(said, ast.FunctionDef)
+    _, _, *given = [(a.arg, ast.unparse(a.annotation or a)) for a in said.args.args]
+    assert given == fields[1:] and len(given) > 10

@@ -13,6 +13,7 @@ import typer
 from dmoc.cli.doctor import doctor, versions
 from dmoc.cli.export import export
 from dmoc.cli.model import build, derive, generate, models
+from dmoc.cli.new import new
 from dmoc.cli.options import BAD_INPUT
 from dmoc.cli.result import plot, verify
 from dmoc.cli.search import search
@@ -23,7 +24,20 @@ from dmoc.errors import DmocError
 from dmoc.writing import REMEDY
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-COMMANDS = (models, derive, generate, build, solve, search, sweep, verify, plot, export, doctor)
+COMMANDS = (
+    new,
+    models,
+    derive,
+    generate,
+    build,
+    solve,
+    search,
+    sweep,
+    verify,
+    plot,
+    export,
+    doctor,
+)
 
 app = typer.Typer(
     help="Discrete mechanics and optimal control for mechanical systems with collisions.",
