@@ -52,26 +52,6 @@ class Setting:
     h: float
 
 
-@dataclass(eq=False)
-class Journal:
-    """What happens on the way: collisions, and the stretches of contact and friction, of which some
-    go on."""
-
-    collisions: list[Collision] = field(default_factory=list)
-    stretches: list[Stretch] = field(default_factory=list)
-    going: dict[tuple[str, int | None], float] = field(default_factory=dict)
-
-    def note(self, model: Model, mode: Mode | None, t: float) -> None:
-        """A mode begins, or, without one, the simulation ends."""
-        now = set() if mode is None else set(names_of(model, mode))
-        for name, friction in [key for key in self.going if key not in now]:
-            begin = self.going.pop((name, friction))
-            if t > begin:
-                self.stretches.append(Stretch(name, begin, t, friction))
-        for key in now:
-            self.going.setdefault(key, t)
-
-
 @dataclass(frozen=True)
 class Node:
     """A state after a step: time, row (q | v), and its contact and friction forces."""
@@ -82,6 +62,42 @@ class Node:
     tangential: Array
 
 
+@dataclass(frozen=True)
+class Mark:
+    """A moment with impacts or another mode after it: the states on both sides, with the forces
+    there, and the mode that begins."""
+
+    before: Node
+    after: Node
+    mode: Mode
+
+
+@dataclass(eq=False)
+class Journal:
+    """What happens on the way: collisions, moments between two modes, and the stretches of contact
+    and friction, of which some go on; ``last`` is the state that was reached."""
+
+    collisions: list[Collision] = field(default_factory=list)
+    stretches: list[Stretch] = field(default_factory=list)
+    going: dict[tuple[str, int | None], float] = field(default_factory=dict)
+    marks: list[Mark] = field(default_factory=list)
+    last: Node | None = None
+
+    def note(self, model: Model, mode: Mode | None, t: float) -> bool:
+        """A mode begins, or, without one, the simulation ends; return whether it is another
+        one."""
+        now = set() if mode is None else set(names_of(model, mode))
+        ended = [key for key in self.going if key not in now]
+        changed = bool(ended) or not now <= set(self.going)
+        for name, friction in ended:
+            begin = self.going.pop((name, friction))
+            if t > begin:
+                self.stretches.append(Stretch(name, begin, t, friction))
+        for key in now:
+            self.going.setdefault(key, t)
+        return changed
+
+
 def nodes(setting: Setting, y: Array, u: Array, first: int, journal: Journal) -> Iterator[Node]:
     """States at the end of the steps from ``first`` on, each with its inputs u (steps, nu)."""
     reach = Reach()
@@ -89,7 +105,8 @@ def nodes(setting: Setting, y: Array, u: Array, first: int, journal: Journal) ->
         t = k * setting.h
         reach = reached(setting.model, y, u[k], t, setting.h, reach)
         y, mode = _step(setting, y, u[k], (t, (k + 1) * setting.h), (reach, journal))
-        yield node(setting.model, mode, y, u[k], (k + 1) * setting.h)
+        journal.last = node(setting.model, mode, y, u[k], (k + 1) * setting.h)
+        yield journal.last
 
 
 def node(model: Model, mode: Mode, y: Array, u: Array, t: float) -> Node:
@@ -125,9 +142,13 @@ def _step(
     model, (reach, journal), (t, end) = setting.model, known, span
     place, hints = _place(setting, y, u, t, reach), Hints()
     mode = Mode()
+    before = journal.last
     for _ in range(MOST_EVENTS):
+        struck_before = len(journal.collisions)
         place, mode = _resolved(setting, place, (mode, hints), reach, journal)
-        journal.note(model, mode, place.t)
+        changed = journal.note(model, mode, place.t)
+        if before is not None and (changed or len(journal.collisions) > struck_before):
+            journal.marks.append(Mark(before, node(model, mode, place.y, u, place.t), mode))
         if end - place.t <= SHORTEST * setting.h:
             return place.y, mode
         way = _Way.of(setting, place, mode)
@@ -137,6 +158,7 @@ def _step(
             return rows[-1], mode
         at, which = event
         y = way(at) if at > place.t else place.y
+        before = node(model, mode, y, u, at)
         reach = reached(model, y, u, at, setting.h, reach)
         place = _place(setting, y, u, at, reach)
         hints = _hints(model, place, mode, which)

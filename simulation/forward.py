@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.scenes import scene_of
 from dmoc.mechanics.values import parameter_row, restitution_row
-from dmoc.scene import Scene
 from dmoc.simulation.contact_motion import (
     Journal,
+    Mark,
     Node,
     Setting,
     Stretch,
@@ -36,24 +35,24 @@ MOST_STEPS = 10**12
 MOST_BYTES = 4 * 10**9
 # Steps of a flight that resolve it: what comes to rest is followed more closely from there on.
 RESOLVED = 20
-# Events of a motion that is still drawn.
-MOST_DRAWN = 1000
 # Letters of a wrong value in a sentence.
 MOST_SHOWN = 80
 
 
-@dataclass(frozen=True)
-class Simulation:
-    """A simulated motion.
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a simulation has recorded.
 
     Attributes
     ----------
     t : array of shape (n,)
         Times of the recorded nodes in seconds.
-    q, p : arrays of shape (n, nq)
-        Coordinates and momenta.
+    q, v, p : arrays of shape (n, nq)
+        Coordinates, velocities and momenta.
     energy : array of shape (n,)
         E = v . p - L at the recorded nodes.
+    u : array of shape (steps, nu)
+        Inputs of the steps.
     collisions : tuple of Collision
         In the order in which they happened.
     contacts, rubbing : tuples of Stretch
@@ -62,21 +61,28 @@ class Simulation:
     normal, tangential : arrays of shape (n, nc), (n, nt)
         Contact forces N and friction forces T at the recorded nodes, in newton, with the inputs of
         the step that ends there: -N grad g and T grad tau act on the coordinates.
-    scene : Scene or None
-        The drawing of the model along the motion, in pieces from one event to the next; None where
-        the model has none, and where there are more than 1000 events.
+    marks : tuple of Mark
+        Moments of impacts and between two modes, where contacts last or something rubs.
+    model : Model
+    restitution : array of shape (nc,)
+    step_size : float
     """
 
     t: Array
     q: Array
+    v: Array
     p: Array
     energy: Array
+    u: Array
     collisions: tuple[Collision, ...]
     contacts: tuple[Stretch, ...]
     rubbing: tuple[Stretch, ...]
     normal: Array
     tangential: Array
-    scene: Scene | None = None
+    marks: tuple[Mark, ...]
+    model: Model
+    restitution: Array
+    step_size: float
 
 
 def simulate(
@@ -86,53 +92,13 @@ def simulate(
     *,
     step_size: float,
     steps: int,
-    inputs: ArrayLike | None = None,
+    inputs: ArrayLike | Callable[[float], ArrayLike] | None = None,
     parameters: Mapping[str, float] | None = None,
     restitution: float | Mapping[str, float] = 1.0,
     every: int = 1,
-) -> Simulation:
-    """Simulate a system through its collisions, lasting contacts and friction.
-
-    Each step solves r_minus(q_k, q_{k+1}) + p_k = 0.  A step that crosses a surface is split at the
-    collision: first (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam)
-    from the balance of energy and the conservation of tangential momentum.  Several collisions in
-    one step are handled one after the other; impacts on several surfaces at the same moment too,
-    see :func:`dmoc.simulation.contacts.simultaneous`.  Ctrl-C ends a run, which leaves the
-    interpreter to other threads.
-
-    Where the motion stays on a surface, or bounces that accumulate come to rest on it, and in
-    models with friction from the start on, it goes on by the continuous equations of one mode of
-    contact and friction after the other, see :mod:`dmoc.simulation.contact_motion`.  One hit with
-    friction obeys Poisson's law of impact.
-
-    Parameters
-    ----------
-    kernels : Kernels
-    position, velocity : arrays of shape (nq,) or mappings by coordinate name
-        Initial state; velocities default to rest.
-    step_size : float
-        h in seconds.
-    steps : int
-    inputs : array of shape (steps, nu) or (nu,), optional
-        Inputs of each step; zero by default.
-    parameters : mapping, optional
-        Values that replace the model's.
-    restitution : float or mapping, optional
-        Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic).
-    every : int, optional
-        Record every so many steps.
-
-    Returns
-    -------
-    Simulation
-
-    Raises
-    ------
-    SimulationError
-        If an argument does not fit, a step has no solution, the mass matrix becomes singular,
-        collisions accumulate without coming to rest (Zeno), no state of contact obeys the law of
-        Coulomb, or several contacts with friction are hit at once and are not plastic.
-    """
+) -> Run:
+    """Simulate a system through its collisions, lasting contacts and friction; what is given and
+    what goes wrong is said in :func:`dmoc.simulate`."""
     if not isinstance(kernels, Kernels):
         raise SimulationError(
             f"kernels = {kernels!r}: expected the kernels of a model, from dmoc.build(system) or "
@@ -152,9 +118,9 @@ def simulate(
     )
     q = _vector(position, kernels.coordinates, "position")
     v = _vector(np.zeros(nq) if velocity is None else velocity, kernels.coordinates, "velocity")
-    u = _inputs(inputs, steps, nu)
+    u = _inputs(inputs, h, steps, nu)
     e = restitution_row(kernels, restitution, SimulationError)
-    run = _Run(model, u, h, every)
+    run = _Task(model, u, h, every)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         if model.friction.any():
             _check_start(model, q)
@@ -170,43 +136,12 @@ def simulate(
             )
         energy = model.energy(found.q, velocities, found.t)
     journal.note(model, None, h * steps)
-    return Simulation(
-        found.t, found.q, found.p, energy, tuple(journal.collisions),
+    return Run(
+        found.t, found.q, velocities, found.p, energy, u, tuple(journal.collisions),
         tuple(s for s in journal.stretches if s.friction is None),
         tuple(s for s in journal.stretches if s.friction is not None),
-        found.normal, found.tangential,
-        None if len(journal.collisions) > MOST_DRAWN
-        else scene_of(model, _pieces(model, found, velocities, journal.collisions)),
+        found.normal, found.tangential, tuple(journal.marks), model, e, h,
     )  # fmt: skip
-
-
-def _pieces(
-    model: Model, found: _Recorded, velocities: Array, collisions: Sequence[Collision]
-) -> Iterator[tuple[Array, Array, Array]]:
-    """Times, positions and velocities of the recorded nodes between any two events, which belong
-    to both sides; what happens at one moment has nothing in between."""
-    nodes, count = (found.t, found.q, velocities), len(found.t)
-    first, begin = 0, None
-    for collision in (*collisions, None):
-        t = np.inf if collision is None else collision.time
-        # A node at an event is the event's own.
-        inside = slice(first, count if collision is None else int(np.searchsorted(found.t, t)))
-        rows = [part[inside] for part in nodes]
-        piece = [begin, rows] if begin else [rows]
-        if collision is not None:
-            piece.append(_moment(model, collision, collision.momentum_before))
-            begin = _moment(model, collision, collision.momentum_after)
-            first = int(np.searchsorted(found.t, t, side="right"))
-        times, positions, rates = (np.concatenate(parts) for parts in zip(*piece, strict=True))
-        if len(times) > 1 and times[-1] > times[0]:
-            yield times, positions, rates
-
-
-def _moment(model: Model, event: Collision, momentum: Array) -> list[Array]:
-    """Time, position and velocity on one side of an event, as rows."""
-    time = np.array([event.time])
-    q, p = event.position[None], momentum[None]
-    return [time, q, model.velocity(q, p, time)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +161,7 @@ class _Recorded:
 
 
 @dataclass(frozen=True, eq=False)
-class _Run:
+class _Task:
     """A model, inputs of all steps (steps, nu), the size of a step, and how many go by between
     recorded nodes."""
 
@@ -250,7 +185,7 @@ class _Run:
         return np.zeros((rows, self.model.nc)), np.zeros((rows, self.model.nt))
 
 
-def _from_impact_to_impact(run: _Run, e: Array, q: Array, p: Array) -> tuple[_Recorded, Journal]:
+def _from_impact_to_impact(run: _Task, e: Array, q: Array, p: Array) -> tuple[_Recorded, Journal]:
     """The motion by the variational integrator, as far as that goes."""
     model = run.model
     stepper = Stepper(model.kernels, model.par, e)
@@ -289,12 +224,13 @@ def _collisions(model: Model, given: list[list[Any]]) -> Iterator[Collision]:
 
 
 def _through_contacts(
-    run: _Run, e: Array, q: Array, v: Array, first: int, found: _Recorded
+    run: _Task, e: Array, q: Array, v: Array, first: int, found: _Recorded
 ) -> Journal:
     """The motion from the step ``first`` on by the continuous equations of its modes."""
     setting, journal = Setting(run.model, e, run.h), Journal()
     t = first * run.h
     y = on_surfaces(run.model, np.concatenate([q, v]), t)
+    journal.last = Node(t, y, np.zeros(run.model.nc), np.zeros(run.model.nt))
     if first % run.every == 0:
         mode = start(setting, y, run.u[first], t)
         found.put(first // run.every, run.model, node(run.model, mode, y, run.u[first], t))
@@ -367,16 +303,23 @@ def _check_room(steps: int, every: int, nq: int, forces: int) -> None:
         )
 
 
-def _inputs(given: ArrayLike | None, steps: int, nu: int) -> Array:
+def _inputs(
+    given: ArrayLike | Callable[[float], ArrayLike] | None, h: float, steps: int, nu: int
+) -> Array:
     """One row for every step; a row that serves all steps is not copied."""
     if given is None:
         return np.broadcast_to(np.zeros(nu), (steps, nu))
+    shapes: tuple[tuple[int, ...], ...] = ((nu,), (steps, nu))
+    expected = f"numbers of shape ({steps}, {nu}) or ({nu},)"
+    if callable(given):
+        shapes, expected = ((steps, nu),), f"a function of the time that returns {nu} numbers"
+        given = [np.ravel(given((k + 0.5) * h)) for k in range(steps)]
     try:
         u = _floats(given)
     except (TypeError, ValueError, OverflowError):
         u = np.empty((0, 0, 0))  # a shape that never fits
-    if u.shape not in ((nu,), (steps, nu)):
-        raise SimulationError(f"inputs: expected numbers of shape ({steps}, {nu}) or ({nu},).")
+    if u.shape not in shapes:
+        raise SimulationError(f"inputs: expected {expected}.")
     if not np.isfinite(u).all():
         raise SimulationError("inputs contain a value that is not finite: expected finite numbers.")
     return np.broadcast_to(u, (steps, nu))

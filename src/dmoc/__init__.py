@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from dmoc.nlp.problem import Problem
     from dmoc.registry import build, load
     from dmoc.sequences.engine import search
+    from dmoc.simulating import Simulation, simulate
     from dmoc.simulation.check import verify
-    from dmoc.simulation.forward import simulate
     from dmoc.solution import Solution
     from dmoc.solving.many import solve_many
     from dmoc.solving.sensitivity import sensitivities
@@ -38,6 +38,7 @@ __all__ = [
     "MechanicalSystem",
     "Point",
     "Problem",
+    "Simulation",
     "Solution",
     "Spring",
     "Wall",
@@ -63,6 +64,7 @@ _PLACES = {
     "MechanicalSystem": "dmoc.symbolic.system",
     "Point": "dmoc.symbolic.drawing",
     "Problem": "dmoc.nlp.problem",
+    "Simulation": "dmoc.simulating",
     "Solution": "dmoc.solution",
     "Spring": "dmoc.symbolic.drawing",
     "Wall": "dmoc.symbolic.drawing",
@@ -71,7 +73,7 @@ _PLACES = {
     "load": "dmoc.registry",
     "search": "dmoc.sequences.engine",
     "sensitivities": "dmoc.solving.sensitivity",
-    "simulate": "dmoc.simulation.forward",
+    "simulate": "dmoc.simulating",
     "solve": "dmoc.solving.solve",
     "solve_many": "dmoc.solving.many",
     "sweep": "dmoc.solving.sweep",

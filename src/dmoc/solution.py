@@ -289,7 +289,7 @@ class Solution:
         """
         from dmoc.simulation.check import verify
 
-        kernels = kernels or self._kernels()
+        kernels = kernels or kernels_of_file(self)
         _check_names(self.trajectory, kernels)
         return verify(self.trajectory, kernels, seconds)
 
@@ -308,13 +308,6 @@ class Solution:
         if shape is None and is_shipped(self.trajectory):
             shape = shape_of(self.trajectory.model)
         return plot(self.trajectory, path, shape)
-
-    def _kernels(self) -> Kernels:
-        if self.kernels is not None:
-            return self.kernels
-        from dmoc.registry import load_for_file
-
-        return load_for_file(self.reference or self.trajectory.model, self.trajectory.order)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""
@@ -410,6 +403,22 @@ class Solution:
         from dmoc.solution_file import solution_in
 
         return solution_in(content, name)
+
+
+def kernels_of_file(solution: Solution) -> Kernels:
+    """The kernels of a solution: its own, or, where it comes from a file, those of a shipped
+    model.
+
+    Raises
+    ------
+    ModelError
+        If the file names a model that is not shipped.
+    """
+    if solution.kernels is not None:
+        return solution.kernels
+    from dmoc.registry import load_for_file
+
+    return load_for_file(solution.reference or solution.trajectory.model, solution.trajectory.order)
 
 
 def check_same_model(solution: Solution, kernels: Kernels) -> None:

@@ -13,8 +13,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SimulationError
+from dmoc.simulating import Simulation
 from dmoc.simulation.contacts import simultaneous
-from dmoc.simulation.forward import Simulation
 
 T = dynamicsymbols._t
 x, y, z, a, b = dynamicsymbols("x y z a b")

@@ -1,0 +1,335 @@
+"""Simulation forward in time: of a model from a state, and of a solution once more with its
+inputs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dmoc import tabulated
+from dmoc.arguments import positive, shown, whole
+from dmoc.codegen.kernels import Kernels
+from dmoc.errors import SimulationError
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.values import parameter_row
+from dmoc.scene import Scene
+from dmoc.simulation import forward
+from dmoc.simulation.contact_motion import Stretch
+from dmoc.simulation.modes import Mode, placed
+from dmoc.simulation.recorded import motion_of
+from dmoc.solution import Solution, check_same_model, kernels_of_file
+from dmoc.states import State, state_at
+from dmoc.trajectory import Array, Collision, Trajectory
+from dmoc.writing import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from dmoc.report.shapes import Shape
+
+# Steps of a replay in the smallest step of its solution: its own error is then a sixteenth of that
+# of the solution at order 2.
+FINER = 4
+# A replayed start lies on a surface up to this share of the gap's size: what a solver leaves.
+ON_SURFACE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """Result of :func:`dmoc.simulate`.
+
+    Attributes
+    ----------
+    t : array of shape (n,)
+        Times of the recorded nodes in seconds.
+    q, p, v : arrays of shape (n, nq)
+        Coordinates, momenta and velocities.
+    energy : array of shape (n,)
+        E = v . p - L at the recorded nodes.
+    collisions : tuple of Collision
+        In the order in which they happened.
+    contacts, rubbing : tuples of Stretch
+        When surfaces stayed closed, and when tangents stuck or slid, in the order in which that
+        ended.
+    normal, tangential : arrays of shape (n, nc), (n, nt)
+        Contact forces N and friction forces T at the recorded nodes, in newton, with the inputs of
+        the step that ends there: -N grad g and T grad tau act on the coordinates.
+    trajectory : Trajectory
+        The motion as phases between its events, like that of a solution, with the scene of a model
+        that has a drawing.
+    """
+
+    t: Array
+    q: Array
+    p: Array
+    v: Array
+    energy: Array
+    collisions: tuple[Collision, ...]
+    contacts: tuple[Stretch, ...]
+    rubbing: tuple[Stretch, ...]
+    normal: Array
+    tangential: Array
+    trajectory: Trajectory
+
+    @property
+    def final_time(self) -> float:
+        """The last recorded time in seconds."""
+        return self.trajectory.final_time
+
+    @property
+    def scene(self) -> Scene | None:
+        """The drawing of the model along the motion; None where the model has none, and where
+        there are more than 1000 events."""
+        return self.trajectory.scene
+
+    def at(self, t: ArrayLike, side: str = "right") -> State:
+        """The state of the motion at a time, or at an array of times: positions by cubic Hermite
+        polynomials between recorded nodes, with the inputs of the step that begins at the node
+        before; see :meth:`dmoc.Solution.at`.
+
+        Raises
+        ------
+        MotionError
+            If a time lies outside [0, final_time].
+        """
+        return state_at(self.trajectory, t, side)
+
+    def to_frame(self) -> Any:
+        """The motion as a pandas DataFrame with two rows at every event, as
+        :meth:`dmoc.Solution.to_frame`."""
+        return tabulated.to_frame(self.trajectory)
+
+    def to_xarray(self) -> Any:
+        """The motion as an xarray Dataset, as :meth:`dmoc.Solution.to_xarray`."""
+        return tabulated.to_xarray(self.trajectory)
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write the motion as comma-separated values, as :meth:`dmoc.Solution.to_csv`."""
+        write_whole(Path(path), tabulated.to_csv(self.trajectory).encode())
+        return Path(path)
+
+    def to_json(self, path: str | os.PathLike[str]) -> Path:
+        """Write the motion as JSON, as :meth:`dmoc.Solution.to_json`."""
+        write_whole(Path(path), tabulated.to_json(self.trajectory).encode())
+        return Path(path)
+
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, shape: Shape | None = None
+    ) -> Figure:
+        """Draw positions, momenta, inputs and forces; write the figure if a path is given.
+
+        ``shape(q, parameters)`` returns a :class:`~dmoc.report.shapes.Picture` for snapshots of
+        each phase, which long simulations with many collisions have no room for.
+        """
+        from dmoc.report.figure import plot
+
+        return plot(self.trajectory, path, shape)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the simulation to an .npz file.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written, or there are more events than it can hold.
+        """
+        from dmoc.simulation_file import content_of
+
+        write_whole(Path(path), content_of(self))
+        return Path(path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Simulation:
+        """Read a file that :meth:`save` has written.
+
+        Raises
+        ------
+        SolutionFileError
+            If the file cannot be read, is damaged, or is something else.
+        """
+        from dmoc.simulation_file import simulation_in
+        from dmoc.solution_file import bytes_of
+
+        return simulation_in(bytes_of(Path(path)), str(path))
+
+
+def simulate(
+    kernels: Kernels | Solution,
+    position: Mapping[str, float] | ArrayLike | None = None,
+    velocity: Mapping[str, float] | ArrayLike | None = None,
+    *,
+    step_size: float | None = None,
+    steps: int | None = None,
+    inputs: ArrayLike | Callable[[float], ArrayLike] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    restitution: float | Mapping[str, float] | None = None,
+    every: int = 1,
+    model: Kernels | None = None,
+) -> Simulation:
+    """Simulate a system through its collisions, lasting contacts and friction; or a solution, open
+    loop, from its start and with its inputs.
+
+    Each step solves r_minus(q_k, q_{k+1}) + p_k = 0.  A step that crosses a surface is split at the
+    collision: first (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam)
+    from the balance of energy and the conservation of tangential momentum.  Several collisions in
+    one step are handled one after the other; impacts on several surfaces at the same moment too,
+    see :func:`dmoc.simulation.contacts.simultaneous`.  Ctrl-C ends a run, which leaves the
+    interpreter to other threads.
+
+    Where the motion stays on a surface, or bounces that accumulate come to rest on it, and in
+    models with friction from the start on, it goes on by the continuous equations of one mode of
+    contact and friction after the other, see :mod:`dmoc.simulation.contact_motion`.  One hit with
+    friction obeys Poisson's law of impact.
+
+    The motion of a solution is found anew: its collisions are those that its inputs lead to.  The
+    steps of the simulation take the means of the inputs over them, so that their impulses are
+    kept.
+
+    Parameters
+    ----------
+    kernels : Kernels or Solution
+    position, velocity : arrays of shape (nq,) or mappings by coordinate name
+        Initial state; velocities default to rest.  A solution has its own unless they are given,
+        as for inputs, parameters and coefficients of restitution.
+    step_size : float
+        h in seconds.  A solution is simulated for its final time, with a quarter of its smallest
+        step or with one of ``step_size`` and ``steps`` where it is given.
+    steps : int
+    inputs : array of shape (steps, nu) or (nu,), or function of the time, optional
+        Inputs of each step; zero by default.  A function returns nu numbers and is evaluated in the
+        middle of each step.
+    parameters : mapping, optional
+        Values that replace the model's, or the solution's.
+    restitution : float or mapping, optional
+        Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic).
+    every : int, optional
+        Record every so many steps.
+    model : Kernels, optional
+        For a solution from a file whose model is not shipped.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    SimulationError
+        If an argument does not fit, a step has no solution, the mass matrix becomes singular,
+        collisions accumulate without coming to rest (Zeno), no state of contact obeys the law of
+        Coulomb, or several contacts with friction are hit at once and are not plastic.
+    """
+    if isinstance(kernels, Solution):
+        given = _Given(position, velocity, inputs, parameters, restitution)
+        return _recorded(_replayed(kernels, model, given, step_size, steps, every))
+    if model is not None:
+        raise SimulationError(
+            f"model = {shown(model)}: expected none beside kernels; it goes with a solution."
+        )
+    return _recorded(
+        forward.simulate(
+            kernels,
+            position,  # type: ignore[arg-type]
+            velocity,
+            step_size=step_size,  # type: ignore[arg-type]
+            steps=steps,  # type: ignore[arg-type]
+            inputs=inputs,
+            parameters=parameters,
+            restitution=1.0 if restitution is None else restitution,
+            every=every,
+        )
+    )
+
+
+def _recorded(run: forward.Run) -> Simulation:
+    return Simulation(
+        run.t, run.q, run.p, run.v, run.energy, run.collisions, run.contacts, run.rubbing,
+        run.normal, run.tangential, motion_of(run),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """What the caller replaces of a solution."""
+
+    position: Mapping[str, float] | ArrayLike | None
+    velocity: Mapping[str, float] | ArrayLike | None
+    inputs: ArrayLike | Callable[[float], ArrayLike] | None
+    parameters: Mapping[str, float] | None
+    restitution: float | Mapping[str, float] | None
+
+
+def _replayed(
+    solution: Solution, given_model: Kernels | None, given: _Given, step_size: float | None,
+    steps: int | None, every: int,
+) -> forward.Run:  # fmt: skip
+    """Simulate a solution with what the caller leaves of it."""
+    motion, kernels = solution.trajectory, given_model or kernels_of_file(solution)
+    check_same_model(solution, kernels)
+    if motion.ignored:
+        raise SimulationError(
+            f"the solution ignores {', '.join(motion.ignored)}: a simulation hits every surface, "
+            "use verify(), which follows the solution's own events."
+        )
+    count = _steps(motion, step_size, steps)
+    h = motion.final_time / count
+    parameters = dict(motion.parameters) | dict(given.parameters or {})
+    first = motion.phases[0]
+    position = given.position
+    if position is None:
+        position = _on_surfaces(kernels, parameters, first.q[0])
+    return forward.simulate(
+        kernels,
+        position,
+        first.v[0] if given.velocity is None else given.velocity,
+        step_size=h,
+        steps=count,
+        inputs=mean_inputs(motion, count) if given.inputs is None else given.inputs,
+        parameters=parameters,
+        restitution=motion.restitution if given.restitution is None else given.restitution,
+        every=every,
+    )
+
+
+def _steps(motion: Trajectory, step_size: float | None, steps: int | None) -> int:
+    """How many steps a replay takes."""
+    if steps is not None:
+        if step_size is not None:
+            raise SimulationError(
+                "a solution is simulated for its final time: give step_size or steps, not both."
+            )
+        return whole(steps, "steps", 1, forward.MOST_STEPS, SimulationError)
+    if step_size is None:
+        step_size = min(phase.step_size for phase in motion.phases) / FINER
+    size = positive(step_size, "step_size", "expected a time in seconds", SimulationError)
+    return max(1, int(np.ceil(motion.final_time / size * (1 - 1e-9))))
+
+
+def _on_surfaces(kernels: Kernels, parameters: Mapping[str, float], q: Array) -> Array:
+    """A start that lies on surfaces up to the solver's tolerance, moved onto them."""
+    model = Model(kernels, parameter_row(kernels, parameters, SimulationError))
+    near = np.abs(model.gaps(q)) <= ON_SURFACE * model.gap_sizes(q)
+    touching = Mode(tuple(map(int, np.flatnonzero(near))))
+    y, none = np.concatenate([q, np.zeros(model.nq)]), np.zeros((1, model.nt))
+    return np.asarray(placed(model, touching, y[None], np.zeros(1), none)[0, : model.nq])
+
+
+def mean_inputs(motion: Trajectory, steps: int) -> Array:
+    """Means of the inputs of a motion over equal steps of its time, shape (steps, nu)."""
+    begins = np.concatenate([phase.t[:-1] for phase in motion.phases])
+    sizes = np.concatenate([np.diff(phase.t) for phase in motion.phases])
+    ends = [motion.input_ends(phase) for phase in motion.phases]
+    first, last = (np.vstack([pair[side] for pair in ends]) for side in range(2))
+    whole = np.vstack(
+        [np.zeros((1, first.shape[1])), np.cumsum(sizes[:, None] * (first + last) / 2, axis=0)]
+    )
+    edges = np.linspace(0.0, motion.final_time, steps + 1)
+    k = np.clip(np.searchsorted(begins, edges, side="right") - 1, 0, len(begins) - 1)
+    part = np.clip((edges - begins[k]) / sizes[k], 0.0, 1.0)[:, None]
+    within = sizes[k, None] * part * (first[k] + part * (last[k] - first[k]) / 2)
+    return np.asarray(np.diff(whole[k] + within, axis=0) * steps / motion.final_time)

@@ -1,0 +1,173 @@
+"""What the file of a simulation holds, field by field, and how it is written and read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dmoc.archive import Archive, pack
+from dmoc.errors import OutputError, SolutionFileError
+from dmoc.schema import (
+    LARGEST_TEXT,
+    Choice,
+    Context,
+    Either,
+    Listed,
+    Mapped,
+    Name,
+    Nothing,
+    Number,
+    Numbers,
+    Put,
+    Record,
+    Refused,
+    Stored,
+    Whole,
+    dumped,
+    plain,
+    said,
+)
+from dmoc.simulating import Simulation
+from dmoc.simulation.contact_motion import Stretch
+from dmoc.solution_file import COLLISION, SIGN, TRAJECTORY
+from dmoc.trajectory import Phase
+
+FORMAT = 1
+ROWS = ("t", "q", "p", "v", "u")
+
+
+@dataclass(frozen=True)
+class Together:
+    """Phases whose rows are kept in one array for each field: a simulation may have thousands."""
+
+    def write(self, value: Any, where: str, put: Put) -> Any:
+        together = {name: np.concatenate([getattr(p, name) for p in value]) for name in ROWS}
+        together |= {
+            name: np.concatenate([np.ravel(getattr(p, name)) for p in value])
+            for name in ("normal", "tangential")
+        }
+        modes = {name: [getattr(p, name) for p in value] for name in ("closed", "rubbing")}
+        return PHASES.write(together | modes | {"nodes": [len(p.t) for p in value]}, where, put)
+
+    def read(self, given: Any, where: str, context: Context) -> tuple[Phase, ...]:
+        found = PHASES.read(given, where, context)
+        nodes = found["nodes"].astype(int)
+        ends = np.cumsum(nodes)[:-1]
+        rows = {name: np.split(found[name], ends) for name in ("t", "q", "p", "v")}
+        rows["u"] = np.split(found["u"], np.cumsum(nodes - 1)[:-1])
+        for name, modes in (("normal", found["closed"]), ("tangential", found["rubbing"])):
+            widths = np.array([len(mode) for mode in modes], dtype=int)
+            parts = np.split(found[name], np.cumsum(nodes * widths)[:-1])
+            rows[name] = [a.reshape(n, w) for a, n, w in zip(parts, nodes, widths, strict=True)]
+        names = (*ROWS, "closed", "rubbing", "normal", "tangential")
+        columns = (rows.get(name, found.get(name)) for name in names)
+        return tuple(Phase(*fields) for fields in zip(*columns, strict=True))
+
+
+def _wrong_phases(found: dict[str, Any]) -> str | None:
+    """What of the rows of phases does not fit together."""
+    nodes = found["nodes"]
+    if not len(nodes) or not (len(nodes) == len(found["closed"]) == len(found["rubbing"])):
+        return "its phases have no modes"
+    if nodes.sum() != len(found["t"]) or nodes.sum() - len(nodes) != len(found["u"]):
+        return "its phases have other numbers of rows than declared"
+    for name, modes in (("normal", found["closed"]), ("tangential", found["rubbing"])):
+        if sum(n * len(mode) for n, mode in zip(nodes, modes, strict=True)) != len(found[name]):
+            return f"its phases have other {name} forces than declared"
+    return None
+
+
+def _wrong(simulation: Simulation) -> str | None:
+    """What of a simulation does not fit together."""
+    motion = simulation.trajectory
+    columns = (simulation.normal.shape[1], simulation.tangential.shape[1])
+    if columns != (len(motion.restitution), len(motion.friction)):
+        return "its forces are those of other contacts"
+    return None
+
+
+PHASES = Record(
+    dict,
+    {
+        "nodes": Numbers(kind=Whole(2)),
+        "t": Stored("N"),
+        "q": Stored("N", "nq"),
+        "p": Stored("N", "nq"),
+        "v": Stored("N", "nq"),
+        "u": Stored(None, "nu"),
+        "closed": Listed(Listed(Name())),
+        "rubbing": Listed(Mapped(SIGN, names=Name())),
+        "normal": Stored(None),
+        "tangential": Stored(None),
+    },
+    _wrong_phases,
+)
+MOTION = Record(TRAJECTORY.make, {**TRAJECTORY.fields, "phases": Together()}, TRAJECTORY.wrong)
+STRETCH = Record(
+    Stretch,
+    {
+        "name": Name(),
+        "begin": Number(),
+        "end": Number(),
+        "friction": Either(Nothing(), SIGN),
+    },
+)
+# One line for each field; n recorded nodes.
+SIMULATION = Record(
+    Simulation,
+    {
+        "t": Stored("n"),
+        "q": Stored("n", "nq"),
+        "p": Stored("n", "nq"),
+        "v": Stored("n", "nq"),
+        "energy": Stored("n"),
+        "collisions": Listed(COLLISION),
+        "contacts": Listed(STRETCH),
+        "rubbing": Listed(STRETCH),
+        "normal": Stored("n", None),
+        "tangential": Stored("n", None),
+        "trajectory": MOTION,
+    },
+    _wrong,
+)
+FILE = Record(dict, {"simulation_format": Choice((FORMAT,)), "simulation": SIMULATION})
+
+
+def content_of(simulation: Simulation) -> bytes:
+    """Return the content of a file.
+
+    Raises
+    ------
+    OutputError
+        If there are more events than it can hold.
+    """
+    arrays: dict[str, Any] = {}
+    text = dumped(FILE, {"simulation_format": FORMAT, "simulation": simulation}, arrays.__setitem__)
+    if len(text) > LARGEST_TEXT:
+        raise OutputError(
+            f"the simulation has {len(simulation.collisions)} collisions, more than a file holds: "
+            "write it with to_csv."
+        )
+    return pack(text, arrays)
+
+
+def simulation_in(content: bytes, name: str) -> Simulation:
+    """Read a simulation from the content of a file that errors call ``name``."""
+    try:
+        archive = Archive(content)
+        header = plain(archive.text())
+        version = header.get("simulation_format") if isinstance(header, dict) else None
+        if isinstance(version, int) and version != FORMAT:
+            raise SolutionFileError(
+                f"{name} has format {said(version)}, expected {FORMAT}: simulate again."
+            )
+        simulation: Simulation = FILE.read(header, "", Context(archive.array))["simulation"]
+        archive.close()
+    except Refused as error:
+        raise SolutionFileError(
+            f"{name} is damaged or no file of a simulation ({error}): write it again with "
+            "Simulation.save."
+        ) from None
+    return simulation
