@@ -17,12 +17,12 @@ def scene_of(model: Model, phases: Iterable[tuple[Array, Array, Array]]) -> Scen
     None where the model has no drawing, or the drawing is nowhere: velocities at a singular mass
     matrix are not numbers, nor is the root of a negative length.
     """
-    if not model.kernels.has("drawing"):
+    shapes = shapes_in(model.kernels.manifest["drawing"])
+    if not shapes:
         return None
     with np.errstate(all="ignore"):
         ways = [resampled(*phase) for phase in phases]
         values = tuple([model.drawing(q, t) for t, q in ways])
     if not all(np.isfinite(found).all() for found in values):
         return None
-    shapes = shapes_in(model.kernels.manifest["drawing"])
     return Scene(shapes, tuple([t for t, _ in ways]), values)

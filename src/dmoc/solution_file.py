@@ -102,12 +102,12 @@ def _wrong_motion(motion: Trajectory) -> str | None:
             return f"the times of phase {i} do not increase"
         if len(phase.u) != len(motion.input_times(phase)):
             return f"phase {i} has {len(phase.u)} rows of inputs for {phase.steps} steps"
-    if motion.scene is not None and len(motion.scene.times) != len(motion.phases):
-        return f"the motion has {len(motion.phases)} phases, its scene {len(motion.scene.times)}"
         nodes = (DISCRETISATIONS[motion.order].inside * phase.steps, len(motion.coordinates))
         for inside in (phase.q_inside, phase.p_inside):
             if inside.size and inside.shape != nodes:
                 return f"phase {i} has {len(inside)} nodes inside {phase.steps} steps"
+    if motion.scene is not None and len(motion.scene.times) != len(motion.phases):
+        return f"the motion has {len(motion.phases)} phases, its scene {len(motion.scene.times)}"
     return _wrong_joints(motion)
 
 
