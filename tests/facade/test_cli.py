@@ -12,11 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from commands import Run
 
 import dmoc
 from dmoc.cli import main
-
-Run = Callable[..., tuple[int, str, str]]
 
 SYSTEM = """
 import sympy as sp
@@ -31,21 +30,6 @@ def make(name="mass", lagrangian=None, **changes):
                  surfaces={"floor": y >= 0}, parameters={m: 1.0, g: 9.81}, cost=u**2 / 2)
     return dmoc.MechanicalSystem(name, **{**given, **changes})
 """
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["dmoc", *arguments])
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = capsys.readouterr()
-        code = end.value.code
-        return (code if isinstance(code, int) else 0), out, err
-
-    return call
 
 
 @pytest.fixture

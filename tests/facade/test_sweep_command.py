@@ -4,38 +4,27 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
+from commands import Run
 
 import dmoc
-from dmoc.cli import main
 from dmoc.cli.reading import read_range
 from dmoc.registry import find
 from dmoc.solving import many
 
-Run = Callable[..., tuple[int, str, str]]
 SEED = ("cart_pendulum", "--steps", "12")
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
-    monkeypatch.chdir(tmp_path)
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """The command ``dmoc sweep``."""
     # Few steps are quickly solved, and rightly not confirmed.
     solve = many.solve
     monkeypatch.setattr(many, "solve", lambda *a, **k: solve(*a, **{**k, "verify": False}))
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["dmoc", "sweep", *arguments])
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = capsys.readouterr()
-        code = end.value.code
-        return (code if isinstance(code, int) else 0), out, err
-
-    return call
+    return partial(run, "sweep")
 
 
 def test_a_range_is_values_at_equal_distances() -> None:
