@@ -33,6 +33,7 @@ def plot_sweep(
     collision_times: Array,
     solved: NDArray[np.bool_],
     path: str | os.PathLike[str] | None = None,
+    noun: str = "collision",
 ) -> Figure:
     """Draw a sweep over one or two values; points that are not solved are crosses.
 
@@ -46,6 +47,8 @@ def plot_sweep(
     solved : array of bool, shape (n,)
     path : path, optional
         Where to write the figure; the ending decides the format (png, pdf, svg).
+    noun : str
+        What happens between the phases: "collision" or "event".
 
     Raises
     ------
@@ -62,7 +65,7 @@ def plot_sweep(
             "1 or 2; take to_csv or to_frame."
         )
     if len(given) == 1:
-        figure = _curves(given, cost, final_time, collision_times, solved)
+        figure = _curves(given, cost, final_time, collision_times, solved, noun)
     else:
         figure = _map(given, cost, solved)
     if path is not None:
@@ -76,6 +79,7 @@ def _curves(
     final_time: Array,
     collision_times: Array,
     solved: NDArray[np.bool_],
+    noun: str,
 ) -> Figure:
     [(name, values)] = given.items()
     order = np.argsort(values, kind="stable")
@@ -92,7 +96,7 @@ def _curves(
 
     line(above, cost[order], COLOURS[0])
     for i, row in enumerate(times):
-        line(below, row, COLOURS[i % len(COLOURS)], f"collision {i + 1}")
+        line(below, row, COLOURS[i % len(COLOURS)], f"{noun} {i + 1}")
     line(below, final_time[order], "0.5", "end", "--")
     for axes, label in ((above, "cost"), (below, "time [s]")):
         axes.set_ylabel(label)

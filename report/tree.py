@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.report.canvas import new_figure, symbol, write
-from dmoc.trajectory import Trajectory
+from dmoc.trajectory import Trajectory, noun_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,6 +21,7 @@ COLOURS = {
     "optimal": "#009E73",
     "feasible": "#56B4E9",
     "grazes": "#F0E442",
+    "collapses": "#0072B2",
     "unverified": "#E69F00",
     "infeasible": "#BBBBBB",
     "unreachable": "#D55E00",
@@ -55,10 +56,11 @@ def plot_tree(
         if s:
             parent = s[:-1]
             axes.plot([len(parent), len(s)], [rows[parent], rows[s]], color="0.75", lw=1, zorder=1)
+    noun = noun_of(word for s in verdict for word in s)
     labelled = len(verdict) <= MOST_LABELS
     for s, v in verdict.items():
         number = cost[s]
-        text = (f"{s[-1]} " if s else "no collision ") + ("" if number is None else f"{number:.4g}")
+        text = (f"{s[-1]} " if s else f"no {noun} ") + ("" if number is None else f"{number:.4g}")
         if labelled:
             weight = "bold" if v == "optimal" else "normal"
             axes.text(
@@ -88,7 +90,7 @@ def plot_tree(
     axes.set_xlim(-0.5, depth + 0.5)
     axes.set_ylim(max(rows.values(), default=0) + 0.8, -0.8)
     axes.set_xticks(range(depth + 1))
-    axes.set_xlabel("collisions")
+    axes.set_xlabel(f"{noun}s")
     axes.set_yticks([])
     for side in ("left", "right", "top"):
         axes.spines[side].set_visible(False)

@@ -21,19 +21,20 @@ from dmoc.errors import SearchError
 from dmoc.nlp.problem import Problem
 from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
+from dmoc.sequences.judgement import CONFIRMED, judged
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Processes, Workers, here, in_executor
 from dmoc.sequences.settings import STARTS, Settings, check, events_of, shortest_of, surfaces_of
 from dmoc.sequences.tree import Tree
 from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.workers import NoMoreWork
+from dmoc.trajectory import noun_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Steps of a phase where the problem leaves them open, in those of its first mesh.
 SEARCHED = 2
-CONFIRMED = (Verdict.OPTIMAL, Verdict.FEASIBLE)
 
 
 @dataclass(frozen=True)
@@ -76,8 +77,17 @@ class SearchResult:
     broken: str = ""
 
     @property
+    def noun(self) -> str:
+        """What the nodes are sequences of: "collision" where all words are hits, else "event"."""
+        return noun_of(word for n in self.nodes for word in n.sequence)
+
+    @property
     def counts(self) -> dict[str, int]:
         return dict(Counter(n.verdict.value for n in self.nodes))
+
+    def name_of(self, node: Node) -> str:
+        """The words of a node with commas between them, "no collision" or "no event"."""
+        return node.name if node.sequence else f"no {self.noun}"
 
     def ranked(self) -> list[Node]:
         """Nodes with a confirmed motion, the cheapest first."""
@@ -110,7 +120,7 @@ class SearchResult:
         chosen = [n for n in self.ranked() if n.solution is not None][:most]
         return plot_motions(
             [
-                (n.name, n.cost or 0.0, n.solution.trajectory)
+                (self.name_of(n), n.cost or 0.0, n.solution.trajectory)
                 for n in chosen
                 if n.solution is not None
             ],
@@ -289,18 +299,14 @@ def _walked(tree: Tree, settings: Settings, workers: Workers, begin: float) -> t
 def _result(tree: Tree, stopped: str, seconds: float) -> SearchResult:
     """What was found, judged as a whole."""
     problem = tree.problem
-    best = tree.best()
-    if best is not None:
-        best = best.judged(Verdict.OPTIMAL)
-        tree.nodes[best.sequence] = best
     whole = [
         replace(
             n, solution=None if n.solution is None else replace(n.solution, kernels=problem.kernels)
         )
-        for n in tree.nodes.values()
+        for n in judged(tree.nodes)
     ]
     nodes = tuple(sorted(whole, key=lambda n: tree.place(n.sequence)))
-    best = None if best is None else next(n for n in nodes if n.sequence == best.sequence)
+    best = next((n for n in nodes if n.verdict is Verdict.OPTIMAL), None)
     notes = _notes(tree, nodes, best, stopped)
     return SearchResult(nodes, best, not stopped and not tree.passed_over, notes, seconds, problem)
 
@@ -308,6 +314,7 @@ def _result(tree: Tree, stopped: str, seconds: float) -> SearchResult:
 def _notes(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -> tuple[str, ...]:
     """What limits the answer."""
     depth = tree.settings.max_collisions
+    noun = noun_of(word for n in nodes for word in n.sequence)
     notes = [f"{stopped}: {tree.waiting} known sequences were not looked at"] if stopped else []
     if tree.passed_over:
         notes.append(f"the beam passed over {tree.passed_over} sequences")
@@ -328,7 +335,7 @@ def _notes(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -
         and by_depth[depth] < min(by_depth[:-1])
     ):
         notes.append(
-            f"the best sequence has all {depth} collisions (cost {by_depth[depth]:.6g}, with fewer "
+            f"the best sequence has all {depth} {noun}s (cost {by_depth[depth]:.6g}, with fewer "
             f"{min(by_depth[:-1]):.6g}): more may cost less"
         )
     for verdict, meaning in (
@@ -342,6 +349,6 @@ def _notes(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -
     if held:
         notes.append(
             f"{len(held)} motions are held by the shortest phase of "
-            f"{tree.settings.shortest_phase:g} s: their collisions would rather merge"
+            f"{tree.settings.shortest_phase:g} s: their {noun}s would rather merge"
         )
     return tuple(notes)

@@ -36,6 +36,8 @@ class Verdict(enum.StrEnum):
     # the best motion touches a surface of the sequence without colliding: no motion of this
     # sequence
     GRAZES = "grazes"
+    # a phase of its best motion keeps the shortest duration, and a shorter sequence costs no more
+    COLLAPSES = "collapses"
     UNVERIFIED = "unverified"  # solved, and the simulation contradicts it
     INFEASIBLE = "infeasible"  # its collisions can be made, the goal cannot be reached after them
     # its last collision cannot be made: no sequence that begins with it is looked at
@@ -63,7 +65,7 @@ class Node:
     minima : tuple of float
         Costs of the different local minima, the least first.
     shortest : tuple of str
-        Bounds of durations that hold the motion: its collisions would rather merge.
+        Bounds of durations that hold the motion: its events would rather merge.
     attempts : int
     seconds : float
     solution : Solution or None
@@ -142,7 +144,13 @@ def _wrong(node: Node) -> str | None:
     return None
 
 
-WITH_MOTION = (Verdict.OPTIMAL, Verdict.FEASIBLE, Verdict.GRAZES, Verdict.UNVERIFIED)
+WITH_MOTION = (
+    Verdict.OPTIMAL,
+    Verdict.FEASIBLE,
+    Verdict.GRAZES,
+    Verdict.COLLAPSES,
+    Verdict.UNVERIFIED,
+)
 # One line for each field in a row of the journal.
 START = Record(
     Start,

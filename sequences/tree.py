@@ -11,6 +11,7 @@ import numpy as np
 from dmoc.nlp.problem import Problem
 from dmoc.sequences.inner import Task
 from dmoc.sequences.journal import Journal
+from dmoc.sequences.judgement import best_of
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Workers
 from dmoc.sequences.settings import Settings, children
@@ -45,8 +46,7 @@ class Tree:
         return dict(Counter(n.verdict.value for n in self.nodes.values()))
 
     def best(self) -> Node | None:
-        good = [n for n in self.nodes.values() if n.verdict is Verdict.FEASIBLE]
-        return min(good, key=lambda n: (n.cost, len(n.sequence), n.sequence), default=None)
+        return best_of(self.nodes.values())
 
     def rounds(self) -> Iterator[list[tuple[str, ...]]]:
         """Sequences to look at next, in an order that does not depend on who solves them."""

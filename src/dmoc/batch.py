@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dmoc.errors import MissingExtraError
 from dmoc.solvers.outcome import Status
-from dmoc.trajectory import Array
+from dmoc.trajectory import Array, noun_of
 from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
@@ -103,6 +103,11 @@ class Batch:
     def counts(self) -> dict[str, int]:
         """How many rows have each status."""
         return dict(Counter(self.status))
+
+    @property
+    def noun(self) -> str:
+        """What happens between the phases: "collision" where all are hits, else "event"."""
+        return noun_of(word for row in self.collisions for word in row.split(APART))
 
     def columns(self) -> dict[str, Sequence[Any]]:
         """The table by columns: what is given, the results, a column for the time and the impulse
@@ -191,8 +196,9 @@ class Batch:
         from dmoc.report.sweep import plot_sweep
 
         return plot_sweep(
-            self.given, self.cost, self.final_time, self.collision_times, self.solved, path
-        )
+            self.given, self.cost, self.final_time, self.collision_times, self.solved, path,
+            self.noun,
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """The table as plain data, as the command line prints it as JSON."""

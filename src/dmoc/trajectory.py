@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 
@@ -257,6 +257,13 @@ def event_word(
     words += [f"-{name}" for name in leaves]
     words += [f"{name}:{FRICTION_WORDS[s]}" for name, s in friction.items() if name not in lands]
     return " ".join(words) or "no change"
+
+
+def noun_of(words: Iterable[str]) -> str:
+    """What the words of sequences are called together: "collision" where all of them are hits,
+    else "event"."""
+    hits = all(not word.startswith(("+", "-")) and not {":", " "} & set(word) for word in words)
+    return "collision" if hits else "event"
 
 
 def impulses_told(collision: Collision) -> str:

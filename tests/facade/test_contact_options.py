@@ -5,18 +5,14 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from commands import Run
 
-from dmoc.cli import main
 from dmoc.cli.reading import read_names, read_periodic, read_via
 from dmoc.errors import ProblemError
-
-Run = Callable[..., tuple[int, str, str]]
 
 MODELS = """
 import sympy as sp
@@ -43,20 +39,11 @@ ON_FLOOR = [*PUSHED, "--start", "y=0"]
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
-    monkeypatch.chdir(tmp_path)
+def run(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Run:
+    """The command line beside a file of models, with room for its tables."""
     monkeypatch.setenv("COLUMNS", "160")
     (tmp_path / "models.py").write_text(MODELS)
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["dmoc", *arguments])
-        with pytest.raises(SystemExit) as end:
-            main()
-        out, err = capsys.readouterr()
-        code = end.value.code
-        return (code if isinstance(code, int) else 0), out, err
-
-    return call
+    return run
 
 
 def table(out: str) -> dict[str, str]:
@@ -191,10 +178,11 @@ def test_a_block_that_comes_back_a_step_further(run: Run) -> None:
 def test_a_sweep_names_the_events_of_each(run: Run) -> None:
     options = [o for o in PUSHED if o not in ("--goal", "x=1", "x_dot=0")]
     options += ["--goal", "x=0.5:1:2", "--goal", "x_dot=0", "--sequence", "rail:slip+,rail:stick"]
-    code, _, err = run("sweep", "models.py:railed", *options, "--out", "table.csv")
+    code, out, err = run("sweep", "models.py:railed", *options, "--out", "table.csv")
     assert code == 0, err
     rows = csv.DictReader(Path("table.csv").read_text().splitlines())
     assert [row["collisions"] for row in rows] == ["rail:slip+,rail:stick"] * 2
+    assert "event 1 [s]" in out and "collision" not in out
 
 
 def test_a_search_begins_in_contact_and_is_resumed(run: Run) -> None:

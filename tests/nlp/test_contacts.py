@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from math import sqrt
 from pathlib import Path
 
 import numpy as np
@@ -230,19 +229,3 @@ def test_wrong_friction_of_a_model_is_a_sentence(
     with pytest.raises(ModelError) as found:
         make()
     assert told in str(found.value) and "\n" not in str(found.value)
-
-
-def test_the_search_finds_when_to_stick_and_when_to_slide() -> None:
-    problem = pushed(20).but(sequence=())
-    result = dmoc.search(problem, 2)
-    assert result.best is not None
-    assert result.best.cost == pytest.approx(2 / 3 * sqrt(6), rel=2e-3)
-    sliding = {node.sequence for node in result.ranked()}
-    assert ("rail:slip+", "rail:stick") in sliding
-    counts = result.counts
-    assert not counts.get("failed") and counts["infeasible"] >= 1
-
-
-def test_a_search_takes_the_words_it_is_given() -> None:
-    result = dmoc.search(pushed(20).but(sequence=()), 2, events=["rail:slip+"])
-    assert [node.sequence for node in result.nodes] == [(), ("rail:slip+",)]

@@ -69,6 +69,13 @@ def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
     }
 
 
+def test_a_tree_of_landings_and_friction_is_one_of_events() -> None:
+    nodes = [((), "infeasible", None), (("+foot:slip-",), "optimal", 1.0)]
+    (axes,) = plot_tree(nodes).axes
+    assert axes.get_xlabel() == "events"
+    assert {text.get_text() for text in axes.texts} == {"no event", "+foot:slip- 1"}
+
+
 def test_a_large_tree_has_points_instead_of_texts() -> None:
     many = [
         ((), "feasible", 1.0),

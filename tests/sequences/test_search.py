@@ -80,7 +80,8 @@ def test_nodes_cost_what_a_separate_solve_costs(table: dmoc.Problem, found: Sear
         assert automatic.cost == pytest.approx(alone.cost, rel=1e-9)
         assert node.cost is not None and node.cost <= alone.cost * (1 + 1e-9)
         best = dmoc.solve(problem, "ipm")
-        assert best.converged and best.minimum == (node.verdict is not Verdict.UNVERIFIED)
+        assert best.converged and node.solution is not None
+        assert best.minimum == node.solution.minimum
         assert node.cost == pytest.approx(best.cost, rel=1e-9)
 
 

@@ -56,7 +56,7 @@ def coloured(good: bool, word: str) -> Text:
 
 def print_summary(solution: Solution) -> None:
     """What was found, and how."""
-    from dmoc.trajectory import impulses_told, largest_forces
+    from dmoc.trajectory import impulses_told, largest_forces, noun_of
 
     table = Table(show_header=False, box=None)
     message = (
@@ -75,8 +75,7 @@ def print_summary(solution: Solution) -> None:
         table.add_row(f"phase {i}", f"{phase.duration:.6g} s in {phase.steps} steps{mode}")
     table.add_row("final time", f"{solution.final_time:.6g} s")
     for c in solution.collisions:
-        kind = "collision" if c.word == c.surface else "event"
-        table.add_row(f"{kind} {c.word}", f"at {c.time:.6g} s{impulses_told(c)}")
+        table.add_row(f"{noun_of([c.word])} {c.word}", f"at {c.time:.6g} s{impulses_told(c)}")
     for force in largest_forces(solution.trajectory):
         table.add_row(
             f"largest {force.kind} of {force.contact}", f"{force.value:.6g} N at {force.time:.6g} s"

@@ -51,6 +51,7 @@ COLOURS = {
     "optimal": "bold green",
     "feasible": "green",
     "grazes": "cyan",
+    "collapses": "blue",
     "unverified": "yellow",
     "infeasible": "dim",
     "unreachable": "red",
@@ -256,7 +257,7 @@ def _report(result: SearchResult) -> None:
     nodes = sorted(result.nodes, key=lambda n: (n.cost is None, n.cost or 0.0, len(n.sequence)))
     for n in nodes[:MOST_ROWS]:
         table.add_row(
-            n.name,
+            result.name_of(n),
             Text(n.verdict.value, style=COLOURS[n.verdict.value]),
             "" if n.cost is None else f"{n.cost:.6g}",
             " ".join(f"{t:.4g}" for t in n.phases),
@@ -271,7 +272,7 @@ def _report(result: SearchResult) -> None:
     best = (
         "no confirmed motion"
         if result.best is None
-        else f"best: {result.best.name}, cost {result.best.cost:.6g}"
+        else f"best: {result.name_of(result.best)}, cost {result.best.cost:.6g}"
     )
     rate = len(result.nodes) / max(result.seconds, 1e-9)
     out.print(

@@ -87,7 +87,7 @@ def sweep(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Draw cost and times of collisions over one value, or the cost over two.",
+            help="Draw cost and times of events over one value, or the cost over two.",
         ),
     ] = None,
     json_: JsonOption = None,
@@ -221,7 +221,7 @@ class _Count:
 
 def _report(batch: Batch) -> None:
     collisions = batch.collision_times.shape[1]
-    times = [f"collision {i + 1} [s]" for i in range(collisions)]
+    times = [f"{batch.noun} {i + 1} [s]" for i in range(collisions)]
     table = Table(
         *batch.given, "status", "cost", "end [s]", *times, "iterations", box=None,
         header_style="bold",

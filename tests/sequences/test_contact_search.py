@@ -1,0 +1,76 @@
+"""Searches over contacts that last and friction."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import pytest
+from contact_problems import pushed
+
+import dmoc
+from dmoc.sequences.judgement import best_of, judged
+from dmoc.sequences.nodes import Node, Verdict
+
+
+def test_the_search_finds_when_to_stick_and_when_to_slide() -> None:
+    problem = pushed(20).but(sequence=())
+    result = dmoc.search(problem, 2)
+    assert result.best is not None
+    assert result.best.cost == pytest.approx(2 / 3 * sqrt(6), rel=2e-3)
+    sliding = {node.sequence for node in result.ranked()}
+    assert ("rail:slip+", "rail:stick") in sliding
+    counts = result.counts
+    assert not counts.get("failed") and counts["infeasible"] >= 1
+
+
+def test_a_search_takes_the_words_it_is_given() -> None:
+    result = dmoc.search(pushed(20).but(sequence=()), 2, events=["rail:slip+"])
+    assert [node.sequence for node in result.nodes] == [(), ("rail:slip+",)]
+
+
+def test_a_phase_of_no_use_collapses_and_the_shorter_sequence_is_named() -> None:
+    """In one second there is no time to wait: sliding all the way is the best there is."""
+    problem = pushed(40).but(sequence=(), final_time=1)
+    result = dmoc.search(problem, 2, events=["rail:slip+", "rail:stick"])
+    assert result.best is not None and result.best.sequence == ("rail:slip+",)
+    # Closed form: m^2 6 d^2/T^3 + F^2 T/2 with the shortest phase of 0.01 s before it.
+    assert result.best.cost == pytest.approx(6 / 0.99**3 + 0.99 / 2, rel=2e-3)
+    nodes = {node.sequence: node for node in result.nodes}
+    waits = nodes["rail:slip+", "rail:stick"]
+    assert waits.verdict is Verdict.COLLAPSES
+    assert waits.evidence[0].startswith("a shorter sequence does better: rail:slip+ costs 6.6")
+    assert "duration of phase 2 >= 0.01 s holds its motion" in waits.evidence[0]
+    assert waits not in result.ranked() and not result.counts.get("unverified")
+    assert any("their events would rather merge" in note for note in result.notes)
+
+
+def node(
+    *sequence: str, cost: float, verdict: Verdict = Verdict.FEASIBLE, held: bool = False
+) -> Node:
+    return Node(sequence, verdict, cost, shortest=("duration of phase 0 >= 0.1 s",) * held)
+
+
+def test_of_sequences_that_cost_the_same_the_shortest_is_the_best() -> None:
+    nodes = [node("a", "b", cost=1.0), node("a", cost=1.000001), node(cost=1.1)]
+    best = best_of(nodes)
+    assert best is not None and best.sequence == ("a",)
+
+
+def test_only_what_a_shorter_sequence_does_as_well_collapses() -> None:
+    nodes = {
+        n.sequence: n
+        for n in (
+            node("a", cost=2.0, held=True),
+            node("a", "b", cost=1.0, held=True),
+            node("a", "c", cost=3.0, held=True, verdict=Verdict.UNVERIFIED),
+            node("b", "c", cost=0.5, held=True, verdict=Verdict.UNVERIFIED),
+            node("a", "d", cost=4.0),
+        )
+    }
+    assert {n.sequence: n.verdict for n in judged(nodes)} == {
+        ("a",): Verdict.FEASIBLE,
+        ("a", "b"): Verdict.OPTIMAL,
+        ("a", "c"): Verdict.COLLAPSES,
+        ("b", "c"): Verdict.UNVERIFIED,
+        ("a", "d"): Verdict.FEASIBLE,
+    }
