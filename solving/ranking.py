@@ -49,10 +49,16 @@ def ranked(
         confirmed = [r.solution.cost for r in refined if r.solution.minimum]
         passed = bool(confirmed) and coarse.cost > min(confirmed) and k >= effort.refined
         full = len(refined) >= effort.most_refined
-        if passed or full or time.perf_counter() > deadline:
+        # The first one is refined however late it is: starts that nothing comes of are no use.
+        late = k > 0 and time.perf_counter() > deadline
+        if passed or full or late:
             rest = minima[k:]
             break
-        attempt = _refined(_mesh(problem, coarse), coarse.attempt, options)
+        left = options
+        if options.seconds is not None:  # the deadline is that of one half of them
+            until = deadline + options.seconds / 2 - time.perf_counter()
+            left = replace(options, seconds=max(until, 1e-9))
+        attempt = _refined(_mesh(problem, coarse), coarse.attempt, left)
         if attempt.outcome.status is not Status.SOLVED:
             continue
         new = Basin.of(attempt)
