@@ -210,3 +210,43 @@ def test_what_a_new_file_says_comes_next_works(run: Run, tmp_path: Path, kind: s
     assert "passed" in printed[1] and "Lagrangian" in printed[2]
     for made in ("begun.npz", "begun.png", "begun/solution.npz", "begun/solution.png"):
         assert (tmp_path / made).stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("words", "proposed"),
+    [
+        ("dmoc swe", ["sweep"]),
+        ("dmoc solve cart_pendulum_", ["cart_pendulum_hanging"]),
+        ("dmoc solve cart_pendulum --method ip", ["ipm", "ipopt"]),
+        ("dmoc search cart_pendulum --method u", ["uno"]),
+        ("dmoc solve cart_pendulum --sequence left,r", ["left,right"]),
+        ("dmoc sweep cart_pendulum --set m_", ["m_p=", "m_c="]),
+        ("dmoc solve cart_pendulum_hanging --bound F", ["F="]),
+        ("dmoc solve cart_pendulum --start alpha", ["alpha=", "alpha_dot="]),
+        ("dmoc solve file.py:system --set m", []),
+        ("dmoc new begun --kind s", ["smooth"]),
+    ],
+)
+def test_the_shell_completes_models_methods_and_names(
+    run: Run, monkeypatch: pytest.MonkeyPatch, words: str, proposed: list[str]
+) -> None:
+    monkeypatch.setenv("_DMOC_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
+    code, out, err = run()
+    assert code == 0 and not err and out.split() == proposed
+
+
+def test_a_completion_reads_no_numpy() -> None:
+    code = (
+        "import sys, dmoc.cli; sys.argv = ['dmoc']\n"
+        "try: dmoc.cli.main()\n"
+        "except SystemExit: print(sorted({'numpy', 'scipy', 'sympy'} & set(sys.modules)))"
+    )
+    words = {"_DMOC_COMPLETE": "complete_bash", "COMP_CWORD": "4"}
+    words["COMP_WORDS"] = "dmoc solve cart_pendulum --set m_p"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+        env=os.environ | words,
+    )  # fmt: skip
+    assert done.stdout.split("\n")[:2] == ["m_p=", "[]"]

@@ -37,7 +37,10 @@ def new(
         Path, typer.Option("--out", metavar="DIR", help="Folder of the file.")
     ] = Path(),
 ) -> None:
-    """Write a system file to begin with: a model, a problem, and a main part that solves it."""
+    """Write a system file to begin with.
+
+    It has a model, a problem, and a main part that solves, prints and draws.
+    """
     from dmoc.symbolic.names import check_name
 
     path = target / f"{check_name(name, 'system')}.py"

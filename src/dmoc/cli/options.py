@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from dmoc.cli import completion
 from dmoc.discretisation import ORDERS_SHOWN
 from dmoc.solving.methods import SEARCHING, listed
 
@@ -21,7 +22,11 @@ class Controls(StrEnum):
 
 ModelArgument = Annotated[
     str,
-    typer.Argument(help="Name of a shipped model or problem, or file.py:name.", show_default=False),
+    typer.Argument(
+        help="Name of a shipped model or problem, or file.py:name.",
+        show_default=False,
+        autocompletion=completion.models,
+    ),
 ]
 JsonOption = Annotated[
     str | None,
@@ -40,14 +45,16 @@ FinalTimeOption = Annotated[
 SequenceOption = Annotated[
     str | None,
     typer.Option(
+        autocompletion=completion.surfaces,
         help="Events in their order, with commas between them, as left,right; '' for none. "
         "left is hit and released, +left lands and stays closed, -left leaves, left:stick, "
-        "left:slip+ and left:slip- change the friction; several at one event as '+right -left'."
+        "left:slip+ and left:slip- change the friction; several at one event as '+right -left'.",
     ),
 ]
 ContactsOption = Annotated[
     str | None,
     typer.Option(
+        autocompletion=completion.surfaces,
         metavar="CONTACTS",
         help="Surfaces that are closed at the start and rails that slide then, as left,rail:slip+; "
         "what has friction sticks unless it is said to slide.",
@@ -64,6 +71,7 @@ ViaOption = Annotated[
 IgnoredOption = Annotated[
     str | None,
     typer.Option(
+        autocompletion=completion.surfaces,
         metavar="SURFACES",
         help="Surfaces that hold nothing back where no event names them, as left,right.",
     ),
@@ -83,19 +91,33 @@ GuessOption = Annotated[
 ]
 METHOD_HELP = f"Solver: {listed()}"
 MethodOption = Annotated[
-    str | None, typer.Option(help=f"{METHOD_HELP}; {SEARCHING} if the kernels are compiled.")
+    str | None,
+    typer.Option(
+        autocompletion=completion.methods,
+        help=f"{METHOD_HELP}; {SEARCHING} if the kernels are compiled.",
+    ),
 ]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Parameter value; repeatable."),
+    typer.Option(
+        "--set",
+        autocompletion=completion.parameters,
+        metavar="NAME=VALUE",
+        help="Parameter value; repeatable.",
+    ),
 ]
 BoundOption = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME=LOW:HIGH", help="Bounds of an input or coordinate; repeatable."),
+    typer.Option(
+        autocompletion=completion.bounded,
+        metavar="NAME=LOW:HIGH",
+        help="Bounds of an input or coordinate; repeatable.",
+    ),
 ]
 StartOption = Annotated[
     list[str] | None,
     typer.Option(
+        autocompletion=completion.states,
         metavar="NAME=VALUE",
         help="Start state: x, x_dot or p_x; a value, a range LOW:HIGH, or free; repeatable.",
     ),
@@ -129,5 +151,9 @@ ControlsOption = Annotated[
 ]
 GoalOption = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME=VALUE", help="Goal state, like --start; repeatable."),
+    typer.Option(
+        autocompletion=completion.states,
+        metavar="NAME=VALUE",
+        help="Goal state, like --start; repeatable.",
+    ),
 ]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dmoc.cli import completion
 from dmoc.cli.options import (
     METHOD_HELP,
     NOT_SOLVED,
@@ -54,8 +55,9 @@ def solve(
     method: Annotated[
         str | None,
         typer.Option(
+            autocompletion=completion.methods,
             help=f"{METHOD_HELP}; {DEFAULT} by default, with --tolerance or contacts that "
-            f"last {REFINING} if the kernels are compiled."
+            f"last {REFINING} if the kernels are compiled.",
         ),
     ] = None,
     tolerance: Annotated[

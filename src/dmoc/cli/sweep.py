@@ -92,8 +92,12 @@ def sweep(
     ] = None,
     json_: JsonOption = None,
 ) -> None:
-    """Solve a problem over ranges of values: in --set, --start and --goal as l=0.4:0.8:50, from, to
-    and number of values; in --bound the largest magnitude, as F=50:200:4. Several make a grid."""
+    """Solve a problem over ranges of values.
+
+    A range in --set, --start and --goal is FROM:TO:COUNT, as l=0.4:0.8:50.
+    In --bound it is that of the largest magnitude, as F=50:200:4.
+    Several ranges make a grid.
+    """
     from dmoc import registry
     from dmoc.nlp.problem import Problem
     from dmoc.solving.sweep import sweep as swept
