@@ -3,19 +3,28 @@
 A mode says which contacts are closed in a phase and how friction acts in it.  The words::
 
     wall            is hit and released (Newton's law with the surface's restitution)
+    wall:slip+      the same with friction: slides all along while tau grows; also wall:slip-
+    wall:stick      sticks from the beginning
+    wall:slip+:stick, wall:slip+:slip-
+                    begins to slide in the first way, stops during compression and sticks, or turns
+    wall:slip+:stick:late, wall:slip+:slip-:late
+                    the same, but it stops during restitution
     +foot           lands plastically and stays closed; it sticks if the model gives it friction
     +foot:slip+     lands sliding, in the direction in which tau grows; slip- in the other one
+    +foot:slip+:stick, +foot:slip+:slip-
+                    begins to slide in the first way, and stops or turns while it lands
     -foot           leaves
     foot:slip+      changes its friction; also foot:slip-, foot:stick
     +right -left    several at one event, separated by blanks
 
-A tangent that belongs to no surface, a rail, rubs in every phase.
+A tangent that belongs to no surface, a rail, rubs in every phase.  An open surface can only be hit,
+a closed one only change its friction, so that "foot:slip+" is the one or the other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from dmoc.arguments import check_known, shown
@@ -23,6 +32,7 @@ from dmoc.errors import ProblemError
 from dmoc.trajectory import FRICTION_WORDS, event_word, mode_word
 
 STICK = 0
+LATE = "late"
 FRICTION = {word: state for state, word in FRICTION_WORDS.items()}
 IN_SEQUENCE = "in the sequence"
 
@@ -30,10 +40,13 @@ IN_SEQUENCE = "in the sequence"
 @dataclass(frozen=True)
 class Contacts:
     """What can touch in a model: its surfaces, and its tangents, of which those that are named like
-    a surface belong to it and the others are rails."""
+    a surface belong to it and the others are rails; surfaces without restitution, and those whose
+    tangent has friction."""
 
     surfaces: tuple[str, ...]
     tangents: tuple[str, ...]
+    plastic: tuple[str, ...] = ()
+    rough: tuple[str, ...] = ()
 
     @property
     def rails(self) -> tuple[str, ...]:
@@ -62,6 +75,34 @@ class Mode:
 
 
 @dataclass(frozen=True)
+class Course:
+    """How friction acts in the course of an impact.
+
+    Attributes
+    ----------
+    first : int
+        Direction in which the contact slides at the beginning; 0 where it sticks all along.
+    then : int or None
+        Friction after sliding has stopped, 0 or the other direction; None if it goes on.
+    late : bool
+        It stops during restitution, not during compression.
+    """
+
+    first: int
+    then: int | None = None
+    late: bool = False
+
+    @property
+    def last(self) -> int:
+        """Friction at the end of the impact."""
+        return self.first if self.then is None else self.then
+
+    def __str__(self) -> str:
+        words = [FRICTION_WORDS[s] for s in (self.first, self.then) if s is not None]
+        return ":".join([*words, LATE] if self.late else words)
+
+
+@dataclass(frozen=True)
 class Event:
     """What happens between two phases.
 
@@ -73,6 +114,9 @@ class Event:
     lands, leaves : tuples of str
     friction : mapping of str to int
         Friction of tangents from here on, where the word says it.
+    course : Course or None
+        How friction acts in the impact, where the word says it: of a hit, or of a landing during
+        which sliding stops.
     """
 
     word: str
@@ -80,6 +124,7 @@ class Event:
     lands: tuple[str, ...] = ()
     leaves: tuple[str, ...] = ()
     friction: Mapping[str, int] = field(default_factory=dict)
+    course: Course | None = None
 
     @property
     def surface(self) -> str:
@@ -87,8 +132,8 @@ class Event:
         return self.hit or (self.lands[0] if self.lands else "")
 
 
-def event_of(word: str, contacts: Contacts) -> Event:
-    """Read one word of a sequence.
+def event_of(word: str, contacts: Contacts, closed: Sequence[str] = ()) -> Event:
+    """Read one word of a sequence, at which some surfaces are closed before.
 
     Raises
     ------
@@ -99,24 +144,26 @@ def event_of(word: str, contacts: Contacts) -> Event:
     lands: list[str] = []
     leaves: list[str] = []
     friction: dict[str, int] = {}
+    courses: dict[str, Course] = {}
     seen: list[str] = []
     for part in word.split():
         sign, rest = (part[0], part[1:]) if part[0] in "+-" else ("", part)
-        name, colon, state = rest.partition(":")
+        name, colon, said = rest.partition(":")
         if name in seen:
             raise ProblemError(f"{shown(word)} in the sequence names {name!r} twice: say it once.")
         seen.append(name)
         known = contacts.surfaces if sign or not colon else contacts.tangents
         if name not in known:
             check_known(part, known, "tangent" if colon and not sign else "surface", IN_SEQUENCE)
+        is_hit = not sign and name in contacts.surfaces and name not in closed
         if colon:
-            if sign == "-" or state not in FRICTION or name not in contacts.tangents:
-                raise ProblemError(
-                    f"{part!r} in the sequence: expected stick, slip+ or slip- after the colon, of "
-                    "a contact that lands or has friction, as '+foot:slip-' or 'foot:stick'."
-                )
-            friction[name] = FRICTION[state]
-        {"": hits if not colon else [], "+": lands, "-": leaves}[sign].append(name)
+            course = _course(part, said, name in contacts.tangents and sign != "-")
+            if is_hit or course.then is not None:
+                _check_course(part, name, course, (is_hit, sign == "+"), contacts)
+                courses[name] = course
+            if not is_hit:
+                friction[name] = course.last
+        {"": hits if is_hit or not colon else [], "+": lands, "-": leaves}[sign].append(name)
     if not seen:
         check_known(word, contacts.surfaces, "surface", IN_SEQUENCE)
     if len(hits) > 1 or (hits and lands):
@@ -124,9 +171,61 @@ def event_of(word: str, contacts: Contacts) -> Event:
             f"{word!r} in the sequence hits {' and '.join([*hits, *lands])} at once: expected one "
             "surface that is hit, or contacts that land together."
         )
+    if courses and len(lands) > 1:
+        raise ProblemError(
+            f"{word!r} in the sequence: sliding that stops during an impact is known for one "
+            f"contact alone, and {' and '.join(lands)} land at once; say where they slide or stick "
+            "in the end alone."
+        )
     order = contacts.surfaces.index
     landing = tuple(sorted(lands, key=order))
-    return Event(word, "".join(hits), landing, tuple(sorted(leaves, key=order)), friction)
+    return Event(
+        word,
+        "".join(hits),
+        landing,
+        tuple(sorted(leaves, key=order)),
+        friction,
+        next(iter(courses.values()), None),
+    )
+
+
+def _course(part: str, said: str, rubs: bool) -> Course:
+    """Read what a part of a word says after its first colon."""
+    first, *more = said.split(":")
+    late = more[1:] == [LATE]
+    turns = not more or (
+        first != "stick" and more[0] in FRICTION and more[0] != first and (late or not more[1:])
+    )
+    if not rubs or first not in FRICTION or not turns:
+        raise ProblemError(
+            f"{part!r} in the sequence: expected stick, slip+ or slip- after the colon, of a "
+            "contact that lands, is hit or has friction, as '+foot:slip-' or 'foot:stick'; of an "
+            "impact also what follows when it stops, as 'wall:slip+:stick' or "
+            "'wall:slip+:slip-:late'."
+        )
+    return Course(FRICTION[first], FRICTION[more[0]] if more else None, late)
+
+
+def _check_course(
+    part: str, name: str, course: Course, how: tuple[bool, bool], contacts: Contacts
+) -> None:
+    """Refuse a course that no impact on a surface takes, which is hit or lands."""
+    is_hit, lands = how
+    if not is_hit and not lands:
+        raise ProblemError(
+            f"{part!r} in the sequence: {name} is closed or a rail, which changes its friction "
+            "once at an event; say stick, slip+ or slip-."
+        )
+    if course.late and (lands or name in contacts.plastic):
+        raise ProblemError(
+            f"{part!r} in the sequence stops during a restitution, which there is none of: a "
+            "landing and a hit with restitution 0 are compression alone; leave out ':late'."
+        )
+    if STICK in (course.first, course.then) and name not in contacts.rough:
+        raise ProblemError(
+            f"{part!r} in the sequence sticks, but the friction of {name!r} is 0: nothing would "
+            "hold it; say how it slides, or give it friction."
+        )
 
 
 def mode_of(given: Sequence[str], contacts: Contacts) -> Mode:
@@ -163,18 +262,20 @@ def _mode(closed: Sequence[str], friction: Mapping[str, int], contacts: Contacts
     )
 
 
-def modes_along(start: Mode, events: Sequence[Event], contacts: Contacts) -> tuple[Mode, ...]:
-    """The modes of all phases.
+def along(
+    start: Mode, words: Sequence[str], contacts: Contacts
+) -> tuple[tuple[Event, ...], tuple[Mode, ...]]:
+    """The events that words say from a mode on, and the modes of all phases.
 
     Raises
     ------
     ProblemError
-        If an event needs a contact that is open, or closes one that is closed.
+        If a word is none, or an event needs a contact that is open, or closes one that is closed.
     """
-    modes = [start]
-    for i, event in enumerate(events):
+    events, modes = list[Event](), [start]
+    for i, word in enumerate(words):
         before = modes[-1]
-        at = f"event {i + 1} ({event.word})"
+        event, at = event_of(word, contacts, before.closed), f"event {i + 1} ({word})"
         for name in event.leaves:
             if name not in before.closed:
                 raise ProblemError(
@@ -187,28 +288,50 @@ def modes_along(start: Mode, events: Sequence[Event], contacts: Contacts) -> tup
                     f"{at}: {name} is closed already: let it leave before ('-{name}')."
                 )
         closed = [s for s in before.closed if s not in event.leaves] + list(event.lands)
+        rubs = event.course is not None or is_open(event, contacts)
+        if rubs and set(closed) - {event.surface}:
+            raise ProblemError(_several(at, event, closed))
         friction = {t: s for t, s in before.rubbing.items() if t not in event.leaves}
-        for name in event.friction:
-            if name in contacts.surfaces and name not in closed:
-                raise ProblemError(
-                    f"{at}: {name} changes its friction, but is not closed then: land it before "
-                    f"('+{name}'), or close it at the start (contacts=[{name!r}])."
-                )
+        events.append(event)
         modes.append(_mode(closed, friction | dict(event.friction), contacts))
-    return tuple(modes)
+    return tuple(events), tuple(modes)
+
+
+def _several(at: str, event: Event, closed: Sequence[str]) -> str:
+    others = " and ".join(name for name in closed if name != event.surface)
+    return (
+        f"{at}: {others} is closed while {event.surface} is hit with friction, whose law is known "
+        "for one contact alone: let the others leave before."
+    )
+
+
+def is_open(event: Event, contacts: Contacts) -> bool:
+    """Whether an event is a hit with friction whose course is not said."""
+    return event.course is None and event.hit in contacts.rough
+
+
+def courses_of(name: str, contacts: Contacts) -> list[str]:
+    """The words of all ways through a hit of one surface; that it sticks from the beginning is a
+    limit of two others."""
+    found = [Course(s) for s in (1, -1)]
+    if name in contacts.rough:
+        found += [Course(s, then) for s in (1, -1) for then in (STICK, -s)]
+        if name not in contacts.plastic:
+            found += [replace(course, late=True) for course in found[2:]]
+    return [f"{name}:{course}" for course in found]
 
 
 def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:
     """Words of what can happen in a mode to some surfaces and to what rubs: hits and landings of
     open surfaces, also those at which a rail changes its friction, and landings at which another
     contact leaves; contacts that leave; changes of friction."""
-    is_open = [s for s in surfaces if s not in mode.closed]
+    open_ones = [s for s in surfaces if s not in mode.closed]
     turns = list(_turns(mode))
     of_rails = [turn for turn in turns if turn.split(":")[0] in contacts.rails]
-    impacts = [name for name in is_open if name not in contacts.tangents]  # else there is no law
+    impacts = [word for name in open_ones for word in _hits(name, mode, contacts)]
     landings = [
         f"+{name}{state}"
-        for name in is_open
+        for name in open_ones
         for state in (("", ":slip+", ":slip-") if name in contacts.tangents else ("",))
     ]
     for word in (*impacts, *landings):
@@ -220,15 +343,27 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     yield from turns
 
 
+def _hits(name: str, mode: Mode, contacts: Contacts) -> list[str]:
+    """Words for a hit of an open surface; one with friction has a law only where nothing else is
+    closed."""
+    if name not in contacts.rough:
+        return [name]
+    return [] if mode.closed else courses_of(name, contacts)
+
+
 def possible_after(mode: Mode, words: Sequence[str], contacts: Contacts) -> Iterator[str]:
-    """Those of some words that can happen in a mode, and change it or are an impact."""
+    """Those of some words that can happen in a mode, and change it or are an impact; a hit with
+    friction whose course is not said stands for all of them."""
     for word in words:
-        event = event_of(word, contacts)
         try:
-            after = modes_along(mode, [event], contacts)[-1]
+            (event,), (_, after) = along(mode, [word], contacts)
         except ProblemError:
             continue
-        if event.surface or after != mode:
+        if is_open(event, contacts):
+            rest = [part for part in word.split() if part != event.hit]
+            hits = _hits(event.hit, mode, contacts)
+            yield from (" ".join([hit, *rest]) for hit in hits)
+        elif event.surface or after != mode:
             yield word
 
 
@@ -246,6 +381,10 @@ def changes(before: Mode, after: Mode) -> dict[str, int]:
 def words_along(modes: Sequence[Mode], events: Sequence[Event]) -> tuple[str, ...]:
     """Each event in words that are the same for the same event, as those of a motion are."""
     return tuple(
-        event_word(event.hit, event.lands, event.leaves, changes(*pair))
+        event_word(event.hit, event.lands, event.leaves, changes(*pair), _said(event))
         for event, pair in zip(events, pairwise(modes), strict=True)
     )
+
+
+def _said(event: Event) -> str:
+    return "" if event.course is None else str(event.course)

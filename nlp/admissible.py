@@ -101,20 +101,13 @@ def _fixed_velocity(problem: Problem, q: Array) -> Array | None:
 
 def check_contacts(problem: Problem) -> None:
     """Refuse what contacts that last cannot be: of another order, redundant, with a negative
-    friction, or closed at a start that is off them; and a hit with friction."""
+    friction, or closed at a start that is off them."""
     model, kernels = problem.model, problem.kernels
     for name, value in zip(kernels.tangents, model.friction, strict=True):
         if not value >= 0:
             raise ProblemError(
                 f"the friction of {name!r} is {value:g}: expected 0 or a positive number; check "
                 "the parameters."
-            )
-        hit = any(event.hit == name for event in problem.events)
-        if hit and value > 0:
-            raise ProblemError(
-                f"{name!r} has friction and is hit: an optimal control problem takes contacts with "
-                f"friction that land ('+{name}'), no hits that are released; set its friction to 0 "
-                "or let it land."
             )
     if not problem.lasting:
         return

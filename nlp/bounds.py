@@ -75,6 +75,7 @@ def limits(
     if not pulling:
         for index in (lay.index_P, lay.index_P_c):
             box[index[index != NOWHERE], 0] = 0.0
+    box[lay.index_P_h[lay.index_P_h != NOWHERE], 0] = 0.0
     box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
     box[lay.index_t[:1]] = 0.0
     for goal in goals:

@@ -19,7 +19,7 @@ with the unknown velocities v_a before and v_c after the collision, and W_t, W_g
 collision, which tell little of the rates where one of them is long and the other one short, and
 leave out the impulses of contacts that last: beside these the law is stated in the rates.  A
 surface that lands obeys the law with e = 0; an event without an impact has arrival and departure
-alone.
+alone.  Of a hit with friction the row energy is that of :mod:`dmoc.nlp.hit`.
 """
 
 from __future__ import annotations
@@ -53,6 +53,8 @@ class ImpactLaw:
         Those after which the surface stays closed.
     by_rates : array of bool, shape (collisions,)
         The law is stated in the rates, whatever e is.
+    rough : array of bool, shape (collisions,)
+        Hits with friction, which obey another law.
     """
 
     surfaces: Index
@@ -60,6 +62,7 @@ class ImpactLaw:
     touching: Bools
     landing: Bools
     by_rates: Bools
+    rough: Bools
 
     @classmethod
     def of(
@@ -71,7 +74,10 @@ class ImpactLaw:
         e = np.zeros(len(lay.surfaces))
         e[elastic] = problem.restitution_values[lay.surfaces[elastic]]
         lasts = np.array([not mode.free for mode in problem.modes], dtype=bool)
-        return cls(lay.surfaces, e, touches, landing, lasts[:-1] | lasts[1:] | by_rates)
+        rough = np.zeros(len(lay.surfaces), dtype=bool)
+        rough[[p.event for p in lay.touch.passages if not p.lands]] = True
+        stated = lasts[:-1] | lasts[1:] | by_rates | rough
+        return cls(lay.surfaces, e, touches, landing, stated, rough)
 
     @property
     def impact(self) -> Bools:
@@ -171,7 +177,7 @@ class ImpactLaw:
             Term("momentum", (q, lay.index_v_a, t), (row("arrival"),), -1.0),
             Term("momentum", (q, lay.index_v_c, t), (row("departure"),)),
         ]
-        plain = np.where(self.plain, row("energy"), NOWHERE)
+        plain = np.where(self.plain & ~self.rough, row("energy"), NOWHERE)
         for v, rows, sign in (
             (lay.index_v_a, row("approach"), 1.0),
             (lay.index_v_c, row("separation"), -1.0),

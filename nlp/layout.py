@@ -1,6 +1,7 @@
 """The table of the unknowns, the only place that knows their order.
 
-    x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i | P | T | P_c | T_c)
+    x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i | P | T | P_c | T_c
+         | v_h | P_h | T_h)
 
 h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases;
 u: inputs, in the rows of their form (:class:`~dmoc.discretisation.InputForm`); lam: impulses, one a
@@ -8,7 +9,8 @@ collision; p_B, p_E: momenta at both ends; v_B, v_E: velocities at both ends, on
 needs them; v_a, v_c: velocities before and after the collisions; t: times of the nodes, only where
 the model depends on them; q_i: coordinates of the nodes inside the steps; P, T: normal and
 tangential impulses of the contacts that last, at the nodes of each phase; P_c, T_c: those that
-closed contacts take in an impact beside lam.
+closed contacts take in an impact beside lam, T_c also that of a hit with friction; v_h, P_h, T_h:
+velocities within an impact with friction, and its impulses until then, see :mod:`dmoc.nlp.hit`.
 """
 
 from __future__ import annotations
@@ -66,6 +68,9 @@ class Layout:
     index_T: Index
     index_P_c: Index
     index_T_c: Index
+    index_v_h: Index
+    index_P_h: Index
+    index_T_h: Index
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
@@ -310,7 +315,7 @@ def _laid_out(kind: Kind) -> Layout:
             lambda k, i: f"{names[i % nq]} {place_inside(i // nq)} step {k}",
             lambda s: np.tile(s.q, scheme.inside),
         ),
-        *kind.touch.unknowns(block, steps),
+        *kind.touch.unknowns(block, steps, tuple(v)),
     )
     indices = {f"index_{b.name}": b.index for b in table}
     return Layout(

@@ -79,7 +79,7 @@ class Planner:
         surfaces = problem.kernels.manifest["surface_coordinates"]
         goal = problem.goal_bounds.position
         said = [
-            sum(i in surfaces[s] for s in problem.sequence) + bool(goal[i, 0] == goal[i, 1])
+            sum(i in surfaces[e.hit] for e in problem.events) + bool(goal[i, 0] == goal[i, 1])
             for i in range(nq)
         ]
         order = sorted(range(nq), key=lambda i: (-said[i], i))

@@ -59,20 +59,21 @@ def route_of(problem: Problem, final_time: float) -> Route:
     goal = midpoints(problem.goal_bounds.position, problem.start_position)
     share = np.linspace(0.0, 1.0, problem.phases + 1)
     points = (1 - share[:, None]) * problem.start_position + share[:, None] * goal
-    for i, surface in enumerate(problem.sequence):
+    surfaces = [event.hit for event in problem.events]
+    for i, surface in enumerate(surfaces):
         t = float(share[i + 1]) * final_time
         points[i + 1] = contact_point(problem, points[i + 1], points[i], surface, t)
     start = end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
     moving = problem.kernels.manifest["moving_surfaces"]
     normals = None
-    if not any(surface in moving for surface in problem.sequence):
+    if not any(surface in moving for surface in surfaces):
         normals = tuple(_normal(problem, q, i, 0.0) for i, q in enumerate(points[1:-1]))
     end = _by_momentum(problem, problem.goal_bounds, points[-1])
     return Route(points, problem.model.mass(points[0]), start, end, normals)
 
 
 def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
-    j = problem.kernels.surfaces.index(problem.sequence[collision])
+    j = problem.kernels.surfaces.index(problem.events[collision].hit)
     slope = problem.model.gap_slopes(q, t)[j, :-1]
     return Normal(slope, *problem.model.impulse_response(q, slope))
 
@@ -102,13 +103,13 @@ def plan_of(
     speeds = legs / durations[:, None]
     velocities = np.zeros_like(points)
     velocities[0] = route.start
-    for i in range(len(problem.sequence)):
+    for i, event in enumerate(problem.events):
         normal = (
             _normal(problem, points[i + 1], i, float(durations[: i + 1].sum()))
             if route.normals is None
             else route.normals[i]
         )
-        j = problem.kernels.surfaces.index(problem.sequence[i])
+        j = problem.kernels.surfaces.index(event.hit)
         e = max(float(problem.restitution_values[j]), SOFTEST_MIRROR)
         velocities[i + 1] = _through(
             normal, e, speeds[i : i + 2], durations[i : i + 2], whole / final_time / 2

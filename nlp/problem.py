@@ -20,9 +20,10 @@ from dmoc.mechanics.modes import (
     Contacts,
     Event,
     Mode,
-    event_of,
+    along,
+    courses_of,
+    is_open,
     mode_of,
-    modes_along,
     words_along,
 )
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
@@ -91,10 +92,15 @@ class Problem:
         free.
     sequence : sequence of str
         What happens between the phases, in its order; empty for a motion of one phase.  "wall" is
-        hit and released, "+foot" lands and stays closed (sticking where the model gives it
-        friction, "+foot:slip+" and "+foot:slip-" sliding in one direction), "-foot" leaves,
-        "foot:stick", "foot:slip+", "foot:slip-" change the friction of a contact or a rail; several
-        at one event are separated by blanks ("+right -left").
+        hit and released; if the model gives it friction, "wall:slip+" and "wall:slip-" say that it
+        slides all along, "wall:slip+:stick" and "wall:slip+:slip-" that sliding stops during
+        compression and the contact sticks or turns, ":late" behind these that it stops during
+        restitution, "wall:stick" that it sticks from the beginning, and :func:`dmoc.solve` tries
+        them all for "wall" alone.  "+foot" lands and stays closed (sticking where the model gives
+        it friction, "+foot:slip+" and "+foot:slip-" sliding in one direction, "+foot:slip+:slip-"
+        turning while it lands), "-foot" leaves, "foot:stick", "foot:slip+", "foot:slip-" change the
+        friction of a closed contact or a rail; several at one event are separated by blanks
+        ("+right -left").
     steps : int or sequence of int, optional
         Number of steps N_i of each phase; one phase more than collisions.  Without it a solve
         chooses its mesh: it begins with a coarse one and refines it; and the kernels of a system
@@ -113,7 +119,8 @@ class Problem:
         with contacts that last), those of a higher order "stages" (default) or "constant".
     restitution : number or mapping, optional
         Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic): 1 is elastic
-        (default), 0 perfectly plastic, the contact released at once.
+        (default), 0 perfectly plastic, the contact released at once.  Newton's, and Poisson's where
+        friction acts in the hit.
     periodic : sequence of str, or mapping, optional
         States (coordinates, velocities, momenta by name) that end as they start; one that ``start``
         does not give is free there.  A mapping from states at the end to states at the start says
@@ -285,14 +292,30 @@ class Problem:
     # Contacts -------------------------------------------------------------------------------------
 
     @cached_property
+    def _along(self) -> tuple[tuple[Event, ...], tuple[Mode, ...]]:
+        return along(mode_of(self.contacts, self.touches), self.sequence, self.touches)
+
+    @property
     def events(self) -> tuple[Event, ...]:
         """What happens between the phases."""
-        return tuple(event_of(word, self.touches) for word in self.sequence)
+        return self._along[0]
 
-    @cached_property
+    @property
     def modes(self) -> tuple[Mode, ...]:
         """What is in contact in each phase."""
-        return modes_along(mode_of(self.contacts, self.touches), self.events, self.touches)
+        return self._along[1]
+
+    @cached_property
+    def open_hits(self) -> dict[int, list[str]]:
+        """Hits with friction whose course is not said, by their places in the sequence, and the
+        words that say it."""
+        found = {}
+        for i, (word, event) in enumerate(zip(self.sequence, self.events, strict=True)):
+            if is_open(event, self.touches):
+                rest = [part for part in word.split() if part != event.hit]
+                ways = courses_of(event.hit, self.touches)
+                found[i] = [" ".join([way, *rest]) for way in ways]
+        return found
 
     @cached_property
     def words(self) -> tuple[str, ...]:
@@ -307,7 +330,15 @@ class Problem:
     @cached_property
     def touches(self) -> Contacts:
         """What can touch in the model."""
-        return Contacts(tuple(self.kernels.surfaces), tuple(self.kernels.tangents))
+        surfaces, tangents = tuple(self.kernels.surfaces), tuple(self.kernels.tangents)
+        elastic = dict(zip(surfaces, self.restitution_values, strict=True))
+        rubs = dict(zip(tangents, self.model.friction, strict=True))
+        return Contacts(
+            surfaces,
+            tangents,
+            tuple(s for s in surfaces if elastic[s] == 0),
+            tuple(s for s in surfaces if rubs.get(s, 0.0) > 0),
+        )
 
     @cached_property
     def relations(self) -> tuple[Relation, ...]:
@@ -565,7 +596,7 @@ class Problem:
 
 def says_lasting(contacts: Sequence[str], sequence: Sequence[str]) -> bool:
     """Whether words say that contacts last, where no kernels are known yet that could tell."""
-    return bool(contacts) or any("+" in word or ":" in word for word in sequence)
+    return bool(contacts) or any(part.startswith("+") for word in sequence for part in word.split())
 
 
 def midpoints(bounds: Array, default: Array) -> Array:

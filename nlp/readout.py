@@ -81,6 +81,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 event.leaves,
                 changes(problem.modes[i], problem.modes[i + 1]),
                 *_impulses_of_event(lay, x, i),
+                "" if event.course is None else str(event.course),
             )
         )
     kernels = problem.kernels

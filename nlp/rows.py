@@ -14,7 +14,8 @@ Equalities, node by node along the whole chain of steps::
 
 Inequalities: gaps -g(q_k) at every node and inside the steps, path constraints r_d of every step,
 bounds of the final time, goals and differences of periodic states that are ranges, and approach
-and separation of the law of impact.  Contacts that last add the rows of :mod:`dmoc.nlp.contact`.
+and separation of the law of impact.  Contacts that last add the rows of :mod:`dmoc.nlp.contact`,
+impacts with friction those of :mod:`dmoc.nlp.hit`.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.contact import ContactLaw
+from dmoc.nlp.hit import HitLaw
 from dmoc.nlp.impact import ImpactLaw
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem, Relation
@@ -79,6 +81,10 @@ class Equalities:
     stays: Block
     sticks: Block
     slides: Block
+    within: Block
+    restitution: Block
+    halts: Block
+    slips: Block
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +105,9 @@ class Inequalities:
     cone_of_impact: Block
     direction: Block
     direction_of_impact: Block
+    share: Block
+    bears: Block
+    heads: Block
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +130,12 @@ class Rows:
 
     @property
     def contacts(self) -> list[Block]:
-        """Blocks of contacts that last."""
+        """Blocks of contacts that last, and of impacts with friction."""
         c, d = self.c, self.d
         equalities = [c.closed, c.stuck, c.sliding, c.at_rest, c.stopped]
-        events = [c.lands, c.stays, c.sticks, c.slides]
-        return [*equalities, *events, d.cone, d.cone_of_impact, d.direction, d.direction_of_impact]
+        events = [c.lands, c.stays, c.sticks, c.slides, c.restitution, c.halts, c.slips]
+        limits = [d.cone, d.cone_of_impact, d.direction, d.direction_of_impact]
+        return [*equalities, *events, *limits, d.share, d.bears, d.heads]
 
     @property
     def n_eq(self) -> int:
@@ -139,8 +149,7 @@ class Rows:
 def rows_of(
     problem: Problem,
     lay: Layout,
-    law: ImpactLaw,
-    contact: ContactLaw,
+    laws: tuple[ImpactLaw, ContactLaw, HitLaw],
     free_ends: tuple[Bools, Bools],
     goals: Sequence[Goal],
 ) -> Rows:
@@ -151,17 +160,17 @@ def rows_of(
     """
     block = Numbering()
     fixed = tuple(g for g in goals if g.low == g.high)
-    c = _equalities(problem, lay, (law, contact), fixed, block)
+    c = _equalities(problem, lay, laws, fixed, block)
     limits = tuple((g, 1.0, g.low) for g in goals if -np.inf < g.low < g.high)
     limits += tuple((g, -1.0, g.high) for g in goals if g.low < g.high < np.inf)
-    d = _inequalities(problem, lay, (law, contact), free_ends, limits, block)
+    d = _inequalities(problem, lay, laws, free_ends, limits, block)
     return Rows(c, d, fixed, limits)
 
 
 def _equalities(
     problem: Problem,
     lay: Layout,
-    laws: tuple[ImpactLaw, ContactLaw],
+    laws: tuple[ImpactLaw, ContactLaw, HitLaw],
     goals: tuple[Goal, ...],
     block: Numbering,
 ) -> Equalities:
@@ -215,11 +224,12 @@ def _equalities(
             lambda s: lay.units(s)[wanted],
         ),
         *laws[1].equations(block),
+        *laws[2].equations(block),
     )
 
 
 def _inequalities(
-    problem: Problem, lay: Layout, laws: tuple[ImpactLaw, ContactLaw],
+    problem: Problem, lay: Layout, laws: tuple[ImpactLaw, ContactLaw, HitLaw],
     free_ends: tuple[Bools, Bools], limits: tuple[tuple[Goal, float, float], ...], block: Numbering,
 ) -> Inequalities:  # fmt: skip
     kernels, total, inside = problem.kernels, lay.total, lay.inside
@@ -283,6 +293,7 @@ def _inequalities(
             lambda s: lay.units(s)[turning],
         ),
         *laws[1].inequalities(block),
+        *laws[2].inequalities(block),
     )
 
 
@@ -316,7 +327,7 @@ def _gaps(problem: Problem, lay: Layout, free_ends: tuple[Bools, Bools]) -> Bool
 
 
 def terms(
-    problem: Problem, lay: Layout, rows: Rows, law: ImpactLaw, contact: ContactLaw
+    problem: Problem, lay: Layout, rows: Rows, laws: tuple[ImpactLaw, ContactLaw, HitLaw]
 ) -> list[Term]:
     """All terms of the cost and of the rows that are not linear; those that enter nothing are
     left out."""
@@ -328,8 +339,9 @@ def terms(
     by_name = {b.name: b.index for b in (*rows.equalities, *rows.inequalities)}
     found = [
         Term("step", step, (momentum[:-1], momentum[1:], cost, c.inside.index)),
-        *law.terms(lay, places, momentum, by_name.__getitem__),
-        *contact.terms(places, by_name, momentum),
+        *laws[0].terms(lay, places, momentum, by_name.__getitem__),
+        *laws[1].terms(places, by_name, momentum),
+        *laws[2].terms(places, by_name, momentum),
         Term("surface", (q, places.times(nodes)), (d.gap.index,), -1.0),
         Term("surface", (lay.index_q_i.reshape(-1, lay.nq), none), (d.gap_inside.index,), -1.0),
         Term("path", step, (d.path.index,)),

@@ -11,6 +11,7 @@ from dmoc.nlp.layout import Layout
 from dmoc.nlp.plan import end_velocity
 from dmoc.nlp.problem import Problem, midpoints
 from dmoc.nlp.tables import NOWHERE
+from dmoc.nlp.through import through_hits
 from dmoc.nlp.touch import phase_nodes
 
 # Gauss-Newton steps onto the contacts of a mode, and the largest of a coordinate, in its reach.
@@ -49,8 +50,9 @@ def standing(problem: Problem, natural: float) -> Array:
 
 def in_contact(problem: Problem, x: Array) -> Array:
     """Unknowns with positions on the contacts that are closed, and impulses that balance the
-    momenta as well as they can; those of a problem without lasting contacts are as they were."""
-    lay = Layout.of(problem)
+    momenta as well as they can, and with the ways through impacts with friction; those of a problem
+    without either are as they were."""
+    lay, x = Layout.of(problem), through_hits(problem, x)
     if lay.touch.free:
         return x
     x = x.copy()

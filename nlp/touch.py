@@ -8,7 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.errors import ProblemError
 from dmoc.mechanics.modes import STICK
+from dmoc.nlp.passage import MOMENTS, Passage, passage_of
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
 
@@ -30,6 +32,9 @@ class Touch:
         Events at which something is hit or lands.
     landings : tuple of tuples of int
         Surfaces that land at each event.
+    passages : tuple of Passage
+        The ways through impacts with friction that have a course: hits, and landings during which
+        sliding stops.
     """
 
     surfaces: tuple[str, ...]
@@ -39,6 +44,7 @@ class Touch:
     rubbing: tuple[tuple[tuple[int, int], ...], ...]
     impacts: tuple[bool, ...]
     landings: tuple[tuple[int, ...], ...]
+    passages: tuple[Passage, ...] = ()
 
     @property
     def free(self) -> bool:
@@ -91,16 +97,42 @@ class Touch:
 
     @property
     def rubs_in_impact(self) -> Bools:
-        """Tangents of surfaces that take a tangential impulse T_c, shape (events, nt)."""
+        """Tangents of closed surfaces that take a tangential impulse T_c by the law of contacts
+        that last, shape (events, nt)."""
         found = np.zeros((len(self.impacts), len(self.tangents)), dtype=bool)
         for i, rubs in enumerate(self.rubs[1:]):
             found[i] = rubs & (np.array(self.surface_of) >= 0) & self.impacts[i]
+        return found & ~self.passes
+
+    @property
+    def passes(self) -> Bools:
+        """Tangents that rub in an impact with a course, shape (events, nt)."""
+        found = np.zeros((len(self.impacts), len(self.tangents)), dtype=bool)
+        for p in self.passages:
+            found[p.event, p.tangent] = True
         return found
 
-    def unknowns(self, block: Numbering, steps: tuple[int, ...]) -> tuple[Block, ...]:
-        """Blocks of P and T, in rows of :func:`phase_nodes`, and of P_c and T_c."""
+    @property
+    def moments(self) -> Bools:
+        """Moments within impacts that have velocities and impulses of their own, shape (events,
+        2)."""
+        found = np.zeros((len(self.impacts), len(MOMENTS)), dtype=bool)
+        for p in self.passages:
+            found[p.event, list(p.moments)] = True
+        return found
+
+    def unknowns(
+        self, block: Numbering, steps: tuple[int, ...], velocities: tuple[str, ...]
+    ) -> tuple[Block, ...]:
+        """Blocks of P and T, in rows of :func:`phase_nodes`, of P_c and T_c, and of v_h, P_h and
+        T_h."""
         nodes = [0] * len(steps) if self.free else [n + 1 for n in steps]
         count, names = sum(steps), (self.surfaces, self.tangents)
+        moments = self.moments
+        hit = np.zeros(len(self.impacts), dtype=np.intp)
+        rubbed = np.zeros(len(self.impacts), dtype=np.intp)
+        for p in self.passages:
+            hit[p.event], rubbed[p.event] = p.surface, p.tangent
         return (
             block(
                 "P",
@@ -122,11 +154,34 @@ class Touch:
             ),
             block(
                 "T_c",
-                self.rubs_in_impact,
+                self.rubs_in_impact | self.passes,
                 lambda i, j: f"friction impulse of {names[1][j]} at event {i + 1}",
                 lambda s: s.friction,
             ),
+            block(
+                "v_h",
+                np.repeat(moments[:, :, None], len(velocities), axis=2),
+                lambda i, m, j: f"{velocities[j]} {moment(i, m)}",
+                lambda s: s.v,
+            ),
+            block(
+                "P_h",
+                moments,
+                lambda i, m: f"impulse of {names[0][hit[i]]} {moment(i, m)}",
+                lambda s: s.lam[hit][:, None],
+            ),
+            block(
+                "T_h",
+                moments,
+                lambda i, m: f"friction impulse of {names[1][rubbed[i]]} {moment(i, m)}",
+                lambda s: s.friction[rubbed][:, None],
+            ),
         )
+
+
+def moment(event: int, which: int) -> str:
+    """A moment within an impact in words."""
+    return f"{MOMENTS[which]} at event {event + 1}"
 
 
 def place(steps: tuple[int, ...], row: int) -> str:
@@ -142,7 +197,20 @@ def phase_nodes(steps: tuple[int, ...]) -> Index:
 
 
 def touch_of(problem: Problem) -> Touch:
+    """The contacts of a problem.
+
+    Raises
+    ------
+    ProblemError
+        If the course of a hit with friction is not said.
+    """
     surfaces, tangents = problem.kernels.surfaces, problem.kernels.tangents
+    for i, words in problem.open_hits.items():
+        raise ProblemError(
+            f"event {i + 1} ({problem.sequence[i]}) is a hit with friction, which can go in "
+            f"several ways: say which, by one of {', '.join(map(repr, words))}, or let dmoc.solve "
+            "try them."
+        )
     return Touch(
         tuple(surfaces),
         tuple(tangents),
@@ -154,6 +222,16 @@ def touch_of(problem: Problem) -> Touch:
         ),
         tuple(bool(event.surface) for event in problem.events),
         tuple(tuple(surfaces.index(s) for s in event.lands) for event in problem.events),
+        tuple(
+            passage_of(
+                i,
+                (surfaces.index(event.surface), tangents.index(event.surface)),
+                event.course,
+                bool(event.lands),
+            )
+            for i, event in enumerate(problem.events)
+            if event.course is not None
+        ),
     )
 
 

@@ -27,6 +27,7 @@ from dmoc.nlp.elements import (
     structure_of,
 )
 from dmoc.nlp.evaluator import Evaluator
+from dmoc.nlp.hit import HitLaw
 from dmoc.nlp.impact import ImpactLaw
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
@@ -49,6 +50,7 @@ class Transcription(Evaluator):
         The table of the constraints.
     law : ImpactLaw
     contact : ContactLaw
+    hits : HitLaw
     scale : Scale
         Sizes; none by default, so that x and r are in units of the problem.
     unit, row_unit : arrays, shape (n,), (n_eq + n_in,)
@@ -86,7 +88,9 @@ class Transcription(Evaluator):
         free = self.limits[0] != self.limits[1]
         ends = (free[self.layout.index_q[0]], free[self.layout.index_q[-1]])
         self.contact = ContactLaw.of(problem, self.layout, self.limits)
-        self.rows = rows_of(problem, self.layout, self.law, self.contact, ends, goals)
+        self.hits = HitLaw.of(problem, self.layout)
+        laws = (self.law, self.contact, self.hits)
+        self.rows = rows_of(problem, self.layout, laws, ends, goals)
         self.n, self.n_eq, self.n_in = self.layout.size, self.rows.n_eq, self.rows.n_in
         self.unit = self.layout.units(self.scale)
         self.lower, self.upper = (limit / self.unit for limit in self.limits)
@@ -129,6 +133,7 @@ class Transcription(Evaluator):
             ),
             *(c.closed.index.tobytes(), c.at_rest.index.tobytes(), c.stopped.index.tobytes()),
             *(self.law.e.tobytes(), self.law.touching.tobytes(), self.law.by_rates.tobytes()),
+            self.hits.e.tobytes(),
             *(c.final_time.count, d.earliest.count, d.latest.count),
             (d.gap.index[[0, -1]] == NOWHERE).tobytes(),
             tuple(goal.unknown for goal in rows.goals),
@@ -141,9 +146,9 @@ class Transcription(Evaluator):
         for line in linear_rows(problem, lay, rows):
             parts.append((np.full(len(line.unknowns), line.row), line.unknowns, line.factors))
         named = {b.name: b.index for b in (*rows.equalities, *rows.inequalities)}
-        parts += self.contact.entries(named)
+        parts += self.contact.entries(named) + self.hits.entries(named)
         linear = Linear(*(np.concatenate(p) for p in zip(*parts, strict=True)))
-        found = terms(problem, lay, rows, self.law, self.contact)
+        found = terms(problem, lay, rows, (self.law, self.contact, self.hits))
         m = rows.n_eq + rows.n_in
         return Form(self.kernels, self.par.shape[1], found, linear, self.n, m, rows.n_eq)
 

@@ -241,7 +241,7 @@ def _collision_lines(curves: list[Axes], trajectory: Trajectory) -> None:
 def _collision_names(axes: Axes, trajectory: Trajectory) -> None:
     for collision in trajectory.collisions:
         axes.annotate(
-            collision.surface,
+            collision.word,
             (collision.time, 1.0),
             xycoords=("data", "axes fraction"),
             ha="center",

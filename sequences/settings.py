@@ -12,7 +12,7 @@ import numpy as np
 
 from dmoc.arguments import choice, flag, function, names, number, positive, shown, whole
 from dmoc.errors import ProblemError, SearchError
-from dmoc.mechanics.modes import event_of, possible_after, words_after
+from dmoc.mechanics.modes import Contacts, event_of, possible_after, words_after
 from dmoc.nlp.problem import Problem
 from dmoc.solving.methods import METHODS
 
@@ -80,7 +80,7 @@ def events_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...] 
     chosen = tuple(names(given, "events", "words of a sequence", SearchError))
     for word in chosen:
         try:
-            event_of(word, problem.touches)
+            _read(word, problem.touches)
         except ProblemError as error:
             raise SearchError(f"events: {error}") from None
     if not chosen or len(set(chosen)) < len(chosen):
@@ -88,6 +88,14 @@ def events_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...] 
             f"events = {', '.join(chosen) or 'none'}: expected each word once, and at least one."
         )
     return chosen
+
+
+def _read(word: str, contacts: Contacts) -> None:
+    """Refuse a word that is none, whichever surfaces are closed."""
+    try:
+        event_of(word, contacts)
+    except ProblemError:
+        event_of(word, contacts, contacts.surfaces)
 
 
 def children(problem: Problem, sequence: tuple[str, ...], settings: Settings) -> list[str]:

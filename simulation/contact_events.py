@@ -45,6 +45,7 @@ def event_errors(motion: Motion, work: tuple[float, ...]) -> EventErrors:
         law = max(law, _law(motion, i, found))
         own = max(own, _own(motion, i, event, found))
         told += _unbearable(motion, c, event, found)
+        told += _otherwise(motion, c, event, found)
         told += _approached(motion, i, event)
     energy, law, own = (float(np.nan_to_num(x, nan=np.inf)) for x in (energy, law, own))
     return EventErrors(energy, law, own, tuple(told))
@@ -141,6 +142,21 @@ def _unbearable(motion: Motion, c: Collision, event: Event, found: Outcome) -> I
             yield f"{tangents[k]} does not slide with the sign {s:+d} after {c.time:.4g} s"
 
 
+def _otherwise(motion: Motion, c: Collision, event: Event, found: Outcome) -> Iterator[str]:
+    """A hit with friction that goes another way than planned, with other impulses: where both ways
+    have the same, the motion lies between them."""
+    if event.rubs is None or event.hit is None or not c.course or c.course == found.course:
+        return
+    normal, tangential = _given(motion, c)
+    law = np.array([found.normal[0, event.hit], found.tangential[0, event.rubs]])
+    planned = np.array([normal[event.hit], tangential[event.rubs]])
+    if np.abs(law - planned).max() > BEARABLE * max(float(law[0]), 1e-300):
+        yield (
+            f"by Poisson's law the hit of {c.surface} at {c.time:.4g} s goes {found.course}, not "
+            f"{c.course} as planned"
+        )
+
+
 def _approached(motion: Motion, i: int, event: Event) -> Iterator[str]:
     """Surfaces hit without being approached, and contacts that leave without opening."""
     c, model = motion.trajectory.collisions[i], motion.model
@@ -153,7 +169,7 @@ def _approached(motion: Motion, i: int, event: Event) -> Iterator[str]:
             yield f"{name} is not approached where it is hit at {c.time:.4g} s"
     for j in {
         *(surfaces.index(n) for n in c.leaves),
-        *((event.hit,) if event.hit is not None else ()),
+        *((event.hit,) if event.hit is not None and not event.lands else ()),
     }:
         if new[j] > TURNED:
             yield f"{surfaces[j]} is entered where it should open at {c.time:.4g} s"

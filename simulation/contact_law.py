@@ -33,7 +33,10 @@ class Event:
     hit : int or None
         The one of them that is released, by its coefficient of restitution.
     rubs : int or None
-        Its tangent where it has friction: then it is hit alone, after Poisson.
+        Its tangent where it has friction: then it is hit alone, after Poisson; or that of a landing
+        during which sliding stops.
+    lands : bool
+        The surface that is hit stays closed.
     wrong : str
         What of the plan does not fit together; empty if nothing.
     """
@@ -41,17 +44,19 @@ class Event:
     mode: Mode
     hit: int | None = None
     rubs: int | None = None
+    lands: bool = False
     wrong: str = ""
 
 
 @dataclass(frozen=True)
 class Outcome:
     """Rows of velocities (n, nq) after an event, and the impulses of all surfaces (n, nc) and
-    tangents (n, nt)."""
+    tangents (n, nt); the course of friction in the first row, where it is that of Poisson's law."""
 
     velocity: Array
     normal: Array
     tangential: Array
+    course: str = ""
 
 
 def event_of(motion: Motion, i: int) -> Event:
@@ -74,6 +79,8 @@ def event_of(motion: Motion, i: int) -> Event:
         tuple(k for k in own.sticking if at[k] in on),
         tuple((k, s) for k, s in own.sliding if at[k] in on),
     )
+    if hit is None and c.course and len(on) == 1:
+        return Event(Mode((on[0],)), on[0], at.index(on[0]), lands=True)
     if hit is None:
         return Event(without_rails(ours, kernels))
     j = kernels.surfaces.index(hit)
@@ -85,7 +92,7 @@ def event_of(motion: Motion, i: int) -> Event:
         else ""
     )
     with_hit = Mode((j, *ours.closed), ours.sticking, ours.sliding)
-    return Event(with_hit, j, rubs, wrong)
+    return Event(with_hit, j, rubs, wrong=wrong)
 
 
 def after_event(motion: Motion, event: Event, q: Array, v: Array, t: float) -> Outcome:
@@ -95,7 +102,7 @@ def after_event(motion: Motion, event: Event, q: Array, v: Array, t: float) -> O
         return Outcome(v, np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt)))
     times = np.full(len(q), t)
     if event.rubs is not None and event.hit is not None:
-        e = float(motion.flow.restitution[event.hit])
+        e = 0.0 if event.lands else float(motion.flow.restitution[event.hit])
         return _with_friction(model, (event.hit, event.rubs), e, q, v, times)
     rates = np.hstack(
         [
@@ -123,4 +130,4 @@ def _with_friction(
     lam = np.array([[f.normal, f.tangential] for f in found])
     normal, tangential = np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt))
     normal[:, j], tangential[:, k] = lam.T
-    return Outcome(v + (pushed @ lam[..., None])[..., 0], normal, tangential)
+    return Outcome(v + (pushed @ lam[..., None])[..., 0], normal, tangential, found[0].course)

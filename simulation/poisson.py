@@ -18,8 +18,15 @@ from typing import Literal
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.trajectory import FRICTION_WORDS
 
 Regime = Literal["slides forward", "slides backward", "sticks"]
+# What the regimes are called in a sequence.
+WORDS: dict[Regime, str] = {
+    "slides forward": FRICTION_WORDS[1],
+    "slides backward": FRICTION_WORDS[-1],
+    "sticks": FRICTION_WORDS[0],
+}
 # A tangential rate below this share of what the impact changes it by is none.
 STOPPED = 1e-13
 
@@ -33,6 +40,14 @@ class Impulses:
     tangential: float
     compression: tuple[Regime, ...]
     restitution: tuple[Regime, ...]
+
+    @property
+    def course(self) -> str:
+        """The regimes in the word of a sequence, as "slip+:stick:late"; empty without an
+        impact."""
+        said = list(dict.fromkeys(WORDS[regime] for regime in self.compression + self.restitution))
+        late = len(said) > 1 and len(set(self.compression)) == 1
+        return ":".join([*said, "late"] if late else said)
 
 
 def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:

@@ -19,6 +19,7 @@ from dmoc.nlp.minimal_times import phase_minimal_time
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
 from dmoc.nlp.tables import NOWHERE, Block, Index
+from dmoc.nlp.through import jams
 from dmoc.nlp.touch import node_shares
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.ipm import least_violation, solve
@@ -50,7 +51,8 @@ class Diagnosis:
     ``x`` are its unknowns, ``violation`` the largest violation relative to the size of the
     constraint, ``least`` whether the search for it ended at a minimum, ``missed`` what is not met
     and by how much, ``against`` the bounds and constraints that hold it there, ``times`` what the
-    shortest collision times say, ``pulls`` how strongly contacts would have to pull for a motion.
+    shortest collision times say and which hits would jam, ``pulls`` how strongly contacts would
+    have to pull for a motion.
     """
 
     x: Array
@@ -107,7 +109,7 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
         least,
         tuple(text for _, text in missed),
         against,
-        _times(nlp, outcome.x),
+        (*_times(nlp, outcome.x), *jams(problem, nlp.physical(outcome.x))),
         _pulls(problem, scale, x, limits) if amount > INFEASIBLE else (),
     )
 
@@ -157,6 +159,9 @@ def _prices(nlp: Transcription) -> Array:
         c.energy,
         c.start_velocity,
         c.goal_velocity,
+        c.within,
+        c.restitution,
+        c.slips,
     ):
         price[block.numbers] = LAWS
     return price
@@ -207,6 +212,7 @@ def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], st
     yield c.time.numbers, said("the time jumps"), "s"
     yield c.arrival.numbers, said("the velocity before a collision does not fit its momentum"), ""
     yield c.departure.numbers, said("the velocity after a collision does not fit its momentum"), ""
+    yield c.within.numbers, said("a velocity within a hit does not fit its momentum"), ""
     yield c.final_time.numbers, said("the final time is missed"), "s"
     relations = [r for r in problem.relations if r.fixed]
     for row, r in zip(c.periodic.numbers, relations, strict=True):
@@ -256,7 +262,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
         return ()
     low, high = problem.duration_bounds.T
     found = []
-    for i, surface in enumerate(problem.sequence):
+    for i, surface in enumerate(event.hit for event in problem.events):
         allowed = min(high[i], problem.final_time_bounds[1] - (low.sum() - low[i]))
         at = x.copy()
         if i == 0:  # the start is known: a motion of least violation may have left it

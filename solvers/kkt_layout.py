@@ -5,7 +5,8 @@ The order follows time, and the mechanics say what belongs together.  The moment
 k determines q_{k+1}: both are one pivot of two, [[H_qq, A'], [A, .]], which is regular whatever H
 is, because A = d(momentum k)/d(q_{k+1}) is close to -M/h.  In the same way the contact determines
 the step size of the phase that ends in it, the momenta beside a collision the velocities, and the
-energy equation the impulse; the equations of the nodes inside a step come before its momentum
+energy equation the impulse; within an impact with friction each equation determines what it is the
+end of; the equations of the nodes inside a step come before its momentum
 equation.  Inequalities come before their unknowns, since eliminating a slack leaves their own
 pivot.  What the chain does not determine - free boundary values, the momentum equation of the last
 node, the last step size, constraints on the final time - is a small final group that is factorised
@@ -14,11 +15,15 @@ densely.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.mechanics.modes import STICK
+from dmoc.nlp.hit import AFTER
+from dmoc.nlp.passage import STOP
 from dmoc.nlp.tables import NOWHERE, Index
 from dmoc.nlp.touch import phase_nodes
 from dmoc.nlp.transcription import Transcription
@@ -84,10 +89,12 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     nodes = lay.collision_nodes
     before, after = key(nodes - 1, COLLISION), key(nodes, COLLISION)
     pair(lay.index_v_a, c.arrival.numbers, np.repeat(before, lay.nq))
-    hit = nlp.law.impact
+    hit, newton = nlp.law.impact, nlp.law.impact & ~nlp.law.rough
     pair(lay.index_h[:-1][hit], c.contact.numbers, before[hit])
     pair(lay.index_v_c, c.departure.numbers, np.repeat(after, lay.nq))
-    pair(lay.index_lam[hit], c.energy.numbers, after[hit])
+    for unknown, row, event, late in _within_impacts(nlp):
+        pair(unknown, row, np.repeat((after if late else before)[event], len(unknown)))
+    pair(lay.index_lam[newton], c.energy.index[newton], after[newton])
     for unknown, row, node, rank in _contacts(nlp):
         both = (unknown != NOWHERE) & (row != NOWHERE)
         pair(unknown[both], row[both], key(node, rank)[np.nonzero(both)[0]])
@@ -95,10 +102,11 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     pair(lay.index_p_E, c.momentum.index[-1], np.repeat(end, lay.nq))
     first, second, at = (np.concatenate(part) for part in zip(*members, strict=True))
     # An equation whose unknown is fixed keeps its place in the chain, where earlier pivots have
-    # filled its diagonal; that of the last node joins the final group.
+    # filled its diagonal; those of the last two nodes join the final group, because a coordinate
+    # that no input reaches leaves them to the times alone.
     free = np.append(nlp.lower < nlp.upper, np.ones(m, dtype=bool))
     kept = free[first]
-    alone = ~kept & (second >= 0) & (at < end)
+    alone = ~kept & (second >= 0) & (at < end - RANKS)
     chosen = np.flatnonzero(kept | alone)
     chosen = chosen[np.argsort(at[chosen], kind="stable")]
     table = np.stack([np.where(kept, first, second), np.where(kept, second, -1)], axis=1)[chosen]
@@ -107,6 +115,32 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
     widths = 1 + (table[:, 1] >= 0)
     order = np.concatenate([chain, np.flatnonzero(free)])
     return order, np.concatenate([[0], np.cumsum(widths)])
+
+
+def _within_impacts(nlp: Transcription) -> Iterator[tuple[Index, Index, int, bool]]:
+    """Unknowns of impacts with friction and the rows that determine them, in an order in which both
+    can be eliminated, the event, and whether that is after the impact.
+
+    A velocity follows from its momentum, the tangential impulse from the law of sliding or from the
+    rest, and then the normal one from the rate that ends its stage.
+    """
+    lay, c = nlp.layout, nlp.rows.c
+    for p in lay.touch.passages:
+        i = p.event
+        for stage, moment in enumerate(p.moments):
+            T, P = lay.index_T_h[i, [moment]], lay.index_P_h[i, [moment]]
+            yield lay.index_v_h[i, moment], c.within.index[i, moment], i, False
+            slides = p.friction[stage] != STICK
+            rest = c.halts.index[i, [1 + moment]]
+            yield T, c.slips.index[i, [stage]] if slides else rest, i, False
+            yield P, rest if moment == STOP else c.energy.index[[i]], i, False
+        if not p.lands:
+            yield lay.index_lam[[i]], c.restitution.index[[i]], i, False
+        T_c, last = lay.index_T_c[i, [p.tangent]], len(p.moments)
+        if p.friction[-1] != STICK:
+            yield T_c, c.slips.index[i, [last]], i, False
+        else:
+            yield T_c, c.halts.index[i, [AFTER]], i, True
 
 
 def _contacts(nlp: Transcription) -> list[tuple[Index, Index, Index, int]]:

@@ -36,6 +36,8 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
         raise ProblemError(f"solution = {shown(solution)}: expected the Solution of the problem.")
     steps = solution.steps
     sequence = tuple(c.word for c in solution.collisions)
+    if problem.open_hits and len(sequence) == len(problem.sequence):
+        problem = problem.but(sequence=sequence)  # the solution tells how its hits go
     size = Layout.of(problem).size
     given = (steps, sequence, len(solution.unknowns))
     if given != (problem.phase_steps, problem.words, size):

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from dmoc.solving.refinement import refined
 from dmoc.solving.result import checked, solution_of
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given, starts_of
+from dmoc.solving.ways import Budget, best_way
 
 # Tolerance where neither steps nor a tolerance are given.
 AUTOMATIC = 1e-3
@@ -54,13 +56,18 @@ def solve(
 ) -> Solution:
     """Solve an optimal control problem for its sequence of collisions.
 
+    A hit with friction of which the sequence does not say how it goes ("wall" instead of
+    "wall:slip+") is tried in all ways, each from few starts on a coarse mesh, and the best that is
+    confirmed is the answer; its collisions tell the way.
+
     Parameters
     ----------
     problem : Problem
     method : {"slsqp", "ipm", "ipopt", "uno"}
         SciPy's sequential quadratic programming on the condensed program; the compiled
         interior-point method of dmoc; IPOPT; Uno.  The last two are extras.  The default is
-        "slsqp", with a tolerance or contacts that last "ipm" if the kernels are compiled.
+        "slsqp", with a tolerance, contacts that last or hits with friction "ipm" if the kernels
+        are compiled.
     tolerance : float, optional
         Refine the mesh, beginning with the problem's steps, until the estimated relative error of
         cost, durations and positions and the simulated errors over segments are below it.  The
@@ -115,11 +122,23 @@ def solve(
         If an argument does not fit.
     """
     check_problem(problem)
+    if problem.open_hits:
+        common: dict[str, Any] = {
+            "form": form, "guess": guess, "seed": seed, "optimality": optimality,
+            "violation": violation, "iterations": iterations, "progress": progress,
+        }  # fmt: skip
+        return best_way(
+            problem,
+            partial(solve, method=_usual(problem, None), **common),
+            partial(
+                solve, method=method, tolerance=tolerance, verify=verify, reference=reference,
+                **common,
+            ),
+            Budget(starts, seconds),
+        )  # fmt: skip
     if tolerance is None and problem.steps is None:
         tolerance = AUTOMATIC
-    default = DEFAULT if tolerance is None and not problem.lasting else REFINING
-    compiled = problem.kernels.backend == COMPILED
-    name = usual(default, compiled) if method is None else method
+    name = _usual(problem, tolerance) if method is None else method
     chosen = METHODS[choice(name, "method", tuple(METHODS))]
     choice(form, "form", FORMS)
     optimality = positive(optimality, "optimality", "expected a positive number")
@@ -145,6 +164,13 @@ def solve(
     if tolerance is None:
         return _best(problem, guess, request)
     return _on_meshes(problem, guess, request, tolerance)
+
+
+def _usual(problem: Problem, tolerance: float | None) -> str:
+    """The method that a problem is solved by unless one is named."""
+    rubs = bool(problem.open_hits) or any(event.course for event in problem.events)
+    plain = tolerance is None and not (problem.lasting or rubs)
+    return usual(DEFAULT if plain else REFINING, problem.kernels.backend == COMPILED)
 
 
 @dataclass(frozen=True)

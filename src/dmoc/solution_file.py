@@ -36,7 +36,7 @@ from dmoc.schema import (
 )
 from dmoc.solution import Mesh, Minimum, Solution
 from dmoc.solvers.outcome import Status
-from dmoc.trajectory import Array, Collision, Phase, Trajectory
+from dmoc.trajectory import COURSES, Array, Collision, Phase, Trajectory
 
 FILE_FORMAT = 7
 SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
@@ -201,6 +201,7 @@ COLLISION = Record(
         "friction": Mapped(SIGN, names=Name()),
         "impulses": Mapped(Number(), names=Name()),
         "tractions": Mapped(Number(), names=Name()),
+        "course": Choice(COURSES),
     },
 )
 SHAPE = Record(

@@ -18,6 +18,18 @@ Array = NDArray[np.float64]
 GRAZING = 0.01
 # What the states of friction are called: it sticks, or slides with that sign of tau'.
 FRICTION_WORDS = {0: "stick", 1: "slip+", -1: "slip-"}
+# How friction may act in the course of an impact: "" for nothing to tell, sliding all along,
+# sliding that stops during compression or (late) restitution, sticking from the beginning.
+COURSES = (
+    "",
+    *FRICTION_WORDS.values(),
+    *(
+        f"{FRICTION_WORDS[s]}:{then}{late}"
+        for s in (1, -1)
+        for then in (FRICTION_WORDS[0], FRICTION_WORDS[-s])
+        for late in ("", ":late")
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -101,6 +113,9 @@ class Collision:
     impulses, tractions : mappings of str to float
         Normal impulses P of all contacts that take one, and their tangential impulses S: the
         momentum changes by -P grad g + S grad tau.
+    course : str
+        How friction acts in the course of the impact, as "slip+:stick"; empty where it does not, or
+        in one way.
     """
 
     surface: str
@@ -117,6 +132,7 @@ class Collision:
     friction: Mapping[str, int] = field(default_factory=dict)
     impulses: Mapping[str, float] = field(default_factory=dict)
     tractions: Mapping[str, float] = field(default_factory=dict)
+    course: str = ""
 
     @property
     def hit(self) -> str:
@@ -126,7 +142,7 @@ class Collision:
     @property
     def word(self) -> str:
         """What happens, as a sequence says it: "wall", "+right -left", "rail:slip+"."""
-        return event_word(self.hit, self.lands, self.leaves, self.friction)
+        return event_word(self.hit, self.lands, self.leaves, self.friction, self.course)
 
     def __str__(self) -> str:
         return f"{self.word} at {self.time:.6g} s{impulses_told(self)}"
@@ -247,13 +263,19 @@ def mode_word(closed: Sequence[str], rubbing: Mapping[str, int]) -> str:
 
 
 def event_word(
-    hit: str, lands: Sequence[str], leaves: Sequence[str], friction: Mapping[str, int]
+    hit: str,
+    lands: Sequence[str],
+    leaves: Sequence[str],
+    friction: Mapping[str, int],
+    course: str = "",
 ) -> str:
     """What happens at an event in the words of a sequence, the same for the same: what is hit,
-    lands, leaves, and rubs otherwise from then on."""
+    lands, leaves, and rubs otherwise from then on; ``course`` is that of the friction in the
+    impact."""
     sliding = {name: f":{FRICTION_WORDS[s]}" for name, s in friction.items() if s}
-    words = [hit] if hit else []
-    words += [f"+{name}{sliding.get(name, '')}" for name in lands]
+    during = f":{course}" if course else ""
+    words = [hit + during] if hit else []
+    words += [f"+{name}{during or sliding.get(name, '')}" for name in lands]
     words += [f"-{name}" for name in leaves]
     words += [f"{name}:{FRICTION_WORDS[s]}" for name, s in friction.items() if name not in lands]
     return " ".join(words) or "no change"

@@ -147,6 +147,21 @@ def test_a_landing_is_told_with_its_impulses(run: Run) -> None:
     }
 
 
+@pytest.mark.parametrize("word", ["floor:slip+", "floor"])
+def test_a_hit_with_friction_is_told_with_its_impulses(run: Run, word: str) -> None:
+    """After a fall of 0.2 m under 10 m/s^2 and with e = 0.5: 3 N s, and 0.3 N s of friction, whose
+    0.7 m/s reach 0.34 m 0.2 s later."""
+    given = "--start x=0 --start y=0.2 --start x_dot=1 --goal x=0.34 --final-time 0.4".split()
+    bounds = ["--bound", "u=-1:1", "--restitution", "0.5"]
+    code, out, err = run("solve", "models.py:landing", *given, *bounds, "--sequence", word)
+    assert code == 0, err + out
+    rows = table(out)
+    told = rows["event floor:slip+"].replace(",", "").split()
+    assert float(told[told.index("impulse") + 1]) == pytest.approx(3, rel=1e-6)
+    assert float(told[told.index("friction") + 1]) == pytest.approx(-0.3, rel=1e-6)
+    assert float(rows["cost"].split()[0]) == pytest.approx(0, abs=1e-6)
+
+
 def test_contacts_places_and_ignored_surfaces_are_options(run: Run) -> None:
     options = ["--contacts", "floor", "--sequence", "floor:slip+,floor:stick", "--ignored", "side"]
     options += ["--via", "x=0;x=0.999:1.001"]

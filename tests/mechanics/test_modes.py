@@ -5,14 +5,24 @@ from __future__ import annotations
 import pytest
 
 from dmoc.errors import ProblemError
-from dmoc.mechanics.modes import Contacts, event_of, mode_of, modes_along, words_after
+from dmoc.mechanics import modes
+from dmoc.mechanics.modes import (
+    Contacts,
+    Course,
+    courses_of,
+    event_of,
+    mode_of,
+    possible_after,
+    words_after,
+    words_along,
+)
+from dmoc.trajectory import COURSES
 
-FEET = Contacts(("left", "right", "wall"), ("left", "right", "rail"))
+FEET = Contacts(("left", "right", "wall"), ("left", "right", "rail"), (), ("left", "right"))
 
 
 def along(contacts: list[str], *words: str) -> list[str]:
-    events = [event_of(word, FEET) for word in words]
-    return [str(mode) for mode in modes_along(mode_of(contacts, FEET), events, FEET)]
+    return [str(mode) for mode in modes.along(mode_of(contacts, FEET), words, FEET)[1]]
 
 
 def test_contacts_land_stay_and_leave() -> None:
@@ -40,7 +50,18 @@ def test_friction_lasts_until_it_changes_and_ends_with_its_contact() -> None:
         ([], ["-left"], "left leaves, but is not closed"),
         (["left"], ["+left"], "left is closed already"),
         (["left"], ["left"], "left is closed already"),
-        ([], ["left:slip+"], "left changes its friction, but is not closed"),
+        ([], ["left:slip+:slip+"], "expected stick, slip+ or slip-"),
+        ([], ["left:stick:slip+"], "expected stick, slip+ or slip-"),
+        ([], ["left:slip+:late"], "expected stick, slip+ or slip-"),
+        ([], ["left:slip+:stick:soon"], "expected stick, slip+ or slip-"),
+        ([], ["+left:slip+:stick:late"], "leave out ':late'"),
+        (["left"], ["left:slip+:stick"], "left is closed or a rail"),
+        ([], ["rail:slip+:stick"], "rail is closed or a rail"),
+        (["right"], ["left:slip+"], "right is closed while left is hit with friction"),
+        (["right"], ["left"], "right is closed while left is hit with friction"),
+        (["right"], ["+left:slip+:stick"], "right is closed while left is hit with friction"),
+        ([], ["+left:slip+:stick +right"], "left and right land at once"),
+        ([], ["left:slip+ right:slip-"], "hits left and right at once"),
         ([], ["+left -left"], "names 'left' twice"),
         ([], ["wall left"], "hits wall and left at once"),
         ([], ["wall +left"], "hits wall and left at once"),
@@ -64,10 +85,49 @@ def test_words_after_a_mode_are_those_that_are_possible() -> None:
     mode = mode_of(["left"], FEET)
     words = list(words_after(mode, FEET, FEET.surfaces))
     for word in words:
-        modes_along(mode, [event_of(word, FEET)], FEET)
+        modes.along(mode, [word], FEET)
     assert {"wall", "wall rail:slip+", "+right", "+right:slip- -left", "-left", "left:slip+"} <= {
         *words
     }
-    assert "right" not in words  # a hit with friction has no law
+    assert not {"right", "right:slip+"} & {*words}  # its law is known for one contact alone
     assert not {"left", "+left", "-right", "right:stick"} & {*words}
     assert len(words) == len(set(words))
+
+
+def test_a_word_of_an_open_surface_is_a_hit_and_of_a_closed_one_changes_its_friction() -> None:
+    (hit, _, change), found = modes.along(
+        mode_of([], FEET), ["left:slip+", "+left", "left:slip+"], FEET
+    )
+    assert hit.hit == "left" and hit.course == Course(1) and not hit.friction
+    assert not change.hit and change.course is None and change.friction == {"left": 1}
+    assert [str(mode) for mode in found] == [
+        "rail:stick", "rail:stick", "left:stick rail:stick", "left:slip+ rail:stick",
+    ]  # fmt: skip
+
+
+def test_courses_are_read_and_said_in_the_same_words() -> None:
+    for course in COURSES[1:]:
+        events, found = modes.along(mode_of([], FEET), [f"left:{course}"], FEET)
+        assert str(events[0].course) == course
+        assert words_along(found, events) == (f"left:{course}",)
+    for word, friction in (("+left:slip+:slip-", "slip-"), ("+left:slip-:stick", "stick")):
+        events, found = modes.along(mode_of([], FEET), [word], FEET)
+        assert str(found[1]) == f"left:{friction} rail:stick"
+        assert words_along(found, events) == (word,)
+
+
+def test_a_hit_without_its_course_stands_for_all_that_are_possible() -> None:
+    every = set(courses_of("left", FEET))
+    assert len(every) == 10 and every | {"left:stick"} == {f"left:{c}" for c in COURSES[1:]}
+    assert set(possible_after(mode_of([], FEET), ["left"], FEET)) == every
+    assert every < set(words_after(mode_of([], FEET), FEET, FEET.surfaces))
+    assert list(possible_after(mode_of(["right"], FEET), ["left"], FEET)) == []
+    plastic = Contacts(FEET.surfaces, FEET.tangents, ("left",), FEET.rough)
+    assert set(courses_of("left", plastic)) == {c for c in every if not c.endswith(":late")}
+    with pytest.raises(ProblemError, match="leave out ':late'"):
+        event_of("left:slip+:stick:late", plastic)
+    smooth = Contacts(FEET.surfaces, FEET.tangents)
+    assert courses_of("left", smooth) == ["left:slip+", "left:slip-"]
+    assert "left" in list(words_after(mode_of([], smooth), smooth, smooth.surfaces))
+    with pytest.raises(ProblemError, match="the friction of 'left' is 0"):
+        event_of("left:slip+:stick", smooth)

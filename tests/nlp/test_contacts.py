@@ -164,7 +164,10 @@ def test_sensitivities_equal_differences_of_solved_problems() -> None:
         ),
         ({"contacts": ["floor"], "start": {"x": 0, "y": 0, "x_dot": 1}}, "velocity slides"),
         ({"contacts": ["floor"], "parameters": {"mu": -0.1}}, "friction of 'floor' is -0.1"),
-        ({"sequence": ["floor"], "start": {"x": 0, "y": 1}}, "has friction and is hit"),
+        (
+            {"contacts": ["floor"], "sequence": ["floor:slip+:stick"]},
+            "floor is closed or a rail",
+        ),
         ({"sequence": ["-floor"], "start": {"x": 0, "y": 1}}, "is not closed"),
         ({"contacts": ["floor"], "via": [{}]}, "via has 1 entries"),
         ({"contacts": ["floor"], "sequence": ["-floor"], "via": [{"z": 1}]}, "unknown coordinate"),

@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from systems import driven_system, rod_system
+from systems import driven_system, landing_system, rod_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -98,10 +98,40 @@ def rod_problem(periodic: bool) -> dmoc.Problem:
     )
 
 
+def hit_problem(order: int) -> dmoc.Problem:
+    """Hits with friction in all ways, and landings that turn and stop, of a rod with a rail; of a
+    puck without anything that lasts."""
+    if order != 2:
+        return dmoc.Problem(
+            dmoc.build(landing_system(), order=order),
+            start={"x": 0.0, "y": 1.0, "x_dot": None},
+            sequence=["floor:slip+", "floor:slip-:stick:late", "floor:stick"],
+            steps=[2, 3, 2, 2],
+            final_time=(0.5, 2.0),
+            restitution=0.5,
+        )
+    return dmoc.Problem(
+        dmoc.build(rod_system()),
+        start={"x": 0.0, "y": 1.0, "a": (0.1, 1.0), "s": 0.0, "x_dot": None},
+        sequence=[
+            "left:slip+:stick rail:slip+",
+            "right:slip-:slip+:late",
+            "left:slip-",
+            "+right:slip-:slip+",
+            "-right",
+            "+left:slip+:stick",
+        ],
+        steps=2,
+        final_time=(0.5, 2.0),
+        restitution={"left": 0.5, "right": 0.2},
+    )
+
+
 @pytest.fixture(
     params=[
         *("constant", "linear", "puck", "driven", "driven, by rates", "driven, order 4"),
         *("pendulum, order 4", "contacts", "contacts, periodic"),
+        *("hits with friction", "hits with friction, order 4"),
     ]
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
@@ -110,6 +140,8 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
         return Transcription(problem, by_rates="rates" in request.param)
     if request.param.startswith("contacts"):
         return Transcription(rod_problem("periodic" in request.param))
+    if request.param.startswith("hits"):
+        return Transcription(hit_problem(4 if "4" in request.param else 2))
     if "4" in request.param:
         return Transcription(small(dmoc.load("cart_pendulum", order=4), None))
     return Transcription(

@@ -41,10 +41,14 @@ from dmoc.cli.writing import (
     prepare,
     written,
 )
+from dmoc.errors import ModelError
 from dmoc.solving.methods import DEFAULT, REFINING, Form
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from dmoc.nlp.sensitivity import Sensitivities
+    from dmoc.registry import Reference
 
 
 def solve(
@@ -56,8 +60,8 @@ def solve(
         str | None,
         typer.Option(
             autocompletion=completion.methods,
-            help=f"{METHOD_HELP}; {DEFAULT} by default, with --tolerance or contacts that "
-            f"last {REFINING} if the kernels are compiled.",
+            help=f"{METHOD_HELP}; {DEFAULT} by default, with --tolerance, contacts that "
+            f"last or hits with friction {REFINING} if the kernels are compiled.",
         ),
     ] = None,
     tolerance: Annotated[
@@ -134,7 +138,8 @@ def solve(
         via,
     )
     prepare(target, json_)
-    lasting = says_lasting(fields.get("contacts", ()), fields.get("sequence", ()))
+    words = fields.get("sequence", ())
+    lasting = says_lasting(fields.get("contacts", ()), words) or _turns_rails(reference, words)
     if order is None and "steps" not in fields and fields.get("controls") != "linear":
         order = None if lasting else AUTOMATIC_ORDER
     problem = Problem(reference.kernels(order), **fields)
@@ -180,3 +185,13 @@ def solve(
         lambda: None if target is None else draw(target / "solution.png", solution.plot, quiet),
     )
     raise typer.Exit(0 if solution.solved else NOT_SOLVED)
+
+
+def _turns_rails(reference: Reference, sequence: Iterable[str]) -> bool:
+    """Whether words change the friction of what is no surface, so that it rubs all the time."""
+    parts = [part for word in sequence for part in word.split() if part[0] not in "+-"]
+    names = {part.partition(":")[0] for part in parts if ":" in part}
+    try:
+        return bool(names) and not names <= set(reference.system().surfaces)
+    except ModelError:  # a Problem, whose kernels are made
+        return True

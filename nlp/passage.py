@@ -1,0 +1,82 @@
+"""The stages of impacts with friction, by numbers.
+
+An impact has moments at which something changes: compression ends (``END``), sliding stops
+(``STOP``).  Between them, and before and after, are its stages, in each of which the contact slides
+in one direction or sticks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dmoc.mechanics.modes import STICK, Course
+
+# Moments within an impact.
+END, STOP = 0, 1
+MOMENTS = ("where compression ends", "where sliding stops")
+# Stages that an impact has at most.
+STAGES = 3
+
+
+@dataclass(frozen=True)
+class Passage:
+    """The way through the impact of one event.
+
+    Attributes
+    ----------
+    event, surface, tangent : int
+    lands : bool
+        The contact stays closed: there is no restitution.
+    moments : tuple of int
+        In their order.
+    friction : tuple of int
+        Of each stage: a direction of sliding, or 0; one more than moments.
+    """
+
+    event: int
+    surface: int
+    tangent: int
+    lands: bool
+    moments: tuple[int, ...]
+    friction: tuple[int, ...]
+
+    @property
+    def late(self) -> bool:
+        """Whether sliding stops during restitution."""
+        return self.moments == (END, STOP)
+
+    @property
+    def rests(self) -> tuple[int, ...]:
+        """Moments at which nothing slides."""
+        until = zip(self.moments, self.friction, strict=False)
+        return tuple(m for m, before in until if m == STOP or before == STICK)
+
+    def bears(self, e: float) -> int | None:
+        """The stage whose friction must be within its cone for all that stick: while a contact
+        sticks, both impulses grow in one proportion.  It is the last one, but for a restitution
+        without an impulse."""
+        stage = len(self.moments)
+        if not self.lands and not self.late and e == 0:
+            stage -= 1
+        return stage if self.friction[stage] == STICK else None
+
+    def shares(self, e: float) -> tuple[int, ...]:
+        """Stages whose normal impulse could be negative by the other laws: not the first one, not a
+        whole restitution, and not where the cone says more."""
+        last = len(self.moments)
+        given = not self.lands and not self.late
+        return tuple(
+            k for k in range(1, last + 1) if k != self.bears(e) and not (given and k == last)
+        )
+
+
+def passage_of(event: int, contact: tuple[int, int], course: Course, lands: bool) -> Passage:
+    """The stages of a course; ``contact`` are surface and tangent."""
+    moments, friction = [END], [course.first, course.first]
+    if course.then is not None:
+        moments = [END, STOP] if course.late else [STOP, END]
+        friction = [course.first, course.first if course.late else course.then, course.then]
+    if lands:  # compression alone, which ends with the impact
+        moments.remove(END)
+        friction.pop()
+    return Passage(event, *contact, lands, tuple(moments), tuple(friction))

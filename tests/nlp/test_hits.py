@@ -1,0 +1,329 @@
+"""Hits with friction in optimal control problems: closed forms, Poisson's law by another way, what
+is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+from systems import landing_system
+
+import dmoc
+from dmoc.errors import ProblemError
+from dmoc.simulation.poisson import Impulses, impulses
+
+X, Y, A, U, W = dynamicsymbols("x y a u w")
+MU, R, K, G = sp.symbols("mu r k g")
+M_X, M_XY, M_Y = sp.symbols("m_x m_xy m_y")
+T = dynamicsymbols._t
+COURSES = [
+    "slip+", "slip-", "slip+:stick", "slip-:stick", "slip+:slip-", "slip-:slip+",
+    "slip+:stick:late", "slip-:stick:late", "slip+:slip-:late", "slip-:slip+:late",
+]  # fmt: skip
+
+
+def rod() -> dmoc.MechanicalSystem:
+    """A uniform rod of length 1 whose lower left end meets a floor."""
+    return dmoc.MechanicalSystem(
+        "fallen_rod",
+        [X, Y, A],
+        (X.diff(T) ** 2 + Y.diff(T) ** 2 + A.diff(T) ** 2 / 12) / 2,
+        {MU: 0.2},
+        surfaces={"floor": Y - sp.sin(A) / 2 >= 0},
+        tangents={"floor": X - sp.cos(A) / 2},
+        friction={"floor": MU},
+        cost=1,
+    )
+
+
+def coupled() -> dmoc.MechanicalSystem:
+    """Two coordinates whose masses couple the normal and the tangent."""
+    x, y = X.diff(T), Y.diff(T)
+    return dmoc.MechanicalSystem(
+        "coupled_hit",
+        [X, Y],
+        (M_X * x**2 + 2 * M_XY * x * y + M_Y * y**2) / 2,
+        {MU: 0.2, M_X: 1.0, M_XY: 0.1, M_Y: 1.0},
+        surfaces={"floor": Y >= 0},
+        tangents={"floor": X},
+        friction={"floor": MU},
+        cost=1,
+    )
+
+
+def ball() -> dmoc.MechanicalSystem:
+    """A ball with k = I / (m r^2), whose spin is driven."""
+    speeds = X.diff(T) ** 2 + Y.diff(T) ** 2 + K * R**2 * A.diff(T) ** 2
+    return dmoc.MechanicalSystem(
+        "spinning_ball",
+        [X, Y, A],
+        speeds / 2 - G * Y,
+        {R: 0.1, K: 0.4, G: 9.81, MU: 0.3},
+        inputs=[U],
+        forces={A: U},
+        surfaces={"floor": Y >= R},
+        tangents={"floor": X + R * A},
+        friction={"floor": MU},
+        cost=U**2 / 2,
+    )
+
+
+def back(**changes: object) -> dmoc.Problem:
+    """The ball is dropped while it moves ahead, and comes back to half a metre above its start."""
+    given: dict[str, object] = {
+        "start": {"x": 0, "y": 1, "a": 0, "x_dot": 1.0},
+        "goal": {"x": 0, "y": 0.5},
+        "sequence": ["floor:slip+:stick:late"],
+        "steps": 20,
+        "final_time": (0.2, 2),
+        "restitution": 0.8,
+    }
+    return dmoc.Problem(ball(), **{**given, **changes})  # type: ignore[arg-type]
+
+
+def thrown(rates: tuple[float, ...], place: dict[str, float], **more: object) -> dict[str, object]:
+    """A start from which the velocities are those of a hit after a tenth of a second."""
+    names = [*place]
+    start = {n: place[n] - 0.1 * v for n, v in zip(names, rates, strict=True)}
+    start |= {f"{n}_dot": v for n, v in zip(names, rates, strict=True)}
+    return {"start": start, "steps": 3, "durations": [(None, None), (0.02, 0.02)], **more}
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize(
+    ("angle", "v", "mu", "after", "normal", "tangential", "course"),
+    [
+        (45, (-0.3, -1, 0), 0.2, (-0.16363636, -0.31818182, -2.31416765), 0.681818182, 0.136363636,
+         "slip-"),
+        (60, (0.5, -1, 0), 0.3, (0.64219558, -0.08626835, -2.00232502), 0.913731651, 0.142195585,
+         "slip+:slip-"),
+        (60, (0.1, -1, 0), 0.6, (0.53689891, 0.17003607, -1.23991491), 1.170036071, 0.436898905,
+         "slip+:stick"),
+    ],
+)  # fmt: skip
+def test_a_rod_that_hits_a_floor(
+    angle: float, v: tuple[float, ...], mu: float, after: tuple[float, ...], normal: float,
+    tangential: float, course: str, order: int,
+) -> None:  # fmt: skip
+    a = np.radians(angle)
+    place = {"x": 0.0, "y": float(np.sin(a)) / 2, "a": float(a)}
+    problem = dmoc.Problem(
+        dmoc.build(rod(), order=order),
+        sequence=[f"floor:{course}"],
+        restitution=0.5,
+        parameters={"mu": mu},
+        **thrown(v, place),  # type: ignore[arg-type]
+    )
+    solution = dmoc.solve(problem, starts=1)
+    assert solution.status == "solved", solution.message
+    hit = solution.collisions[0]
+    np.testing.assert_allclose(solution.phases[1].v[0], after, atol=1e-8)
+    assert hit.impulses["floor"] == pytest.approx(normal, abs=1e-8)
+    assert hit.tractions["floor"] == pytest.approx(tangential, abs=1e-8)
+    assert hit.word == f"floor:{course}" and hit.rate_before > 0 > hit.rate_after
+
+
+def drawn(number: int) -> tuple[dmoc.Problem, Impulses]:
+    """A random hit, and what Poisson's law in steps of impulses makes of it."""
+    rng = np.random.default_rng(number)
+    root = rng.normal(size=(2, 2))
+    inverse = root @ root.T + 0.05 * np.eye(2)
+    mass, mu = np.linalg.inv(inverse), rng.uniform(0.02, 1.5)
+    e = float(rng.choice([0.0, 0.5, 0.9, 1.0]))
+    v = np.array([rng.normal(), -abs(rng.normal()) - 0.2])
+    law = impulses(v[::-1], inverse[::-1, ::-1], mu, e)
+    problem = dmoc.Problem(
+        coupled(),
+        sequence=[f"floor:{law.course}"],
+        restitution=e,
+        parameters={"mu": mu, "m_x": mass[0, 0], "m_xy": mass[0, 1], "m_y": mass[1, 1]},
+        **thrown((v[0], v[1]), {"x": 0.0, "y": 0.0}),  # type: ignore[arg-type]
+    )
+    return problem, law
+
+
+# Each course at least once, some of them with e = 0 (8, 14, 19).
+@pytest.mark.parametrize("number", [0, 1, 2, 6, 7, 8, 12, 14, 15, 19, 21, 70, 186])
+def test_the_way_through_a_hit_is_poissons_and_no_other_is_possible(number: int) -> None:
+    problem, law = drawn(number)
+    solution = dmoc.solve(problem, starts=1)
+    assert solution.status == "solved", solution.message
+    hit = solution.collisions[0]
+    assert hit.impulse == pytest.approx(law.normal, rel=1e-7)
+    assert hit.tractions["floor"] == pytest.approx(law.tangential, abs=1e-7 * law.normal)
+    energy = [float(p.p[k] @ p.v[k]) for p, k in zip(solution.phases, (-1, 0), strict=True)]
+    assert energy[1] <= energy[0] * (1 + 1e-9)
+    for course in COURSES:
+        plastic = problem.restitution == 0 and course.endswith("late")
+        if course == law.course or plastic:
+            continue
+        other = dmoc.solve(problem.but(sequence=[f"floor:{course}"]), starts=1, iterations=200)
+        assert not other.minimum, course
+
+
+@pytest.mark.parametrize("e", [0.0, 0.8])
+def test_a_ball_that_is_thrown_without_sliding_sticks_from_the_beginning(e: float) -> None:
+    start = {"x": 0, "y": 0.5, "a": 0, "x_dot": (0.5, 1), "y_dot": -1, "a_dot": 0}
+    problem = back(
+        start=start, goal={"x": 0.5}, sequence=["floor:stick"], restitution=e,
+        parameters={"g": 0},
+    )  # fmt: skip
+    solution = dmoc.solve(problem)
+    assert solution.status == "solved", solution.message
+    hit, (before, after) = solution.collisions[0], solution.phases
+    assert hit.tractions["floor"] == pytest.approx(0, abs=1e-9)  # it rolls off as it came
+    assert before.v[-1, 0] + 0.1 * before.v[-1, 2] == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(after.v[0, [0, 2]], before.v[-1, [0, 2]], atol=1e-8)
+
+
+def test_a_spinning_ball_comes_back_at_the_known_cost(tmp_path: Path) -> None:
+    """The spin that it needs follows from the fall: the torque is constant, and the friction sticks
+    with -s / (1 + 1/k)."""
+    solution = dmoc.solve(back())
+    assert solution.status == "solved", solution.message
+    down = np.sqrt(2 * 0.9 / 9.81)
+    v_up = 0.8 * 9.81 * down
+    up = (v_up + np.sqrt(v_up**2 - 2 * 9.81 * 0.4)) / 9.81  # the later time at half a metre
+    traction = -(1 + down / up)  # v after = -down / up
+    slides = -traction * (1 + 1 / 0.4)
+    torque = 0.4 * 0.1 * (slides - 1) / down
+    assert solution.final_time == pytest.approx(down + up, rel=1e-9)
+    assert solution.cost == pytest.approx(torque**2 / 2 * down, rel=1e-9)
+    assert solution.collisions[0].tractions["floor"] == pytest.approx(traction, rel=1e-9)
+    solution.save(tmp_path / "s.npz")
+    again = dmoc.Solution.load(tmp_path / "s.npz")
+    assert again.collisions[0].word == "floor:slip+:stick:late"
+    assert str(again.collisions[0]).count("of floor") == 2
+    for steps in (20, 33):
+        warm = dmoc.solve(back(steps=steps), guess=again)
+        assert warm.status == "solved" and warm.iterations <= 10
+        assert warm.cost == pytest.approx(solution.cost, rel=1e-9)
+
+
+def test_sensitivities_equal_differences_of_solved_problems() -> None:
+    problem = back()
+    solution = dmoc.solve(problem)
+    found = dmoc.sensitivities(problem.but(sequence=["floor"]), solution)  # it tells the way
+    step = 1e-4
+
+    def cost(**changes: object) -> float:
+        return dmoc.solve(back(**changes), guess=solution).cost
+
+    by_e = (cost(restitution=0.8 + step) - cost(restitution=0.8 - step)) / (2 * step)
+    assert found["restitution"]["floor"] == pytest.approx(by_e, rel=1e-5)
+    by_r = (cost(parameters={"r": 0.1 + step}) - cost(parameters={"r": 0.1 - step})) / (2 * step)
+    assert found["parameters"]["r"] == pytest.approx(by_r, rel=1e-4)
+    assert found["parameters"]["mu"] == pytest.approx(0, abs=1e-6)  # friction sticks
+    sliding = back(parameters={"mu": 0.2}, sequence=["floor:slip+"], goal={"y": 0.5, "a": 20.0})
+    slid = dmoc.solve(sliding)
+    assert slid.status == "solved", slid.message
+    by_mu = [
+        dmoc.solve(sliding.but(parameters={"mu": 0.2 + s}), guess=slid).cost for s in (-step, step)
+    ]
+    assert dmoc.sensitivities(sliding, slid)["parameters"]["mu"] == pytest.approx(
+        (by_mu[1] - by_mu[0]) / (2 * step), rel=1e-4
+    )
+
+
+def test_a_hit_that_does_not_say_how_it_goes_is_tried_in_all_ways() -> None:
+    solution = dmoc.solve(back(sequence=["floor"]))
+    assert solution.status == "solved", solution.message
+    assert [c.word for c in solution.collisions] == ["floor:slip+:stick:late"]
+    assert "of 10 ways through the hits with friction led to a motion" in solution.message
+    assert solution.cost == pytest.approx(dmoc.solve(back()).cost, rel=1e-6)
+
+
+def test_a_puck_that_turns_or_stops_while_it_lands() -> None:
+    """Sliding stops in the landing where friction can take all of it."""
+    problem = dmoc.Problem(
+        landing_system(),
+        start={"x": 0, "y": 0.2, "x_dot": 0.1},
+        goal={"x": 0.2, "x_dot": 0.0},
+        sequence=["+floor:slip+:stick", "floor:slip+", "floor:stick"],
+        steps=10,
+        final_time=(0.5, 2),
+        bounds={"u": (-3, 3)},
+    )
+    solution = dmoc.solve(problem)
+    assert solution.status == "solved", solution.message
+    event = solution.collisions[0]
+    assert event.word == "+floor:slip+:stick" and event.lands == ("floor",)
+    before = solution.phases[0].v[-1]
+    assert event.impulses["floor"] == pytest.approx(-before[1], rel=1e-9)
+    assert event.tractions["floor"] == pytest.approx(-before[0], rel=1e-9)
+    assert solution.phases[1].rubbing == {"floor": 0}
+
+
+def test_a_way_that_the_law_does_not_go_is_contradicted_by_the_check() -> None:
+    from dataclasses import replace
+
+    from dmoc.simulation.check import verify
+
+    solution = dmoc.solve(back())
+    assert solution.kernels is not None
+    motion = solution.trajectory
+    hit = motion.collisions[0]
+    tractions = {"floor": 0.9 * hit.tractions["floor"]}
+    wrong = replace(hit, course="slip+", tractions=tractions)
+    check = verify(replace(motion, collisions=(wrong,)), solution.kernels)
+    assert not check.passed
+    assert "goes slip+:stick:late, not slip+ as planned" in check.message
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"sequence": ["floor:slip+:stick:late"], "restitution": 0}, "leave out ':late'"),
+        ({"sequence": ["floor:stick"], "parameters": {"mu": 0}}, "the friction of 'floor' is 0"),
+        ({"sequence": ["floor:slip+:slip+"]}, "expected stick, slip+ or slip-"),
+    ],
+)
+def test_what_no_hit_does_is_refused_in_a_sentence(change: dict[str, object], told: str) -> None:
+    with pytest.raises(ProblemError) as found:
+        back(**change)
+    assert told in str(found.value) and "\n" not in str(found.value)
+
+
+def test_a_hit_that_would_jam_is_told_why() -> None:
+    """Sliding ahead with much friction, the masses so coupled that this presses the contact
+    together: the law stops the sliding first."""
+    inverse = np.array([[1.0, 0.9], [0.9, 1.0]])
+    mass, v = np.linalg.inv(inverse), (1.0, -1.0)
+    problem = dmoc.Problem(
+        coupled(),
+        sequence=["floor:slip+"],
+        restitution=0.5,
+        parameters={"mu": 2.0, "m_x": mass[0, 0], "m_xy": mass[0, 1], "m_y": mass[1, 1]},
+        **thrown(v, {"x": 0.0, "y": 0.0}),  # type: ignore[arg-type]
+    )
+    jammed = dmoc.solve(problem, starts=1)
+    assert jammed.status == "infeasible"
+    assert "sliding as slip+ presses floor together at event 1" in jammed.message
+    stopped = dmoc.solve(problem.but(sequence=["floor:slip+:stick"]), starts=1)
+    assert stopped.status == "solved", stopped.message
+    law = impulses(np.array([-1.0, 1.0]), inverse, 2.0, 0.5)
+    assert stopped.collisions[0].impulse == pytest.approx(law.normal, rel=1e-8)
+
+
+def test_the_search_offers_the_ways_through_a_hit() -> None:
+    found = dmoc.search(back(sequence=[]), max_collisions=1, events=["floor"])
+    assert len(found.nodes) == 11 and found.best is not None
+    assert found.best.sequence == ("floor:slip+:stick:late",)
+
+
+def test_the_figure_names_the_way(tmp_path: Path) -> None:
+    figure = dmoc.solve(back(), starts=1).plot(tmp_path / "s.png")
+    words = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert "floor:slip+:stick:late" in words
+
+
+def test_a_program_needs_the_way_through_a_hit() -> None:
+    from dmoc.nlp.transcription import Transcription
+
+    with pytest.raises(ProblemError, match="by one of 'floor:slip\\+', 'floor:slip-', "):
+        Transcription(back(sequence=["floor"]))
+    with pytest.raises(ProblemError, match="makes 1000 sequences: expected at most 100"):
+        dmoc.solve(back(sequence=["floor"] * 3))
