@@ -34,7 +34,7 @@ from dmoc.simulation.contact_motion import Stretch
 from dmoc.solution_file import COLLISION, SIGN, TRAJECTORY
 from dmoc.trajectory import Phase
 
-FORMAT = 1
+FORMAT = 2
 ROWS = ("t", "q", "p", "v", "u")
 
 

@@ -345,6 +345,7 @@ class Solution:
                     "friction": {name: FRICTION_WORDS[s] for name, s in c.friction.items()},
                     "impulses": dict(c.impulses),
                     "tractions": dict(c.tractions),
+                    "course": c.course,
                 }
                 for c in self.collisions
             ],

@@ -38,7 +38,7 @@ from dmoc.solution import Mesh, Minimum, Solution
 from dmoc.solvers.outcome import Status
 from dmoc.trajectory import COURSES, Array, Collision, Phase, Trajectory
 
-FILE_FORMAT = 7
+FILE_FORMAT = 8
 SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
 REMEDY = "give one that `dmoc solve --out` has written"
 
