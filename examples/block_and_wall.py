@@ -38,6 +38,12 @@ def system() -> dmoc.MechanicalSystem:
         parameters={m: 1.0, wall: 1.0},
         cost=u**2 / 2,
         units={x: "m", u: "N"},
+        drawing=[
+            dmoc.Wall((-0.4, 0), (wall, 0)),
+            dmoc.Wall((wall, 0), (wall, 0.4)),
+            dmoc.Box((x - 0.1, 0.1), 0.2, 0.2),
+            dmoc.Contact("wall", (x, 0.1), normal=(-1, 0)),
+        ],
     )
 
 

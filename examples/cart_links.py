@@ -9,13 +9,11 @@ Run:  python examples/cart_links.py [FOLDER] [LINKS]
 
 import sys
 
-import numpy as np
 import sympy as sp
 from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.report.shapes import Picture
 
 
 def system(links: int) -> dmoc.MechanicalSystem:
@@ -25,11 +23,13 @@ def system(links: int) -> dmoc.MechanicalSystem:
     angles = dynamicsymbols(f"a1:{links + 1}")
     m_c, m, l, g, stop = sp.symbols("m_c m l g stop")
     t = dynamicsymbols._t
-    tip, kinetic, potential = sp.Matrix([x, 0]), m_c * x.diff(t) ** 2 / 2, sp.S.Zero
+    tip, joints, kinetic, potential = sp.Matrix([x, 0]), [], m_c * x.diff(t) ** 2 / 2, sp.S.Zero
     for a in angles:
         tip = tip + l * sp.Matrix([sp.sin(a), -sp.cos(a)])
+        joints.append(tip)
         kinetic += m * tip.diff(t).dot(tip.diff(t)) / 2
         potential += m * g * tip[1]
+    held = [(x - share * l * sp.sin(stop), -share * l * sp.cos(stop)) for share in (0.5, 0.8)]
     return dmoc.MechanicalSystem(
         f"cart_{links}_links",
         coordinates=[x, *angles],
@@ -40,6 +40,13 @@ def system(links: int) -> dmoc.MechanicalSystem:
         parameters={m_c: 1.0, m: 0.2, l: 0.4, g: 9.81, stop: 0.2},
         cost=F**2 / 2,
         units={x: "m", F: "N"} | dict.fromkeys(angles, "rad"),
+        drawing=[
+            dmoc.Wall(*held),
+            dmoc.Box((x, 0), 0.2, 0.1),
+            dmoc.Link((x, 0), *joints),
+            *map(dmoc.Point, joints),
+            dmoc.Contact("stop", joints[0], (sp.cos(angles[0]), sp.sin(angles[0]))),
+        ],
     )
 
 
@@ -58,20 +65,6 @@ def problem(links: int = 2, steps: int = 60, order: int = 2) -> dmoc.Problem:
     )
 
 
-def shape(q, parameters) -> Picture:
-    l, x = parameters["l"], q[0]
-    joints = np.vstack(
-        [
-            [(x, 0.0)],
-            np.stack([x + l * np.cumsum(np.sin(q[1:])), -l * np.cumsum(np.cos(q[1:]))], axis=1),
-        ]
-    )
-    cart = np.array(
-        [(x - 0.1, -0.05), (x + 0.1, -0.05), (x + 0.1, 0.05), (x - 0.1, 0.05), (x - 0.1, -0.05)]
-    )
-    return Picture((joints,), tuple(map(tuple, joints[1:])), bodies=(cart,))
-
-
 def main() -> None:
     links = int(sys.argv[2]) if len(sys.argv) > 2 else 2
     solution, fine = dmoc.solve(problem(links), "ipm"), dmoc.solve(problem(links, 40, 4), "ipm")
@@ -87,7 +80,7 @@ def main() -> None:
             float(hit.momentum_after[1] - hit.momentum_before[1]),
         )
     )
-    show("cart_links", rows, solution, shape)
+    show("cart_links", rows, solution)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.layout import Layout
-from dmoc.report.shapes import Picture
 
 KNOWN = 58.88  # of Dymos' test, on its mesh
 LIMIT = 58.80767  # the same motion as the steps get smaller, from both discretisations
@@ -36,6 +35,7 @@ def system() -> dmoc.MechanicalSystem:
         parameters={m_c: 1.0, m_p: 0.3, l: 0.5, g: 9.81},
         cost=F**2,
         units={x: "m", theta: "rad", F: "N"},
+        drawing=[dmoc.Box((x, 0), 0.2, 0.1), dmoc.Link((x, 0), tip), dmoc.Point(tip)],
     )
 
 
@@ -59,15 +59,6 @@ def straight(problem: dmoc.Problem) -> np.ndarray:
     return x
 
 
-def shape(q, parameters) -> Picture:
-    x, theta, l = q[0], q[1], parameters["l"]
-    tip = (x + l * np.sin(theta), -l * np.cos(theta))
-    cart = np.array(
-        [(x - 0.1, -0.05), (x + 0.1, -0.05), (x + 0.1, 0.05), (x - 0.1, 0.05), (x - 0.1, -0.05)]
-    )
-    return Picture((np.array([(x, 0.0), tip]),), (tip,), bodies=(cart,))
-
-
 def main() -> None:
     rows = []
     for steps, order in ((100, 2), (50, 4)):
@@ -76,7 +67,7 @@ def main() -> None:
         kelly = dmoc.solve(p, "ipm", guess=straight(p))
         rows.append((f"Kelly's motion, order {order}", kelly.cost, KNOWN if order == 2 else LIMIT))
         rows.append((f"a cheaper minimum, order {order}", best.cost, None))
-    show("cart_pole", rows, best, shape)
+    show("cart_pole", rows, best)
 
 
 if __name__ == "__main__":

@@ -9,15 +9,13 @@ simulation with 1e-12.
 Run:  python examples/compass_gait.py [FOLDER]
 """
 
-from math import cos, radians, sin
+from math import radians
 
-import numpy as np
 import sympy as sp
 from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.report.shapes import Picture
 
 PERIOD = 0.734346391  # of the long gait
 
@@ -47,6 +45,13 @@ def system() -> dmoc.MechanicalSystem:
         parameters={m: 5.0, M: 10.0, l: 1.0, g: 9.81, slope: radians(3), mu: 1.0},
         cost=1,
         units={x: "m", y: "m", a: "rad", b: "rad"},
+        drawing=[
+            dmoc.Wall((-0.5, 0), (1, 0)),
+            dmoc.Link(left, hip, right),
+            *map(dmoc.Point, (hip, leg(a, l / 2), leg(b, l / 2))),
+            dmoc.Contact("left", left),
+            dmoc.Contact("right", right),
+        ],
     )
 
 
@@ -74,13 +79,6 @@ def problem(steps: int = 40, shortest: float = 0.65) -> dmoc.Problem:
     )
 
 
-def shape(q, parameters) -> Picture:
-    x, y, a, b = map(float, q)
-    feet = [(x + parameters["l"] * sin(c), y - parameters["l"] * cos(c)) for c in (a, b)]
-    floor = np.array([(x - 0.6, 0.0), (x + 0.6, 0.0)])
-    return Picture(tuple(np.array([(x, y), foot]) for foot in feet), ((x, y),), (floor,))
-
-
 def main() -> None:
     solution = dmoc.solve(problem())
     event = solution.collisions[0]
@@ -91,7 +89,7 @@ def main() -> None:
         ("rate of the stance leg after the event", -after[3], 1.09238359),
         ("rate of the swing leg after the event", -after[2], 0.37737395),
     ]
-    show("compass_gait", rows, solution, shape)
+    show("compass_gait", rows, solution)
 
 
 if __name__ == "__main__":

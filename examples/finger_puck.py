@@ -7,7 +7,7 @@ alone, v = sqrt(2 mu g d); when and how the finger swings is found.
 Run:  python examples/finger_puck.py [FOLDER]
 """
 
-from math import cos, sin
+from math import sin
 
 import numpy as np
 import sympy as sp
@@ -15,7 +15,6 @@ from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.report.shapes import Picture
 
 MARK, PUCK = 0.5, 0.05
 
@@ -46,6 +45,13 @@ def system() -> dmoc.MechanicalSystem:
         parameters={m: 0.1, l: 0.15, puck: PUCK, mu: 0.2, g: 9.81},
         cost=u**2 + w**2,
         units={a: "rad", b: "rad", s: "m", u: "N m", w: "N m"},
+        drawing=[
+            dmoc.Box((s + 0.02, 0.1), 0.04, 0.04),
+            dmoc.Link((0, 0), elbow, tip),
+            dmoc.Point(elbow),
+            dmoc.Contact("tip", (s, tip[1]), normal=(1, 0)),
+            dmoc.Contact("table", (s + 0.02, 0.1)),
+        ],
     )
 
 
@@ -65,15 +71,6 @@ def problem(steps: int = 100) -> dmoc.Problem:
     )
 
 
-def shape(q, parameters) -> Picture:
-    a, b, s = map(float, q)
-    l = parameters["l"]
-    elbow = (l * cos(a), l * sin(a))
-    tip = (elbow[0] + l * cos(b), elbow[1] + l * sin(b))
-    corners = [(s, 0.08), (s + 0.04, 0.08), (s + 0.04, 0.12), (s, 0.12), (s, 0.08)]
-    return Picture((np.array([(0.0, 0.0), elbow, tip]), np.array(corners)), (elbow,))
-
-
 def main() -> None:
     solution = dmoc.solve(problem())
     leaves, needed = solution.phases[1].v[0, 2], (2 * 0.2 * 9.81 * MARK) ** 0.5
@@ -86,7 +83,7 @@ def main() -> None:
             PUCK * (2 * 0.2 * 9.81 * MARK) ** 0.5,
         ),
     ]
-    show("finger_puck", rows, solution, shape)
+    show("finger_puck", rows, solution)
 
 
 if __name__ == "__main__":

@@ -8,13 +8,11 @@ to the ground: both are known without solving anything.
 Run:  python examples/hopper.py [FOLDER]
 """
 
-import numpy as np
 import sympy as sp
 from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.report.shapes import Picture
 
 G = 9.81
 
@@ -42,6 +40,13 @@ def system() -> dmoc.MechanicalSystem:
         cost=(F**2 + 10 * tau**2) / 2,
         dissipation=0.2 * r.diff(t) ** 2 / 2,
         units={x: "m", y: "m", phi: "rad", r: "m", F: "N", tau: "N m"},
+        drawing=[
+            dmoc.Wall((-0.3, 0), (0.9, 0)),
+            dmoc.Spring(foot, (x, y)),
+            dmoc.Disc((x, y), 0.06, phi),
+            dmoc.Point(foot),
+            dmoc.Contact("ground", foot),
+        ],
     )
 
 
@@ -66,14 +71,6 @@ def problem(steps: int = 40, order: int = 2) -> dmoc.Problem:
     )
 
 
-def shape(q, parameters) -> Picture:
-    x, y, phi, r = q
-    foot = (x + r * np.sin(phi), y - r * np.cos(phi))
-    return Picture(
-        (np.array([(x, y), foot]),), ((x, y), foot), (np.array([(-0.2, 0.0), (0.8, 0.0)]),)
-    )
-
-
 def main() -> None:
     solution = dmoc.solve(problem(), "ipm")
     first, last, hit = solution.phases[0], solution.phases[-1], solution.collisions[0]
@@ -89,7 +86,7 @@ def main() -> None:
         for i, name in enumerate(("x", "y", "phi", "r"))
         if i
     ]
-    show("hopper", rows, solution, shape)
+    show("hopper", rows, solution)
 
 
 if __name__ == "__main__":

@@ -8,13 +8,11 @@ order is given.  To hit it twice costs less than to hit it once, and that less t
 Run:  python examples/push_or_flick.py [FOLDER]
 """
 
-import numpy as np
 import sympy as sp
 from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.report.shapes import Picture
 
 EVENTS = ["pad rail:slip+", "+pad rail:slip+", "-pad", "rail:stick", "+pad", "rail:slip+"]
 
@@ -35,6 +33,13 @@ def system() -> dmoc.MechanicalSystem:
         parameters={m: 1.0, block: 1.0, f: 1.0},
         cost=u**2,
         units={x: "m", s: "m", u: "N"},
+        drawing=[
+            dmoc.Wall((-0.8, 0), (1.4, 0)),
+            dmoc.Box((x - 0.06, 0.06), 0.12, 0.12),
+            dmoc.Box((s + 0.06, 0.06), 0.12, 0.12),
+            dmoc.Contact("pad", (s, 0.06), normal=(1, 0)),
+            dmoc.Contact("rail", (s + 0.06, 0)),
+        ],
     )
 
 
@@ -49,17 +54,10 @@ def problem(steps: int = 20) -> dmoc.Problem:
     )
 
 
-def shape(q, parameters) -> Picture:
-    x, s = map(float, q)
-    corners = [(0.0, 0.0), (0.12, 0.0), (0.12, 0.12), (0.0, 0.12), (0.0, 0.0)]
-    boxes = (np.array([(a + left, b) for a, b in corners]) for left in (s, x - 0.12))
-    return Picture(tuple(boxes), ())
-
-
 def main() -> None:
     result = dmoc.search(problem(), 2, events=EVENTS)
     rows = [(", then ".join(node.sequence), node.cost, None) for node in result.ranked()]
-    show("push_or_flick", rows, result.best.solution, shape)
+    show("push_or_flick", rows, result.best.solution)
 
 
 if __name__ == "__main__":

@@ -29,6 +29,11 @@ def system() -> dmoc.MechanicalSystem:
         parameters={m: 1.0, f: 1.0},
         cost=u**2 / 2,
         units={x: "m", u: "N"},
+        drawing=[
+            dmoc.Wall((-0.3, 0), (1.3, 0)),
+            dmoc.Box((x, 0.1), 0.2, 0.2),
+            dmoc.Contact("rail", (x, 0)),
+        ],
     )
 
 

@@ -10,9 +10,7 @@ from rich.table import Table
 import dmoc
 
 
-def show(
-    name: str, rows: list[tuple[str, float, float | None]], solution: dmoc.Solution, shape=None
-) -> None:
+def show(name: str, rows: list[tuple[str, float, float | None]], solution: dmoc.Solution) -> None:
     """Print a table of (what, found, known), save and draw the motion, and exit with 1 if it is
     not solved and confirmed by the simulation."""
     console = Console()
@@ -35,7 +33,7 @@ def show(
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "figures")
     folder.mkdir(parents=True, exist_ok=True)
     solution.save(folder / f"{name}.npz")
-    solution.plot(folder / f"{name}.png", shape=shape)
+    solution.plot(folder / f"{name}.png")
     console.print(f"written: {folder / name}.npz, {folder / name}.png", highlight=False)
     if not solution.solved:
         sys.exit(1)

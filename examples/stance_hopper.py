@@ -7,13 +7,11 @@ spring before it leaves.
 Run:  python examples/stance_hopper.py [FOLDER]
 """
 
-import numpy as np
 import sympy as sp
 from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.report.shapes import Picture
 
 FLIGHT = 0.35
 
@@ -36,6 +34,13 @@ def system() -> dmoc.MechanicalSystem:
         parameters={m: 3.0, foot: 0.3, k: 300.0, rest: 0.6, d: 2.0, g: 9.81},
         cost=F**2,
         units={z: "m", f: "m", F: "N"},
+        drawing=[
+            dmoc.Wall((-0.2, 0), (0.2, 0)),
+            dmoc.Spring((0, f), (0, z)),
+            dmoc.Box((0, z), 0.2, 0.1),
+            dmoc.Point((0, f)),
+            dmoc.Contact("floor", (0, f)),
+        ],
     )
 
 
@@ -53,15 +58,6 @@ def problem(steps: int = 80) -> dmoc.Problem:
     )
 
 
-def shape(q, parameters) -> Picture:
-    z, f = map(float, q)
-    width = 0.06
-    turns = np.linspace(f, z, 9)
-    spring = np.array([(width * (-1) ** i * (0 < i < 8), h) for i, h in enumerate(turns)])
-    floor = np.array([(-0.2, 0.0), (0.2, 0.0)])
-    return Picture((spring,), ((0.0, z), (0.0, f)), (floor,))
-
-
 def main() -> None:
     solution = dmoc.solve(problem())
     stance = solution.phases[0]
@@ -72,7 +68,7 @@ def main() -> None:
         ("least contact force, in weights", stance.normal.min() / weight, None),
         ("impulse of the landing, N s", solution.collisions[1].impulse, None),
     ]
-    show("stance_hopper", rows, solution, shape)
+    show("stance_hopper", rows, solution)
 
 
 if __name__ == "__main__":

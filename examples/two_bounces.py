@@ -28,6 +28,11 @@ def system() -> dmoc.MechanicalSystem:
         surfaces={"floor": y >= 0},
         parameters={g: GRAVITY},
         units={y: "m"},
+        drawing=[
+            dmoc.Wall((-0.3, 0), (0.3, 0)),
+            dmoc.Disc((0, y + 0.05), 0.05),
+            dmoc.Contact("floor", (0, y)),
+        ],
     )
 
 

@@ -13,7 +13,6 @@ from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.report.shapes import Picture
 
 KNOWN = {"cost": 1.39654216, "time": 0.683220, "speed": 2.554109}
 RADIUS = 0.2
@@ -33,6 +32,14 @@ def system() -> dmoc.MechanicalSystem:
         parameters={r: RADIUS},
         cost=(f_x**2 + f_y**2) / 10,
         terminal_cost=x2**2 + y2**2,
+        units=dict.fromkeys((x1, y1, x2, y2), "m") | {f_x: "N", f_y: "N"},
+        drawing=[
+            dmoc.Disc((x1, y1), r),
+            dmoc.Disc((x2, y2), r),
+            dmoc.Link((-0.1, 0), (0.1, 0)),
+            dmoc.Link((0, -0.1), (0, 0.1)),
+            dmoc.Contact("contact", ((x1 + x2) / 2, (y1 + y2) / 2), (x2 - x1, y2 - y1)),
+        ],
     )
 
 
@@ -44,12 +51,6 @@ def problem(steps: int = 50, order: int = 2) -> dmoc.Problem:
         steps=steps,
         final_time=1.0,
     )
-
-
-def shape(q, parameters) -> Picture:
-    a = np.linspace(0, 2 * np.pi, 40)
-    circle = RADIUS * np.stack([np.cos(a), np.sin(a)], axis=1)
-    return Picture((circle + q[:2], circle + q[2:]), ((0.0, 0.0),))
 
 
 def main() -> None:
@@ -66,7 +67,7 @@ def main() -> None:
         ("time of the hit", collision.time, KNOWN["time"]),
         ("normal speed", speed, KNOWN["speed"]),
     ]
-    show("two_discs", rows, solution, shape)
+    show("two_discs", rows, solution)
 
 
 if __name__ == "__main__":

@@ -7,15 +7,12 @@ and the next step is the same with the legs exchanged.
 Run:  python examples/walker.py [FOLDER]
 """
 
-from math import cos, sin
-
 import numpy as np
 import sympy as sp
 from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.report.shapes import Picture
 
 STEP, TIME = 0.5, 0.7
 # Mass, inertia, length and distance of the centre from the upper end: shin, thigh, torso.
@@ -33,11 +30,13 @@ def system() -> dmoc.MechanicalSystem:
         return length * sp.Matrix([sp.sin(angle), -sp.cos(angle)])
 
     bodies, feet, lagrangian = [(TORSO, hip - below(torso, TORSO[3]), torso)], {}, 0
+    drawing = [dmoc.Wall((-0.5, 0), (1, 0)), dmoc.Link(hip, hip - below(torso, TORSO[2]))]
     for name, thigh, shin in (("left", thigh_l, shin_l), ("right", thigh_r, shin_r)):
         knee = hip + below(thigh, THIGH[2])
         bodies += [(THIGH, hip + below(thigh, THIGH[3]), thigh)]
         bodies += [(SHIN, knee + below(shin, SHIN[3]), shin)]
         feet[name] = knee + below(shin, SHIN[2])
+        drawing += [dmoc.Link(hip, knee, feet[name]), dmoc.Contact(name, feet[name])]
     torques = (-hip_l - hip_r, hip_l - knee_l, knee_l, hip_r - knee_r, knee_r)
     for (mass, inertia, _, _), centre, angle in bodies:
         speed = centre.diff(t)
@@ -53,6 +52,7 @@ def system() -> dmoc.MechanicalSystem:
         path_constraints={"knee_left": thigh_l >= shin_l, "knee_right": thigh_r >= shin_r},
         cost=sum(torque**2 for torque in u),
         units={x: "m", y: "m"} | dict.fromkeys(q[2:], "rad") | dict.fromkeys(u, "N m"),
+        drawing=drawing,
     )
 
 
@@ -72,16 +72,6 @@ def problem(steps: int = 30) -> dmoc.Problem:
     )
 
 
-def shape(q, parameters) -> Picture:
-    x, y, torso, thigh_l, shin_l, thigh_r, shin_r = map(float, q)
-    lines = [np.array([(x, y), (x - TORSO[2] * sin(torso), y + TORSO[2] * cos(torso))])]
-    for thigh, shin in ((thigh_l, shin_l), (thigh_r, shin_r)):
-        knee = (x + THIGH[2] * sin(thigh), y - THIGH[2] * cos(thigh))
-        foot = (knee[0] + SHIN[2] * sin(shin), knee[1] - SHIN[2] * cos(shin))
-        lines.append(np.array([(x, y), knee, foot]))
-    return Picture(tuple(lines), ((x, y),), (np.array([(x - 0.5, 0.0), (x + 0.5, 0.0)]),))
-
-
 def main() -> None:
     solution = dmoc.solve(problem())
     stance, landing = solution.phases[0], solution.collisions[0].impulse
@@ -92,7 +82,7 @@ def main() -> None:
         ("most friction to contact force", abs(stance.tangential / stance.normal).max(), None),
         ("impulse of the landing, N s", landing, None),
     ]
-    show("walker", rows, solution, shape)
+    show("walker", rows, solution)
 
 
 if __name__ == "__main__":
