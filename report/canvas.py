@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dmoc.errors import MissingExtraError, OutputError
+from dmoc.report.style import Style, style_of
 from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
@@ -16,43 +19,84 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LENGTH = 6.0  # inches of axes from left to right in a figure of one column
-# Inches of a legend's entry beside its text, and of a character of it.
-KEY, CHARACTER = 0.66, 0.09
+WIDTH = 8.4  # inches of a figure of one column
+LENGTH = 5.7  # inches of its axes from left to right, about
+PAD = 0.07  # inches around axes
+LONGEST = 20  # letters of a label that stands beside axes
+SMALL = 8  # points of small text
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of a size in inches.
+@contextmanager
+def painted(name: str) -> Iterator[Style]:
+    """Draw in the style of a name.
 
     Raises
     ------
+    OutputError
+        If there is no such style.
     MissingExtraError
         If Matplotlib is not installed.
     """
+    style = style_of(name)
     try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
+        import matplotlib.backends.backend_agg
+        import matplotlib.figure
     except ModuleNotFoundError:
         raise MissingExtraError(
             "Matplotlib is needed to plot: install it with `pip install 'dmoc[plot]'`."
         ) from None
-    figure = Figure(figsize=(width, height), layout="constrained")
+    settings: Any = style.settings  # Matplotlib types their names
+    with matplotlib.rc_context(settings):
+        yield style
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of a size in inches."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD))
     FigureCanvasAgg(figure)
     return figure
 
 
-def write(figure: Figure, path: Path) -> None:
-    """Write a figure; the ending of the path decides the format."""
-    ending = path.suffix[1:].lower()
+def written(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
+    """The figure, which is written if a path is given; its ending decides the format.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written or its format is unknown.
+    """
+    if path is None:
+        return figure
+    target = Path(path)
+    ending = target.suffix[1:].lower()
     if ending not in figure.canvas.get_supported_filetypes():
-        raise OutputError(f"{path} has no known format: end it in .png, .pdf or .svg.")
+        raise OutputError(f"{target} has no known format: end it in .png, .pdf or .svg.")
     content = io.BytesIO()
     figure.savefig(content, dpi=200, format=ending)
-    write_whole(path, content.getvalue())
+    write_whole(target, content.getvalue())
+    return figure
+
+
+def plain_axes(axes: Axes, style: Style) -> None:
+    """Axes with a grid behind the curves and without a frame above and on the right."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(True, linewidth=0.6)
+    axes.set_axisbelow(True)
+    inked(axes, style)
+
+
+def inked(axes: Axes, style: Style) -> None:
+    """Ticks in the colours of the style also where they are made when the figure is drawn."""
+    axes.tick_params(colors=style.muted, labelcolor=style.ink)
 
 
 def symbol(name: str) -> str:
-    """A name as mathematics: greek names become letters, what follows an underscore a subscript."""
+    """A name as mathematics: greek names become letters, a number at the end and what follows an
+    underscore subscripts."""
     greek = (
         "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi "
         "chi psi omega"
@@ -63,27 +107,34 @@ def symbol(name: str) -> str:
         return f"\\{text}" if text in greek else (text if len(text) == 1 else f"\\mathrm{{{text}}}")
 
     parts = [letter(part) for part in tail.split("_") if part]
+    numbered = re.fullmatch(r"([A-Za-z]+)([0-9]+)", head)
+    if numbered:
+        head, parts = numbered[1], [numbered[2], *parts]
     return letter(head) + (f"_{{{','.join(parts)}}}" if parts else "")
 
 
-def entries_in_a_row(labels: Sequence[str]) -> int:
-    """How many entries of a legend have room beside each other over the axes."""
-    plain = [re.sub(r"\\mathrm|[$_{}]", "", label) for label in labels]
-    widths = [KEY + CHARACTER * len(re.sub(r"\\[a-z]+", "a", text)) for text in plain]
-    if sum(widths) <= LENGTH:
-        return len(labels)
-    return max(1, int(LENGTH / max(widths)))
+def _letters(text: str) -> int:
+    """About how many letters a text with mathematics has."""
+    plain = re.sub(r"\\mathrm|\\dot|[$_{} ]", "", text)
+    return len(re.sub(r"\\[a-z]+", "a", plain))
 
 
-def legend_above(axes: Axes, handles: Sequence[Artist]) -> None:
-    """A legend over the axes, where it hides no curve, in as many rows as it needs."""
+def legend_beside(axes: Axes, handles: Sequence[Artist]) -> None:
+    """A legend on the right of the axes, where it hides no curve, or over them where
+    its words are long; texts alone stand without a gap before them."""
+    from matplotlib.lines import Line2D
+
     labels = [str(handle.get_label()) for handle in handles]
+    place: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
+    if max(map(_letters, labels)) > LONGEST:
+        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
+    drawn = any(not isinstance(h, Line2D) or h.get_linestyle() != "None" for h in handles)
     axes.legend(
         handles=list(handles),
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=entries_in_a_row(labels),
+        **place,
         frameon=False,
-        borderaxespad=0.1,
-        fontsize=9,
+        borderaxespad=0.4,
+        handlelength=2.6 if drawn else 0.0,
+        handletextpad=0.8 if drawn else 0.0,
+        fontsize=SMALL,
     )

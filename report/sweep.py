@@ -5,23 +5,31 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.errors import ProblemError
-from dmoc.report.canvas import new_figure, symbol, write
+from dmoc.report.canvas import (
+    SMALL,
+    WIDTH,
+    inked,
+    legend_beside,
+    new_figure,
+    painted,
+    plain_axes,
+    symbol,
+    written,
+)
+from dmoc.report.style import DASHES, Style
 from dmoc.trajectory import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Colours that stay apart for colour-blind readers (Okabe & Ito 2008).
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-UNSOLVED = "#B00020"
+MARKS = "osD^vP"  # of the points of curves
 # Where unsolved points are marked in a panel, as a share of its height.
 FOOT = 0.03
 
@@ -34,6 +42,8 @@ def plot_sweep(
     solved: NDArray[np.bool_],
     path: str | os.PathLike[str] | None = None,
     noun: str = "collision",
+    *,
+    style: str = "light",
 ) -> Figure:
     """Draw a sweep over one or two values; points that are not solved are crosses.
 
@@ -49,6 +59,7 @@ def plot_sweep(
         Where to write the figure; the ending decides the format (png, pdf, svg).
     noun : str
         What happens between the phases: "collision" or "event".
+    style : {"light", "dark"}, optional
 
     Raises
     ------
@@ -64,13 +75,12 @@ def plot_sweep(
             f"the table varies {len(given)} values ({', '.join(given) or 'none'}): a figure shows "
             "1 or 2; take to_csv or to_frame."
         )
-    if len(given) == 1:
-        figure = _curves(given, cost, final_time, collision_times, solved, noun)
-    else:
-        figure = _map(given, cost, solved)
-    if path is not None:
-        write(figure, Path(path))
-    return figure
+    with painted(style) as colours:
+        if len(given) == 1:
+            figure = _curves(given, cost, final_time, collision_times, solved, noun, colours)
+        else:
+            figure = _map(given, cost, solved, colours)
+        return written(figure, path)
 
 
 def _curves(
@@ -80,42 +90,43 @@ def _curves(
     collision_times: Array,
     solved: NDArray[np.bool_],
     noun: str,
+    style: Style,
 ) -> Figure:
     [(name, values)] = given.items()
     order = np.argsort(values, kind="stable")
     values, solved = values[order], solved[order]
-    figure = new_figure(7.0, 5.2)
+    figure = new_figure(WIDTH, 5.2)
     above, below = figure.subplots(2, 1, sharex=True)
     times = collision_times[order].T
 
-    def line(axes: Axes, y: Array, colour: str, label: str = "", style: str = "-") -> None:
+    def line(axes: Axes, y: Array, number: int, label: str | None = None) -> None:
         y = np.where(solved, y, np.nan)
-        axes.plot(
-            values, y, color=colour, linestyle=style, lw=1.2, marker="o", ms=3, label=label or None
-        )
+        stroke = {**style.stroke(number, number), "marker": MARKS[number % len(MARKS)]}
+        axes.plot(values, y, **stroke, lw=1.2, ms=3.5, label=label)
 
-    line(above, cost[order], COLOURS[0])
+    line(above, cost[order], 0)
     for i, row in enumerate(times):
-        line(below, row, COLOURS[i % len(COLOURS)], f"{noun} {i + 1}")
-    line(below, final_time[order], "0.5", "end", "--")
+        line(below, row, i, f"{noun} {i + 1}")
+    end = np.where(solved, final_time[order], np.nan)
+    below.plot(values, end, color=style.muted, ls=DASHES[1], lw=1.2, marker="o", ms=3, label="end")
     for axes, label in ((above, "cost"), (below, "time [s]")):
         axes.set_ylabel(label)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(True, color="#e4e4e4", linewidth=0.6)
-        axes.set_axisbelow(True)
+        plain_axes(axes, style)
         if not solved.all():
             missing = values[~solved]
             axes.plot(
-                missing, np.full(len(missing), FOOT), "x", color=UNSOLVED, ms=6,
+                missing, np.full(len(missing), FOOT), "x", color=style.alarm, ms=6,
                 transform=axes.get_xaxis_transform(), label="not solved",
             )  # fmt: skip
     below.set_xlabel(_label(name))
     below.set_ylim(bottom=0.0)
-    below.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend_beside(below, below.get_legend_handles_labels()[0])
     return figure
 
 
-def _map(given: Mapping[str, Array], cost: Array, solved: NDArray[np.bool_]) -> Figure:
+def _map(
+    given: Mapping[str, Array], cost: Array, solved: NDArray[np.bool_], style: Style
+) -> Figure:
     (name_x, x), (name_y, y) = given.items()
     (places_x, column), (places_y, row) = (np.unique(v, return_inverse=True) for v in (x, y))
     grid = np.full((len(places_y), len(places_x)), np.nan)
@@ -126,8 +137,9 @@ def _map(given: Mapping[str, Array], cost: Array, solved: NDArray[np.bool_]) -> 
     if solved.any():
         figure.colorbar(shown, ax=axes, label="cost")
     if not solved.all():
-        axes.plot(x[~solved], y[~solved], "x", color=UNSOLVED, ms=6, label="not solved")
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, fontsize=8)
+        axes.plot(x[~solved], y[~solved], "x", color=style.alarm, ms=6, label="not solved")
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, fontsize=SMALL)
+    inked(axes, style)
     axes.set_xlabel(_label(name_x))
     axes.set_ylabel(_label(name_y))
     return figure

@@ -107,14 +107,19 @@ class SearchResult:
             "seconds": self.seconds,
         }
 
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Draw the tree: verdict by colour, cost on the nodes; write it if a path is given."""
+    def plot(self, path: str | os.PathLike[str] | None = None, *, style: str = "light") -> Figure:
+        """Draw the tree: verdict by colour, cost on the nodes; write it if a path is given.
+        ``style`` is "light" or "dark"."""
         from dmoc.report.tree import plot_tree
 
-        return plot_tree([(n.sequence, n.verdict.value, n.cost) for n in self.nodes], path)
+        nodes = [(n.sequence, n.verdict.value, n.cost) for n in self.nodes]
+        return plot_tree(nodes, path, style=style)
 
-    def plot_best(self, path: str | os.PathLike[str] | None = None, most: int = 3) -> Figure:
-        """Draw the best motions side by side; write the figure if a path is given."""
+    def plot_best(
+        self, path: str | os.PathLike[str] | None = None, most: int = 3, *, style: str = "light"
+    ) -> Figure:
+        """Draw the best motions side by side; write the figure if a path is given.  ``style`` is
+        "light" or "dark"."""
         from dmoc.report.tree import plot_motions
 
         chosen = [n for n in self.ranked() if n.solution is not None][:most]
@@ -125,6 +130,7 @@ class SearchResult:
                 if n.solution is not None
             ],
             path,
+            style=style,
         )
 
 

@@ -184,9 +184,9 @@ class Batch:
 
         return batch_in(bytes_of(Path(path)), str(path))
 
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+    def plot(self, path: str | os.PathLike[str] | None = None, *, style: str = "light") -> Figure:
         """Draw a sweep over one or two values: the cost and the times of collisions over the value,
-        or a map of the cost; write the figure if a path is given.
+        or a map of the cost; write the figure if a path is given.  ``style`` is "light" or "dark".
 
         Raises
         ------
@@ -197,7 +197,7 @@ class Batch:
 
         return plot_sweep(
             self.given, self.cost, self.final_time, self.collision_times, self.solved, path,
-            self.noun,
+            self.noun, style=style,
         )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:

@@ -23,7 +23,6 @@ from dmoc.discretisation import known_order
 from dmoc.errors import DmocError, ModelError
 from dmoc.models import catalogue
 from dmoc.nlp.problem import Problem
-from dmoc.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -116,33 +115,6 @@ def load_for_file(reference: str, order: int) -> Kernels:
             "give its kernels."
         )
     return load(reference, order=order)
-
-
-def is_shipped(motion: Trajectory) -> bool:
-    """Whether a motion is one of the shipped model of its name, and not of another model of that
-    name."""
-    if motion.model not in catalogue.models():
-        return False
-    installed = load_installed(f"dmoc.generated.{motion.model}") if motion.order == 2 else None
-    if installed is not None:
-        key, names = (
-            installed.manifest["fingerprint"],
-            (installed.coordinates, installed.parameters),
-        )
-    else:
-        from dmoc.symbolic.families import model_fingerprint
-        from dmoc.symbolic.names import name_of
-
-        system = catalogue.system(motion.model)
-        key = model_fingerprint(system, motion.order)
-        names = (
-            [name_of(q) for q in system.coordinates],
-            {name_of(s): None for s in system.parameters},
-        )
-    return motion.fingerprint == key and (list(motion.coordinates), list(motion.parameters)) == (
-        names[0],
-        list(names[1]),
-    )
 
 
 def _shipped(name: str) -> Reference:

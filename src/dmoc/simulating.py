@@ -31,7 +31,6 @@ from dmoc.writing import write_whole
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dmoc.report.shapes import Shape
 
 # Steps of a replay in the smallest step of its solution: its own error is then a sixteenth of that
 # of the solution at order 2.
@@ -120,16 +119,16 @@ class Simulation:
         return Path(path)
 
     def plot(
-        self, path: str | os.PathLike[str] | None = None, shape: Shape | None = None
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        velocities: bool = False,
+        style: str = "light",
     ) -> Figure:
-        """Draw positions, momenta, inputs and forces; write the figure if a path is given.
-
-        ``shape(q, parameters)`` returns a :class:`~dmoc.report.shapes.Picture` for snapshots of
-        each phase, which long simulations with many collisions have no room for.
-        """
+        """Draw snapshots, positions, momenta, inputs and forces, as :meth:`dmoc.Solution.plot`."""
         from dmoc.report.figure import plot
 
-        return plot(self.trajectory, path, shape)
+        return plot(self.trajectory, path, velocities=velocities, style=style)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the simulation to an .npz file.

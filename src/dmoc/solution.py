@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from dmoc.codegen.kernels import Kernels
-    from dmoc.report.shapes import Shape
     from dmoc.simulation.check import Verification
 
 
@@ -294,20 +293,17 @@ class Solution:
         return verify(self.trajectory, kernels, seconds)
 
     def plot(
-        self, path: str | os.PathLike[str] | None = None, shape: Shape | None = None
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        velocities: bool = False,
+        style: str = "light",
     ) -> Figure:
-        """Draw positions, momenta, inputs and snapshots; write the figure if a path is given.
-
-        ``shape(q, parameters)`` returns a :class:`~dmoc.report.shapes.Picture` of a model that is
-        not shipped.
-        """
-        from dmoc.registry import is_shipped
+        """Draw snapshots, positions, momenta and inputs, with velocities if wanted; write the
+        figure if a path is given.  ``style`` is "light" or "dark"."""
         from dmoc.report.figure import plot
-        from dmoc.report.shapes import shape_of
 
-        if shape is None and is_shipped(self.trajectory):
-            shape = shape_of(self.trajectory.model)
-        return plot(self.trajectory, path, shape)
+        return plot(self.trajectory, path, velocities=velocities, style=style)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from commands import Run
+from matplotlib.image import imread
 
 import dmoc
 from dmoc.cli import main
@@ -264,6 +265,13 @@ def test_solve_verify_and_plot_a_file(run: Run, tmp_path: Path) -> None:
     assert code == 0 and json.loads(out)["passed"]
     code, _, _ = run("plot", "result/solution.npz", "--out", "figure.pdf")
     assert code == 0 and (tmp_path / "figure.pdf").read_bytes()[:4] == b"%PDF"
+    options = ("--velocities", "--dark")
+    for number in range(3):
+        name = f"{number}.png"
+        assert run("plot", "result/solution.npz", "--out", name, *options[:number])[0] == 0
+    light, taller, dark = (imread(tmp_path / f"{number}.png") for number in range(3))
+    assert taller.shape[0] > 1.1 * light.shape[0] and taller.shape == dark.shape
+    assert light[0, 0, :3].min() == 1.0 == taller[0, 0, :3].min() and dark[0, 0, :3].max() < 0.2
 
 
 def test_infeasible_has_exit_status_1(run: Run) -> None:
@@ -550,7 +558,10 @@ def test_a_model_that_is_called_like_a_shipped_one_is_drawn_as_itself(
         *"--start y=0.5 --goal y=0.2 --final-time 1 --steps 10 --method ipm --out o".split(),
     )
     assert code == 0 and not err
-    assert len(dmoc.Solution.load("o/solution.npz").plot().axes) == 3
+    solution = dmoc.Solution.load("o/solution.npz")
+    assert solution.trajectory.scene is None
+    snapshots, *panels = solution.plot().axes
+    assert [text.get_text() for text in snapshots.texts] == ["$y$"] and len(panels) == 3
 
 
 # What is printed ----------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The figure of a motion, by what it shows: curves, jumps, bounds, collisions, snapshots."""
+"""The figure of a motion, by what it shows: snapshots, curves, jumps, bounds, collisions."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import OutputError
 from dmoc.registry import find
+from dmoc.report.style import DARK, LIGHT
+from dmoc.trajectory import Trajectory
 
 
 def labelled(figure: Figure, label: str) -> Axes:
@@ -22,9 +26,18 @@ def labelled(figure: Figure, label: str) -> Axes:
 
 
 def curves(axes: Axes) -> list[np.ndarray]:
-    """Solid lines of more than two points, as rows (time, value)."""
-    lines = [line for line in axes.lines if line.get_linestyle() == "-"]
-    return [line.get_xydata() for line in lines if len(line.get_xdata()) > 2]
+    """Lines of more than two points, as rows (time, value)."""
+    return [line.get_xydata() for line in axes.lines if len(line.get_xdata()) > 2]
+
+
+def legend(axes: Axes) -> list[str]:
+    shown = axes.get_legend()
+    return [] if shown is None else [t.get_text() for t in shown.get_texts()]
+
+
+def drawn(solution: dmoc.Solution, **changes: object) -> Figure:
+    motion: Trajectory = replace(solution.trajectory, **changes)  # type: ignore[arg-type]
+    return replace(solution, trajectory=motion).plot()
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +50,8 @@ def figure(solution: dmoc.Solution) -> Figure:
     [
         ("alpha", r"\alpha"),
         ("x_1", "x_{1}"),
+        ("x1", "x_{1}"),
+        ("theta2_l", r"\theta_{2,l}"),
         ("q_", "q"),
         ("a__b", "a_{b}"),
         ("theta_l_1", r"\theta_{l,1}"),
@@ -44,59 +59,86 @@ def figure(solution: dmoc.Solution) -> Figure:
     ],
 )
 def test_every_name_of_a_model_can_be_drawn(solution: dmoc.Solution, name: str, shown: str) -> None:
-    t = solution.trajectory
-    renamed = replace(t, coordinates=(name, "x"), inputs=(name,), model="other")
-    figure = replace(solution, trajectory=renamed).plot()
+    figure = drawn(solution, coordinates=(name, "y"), inputs=(name,), units={}, scene=None)
     figure.canvas.draw()
-    momenta, inputs = labelled(figure, "momenta"), labelled(figure, f"input ${shown}$")
-    assert [t.get_text() for t in momenta.get_legend().get_texts()] == [
-        f"$p_{{{shown}}}$",
-        "$p_{x}$",
-    ]
-    assert inputs.get_xlabel() == "time $t$ [s]"
+    assert legend(labelled(figure, "momenta")) == [f"$p_{{{shown}}}$", "$p_{y}$"]
+    assert labelled(figure, f"input ${shown}$").get_xlabel() == "time $t$ [s]"
 
 
-def test_positions_and_momenta_are_those_of_the_motion(
+def test_curves_are_those_of_the_motion_with_their_units(
     solution: dmoc.Solution, figure: Figure
 ) -> None:
-    positions = labelled(figure, "coordinates")
-    assert [t.get_text() for t in positions.get_legend().get_texts()] == [r"$\alpha$", "$x$"]
-    wanted = [np.column_stack([p.t, p.q[:, i]]) for i in (0, 1) for p in solution.phases]
-    np.testing.assert_array_equal(np.concatenate(curves(positions)), np.concatenate(wanted))
-    wanted = [np.column_stack([p.t, p.p[:, i]]) for i in (0, 1) for p in solution.phases]
-    np.testing.assert_array_equal(
-        np.concatenate(curves(labelled(figure, "momenta"))), np.concatenate(wanted)
+    labels = [a.get_ylabel() for a in figure.axes if not a.get_title()]
+    states = [r"$\alpha$ [rad]", "$x$ [m]", r"$p_{\alpha}$ [N m s]", "$p_{x}$ [N s]"]
+    assert labels == [*states, "input $F$ [N]"]
+    for label, name, i in zip(states, "qqpp", (0, 1, 0, 1), strict=True):
+        wanted = [np.column_stack([p.t, getattr(p, name)[:, i]]) for p in solution.phases]
+        np.testing.assert_allclose(
+            np.concatenate(curves(labelled(figure, label))), np.concatenate(wanted), rtol=1e-15
+        )
+
+
+def test_what_has_one_unit_has_one_panel_with_a_legend(solution: dmoc.Solution) -> None:
+    figure = drawn(solution, units={"alpha": "m", "x": "m"})
+    coordinates = labelled(figure, "coordinates [m]")
+    assert legend(coordinates) == [r"$\alpha$", "$x$"]
+    shown = coordinates.get_legend()
+    figure.canvas.draw()
+    assert shown is not None and shown.get_window_extent().x0 >= coordinates.bbox.x1
+    looks = {
+        line.get_label(): (line.get_color(), line.get_linestyle()) for line in shown.get_lines()
+    }
+    assert len({colour for colour, _ in looks.values()}) == 2
+    assert len({style for _, style in looks.values()}) == 2
+    assert legend(labelled(figure, "momenta [N s]")) == [r"$p_{\alpha}$", "$p_{x}$"]
+
+
+def test_velocities_are_drawn_on_request(solution: dmoc.Solution) -> None:
+    figure = solution.plot(velocities=True)
+    for label, i in ((r"$\dot{\alpha}$ [rad/s]", 0), (r"$\dot{x}$ [m/s]", 1)):
+        wanted = [np.column_stack([p.t, p.v[:, i]]) for p in solution.phases]
+        np.testing.assert_array_equal(
+            np.concatenate(curves(labelled(figure, label))), np.concatenate(wanted)
+        )
+
+
+def test_coordinates_are_round_between_few_nodes() -> None:
+    reference = find("bouncing_pendulum")
+    problem = dmoc.Problem(
+        reference.kernels(4), start={"theta": 1.0}, sequence=["wall"], steps=4, final_time=0.9
     )
+    figure = dmoc.solve(problem, "ipm", verify=False).plot()
+    (first, _) = curves(labelled(figure, r"$\theta$ [rad]"))
+    assert len(first) > 60
+    bends = np.abs(np.diff(first[:, 1], 2))
+    assert bends.max() < 5 * np.median(bends)
 
 
 def test_momenta_jump_at_the_collision_and_it_is_named(
     solution: dmoc.Solution, figure: Figure
 ) -> None:
     (hit,) = solution.collisions
-    jumps = [line for line in labelled(figure, "momenta").lines if line.get_linestyle() == ":"]
-    assert [list(line.get_xdata()) for line in jumps] == [[hit.time] * 2] * 2
-    drawn = np.array([line.get_ydata() for line in jumps])
-    np.testing.assert_allclose(
-        drawn, np.column_stack([hit.momentum_before, hit.momentum_after]), atol=1e-10
-    )
-    assert drawn[0, 0] != drawn[0, 1]
-    for label in ("coordinates", "momenta", "input $F$"):
-        axes = labelled(figure, label)
+    for i, label in enumerate((r"$p_{\alpha}$ [N m s]", "$p_{x}$ [N s]")):
+        (jump,) = (a for a in labelled(figure, label).lines if a.get_gid() == "jump")
+        assert list(jump.get_xdata()) == [hit.time] * 2
+        wanted = hit.momentum_before[i], hit.momentum_after[i]
+        np.testing.assert_allclose(jump.get_ydata(), wanted, atol=1e-10)
+    assert hit.momentum_before[0] != hit.momentum_after[0]
+    panels = [a for a in figure.axes if not a.get_title()]
+    for axes in panels:
         assert any(
-            list(line.get_xdata()) == [hit.time] * 2 for line in axes.lines if line not in jumps
+            list(line.get_xdata()) == [hit.time] * 2 and line.get_gid() is None
+            for line in axes.lines
         )
-    assert [t.get_text() for t in labelled(figure, "coordinates").texts] == ["left"]
+    assert [[t.get_text() for t in axes.texts] for axes in panels] == [["left"], [], [], [], []]
 
 
-def test_inputs_are_steps_and_far_bounds_are_noted(solution: dmoc.Solution, figure: Figure) -> None:
-    inputs = labelled(figure, "input $F$")
-    assert [t.get_text() for t in inputs.texts] == [
-        "lower bound -200 \u2193",
-        "upper bound 200 \u2191",
-    ]
-    assert not [
-        line for line in inputs.lines if line.get_linestyle() == "--" and line.get_xdata()[0] == 0
-    ]
+def test_inputs_are_steps_and_far_bounds_are_told_beside_them(
+    solution: dmoc.Solution, figure: Figure
+) -> None:
+    inputs = labelled(figure, "input $F$ [N]")
+    assert legend(inputs) == [r"$-200\leq F\leq 200$"] and not inputs.texts
+    assert not [line for line in inputs.lines if line.get_gid() == "limit"]
     steps = [patch.get_data() for patch in inputs.patches]
     assert len(steps) == 2
     for step, phase in zip(steps, solution.phases, strict=True):
@@ -104,62 +146,143 @@ def test_inputs_are_steps_and_far_bounds_are_noted(solution: dmoc.Solution, figu
         np.testing.assert_array_equal(step.edges, phase.t)
 
 
-def test_snapshots_stand_over_the_curves(solution: dmoc.Solution, figure: Figure) -> None:
-    """Eight of each phase: rods and masses; the cart at both ends; the limiter where it is hit."""
+def test_a_bound_near_the_inputs_is_drawn_and_the_far_one_told(solution: dmoc.Solution) -> None:
+    figure = drawn(solution, input_bounds=np.array([[-60.0, 500.0]]))
+    inputs = labelled(figure, "input $F$ [N]")
+    levels = {float(a.get_ydata()[0]) for a in inputs.lines if a.get_gid() == "limit"}
+    assert levels == {-60.0}
+    assert legend(inputs) == [r"$F\leq 500$", "bounds"]
+
+
+def test_snapshots_are_the_scene_at_seven_times_of_each_phase(
+    solution: dmoc.Solution, figure: Figure
+) -> None:
     titled = [a for a in figure.axes if a.get_title()]
     assert [a.get_title() for a in titled] == [
-        "before 'left': 0 to 0.0964 s",
-        "after 'left': 0.0964 to 1 s",
+        "0 to 0.0964 s,\nthen left",
+        "0.0964 to 1 s,\nafter left",
     ]
     for axes, phase in zip(titled, solution.phases, strict=True):
         masses = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "o"]
         alpha, x = phase.q[[0, -1]].T
         tips = np.column_stack([x + 0.5 * np.cos(alpha), 0.5 * np.sin(alpha)])
-        assert len(masses) == 8
+        assert len(masses) == 7
         np.testing.assert_allclose([masses[0], masses[-1]], tips, atol=1e-12)
+        (carts,) = {len(axes.patches)}
+        assert carts == 7
+        corners = axes.patches[-1].get_xy()
+        np.testing.assert_allclose(corners.mean(axis=0)[1], 0.0, atol=0.07)
+        np.testing.assert_allclose(np.ptp(corners, axis=0), (0.25, 0.125))
 
 
-def test_coordinates_of_other_sizes_have_axes_of_their_own(solution: dmoc.Solution) -> None:
+def test_snapshots_of_all_phases_have_one_scale_and_hold_everything(
+    solution: dmoc.Solution, figure: Figure
+) -> None:
+    figure.canvas.draw()
+    titled = [a for a in figure.axes if a.get_title()]
+    scales = [
+        a.transData.transform([(1, 0), (0, 1)]) - a.transData.transform((0, 0)) for a in titled
+    ]
+    np.testing.assert_allclose(scales[0], scales[1], rtol=1e-6)
+    assert scales[0][0, 0] == pytest.approx(scales[0][1, 1])
+    for axes in titled:
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        for line in axes.lines:
+            x, y = np.asarray(line.get_xydata()).T
+            assert (left <= x).all() and (x <= right).all()
+            assert (low <= y).all() and (y <= high).all()
+
+
+def test_an_arrow_shows_where_and_how_the_surface_pushes(
+    solution: dmoc.Solution, figure: Figure
+) -> None:
+    before, after = (a for a in figure.axes if a.get_title())
+    assert not after.texts
+    (arrow,) = before.texts
+    alpha, x = solution.phases[0].q[-1]
+    np.testing.assert_allclose(
+        arrow.xyann, (x + 0.5 * np.cos(alpha), 0.5 * np.sin(alpha)), atol=1e-9
+    )
+    push = np.subtract(arrow.xy, arrow.xyann)
+    np.testing.assert_allclose(push / np.hypot(*push), (-np.sin(alpha), np.cos(alpha)), atol=1e-9)
+
+
+def test_nothing_is_cut_off_and_no_text_lies_on_curves(solution: dmoc.Solution) -> None:
+    for style in ("light", "dark"):
+        figure = solution.plot(velocities=True, style=style)
+        figure.canvas.draw()
+        for axes in figure.axes:
+            box = axes.get_tightbbox()
+            assert box is not None
+            assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1, axes.get_ylabel()
+            assert figure.bbox.y0 <= box.y0 and box.y1 <= figure.bbox.y1, axes.get_ylabel()
+            if not axes.get_title():
+                inner = Bbox.from_extents(*np.add(axes.bbox.extents, (1, 1, -1, -1)))
+                beside = [*axes.texts, *filter(None, [axes.get_legend()])]
+                assert not any(t.get_window_extent().overlaps(inner) for t in beside)
+
+
+def _contrast(a: str, b: str) -> float:
+    """Contrast of two colours after the Web Content Accessibility Guidelines 2.2."""
+
+    def luminance(colour: str) -> float:
+        linear = [
+            c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(colour)
+        ]
+        return float(np.dot((0.2126, 0.7152, 0.0722), linear))
+
+    low, high = sorted((luminance(a), luminance(b)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_dark_figures_are_light_on_dark(solution: dmoc.Solution, tmp_path: Path) -> None:
+    figure = solution.plot(tmp_path / "dark.png", style="dark")
+    assert to_hex(figure.get_facecolor()) == DARK.paper
+    for axes in figure.axes:
+        assert to_hex(axes.get_facecolor()) == DARK.paper
+        texts = [axes.yaxis.label, *axes.get_xticklabels(), *axes.get_yticklabels()]
+        assert {to_hex(t.get_color()) for t in texts} == {DARK.ink}
+    from matplotlib.image import imread
+
+    corner = imread(tmp_path / "dark.png")[0, 0, :3]
+    np.testing.assert_allclose(corner, to_rgb(DARK.paper), atol=0.01)
+
+
+@pytest.mark.parametrize("style", [LIGHT, DARK])
+def test_texts_can_be_read_and_curves_be_seen(style: object) -> None:
+    assert isinstance(style, type(LIGHT))
+    assert _contrast(style.ink, style.paper) > 12 and _contrast(style.muted, style.paper) > 4.5
+    assert all(_contrast(colour, style.paper) > 2 for colour in style.colours)
+    assert all(_contrast(style.ink, tint) > 4.5 for tint in (*style.tints, style.free))
+    assert all(_contrast(style.on_verdict, c) > 4.5 for c in style.verdicts.values())
+
+
+def test_an_unknown_style_is_refused(solution: dmoc.Solution) -> None:
+    with pytest.raises(OutputError, match="style = 'sepia': expected one of light, dark"):
+        solution.plot(style="sepia")
+
+
+def test_coordinates_of_other_sizes_without_units_have_panels_of_their_own(
+    solution: dmoc.Solution,
+) -> None:
     phases = tuple(replace(p, q=p.q * [1.0, 100.0]) for p in solution.phases)
-    figure = replace(
-        solution, trajectory=replace(solution.trajectory, phases=phases, model="other")
-    ).plot()
-    for label, column in ((r"$\alpha$", 0), ("$x$", 1)):
-        wanted = [np.column_stack([p.t, p.q[:, column]]) for p in phases]
-        np.testing.assert_array_equal(
-            np.concatenate(curves(labelled(figure, label))), np.concatenate(wanted)
-        )
+    figure = drawn(solution, phases=phases, units={}, scene=None)
+    assert [a.get_ylabel() for a in figure.axes if a.get_ylabel()][:2] == [r"$\alpha$", "$x$"]
 
 
-def test_bounds_near_the_inputs_are_drawn(seed: dmoc.Problem) -> None:
-    figure = dmoc.solve(seed.but(bounds={"F": (-40, 40)}, steps=40), "ipm", verify=False).plot()
-    inputs = labelled(figure, "input $F$")
-    dashed = [line for line in inputs.lines if line.get_linestyle() == "--"]
-    levels = {
-        float(np.asarray(line.get_ydata())[0]) for line in dashed if line.get_color() != "#8a8a8a"
-    }
-    assert levels == {-40.0, 40.0} and not inputs.texts
-
-
-def test_other_models_are_drawn_as_curves(block: Kernels, tmp_path: Path) -> None:
+def test_a_model_without_a_drawing_is_drawn_by_its_coordinates(
+    block: Kernels, tmp_path: Path
+) -> None:
     problem = dmoc.Problem(
         block, start={"x": 0.0}, goal={"x": 0.5, "x_dot": 0.0}, final_time=1.0, steps=20
     )
     solution = dmoc.solve(problem, "ipm")
     figure = solution.plot(tmp_path / "b.pdf")
-    assert [a.get_ylabel() for a in figure.axes] == ["$x$", "momenta", "input $u$"]
-    assert not [a for a in figure.axes if a.get_title()]
+    assert [a.get_ylabel() for a in figure.axes] == ["", "$x$", "$p_{x}$", "input $u$"]
+    (snapshots,) = (a for a in figure.axes if a.get_title())
+    assert snapshots.get_title() == "0 to 1 s" and not snapshots.axison
+    assert [t.get_text() for t in snapshots.texts] == ["$x$"]
     assert (tmp_path / "b.pdf").read_bytes().startswith(b"%PDF-")
     with pytest.raises(OutputError, match="no known format"):
         solution.plot(tmp_path / "b.xyz")
     assert [p.name for p in tmp_path.iterdir()] == ["b.pdf"]
-
-
-@pytest.mark.parametrize("order", [2, 4])
-def test_shipped_models_are_drawn_as_themselves_at_both_orders(order: int) -> None:
-    reference = find("cart_pendulum")
-    problem = dmoc.Problem(reference.kernels(order), **reference.defaults | {"steps": 6})
-    solution = dmoc.solve(problem, "ipm", verify=False)
-    other = replace(solution, trajectory=replace(solution.trajectory, fingerprint="0" * 64))
-    snapshots = [[a for a in s.plot().axes if a.get_title()] for s in (solution, other)]
-    assert [len(axes) for axes in snapshots] == [2, 0]

@@ -11,7 +11,8 @@ from matplotlib.colors import to_hex
 from systems import block_system
 
 import dmoc
-from dmoc.report.tree import COLOURS, MOST_LABELS, plot_motions, plot_tree
+from dmoc.report.style import DARK, VERDICTS
+from dmoc.report.tree import MOST_LABELS, plot_motions, plot_tree
 
 NODES = [
     ((), "feasible", 5.3408),
@@ -34,7 +35,8 @@ def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
     (axes,) = figure.axes
     shown = {text.get_text(): (text, text.get_position()) for text in axes.texts}
     assert set(shown) == {"no collision 5.341", "east 0.5351", "west", "west 2", "east 3"}
-    depths = {name: place[0] for name, (_, place) in shown.items()}
+    columns = list(axes.get_xticks())
+    depths = {name: columns.index(place[0]) for name, (_, place) in shown.items()}
     assert depths == {
         "no collision 5.341": 0,
         "east 0.5351": 1,
@@ -49,7 +51,7 @@ def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
         ("west", "infeasible"),
         ("west 2", "unverified"),
     ):
-        assert to_hex(shown[name][0].get_bbox_patch().get_facecolor()).upper() == COLOURS[verdict]
+        assert to_hex(shown[name][0].get_bbox_patch().get_facecolor()).upper() == VERDICTS[verdict]
     assert [shown[name][0].get_weight() for name in ("east 0.5351", "east 3")] == ["bold", "normal"]
     at = {name: tuple(map(float, place)) for name, (_, place) in shown.items()}
     parents = {
@@ -59,7 +61,8 @@ def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
         "east 3": "east 0.5351",
     }
     assert links(axes) == {(at[parent], at[child]) for child, parent in parents.items()}
-    assert axes.get_xlabel() == "collisions" and list(axes.get_xticks()) == [0, 1, 2]
+    assert axes.get_xlabel() == "collisions"
+    assert [t.get_text() for t in axes.get_xticklabels()] == ["0", "1", "2"]
     (legend,) = figure.legends
     assert {t.get_text() for t in legend.get_texts()} == {
         "optimal (1)",
@@ -85,8 +88,8 @@ def test_a_large_tree_has_points_instead_of_texts() -> None:
     points = [line for line in axes.lines if line.get_marker() == "o"]
     assert not axes.texts and len(points) == len(many)
     assert {to_hex(p.get_color()).upper() for p in points} == {
-        COLOURS["feasible"],
-        COLOURS["failed"],
+        VERDICTS["feasible"],
+        VERDICTS["failed"],
     }
 
 
@@ -97,16 +100,16 @@ def test_motions_stand_side_by_side_with_their_collisions(
     figure = plot_motions(
         [("left", solution.cost, motion), ("again", 2.0, motion)], tmp_path / "best.pdf"
     )
-    assert len(figure.axes) == 6
-    titles = [a.get_title() for a in figure.axes if a.get_title()]
-    assert titles == [f"left\ncost {solution.cost:.6g}", "again\ncost 2"]
-    assert [a.get_ylabel() for a in figure.axes if a.get_ylabel()] == [r"$\alpha$", "$x$", "$F$"]
-    assert [a.get_xlabel() for a in figure.axes if a.get_xlabel()] == ["time $t$ [s]"] * 2
-    for row, axes in enumerate(figure.axes[::2]):
-        marks = [line for line in axes.lines if line.get_linestyle() == ":"]
-        assert [line.get_xdata()[0] for line in marks] == [motion.collisions[0].time]
+    pictures, panels = figure.axes[:2], figure.axes[2:]
+    titles = [f"left\ncost {solution.cost:.6g}", "again\ncost 2"]
+    assert [a.get_title() for a in pictures] == titles and len(panels) == 6
+    labels = [a.get_ylabel() for a in panels if a.get_ylabel()]
+    assert labels == [r"$\alpha$ [rad]", "$x$ [m]", "$F$ [N]"]
+    assert [a.get_xlabel() for a in panels if a.get_xlabel()] == ["time $t$ [s]"] * 2
+    for row, axes in enumerate(panels[::2]):
+        assert any(list(a.get_xdata()) == [motion.collisions[0].time] * 2 for a in axes.lines)
         if row < 2:
-            curves = [line.get_xydata() for line in axes.lines if line.get_linestyle() == "-"]
+            curves = [a.get_xydata() for a in axes.lines if len(a.get_xdata()) > 2]
         else:
             curves = [
                 np.column_stack([s.get_data().edges[:-1], s.get_data().values])
@@ -118,8 +121,35 @@ def test_motions_stand_side_by_side_with_their_collisions(
         ]
         assert len(curves) == len(wanted) == 2
         for curve, (values, times) in zip(curves, wanted, strict=True):
-            np.testing.assert_array_equal(curve, np.column_stack([times, values]))
+            np.testing.assert_allclose(curve, np.column_stack([times, values]), rtol=1e-15)
     assert (tmp_path / "best.pdf").read_bytes().startswith(b"%PDF-")
+
+
+def test_the_best_motions_are_drawn_at_one_scale_and_nothing_is_cut_off(
+    solution: dmoc.Solution,
+) -> None:
+    motion = solution.trajectory
+    figure = plot_motions([("left", 1.0, motion), ("again", 2.0, motion)], style="dark")
+    figure.canvas.draw()
+    ways = [a.transData.transform([(0, 0), (1, 0)]) for a in figure.axes[:2]]
+    scales = [way[1, 0] - way[0, 0] for way in ways]
+    assert scales[0] == pytest.approx(scales[1], rel=1e-6)
+    masses = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+    assert len(masses) == 2 * 7  # of both phases
+    for axes in figure.axes:
+        box = axes.get_tightbbox()
+        assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
+        assert figure.bbox.y0 <= box.y0 and box.y1 <= figure.bbox.y1
+    assert {to_hex(a.get_facecolor()) for a in figure.axes} == {DARK.paper}
+
+
+def test_verdicts_differ_in_more_than_their_colours() -> None:
+    nodes = [((), "optimal", 1.0), *(((v,), v, None) for v in VERDICTS if v != "optimal")]
+    (axes,) = plot_tree(nodes).axes
+    boxes = [text.get_bbox_patch() for text in axes.texts]
+    edges = {(str(b.get_linestyle()), b.get_linewidth(), to_hex(b.get_edgecolor())) for b in boxes}
+    assert len(edges) == len(VERDICTS)
+    assert to_hex(plot_tree(nodes, style="dark").get_facecolor()) == DARK.paper
 
 
 def test_a_search_draws_its_nodes_and_its_best_motions(

@@ -52,10 +52,13 @@ def plot(
             "--out", help="Figure file (.png, .pdf, .svg); by default beside the solution, as .png."
         ),
     ] = None,
+    velocities: Annotated[bool, typer.Option("--velocities", help="Draw velocities too.")] = False,
+    dark: Annotated[bool, typer.Option("--dark", help="Draw on a dark background.")] = False,
 ) -> None:
     """Draw a solution: snapshots, positions, momenta, inputs."""
     from dmoc.solution import Solution
 
     path = target or solution.with_suffix(".png")
-    Solution.load(solution).plot(path)
+    style = "dark" if dark else "light"
+    Solution.load(solution).plot(path, velocities=velocities, style=style)
     out.print(str(path), highlight=False, soft_wrap=True)
