@@ -1,4 +1,7 @@
-"""A block pushed against a wall and back to where it started, for elastic, lossy and plastic
+"""A block and a wall
+==================
+
+A block pushed against a wall and back to where it started, for elastic, lossy and plastic
 impacts.
 
 Unfolding the wall makes the motion a free one, so that the least cost has a closed form: before the
@@ -7,7 +10,7 @@ distance 1 again, and t and w minimise
 
     J(t, w) = (6 - 6 w t + 2 w^2 t^2) / t^3 + (6 - 6 e w s + 2 e^2 w^2 s^2) / s^3,    s = 1 - t.
 
-Run:  python examples/block_and_wall.py [FOLDER]
+Run:  ``python examples/block_and_wall.py [FOLDER]``
 """
 
 import sympy as sp

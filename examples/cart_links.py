@@ -1,10 +1,13 @@
-"""A cart carries a chain of links from rest to rest; on the way the first link must bounce off a
+"""A chain of links on a cart
+==========================
+
+A cart carries a chain of links from rest to rest; on the way the first link must bounce off a
 stop on the cart.
 
 No value is published: the midpoint rule is compared with the discretisation of order 4, and with
 the momentum that the impulse must change.
 
-Run:  python examples/cart_links.py [FOLDER] [LINKS]
+Run:  ``python examples/cart_links.py [FOLDER] [LINKS]``
 """
 
 import sys

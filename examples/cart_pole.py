@@ -1,9 +1,12 @@
-"""Swing up a pole on a cart, after M. Kelly, "An Introduction to Trajectory Optimization" (2017):
+"""Swing-up of a cart-pole
+=======================
+
+Swing up a pole on a cart, after M. Kelly, "An Introduction to Trajectory Optimization" (2017):
 least int F^2 dt, 58.88 in Dymos' test.
 
 Kelly's straight guess leads to his motion, the automatic guesses to a cheaper one.
 
-Run:  python examples/cart_pole.py [FOLDER]
+Run:  ``python examples/cart_pole.py [FOLDER]``
 """
 
 import numpy as np

@@ -1,4 +1,7 @@
-"""Two legs that walk down a slope without inputs: the passive compass gait.
+"""The passive compass gait
+========================
+
+Two legs that walk down a slope without inputs: the passive compass gait.
 
 Hip and legs float freely; the foot of the stance leg is held by the floor and by friction, the
 other foot lands while it leaves, and the motion ends as it began with the legs exchanged.  Legs
@@ -6,7 +9,7 @@ without knees scuff the floor as they swing, which is ignored, as usual.  There 
 short and a long one; the known period of the long one, 0.734346391 s, is that of an event-driven
 simulation with 1e-12.
 
-Run:  python examples/compass_gait.py [FOLDER]
+Run:  ``python examples/compass_gait.py [FOLDER]``
 """
 
 from math import radians

@@ -1,10 +1,13 @@
-"""A finger of two links flicks a puck, which slides over the table and comes to rest at a mark.
+"""A finger flicks a puck
+======================
+
+A finger of two links flicks a puck, which slides over the table and comes to rest at a mark.
 
 The tip of the finger hits the puck (e = 0.5), which sticks to the table until then and slides
 afterwards; friction stops it at the mark.  How fast it has to leave follows from the distance
 alone, v = sqrt(2 mu g d); when and how the finger swings is found.
 
-Run:  python examples/finger_puck.py [FOLDER]
+Run:  ``python examples/finger_puck.py [FOLDER]``
 """
 
 from math import sin

@@ -1,10 +1,13 @@
-"""Swing up the pendulum from hanging at rest, through a collision and past a point where the cart
+"""Swing-up from hanging
+=====================
+
+Swing up the pendulum from hanging at rest, through a collision and past a point where the cart
 cannot turn the pendulum (alpha = 0).
 
 No value is published: the midpoint rule is compared with the discretisation of order 4 on a refined
 mesh, and the simulation confirms the motion.
 
-Run:  python examples/hanging.py [FOLDER]
+Run:  ``python examples/hanging.py [FOLDER]``
 """
 
 from showing import show

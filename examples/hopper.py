@@ -1,11 +1,14 @@
-"""A one-legged hopper: a body on a springy leg with a motor in the leg and one in the hip hops
+"""A hopper with impacts
+=====================
+
+A one-legged hopper: a body on a springy leg with a motor in the leg and one in the hip hops
 forward, each hop like the one before.
 
 The foot hits the ground with restitution 0.5 and leaves it at once.  In a period T the ground's
 only impulse must carry the weight, lam = M g T, and keep the forward momentum, since it is normal
 to the ground: both are known without solving anything.
 
-Run:  python examples/hopper.py [FOLDER]
+Run:  ``python examples/hopper.py [FOLDER]``
 """
 
 import sympy as sp

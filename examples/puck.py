@@ -1,11 +1,14 @@
-"""A puck among four walls must change its velocity; the walls do the work.  Which walls, and in
+"""A puck among four walls
+=======================
+
+A puck among four walls must change its velocity; the walls do the work.  Which walls, and in
 which order?
 
 Unfolding the walls makes every sequence a free motion with the least cost 6 d^2 / T^3 - 6 d w / T^2
 + 2 w^2 / T in each direction, where d is the distance beyond v_0 T and w the change of the
 velocity.
 
-Run:  python examples/puck.py [FOLDER]
+Run:  ``python examples/puck.py [FOLDER]``
 """
 
 from showing import show

@@ -1,11 +1,14 @@
-"""Push it or flick it?  A search over contacts that hit, land, stay and leave, and over friction.
+"""Push it or flick it?
+====================
+
+A search over contacts that hit, land, stay and leave, and over friction.
 
 A driven mass shall bring a block, which rests on a rail with dry friction, to a mark 1 m away,
 where it stays, in at most 2.5 s with the least effort int u^2 dt.  It may hit the block (e = 0.8),
 land on it and push for a while, or push all the way; the block sticks or slides.  Nothing of the
 order is given.  To hit it twice costs less than to hit it once, and that less than to push it.
 
-Run:  python examples/push_or_flick.py [FOLDER]
+Run:  ``python examples/push_or_flick.py [FOLDER]``
 """
 
 import sympy as sp

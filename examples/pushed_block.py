@@ -1,11 +1,14 @@
-"""A block pushed over a rail with dry friction: it sticks, slides and sticks again.
+"""A block on a rail with friction
+===============================
+
+A block pushed over a rail with dry friction: it sticks, slides and sticks again.
 
 The push costs int u^2/2 dt, so that it pays to slide for a part of the time only.  While the block
 slides for the time s over the distance d against the friction f, the least cost is
 6 d^2/s^3 + f^2 s/2, which is least at s = sqrt(6 d/f): J = (2/3) sqrt(6 d f^3).  When the slide
 begins is free, as long as there is time for it.
 
-Run:  python examples/pushed_block.py [FOLDER]
+Run:  ``python examples/pushed_block.py [FOLDER]``
 """
 
 import sympy as sp

@@ -1,8 +1,12 @@
-"""Search for the best sequence of collisions on a dask.distributed cluster.
+"""A search on a cluster
+=====================
 
-Run:  python examples/search_dask.py [SCHEDULER] Without the address of a scheduler, one is started
-on this machine with two worker processes.  The kernels are built once here and travel to workers
-that do not find them.
+Search for the best sequence of collisions on a dask.distributed cluster.  The kernels are built
+once here and travel to workers that do not find them.
+
+Run:  ``python examples/search_dask.py [SCHEDULER]``
+
+Without the address of a scheduler, one is started on this machine with two worker processes.
 """
 
 import sys

@@ -1,9 +1,12 @@
-"""Swing up the pendulum of Kern & Gross (2018) by bouncing it off the left limiter.
+"""Swing-up through a collision
+============================
+
+Swing up the pendulum of Kern & Gross (2018) by bouncing it off the left limiter.
 
 The reference value is that of an independent transcription of the same discrete problem; as the
 steps get smaller the cost tends to 129.9843.
 
-Run:  python examples/seed.py [FOLDER]
+Run:  ``python examples/seed.py [FOLDER]``
 """
 
 from showing import show

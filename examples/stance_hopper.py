@@ -1,10 +1,13 @@
-"""A hopper with a spring in its leg: it pushes off, flies, lands and stands again.
+"""A hopper that stands and flies
+==============================
+
+A hopper with a spring in its leg: it pushes off, flies, lands and stands again.
 
 The leg's foot has a mass; the floor holds it while it stands, cannot pull it, and takes the speed
 of the foot when it lands.  The flight shall last 0.35 s, and effort costs: the hopper swings on its
 spring before it leaves.
 
-Run:  python examples/stance_hopper.py [FOLDER]
+Run:  ``python examples/stance_hopper.py [FOLDER]``
 """
 
 import sympy as sp

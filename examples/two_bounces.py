@@ -1,10 +1,13 @@
-"""A ball is shot up from the floor so that its peak after two lossy bounces is half a metre high:
+"""Two bounces
+===========
+
+A ball is shot up from the floor so that its peak after two lossy bounces is half a metre high:
 how fast?
 
 Each bounce keeps 0.9 of the speed, so that v0 = sqrt(2 g 0.5) / 0.81; there is no input, and the
 three durations are free.
 
-Run:  python examples/two_bounces.py [FOLDER]
+Run:  ``python examples/two_bounces.py [FOLDER]``
 """
 
 import sympy as sp

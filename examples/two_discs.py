@@ -1,10 +1,13 @@
-"""A disc is pushed so that it knocks another one into the origin, after Zhong, Han and Brikis,
+"""Two discs
+=========
+
+A disc is pushed so that it knocks another one into the origin, after Zhong, Han and Brikis,
 "Differentiable Physics Simulations with Contacts" (2022), task 3; several differentiable simulators
 miss the optimum, J = 1.39654216.
 
 The gap is one between two bodies, and its normal turns with them; the cost has a terminal part.
 
-Run:  python examples/two_discs.py [FOLDER]
+Run:  ``python examples/two_discs.py [FOLDER]``
 """
 
 import numpy as np

@@ -1,10 +1,11 @@
-"""A step of a walker with five links, RABBIT (Chevallereau et al., IEEE Control Systems Magazine 23
-(2003) 57-79), which finds its own gait from the length of the step and its time.
+"""A step of a walker with five links
+==================================
 
-The floor and friction hold the stance foot; the other foot lands plastically while that one leaves,
-and the next step is the same with the legs exchanged.
+RABBIT (Chevallereau et al., IEEE Control Systems Magazine 23 (2003) 57-79) finds its own gait from
+the length of the step and its time.  The floor and friction hold the stance foot; the other foot
+lands plastically while that one leaves, and the next step is the same with the legs exchanged.
 
-Run:  python examples/walker.py [FOLDER]
+Run:  ``python examples/walker.py [FOLDER]``
 """
 
 import numpy as np
