@@ -43,6 +43,18 @@ def build(
         If an expression cannot be turned into C.
     BuildError
         If the compiler is missing (with backend="compiled") or fails.
+
+    Returns
+    -------
+    Kernels
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.registry import find
+    >>> kernels = dmoc.build(find("puck_table").system(), backend="numpy")
+    >>> kernels.coordinates, kernels.inputs, list(kernels.surfaces)
+    (['x', 'y'], ['f_x', 'f_y'], ['west', 'east', 'south', 'north'])
     """
     from dmoc.codegen.text import c_files, manifest, numpy_text
     from dmoc.symbolic.families import model_key, model_spec

@@ -1,7 +1,8 @@
 """Contacts that last and friction: their rows and terms.
 
 A phase with closed contacts and friction has normal impulses P_k >= 0 and tangential ones T_k at
-each of its nodes, the ends among them, and velocities v- before and v+ after its events::
+each of its nodes, the ends among them, and velocities v- before and v+ after its events (equations
+:eq:`del-contact` to :eq:`events` of the theory)::
 
     momentum   ... - sum P_k grad g(q_k) + sum T_k grad tau(q_k) = 0     also of arrival, departure
     closed     g(q_k) = 0                         at the nodes after the first one

@@ -2,7 +2,7 @@
 
 At a collision with surface j the momentum jumps by an impulse lam >= 0 along the gradient of the
 gap, and the rates gamma- of the gap before and gamma+ after it obey Newton's law of restitution,
-gamma+ = -e gamma-::
+gamma+ = -e gamma- (equations :eq:`impact` to :eq:`approach` of the theory)::
 
     momentum    r_plus(before) + r_minus(after) = lam grad g(q_c)
     arrival     r_plus(last step before) - dL/dv(q_c, v_a) = 0

@@ -145,6 +145,24 @@ class Problem:
         If a name is unknown, a value is missing, not finite or reversed, the start or goal lies
         outside the admissible set, the mass matrix at the start is not positive definite, or the
         contacts do not fit the sequence or the start.
+
+    Examples
+    --------
+    A puck among four walls, from one state to another one by way of the wall in the east:
+
+    >>> import dmoc
+    >>> problem = dmoc.Problem(
+    ...     dmoc.load("puck_table"),
+    ...     start={"x": 0.3, "y": 0.2, "x_dot": 1.5},
+    ...     goal={"x": 0.4, "y": (0.5, None)},
+    ...     sequence=["east"],
+    ...     steps=20,
+    ...     final_time=(0.5, 2.0),
+    ... )
+    >>> problem.phases
+    2
+    >>> problem.but(sequence=["east", "north"]).phases
+    3
     """
 
     kernels: Kernels

@@ -213,6 +213,18 @@ def search(
     ------
     SearchError
         If an argument does not fit.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> result = dmoc.search(problem.but(steps=20), max_collisions=1)
+    >>> result.best.sequence, round(result.best.cost, 2)
+    (('east',), 2.82)
+    >>> [node.name for node in result.ranked()][:2]
+    ['east', 'west']
     """
     if not isinstance(problem, Problem):
         raise SearchError(

@@ -60,6 +60,34 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
     ------
     SimulationError
         If the kernels are not those of the motion's model, or the time of ``seconds`` is used up.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        That of a solution.
+    kernels : Kernels
+        Those of its model.
+    seconds : float, optional
+        Time limit.
+
+    Returns
+    -------
+    Verification
+
+    Notes
+    -----
+    What is compared is equation :eq:`measures` of the theory; the flow with contacts is :eq:`dae`.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> solution = dmoc.solve(problem.but(sequence=["east"]), "ipm", starts=1, verify=False)
+    >>> check = dmoc.verify(solution.trajectory, problem.kernels)
+    >>> check.passed, check.missed_contacts, check.extra_contacts
+    (True, (), ())
     """
     if not isinstance(trajectory, Trajectory):
         raise SimulationError(

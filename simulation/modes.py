@@ -1,7 +1,7 @@
 """The modes of a motion: which contacts are closed and what sticks or slides, with the
 accelerations and the forces that belong to them.
 
-In a mode the motion obeys
+In a mode the motion obeys (equation :eq:`dae` of the theory)
 
     M a = F(q, v, u, t) - sum_j N_j grad g_j + sum_j T_j grad tau_j
 

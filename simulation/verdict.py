@@ -46,7 +46,7 @@ class Verification:
     segment_defects : array
         Error over each of ten segments a phase, started at its first node.
     energy_error : float
-        Largest |E(end) - E(start) - work| of a phase, or jump of the energy at a collision,
+        Largest abs(E(end) - E(start) - work) of a phase, or jump of the energy at a collision,
         relative to the largest kinetic energy.
     impact_error : float
         Largest error of the law of impact: of the rate of the gap after a collision, and of its

@@ -144,6 +144,19 @@ def solve_many(
     ------
     ProblemError
         If an argument does not fit.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> problem = problem.but(sequence=["east"])
+    >>> batch = dmoc.solve_many([problem.but(final_time=t) for t in (1.5, 2.0, 2.5)])
+    >>> batch.status
+    ('solved', 'solved', 'solved')
+    >>> batch.cost.round(2)
+    array([4.97, 2.82, 1.94])
     """
     given = list(problems)
     for i, problem in enumerate(given):

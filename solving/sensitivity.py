@@ -30,6 +30,33 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     ------
     ProblemError
         If the solution belongs to another problem, or is none.
+
+    Parameters
+    ----------
+    problem : Problem
+        The one that was solved, with the steps of the solution.
+    solution : Solution
+
+    Returns
+    -------
+    Sensitivities
+
+    Notes
+    -----
+    Equation :eq:`sensitivity` of the theory.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> problem = problem.but(sequence=["east"])
+    >>> change = dmoc.sensitivities(problem, dmoc.solve(problem, "ipm"))
+    >>> round(change["final_time"], 2)
+    -2.53
+    >>> sorted(change["parameters"])
+    ['a', 'b', 'm']
     """
     check_problem(problem)
     if not isinstance(solution, Solution):

@@ -120,6 +120,24 @@ def solve(
     ------
     ProblemError
         If an argument does not fit.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> solution = dmoc.solve(problem.but(sequence=["east"]), "ipm")
+    >>> solution.status, round(solution.cost, 3)
+    (<Status.SOLVED: 'solved'>, 2.815)
+    >>> again = dmoc.solve(problem.but(sequence=["east"], steps=80), "ipm", guess=solution)
+    >>> again.starts, round(again.cost, 3)
+    (0, 2.815)
+
+    Notes
+    -----
+    The program is equation :eq:`program` of the theory, "solved" means :eq:`optimality` and
+    :eq:`measures`.
     """
     check_problem(problem)
     if problem.open_hits:

@@ -77,6 +77,16 @@ def sweep(
     ------
     ProblemError
         If an argument does not fit.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> batch = dmoc.sweep(problem.but(sequence=["east"]), {"m": [0.5, 1.0]})
+    >>> batch.given["m"], batch.cost.round(3)
+    (array([0.5, 1. ]), array([0.704, 2.815]))
     """
     check_problem(problem)
     given = {"parameters": parameters, "start": start, "goal": goal, "bounds": bounds}

@@ -1,5 +1,5 @@
 """The step element: discrete Lagrangian, forces, momenta, energies and cost of one step (Galerkin
-variational integrators).
+variational integrators); equations :eq:`interpolation` to :eq:`midpoint` of the theory.
 
 A step of size h from t_k carries a polynomial q(c) of degree d through its nodes, c in [0, 1], and
 every integral over the step is taken by Gauss quadrature with points c_i and weights b_i.  With the

@@ -25,6 +25,12 @@ class Link:
 
     Points are pairs of SymPy expressions in coordinates, parameters and the time, or matrices of
     two entries; x points to the right, y upwards.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> dmoc.Link((0, 0), (0, -1), (1, -1)).points
+    ((0, 0), (0, -1), (1, -1))
     """
 
     points: tuple[Place, ...]
@@ -40,7 +46,14 @@ class Link:
 
 @dataclass(frozen=True)
 class Point:
-    """A point mass."""
+    """A point mass.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> dmoc.Point(at=(0, 1)).at
+    (0, 1)
+    """
 
     at: Any
 
@@ -50,7 +63,14 @@ class Point:
 
 @dataclass(frozen=True)
 class Disc:
-    """A disc; a mark shows its angle in rad, which grows counterclockwise."""
+    """A disc; a mark shows its angle in rad, which grows counterclockwise.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> dmoc.Disc(centre=(0, 1), radius=0.2).radius
+    0.200000000000000
+    """
 
     centre: Any
     radius: Any
@@ -64,7 +84,14 @@ class Disc:
 
 @dataclass(frozen=True)
 class Box:
-    """A rectangle around its centre, turned by an angle in rad counterclockwise."""
+    """A rectangle around its centre, turned by an angle in rad counterclockwise.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> dmoc.Box(centre=(0, 0), width=0.4, height=0.2).width
+    0.400000000000000
+    """
 
     centre: Any
     width: Any
@@ -80,7 +107,14 @@ class Box:
 
 @dataclass(frozen=True)
 class Spring:
-    """A spring between two points."""
+    """A spring between two points.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> dmoc.Spring(a=(0, 0), b=(0, 1)).b
+    (0, 1)
+    """
 
     a: Any
     b: Any
@@ -93,7 +127,14 @@ class Spring:
 @dataclass(frozen=True)
 class Wall:
     """A wall or a floor from a to b, solid on the right as one looks from a to b: a floor goes from
-    left to right."""
+    left to right.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> dmoc.Wall(a=(-1, 0), b=(1, 0)).a
+    (-1, 0)
+    """
 
     a: Any
     b: Any
@@ -116,6 +157,12 @@ class Contact:
     normal : pair
         Direction in which the surface pushes what it touches; of any length but zero.  Friction is
         drawn along the normal turned by 90 degrees clockwise: to the right over a floor.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> dmoc.Contact("floor", at=(0, 0), normal=(0, 1)).normal
+    (0, 1)
     """
 
     surface: str

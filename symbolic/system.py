@@ -87,6 +87,26 @@ class MechanicalSystem:
     Expressions are SymPy expressions or real numbers; text is refused, because SymPy would run it
     as Python.  Signs and letters follow Kern & Gross, "A Variational Approach to Optimal Control of
     Underactuated Mechanical Systems with Collisions" (2018).
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from sympy.physics.mechanics import dynamicsymbols
+    >>> import dmoc
+    >>> x, u = dynamicsymbols("x u")
+    >>> m = sp.Symbol("m")
+    >>> system = dmoc.MechanicalSystem(
+    ...     "cart",
+    ...     coordinates=[x],
+    ...     inputs=[u],
+    ...     lagrangian=m * x.diff() ** 2 / 2,
+    ...     forces={x: u},
+    ...     surfaces={"wall": x <= 1},
+    ...     parameters={m: 2.0},
+    ...     cost=u**2,
+    ... )
+    >>> system.gaps, system.mass_matrix
+    ({'wall': x(t) - 1}, Matrix([[m]]))
     """
 
     name: str

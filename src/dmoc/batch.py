@@ -64,6 +64,19 @@ class Batch:
         Time of all together.
     solutions : tuple of Solution or None
         Only with ``keep=True``; not part of files.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> batch = dmoc.sweep(problem, start={"x": [0.2, 0.3]})
+    >>> batch.counts, len(batch)
+    ({'solved': 2}, 2)
+    >>> list(batch.columns())[:4]
+    ['start x', 'status', 'cost', 'final_time']
+    >>> path = batch.to_csv("puck.csv")
     """
 
     given: Mapping[str, Array]

@@ -3,7 +3,17 @@ remedy."""
 
 
 class DmocError(Exception):
-    """Base of every error that dmoc raises on purpose."""
+    """Base of every error that dmoc raises on purpose.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> try:
+    ...     dmoc.load("pendulum")
+    ... except dmoc.DmocError as error:
+    ...     print(type(error).__name__, "-", str(error)[:24])
+    ModelError - unknown model 'pendulum'
+    """
 
 
 class ModelError(DmocError):

@@ -99,6 +99,26 @@ def load(reference: str, *, order: int | None = None) -> Kernels:
 
     ``order`` is that of the discretisation; None stands for what there is: 2, or that of a Problem
     in a file.
+
+    Parameters
+    ----------
+    reference : str
+    order : {2, 4, 6}, optional
+
+    Returns
+    -------
+    Kernels
+
+    Raises
+    ------
+    ModelError
+        If there is no such model, file or name, or not of that order.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> dmoc.load("cart_pendulum").coordinates
+    ['alpha', 'x']
     """
     if order is not None:
         order = known_order(order)

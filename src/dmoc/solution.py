@@ -141,6 +141,23 @@ class Solution:
     scale : mapping of str to float
         Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off
         the start.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> solution = dmoc.solve(problem.but(sequence=["east"]), "ipm", starts=1)
+    >>> print(solution)
+    puck_table: solved, cost 2.815..., final time 2 s; east at 0.473... s, impulse 2.80...
+    >>> solution.phases[0].q.shape, solution.phases[1].u.shape
+    ((41, 2), (40, 2))
+    >>> solution.verification["passed"]
+    True
+    >>> path = solution.save("puck.npz")
+    >>> dmoc.Solution.load(path).cost == solution.cost
+    True
     """
 
     status: Status
@@ -276,7 +293,7 @@ class Solution:
 
     def verify(self, kernels: Kernels | None = None, seconds: float | None = None) -> Verification:
         """Check the motion by an independent simulation, within a time limit if one is given; see
-        :func:`dmoc.simulation.check.verify`.
+        :func:`dmoc.verify`.
 
         Raises
         ------
