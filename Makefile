@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # setuptools warns of the folders beside setup.py in every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
-.PHONY: demo test test-fast test-wheels check bench ladder release clean
+.PHONY: demo test test-fast test-wheels check docs linkcheck bench ladder release clean
 
 demo: $(VENV)/.installed-demo
 	@$(BIN)/python examples/seed.py demo
@@ -24,6 +24,14 @@ check: $(VENV)/.installed-check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest tests/codegen/test_generated.py -k committed
+
+# Examples that have not changed are not run again; those that have take about a minute in all.
+docs: $(VENV)/.installed-docs
+	$(BIN)/sphinx-build -W --keep-going -n -q -b html docs docs/_build/html
+
+# Links to other sites, which needs the network.
+linkcheck: $(VENV)/.installed-docs
+	$(BIN)/sphinx-build -W --keep-going -q -b linkcheck docs docs/_build/links
 
 # opty is installed without cyipopt, which it needs for solving alone and which cannot be installed without Ipopt's headers;
 # nosnoc needs nothing beside what is there.
@@ -61,6 +69,10 @@ $(VENV)/.installed-check: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) '.[test,check]'
 	@touch $@
 
+$(VENV)/.installed-docs: $(SOURCES) | $(VENV)/bin/python
+	$(INSTALL) '.[docs]'
+	@touch $@
+
 $(VENV)/.installed-bench: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) '.[bench]'
 	@$(BIN)/python -m pip install --quiet --no-deps 'opty>=1.5' 'nosnoc>=0.2'
@@ -71,5 +83,5 @@ $(VENV)/.installed-release: pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 clean:
-	rm -rf $(VENV) build dist demo *.egg-info
+	rm -rf $(VENV) build dist demo *.egg-info docs/_build docs/examples docs/reference/names examples/figures
 	find . -name '*.so' -not -path './$(VENV)/*' -delete

@@ -1,0 +1,51 @@
+"""Every public object is documented, and its examples run."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+from pathlib import Path
+
+import pytest
+from pages import DOCS, write_shared
+
+import dmoc
+from dmoc import errors
+
+PUBLIC = sorted(dmoc.__all__)
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_public_name_has_the_sections_of_numpydoc(name: str) -> None:
+    thing = getattr(dmoc, name)
+    text = inspect.getdoc(thing) or ""
+    assert text.partition("\n\n")[0].endswith("."), text
+    assert "Examples\n--------\n" in text
+    if inspect.isfunction(thing):
+        documented = text.partition("Examples\n--------\n")[0]
+        assert all(p in documented for p in inspect.signature(thing).parameters)
+        assert "Returns\n-------\n" in text and "Raises\n------\n" in text
+
+
+def test_the_reference_lists_every_public_name_and_every_error() -> None:
+    listed = set((DOCS / "reference" / "index.rst").read_text().split())
+    kinds = [f"dmoc.errors.{n}" for n, e in vars(errors).items() if isinstance(e, type)]
+    missing = {f"dmoc.{name}" for name in PUBLIC} - listed
+    assert not missing and set(kinds) - listed == {"dmoc.errors.DmocError"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PUBLIC)
+def test_examples_of_a_public_name_run(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_shared(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    runner, told = doctest.DocTestRunner(optionflags=FLAGS), []
+    found = doctest.DocTestFinder().find(getattr(dmoc, name), name, module=False, globs={})
+    for example in found:
+        runner.run(example, out=told.append)
+    assert runner.summarize(verbose=False).attempted and not runner.failures, "".join(told)

@@ -1,0 +1,92 @@
+"""The pages of the manual and the README run, and say what is printed."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib
+import pytest
+from pages import DOCS, ROOT, agrees, commands_of, run, updated, write_shared
+
+from dmoc import errors
+from dmoc.cli.app import app
+from dmoc.sequences.nodes import Verdict
+from dmoc.solvers.outcome import Status
+
+pytestmark = pytest.mark.slow
+
+PAGES = sorted(
+    page
+    for page in (*DOCS.rglob("*.md"), ROOT / "README.md")
+    if "```python" in page.read_text() and not page.is_relative_to(DOCS / "_build")
+)
+
+
+def name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    write_shared(tmp_path)
+    with matplotlib.rc_context(), pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MPLBACKEND", "Agg")
+        yield tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_page_prints_what_it_shows(
+    page: Path, folder: Path, request: pytest.FixtureRequest
+) -> None:
+    text = page.read_text()
+    if request.config.getoption("--update"):
+        page.write_text(updated(text, folder))
+        return
+    shown = [(block.content, printed) for block, printed in run(text, folder)]
+    assert all(shown == "" or agrees(shown, printed) for shown, printed in shown), shown
+
+
+def test_outputs_are_told_apart(tmp_path: Path) -> None:
+    page = "```python\nprint(1 + 1)\n```\n\n```output\n3\n```\n"
+    ((block, printed),) = run(page, tmp_path)
+    assert printed == "2\n" and not agrees(block.content, printed)
+    assert "```output\n2\n```" in updated(page, tmp_path)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_commands_of_a_page_are_understood(
+    page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from typer.testing import CliRunner
+
+    monkeypatch.chdir(folder)
+    for arguments in commands_of(page.read_text()):
+        with warnings.catch_warnings():
+            result = CliRunner().invoke(app, arguments)
+        assert result.exit_code in (0, 1), (arguments, result.output)
+
+
+def test_every_error_and_every_status_has_an_entry() -> None:
+    kinds = {n for n, e in vars(errors).items() if isinstance(e, type)} - {"DmocError"}
+    entries = _headings(DOCS / "troubleshooting.md")
+    assert kinds <= entries, kinds - entries
+    verdicts = DOCS / "verdicts.md"
+    assert {str(s) for s in Status} <= _headings(verdicts)
+    assert all(f"| `{v.value}` |" in verdicts.read_text() for v in Verdict)
+    links = (DOCS / "troubleshooting.md").read_text()
+    assert all(f"(verdicts.md#{s})" in links for s in Status)
+
+
+def test_equations_that_docstrings_cite_are_on_the_theory_page() -> None:
+    labels = set(re.findall(r"^\$\$ \(([\w-]+)\)$", (DOCS / "theory.md").read_text(), re.MULTILINE))
+    assert len(labels) > 20
+    places = (*ROOT.glob("[a-z]*/*.py"), *ROOT.glob("src/dmoc/*.py"))
+    cited = {label for p in places for label in re.findall(r":eq:`([\w-]+)`", p.read_text())}
+    assert cited and cited <= labels, cited - labels
+
+
+def _headings(page: Path) -> set[str]:
+    return set(re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE))
