@@ -62,6 +62,15 @@ class Simulation:
     trajectory : Trajectory
         The motion as phases between its events, like that of a solution, with the scene of a model
         that has a drawing.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> motion = dmoc.simulate(
+    ...     dmoc.load("puck_table"), {"x": 0.3, "y": 0.2}, {"x": 1.5}, step_size=0.1, steps=10
+    ... )
+    >>> motion.q.shape, len(motion.collisions)
+    ((11, 2), 1)
     """
 
     t: Array
@@ -178,12 +187,12 @@ def simulate(
     collision: first (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam)
     from the balance of energy and the conservation of tangential momentum.  Several collisions in
     one step are handled one after the other; impacts on several surfaces at the same moment too,
-    see :func:`dmoc.simulation.contacts.simultaneous`.  Ctrl-C ends a run, which leaves the
+    see ``dmoc.simulation.contacts.simultaneous``.  Ctrl-C ends a run, which leaves the
     interpreter to other threads.
 
     Where the motion stays on a surface, or bounces that accumulate come to rest on it, and in
     models with friction from the start on, it goes on by the continuous equations of one mode of
-    contact and friction after the other, see :mod:`dmoc.simulation.contact_motion`.  One hit with
+    contact and friction after the other, see ``dmoc.simulation.contact_motion``.  One hit with
     friction obeys Poisson's law of impact.
 
     The motion of a solution is found anew: its collisions are those that its inputs lead to.  The
@@ -222,6 +231,19 @@ def simulate(
         If an argument does not fit, a step has no solution, the mass matrix becomes singular,
         collisions accumulate without coming to rest (Zeno), no state of contact obeys the law of
         Coulomb, or several contacts with friction are hit at once and are not plastic.
+
+    Examples
+    --------
+    A pendulum without inputs that bounces off a wall keeps its energy:
+
+    >>> import dmoc
+    >>> motion = dmoc.simulate(
+    ...     dmoc.load("bouncing_pendulum"), {"theta": 1.0}, step_size=0.01, steps=300
+    ... )
+    >>> [collision.surface for collision in motion.collisions]
+    ['wall', 'wall', 'wall']
+    >>> bool(abs(motion.energy - motion.energy[0]).max() < 1e-3)
+    True
     """
     if isinstance(kernels, Solution):
         given = _Given(position, velocity, inputs, parameters, restitution)
