@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dmoc.codegen.border import functions
 from dmoc.errors import BuildError
+from dmoc.table import Shown, Table
 
 Array = NDArray[np.float64]
 COMPILED = "compiled"
@@ -21,7 +22,7 @@ NUMPY = "numpy"
 
 
 @dataclass(frozen=True)
-class Kernels:
+class Kernels(Shown):
     """The kernels of one model.
 
     Attributes
@@ -45,6 +46,34 @@ class Kernels:
     backend: str
     seconds: float = 0.0
     reference: str = field(default="", compare=False)
+
+    def __repr__(self) -> str:
+        return f"<Kernels of {self.name}: order {self.manifest['order']}, {self.backend}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        m = self.manifest
+        stored = sum(sum(sizes) for sizes in self._sizes.values())
+        rows = [
+            ("model", str(m["title"])),
+            ("discretisation", f"order {m['order']}"),
+            ("coordinates", _listed(self.coordinates, m["units"])),
+            ("inputs", _listed(self.inputs, m["units"])),
+            ("surfaces", ", ".join(self.surfaces) or "none"),
+        ]
+        if self.tangents:
+            rows.append(("tangents", ", ".join(self.tangents)))
+        if m["path_constraints"]:
+            rows.append(("path constraints", ", ".join(m["path_constraints"])))
+        known = (
+            f"{name} = {'to be given' if value is None else format(value, 'g')}"
+            for name, value in self.parameters.items()
+        )
+        rows.append(("parameters", ", ".join(known) or "none"))
+        rows.append(("kernels", f"{len(m['kernels'])}, {stored} results, {self.backend}"))
+        if self.seconds:
+            rows.append(("built", f"in {self.seconds:.2f} s"))
+        return Table(tuple(rows), title=f"kernels of {self.name}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Kernels travel between processes as their sources; see
@@ -141,6 +170,12 @@ class Kernels:
                     places.flags.writeable = False
                     found[kernel, o["name"]] = (places[0], places[1])
         return found
+
+
+def _listed(names: list[str], units: Mapping[str, str]) -> str:
+    """Names with their units."""
+    given = (f"{name} [{units[name]}]" if name in units else name for name in names)
+    return ", ".join(given) or "none"
 
 
 def _size(output: Mapping[str, Any]) -> int:

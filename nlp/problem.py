@@ -28,7 +28,9 @@ from dmoc.mechanics.modes import (
 )
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
 from dmoc.nlp.admissible import check_admissible, check_contacts, check_mass_matrix
+from dmoc.nlp.statement import statement_in_short, table_of
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
+from dmoc.table import Shown, Table
 
 if TYPE_CHECKING:
     from dmoc.codegen.of_system import GivenModel
@@ -76,7 +78,7 @@ class Relation:
 
 
 @dataclass(frozen=True)
-class Problem:
+class Problem(Shown):
     """An optimal control problem for a fixed sequence of collisions.
 
     Parameters
@@ -256,6 +258,13 @@ class Problem:
         check_admissible(self, "start", self.start_bounds)
         check_admissible(self, "goal", self.goal_bounds)
         check_contacts(self)
+
+    def __repr__(self) -> str:
+        return f"<Problem of {self.kernels.name}: {statement_in_short(self)}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        return table_of(self)
 
     def but(self, **changes: Any) -> Problem:
         """Return the same problem with some fields replaced."""

@@ -24,10 +24,12 @@ from dmoc.sequences.journal import Journal
 from dmoc.sequences.judgement import CONFIRMED, judged
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Processes, Workers, here, in_executor
+from dmoc.sequences.result import best_of, table_of
 from dmoc.sequences.settings import STARTS, Settings, check, events_of, shortest_of, surfaces_of
 from dmoc.sequences.tree import Tree
 from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.workers import NoMoreWork
+from dmoc.table import Shown, Table
 from dmoc.trajectory import noun_of
 
 if TYPE_CHECKING:
@@ -48,7 +50,7 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class SearchResult:
+class SearchResult(Shown):
     """Result of :func:`dmoc.search`.
 
     Attributes
@@ -75,6 +77,14 @@ class SearchResult:
     seconds: float
     problem: Problem
     broken: str = ""
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items())
+        return f"<SearchResult of {self.problem.kernels.name}: {best_of(self)}; {found}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        return table_of(self)
 
     @property
     def noun(self) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.arcs import PENETRATION
 from dmoc.simulation.flow import Contact
+from dmoc.table import Shown, Table, passed
 
 # What a motion may miss and still count as confirmed.  Errors of states are relative to the ranges
 # of coordinates and momenta, energies to the kinetic energy, penetration and excess of soft limits
@@ -27,7 +28,7 @@ TERMINAL, WEIGHED, UNSTABLE_SEGMENT = 0.25, 0.01, 0.005
 
 
 @dataclass(frozen=True)
-class Verification:
+class Verification(Shown):
     """What the check found.  Errors are relative to the range of the coordinate and to the largest
     momentum of the motion.
 
@@ -81,6 +82,38 @@ class Verification:
     limit_excess: float
     contacts: tuple[Contact, ...]
     force_error: float = 0.0
+
+    def __repr__(self) -> str:
+        worst = f"segment error {self.segment_defects.max(initial=0.0):.2g}"
+        return f"<Verification: {passed(self.passed)[0]}, {worst}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        contacts = ", ".join(f"{c.surface} at {c.time:.6g} s" for c in self.contacts)
+        return Table(
+            (
+                (
+                    "simulation",
+                    (passed(self.passed), (f": {self.message}" if self.message else "", "")),
+                ),
+                ("terminal error", f"{self.terminal_error:.3e} of the motion's range (open loop)"),
+                (
+                    "amplification",
+                    f"{self.amplification:.3g} times, of an error on the way to the end",
+                ),
+                (
+                    "largest defect",
+                    f"{self.max_defect:.3e} per step, {self.segment_defects.max(initial=0.0):.3e} "
+                    "per segment",
+                ),
+                ("energy error", f"{self.energy_error:.3e}"),
+                ("law of impact", f"{self.impact_error:.3e}"),
+                ("contacts", contacts or "none"),
+                ("missed, extra", f"{len(self.missed_contacts)}, {len(self.extra_contacts)}"),
+                ("penetration", f"{self.penetration:.1e} between nodes"),
+                ("limits", f"exceeded by {self.limit_excess:.1e} between nodes"),
+            )
+        )
 
 
 def lost_by(missed: tuple[str, ...], extra: tuple[str, ...], terminal: float) -> list[str]:

@@ -40,6 +40,8 @@ class Equation:
     name: str
     latex_name: str
     right: Any
+    # The left side where it is an expression, or a pair of what is differentiated by.
+    left: Any = None
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,9 @@ class Derivation:
 
     title: str
     sections: tuple[Section, ...]
+
+    def __repr__(self) -> str:
+        return f"<{self.title}: {len(self.sections)} sections>"
 
     def __str__(self) -> str:
         parts = [self.title, "=" * len(self.title)]
@@ -81,13 +86,17 @@ class Derivation:
             body += [f"\\equationline{{{_latex_equation(e)}}}" for e in section.equations]
         return _DOCUMENT.replace("TITLE", _escape(self.title)).replace("BODY", "\n\n".join(body))
 
-    def _repr_markdown_(self) -> str:
+    def _repr_html_(self) -> str:
         """Display in a notebook."""
-        parts = [f"# {self.title}"]
+        from dmoc.symbolic.showing import derivation_html
+
+        return derivation_html(self)
+
+    def _repr_latex_(self) -> str:
+        """Display where formulas are LaTeX."""
+        parts = [f"\\textbf{{{_escape(self.title)}}}"]
         for section in self.sections:
-            parts += [f"## {section.title}", section.text]
-            if section.pattern:
-                parts.append("\n".join(["```", *section.pattern, "```"]))
+            parts.append(f"\\textbf{{{_escape(section.title)}}}: {_escape(section.text)}")
             parts += [f"$${_latex_equation(e)}$$" for e in section.equations]
         return "\n\n".join(parts)
 
@@ -256,7 +265,7 @@ def _continuous_sections(
     yield Section("Virtual work and generalised forces", "delta W = Q . delta q.", tuple(forces))
     left = sp.Matrix(mass_matrix(f)) * sp.Matrix(accelerations)
     motion = [
-        Equation(sp.sstr(a), _latex(a), b) for a, b in zip(left, right_hand_side(f), strict=True)
+        Equation(sp.sstr(a), _latex(a), b, a) for a, b in zip(left, right_hand_side(f), strict=True)
     ]
     partial = " - d2L/dq'dt" if time else ""
     yield Section(
@@ -512,6 +521,7 @@ def _derivative_sections(e: StepElement, own: DisplayNames) -> Iterable[Section]
                 f"d2/d{a}d{b}",
                 f"\\partial^2/\\partial {latex_symbol(str(a))}\\,\\partial {latex_symbol(str(b))}",
                 hessian[i][j],
+                (a, b),
             )
             for i, a in enumerate(e.x_k)
             for j, b in enumerate(e.x_k)

@@ -19,6 +19,7 @@ from dmoc.errors import ModelError
 from dmoc.symbolic.drawing import Part, parts_in, values_of
 from dmoc.symbolic.expressions import atoms_of, expression_in, slack_of, unknown_symbol
 from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_name
+from dmoc.table import Shown, Table
 
 if TYPE_CHECKING:
     from dmoc.symbolic.interop import Imported
@@ -28,7 +29,7 @@ LARGEST_PARAMETER = 1e100
 
 
 @dataclass(frozen=True)
-class MechanicalSystem:
+class MechanicalSystem(Shown):
     """A mechanical system with inputs and unilateral constraints.
 
     Parameters
@@ -165,6 +166,28 @@ class MechanicalSystem:
         self._check_symbols()
         self._check_mass_matrix()
         self._check_relations()
+
+    def __repr__(self) -> str:
+        names = ", ".join(map(name_of, self.coordinates))
+        return f"<MechanicalSystem {self.name}: coordinates {names}>"
+
+    def summary(self) -> Table:
+        """What ``print`` shows."""
+        from dmoc.symbolic.showing import system_table
+
+        return system_table(self)
+
+    def _repr_html_(self) -> str:
+        """Display in a notebook, with formulas."""
+        from dmoc.symbolic.showing import system_html
+
+        return system_html(self)
+
+    def _repr_latex_(self) -> str:
+        """Display where formulas are LaTeX."""
+        from dmoc.symbolic.showing import system_latex
+
+        return system_latex(self)
 
     @classmethod
     def from_lagranges_method(

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.batch_table import counted, table_of
 from dmoc.errors import MissingExtraError
 from dmoc.solvers.outcome import Status
+from dmoc.table import Shown, Table
 from dmoc.trajectory import Array, noun_of
 from dmoc.writing import write_whole
 
@@ -34,7 +36,7 @@ APART = ","  # between events, as in the option of a sequence
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class Batch(Shown):
     """Results of :func:`dmoc.solve_many` and :func:`dmoc.sweep`, one row for each of n problems, in
     their order.
 
@@ -93,6 +95,14 @@ class Batch:
     method: str
     total_seconds: float
     solutions: tuple[Solution | None, ...] = field(default=(), repr=False)
+
+    def __repr__(self) -> str:
+        what = f" over {', '.join(self.given)}" if self.given else ""
+        return f"<Batch of {len(self)} problems{what}: {counted(self)}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        return table_of(self)
 
     def __len__(self) -> int:
         return len(self.status)

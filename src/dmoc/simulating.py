@@ -4,7 +4,7 @@ inputs."""
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,8 @@ from dmoc.simulation.modes import Mode, placed
 from dmoc.simulation.recorded import motion_of
 from dmoc.solution import Solution, check_same_model, kernels_of_file
 from dmoc.states import State, state_at
-from dmoc.trajectory import Array, Collision, Trajectory
+from dmoc.table import Shown, Table
+from dmoc.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
 from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
@@ -37,10 +38,13 @@ if TYPE_CHECKING:
 FINER = 4
 # A replayed start lies on a surface up to this share of the gap's size: what a solver leaves.
 ON_SURFACE = 1e-6
+# Velocities at the start below this share of the largest ones are zero up to rounding errors.
+ROUNDING = 1e-12
+MOST_EVENTS = 12  # collisions and stretches of contact that a table lists
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation:
+class Simulation(Shown):
     """Result of :func:`dmoc.simulate`.
 
     Attributes
@@ -84,6 +88,14 @@ class Simulation:
     normal: Array
     tangential: Array
     trajectory: Trajectory
+
+    def __repr__(self) -> str:
+        hits = f"{len(self.collisions)} collisions, {len(self.t)} nodes"
+        return f"<Simulation of {self.trajectory.model}: {self.final_time:.6g} s, {hits}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        return Table(tuple(_rows(self)), title=f"simulation of {self.trajectory.model}")
 
     @property
     def final_time(self) -> float:
@@ -165,6 +177,25 @@ class Simulation:
         from dmoc.solution_file import bytes_of
 
         return simulation_in(bytes_of(Path(path)), str(path))
+
+
+def _rows(s: Simulation) -> Iterator[tuple[str, str]]:
+    """What was simulated and what happened."""
+    yield "final time", f"{s.final_time:.6g} s in {len(s.t) - 1} recorded steps"
+    for c in s.collisions[:MOST_EVENTS]:
+        impulse = f", impulse {c.impulse:.6g}" if c.impulse else ""
+        yield f"collision {c.surface}", f"at {c.time:.6g} s{impulse}"
+    more = len(s.collisions) - MOST_EVENTS
+    if more > 0:
+        yield "", f"and {more} more collisions"
+    stretches = sorted((*s.contacts, *s.rubbing), key=lambda x: (x.begin, x.end))
+    for stretch in stretches[:MOST_EVENTS]:
+        state = "closed" if stretch.friction is None else FRICTION_WORDS[stretch.friction]
+        yield f"{stretch.name} {state}", f"from {stretch.begin:.6g} to {stretch.end:.6g} s"
+    if len(stretches) > MOST_EVENTS:
+        yield "", f"and {len(stretches) - MOST_EVENTS} more stretches of contact"
+    low, high = float(s.energy.min()), float(s.energy.max())
+    yield "energy", f"from {low:.6g} to {high:.6g}, {s.energy[-1]:.6g} at the end"
 
 
 def simulate(
@@ -300,14 +331,13 @@ def _replayed(
     count = _steps(motion, step_size, steps)
     h = motion.final_time / count
     parameters = dict(motion.parameters) | dict(given.parameters or {})
-    first = motion.phases[0]
     position = given.position
     if position is None:
-        position = _on_surfaces(kernels, parameters, first.q[0])
+        position = _on_surfaces(kernels, parameters, motion.phases[0].q[0])
     return forward.simulate(
         kernels,
         position,
-        first.v[0] if given.velocity is None else given.velocity,
+        _start_velocity(motion) if given.velocity is None else given.velocity,
         step_size=h,
         steps=count,
         inputs=mean_inputs(motion, count) if given.inputs is None else given.inputs,
@@ -329,6 +359,13 @@ def _steps(motion: Trajectory, step_size: float | None, steps: int | None) -> in
         step_size = min(phase.step_size for phase in motion.phases) / FINER
     size = positive(step_size, "step_size", "expected a time in seconds", SimulationError)
     return max(1, int(np.ceil(motion.final_time / size * (1 - 1e-9))))
+
+
+def _start_velocity(motion: Trajectory) -> Array:
+    """The velocity at the start; zero where only the solver's rounding errors move."""
+    fastest = np.max([np.abs(phase.v).max(axis=0) for phase in motion.phases], axis=0)
+    v = motion.phases[0].v[0]
+    return np.where(np.abs(v) > ROUNDING * fastest, v, 0.0)
 
 
 def _on_surfaces(kernels: Kernels, parameters: Mapping[str, float], q: Array) -> Array:

@@ -14,8 +14,10 @@ from numpy.typing import ArrayLike
 from dmoc import tabulated
 from dmoc.errors import SolutionFileError
 from dmoc.nlp.active import ActiveBound
+from dmoc.solution_table import table_of
 from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
 from dmoc.states import State, state_at
+from dmoc.table import Shown, Table
 from dmoc.trajectory import (
     FRICTION_WORDS,
     Array,
@@ -86,7 +88,7 @@ class Minimum:
 
 
 @dataclass(frozen=True)
-class Solution:
+class Solution(Shown):
     """Result of :func:`dmoc.solve`.
 
     Attributes
@@ -184,10 +186,14 @@ class Solution:
     others: tuple[Minimum, ...] = ()
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         head = f"{self.status}, cost {self.cost:.7g}, final time {self.final_time:.6g} s"
         events = "".join(f"; {collision}" for collision in self.collisions)
-        return f"{self.trajectory.model}: {head}{events}"
+        return f"<Solution of {self.trajectory.model}: {head}{events}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        return table_of(self)
 
     @property
     def solved(self) -> bool:

@@ -138,4 +138,4 @@ def test_derivation_contains_every_step() -> None:
     latex = derivation.latex()
     assert latex.count("{") == latex.count("}")
     assert latex.count(r"\section") == len(titles)
-    assert derivation._repr_markdown_().count("## ") == len(titles)
+    assert derivation._repr_html_().count("<h3>") == len(titles)

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from dmoc.cli.options import NOT_SOLVED, JsonOption
-from dmoc.cli.output import print_verification
 from dmoc.cli.writing import emit, out, prepare
+from dmoc.table import print_table
 
 
 def verify(
@@ -40,7 +40,7 @@ def verify(
     }
     emit(summary, json_)
     if json_ != "-":
-        print_verification(check)
+        print_table(check.summary(), out)
     raise typer.Exit(0 if check.passed else NOT_SOLVED)
 
 

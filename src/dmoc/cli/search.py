@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Group
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from dmoc.cli.options import (
@@ -43,22 +42,11 @@ from dmoc.cli.writing import (
     written,
 )
 from dmoc.errors import SearchError
+from dmoc.sequences.result import TONES as VERDICTS
+from dmoc.table import TONES, print_table
 
 if TYPE_CHECKING:
     from dmoc.sequences.engine import Progress, SearchResult
-
-COLOURS = {
-    "optimal": "bold green",
-    "feasible": "green",
-    "grazes": "cyan",
-    "collapses": "blue",
-    "unverified": "yellow",
-    "infeasible": "dim",
-    "unreachable": "red",
-    "failed": "magenta",
-}
-# Rows of the table on a terminal; the JSON has all nodes.
-MOST_ROWS = 40
 
 
 class Strategy(StrEnum):
@@ -191,7 +179,7 @@ def search(
 
     def tell() -> None:
         if not quiet:
-            _report(result)
+            print_table(result.summary(), out)
             written(*files)
 
     in_turn(
@@ -224,7 +212,9 @@ class _Board:
     def show(self, p: Progress) -> None:
         if self._live is None:
             return
-        counts = Text("  ").join(Text(f"{v} {n}", style=COLOURS[v]) for v, n in p.counts.items())
+        counts = Text("  ").join(
+            Text(f"{v} {n}", style=TONES[VERDICTS[v]][0]) for v, n in p.counts.items()
+        )
         best = "none yet" if p.best is None else f"{p.best.cost:.6g} ({p.best.name})"
         self._live.update(
             Group(counts, Text(f"best {best}   waiting {p.waiting}   {p.seconds:.0f} s"))
@@ -241,40 +231,3 @@ def _complain(result: SearchResult) -> None:
     """A search that something broke off has its answer so far, and is no success."""
     if result.broken:
         raise SearchError(f"{result.broken}: the result is that of a search that was broken off.")
-
-
-def _report(result: SearchResult) -> None:
-    table = Table(
-        "sequence",
-        "verdict",
-        "cost",
-        "phases [s]",
-        "minima",
-        "evidence",
-        box=None,
-        header_style="bold",
-    )
-    nodes = sorted(result.nodes, key=lambda n: (n.cost is None, n.cost or 0.0, len(n.sequence)))
-    for n in nodes[:MOST_ROWS]:
-        table.add_row(
-            result.name_of(n),
-            Text(n.verdict.value, style=COLOURS[n.verdict.value]),
-            "" if n.cost is None else f"{n.cost:.6g}",
-            " ".join(f"{t:.4g}" for t in n.phases),
-            str(len(n.minima) or ""),
-            "; ".join(n.evidence[:2]),
-        )
-    out.print(table)
-    if len(nodes) > MOST_ROWS:
-        out.print(f"... and {len(nodes) - MOST_ROWS} more: --json FILE has all of them")
-    for note in result.notes:
-        out.print(f"note: {note}")
-    best = (
-        "no confirmed motion"
-        if result.best is None
-        else f"best: {result.name_of(result.best)}, cost {result.best.cost:.6g}"
-    )
-    rate = len(result.nodes) / max(result.seconds, 1e-9)
-    out.print(
-        f"{best}; {len(result.nodes)} sequences in {result.seconds:.1f} s ({rate:.1f} a second)"
-    )

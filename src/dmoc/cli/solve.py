@@ -29,7 +29,7 @@ from dmoc.cli.options import (
     StepsOption,
     ViaOption,
 )
-from dmoc.cli.output import Live, print_sensitivities, print_summary
+from dmoc.cli.output import Live, print_sensitivities
 from dmoc.cli.reading import (
     problem_fields,
     read_guess,
@@ -38,11 +38,13 @@ from dmoc.cli.writing import (
     draw,
     emit,
     in_turn,
+    out,
     prepare,
     written,
 )
 from dmoc.errors import ModelError
 from dmoc.solving.methods import DEFAULT, REFINING, Form
+from dmoc.table import print_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -170,7 +172,7 @@ def solve(
 
     def tell() -> None:
         if not quiet:
-            print_summary(solution)
+            print_table(solution.summary(), out)
             for found in derivatives:
                 print_sensitivities(found)
             written(*files)

@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from dmoc.cli.options import (
     NOT_SOLVED,
@@ -44,15 +42,12 @@ from dmoc.cli.writing import (
     written,
 )
 from dmoc.errors import OutputError, ProblemError
+from dmoc.table import print_table
 from dmoc.writing import check_file
 
 if TYPE_CHECKING:
-    from dmoc.batch import Batch
     from dmoc.solving.many import BatchProgress
 
-# Rows of the table and different messages on a terminal; the file has all.
-MOST_ROWS, MOST_NOTES = 40, 5
-COLOURS = {"solved": "green", "grazes": "cyan", "not_verified": "yellow", "not_tried": "dim"}
 ENDINGS = (".csv", ".npz")
 
 
@@ -141,7 +136,7 @@ def sweep(
 
     def tell() -> None:
         if not quiet:
-            _report(batch)
+            print_table(batch.summary(), out)
 
     def save() -> None:
         if target is not None:
@@ -221,29 +216,3 @@ class _Count:
         if self._status is not None:
             counts = "  ".join(f"{n} {status}" for status, n in p.counts.items())
             self._status.update(f"{p.done} of {p.total}: {counts}  {p.seconds:.0f} s")
-
-
-def _report(batch: Batch) -> None:
-    collisions = batch.collision_times.shape[1]
-    times = [f"{batch.noun} {i + 1} [s]" for i in range(collisions)]
-    table = Table(
-        *batch.given, "status", "cost", "end [s]", *times, "iterations", box=None,
-        header_style="bold",
-    )  # fmt: skip
-    for i, status in enumerate(batch.status[:MOST_ROWS]):
-        numbers = [batch.cost[i], batch.final_time[i], *batch.collision_times[i]]
-        table.add_row(
-            *(f"{values[i]:.6g}" for values in batch.given.values()),
-            Text(status, style=COLOURS.get(status, "red")),
-            *("" if n != n else f"{n:.6g}" for n in numbers),
-            f"{batch.iterations[i]:.0f}",
-        )
-    out.print(table)
-    if len(batch) > MOST_ROWS:
-        out.print(f"... and {len(batch) - MOST_ROWS} more: --out FILE has all of them")
-    unsolved = [m for m, good in zip(batch.message, batch.solved, strict=True) if not good]
-    for message in list(dict.fromkeys(unsolved))[:MOST_NOTES]:
-        out.print(f"note: {message}", soft_wrap=True)
-    rate = batch.tried / max(batch.total_seconds, 1e-9)
-    counts = ", ".join(f"{n} {status}" for status, n in batch.counts.items())
-    out.print(f"{counts}; in {batch.total_seconds:.1f} s ({rate:.1f} a second)")

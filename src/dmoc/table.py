@@ -1,0 +1,133 @@
+"""Tables as data: what the command line, ``print`` and notebooks show of a result is made in one
+place and written as text or as HTML here."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, TypeAlias
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+# A piece of text and what it means.
+Span: TypeAlias = "tuple[str, str]"
+Cell: TypeAlias = "str | tuple[Span, ...]"
+
+# What the meanings look like on a terminal, and in a page on a light or a dark ground.
+TONES = {
+    "": ("", ""),
+    "best": ("bold green", "color:#2f9e44;font-weight:bold"),
+    "good": ("green", "color:#2f9e44"),
+    "fair": ("cyan", "color:#1098ad"),
+    "merged": ("blue", "color:#4c8dff"),
+    "doubtful": ("yellow", "color:#c77700"),
+    "bad": ("red", "color:#e03131"),
+    "broken": ("magenta", "color:#be4bdb"),
+    "dim": ("dim", "opacity:.6"),
+}
+NARROWEST, WIDEST = 60, 140  # columns of a printed table
+CELL = "text-align:left;padding:.15em .9em .15em 0;vertical-align:top"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells, the names of the columns where they have any, a title that pages show, and
+    lines that follow."""
+
+    rows: tuple[tuple[Cell, ...], ...]
+    head: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    title: str = ""
+
+
+class Shown:
+    """What shows itself: ``print`` writes its table as text, notebooks as HTML."""
+
+    def summary(self) -> Table:
+        """The table that stands for this."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return text_of(self.summary())
+
+    def _repr_html_(self) -> str:
+        return html_of(self.summary())
+
+
+def toned(text: str, tone: str) -> Cell:
+    """A cell of one piece."""
+    return ((text, tone),)
+
+
+def passed(good: bool) -> Span:
+    """Whether a check was passed."""
+    return ("passed", "good") if good else ("failed", "bad")
+
+
+def rich_table(table: Table) -> RichTable:
+    """The table for a console."""
+    from rich.table import Table as RichTable
+
+    found = RichTable(*table.head, box=None, header_style="bold", show_header=bool(table.head))
+    for row in table.rows:
+        found.add_row(*map(_text, row))
+    return found
+
+
+def _text(cell: Cell) -> Text:
+    from rich.text import Text
+
+    return Text.assemble(*((text, TONES[tone][0]) for text, tone in _spans(cell)))
+
+
+def _spans(cell: Cell) -> Iterable[Span]:
+    return ((cell, ""),) if isinstance(cell, str) else cell
+
+
+def print_table(table: Table, console: Console) -> None:
+    """Write a table and its notes to a console."""
+    console.print(rich_table(table))
+    for note in table.notes:
+        console.print(note, soft_wrap=True)
+
+
+def text_of(table: Table) -> str:
+    """The table as plain text as wide as the terminal."""
+    from rich.console import Console
+
+    width = min(max(shutil.get_terminal_size((100, 24)).columns, NARROWEST), WIDEST)
+    stream = io.StringIO()
+    console = Console(
+        file=stream, width=width, markup=False, emoji=False, highlight=False, color_system=None
+    )
+    print_table(table, console)
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
+
+
+def html_of(table: Table) -> str:
+    """The table as a piece of HTML in the colours of its surroundings."""
+    head = "".join(f'<th style="{CELL}">{escape(name)}</th>' for name in table.head)
+    rows = "".join(f"<tr>{''.join(_cells(row, table))}</tr>" for row in table.rows)
+    title = f"<div><strong>{escape(table.title)}</strong></div>" if table.title else ""
+    notes = "".join(f"<div>{escape(note)}</div>" for note in table.notes)
+    return (
+        f'<div class="dmoc">{title}<table style="border-collapse:collapse">'
+        f"{f'<thead><tr>{head}</tr></thead>' if head else ''}<tbody>{rows}</tbody></table>"
+        f"{notes}</div>"
+    )
+
+
+def _cells(row: tuple[Cell, ...], table: Table) -> Iterator[str]:
+    for k, cell in enumerate(row):
+        parts = "".join(
+            f'<span style="{TONES[tone][1]}">{escape(text)}</span>' if tone else escape(text)
+            for text, tone in _spans(cell)
+        )
+        strength = "opacity:.75;" if not k and not table.head else ""
+        yield f'<td style="{strength}{CELL}">{parts}</td>'
