@@ -10,8 +10,9 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 
 from dmoc.symbolic.display import MARK
 
-# Words of a name that are marks over the letter before them.
-OVER = {"dot": "\u02d9", "ddot": "\u00a8", "bar": "\u00af"}
+# Words of a name that are marks over the letter before them; full stops, because accents touch the
+# letter where there is no font for mathematics.
+OVER = {"dot": ".", "ddot": "..", "bar": "\u00af"}
 ABOVE = {"plus": "+", "minus": "\u2212"}
 GREEK = frozenset(
     "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi "
@@ -35,13 +36,13 @@ def symbol(name: str) -> str:
     letter, above, below = _letter({"lam": "lambda"}.get(head, head)), "", []
     for part in rest:
         if part in OVER:
-            letter = f'<mover accent="true">{letter}<mo>{OVER[part]}</mo></mover>'
+            letter = f"<mover>{letter}<mo>{OVER[part]}</mo></mover>"
         elif part in ABOVE:
             above = f"<mo>{ABOVE[part]}</mo>"
         else:
             below.append("<mi>k</mi><mo>+</mo><mn>1</mn>" if part == "kp1" else _letter(part))
     for _ in range(len(name) - len(plain)):
-        letter = f'<mover accent="true">{letter}<mo>~</mo></mover>'
+        letter = f"<mover>{letter}<mo>~</mo></mover>"
     under = f"<mrow>{'<mo>,</mo>'.join(below)}</mrow>" if below else ""
     if above and under:
         return f"<msubsup>{letter}{under}{above}</msubsup>"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dmoc.batch import Batch
+    from dmoc.deriving import derive
     from dmoc.errors import DmocError
     from dmoc.nlp.problem import Problem
     from dmoc.registry import build, load
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from dmoc.solving.sensitivity import sensitivities
     from dmoc.solving.solve import solve
     from dmoc.solving.sweep import sweep
-    from dmoc.symbolic.derivation import derive
     from dmoc.symbolic.drawing import Box, Contact, Disc, Link, Point, Spring, Wall
     from dmoc.symbolic.system import MechanicalSystem
 
@@ -69,7 +69,7 @@ _PLACES = {
     "Spring": "dmoc.symbolic.drawing",
     "Wall": "dmoc.symbolic.drawing",
     "build": "dmoc.registry",
-    "derive": "dmoc.symbolic.derivation",
+    "derive": "dmoc.deriving",
     "load": "dmoc.registry",
     "search": "dmoc.sequences.engine",
     "sensitivities": "dmoc.solving.sensitivity",

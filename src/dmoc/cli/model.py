@@ -19,6 +19,7 @@ from dmoc.writing import write_whole
 class TextFormat(StrEnum):
     text = "text"
     latex = "latex"
+    html = "html"
 
 
 def models() -> None:
@@ -38,21 +39,30 @@ def models() -> None:
 def derive(
     model: ModelArgument,
     format_: Annotated[
-        TextFormat, typer.Option("--format", help="Readable text, or a LaTeX document.")
+        TextFormat,
+        typer.Option(
+            "--format",
+            help="Readable text, a LaTeX document, or a page with the check of the kernels.",
+        ),
     ] = TextFormat.text,
     order: Annotated[
         int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
     ] = 2,
     target: Annotated[
-        Path | None, typer.Option("--out", help="Write to a file instead of standard output.")
+        Path | None, typer.Option("-o", "--out", help="Write to a file instead of standard output.")
     ] = None,
 ) -> None:
     """Print every step of the derivation of a model."""
+    from dmoc.deriving import derive as derive_system
     from dmoc.registry import find
-    from dmoc.symbolic.derivation import derive as derive_system
 
     derivation = derive_system(find(model).system(), order)
-    text = derivation.latex() if format_ is TextFormat.latex else str(derivation)
+    made = {
+        TextFormat.text: derivation.__str__,
+        TextFormat.latex: derivation.latex,
+        TextFormat.html: derivation.html,
+    }
+    text = made[format_]()
     if target is None:
         print_text(text)
     else:

@@ -1,0 +1,110 @@
+"""The page of a derivation, and the check of kernels that it shows."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+from xml.dom.minidom import parseString
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+from systems import block_system, driven_system, puck_system, rod_system
+from typer.testing import CliRunner
+
+import dmoc
+from dmoc.cli.app import app
+from dmoc.codegen.counts import count_of
+from dmoc.codegen.kernels import Kernels
+from dmoc.derivation_check import checked
+from dmoc.deriving import small_problem
+from dmoc.discretisation import ORDERS
+from dmoc.errors import OutputError
+from dmoc.symbolic.spec import Input, KernelSpec, Output
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("make", [driven_system, rod_system, puck_system])
+def test_kernels_agree_with_an_evaluation_in_many_digits(make: Any, order: int) -> None:
+    kernels = dmoc.build(make(), order=order)
+    found = checked(make(), kernels)
+    names = {c.kernel for c in found}
+    assert max(c.error for c in found) < 1e-11
+    left_out = set(kernels.manifest["kernels"]) - names
+    assert left_out <= {"min_time", "min_time_jac", "drawing"}
+
+
+@pytest.mark.parametrize("wrong", ["step", "step_jac", "step_hess", "dynamics", "surface_jac"])
+def test_a_wrong_kernel_is_found(monkeypatch: pytest.MonkeyPatch, wrong: str) -> None:
+    """One entry of its results is off by a millionth."""
+    kernels, call = dmoc.build(puck_system()), Kernels.call
+
+    def off(self: Kernels, kernel: str, *inputs: np.ndarray) -> tuple[np.ndarray, ...]:
+        found = call(self, kernel, *inputs)
+        if kernel == wrong:
+            found[0][..., 0] += 1e-6
+        return found
+
+    monkeypatch.setattr(Kernels, "call", off)
+    errors = {c.kernel: c.error for c in checked(puck_system(), kernels)}
+    assert [name for name, error in errors.items() if error > 1e-10] == [wrong]
+
+
+def test_operations_are_counted_after_sharing() -> None:
+    x, y = Input.vector("x", 2).symbols
+    import symengine as se
+
+    shared = se.sin(x * y)
+    values = [shared + 1, shared * 3.0 - x / y]
+    spec = KernelSpec("f", "", (Input("x", (x, y)),), (Output.vector("a", values),))
+    count = count_of(spec)
+    # x y, + 1, * 3, -, /: the sine is called once
+    assert (count.results, count.operations, count.calls) == (2, 5, 1)
+
+
+def test_the_page_needs_nothing_else(tmp_path: Path) -> None:
+    derivation = dmoc.derive(block_system())
+    text = derivation.save(tmp_path / "x.html").read_text()
+    body = text[text.index("<main>") : text.index("</body>")]
+    parseString(body)
+    assert "prefers-color-scheme:dark" in text and "<script" not in text
+    assert not re.search(r'(src|href)="?(?!data:)', text)
+    for title in ("System", "Discrete Lagrangian", "Cost", "A small problem", "Kernels", "Check"):
+        assert title in text or title.lower() in text, title
+    assert text.count("<svg") == 2 and "Jacobian of the constraints" in text
+    (worst,) = re.findall(r"Largest relative error: (\S+) ", text)
+    assert float(worst) < 1e-12
+
+
+def test_derivations_are_saved_by_their_endings(tmp_path: Path) -> None:
+    derivation = dmoc.derive(block_system(), order=4)
+    assert derivation.save(tmp_path / "x.txt").read_text() == str(derivation)
+    assert derivation.save(tmp_path / "x.tex").read_text() == derivation.latex()
+    with pytest.raises(OutputError, match=r"end it in \.html, \.tex, \.txt"):
+        derivation.save(tmp_path / "x.doc")
+
+
+def test_a_function_that_is_nowhere_real_is_told() -> None:
+    x, u = dynamicsymbols("x u")
+    k = sp.Symbol("k")
+    system = dmoc.MechanicalSystem(
+        "nowhere", [x], x.diff() ** 2 / 2 - k * sp.sqrt(-3 - x**2), {k: 1.0}, inputs=[u],
+        forces={x: u}, cost=u**2,
+    )  # fmt: skip
+    assert checked(system, dmoc.build(system)) == ()
+    assert "not real at any of the random points" in dmoc.derive(system).html()
+
+
+def test_small_problems_go_through_a_collision_where_there_is_one() -> None:
+    problem = small_problem(dmoc.build(block_system()))
+    assert problem is not None and problem.sequence == ("wall",)
+
+
+def test_the_command_writes_the_page(tmp_path: Path) -> None:
+    target = tmp_path / "p.html"
+    result = CliRunner().invoke(
+        app, ["derive", "bouncing_pendulum", "--format", "html", "-o", str(target)]
+    )
+    assert result.exit_code == 0 and target.read_text().startswith("<!DOCTYPE html>")
