@@ -108,6 +108,7 @@ class Verification(Shown):
                 ),
                 ("energy error", f"{self.energy_error:.3e}"),
                 ("law of impact", f"{self.impact_error:.3e}"),
+                ("force error", f"{self.force_error:.3e} of the largest of its contact"),
                 ("contacts", contacts or "none"),
                 ("missed, extra", f"{len(self.missed_contacts)}, {len(self.extra_contacts)}"),
                 ("penetration", f"{self.penetration:.1e} between nodes"),

@@ -113,4 +113,5 @@ def _summary(check: Verification) -> dict[str, object]:
         "extra_contacts": list(check.extra_contacts),
         "penetration": check.penetration,
         "limit_excess": check.limit_excess,
+        "force_error": check.force_error,
     }

@@ -279,6 +279,7 @@ VERIFICATION = Record(
         "extra_contacts": Listed(Text()),
         "penetration": Number(special=True),
         "limit_excess": Number(special=True),
+        "force_error": Number(special=True),
     },
 )
 SOLUTION = Record(
