@@ -9,6 +9,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.errors import ProblemError
+from dmoc.trajectory import FRICTION_WORDS
 
 if TYPE_CHECKING:
     from dmoc.mechanics.modes import Mode
@@ -147,10 +148,24 @@ def _check_start_in_contact(problem: Problem) -> None:
         j = problem.kernels.tangents.index(name)
         rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
         _check_rate(name, "slides", rate, slope, v)
+    for name, sign in mode.rubbing.items():
+        j = problem.kernels.tangents.index(name)
+        rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
+        if sign * rate < -OFF_CONTACT * _size(slope, v):
+            told, other = f"{FRICTION_WORDS[sign]}", f"{FRICTION_WORDS[-sign]}"
+            raise ProblemError(
+                f"contact '{name}:{told}' begins with a sliding velocity of {rate:g} per second, "
+                f"against its direction: say '{name}:{other}', or give another velocity."
+            )
+
+
+def _size(slope: Array, v: Array) -> float:
+    """The rate that a velocity could make."""
+    return float(np.abs(slope) @ np.append(np.abs(v), 1.0))
 
 
 def _check_rate(name: str, what: str, rate: float, slope: Array, v: Array) -> None:
-    if abs(rate) > OFF_CONTACT * float(np.abs(slope) @ np.append(np.abs(v), 1.0)):
+    if abs(rate) > OFF_CONTACT * _size(slope, v):
         raise ProblemError(
             f"contact {name!r} is closed at the start, whose velocity {what} ({rate:g} per "
             "second): give a velocity along the contact, or say how it slides."

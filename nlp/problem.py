@@ -378,6 +378,11 @@ class Problem(Shown):
         start, difference = value, 0.0
         if isinstance(value, (tuple, list)) and len(value) == 2:
             start, difference = value
+        elif isinstance(value, (tuple, list)):
+            raise ProblemError(
+                f"periodic: {end!r} has {shown(value)}: expected a state at the start such as "
+                "'x', or a pair of one and a difference such as ('x', 0.5)."
+            )
         start = name_of(start)
         for name in (end, start):
             check_known(name, self.states, "state", "in periodic")
@@ -399,6 +404,12 @@ class Problem(Shown):
                 check_known(name, self.kernels.coordinates, "coordinate", f"in {what}")
                 j = self.kernels.coordinates.index(name)
                 found[i, j] = interval(value, f"{what}: {name}")
+                low, high = self.coordinate_bounds[j]
+                if found[i, j, 1] < low or found[i, j, 0] > high:
+                    raise ProblemError(
+                        f"{what}: {name} = {shown(value)} lies outside its bounds {low:g} to "
+                        f"{high:g}: move one of them."
+                    )
         return found
 
     # Values ---------------------------------------------------------------------------------------

@@ -245,6 +245,11 @@ def search(
         problem = problem.but(steps=SEARCHED * max(problem.phase_steps))
     if method is None:
         method = usual(SEARCHING, problem.kernels.backend == COMPILED)
+    if events is not None and surfaces is not None:
+        raise SearchError(
+            "surfaces and events are both given: give events alone, which names all that may "
+            "happen."
+        )
     settings = Settings(
         max_collisions,
         surfaces_of(problem, surfaces),

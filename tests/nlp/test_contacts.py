@@ -173,6 +173,20 @@ def test_sensitivities_equal_differences_of_solved_problems() -> None:
         ({"contacts": ["floor"], "sequence": ["-floor"], "via": [{"z": 1}]}, "unknown coordinate"),
         ({"ignored": ["roof"]}, "unknown surface 'roof'"),
         ({"periodic": {"x": ("y", "far")}}, "the difference of x in periodic"),
+        ({"periodic": {"x": ("x", 1, 2)}}, "or a pair of one and a difference such as ('x', 0.5)"),
+        (
+            {"contacts": ["floor:slip+"], "start": {"x": 0, "y": 0, "x_dot": -1}},
+            "'floor:slip+' begins with a sliding velocity of -1 per second, against its direction: "
+            "say 'floor:slip-'",
+        ),
+        (
+            {"sequence": ["+floor"], "start": {"x": 0, "y": 1}}
+            | {"via": [{"x": 9}], "bounds": {"x": (0, 1)}},
+            "via of event 1: x = 9 lies outside its bounds 0 to 1",
+        ),
+        ({"contacts": ["floor"], "sequence": ["+floor"]}, "floor is closed already"),
+        ({"contacts": ["floor"], "sequence": ["floor:slide"]}, "expected stick, slip+ or slip-"),
+        ({"contacts": ["floor", "floor:slip+"]}, "contacts names 'floor' twice"),
     ],
 )
 def test_what_contacts_cannot_be_is_a_sentence(change: dict[str, object], told: str) -> None:

@@ -8,6 +8,7 @@ import pytest
 from contact_problems import pushed
 
 import dmoc
+from dmoc.errors import SearchError
 from dmoc.sequences.judgement import best_of, judged
 from dmoc.sequences.nodes import Node, Verdict
 
@@ -42,6 +43,12 @@ def test_a_phase_of_no_use_collapses_and_the_shorter_sequence_is_named() -> None
     assert "duration of phase 2 >= 0.01 s holds its motion" in waits.evidence[0]
     assert waits not in result.ranked() and not result.counts.get("unverified")
     assert any("their events would rather merge" in note for note in result.notes)
+
+
+def test_events_and_surfaces_exclude_each_other() -> None:
+    problem = pushed(20).but(sequence=())
+    with pytest.raises(SearchError, match="surfaces and events are both given: give events alone"):
+        dmoc.search(problem, 2, events=["rail:slip+"], surfaces=["rail"])
 
 
 def node(
