@@ -54,7 +54,7 @@ class Contacts:
 
 
 @dataclass(frozen=True)
-class Mode:
+class PhaseMode:
     """Surfaces that are closed in a phase, in the order of the model, and the friction of the
     tangents that rub in it: 0 sticks, +1 and -1 slide."""
 
@@ -228,7 +228,7 @@ def _check_course(
         )
 
 
-def mode_of(given: Sequence[str], contacts: Contacts) -> Mode:
+def mode_of(given: Sequence[str], contacts: Contacts) -> PhaseMode:
     """Read what is closed at the start; what rubs sticks unless it is said to slide.
 
     Raises
@@ -254,17 +254,17 @@ def mode_of(given: Sequence[str], contacts: Contacts) -> Mode:
     return _mode(closed, said, contacts)
 
 
-def _mode(closed: Sequence[str], friction: Mapping[str, int], contacts: Contacts) -> Mode:
+def _mode(closed: Sequence[str], friction: Mapping[str, int], contacts: Contacts) -> PhaseMode:
     rubs = [t for t in contacts.tangents if t in closed or t not in contacts.surfaces]
-    return Mode(
+    return PhaseMode(
         tuple(s for s in contacts.surfaces if s in closed),
         {t: friction.get(t, STICK) for t in rubs},
     )
 
 
 def along(
-    start: Mode, words: Sequence[str], contacts: Contacts
-) -> tuple[tuple[Event, ...], tuple[Mode, ...]]:
+    start: PhaseMode, words: Sequence[str], contacts: Contacts
+) -> tuple[tuple[Event, ...], tuple[PhaseMode, ...]]:
     """The events that words say from a mode on, and the modes of all phases.
 
     Raises
@@ -321,7 +321,7 @@ def courses_of(name: str, contacts: Contacts) -> list[str]:
     return [f"{name}:{course}" for course in found]
 
 
-def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:
+def words_after(mode: PhaseMode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:
     """Words of what can happen in a mode to some surfaces and to what rubs: hits and landings of
     open surfaces, also those at which a rail changes its friction, and landings at which another
     contact leaves; contacts that leave; changes of friction."""
@@ -343,7 +343,7 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     yield from turns
 
 
-def _hits(name: str, mode: Mode, contacts: Contacts) -> list[str]:
+def _hits(name: str, mode: PhaseMode, contacts: Contacts) -> list[str]:
     """Words for a hit of an open surface; one with friction has a law only where nothing else is
     closed."""
     if name not in contacts.rough:
@@ -351,7 +351,7 @@ def _hits(name: str, mode: Mode, contacts: Contacts) -> list[str]:
     return [] if mode.closed else courses_of(name, contacts)
 
 
-def possible_after(mode: Mode, words: Sequence[str], contacts: Contacts) -> Iterator[str]:
+def possible_after(mode: PhaseMode, words: Sequence[str], contacts: Contacts) -> Iterator[str]:
     """Those of some words that can happen in a mode, and change it or are an impact; a hit with
     friction whose course is not said stands for all of them."""
     for word in words:
@@ -367,18 +367,18 @@ def possible_after(mode: Mode, words: Sequence[str], contacts: Contacts) -> Iter
             yield word
 
 
-def _turns(mode: Mode) -> Iterator[str]:
+def _turns(mode: PhaseMode) -> Iterator[str]:
     """Changes of friction in a mode."""
     for name, state in mode.rubbing.items():
         yield from (f"{name}:{word}" for word, other in FRICTION.items() if other != state)
 
 
-def changes(before: Mode, after: Mode) -> dict[str, int]:
+def changes(before: PhaseMode, after: PhaseMode) -> dict[str, int]:
     """Friction of the tangents that rub otherwise in the later mode."""
     return {t: s for t, s in after.rubbing.items() if before.rubbing.get(t) != s}
 
 
-def words_along(modes: Sequence[Mode], events: Sequence[Event]) -> tuple[str, ...]:
+def words_along(modes: Sequence[PhaseMode], events: Sequence[Event]) -> tuple[str, ...]:
     """Each event in words that are the same for the same event, as those of a motion are."""
     return tuple(
         event_word(event.hit, event.lands, event.leaves, changes(*pair), _said(event))

@@ -12,7 +12,7 @@ from dmoc.errors import ProblemError
 from dmoc.trajectory import FRICTION_WORDS
 
 if TYPE_CHECKING:
-    from dmoc.mechanics.modes import Mode
+    from dmoc.mechanics.modes import PhaseMode
     from dmoc.nlp.problem import Boundary, Problem
 
 # Share of the gap's largest possible rate below which a state on a surface does not move into it.
@@ -172,7 +172,7 @@ def _check_rate(name: str, what: str, rate: float, slope: Array, v: Array) -> No
         )
 
 
-def _check_independent(problem: Problem, phase: int, mode: Mode) -> None:
+def _check_independent(problem: Problem, phase: int, mode: PhaseMode) -> None:
     """Refuse contacts whose directions depend on each other wherever the motion may be."""
     model, q = problem.model, problem.start_position
     rng = np.random.default_rng(0)

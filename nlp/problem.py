@@ -19,7 +19,7 @@ from dmoc.mechanics.model import Model
 from dmoc.mechanics.modes import (
     Contacts,
     Event,
-    Mode,
+    PhaseMode,
     along,
     courses_of,
     is_open,
@@ -319,7 +319,7 @@ class Problem(Shown):
     # Contacts -------------------------------------------------------------------------------------
 
     @cached_property
-    def _along(self) -> tuple[tuple[Event, ...], tuple[Mode, ...]]:
+    def _along(self) -> tuple[tuple[Event, ...], tuple[PhaseMode, ...]]:
         return along(mode_of(self.contacts, self.touches), self.sequence, self.touches)
 
     @property
@@ -328,7 +328,7 @@ class Problem(Shown):
         return self._along[0]
 
     @property
-    def modes(self) -> tuple[Mode, ...]:
+    def modes(self) -> tuple[PhaseMode, ...]:
         """What is in contact in each phase."""
         return self._along[1]
 
