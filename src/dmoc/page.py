@@ -23,7 +23,7 @@ math{font-size:1.08em}
 figure{margin:.8rem 0}
 figcaption{font-size:.88rem;opacity:.8}
 img,svg{max-width:100%;height:auto}
-img{background:#fff;border-radius:4px}
+img{border-radius:4px}
 .row{display:flex;flex-wrap:wrap;gap:1.5rem;align-items:flex-start}
 .row>*{flex:1 1 18rem;min-width:0;max-width:100%}
 @media print{main{max-width:none}h2{break-after:avoid}figure,table{break-inside:avoid}}
@@ -48,10 +48,16 @@ def paragraph(text: str) -> str:
     return f"<p>{escape(text)}</p>"
 
 
-def picture(png: bytes, caption: str) -> str:
-    """A picture within the page."""
-    data = base64.b64encode(png).decode()
-    return _captioned(f'<img alt="{escape(caption)}" src="data:image/png;base64,{data}">', caption)
+def picture(light: bytes, dark: bytes, caption: str) -> str:
+    """A picture within the page, PNG for a light ground and for a dark one."""
+    shown, other = (
+        f"data:image/png;base64,{base64.b64encode(png).decode()}" for png in (light, dark)
+    )
+    return _captioned(
+        f'<picture><source media="(prefers-color-scheme:dark)" srcset="{other}"/>'
+        f'<img alt="{escape(caption)}" src="{shown}"/></picture>',
+        caption,
+    )
 
 
 def sparsity(rows: int, columns: int, entries: list[tuple[int, int]], caption: str) -> str:

@@ -328,6 +328,22 @@ class Solution(Shown):
 
         return plot(self.trajectory, path, velocities=velocities, style=style)
 
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write problem, result, minima, check and figure on one page for somebody else: .html,
+        which needs no network and is light or dark, or .pdf.
+
+        Raises
+        ------
+        OutputError
+            If the ending is another one, or the file cannot be written.
+        MissingExtraError
+            If Matplotlib is not installed.
+        """
+        from dmoc.solution_report import report
+
+        report(self, Path(path))
+        return Path(path)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""
         return {

@@ -86,6 +86,11 @@ def _text(cell: Cell) -> Text:
     return Text.assemble(*((text, TONES[tone][0]) for text, tone in _spans(cell)))
 
 
+def plain(cell: Cell) -> str:
+    """A cell without its meanings."""
+    return "".join(text for text, _ in _spans(cell))
+
+
 def _spans(cell: Cell) -> Iterable[Span]:
     return ((cell, ""),) if isinstance(cell, str) else cell
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from dmoc.cli.doctor import doctor, versions
-from dmoc.cli.export import export
+from dmoc.cli.export import export, report
 from dmoc.cli.model import build, derive, generate, models
 from dmoc.cli.new import new
 from dmoc.cli.options import BAD_INPUT
@@ -36,6 +36,7 @@ COMMANDS = (
     verify,
     plot,
     export,
+    report,
     doctor,
 )
 

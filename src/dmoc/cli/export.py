@@ -1,4 +1,4 @@
-"""The command ``dmoc export``: a motion as a table for other programs."""
+"""The commands that hand a solution on: as a table for other programs, as a report for people."""
 
 from __future__ import annotations
 
@@ -31,3 +31,22 @@ def export(
     write = written_as(path.suffix[1:].lower())
     write_whole(path, write(Solution.load(solution).trajectory).encode())
     written(path)
+
+
+def report(
+    solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            metavar="FILE",
+            help="Report, .html or .pdf; by default beside the solution, as .html.",
+        ),
+    ] = None,
+) -> None:
+    """Write a report of a solution: problem, result, minima found, check and figure."""
+    from dmoc.solution import Solution
+
+    path = target or solution.with_suffix(".html")
+    written(Solution.load(solution).report(path))

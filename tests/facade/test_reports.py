@@ -1,0 +1,83 @@
+"""Reports of solutions for somebody else."""
+
+from __future__ import annotations
+
+import base64
+import re
+import zlib
+from dataclasses import replace
+from pathlib import Path
+from xml.dom.minidom import parseString
+
+import pytest
+from typer.testing import CliRunner
+
+import dmoc
+from dmoc.cli.app import app
+from dmoc.errors import OutputError
+from dmoc.nlp.problem import Problem
+from dmoc.solution import Minimum
+from dmoc.solution_report import tables
+from dmoc.solvers.outcome import Status
+from dmoc.table import plain
+
+
+@pytest.fixture(scope="module")
+def found(seed: Problem) -> dmoc.Solution:
+    """The solution of the source, with another minimum beside it."""
+    solution = dmoc.solve(seed.but(steps=60), "ipm", starts=1)
+    other = Minimum(200.5, 3, Status.SOLVED, (60, 60))
+    return replace(solution, starts=16, found=13, others=(other,))
+
+
+def test_a_page_holds_everything_and_needs_nothing(found: dmoc.Solution, tmp_path: Path) -> None:
+    text = found.report(tmp_path / "r.html").read_text()
+    parseString(text[text.index("<main>") : text.index("</body>")])
+    assert "prefers-color-scheme:dark" in text and "<script" not in text
+    assert not re.search(r'(src|href)="(?!data:)', text)
+    for part in ("Problem", "Result", "Figure", "Minima found", "Check by an independent"):
+        assert f"<h2>{part}" in text, part
+    dark, light = re.findall(r'"data:image/png;base64,([^"]+)"', text)
+    for data in (dark, light):
+        assert base64.b64decode(data).startswith(b"\x89PNG")
+    assert dark != light
+
+
+def test_a_pdf_has_its_text_and_the_figure(found: dmoc.Solution, tmp_path: Path) -> None:
+    content = found.report(tmp_path / "r.pdf").read_bytes()
+    assert content.startswith(b"%PDF-") and b"/Count 2" in content
+    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", content, re.DOTALL)
+    pages = [s for s in map(_inflated, streams) if b"Tf" in s]
+    assert len(pages) == 2
+    assert found.report(tmp_path / "again.pdf").read_bytes() == content
+
+
+def _inflated(stream: bytes) -> bytes:
+    try:
+        return zlib.decompress(stream)
+    except zlib.error:
+        return b""
+
+
+def test_a_report_says_what_was_found(found: dmoc.Solution) -> None:
+    parts = {table.title: table for table in tables(found)}
+    told = {plain(row[0]): " ".join(plain(c) for c in row[1:]) for row in parts["Problem"].rows}
+    assert told["sequence"] == "left" and told["mesh"] == "60 + 60 steps, order 2, constant inputs"
+    assert "m_p = 1" in told["parameters"] and "F: -200 to 200" in told["bounds"]
+    assert told["start"].startswith("alpha = 0.47124, alpha_dot = 0")
+    rows = [[plain(c) for c in row] for row in parts["Minima found"].rows]
+    assert rows[1] == ["200.5", "3", "solved", "60+60"] and rows[0][1] == "13"
+    check = {
+        plain(row[0]): plain(row[1]) for row in parts["Check by an independent simulation"].rows
+    }
+    assert check["passed"] == "yes" and check["missed contacts"] == "none"
+
+
+def test_reports_are_named_by_their_endings(found: dmoc.Solution, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"end it in \.html or \.pdf"):
+        found.report(tmp_path / "r.docx")
+    source = found.save(tmp_path / "s.npz")
+    result = CliRunner().invoke(app, ["report", str(source)])
+    assert result.exit_code == 0 and (tmp_path / "s.html").exists()
+    result = CliRunner().invoke(app, ["report", str(source), "-o", str(tmp_path / "s.pdf")])
+    assert result.exit_code == 0 and (tmp_path / "s.pdf").read_bytes().startswith(b"%PDF")
