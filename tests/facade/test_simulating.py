@@ -10,10 +10,13 @@ import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, landing_system
+from typer.testing import CliRunner
 
 import dmoc
+from dmoc.cli.app import app
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import ModelError, MotionError, SimulationError, SolutionFileError
+from dmoc.registry import find
 from dmoc.simulating import mean_inputs
 from dmoc.tabulated import columns
 
@@ -204,3 +207,34 @@ def test_replays_are_refused_in_one_sentence(bounced: dmoc.Solution, tmp_path: P
     scuffing = replace(bounced, trajectory=replace(bounced.trajectory, ignored=("wall",)))
     with pytest.raises(SimulationError, match="the solution ignores wall"):
         dmoc.simulate(scuffing)
+
+
+def test_the_command_simulates_models_and_solutions(tmp_path: Path) -> None:
+    """The pendulum falls from the side and bounces off its wall, at the bottom, elastically."""
+    arguments = ["simulate", "bouncing_pendulum", "--start", "theta=1", "--final-time", "2"]
+    result = CliRunner().invoke(app, [*arguments, "--steps", "200", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert "collision wall" in result.stdout and "2 s in 200 recorded steps" in result.stdout
+    run = dmoc.Simulation.load(tmp_path / "simulation.npz")
+    assert run.q[0, 0] == 1 and len(run.collisions) >= 1
+    assert (tmp_path / "simulation.csv").exists() and (tmp_path / "simulation.png").exists()
+    shipped = find("cart_pendulum")
+    problem = dmoc.Problem(shipped.kernels(), **{**shipped.defaults, "steps": 40})
+    source = dmoc.solve(problem, "ipm", starts=1).save(tmp_path / "s.npz")
+    result = CliRunner().invoke(app, ["simulate", str(source)])
+    assert result.exit_code == 0 and "collision left" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["bouncing_pendulum"], "--final-time is missing"),
+        (["bouncing_pendulum", "--final-time", "1", "--start", "p=1"], "expected one of theta"),
+        (["bouncing_pendulum", "--final-time", "1", "--start", "theta=0:1"], "expected a number"),
+        (["bouncing_pendulum", "--final-time", "1", "--steps", "0"], "steps = 0"),
+        (["s.npz", "--final-time", "1"], "goes with a model"),
+    ],
+)
+def test_the_command_refuses_in_one_sentence(arguments: list[str], message: str) -> None:
+    result = CliRunner().invoke(app, ["simulate", *arguments])
+    assert isinstance(result.exception, SimulationError) and message in str(result.exception)

@@ -17,6 +17,7 @@ from dmoc.cli.new import new
 from dmoc.cli.options import BAD_INPUT
 from dmoc.cli.result import plot, verify
 from dmoc.cli.search import search
+from dmoc.cli.simulate import simulate
 from dmoc.cli.solve import solve
 from dmoc.cli.sweep import sweep
 from dmoc.cli.writing import err, out
@@ -33,6 +34,7 @@ COMMANDS = (
     solve,
     search,
     sweep,
+    simulate,
     verify,
     plot,
     export,
