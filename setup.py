@@ -30,6 +30,7 @@ SOLVER_FLAGS = [
 models = sorted(p.parent.name for p in Path("generated").glob("*/manifest.json"))
 package_dir = {"dmoc": "src/dmoc", "dmoc.cli": "src/dmoc/cli"}
 package_dir |= {f"dmoc.{layer}": layer for layer in LAYERS}
+package_dir["dmoc.report.animation"] = "report/animation"
 package_dir |= {f"dmoc.generated.{model}": f"generated/{model}" for model in models}
 
 extensions = [
@@ -107,6 +108,7 @@ setup(
         "dmoc": ["py.typed"],
         "dmoc.cli": ["templates/*.py"],
         "dmoc.codegen": ["templates/*.jinja", "*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.h"],
+        "dmoc.report.animation": ["player/*"],
         **{
             f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pyi", "*.c", "*.h"]
             for layer in ("nlp", "solvers", "simulation")

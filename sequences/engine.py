@@ -11,6 +11,7 @@ from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -142,6 +143,22 @@ class SearchResult(Shown):
             path,
             style=style,
         )
+
+    def animate(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        speed: float | None = None,
+        fps: int = 25,
+        style: str = "light",
+    ) -> Path:
+        """Write the tree as a page in which its nodes show their motions and verdicts, or the best
+        motions side by side as a GIF or an mp4; see :func:`dmoc.animate`."""
+        from dmoc.report.animation import animate_tree
+
+        nodes = [(n.sequence, n.verdict.value, n.cost, n.evidence, n.solution) for n in self.nodes]
+        name = self.problem.kernels.name
+        return animate_tree(name, nodes, path, speed=speed, fps=fps, style=style)
 
 
 def search(

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dmoc.errors import DmocError
     from dmoc.nlp.problem import Problem
     from dmoc.registry import build, load
+    from dmoc.report.animation import animate
     from dmoc.sequences.engine import search
     from dmoc.simulating import Simulation, simulate
     from dmoc.simulation.check import verify
@@ -42,6 +43,7 @@ __all__ = [
     "Solution",
     "Spring",
     "Wall",
+    "animate",
     "build",
     "derive",
     "load",
@@ -68,6 +70,7 @@ _PLACES = {
     "Solution": "dmoc.solution",
     "Spring": "dmoc.symbolic.drawing",
     "Wall": "dmoc.symbolic.drawing",
+    "animate": "dmoc.report.animation",
     "build": "dmoc.registry",
     "derive": "dmoc.deriving",
     "load": "dmoc.registry",

@@ -344,6 +344,20 @@ class Solution(Shown):
         report(self, Path(path))
         return Path(path)
 
+    def animate(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        speed: float | None = None,
+        fps: int = 25,
+        style: str = "light",
+    ) -> Path:
+        """Write the motion as a page that plays it, as a GIF or as an mp4; see
+        :func:`dmoc.animate`."""
+        from dmoc.report.animation import animate
+
+        return animate(self, path, speed=speed, fps=fps, style=style)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""
         return {

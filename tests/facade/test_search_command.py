@@ -60,6 +60,7 @@ def test_the_command_writes_and_tells(tmp_path: Path) -> None:
         "solution.npz",
         "tree.png",
         "best.png",
+        "tree.html",
     }
     assert dmoc.Solution.load(tmp_path / "out" / "solution.npz").verify().passed
 
@@ -94,7 +95,11 @@ def test_a_search_keeps_its_result_where_a_figure_fails(
     out, err = capsys.readouterr()
     assert "best: " in out and "written: " in out
     assert err.endswith("best.png was not drawn: ValueError: no [room]\n") and err.count("\n") == 1
-    assert {p.name for p in (tmp_path / "o").iterdir()} == {"solution.npz", "tree.png"}
+    assert {p.name for p in (tmp_path / "o").iterdir()} == {
+        "solution.npz",
+        "tree.png",
+        "tree.html",
+    }
 
 
 def test_a_search_that_a_full_disk_breaks_off_is_no_success(

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from dmoc.cli.animate import animate
 from dmoc.cli.doctor import doctor, versions
 from dmoc.cli.export import export, report
 from dmoc.cli.model import build, derive, generate, models
@@ -37,6 +38,7 @@ COMMANDS = (
     simulate,
     verify,
     plot,
+    animate,
     export,
     report,
     doctor,

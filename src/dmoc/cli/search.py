@@ -121,7 +121,8 @@ def search(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="Write the best solution, the tree and the best motions into this folder.",
+            help="Write the best solution, the tree, the best motions, and a page that plays "
+            "them into this folder.",
         ),
     ] = None,
     json_: JsonOption = None,
@@ -225,6 +226,7 @@ def _draw(result: SearchResult, folder: Path | None, quiet: bool) -> None:
     if folder is not None:
         draw(folder / "tree.png", result.plot, quiet)
         draw(folder / "best.png", result.plot_best, quiet)
+        draw(folder / "tree.html", result.animate, quiet)
 
 
 def _complain(result: SearchResult) -> None:

@@ -1,0 +1,132 @@
+"""A film as a GIF or an mp4: mechanisms side by side, with the time, hits and contact forces."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.errors import MissingExtraError, OutputError
+from dmoc.report.animation.film import Film
+from dmoc.report.animation.stage import Colours, Drawn, Room, stage_of
+from dmoc.report.canvas import new_figure
+from dmoc.trajectory import Array
+
+if TYPE_CHECKING:
+    from matplotlib.animation import AbstractMovieWriter
+    from matplotlib.figure import Figure
+
+SHORTEST, LONGEST = 3.0, 30.0  # seconds that a movie takes unless its speed is given
+HOLD = 0.6  # seconds for which its end stands
+MOST_FRAMES = 5000
+DOTS = 100  # in an inch; a column has an even number of them, as mp4 wants
+WIDTH, HEIGHT = 5.2, 4.2  # inches of a column
+ABOVE, BELOW = 0.09, 0.08  # of the height, beside the mechanism
+LIGHT = Colours("#ffffff", "#1c1c1c", "#5b5b5b", "#1f4e79", "#dbe9f3", "#c1440e", "#b03a00",
+                "#00785a", "#a3457e")  # fmt: skip
+DARK = Colours("#14171a", "#ececec", "#a9b0b6", "#8cc4ec", "#24394a", "#f2935a", "#ffb27a",
+               "#3fd0a4", "#e39ac4")  # fmt: skip
+
+
+def movie_of(film: Film, ending: str, speed: float | None, fps: int, dark: bool) -> bytes:
+    """The content of a GIF or an mp4 of the motions of a film.
+
+    Parameters
+    ----------
+    film : Film
+    ending : {".gif", ".mp4"}
+    speed : float or None
+        Seconds of the motion in a second of the movie.
+    fps : int
+        Frames in a second.
+    dark : bool
+
+    Raises
+    ------
+    MissingExtraError
+        If Matplotlib or, for an mp4, ffmpeg is not there.
+    OutputError
+        If the movie would be too long.
+    """
+    times = _times(max(motion["duration"] for motion in film["motions"]), speed, fps)
+    colours = DARK if dark else LIGHT
+    figure = new_figure(WIDTH * len(film["motions"]), HEIGHT)
+    figure.set_layout_engine("none")
+    figure.set_facecolor(colours.ground)
+    stages = _stages(figure, film, colours)
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        path = folder / f"movie{ending}"
+        writer = _writer(ending, fps, stack)
+        with writer.saving(figure, os.fspath(path), dpi=DOTS):
+            for t in times:
+                for draw in stages:
+                    draw(float(t))
+                writer.grab_frame(facecolor=colours.ground)
+        return path.read_bytes()
+
+
+def _stages(figure: Figure, film: Film, colours: Colours) -> list[Drawn]:
+    """The mechanisms beside each other, at one scale."""
+    motions = film["motions"]
+    rooms = np.array([motion["bounds"] for motion in motions])
+    room = _fitted(*rooms[:, ::2].min(axis=0), *rooms[:, 1::2].max(axis=0))
+    share = 1.0 / len(motions)
+    stages: list[Drawn] = []
+    for i, motion in enumerate(motions):
+        axes = figure.add_axes((i * share, BELOW, share, 1 - BELOW - ABOVE))
+        stages.append(stage_of(axes, motion, room, colours))
+    return stages
+
+
+def _fitted(left: float, bottom: float, right: float, top: float) -> Room:
+    """The room of the mechanisms, widened to the shape of its axes."""
+    ratio = WIDTH / (HEIGHT * (1 - BELOW - ABOVE))
+    width = max(right - left, ratio * (top - bottom)) / 2
+    x, y = (left + right) / 2, (bottom + top) / 2
+    return Room(x - width, x + width, y - width / ratio, y + width / ratio)
+
+
+def _times(duration: float, speed: float | None, fps: int) -> Array:
+    """The times of the frames, the end among them, and again while it stands."""
+    if speed is None:
+        speed = duration / min(max(duration, SHORTEST), LONGEST)
+    count = duration * fps / speed
+    if count > MOST_FRAMES:
+        raise OutputError(
+            f"the movie would have {count:.0f} frames, and {MOST_FRAMES} at most are written: "
+            "raise the speed, or lower the frames in a second (fps)."
+        )
+    moving = np.linspace(0.0, duration, max(int(np.ceil(count)), 1) + 1)
+    return np.append(moving, np.full(round(HOLD * fps), duration))
+
+
+def _writer(ending: str, fps: int, stack: ExitStack) -> AbstractMovieWriter:
+    from matplotlib import rc_context
+    from matplotlib.animation import FFMpegWriter, PillowWriter
+
+    if ending == ".gif":
+        return PillowWriter(fps=fps)
+    stack.enter_context(rc_context({"animation.ffmpeg_path": _ffmpeg()}))
+    return FFMpegWriter(fps=fps, codec="h264", bitrate=-1)
+
+
+def _ffmpeg() -> str:
+    """Where ffmpeg is: that of the machine, or that of imageio-ffmpeg."""
+    found = shutil.which("ffmpeg")
+    if found is not None:
+        return found
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return str(get_ffmpeg_exe())
+    except (ModuleNotFoundError, RuntimeError):
+        raise MissingExtraError(
+            "ffmpeg is needed to write an mp4: install it, or imageio-ffmpeg with "
+            "`pip install 'dmoc[mp4]'`; a .gif and a .html need neither."
+        ) from None

@@ -1,0 +1,189 @@
+"""Write motions as a page that plays them, as a GIF or as an mp4."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from dmoc.arguments import positive, shown
+from dmoc.errors import OutputError, ProblemError
+from dmoc.report.animation.film import Branch, Film, Take, film_of
+from dmoc.report.animation.movie import movie_of
+from dmoc.report.animation.page import page_of
+from dmoc.trajectory import Trajectory
+from dmoc.writing import write_whole
+
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+FORMATS = (".html", ".gif", ".mp4")
+STYLES = ("light", "dark")
+MOST = 3  # motions of a search that a movie shows side by side
+MOST_FRAMES_PER_SECOND = 60
+
+
+class Solved(Protocol):
+    """A motion with how it was found, as a :class:`dmoc.Solution` is."""
+
+    @property
+    def trajectory(self) -> Trajectory: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def cost(self) -> float: ...
+
+
+if TYPE_CHECKING:
+    Shown: TypeAlias = Solved | Trajectory
+
+
+def animate(
+    motions: Shown | Sequence[Shown] | Mapping[str, Shown],
+    path: str | os.PathLike[str],
+    *,
+    speed: float | None = None,
+    fps: int = 25,
+    style: str = "light",
+) -> Path:
+    """Write motions, side by side on one clock, as a page, a GIF or an mp4.
+
+    The page is one file that fetches nothing: the mechanism with its hits and contact forces, and
+    positions, velocities, momenta, inputs and forces as curves with a cursor.  It plays, pauses,
+    steps, and goes to any time by its slider, its curves and its events.
+
+    Parameters
+    ----------
+    motions : Solution, Trajectory, or a sequence of them, or a mapping of names to them
+    path : path
+        The ending decides: .html, .gif or .mp4.
+    speed : float, optional
+        Seconds of the motion in a second of a GIF or an mp4; by default 1, less for a motion of
+        less than 3 s, more for one of more than 30 s.  A page has a choice of speeds.
+    fps : int
+        Frames of a GIF or an mp4 in a second, 1 to 60.
+    style : {"light", "dark"}
+        Of a GIF or an mp4.  A page follows its reader.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ProblemError
+        If an argument does not fit.
+    OutputError
+        If the format is unknown or the file cannot be written.
+    MissingExtraError
+        If Matplotlib is needed and not installed, or ffmpeg is needed and not there.
+    """
+    takes = _takes(motions)
+    models = dict.fromkeys(take.trajectory.model for take in takes)
+    film = film_of(", ".join(models), takes)
+    return _written(film, Path(path), speed, fps, style)
+
+
+def animate_tree(
+    title: str,
+    nodes: Iterable[tuple[tuple[str, ...], str, float | None, tuple[str, ...], Solved | None]],
+    path: str | os.PathLike[str],
+    *,
+    speed: float | None = None,
+    fps: int = 25,
+    style: str = "light",
+) -> Path:
+    """Write the tree of a search as a page in which the nodes show their motions and verdicts, or
+    its best motions as a GIF or an mp4.
+
+    Parameters
+    ----------
+    title : str
+    nodes : iterable of (sequence, verdict, cost, evidence, solution)
+    path, speed, fps, style
+        As for :func:`animate`, which says what is raised too.
+    """
+    takes: list[Take] = []
+    branches = []
+    for sequence, verdict, cost, evidence, solution in nodes:
+        take = None if solution is None else len(takes)
+        branches.append(Branch(sequence, verdict, cost, evidence, take))
+        if solution is not None:
+            takes.append(_take(", ".join(sequence) or "no collision", solution))
+    if Path(path).suffix.lower() != ".html":
+        order = {"optimal": 0, "feasible": 1}
+        good = [b for b in branches if b.take is not None and b.verdict in order]
+        good.sort(key=lambda b: (order[b.verdict], b.cost or 0.0))
+        if not good:
+            raise ProblemError(
+                "the search has no confirmed motion: a page (.html) shows its verdicts."
+            )
+        takes, branches = [takes[b.take or 0] for b in good[:MOST]], []
+    film = film_of(title, takes, branches)
+    return _written(film, Path(path), speed, fps, style)
+
+
+def _written(film: Film, path: Path, speed: float | None, fps: int, style: str) -> Path:
+    _check(path, speed, fps, style)
+    if path.suffix.lower() == ".html":
+        write_whole(path, page_of(film).encode())
+    else:
+        write_whole(path, movie_of(film, path.suffix.lower(), speed, fps, style == "dark"))
+    return path
+
+
+def _check(path: Path, speed: object, fps: object, style: object) -> None:
+    if path.suffix.lower() not in FORMATS:
+        raise OutputError(f"{path} has no known format: end it in .html, .gif or .mp4.")
+    if speed is not None:
+        positive(speed, "speed", "expected a positive number such as 0.5")
+    if not (isinstance(fps, int) and 1 <= fps <= MOST_FRAMES_PER_SECOND):
+        raise ProblemError(
+            f"fps = {shown(fps)}: expected a whole number from 1 to {MOST_FRAMES_PER_SECOND}."
+        )
+    if style not in STYLES:
+        raise ProblemError(f"style = {shown(style)}: expected 'light' or 'dark'.")
+
+
+def _takes(motions: Any) -> list[Take]:
+    """The motions with their names: the given ones, the events, or numbers where those are the
+    same."""
+    if isinstance(motions, Mapping):
+        takes = [_take(str(name), motion) for name, motion in motions.items()]
+    else:
+        given = [motions] if _is_motion(motions) or not isinstance(motions, Iterable) else motions
+        takes = [_take("", motion) for motion in given]
+        takes = _named(takes)
+    if not takes:
+        raise ProblemError("there are no motions: give one or more solutions.")
+    return takes
+
+
+def _is_motion(given: object) -> bool:
+    return isinstance(getattr(given, "trajectory", given), Trajectory)
+
+
+def _take(name: str, motion: Any) -> Take:
+    if isinstance(motion, Trajectory):
+        return Take(name, motion)
+    if not _is_motion(motion):
+        raise ProblemError(
+            f"motions = {shown(motion)}: expected solutions or their trajectories, one, several, "
+            "or a mapping of names to them."
+        )
+    return Take(name, motion.trajectory, str(motion.status), motion.message, float(motion.cost))
+
+
+def _named(takes: Sequence[Take]) -> list[Take]:
+    """Takes with the names of their models and events, numbered where several are the same."""
+    names = []
+    for take in takes:
+        events = ", ".join(event.word for event in take.trajectory.collisions)
+        names.append(f"{take.trajectory.model}: {events}" if events else take.trajectory.model)
+    if len(set(names)) < len(names):
+        names = [f"{i}. {name}" for i, name in enumerate(names, start=1)]
+    return [replace(take, name=name) for take, name in zip(takes, names, strict=True)]

@@ -1,0 +1,91 @@
+// The sequences of a search as a tree of buttons.
+
+const VERDICTS = {
+  optimal: ["\u2605", "optimal"],
+  feasible: ["\u2713", "feasible"],
+  grazes: ["~", "grazes: a collision has no effect"],
+  unverified: ["?", "not confirmed by simulation"],
+  infeasible: ["\u2717", "infeasible: the goal is not reached"],
+  unreachable: ["\u2298", "unreachable: its last collision cannot be made"],
+  failed: ["!", "failed: no answer"],
+};
+
+function badge(verdict) {
+  const element = html("span", { class: "verdict", "aria-hidden": "true" }, VERDICTS[verdict][0]);
+  element.style.background = `var(--${verdict})`;
+  return element;
+}
+
+function named(node) {
+  return node.sequence.join(", ") || "no collision";
+}
+
+// The tree of nodes; ``choose`` is called with the node that is clicked.
+function makeTree(nodes, choose) {
+  const buttons = nodes.map((node) => nodeButton(node, () => pick(node)));
+  const lists = new Map();
+  const root = html("ul", { role: "tree", "aria-label": "sequences" });
+  nodes.forEach((node, i) => {
+    const below = html("ul", { role: "group" });
+    const item = html("li", { role: "none" }, buttons[i]);
+    lists.set(JSON.stringify(node.sequence), { item, below });
+    const parent = lists.get(JSON.stringify(node.sequence.slice(0, -1)));
+    if (!node.sequence.length || !parent) root.append(item);
+    else {
+      if (!parent.below.isConnected && !parent.below.parentNode) parent.item.append(parent.below);
+      parent.below.append(item);
+    }
+  });
+
+  function pick(node) {
+    buttons.forEach((button, i) => {
+      const chosen = nodes[i] === node;
+      set(button, { "aria-current": chosen, "aria-selected": chosen, tabindex: chosen ? 0 : -1 });
+    });
+    choose(node);
+  }
+
+  root.addEventListener("keydown", (event) => walk(event, root));
+  return { element: html("div", { class: "branches" }, root), pick };
+}
+
+function nodeButton(node, act) {
+  const [, meaning] = VERDICTS[node.verdict];
+  const last = node.sequence[node.sequence.length - 1] ?? "no collision";
+  const cost = node.cost === null ? "" : ` ${short(node.cost)}`;
+  const button = html("button", { type: "button", role: "treeitem", "aria-level": node.sequence.length + 1 });
+  button.append(badge(node.verdict), last + cost);
+  set(button, { "aria-label": `${named(node)}, ${meaning}${cost ? `, cost${cost}` : ""}` });
+  set(button, { title: `${named(node)}: ${meaning}` });
+  button.addEventListener("click", act);
+  return button;
+}
+
+// Up and down go from one node to the next, left and right to the parent and to the first child.
+function walk(event, root) {
+  const all = [...root.querySelectorAll("button")];
+  const at = all.indexOf(document.activeElement);
+  const item = all[at]?.parentElement;
+  const goals = {
+    ArrowDown: () => all[at + 1],
+    ArrowUp: () => all[at - 1],
+    ArrowLeft: () => item.parentElement.closest("li")?.querySelector("button"),
+    ArrowRight: () => item.querySelector("ul button"),
+    Home: () => all[0],
+    End: () => all[all.length - 1],
+  };
+  if (at < 0 || !(event.key in goals)) return;
+  event.preventDefault();
+  event.stopPropagation();
+  goals[event.key]()?.focus();
+}
+
+// What the verdicts are called, with how many there are of each.
+function key(nodes) {
+  const found = Object.keys(VERDICTS).filter((verdict) => nodes.some((node) => node.verdict === verdict));
+  const entries = found.map((verdict) => {
+    const count = nodes.filter((node) => node.verdict === verdict).length;
+    return html("li", {}, badge(verdict), `${verdict} (${count})`);
+  });
+  return html("ul", { class: "key" }, ...entries);
+}

@@ -1,0 +1,323 @@
+"""Films of motions: the document, the page that plays it, GIF and mp4."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from films import END, EVIL, ROD, TURN, motion, place
+from PIL import Image
+
+import dmoc
+from dmoc.errors import MissingExtraError, OutputError, ProblemError
+from dmoc.report.animation import animate_tree
+from dmoc.report.animation.film import Branch, Film, Take, film_of
+from dmoc.report.animation.numbers import rounded
+from dmoc.report.animation.page import page_of
+from dmoc.report.animation.panels import MOST, label
+from dmoc.report.animation.stage import columns_at
+from dmoc.trajectory import Trajectory
+
+DATA = re.compile(r'<script type="application/json" id="film">(.*?)</script>', re.S)
+
+
+def film(*motions: Trajectory) -> Film:
+    return film_of("films", [Take(f"take {i}", m) for i, m in enumerate(motions)])
+
+
+def read(page: str) -> Any:
+    """The document in a page, as a browser would cut it out."""
+    (found,) = DATA.findall(page)
+    return json.loads(found)
+
+
+def test_the_document_is_json_and_has_the_motion() -> None:
+    (shown,) = film(motion())["motions"]
+    assert json.loads(json.dumps(shown, allow_nan=False)) == shown
+    assert shown["starts"] == [0.0, TURN] and shown["duration"] == END
+    assert shown["modes"] == ["floor:slip+", "free"] and shown["unit"] == "m"
+    assert [shape["kind"] for shape in shown["shapes"]] == [
+        "wall", "link", "point", "contact", "contact",
+    ]  # fmt: skip
+    for t in (0.0, 0.13, TURN - 1e-9, TURN, 0.77, END):
+        columns = columns_at(shown, t)
+        rod, mass = (columns[shown["shapes"][i]["columns"]] for i in (1, 2))
+        np.testing.assert_allclose(mass, [place(t), 0.1], atol=1e-5)
+        np.testing.assert_allclose(rod, [place(t), 0.1, place(t) - ROD, 0.1], atol=1e-5)
+
+
+def test_columns_that_are_the_same_are_there_once_and_still_ones_are_numbers() -> None:
+    (shown,) = film(motion())["motions"]
+    for part in shown["parts"]:
+        moving = [column for column in part["columns"] if isinstance(column, list)]
+        assert len(moving) == 2  # x of the mass, and of the other end of its rod
+        assert {len(column) for column in moving} == {len(part["times"])}
+
+
+def test_panels_have_the_curves_of_the_motion_by_unit() -> None:
+    given = motion()
+    (shown,) = film(given)["motions"]
+    panels = {panel["title"]: panel for panel in shown["panels"]}
+    assert {title: panel["unit"] for title, panel in panels.items()} == {
+        "positions": "m", "velocities": "m/s", "momenta": "N s", "inputs": "N",
+        "normal forces": "N", "friction": "N",
+    }  # fmt: skip
+    for title, part in (("positions", "q"), ("velocities", "v"), ("momenta", "p")):
+        for i, curve in enumerate(panels[title]["curves"]):
+            for phase, values, t in zip(
+                given.phases, curve["values"], panels[title]["times"], strict=True
+            ):
+                np.testing.assert_allclose(values, getattr(phase, part)[:, i], atol=1e-5)
+                np.testing.assert_allclose(t, phase.t, atol=1e-6)
+    (force,) = panels["inputs"]["curves"]
+    assert (force["low"], force["high"]) == (-6.0, 6.0)
+    # A step of a constant input has both of its ends.
+    assert panels["inputs"]["times"][0] == [0.0, 0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.4, 0.4, 0.5]
+    assert force["values"][0] == [5.0] * 10
+    (normal,), (friction,) = (panels[t]["curves"] for t in ("normal forces", "friction"))
+    assert normal["values"] == [[10.0, 12.0, 14.0, 16.0, 18.0, 20.0], None]
+    assert friction["values"] == [[-4.0] * 6, None]
+    assert friction["limits"] == [[5.0, 6.0, 7.0, 8.0, 9.0, 10.0], None]  # mu N
+    assert {(a["kind"], a["shape"]) for a in shown["arrows"]} == {("N", 4), ("T", 4)}
+    assert shown["largest"] == 20.0
+
+
+def test_events_are_told_at_their_places() -> None:
+    ((event,),) = (m["events"] for m in film(motion())["motions"])
+    assert event == {
+        "time": TURN,
+        "word": "wall",
+        "told": "impulse 9",
+        "marks": [{"contact": "wall", "at": [1.0, 0.1], "told": "wall impulse 9"}],
+    }
+
+
+def test_several_contacts_of_an_event_are_told_apart() -> None:
+    given = motion()
+    (hit,) = given.collisions
+    landing = replace(
+        hit,
+        surface="floor",
+        lands=("floor",),
+        leaves=("wall",),
+        impulses={"floor": 2.5},
+        tractions={"floor": -0.75},
+    )
+    ((event,),) = (m["events"] for m in film(replace(given, collisions=(landing,)))["motions"])
+    assert event["word"] == "+floor -wall"
+    assert event["told"] == "impulse 2.5 of floor, friction \N{MINUS SIGN}0.75 of floor"
+    assert {mark["contact"]: mark["told"] for mark in event["marks"]} == {
+        "floor": "+floor impulse 2.5, friction \N{MINUS SIGN}0.75",
+        "wall": "-wall",
+    }
+    grazing = replace(hit, grazes=True, impulse=1e-9)
+    ((event,),) = (m["events"] for m in film(replace(given, collisions=(grazing,)))["motions"])
+    assert event["told"] == "grazes"
+
+
+def test_the_room_holds_what_moves_and_near_walls_not_far_ones() -> None:
+    given = motion()
+    assert given.scene is not None
+    far = given.scene.values[0].copy()
+    far[:, 0] = -1000.0
+    scene = replace(given.scene, values=(far, given.scene.values[1]))
+    for shown in film(given, replace(given, scene=scene))["motions"]:
+        left, right, bottom, top = shown["bounds"]
+        assert -2.0 < left < -ROD and 1.0 < right < 2.5
+        assert bottom < 0.0 and 0.1 < top < 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "tail"),
+    [
+        ("alpha", "\N{GREEK SMALL LETTER ALPHA}", ""),
+        ("x_1", "x", "1"),
+        ("p_theta_l", "p", "θ,l"),
+        ("torso", "torso", ""),
+        ("omega_", "ω", ""),
+    ],
+)
+def test_names_are_written_as_mathematics(name: str, head: str, tail: str) -> None:
+    assert label(name) == {"head": head, "tail": tail}
+
+
+def test_numbers_are_short_and_fine_enough() -> None:
+    values = np.array([0.0, -0.0, 1 / 3, -2 / 3, 123.4567891])
+    assert rounded(values) == [0.0, 0.0, 0.333, -0.667, 123.457]
+    assert str(rounded(values)[1]) == "0.0"
+    assert rounded(1e-9 * values)[2] == pytest.approx(1e-9 / 3, abs=1e-12)
+
+
+def test_long_phases_are_thinned_and_keep_their_ends() -> None:
+    given = motion()
+    t = np.linspace(0.0, TURN, 5001)
+    first = replace(
+        given.phases[0],
+        t=t,
+        q=np.stack([t / TURN, 0.1 + 0 * t], axis=1),
+        p=np.zeros((5001, 2)),
+        v=np.zeros((5001, 2)),
+        u=np.zeros((5000, 1)),
+        normal=np.ones((5001, 1)),
+        tangential=np.zeros((5001, 1)),
+    )
+    (shown,) = film(replace(given, phases=(first, given.phases[1])))["motions"]
+    positions = shown["panels"][0]
+    x = positions["curves"][0]["values"][0]
+    assert x is not None and len(x) == len(positions["times"][0]) == MOST
+    assert (x[0], x[-1]) == (0.0, 1.0)
+    np.testing.assert_allclose(x, np.array(positions["times"][0]) / TURN, atol=1e-5)
+
+
+def test_a_page_holds_all_it_needs(solution: dmoc.Solution, tmp_path: Path) -> None:
+    path = solution.animate(tmp_path / "swing_up.html")
+    page = path.read_text(encoding="utf-8")
+    assert len(page.encode()) < 500_000
+    outside = page.replace("http://www.w3.org/2000/svg", "")  # the name of a language
+    assert not re.search(r"https?:|//[a-z]+\.|\ssrc\s*=|@import|url\(|<link|<iframe", outside)
+    assert re.search(r"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-", page)
+    document = read(page)
+    assert document["title"] == "cart_pendulum"
+    (shown,) = document["motions"]
+    assert shown["status"] == "solved" and shown["cost"] == solution.cost
+    assert [event["word"] for event in shown["events"]] == ["left"]
+    tip = next(s for s in shown["shapes"] if s["kind"] == "point")["columns"]
+    alpha, x = solution.phases[1].q[-1]
+    at = columns_at(shown, shown["duration"])[tip]
+    np.testing.assert_allclose(at, [x + 0.5 * np.cos(alpha), 0.5 * np.sin(alpha)], atol=1e-5)
+
+
+def test_names_of_a_model_are_texts_in_the_page() -> None:
+    given = film_of(EVIL, [Take(EVIL, motion(EVIL, EVIL), EVIL, EVIL)])
+    page = page_of(given)
+    assert read(page) == json.loads(json.dumps(given))
+    assert page.count("</script>") == 2 and "<b>" not in page
+    assert "{{style}}" in page  # as the name said it, and nothing in its place
+
+
+def test_a_search_has_its_tree_and_its_motions(solution: dmoc.Solution, tmp_path: Path) -> None:
+    given = [
+        ((), "feasible", 3.0, ("confirmed",), replace(solution, trajectory=motion())),
+        (("wall",), "infeasible", None, ("the goal is missed",), None),
+        (("floor",), "optimal", 1.0, (), replace(solution, trajectory=motion())),
+    ]
+    document = read(animate_tree("shuttle", given, tmp_path / "tree.html").read_text("utf-8"))
+    assert [(n["sequence"], n["verdict"], n["motion"]) for n in document["tree"]] == [
+        ([], "feasible", 0),
+        (["wall"], "infeasible", None),
+        (["floor"], "optimal", 1),
+    ]
+    assert document["tree"][1]["evidence"] == ["the goal is missed"]
+    assert [m["name"] for m in document["motions"]] == ["no collision", "floor"]
+    with Image.open(animate_tree("s", given, tmp_path / "best.gif", fps=5)) as best:
+        assert best.size == (2 * 520, 420)  # both confirmed motions
+    with pytest.raises(ProblemError, match="has no confirmed motion"):
+        animate_tree("shuttle", given[1:2], tmp_path / "best.gif")
+
+
+def pixels(image: Image.Image, colour: tuple[int, int, int]) -> np.ndarray:
+    """Where an image has a colour, as rows (x, y)."""
+    shown = np.asarray(image.convert("RGB")).astype(int)
+    return np.argwhere(np.abs(shown - colour).sum(axis=2) < 60)[:, ::-1]
+
+
+def test_a_gif_shows_the_mass_where_it_is(tmp_path: Path) -> None:
+    path = dmoc.animate(motion(), tmp_path / "shuttle.gif", speed=0.5, fps=10)
+    with Image.open(path) as gif:
+        assert gif.info["duration"] == 100
+        assert gif.n_frames == 31  # 1.5 s at half the speed, the end among them
+        middles = []
+        for k in (0, 5, 10, 20, 30):  # at 0, 0.25, 0.5, 1.0, 1.5 s
+            gif.seek(k)
+            middles.append(np.median(pixels(gif, (0xC1, 0x44, 0x0E)), axis=0))
+        assert gif.info["duration"] == 700  # the end stands for 0.6 s more
+    x, y = np.array(middles).T
+    scale = x[2] - x[0]  # pixels from x = 0 to x = 1
+    assert scale > 100
+    np.testing.assert_allclose((x - x[0]) / scale, [0.0, 0.5, 1.0, 0.5, 0.0], atol=0.02)
+    flying = [0, 1, 3, 4]  # without the ring of the hit around it
+    np.testing.assert_allclose(y[flying], y[0], atol=1.5)
+
+
+def test_a_dark_gif_is_dark(tmp_path: Path) -> None:
+    path = dmoc.animate([motion()], tmp_path / "dark.gif", speed=1.0, fps=4, style="dark")
+    with Image.open(path) as gif:
+        assert np.median(np.asarray(gif.convert("L"))) < 40
+
+
+def test_an_mp4_has_the_frames_and_the_colours(tmp_path: Path) -> None:
+    from imageio_ffmpeg import get_ffmpeg_exe
+
+    path = dmoc.animate({"there and back": motion()}, tmp_path / "s.mp4", speed=1.0, fps=20)
+    decode = [get_ffmpeg_exe(), "-loglevel", "error", "-i", str(path), "-f", "image2pipe"]
+    done = subprocess.run([*decode, "-c:v", "ppm", "-"], capture_output=True, check=True)
+    frames = done.stdout.split(b"P6\n")[1:]
+    assert len(frames) == 31 + 12
+    first, turned = (Image.open(io.BytesIO(b"P6\n" + frames[k])) for k in (0, 10))
+    ways = [np.median(pixels(f, (0xC1, 0x44, 0x0E)), axis=0)[0] for f in (first, turned)]
+    assert ways[1] - ways[0] > 100
+
+
+def test_a_missing_ffmpeg_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    with pytest.raises(MissingExtraError, match=r"ffmpeg is needed .* imageio-ffmpeg"):
+        dmoc.animate(motion(), tmp_path / "s.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"speed": 0}, ProblemError, r"speed = 0: expected a positive number"),
+        ({"speed": "fast"}, ProblemError, r"speed = 'fast'"),
+        ({"fps": 0}, ProblemError, r"fps = 0: expected a whole number from 1 to 60"),
+        ({"fps": 2.5}, ProblemError, r"fps = 2.5"),
+        ({"style": "grey"}, ProblemError, r"style = 'grey': expected 'light' or 'dark'"),
+        ({"path": "s.avi"}, OutputError, r"has no known format: end it in .html, .gif or .mp4"),
+        ({"path": "s"}, OutputError, r"has no known format"),
+        ({"motions": []}, ProblemError, r"there are no motions"),
+        ({"motions": 3}, ProblemError, r"motions = 3: expected solutions"),
+        ({"motions": [3]}, ProblemError, r"motions = 3: expected solutions"),
+        ({"path": "s.gif", "speed": 1e-3, "fps": 60}, OutputError, r"would have 90000 frames"),
+        ({"path": "nowhere/s.html"}, OutputError, r"cannot be written"),
+    ],
+)
+def test_what_does_not_fit_is_one_sentence(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    changes: dict[str, Any],
+    error: type[Exception],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    given = {"motions": motion(), "path": "s.html", **changes}
+    with pytest.raises(error, match=message):
+        dmoc.animate(**given)
+    assert not list(tmp_path.iterdir())
+
+
+def test_motions_are_named_by_model_and_events_and_numbered_where_these_are_the_same(
+    tmp_path: Path,
+) -> None:
+    def names(motions: Any) -> list[str]:
+        page = dmoc.animate(motions, tmp_path / "s.html").read_text("utf-8")
+        return [shown["name"] for shown in read(page)["motions"]]
+
+    assert names(motion()) == ["shuttle: wall"]
+    assert names([motion(), motion()]) == ["1. shuttle: wall", "2. shuttle: wall"]
+    assert names({"first": motion(), "other": motion()}) == ["first", "other"]
+
+
+def test_branches_and_takes_are_numbered_together() -> None:
+    branch = Branch(("wall",), "optimal", 1.0, (), 0)
+    document = film_of("t", [Take("wall", motion())], [branch])
+    assert document["tree"][0]["motion"] == 0 and len(document["motions"]) == 1
