@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # setuptools warns of the folders beside setup.py in every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
-.PHONY: demo test test-fast test-wheels check docs linkcheck bench ladder release clean
+.PHONY: demo test test-fast test-browser test-wheels check docs linkcheck bench ladder release clean
 
 demo: $(VENV)/.installed-demo
 	@$(BIN)/python examples/seed.py demo
@@ -17,6 +17,10 @@ test: $(VENV)/.installed-test
 # About a minute; the rest goes through whole searches, examples and refinements.
 test-fast: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
+
+# The page that plays motions, in a real browser: chromium and chromedriver have to be there.
+test-browser: $(VENV)/.installed-browser
+	$(BIN)/python -m pytest tests/browser/*.py
 
 check: $(VENV)/.installed-check
 	$(BIN)/ruff check .
@@ -71,6 +75,10 @@ $(VENV)/.installed-check: $(SOURCES) | $(VENV)/bin/python
 
 $(VENV)/.installed-docs: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) '.[docs]'
+	@touch $@
+
+$(VENV)/.installed-browser: $(SOURCES) | $(VENV)/bin/python
+	$(INSTALL) '.[browser]'
 	@touch $@
 
 $(VENV)/.installed-bench: $(SOURCES) | $(VENV)/bin/python

@@ -9,11 +9,11 @@ import numpy as np
 from dmoc.report.animation.numbers import Column, column, rounded
 from dmoc.scene import Array, Scene, Shape
 
-Place: TypeAlias = list[float]  # x, y
+Place: TypeAlias = list[float]  # x, y, and the direction in which the surface pushes
 Bounds: TypeAlias = list[float]  # left, right, bottom, top
 # Walls are seen this far beyond what moves, as a share of the room of what moves.
 BEYOND = 0.5
-MARGIN = 0.08  # of the larger side, around everything
+MARGIN = 0.1  # of the larger side, around everything
 # The least side of a picture, as a share of the other one, and in metres where nothing moves.
 LEAST, NOTHING = 0.3, 1e-9
 
@@ -42,7 +42,7 @@ def place_at(scene: Scene, phase: int, name: str) -> Place | None:
     """Where a contact is when a phase ends; None where the scene does not say."""
     for shape in scene.contacts:
         if shape.name == name:
-            return rounded(scene.of(shape, phase)[-1, :2])
+            return rounded(scene.of(shape, phase)[-1])
     return None
 
 

@@ -62,7 +62,10 @@ def stage_of(axes: Axes, motion: Motion, room: Room, colours: Colours) -> Drawn:
     axes.set_title(motion["name"], color=colours.text, fontsize=11, parse_math=False)
     below: dict[str, Any] = {"y": -0.01, "transform": axes.transAxes, "va": "top", "fontsize": 10}
     clock = axes.text(0.02, s="", color=colours.text, **below)
-    axes.text(0.5, s=_scale_of_arrows(motion), color=colours.quiet, ha="center", **below)
+    axes.text(
+        0.98, 0.97, _scale_of_arrows(motion), color=colours.quiet, fontsize=9, ha="right",
+        transform=axes.transAxes,
+    )  # fmt: skip
     mode = axes.text(0.98, s="", color=colours.quiet, ha="right", parse_math=False, **below)
     banner = axes.text(
         0.02, 0.94, "", color=colours.hit, fontsize=10, transform=axes.transAxes, parse_math=False
@@ -261,26 +264,28 @@ def _hit(axes: Axes, motion: Motion, i: int, room: Room, colours: Colours) -> Dr
     from matplotlib.patheffects import withStroke
 
     event: Event = motion["events"][i]
+    halo = [withStroke(linewidth=3, foreground=colours.ground)]
     artists = []
     for mark in event["marks"]:
-        x, y = mark["at"]
-        left = x > room.left + 0.55 * (room.right - room.left)
+        x, y, nx, ny = mark["at"]
         (cross,) = axes.plot([x], [y], "x", color=colours.hit, markersize=7, zorder=5)
         (ring,) = axes.plot([x], [y], "o", color=colours.hit, fillstyle="none", zorder=5)
+        # On the side that the surface is on.
+        side = "center" if abs(nx) < 0.5 else ("right" if nx > 0 else "left")
         label = axes.annotate(
-            "", (x, y), (-8 if left else 8, 7), textcoords="offset points", color=colours.hit,
-            ha="right" if left else "left", fontsize=9, zorder=6, parse_math=False,
-            path_effects=[withStroke(linewidth=3, foreground=colours.ground)],
+            "", (x, y), (-12 * nx, -16 * ny), textcoords="offset points", color=colours.hit,
+            ha=side, va="center", fontsize=9, zorder=6, parse_math=False, path_effects=halo,
         )  # fmt: skip
-        artists.append((mark["told"], cross, ring, label))
+        artists.append((mark, cross, ring, label))
 
     def draw(t: float) -> None:
         since = (t - event["time"]) / (TOLD * motion["duration"])
-        for k, (told, cross, ring, label) in enumerate(artists):
+        for k, (mark, cross, ring, label) in enumerate(artists):
             for artist in (cross, ring, label):
                 artist.set_visible(since >= 0)
             ring.set(alpha=min(max(1.0 - since, 0.0), 1.0), markersize=14 + 18 * min(since, 1.0))
-            label.set_text(f"{i + 1} {told}" if since < 1 else str(i + 1))
-            label.xyann = (label.xyann[0], 7 + (12 * k if since < 1 else 0))
+            label.set_text(f"{i + 1} {mark['told']}" if since < 1 else str(i + 1))
+            down = 12 * k if since < 1 else 0  # a line of its own for each contact
+            label.xyann = (label.xyann[0], -16 * mark["at"][3] - down)
 
     return draw

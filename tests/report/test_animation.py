@@ -96,7 +96,7 @@ def test_events_are_told_at_their_places() -> None:
         "time": TURN,
         "word": "wall",
         "told": "impulse 9",
-        "marks": [{"contact": "wall", "at": [1.0, 0.1], "told": "wall impulse 9"}],
+        "marks": [{"contact": "wall", "at": [1.0, 0.1, -1.0, 0.0], "told": "wall impulse 9"}],
     }
 
 

@@ -6,6 +6,7 @@ const RIGHT = 10;
 const TOP = 8;
 const BOTTOM = 20;
 const FAR = 1; // a bound further from the curves than this many times their range is not drawn
+const FAR_FORCE = 5; // nor are limits of friction above this many times the largest force
 const DASHES = ["", "7 3", "2 3", "9 3 2 3", "5 5", "12 4", "2 5"];
 
 function style(i) {
@@ -20,12 +21,12 @@ function rangeOf(panels) {
   let high = values.reduce((a, b) => Math.max(a, b), -Infinity);
   const span = high - low || Math.abs(high) || 1;
   const [least, most] = [low - FAR * span, high + FAR * span];
+  const farthest = FAR_FORCE * Math.max(Math.abs(low), Math.abs(high));
   const limits = curves.flatMap((curve) => curve.limits.filter((part) => part !== null).flat());
-  const near = [...curves.flatMap(({ low: a, high: b }) => [a, b]), ...limits, ...limits.map((v) => -v)];
-  for (const bound of near) {
-    if (bound === null || bound < least || bound > most) continue;
-    [low, high] = [Math.min(low, bound), Math.max(high, bound)];
-  }
+  const bounds = curves.flatMap((curve) => [curve.low, curve.high]);
+  const near = bounds.filter((bound) => bound !== null && bound >= least && bound <= most);
+  near.push(...limits.filter((limit) => limit <= farthest).flatMap((limit) => [-limit, limit]));
+  for (const bound of near) [low, high] = [Math.min(low, bound), Math.max(high, bound)];
   const room = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
   return [low - room, high + room];
 }
@@ -47,7 +48,7 @@ function makePanel(motion, panel, range, clock) {
     axes.x = (t) => LEFT + (t / clock.duration) * (width - LEFT - RIGHT);
     set(root, { viewBox: `0 0 ${width} ${HIGH}` });
     still.replaceChildren(...grid(axes, range, clock.duration), ...eventLines(motion, axes));
-    panel.curves.forEach((curve, i) => still.append(...strokes(panel, curve, i, axes)));
+    panel.curves.forEach((curve, i) => still.append(strokes(panel, curve, i, axes)));
     draw(now);
   }
 
@@ -117,7 +118,7 @@ function eventLines(motion, axes) {
   });
 }
 
-// The strokes of a curve: its phases, dotted jumps between them, bounds and limits.
+// The strokes of a curve, cut off at the frame: its phases, dotted jumps between them, bounds and limits.
 function strokes(panel, curve, i, axes) {
   const drawn = [];
   const line = (name, d, dash) => {
@@ -125,14 +126,13 @@ function strokes(panel, curve, i, axes) {
     if (dash) set(element, { "stroke-dasharray": dash });
     drawn.push(element);
   };
-  const inside = (v) => Math.min(Math.max(axes.y(v), TOP), HIGH - BOTTOM);
   const seen = (v) => v !== null && axes.y(v) >= TOP && axes.y(v) <= HIGH - BOTTOM;
   for (const bound of [curve.low, curve.high]) {
     if (seen(bound)) line("limit", path([[LEFT, axes.y(bound)], [axes.width - RIGHT, axes.y(bound)]]));
   }
   curve.limits.forEach((limits, phase) => {
     for (const sign of limits === null || !limits.some((v) => seen(v)) ? [] : [1, -1]) {
-      line("limit", path(limits.map((v, k) => [axes.x(panel.times[phase][k]), inside(sign * v)])));
+      line("limit", path(limits.map((v, k) => [axes.x(panel.times[phase][k]), axes.y(sign * v)])));
     }
   });
   let end = null;
@@ -146,7 +146,8 @@ function strokes(panel, curve, i, axes) {
     line("curve", path(points), DASHES[(i + Math.floor(i / 7)) % 7]);
     end = points[points.length - 1];
   });
-  return drawn;
+  const room = { x: LEFT, y: TOP, width: axes.width - LEFT - RIGHT, height: HIGH - TOP - BOTTOM };
+  return svg("svg", { ...room, viewBox: Object.values(room).join(" ") }, ...drawn);
 }
 
 // Call with the place of the pointer while it is pressed on an element.

@@ -4,6 +4,8 @@ const ARROW = 0.22; // of the smaller side of the picture: the largest contact f
 const SHORT = 7; // pixels of the shortest arrow that is drawn
 const HATCH = 9; // pixels between two strokes of a wall
 const COILS = 8;
+const WIDE = 7; // pixels of a character of what is told, about
+const LINE = 15; // pixels of a line of it
 const MOST_HIGH = 460; // pixels of a picture
 const FLASH = 0.09; // of the whole time, for which a hit flashes
 const TOLD = 0.18; // of the whole time, for which it is told
@@ -30,7 +32,7 @@ function makePicture(motion, bounds, duration) {
   arrows.forEach(({ element }) => forces.append(element));
   const hits = motion.events.map((event, i) => makeHit(event, i));
   hits.forEach(({ element }) => marks.append(element));
-  const view = { scale: 1, x: 0, y: 0, side: 1, width: 1 };
+  const view = { scale: 1, x: 0, y: 0, side: 1, width: 1, height: 1 };
   let now = 0;
 
   const to = (x, y) => [view.x + view.scale * x, view.y - view.scale * y];
@@ -42,7 +44,7 @@ function makePicture(motion, bounds, duration) {
     view.scale = scale;
     view.x = width / 2 - (scale * (left + right)) / 2;
     view.y = height / 2 + (scale * (top + bottom)) / 2;
-    view.width = width;
+    [view.width, view.height] = [width, height];
     view.side = Math.min(width, height);
     set(root, { viewBox: `0 0 ${width} ${height}`, height });
     set(root, { "data-scale": scale, "data-x": view.x, "data-y": view.y });
@@ -228,14 +230,25 @@ function makeHit(event, i) {
     const since = (t - event.time) / duration;
     element.style.display = since < 0 ? "none" : "";
     spots.forEach(({ mark, ring, cross, label }, k) => {
-      const [x, y] = to(...mark.at);
-      const left = x > 0.55 * view.width;
+      const [x, y] = to(mark.at[0], mark.at[1]);
       const fading = Math.min(Math.max(since / FLASH, 0), 1);
       set(ring, { cx: x, cy: y, r: 10 + 16 * fading, opacity: 1 - fading });
       set(cross, { d: `M${x - 5} ${y - 5}l10 10m0 -10l-10 10` });
-      set(label, { x: x + (left ? -10 : 10), y: y - 9 - 15 * k * (since < TOLD), "text-anchor": left ? "end" : "start" });
       label.textContent = since < TOLD ? `${i + 1} ${mark.told}` : String(i + 1);
+      set(label, beside(x, y, mark.at, k * (since < TOLD), WIDE * label.textContent.length, view));
     });
   };
   return { element, draw };
+}
+
+// Where a text of a width stands beside a contact, on the side that the surface is on, within the picture.
+function beside(x, y, [, , nx, ny], line, width, view) {
+  const shift = Math.abs(nx) > 0.5 ? (-Math.sign(nx) * width) / 2 : 0;
+  const room = (value, low, high) => Math.max(Math.min(value, high), low);
+  const half = Math.min(width, view.width - 8) / 2;
+  const wanted = x - 16 * nx + shift;
+  const middle = room(wanted, half + 4, view.width - half - 4);
+  const pushed = Math.abs(middle - wanted) > 8 && shift ? 2 * LINE : 0; // back over the mechanism
+  const base = y + 22 * ny + 4 + pushed + Math.sign(ny || 1) * LINE * line;
+  return { x: middle, y: room(base, LINE, view.height - 4), "text-anchor": "middle" };
 }

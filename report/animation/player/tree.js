@@ -70,7 +70,7 @@ function walk(event, root) {
     ArrowDown: () => all[at + 1],
     ArrowUp: () => all[at - 1],
     ArrowLeft: () => item.parentElement.closest("li")?.querySelector("button"),
-    ArrowRight: () => item.querySelector("ul button"),
+    ArrowRight: () => item.querySelector(":scope > ul button"),
     Home: () => all[0],
     End: () => all[all.length - 1],
   };
