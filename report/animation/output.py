@@ -25,21 +25,16 @@ MOST = 3  # motions of a search that a movie shows side by side
 MOST_FRAMES_PER_SECOND = 60
 
 
-class Solved(Protocol):
-    """A motion with how it was found, as a :class:`dmoc.Solution` is."""
+class Moved(Protocol):
+    """What has a motion, as a :class:`dmoc.Solution` and a :class:`dmoc.Simulation` have; what a
+    solution says of itself beside it is told too."""
 
     @property
     def trajectory(self) -> Trajectory: ...
-    @property
-    def status(self) -> str: ...
-    @property
-    def message(self) -> str: ...
-    @property
-    def cost(self) -> float: ...
 
 
 if TYPE_CHECKING:
-    Shown: TypeAlias = Solved | Trajectory
+    Shown: TypeAlias = Moved | Trajectory
 
 
 def animate(
@@ -58,7 +53,7 @@ def animate(
 
     Parameters
     ----------
-    motions : Solution, Trajectory, or a sequence of them, or a mapping of names to them
+    motions : Solution, Simulation, Trajectory, a sequence of them, or a mapping of names to them
     path : path
         The ending decides: .html, .gif or .mp4.
     speed : float, optional
@@ -90,7 +85,7 @@ def animate(
 
 def animate_tree(
     title: str,
-    nodes: Iterable[tuple[tuple[str, ...], str, float | None, tuple[str, ...], Solved | None]],
+    nodes: Iterable[tuple[tuple[str, ...], str, float | None, tuple[str, ...], Moved | None]],
     path: str | os.PathLike[str],
     *,
     speed: float | None = None,
@@ -172,10 +167,11 @@ def _take(name: str, motion: Any) -> Take:
         return Take(name, motion)
     if not _is_motion(motion):
         raise ProblemError(
-            f"motions = {shown(motion)}: expected solutions or their trajectories, one, several, "
-            "or a mapping of names to them."
+            f"motions = {shown(motion)}: expected solutions, simulations or their trajectories, "
+            "one, several, or a mapping of names to them."
         )
-    return Take(name, motion.trajectory, str(motion.status), motion.message, float(motion.cost))
+    status, message, cost = (getattr(motion, what, "") for what in ("status", "message", "cost"))
+    return Take(name, motion.trajectory, str(status), message, None if cost == "" else float(cost))
 
 
 def _named(takes: Sequence[Take]) -> list[Take]:

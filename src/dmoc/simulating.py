@@ -151,6 +151,20 @@ class Simulation(Shown):
 
         return plot(self.trajectory, path, velocities=velocities, style=style)
 
+    def animate(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        speed: float | None = None,
+        fps: int = 25,
+        style: str = "light",
+    ) -> Path:
+        """Write the motion as a page that plays it, as a GIF or as an mp4; see
+        :func:`dmoc.animate`."""
+        from dmoc.report.animation import animate
+
+        return animate(self, path, speed=speed, fps=fps, style=style)
+
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the simulation to an .npz file.
 

@@ -195,6 +195,20 @@ def test_a_page_holds_all_it_needs(solution: dmoc.Solution, tmp_path: Path) -> N
     np.testing.assert_allclose(at, [x + 0.5 * np.cos(alpha), 0.5 * np.sin(alpha)], atol=1e-5)
 
 
+def test_a_simulation_is_shown_without_a_cost(tmp_path: Path) -> None:
+    simulation = dmoc.simulate(
+        dmoc.load("bouncing_pendulum"), [0.5], step_size=0.01, steps=200, restitution=0.8
+    )
+    path = simulation.animate(tmp_path / "bounces.html")
+    (shown,) = read(path.read_text("utf-8"))["motions"]
+    assert shown["cost"] is None and shown["status"] == ""
+    times = [event["time"] for event in shown["events"]]
+    assert times == [collision.time for collision in simulation.collisions] and times
+    for event in shown["events"]:
+        (mark,) = event["marks"]
+        np.testing.assert_allclose(mark["at"], [0.0, -1.0, 1.0, 0.0], atol=1e-5)
+
+
 def test_names_of_a_model_are_texts_in_the_page() -> None:
     given = film_of(EVIL, [Take(EVIL, motion(EVIL, EVIL), EVIL, EVIL)])
     page = page_of(given)

@@ -158,6 +158,7 @@ def _extras() -> Iterator[Finding]:
     extras += [
         (m.package, m.name, f"is behind method {m.name}") for m in METHODS.values() if m.package
     ]
+    extras += [("imageio-ffmpeg", "mp4", "writes mp4 where the machine has no ffmpeg")]
     extras += [("dask", "dask", "lets other machines search")]
     for name, extra, what in extras:
         try:
