@@ -156,7 +156,10 @@ class SearchResult(Shown):
         motions side by side as a GIF or an mp4; see :func:`dmoc.animate`."""
         from dmoc.report.animation import animate_tree
 
-        nodes = [(n.sequence, n.verdict.value, n.cost, n.evidence, n.solution) for n in self.nodes]
+        nodes = [
+            (n.sequence, self.name_of(n), n.verdict.value, n.cost, n.evidence, n.solution)
+            for n in self.nodes
+        ]
         name = self.problem.kernels.name
         return animate_tree(name, nodes, path, speed=speed, fps=fps, style=style)
 

@@ -11,8 +11,8 @@ from dmoc.scene import Scene, Shape
 from dmoc.trajectory import Collision, Phase, Trajectory
 
 # A mass goes from x = 0 to a wall at x = 1 in 0.5 s and back in 1 s; the rod behind it has the
-# length 0.25, the ground pushes it with 10 N to 20 N and rubs with -4 N.
-TURN, END, ROD = 0.5, 1.5, 0.25
+# length 0.25, both are 0.7 above the ground, which pushes with 10 N to 20 N and rubs with -4 N.
+TURN, END, ROD, HIGH = 0.5, 1.5, 0.25, 0.7
 EVIL = '</script><b>"wall"&\'{{style}}'
 
 
@@ -22,7 +22,7 @@ def place(t: float) -> float:
 
 
 def _phase(t: np.ndarray, force: bool) -> Phase:
-    q = np.array([[place(s), 0.1] for s in t])
+    q = np.array([[place(s), HIGH] for s in t])
     v = np.tile([2.0, 0.0] if t[0] < TURN else [-1.0, 0.0], (len(t), 1))
     normal = 10.0 + 10.0 * (t[:, None] - t[0]) / (t[-1] - t[0])
     touching = {
@@ -39,9 +39,9 @@ def _values(t: np.ndarray) -> np.ndarray:
     one, zero = np.ones_like(x), np.zeros_like(x)
     columns = [
         *(-0.5 * one, zero, 1.5 * one, zero),  # the floor
-        *(x, 0.1 * one, x - ROD, 0.1 * one),  # the rod
-        *(x, 0.1 * one),  # the mass
-        *(x, 0.1 * one, -one, zero),  # the contact with the wall
+        *(x, HIGH * one, x - ROD, HIGH * one),  # the rod
+        *(x, HIGH * one),  # the mass
+        *(x, HIGH * one, -one, zero),  # the contact with the wall
         *(x, zero, zero, one),  # the contact with the floor
     ]
     return np.stack(columns, axis=1)
@@ -51,7 +51,7 @@ def motion(wall: str = "wall", model: str = "shuttle") -> Trajectory:
     """A mass that goes to a wall over a floor and back."""
     times = np.linspace(0.0, TURN, 6), np.linspace(TURN, END, 11)
     hit = Collision(
-        wall, TURN, np.array([1.0, 0.1]), 9.0, np.array([6.0, 0.0]), np.array([-3.0, 0.0])
+        wall, TURN, np.array([1.0, HIGH]), 9.0, np.array([6.0, 0.0]), np.array([-3.0, 0.0])
     )
     shapes = (
         Shape("wall", "", 0, 4),

@@ -12,10 +12,10 @@ from typing import TypedDict
 
 import numpy as np
 
-from dmoc.errors import ProblemError
 from dmoc.report.animation.numbers import short
 from dmoc.report.animation.panels import Panel, panels_of
 from dmoc.report.animation.places import Bounds, Part, Place, bounds_of, parts_of, place_at
+from dmoc.report.fallback import scene_for
 from dmoc.scene import Scene, Shape
 from dmoc.trajectory import Collision, Trajectory
 
@@ -49,6 +49,7 @@ class Branch:
     Attributes
     ----------
     sequence : tuple of str
+    name : str
     verdict : str
     cost : float or None
     evidence : tuple of str
@@ -58,6 +59,7 @@ class Branch:
     """
 
     sequence: tuple[str, ...]
+    name: str
     verdict: str
     cost: float | None = None
     evidence: tuple[str, ...] = ()
@@ -125,6 +127,7 @@ class Node(TypedDict):
     """A sequence of a search, and its motion among those of the film."""
 
     sequence: list[str]
+    name: str
     verdict: str
     cost: float | None
     evidence: list[str]
@@ -161,6 +164,7 @@ def film_of(title: str, takes: Sequence[Take], branches: Sequence[Branch] = ()) 
 def _node(branch: Branch) -> Node:
     return {
         "sequence": list(branch.sequence),
+        "name": branch.name,
         "verdict": branch.verdict,
         "cost": branch.cost,
         "evidence": list(branch.evidence),
@@ -170,12 +174,7 @@ def _node(branch: Branch) -> Node:
 
 def _motion(take: Take) -> Motion:
     motion = take.trajectory
-    scene = motion.scene
-    if scene is None:
-        raise ProblemError(
-            f"model {motion.model!r} has no drawing: give it one with drawing=[...], and solve "
-            "again."
-        )
+    scene = scene_for(motion)
     panels, (parts, which) = panels_of(motion), parts_of(scene)
     return {
         "name": take.name,

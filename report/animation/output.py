@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from dmoc.arguments import positive, shown
+from dmoc.arguments import choice, positive, shown
 from dmoc.errors import OutputError, ProblemError
 from dmoc.report.animation.film import Branch, Film, Take, film_of
 from dmoc.report.animation.movie import movie_of
@@ -85,7 +85,7 @@ def animate(
 
 def animate_tree(
     title: str,
-    nodes: Iterable[tuple[tuple[str, ...], str, float | None, tuple[str, ...], Moved | None]],
+    nodes: Iterable[tuple[tuple[str, ...], str, str, float | None, tuple[str, ...], Moved | None]],
     path: str | os.PathLike[str],
     *,
     speed: float | None = None,
@@ -98,17 +98,17 @@ def animate_tree(
     Parameters
     ----------
     title : str
-    nodes : iterable of (sequence, verdict, cost, evidence, solution)
+    nodes : iterable of (sequence, name, verdict, cost, evidence, solution)
     path, speed, fps, style
         As for :func:`animate`, which says what is raised too.
     """
     takes: list[Take] = []
     branches = []
-    for sequence, verdict, cost, evidence, solution in nodes:
+    for sequence, name, verdict, cost, evidence, solution in nodes:
         take = None if solution is None else len(takes)
-        branches.append(Branch(sequence, verdict, cost, evidence, take))
+        branches.append(Branch(sequence, name, verdict, cost, evidence, take))
         if solution is not None:
-            takes.append(_take(", ".join(sequence) or "no collision", solution))
+            takes.append(_take(name, solution))
     if Path(path).suffix.lower() != ".html":
         order = {"optimal": 0, "feasible": 1}
         good = [b for b in branches if b.take is not None and b.verdict in order]
@@ -140,8 +140,7 @@ def _check(path: Path, speed: object, fps: object, style: object) -> None:
         raise ProblemError(
             f"fps = {shown(fps)}: expected a whole number from 1 to {MOST_FRAMES_PER_SECOND}."
         )
-    if style not in STYLES:
-        raise ProblemError(f"style = {shown(style)}: expected 'light' or 'dark'.")
+    choice(style, "style", STYLES, OutputError)
 
 
 def _takes(motions: Any) -> list[Take]:

@@ -40,7 +40,7 @@ def test_several_solutions_play_side_by_side(
     assert run(monkeypatch, file, file, "-o", str(target)) == 0
     assert '"1. cart_pendulum: left"' in target.read_text("utf-8")
     gif = tmp_path / "both.gif"
-    arguments = ("--speed", "1", "--fps", "3", "--style", "dark")
+    arguments = ("--speed", "1", "--fps", "3", "--dark")
     assert run(monkeypatch, file, file, "-o", str(gif), *arguments) == 0
     assert gif.read_bytes().startswith(b"GIF89a")
 

@@ -81,7 +81,7 @@ function verdictOf(node) {
   const told = html("p", {}, VERDICTS[node.verdict][1]);
   const list = html("ul", { class: "evidence" }, ...evidence);
   const element = html("section", { class: "motion", id: "verdict", "aria-live": "polite" });
-  element.append(html("h2", {}, badge(node.verdict), named(node)), told, list);
+  element.append(html("h2", {}, badge(node.verdict), node.name), told, list);
   return element;
 }
 

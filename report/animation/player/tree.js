@@ -4,6 +4,7 @@ const VERDICTS = {
   optimal: ["\u2605", "optimal"],
   feasible: ["\u2713", "feasible"],
   grazes: ["~", "grazes: a collision has no effect"],
+  collapses: ["\u2193", "collapses: a shorter sequence does as well"],
   unverified: ["?", "not confirmed by simulation"],
   infeasible: ["\u2717", "infeasible: the goal is not reached"],
   unreachable: ["\u2298", "unreachable: its last collision cannot be made"],
@@ -14,10 +15,6 @@ function badge(verdict) {
   const element = html("span", { class: "verdict", "aria-hidden": "true" }, VERDICTS[verdict][0]);
   element.style.background = `var(--${verdict})`;
   return element;
-}
-
-function named(node) {
-  return node.sequence.join(", ") || "no collision";
 }
 
 // The tree of nodes; ``choose`` is called with the node that is clicked.
@@ -51,12 +48,12 @@ function makeTree(nodes, choose) {
 
 function nodeButton(node, act) {
   const [, meaning] = VERDICTS[node.verdict];
-  const last = node.sequence[node.sequence.length - 1] ?? "no collision";
+  const last = node.sequence[node.sequence.length - 1] ?? node.name;
   const cost = node.cost === null ? "" : ` ${short(node.cost)}`;
   const button = html("button", { type: "button", role: "treeitem", "aria-level": node.sequence.length + 1 });
   button.append(badge(node.verdict), last + cost);
-  set(button, { "aria-label": `${named(node)}, ${meaning}${cost ? `, cost${cost}` : ""}` });
-  set(button, { title: `${named(node)}: ${meaning}` });
+  set(button, { "aria-label": `${node.name}, ${meaning}${cost ? `, cost${cost}` : ""}` });
+  set(button, { title: `${node.name}: ${meaning}` });
   button.addEventListener("click", act);
   return button;
 }

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dmoc.cli.writing import written
-
-
-class Style(StrEnum):
-    light = "light"
-    dark = "dark"
 
 
 def animate(
@@ -43,9 +37,12 @@ def animate(
         ),
     ] = None,
     fps: Annotated[int, typer.Option(help="Frames in a second of a .gif or .mp4.")] = 25,
-    style: Annotated[
-        Style, typer.Option(help="Of a .gif or .mp4; a page follows its reader.")
-    ] = Style.light,
+    dark: Annotated[
+        bool,
+        typer.Option(
+            "--dark", help="Draw a .gif or .mp4 on a dark background; a page follows its reader."
+        ),
+    ] = False,
 ) -> None:
     """Show a motion: the mechanism with its hits and contact forces, and its curves."""
     from dmoc.report.animation import animate as animated
@@ -53,4 +50,5 @@ def animate(
 
     path = target or solutions[0].with_suffix(".html")
     motions = [Solution.load(solution) for solution in solutions]
-    written(animated(motions, path, speed=speed, fps=fps, style=style.value))
+    style = "dark" if dark else "light"
+    written(animated(motions, path, speed=speed, fps=fps, style=style))
