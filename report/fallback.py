@@ -1,8 +1,8 @@
 """A drawing of a motion whose model has none, from its coordinates alone.
 
 Lengths are sliders on rails, one below the other and those of one unit to one scale, angles are
-hands on dials; two lengths called x and y are a point in the plane.  The place of a contact goes
-with the coordinate that its first event changes most.
+hands on dials; lengths called x and y, or x1 and y1, are points in one plane.  The place of a
+contact goes with the coordinate that its first event changes most.
 """
 
 from __future__ import annotations
@@ -60,12 +60,14 @@ def _items(motion: Trajectory, q: Array) -> list[_Item]:
     items: list[_Item] = []
     places: dict[int, Place] = {}
     left, height, scale = 0.0, ROW, 1.0
-    pair = _plane(motion)
-    if pair:
-        items = [_Item("point", "", _picked(pair))]
-        places = dict.fromkeys(pair, items[0].columns)
-        (left, height), reach = q[:, pair].min(axis=0).tolist(), np.ptp(q[:, pair], axis=0)
-        scale = float(reach.max()) or 1.0
+    pairs = _points(motion)
+    for pair in pairs:
+        items.append(_Item("point", "", _picked(pair)))
+        places |= dict.fromkeys(pair, items[-1].columns)
+    if pairs:
+        at = q[:, [pair[0] for pair in pairs]], q[:, [pair[1] for pair in pairs]]
+        left, height = (float(way.min()) for way in at)
+        scale = max(float(np.ptp(way)) for way in at) or 1.0
     for i, name in enumerate(motion.coordinates):
         if i in places:
             continue
@@ -76,17 +78,22 @@ def _items(motion: Trajectory, q: Array) -> list[_Item]:
             found = _rail(i, name, (left, height, scale), _reach(motion, q, name))
         items += found
         places[i] = _place_of(found[-1])
-    return items + _contacts(motion, places, pair)
+    return items + _contacts(motion, places, pairs)
 
 
-def _plane(motion: Trajectory) -> list[int]:
-    """Two coordinates that are the place of a point: x and y, with the same ending and unit."""
+def _points(motion: Trajectory) -> list[list[int]]:
+    """Pairs of coordinates that are places of points: x and y with the same ending, all of them in
+    the unit of the first."""
+    found: list[list[int]] = []
+    unit = None
     for i, name in enumerate(motion.coordinates):
         match = PAIR.fullmatch(name)
         other = f"y{match[1]}" if match else ""
-        if other in motion.coordinates and motion.units.get(name) == motion.units.get(other):
-            return [i, motion.coordinates.index(other)]
-    return []
+        units = {motion.units.get(name), motion.units.get(other)}
+        if other in motion.coordinates and units == ({unit} if found else {motion.units.get(name)}):
+            found.append([i, motion.coordinates.index(other)])
+            unit = motion.units.get(name)
+    return found
 
 
 def _picked(columns: list[int]) -> Place:
@@ -113,7 +120,8 @@ def _rail(
         x = left + scale * (q[:, i] - low) / (high - low)
         return _columns(q, x, y, width * scale, height * scale, 0.0)
 
-    rail = _Item("link", name, lambda q: _columns(q, left, y, left + scale, y))
+    over = width * scale  # the rail goes on beyond the slider
+    rail = _Item("link", name, lambda q: _columns(q, left - over, y, left + scale + over, y))
     return [rail, _Item("box", "", slider)]
 
 
@@ -140,7 +148,7 @@ def _place_of(item: _Item) -> Place:
     return lambda q: item.columns(q)[:, columns]
 
 
-def _contacts(motion: Trajectory, places: dict[int, Place], pair: list[int]) -> list[_Item]:
+def _contacts(motion: Trajectory, places: dict[int, Place], pairs: list[list[int]]) -> list[_Item]:
     """Contacts at the coordinates that their first events change most, pushing as the impulse
     does."""
     found: dict[str, _Item] = {}
@@ -148,7 +156,8 @@ def _contacts(motion: Trajectory, places: dict[int, Place], pair: list[int]) -> 
         jump = event.momentum_after - event.momentum_before
         size = np.abs(event.momentum_after) + np.abs(event.momentum_before)
         i = int(np.argmax(np.abs(jump) / np.where(size > 0, size, 1.0)))
-        if i in pair:
+        pair = next((pair for pair in pairs if i in pair), [])
+        if pair:
             push = _straight(places[i], jump[pair])
         elif motion.units.get(motion.coordinates[i]) == "rad":
             push = _turning(places[i], i, float(np.sign(jump[i])))

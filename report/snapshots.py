@@ -28,6 +28,7 @@ MARGIN = 0.06  # of the extent, around it
 TALLEST, ROOMY = 4.2, 7.4  # inches that all snapshots may take in height, and take in width
 ABOVE, BESIDE = 0.55, 0.45  # inches of a title, and of the numbers beside the axes
 MOST = 12  # phases that are shown apart; more of them are shown together
+CLEARLY = 1.15  # how much larger snapshots must become to be worth a row more
 SMALLEST = 0.6  # inches of the height of a snapshot, at least
 COILS = 6  # of a spring
 HATCH = 0.03  # distance of the strokes behind a wall, in extents
@@ -79,12 +80,12 @@ def layout_of(scene: Scene) -> Layout:
     scene = joined(scene)
     count, (width, height) = len(scene.times), _size(scene)
     best, largest = Layout(1, count, 0.0), 0.0
-    for columns in range(1, count + 1):
+    for columns in range(count, 0, -1):
         rows = ceil(count / columns)
         scale = min(
             (ROOMY / columns - BESIDE) / width, max(TALLEST / rows - ABOVE, SMALLEST) / height
         )
-        if scale > 1.02 * largest:
+        if scale > CLEARLY * largest:
             each = max(scale * height, SMALLEST)
             best, largest = Layout(rows, columns, rows * (each + ABOVE) + 0.3), scale
     return best

@@ -131,7 +131,9 @@ def test_lengths_are_sliders_and_angles_hands(solution: dmoc.Solution) -> None:
         np.testing.assert_allclose(angle, phase.q[:, 0], atol=1e-9)
         share = (phase.q[:, 1] - q[:, 1].min()) / np.ptp(q[:, 1])
         left, _, right, _ = scene.of(rail, i)[0]
-        np.testing.assert_allclose(scene.of(slider, i)[:, 0], left + share * (right - left))
+        width = scene.of(slider, i)[0, 2]  # the rail goes on beyond the slider
+        wanted = left + width + share * (right - left - 2 * width)
+        np.testing.assert_allclose(scene.of(slider, i)[:, 0], wanted)
         np.testing.assert_allclose(scene.of(contact, i)[:, :2], way[:, 2:])
     # The limiter turns the hand counterclockwise.
     nx, ny = scene.of(contact, 0)[-1, 2:]
@@ -157,6 +159,29 @@ def test_x_and_y_are_a_point_that_is_pushed_as_its_momentum_jumps(puck: Kernels)
     x, y = motion.collisions[0].position
     normal = np.array([x - 1.0, y]) / np.hypot(x - 1.0, y)  # away from the post
     np.testing.assert_allclose(scene.of(contact, 0)[-1], (x, y, *normal), atol=1e-6)
+
+
+def test_places_of_several_points_are_in_one_plane(solution: dmoc.Solution) -> None:
+    two = [0, 1, 1, 0, 0]
+    phases = tuple(replace(p, q=p.q[:, two], v=p.v[:, two], p=p.p[:, two]) for p in solution.phases)
+    (hit,) = solution.collisions
+    event = replace(
+        hit, momentum_before=hit.momentum_before[two], momentum_after=hit.momentum_after[two]
+    )
+    motion = replace(
+        solution.trajectory,
+        scene=None,
+        units=dict.fromkeys(("x1", "y1", "x2", "y2"), "m"),
+        coordinates=("x1", "y1", "x2", "y2", "s"),
+        phases=phases,
+        collisions=(event,),
+    )
+    scene = scene_for(motion)
+    assert [s.kind for s in scene.shapes] == ["point", "point", "link", "box", "contact"]
+    for shape, columns in zip(scene.shapes, ([0, 1], [1, 0]), strict=False):
+        np.testing.assert_allclose(scene.of(shape, 1), solution.phases[1].q[:, columns])
+    (left, _, _, _), lowest = scene.of(scene.shapes[2], 0)[0], scene.of(scene.shapes[0], 0)
+    assert scene.of(scene.shapes[2], 0)[0, 1] < lowest[:, 1].min() and np.isfinite(left)
 
 
 def test_sliders_of_one_unit_have_one_scale(solution: dmoc.Solution) -> None:
