@@ -62,6 +62,7 @@ def build_cached(
     texts: Callable[[], Mapping[str, str]],
     fallback: Callable[[], str] | None = None,
     force: bool = False,
+    compiling: Callable[[], None] = lambda: None,
 ) -> Kernels:
     """Return compiled kernels from the cache, building them first if they are missing, stale or
     damaged.
@@ -78,6 +79,8 @@ def build_cached(
         Makes the text of a NumPy module, used with a warning on a machine without a C compiler.
     force : bool, optional
         Build even if the cache holds the kernels.
+    compiling : callable, optional
+        Called before the compiler is.
 
     Raises
     ------
@@ -111,7 +114,9 @@ def build_cached(
         with lock:
             kernels = None if force else _load_entry(entry, digest)
             if kernels is None:
-                _make_entry(entry, digest, texts(), command)
+                files = texts()
+                compiling()
+                _make_entry(entry, digest, files, command)
                 kernels = _load_entry(entry, digest)
     except OSError as error:
         raise BuildError(

@@ -9,8 +9,10 @@ from dmoc.codegen.build import build_cached, numpy_kernels
 from dmoc.codegen.kernels import Kernels
 from dmoc.discretisation import known_order
 from dmoc.errors import BuildError, ModelError, ProblemError
+from dmoc.progress import Listener, told
 
 if TYPE_CHECKING:
+    from dmoc.symbolic.spec import ModelSpec
     from dmoc.symbolic.system import MechanicalSystem
 
     GivenModel: TypeAlias = Kernels | MechanicalSystem  # what kernels_of takes
@@ -19,7 +21,12 @@ BACKENDS = ("auto", "compiled", "numpy")
 
 
 def build(
-    system: MechanicalSystem, *, order: int = 2, backend: str = "auto", force: bool = False
+    system: MechanicalSystem,
+    *,
+    order: int = 2,
+    backend: str = "auto",
+    force: bool = False,
+    progress: Listener[str] = None,
 ) -> Kernels:
     """Derive, generate, compile and load the kernels of a system; cached by content.
 
@@ -34,6 +41,9 @@ def build(
         "auto" compiles, and falls back to NumPy with a warning on a machine without a C compiler.
     force : bool
         Build again even if the cache holds the kernels.
+    progress : callable, bool or "lines", optional
+        Called with what is being done, a text.  True shows it in a line on a terminal or in a
+        notebook, "lines" writes it to standard error.
 
     Raises
     ------
@@ -65,17 +75,28 @@ def build(
     order = known_order(order)
     choice(backend, "backend", BACKENDS, BuildError)
     flag(force, "force", BuildError)
-    if backend == "numpy":
-        model = model_spec(system, order)
-        return numpy_kernels(manifest(model), numpy_text(model))
-    fallback = (lambda: numpy_text(model_spec(system, order))) if backend == "auto" else None
-    return build_cached(
-        system.name,
-        model_key(system, order),
-        lambda: c_files(model_spec(system, order)),
-        fallback,
-        force,
-    )
+    with told(progress, f"{system.name}: looking for its kernels", BuildError) as tell:
+
+        def deriving() -> ModelSpec:
+            if tell is not None:
+                tell(f"{system.name}: deriving equations and derivatives")
+            return model_spec(system, order)
+
+        def compiling() -> None:
+            if tell is not None:
+                tell(f"{system.name}: compiling")
+
+        if backend == "numpy":
+            model = deriving()
+            return numpy_kernels(manifest(model), numpy_text(model))
+        return build_cached(
+            system.name,
+            model_key(system, order),
+            lambda: c_files(deriving()),
+            (lambda: numpy_text(deriving())) if backend == "auto" else None,
+            force,
+            compiling,
+        )
 
 
 def kernels_of(model: Any, order: int) -> Kernels:

@@ -6,7 +6,7 @@ import os
 import sqlite3
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -20,6 +20,7 @@ from dmoc.arguments import shown
 from dmoc.codegen.kernels import COMPILED
 from dmoc.errors import SearchError
 from dmoc.nlp.problem import Problem
+from dmoc.progress import Listener, told
 from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.judgement import CONFIRMED, judged
@@ -48,6 +49,11 @@ class Progress:
     waiting: int
     best: Node | None
     seconds: float
+
+    def __str__(self) -> str:
+        counts = "  ".join(f"{n} {verdict}" for verdict, n in self.counts.items())
+        best = "none yet" if self.best is None else f"{self.best.cost:.6g} ({self.best.name})"
+        return f"{counts}  waiting {self.waiting}  {self.seconds:.0f} s  best {best}"
 
 
 @dataclass(frozen=True)
@@ -183,7 +189,7 @@ def search(
     shortest_phase: float | None = None,
     journal: str | os.PathLike[str] | None = None,
     resume: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Listener[Progress] = None,
 ) -> SearchResult:
     """Search for the best sequence of collisions.
 
@@ -231,8 +237,9 @@ def search(
         SQLite file of finished nodes.
     resume : bool
         Go on with the journal's nodes.
-    progress : callable, optional
-        Called with a :class:`Progress` after every node.
+    progress : callable, bool or "lines", optional
+        Called with a :class:`Progress` after every node.  True shows it in a line on a terminal or
+        in a notebook, "lines" writes it to standard error every second.
 
     Returns
     -------
@@ -270,27 +277,28 @@ def search(
             "surfaces and events are both given: give events alone, which names all that may "
             "happen."
         )
-    settings = Settings(
-        max_collisions,
-        surfaces_of(problem, surfaces),
-        events_of(problem, events),
-        strategy,
-        beam,
-        starts,
-        seed,
-        method,
-        workers,
-        executor,
-        seconds,
-        node_seconds,
-        max_nodes,
-        shortest_of(problem, shortest_phase),
-        journal,
-        resume,
-        progress,
-    )
-    check(problem, settings)
-    return _searched(problem, settings)
+    with told(progress, "first sequence", SearchError) as tell:
+        settings = Settings(
+            max_collisions,
+            surfaces_of(problem, surfaces),
+            events_of(problem, events),
+            strategy,
+            beam,
+            starts,
+            seed,
+            method,
+            workers,
+            executor,
+            seconds,
+            node_seconds,
+            max_nodes,
+            shortest_of(problem, shortest_phase),
+            journal,
+            resume,
+            tell,
+        )
+        check(problem, settings)
+        return _searched(problem, settings)
 
 
 def _searched(problem: Problem, settings: Settings) -> SearchResult:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import choice, flag, function, names, number, positive, shown, whole
+from dmoc.arguments import choice, flag, names, number, positive, shown, whole
 from dmoc.errors import ProblemError, SearchError
 from dmoc.mechanics.modes import Contacts, event_of, possible_after, words_after
 from dmoc.nlp.problem import Problem
@@ -128,7 +128,6 @@ def check(problem: Problem, s: Settings) -> None:
     choice(s.method, "method", tuple(METHODS), SearchError)
     _check_numbers(s)
     flag(s.resume, "resume", SearchError)
-    function(s.progress, "progress", SearchError)
     if s.executor is not None and not callable(getattr(s.executor, "submit", None)):
         raise SearchError(
             f"executor = {shown(s.executor)}: expected a concurrent.futures.Executor, or None."

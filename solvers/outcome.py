@@ -60,6 +60,9 @@ class Iteration:
     cost: float
     violation: float
 
+    def __str__(self) -> str:
+        return f"iteration {self.number}  cost {self.cost:.6g}  violation {self.violation:.1e}"
+
 
 @dataclass(frozen=True)
 class Options:

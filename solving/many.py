@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import choice, flag, function, positive, shown, whole
+from dmoc.arguments import choice, flag, positive, shown, whole
 from dmoc.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.errors import DmocError, ProblemError
 from dmoc.nlp.problem import Problem
+from dmoc.progress import Listener, told
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Status
 from dmoc.solving.methods import METHODS, SEARCHING, usual
@@ -48,6 +49,10 @@ class BatchProgress:
     total: int
     counts: dict[str, int]
     seconds: float
+
+    def __str__(self) -> str:
+        counts = "  ".join(f"{n} {status}" for status, n in self.counts.items())
+        return f"{self.done} of {self.total}: {counts}  {self.seconds:.0f} s"
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,7 @@ def solve_many(
     guess: Given = None,
     keep: bool = False,
     seconds: float | None = None,
-    progress: Callable[[BatchProgress], None] | None = None,
+    progress: Listener[BatchProgress] = None,
     **options: Any,
 ) -> Batch:
     """Solve many problems, each as :func:`dmoc.solve` does, and check each solution by simulation.
@@ -128,8 +133,9 @@ def solve_many(
         Keep every solution, not only its row.
     seconds : float, optional
         Limit of all together; what is not done then is "not_tried".
-    progress : callable, optional
-        Called with a :class:`BatchProgress` whenever problems are done.
+    progress : callable, bool or "lines", optional
+        Called with a :class:`BatchProgress` whenever problems are done.  True shows it in a line on
+        a terminal or in a notebook, "lines" writes it to standard error every second.
     **options
         Further arguments of :func:`dmoc.solve`: tolerance, verify, iterations and others.
         ``starts`` is 1 unless given: a solve from the automatic guess, without exploration.
@@ -182,13 +188,12 @@ def batch_of(
     workers: int,
     executor: Executor | None,
     seconds: float | None,
-    progress: Callable[[BatchProgress], None] | None,
+    progress: Listener[BatchProgress],
 ) -> Batch:
     """Solve problems; an error in the place of one is its row."""
     choice(setting.method, "method", tuple(METHODS))
     workers = whole(workers, "workers", 1, MOST_WORKERS)
     flag(setting.keep, "keep")
-    function(progress, "progress")
     if seconds is not None:
         seconds = positive(seconds, "seconds", "expected a positive time limit, or None")
     for name, value in setting.options.items():
@@ -201,15 +206,16 @@ def batch_of(
     until = np.inf if seconds is None else time.time() + seconds
     reason = NO_TIME
     with ExitStack() as stack:
+        tell = stack.enter_context(told(progress, "first solve"))
         try:
             for found in _answers(problems, setting, workers, executor, until, stack):
                 rows |= {row.number: row for row in found}
                 if any(row.status == Status.INTERRUPTED for row in found):
                     raise KeyboardInterrupt
-                if progress is not None:
+                if tell is not None:
                     counts = dict(Counter(row.status for row in rows.values()))
                     spent = time.monotonic() - begin
-                    progress(BatchProgress(len(rows), len(problems), counts, spent))
+                    tell(BatchProgress(len(rows), len(problems), counts, spent))
         except KeyboardInterrupt:
             reason = INTERRUPTED
         except _Broken as error:

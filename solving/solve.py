@@ -4,18 +4,18 @@ them."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import choice, flag, function, positive, text, whole
+from dmoc.arguments import choice, flag, positive, text, whole
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.transfer import on_mesh
+from dmoc.progress import Listener, told
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
 from dmoc.solving.attempts import attempted, remaining
@@ -50,7 +50,7 @@ def solve(
     violation: float = VIOLATION,
     iterations: int = ITERATIONS,
     seconds: float | None = None,
-    progress: Callable[[Iteration], None] | None = None,
+    progress: Listener[Iteration] = None,
     verify: bool = True,
     reference: str = "",
 ) -> Solution:
@@ -103,8 +103,9 @@ def solve(
         Limit; where another method takes over (from slsqp, ipm), half of them are kept for it.
     seconds : float, optional
         Limit of the guess, the solve and the check together.
-    progress : callable, optional
-        Called with an Iteration (number, cost, violation) after every iteration.
+    progress : callable, bool or "lines", optional
+        Called with an Iteration (number, cost, violation) after every iteration.  True shows it in
+        a line on a terminal or in a notebook, "lines" writes it to standard error every second.
     verify : bool
         Check a converged solution by simulation; one that fails has the status "not_verified".
     reference : str
@@ -166,11 +167,9 @@ def solve(
     if seconds is not None:
         seconds = positive(seconds, "seconds", "expected a positive time limit, or None")
     iterations = whole(iterations, "iterations", 1, MOST_ITERATIONS)
-    function(progress, "progress")
     flag(verify, "verify")
     text(reference, "reference")
     chosen.require(problem.kernels.backend)
-    options = Options(optimality, violation, iterations, seconds, progress)
     if starts is not None:
         starts = whole(starts, "starts", 1, MOST_STARTS)
     seed = whole(seed, "seed", 0, MOST_ITERATIONS)
@@ -178,10 +177,12 @@ def solve(
         starts = 1
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
-    request = Request(chosen, form, options, verify, verify, starts, seed)
-    if tolerance is None:
-        return _best(problem, guess, request)
-    return _on_meshes(problem, guess, request, tolerance)
+    with told(progress, "first guess") as tell:
+        options = Options(optimality, violation, iterations, seconds, tell)
+        request = Request(chosen, form, options, verify, verify, starts, seed)
+        if tolerance is None:
+            return _best(problem, guess, request)
+        return _on_meshes(problem, guess, request, tolerance)
 
 
 def _usual(problem: Problem, tolerance: float | None) -> str:

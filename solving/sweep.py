@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import product
@@ -16,6 +16,7 @@ from dmoc.batch import Batch
 from dmoc.errors import DmocError, ProblemError
 from dmoc.mechanics.values import by_name
 from dmoc.nlp.problem import Problem
+from dmoc.progress import Listener
 from dmoc.solving.many import STARTS, BatchProgress, Setting, batch_of, method_for
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given
@@ -51,7 +52,7 @@ def sweep(
     guess: Given = None,
     keep: bool = False,
     seconds: float | None = None,
-    progress: Callable[[BatchProgress], None] | None = None,
+    progress: Listener[BatchProgress] = None,
     **options: Any,
 ) -> Batch:
     """Solve a problem for every combination of some values.

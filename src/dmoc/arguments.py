@@ -104,12 +104,6 @@ def text(value: Any, what: str, error: Kind = ProblemError) -> str:
     return str(value)
 
 
-def function(value: Any, what: str, error: Kind = ProblemError) -> None:
-    """Check a function of one argument, or None."""
-    if value is not None and not callable(value):
-        raise error(f"{what} = {shown(value)}: expected a function of one argument, or None.")
-
-
 def interval(value: Any, what: str) -> Range:
     """Read a number, a pair with None for no bound, or None for free."""
     if is_number(value):

@@ -23,6 +23,7 @@ from dmoc.discretisation import known_order
 from dmoc.errors import DmocError, ModelError
 from dmoc.models import catalogue
 from dmoc.nlp.problem import Problem
+from dmoc.progress import Listener
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -39,12 +40,12 @@ class Reference:
     name: str
     defaults: Mapping[str, Any]
     system: Callable[[], MechanicalSystem]
-    made: Callable[[int | None], Kernels]
+    made: Callable[[int | None, Listener[str]], Kernels]
 
-    def kernels(self, order: int | None = None) -> Kernels:
+    def kernels(self, order: int | None = None, progress: Listener[str] = None) -> Kernels:
         """The kernels, which know how their model was named; None stands for the order that
         there is."""
-        return replace(self.made(order), reference=self.name)
+        return replace(self.made(order, progress), reference=self.name)
 
 
 def find(reference: str) -> Reference:
@@ -77,7 +78,7 @@ def find(reference: str) -> Reference:
                 f"{reference} is a Problem: name the MechanicalSystem to see its derivation."
             )
 
-        def of_order(order: int | None) -> Kernels:
+        def of_order(order: int | None, _: Listener[str]) -> Kernels:
             made_with = kernels.manifest["order"]
             if order not in (None, made_with):
                 raise ModelError(
@@ -89,7 +90,12 @@ def find(reference: str) -> Reference:
         return Reference(where, defaults, no_system, of_order)
     system = made
     return Reference(
-        where, {}, lambda: system, lambda order: build(system, order=2 if order is None else order)
+        where,
+        {},
+        lambda: system,
+        lambda order, progress: build(
+            system, order=2 if order is None else order, progress=progress
+        ),
     )
 
 
@@ -148,9 +154,11 @@ def _shipped(name: str) -> Reference:
         )
     model = entry.model
 
-    def kernels(order: int | None) -> Kernels:
+    def kernels(order: int | None, progress: Listener[str]) -> Kernels:
         installed = load_installed(f"dmoc.generated.{model}") if order in (None, 2) else None
-        return installed or build(catalogue.system(model), order=2 if order is None else order)
+        return installed or build(
+            catalogue.system(model), order=2 if order is None else order, progress=progress
+        )
 
     return Reference(name, dict(entry.problem or {}), lambda: catalogue.system(model), kernels)
 

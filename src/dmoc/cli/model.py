@@ -112,7 +112,7 @@ def build(
     from dmoc import registry
 
     kernels = registry.build(
-        registry.find(model).system(), order=order, backend="compiled", force=force
+        registry.find(model).system(), order=order, backend="compiled", force=force, progress=True
     )
     state = f"built in {kernels.seconds:.2f} s" if kernels.seconds else "found in the cache"
     out.print(f"{kernels.name}: {state}, {kernels.module.__file__}", soft_wrap=True)

@@ -2,52 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rich.table import Table
-from rich.text import Text
 
 from dmoc.cli.writing import (
-    err,
     out,
 )
 
 if TYPE_CHECKING:
     from dmoc.nlp.sensitivity import Sensitivities
-    from dmoc.solvers.outcome import Iteration
-
-
-class Live:
-    """Iterations on standard error while a solve runs; nothing if standard error is no terminal."""
-
-    def __init__(self) -> None:
-        self._status = err.status("first guess") if err.is_terminal else None
-
-    def __enter__(self) -> Live:
-        if self._status is not None:
-            self._status.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._status is not None:
-            self._status.stop()
-
-    @property
-    def show(self) -> Callable[[Iteration], None] | None:
-        if self._status is None:
-            return None
-        status = self._status
-
-        def update(i: Iteration) -> None:
-            status.update(f"iteration {i.number}  cost {i.cost:.6g}  violation {i.violation:.1e}")
-
-        return update
-
-
-def coloured(good: bool, word: str) -> Text:
-    """A word, green where it is good news."""
-    return Text(word, style="green" if good else "red")
 
 
 def print_sensitivities(derivatives: Sensitivities) -> None:

@@ -7,9 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Group
-from rich.live import Live
-from rich.text import Text
 
 from dmoc.cli.options import (
     NOT_SOLVED,
@@ -35,18 +32,16 @@ from dmoc.cli.reading import (
 from dmoc.cli.writing import (
     draw,
     emit,
-    err,
     in_turn,
     out,
     prepare,
     written,
 )
 from dmoc.errors import SearchError
-from dmoc.sequences.result import TONES as VERDICTS
-from dmoc.table import TONES, print_table
+from dmoc.table import print_table
 
 if TYPE_CHECKING:
-    from dmoc.sequences.engine import Progress, SearchResult
+    from dmoc.sequences.engine import SearchResult
 
 
 class Strategy(StrEnum):
@@ -150,27 +145,26 @@ def search(
     )
     fields |= {"sequence": (), "durations": None, "via": None}
     prepare(target, json_)
-    problem = Problem(reference.kernels(order), **fields)
-    with _Board() as board:
-        result = search_sequences(
-            problem,
-            max_collisions,
-            surfaces=None if surfaces is None else read_names(surfaces),
-            events=None if events is None else read_names(events),
-            strategy=strategy.value,
-            beam=beam,
-            starts=starts,
-            seed=seed,
-            method=method,
-            workers=workers,
-            seconds=seconds,
-            node_seconds=node_seconds,
-            max_nodes=max_nodes,
-            shortest_phase=shortest_phase,
-            journal=journal,
-            resume=resume,
-            progress=board.show,
-        )
+    problem = Problem(reference.kernels(order, progress=True), **fields)
+    result = search_sequences(
+        problem,
+        max_collisions,
+        surfaces=None if surfaces is None else read_names(surfaces),
+        events=None if events is None else read_names(events),
+        strategy=strategy.value,
+        beam=beam,
+        starts=starts,
+        seed=seed,
+        method=method,
+        workers=workers,
+        seconds=seconds,
+        node_seconds=node_seconds,
+        max_nodes=max_nodes,
+        shortest_phase=shortest_phase,
+        journal=journal,
+        resume=resume,
+        progress=True,
+    )
     quiet = json_ == "-"
     files: list[Path] = []
 
@@ -191,35 +185,6 @@ def search(
         lambda: _complain(result),
     )
     raise typer.Exit(0 if result.best is not None else NOT_SOLVED)
-
-
-class _Board:
-    """Counts, best cost and time on standard error while the search runs, if it is a terminal."""
-
-    def __init__(self) -> None:
-        self._live = (
-            Live(console=err, refresh_per_second=8, transient=True) if err.is_terminal else None
-        )
-
-    def __enter__(self) -> _Board:
-        if self._live is not None:
-            self._live.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._live is not None:
-            self._live.stop()
-
-    def show(self, p: Progress) -> None:
-        if self._live is None:
-            return
-        counts = Text("  ").join(
-            Text(f"{v} {n}", style=TONES[VERDICTS[v]][0]) for v, n in p.counts.items()
-        )
-        best = "none yet" if p.best is None else f"{p.best.cost:.6g} ({p.best.name})"
-        self._live.update(
-            Group(counts, Text(f"best {best}   waiting {p.waiting}   {p.seconds:.0f} s"))
-        )
 
 
 def _draw(result: SearchResult, folder: Path | None, quiet: bool) -> None:

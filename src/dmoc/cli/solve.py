@@ -29,7 +29,7 @@ from dmoc.cli.options import (
     StepsOption,
     ViaOption,
 )
-from dmoc.cli.output import Live, print_sensitivities
+from dmoc.cli.output import print_sensitivities
 from dmoc.cli.reading import (
     problem_fields,
     read_guess,
@@ -144,21 +144,20 @@ def solve(
     lasting = says_lasting(fields.get("contacts", ()), words) or _turns_rails(reference, words)
     if order is None and "steps" not in fields and fields.get("controls") != "linear":
         order = None if lasting else AUTOMATIC_ORDER
-    problem = Problem(reference.kernels(order), **fields)
+    problem = Problem(reference.kernels(order, progress=True), **fields)
     quiet = json_ == "-"
-    with Live() as live:
-        solution = solved(
-            problem,
-            method,
-            tolerance=tolerance,
-            form=form.value,
-            guess=known,
-            starts=starts,
-            seed=seed,
-            iterations=iterations,
-            seconds=seconds,
-            progress=live.show,
-        )
+    solution = solved(
+        problem,
+        method,
+        tolerance=tolerance,
+        form=form.value,
+        guess=known,
+        starts=starts,
+        seed=seed,
+        iterations=iterations,
+        seconds=seconds,
+        progress=True,
+    )
     files: list[Path] = []
     derivatives: list[Sensitivities] = []
 

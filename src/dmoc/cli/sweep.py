@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -36,7 +36,6 @@ from dmoc.cli.reading import (
 from dmoc.cli.writing import (
     draw,
     emit,
-    err,
     in_turn,
     out,
     written,
@@ -44,9 +43,6 @@ from dmoc.cli.writing import (
 from dmoc.errors import OutputError, ProblemError
 from dmoc.table import print_table
 from dmoc.writing import check_file
-
-if TYPE_CHECKING:
-    from dmoc.solving.many import BatchProgress
 
 ENDINGS = (".csv", ".npz")
 
@@ -117,22 +113,21 @@ def sweep(
         ignored,
         via,
     )
-    problem = Problem(reference.kernels(order), **fields)
+    problem = Problem(reference.kernels(order, progress=True), **fields)
     quiet = json_ == "-"
-    with _Count() as count:
-        batch = swept(
-            problem,
-            ranges["parameters"],
-            start=ranges["start"],
-            goal=ranges["goal"],
-            bounds=ranges["bounds"],
-            method=method,
-            workers=workers,
-            guess=known,
-            starts=starts,
-            seconds=seconds,
-            progress=count.show,
-        )
+    batch = swept(
+        problem,
+        ranges["parameters"],
+        start=ranges["start"],
+        goal=ranges["goal"],
+        bounds=ranges["bounds"],
+        method=method,
+        workers=workers,
+        guess=known,
+        starts=starts,
+        seconds=seconds,
+        progress=True,
+    )
 
     def tell() -> None:
         if not quiet:
@@ -195,24 +190,3 @@ def _ranges(
             "no value is a range: give one as FROM:TO:COUNT, such as --set l=0.4:0.8:50."
         )
     return ranges, firsts
-
-
-class _Count:
-    """How many are done, on standard error while the sweep runs, if it is a terminal."""
-
-    def __init__(self) -> None:
-        self._status = err.status("first solve") if err.is_terminal else None
-
-    def __enter__(self) -> _Count:
-        if self._status is not None:
-            self._status.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._status is not None:
-            self._status.stop()
-
-    def show(self, p: BatchProgress) -> None:
-        if self._status is not None:
-            counts = "  ".join(f"{n} {status}" for status, n in p.counts.items())
-            self._status.update(f"{p.done} of {p.total}: {counts}  {p.seconds:.0f} s")
