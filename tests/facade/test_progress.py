@@ -33,7 +33,7 @@ LAST = {
     "solve": "iteration ",
     "solve_many": "2 of 2: 2 solved  ",
     "sweep": "2 of 2: 2 solved  ",
-    "search": "2 feasible  waiting 0  ",
+    "search": "1 ",
 }
 
 
