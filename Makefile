@@ -31,6 +31,7 @@ check: $(VENV)/.installed-check
 
 # Examples that have not changed are not run again; those that have take about a minute in all.
 docs: $(VENV)/.installed-docs
+	@rm -rf docs/reference/names  # pages of names that are gone
 	$(BIN)/sphinx-build -W --keep-going -n -q -b html docs docs/_build/html
 
 # Links to other sites, which needs the network.
