@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,13 @@ from dmoc.solution import Mesh, Minimum, Solution
 from dmoc.solvers.outcome import Status
 from dmoc.trajectory import COURSES, Array, Collision, Phase, Trajectory
 
-FILE_FORMAT = 8
+FILE_FORMAT, OLDEST = 8, 6  # the format that is written, and the oldest that is read
+# What files of older formats lack, with the values there: of a motion, its phases and collisions.
+LACKING: Mapping[str, Any] = {"units": {}, "scene": None}
+LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
+    "phases": {"q_inside": [0, 0], "p_inside": [0, 0]},
+    "collisions": {"course": ""},
+}
 SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
 REMEDY = "give one that `dmoc solve --out` has written"
 
@@ -71,6 +78,7 @@ def solution_in(content: bytes, name: str) -> Solution:
     try:
         archive = Archive(content)
         header = plain(archive.text())
+        header = _as_now(header)
         version = header.get("format") if isinstance(header, dict) else None
         if isinstance(version, int) and version != FILE_FORMAT:
             raise SolutionFileError(
@@ -85,6 +93,22 @@ def solution_in(content: bytes, name: str) -> Solution:
             "--out`."
         ) from None
     return solution
+
+
+def _as_now(header: Any) -> Any:
+    """What a file of an older format says, in the format of now; everything else as it is."""
+    match header:
+        case {"format": int(version), "solution": {"trajectory": dict(motion)} as solution} if (
+            OLDEST <= version < FILE_FORMAT
+        ):
+            motion = {**LACKING, **motion}
+            for name, lacking in LACKING_INSIDE.items():
+                parts = motion.get(name)
+                if isinstance(parts, list) and all(isinstance(part, dict) for part in parts):
+                    motion[name] = [{**lacking, **part} for part in parts]
+            now = {**solution, "trajectory": motion}
+            return {**header, "format": FILE_FORMAT, "solution": now}
+    return header
 
 
 @np.errstate(all="ignore")

@@ -23,6 +23,27 @@ def test_scene_and_units_come_back_as_they_were(solution: dmoc.Solution) -> None
         np.testing.assert_array_equal(a, b)
 
 
+def test_files_of_older_formats_load_without_what_they_lack(solution: dmoc.Solution) -> None:
+    parts = {k: v for k, v in members(solution.to_bytes()).items() if ".scene." not in k}
+    header = json.loads(parts["header.json"])
+    header["format"] = 6
+    motion = header["solution"]["trajectory"]
+    for name in ("scene", "units"):
+        del motion[name]
+    for phase in motion["phases"]:
+        for name in ("q_inside", "p_inside"):
+            del phase[name]
+    for collision in motion["collisions"]:
+        del collision["course"]
+    parts["header.json"] = json.dumps(header).encode()
+    old = dmoc.Solution.from_bytes(archive(parts))
+    assert old.trajectory.scene is None and old.trajectory.units == {}
+    assert old.verify().passed
+    np.testing.assert_array_equal(old.unknowns, solution.unknowns)
+    figure = old.plot()  # by its coordinates
+    assert [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()][:1] == ["coordinates"]
+
+
 def test_a_file_of_this_format_must_say_whether_there_is_a_scene(solution: dmoc.Solution) -> None:
     parts = {k: v for k, v in members(solution.to_bytes()).items() if ".scene." not in k}
     header = json.loads(parts["header.json"])
