@@ -26,6 +26,11 @@ system = dmoc.MechanicalSystem(
     parameters={m: 1.0, wall: 1.0},
     cost=u**2 / 2,  # integrated over the time
     units={x: "m", u: "N"},
+    drawing=[  # how it looks in figures; leave it out, and the coordinates are shown instead
+        dmoc.Box((x - 0.1, 0.1), 0.2, 0.2),
+        dmoc.Wall((wall, 0), (wall, 0.4)),  # solid on the right of the way upwards
+        dmoc.Contact("wall", (x, 0.1), normal=(-1, 0)),  # where and how the wall pushes
+    ],
 )
 
 

@@ -28,6 +28,11 @@ system = dmoc.MechanicalSystem(
     parameters={m: 1.0, g: 9.81, mu: 0.3},
     cost=u**2 / 2,  # integrated over the time
     units={x: "m", y: "m", u: "N"},
+    drawing=[  # how it looks in figures; leave it out, and the coordinates are shown instead
+        dmoc.Wall((-0.3, 0), (1.3, 0)),  # solid on the right of the way: below
+        dmoc.Box((x, y + 0.1), 0.2, 0.2),
+        dmoc.Contact("floor", (x, y)),  # where the floor pushes, and rubs
+    ],
 )
 
 

@@ -28,6 +28,10 @@ system = dmoc.MechanicalSystem(
     parameters={m: 1.0, g: 9.81, length: 0.5, damping: 0.01},
     cost=torque**2 / 2,  # integrated over the time
     units={phi: "rad", torque: "N m"},
+    drawing=[  # how it looks in figures; leave it out, and the coordinates are shown instead
+        dmoc.Link((0, 0), (length * sp.sin(phi), -length * sp.cos(phi))),
+        dmoc.Point((length * sp.sin(phi), -length * sp.cos(phi))),
+    ],
 )
 
 
