@@ -8,6 +8,7 @@ from dmoc.table import Table, toned
 
 if TYPE_CHECKING:
     from dmoc.sequences.engine import SearchResult
+    from dmoc.sequences.nodes import Node
 
 TONES = {
     "optimal": "best",
@@ -20,29 +21,44 @@ TONES = {
     "failed": "broken",
 }
 MOST_ROWS = 40  # the JSON has all nodes
-HEAD = ("sequence", "verdict", "cost", "phases [s]", "minima", "evidence")
+HEAD, WHY = ("sequence", "verdict", "cost"), "durations [s], minima and evidence"
+# Verdicts that make one ask why.
+UNEXPLAINED = TONES.keys() - {"optimal", "feasible"}
 
 
-def table_of(result: SearchResult) -> Table:
-    """The nodes, the cheapest first, and what they come to."""
+def table_of(result: SearchResult, why: bool = False) -> Table:
+    """The nodes, the cheapest first, and what they come to; with durations and evidence if
+    wanted."""
     nodes = sorted(result.nodes, key=lambda n: (n.cost is None, n.cost or 0.0, len(n.sequence)))
     rows = tuple(
         (
             result.name_of(n),
             toned(n.verdict.value, TONES[n.verdict.value]),
             "" if n.cost is None else f"{n.cost:.6g}",
-            " ".join(f"{t:.4g}" for t in n.phases),
-            str(len(n.minima) or ""),
-            "; ".join(n.evidence[:2]),
+            *([_evidence_of(n)] if why else []),
         )
         for n in nodes[:MOST_ROWS]
     )
     more = len(nodes) - MOST_ROWS
     notes = [f"... and {more} more: --json FILE, or to_dict(), has all of them"] if more > 0 else []
     notes += [f"note: {note}" for note in result.notes]
+    if not why and any(n.verdict.value in UNEXPLAINED for n in nodes[:MOST_ROWS]):
+        notes.append("note: dmoc search --verbose, or evidence of the nodes, tells why")
     rate = f"{len(nodes) / max(result.seconds, 1e-9):.1f} a second"
     notes.append(f"{best_of(result)}; {len(nodes)} sequences in {result.seconds:.1f} s ({rate})")
-    return Table(rows, HEAD, tuple(notes), f"search of {result.problem.kernels.name}")
+    return Table(
+        rows,
+        (*HEAD, WHY) if why else HEAD,
+        tuple(notes),
+        f"search of {result.problem.kernels.name}",
+    )
+
+
+def _evidence_of(node: Node) -> str:
+    """Durations of a motion, the number of its minima, and the evidence."""
+    durations = " ".join(f"{t:.4g}" for t in node.phases)
+    minima = f"{len(node.minima)} minima" if len(node.minima) > 1 else ""
+    return "; ".join(part for part in (durations, minima, *node.evidence[:2]) if part)
 
 
 def best_of(result: SearchResult) -> str:

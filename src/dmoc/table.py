@@ -4,7 +4,9 @@ place and written as text or as HTML here."""
 from __future__ import annotations
 
 import io
+import os
 import shutil
+import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from html import escape
@@ -32,6 +34,7 @@ TONES = {
     "dim": ("dim", "opacity:.6"),
 }
 NARROWEST, WIDEST = 60, 140  # columns of a printed table
+LONGEST_LINE = 10_000  # of a table in a file
 CELL = "text-align:left;padding:.15em .9em .15em 0;vertical-align:top"
 
 
@@ -74,7 +77,9 @@ def rich_table(table: Table) -> RichTable:
     """The table for a console."""
     from rich.table import Table as RichTable
 
-    found = RichTable(*table.head, box=None, header_style="bold", show_header=bool(table.head))
+    found = RichTable(box=None, header_style="bold", show_header=bool(table.head))
+    for name in table.head:
+        found.add_column(name, overflow="fold")  # nothing is cut
     for row in table.rows:
         found.add_row(*map(_text, row))
     return found
@@ -97,9 +102,23 @@ def _spans(cell: Cell) -> Iterable[Span]:
 
 def print_table(table: Table, console: Console) -> None:
     """Write a table and its notes to a console."""
-    console.print(rich_table(table))
+    if console.is_terminal or "COLUMNS" in os.environ or console.file is not sys.stdout:
+        console.print(rich_table(table))
+    else:  # lines of a file have no end
+        console.print(_unbroken(rich_table(table)), soft_wrap=True)
     for note in table.notes:
-        console.print(note, soft_wrap=True)
+        console.print(note, soft_wrap=console.file is sys.stdout and not console.is_terminal)
+
+
+def _unbroken(table: RichTable) -> str:
+    """A table with each row in one line, without blanks at the ends of lines."""
+    from rich.console import Console
+
+    stream = io.StringIO()
+    Console(file=stream, width=LONGEST_LINE, markup=False, emoji=False, highlight=False).print(
+        table
+    )
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
 
 
 def text_of(table: Table) -> str:

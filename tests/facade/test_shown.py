@@ -15,6 +15,9 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system, landing_problem, rod_system
 
 import dmoc
+from dmoc.sequences.engine import SearchResult
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.result import table_of
 from dmoc.symbolic import mathml
 from dmoc.table import TONES, Table, html_of, print_table, text_of, toned
 
@@ -140,3 +143,18 @@ def test_sensible_values_of_one_coordinate() -> None:
     assert "inputs none" in " ".join(str(kernels).split())
     parseString(f"<div>{system._repr_html_()}</div>")
     assert "L &=" in system._repr_latex_()
+
+
+def test_the_table_of_a_search_is_narrow_and_tells_why_on_request(
+    objects: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Long sequences are wrapped, and nothing is cut."""
+    monkeypatch.setenv("COLUMNS", "80")
+    long = ("left", "right") * 12
+    why = "none of 8 starts led to it " * 5
+    nodes = (Node(long, Verdict.INFEASIBLE, evidence=(why,)), Node(("left",), Verdict.FAILED))
+    result = SearchResult(nodes, None, True, (), 1.0, objects["problem"])
+    short, told = text_of(table_of(result)), text_of(table_of(result, why=True))
+    assert max(map(len, f"{short}\n{told}".splitlines())) <= 80 and "…" not in short + told
+    assert short.count("right") == told.count("right") == 12
+    assert "none of 8" not in short and told.count("starts led") >= 4 and "--verbose" in short

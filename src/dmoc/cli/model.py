@@ -26,7 +26,10 @@ def models() -> None:
     """List the shipped models and problems."""
     from dmoc.models import catalogue
 
-    table = Table("name", "model", "what", box=None, header_style="bold")
+    table = Table(box=None, header_style="bold")
+    table.add_column("name", no_wrap=True)
+    table.add_column("model", overflow="fold")
+    table.add_column("what", overflow="fold")
     for name, entry in catalogue.ENTRIES.items():
         table.add_row(
             name,

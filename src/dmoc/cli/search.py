@@ -120,12 +120,16 @@ def search(
             "them into this folder.",
         ),
     ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Show durations and evidence too.")
+    ] = False,
     json_: JsonOption = None,
 ) -> None:
     """Search for the best sequence of collisions."""
     from dmoc import registry
     from dmoc.nlp.problem import Problem
     from dmoc.sequences.engine import search as search_sequences
+    from dmoc.sequences.result import table_of
 
     reference = registry.find(model)
     fields = problem_fields(
@@ -174,7 +178,7 @@ def search(
 
     def tell() -> None:
         if not quiet:
-            print_table(result.summary(), out)
+            print_table(table_of(result, verbose), out)
             written(*files)
 
     in_turn(
