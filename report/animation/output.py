@@ -76,6 +76,16 @@ def animate(
         If the format is unknown or the file cannot be written.
     MissingExtraError
         If Matplotlib is needed and not installed, or ffmpeg is needed and not there.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.registry import find
+    >>> problem = dmoc.Problem(dmoc.load("cart_pendulum"), **find("cart_pendulum").defaults)
+    >>> fast = dmoc.solve(problem, "ipm", starts=1)
+    >>> slow = dmoc.solve(problem.but(final_time=1.2), "ipm", starts=1)
+    >>> print(dmoc.animate({"in 1 s": fast, "in 1.2 s": slow}, "both.html"))
+    both.html
     """
     takes = _takes(motions)
     models = dict.fromkeys(take.trajectory.model for take in takes)
