@@ -87,7 +87,7 @@ def test_wrong_options_are_one_sentence(
 def test_a_search_keeps_its_result_where_a_figure_fails(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def fail(*_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise ValueError("no [room]")
 
     monkeypatch.setattr("dmoc.report.tree.plot_motions", fail)

@@ -40,10 +40,11 @@ function makePicture(motion, bounds, duration) {
   function layout(width) {
     const [left, right, bottom, top] = bounds;
     const scale = Math.min(width / (right - left), MOST_HIGH / (top - bottom));
-    const height = Math.max(scale * (top - bottom), 120);
+    const room = Math.max(scale * (top - bottom), 120);
+    const height = room + LINE; // a second line is told below a floor
     view.scale = scale;
     view.x = width / 2 - (scale * (left + right)) / 2;
-    view.y = height / 2 + (scale * (top + bottom)) / 2;
+    view.y = room / 2 + (scale * (top + bottom)) / 2;
     [view.width, view.height] = [width, height];
     view.side = Math.min(width, height);
     set(root, { viewBox: `0 0 ${width} ${height}`, height });
