@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 RANKING = 100
 # A minimum that is not confirmed is looked at on a mesh so many times finer.
 FINER = 4
+# Of the sizes of a start: a minimum that moves less stands still, but for rounding errors, which
+# are no measure of anything.
+STILL = 1e-9
 # Iterations of a refinement.
 REFINING = 300
 
@@ -139,7 +142,10 @@ def _on(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
     motion = trajectory(coarse.nlp, coarse.outcome.x)
     impulses = [c.impulse for c in motion.collisions]
     x = unknowns_along(mesh, pieces_of(motion), impulses)
-    programs = Programs(mesh, scale_of(mesh, x, True))
+    scale, known = scale_of(mesh, x, True), coarse.nlp.scale
+    if (scale.q < STILL * known.q).all():
+        scale = replace(known, h=scale.h)
+    programs = Programs(mesh, scale)
     nlp = programs.program()
     attempt = minimised(programs, nlp, nlp.scaled(x), options, compiled())
     if attempt.outcome.status is Status.INTERRUPTED:

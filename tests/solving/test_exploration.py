@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
+from systems import double_integrator
 
 import dmoc
 from dmoc.errors import ProblemError
@@ -154,3 +155,11 @@ def test_what_was_explored_survives_a_file(explored: dmoc.Solution) -> None:
     assert again.others == explored.others
     assert (again.starts, again.found) == (explored.starts, explored.found)
     assert np.isfinite(again.to_dict()["others"][0]["cost"])
+
+
+def test_starts_that_come_to_rest_lead_to_rest() -> None:
+    """What stands still gives no sizes: those of the starts count."""
+    at_rest = double_integrator(40).but(start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0})
+    solution = dmoc.solve(at_rest, "ipm")
+    assert solution.status == "solved" and solution.cost < 1e-12
+    assert solution.found == solution.starts == 17
