@@ -13,6 +13,7 @@ from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.modes import changes
 from dmoc.mechanics.scenes import scene_of
 from dmoc.nlp.layout import Layout
+from dmoc.nlp.problem import Problem
 from dmoc.nlp.tables import NOWHERE, Block, Index
 from dmoc.nlp.touch import node_shares
 from dmoc.nlp.transcription import Transcription
@@ -251,6 +252,14 @@ def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[A
         collected(nlp.inequalities) / units[1],
         z / units[2],
     )
+
+
+def stated_in_rates(problem: Problem, named: Mapping[str, Array]) -> bool:
+    """Whether multipliers by kind are those of elastic collisions whose law is stated in the rates
+    of the gaps: in energies it has a separation beside it."""
+    e = dict(zip(problem.kernels.surfaces, problem.restitution_values, strict=True))
+    elastic = any(e[event.hit] > 0 for event in problem.events if event.hit)
+    return elastic and "separation" not in named
 
 
 def _units_of_multipliers(nlp: Transcription) -> tuple[Array, Array, Array]:

@@ -9,13 +9,14 @@ Analysis in Nonlinear Programming", 1983).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TypedDict
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.readout import given_multipliers
+from dmoc.nlp.readout import given_multipliers, stated_in_rates
 from dmoc.nlp.tables import NOWHERE, Index
 from dmoc.nlp.transcription import Transcription
 from dmoc.symbolic.names import momentum_name, velocity_name
@@ -52,7 +53,9 @@ class Sensitivities(TypedDict):
 def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) -> Sensitivities:
     """Return the derivatives of the optimal cost at a minimum x with its multipliers by kind (of
     the program without minimal times)."""
-    nlp = Transcription(problem)
+    by_rates = stated_in_rates(problem, multipliers)
+    nlp = Transcription(problem, by_rates=by_rates)
+    lagrangian = partial(_lagrangian, x=x, by_rates=by_rates)
     y, w, z = given_multipliers(nlp, multipliers)
     # Solvers leave out fixed unknowns: their multipliers make the Lagrangian stationary.
     slope = nlp.lagrangian_gradient(x, y, w)
@@ -63,8 +66,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     def change(name: str, value: float) -> float:
         step = CHANGE * (abs(value) or 1.0)
         parts = [
-            c
-            * _lagrangian(problem.unchecked(parameters=values | {name: value + k * step}), x, named)
+            c * lagrangian(problem.unchecked(parameters=values | {name: value + k * step}), named)
             for k, c in DIFFERENCE
         ]
         return float(sum(parts) / step)
@@ -80,7 +82,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
             {**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.5)
         )
         ends = [
-            _lagrangian(problem.unchecked(restitution=e), x, {**named, "energy": law})
+            lagrangian(problem.unchecked(restitution=e), {**named, "energy": law})
             for e in (high, low)
         ]
         return 2 * (ends[0] - ends[1])
@@ -99,8 +101,10 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     }
 
 
-def _lagrangian(problem: Problem, x: Array, multipliers: Mapping[str, Array]) -> float:
-    nlp = Transcription(problem)
+def _lagrangian(
+    problem: Problem, multipliers: Mapping[str, Array], x: Array, by_rates: bool
+) -> float:
+    nlp = Transcription(problem, by_rates=by_rates)
     y, w, z = given_multipliers(nlp, multipliers)
     r = nlp.values(x)
     bound = np.where(z > 0, nlp.lower, nlp.upper)

@@ -196,7 +196,9 @@ def search(
     The nodes of a tree are the sequences of surfaces up to a depth, from the empty one on, repeated
     hits included.  Each is solved from its parent's motion, from an automatic guess and from random
     starts on a coarse mesh, and gets a verdict with its evidence; the children of one whose last
-    collision cannot be made are not looked at.
+    collision cannot be made are not looked at.  The law of impact is stated in the rates of the
+    gaps, gamma+ = -e gamma-, so that costs differ from those of :func:`dmoc.solve`, whose law is
+    stated in discrete energies, by an error that falls with the square of the step size.
 
     Parameters
     ----------

@@ -1,5 +1,9 @@
-"""The inner problem: one sequence, several starts, a verdict with evidence.  Runs in any
-process."""
+"""The inner problem: one sequence, several starts, a verdict with evidence.  Runs in any process.
+
+Every sequence is solved with the law of impact in the rates of the gaps (:mod:`dmoc.nlp.impact`).
+In the energies of the steps beside a collision, phases of very different lengths, which sequences
+of many collisions have, come out with rates that no simulation confirms, if they come out at all.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,6 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -26,16 +29,17 @@ from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.exploration import Effort, Exploration, Start, coarse_of, explored
+from dmoc.solving.methods import METHODS
 from dmoc.solving.result import without_effect
-from dmoc.solving.solve import solve
+from dmoc.solving.solve import Request, on_mesh_of, solved_on_mesh
 from dmoc.solving.starts import Given
 
 # Automatic guesses beside the parent's motion, and minima that are refined at most.  Random starts
 # are tried where none of these has led to a minimum: on the seed's 127 sequences of at most 6
 # collisions four of them, or a second guess, led to none that is better.
 GUESSES, MOST_REFINED = 1, 3
-# Iterations of a start, and of a solve that is to lead to a motion where the starts have not.
-ITERATIONS, MOST_ITERATIONS = 300, 1000
+# Iterations of a start.
+ITERATIONS = 300
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,7 @@ def _explored(task: Task) -> Node:
         widens=False,
         iterations=ITERATIONS,
         guesses=GUESSES,
+        by_rates=True,
     )
     options = Options(seconds=task.seconds)
     with np.errstate(all="ignore"):
@@ -129,7 +134,7 @@ def _explored(task: Task) -> Node:
         if isinstance(rest, Node):
             return rest
         solutions = [rest]
-    if task.method != solutions[0].method:
+    if task.method != solutions[0].method or not on_mesh_of(task.problem, solutions[0]):
         driven = _solved(task.problem, task.method, solutions[0], deadline)
         solutions = [driven, *solutions[1:]] if driven.converged else solutions
     minima = sorted({s.cost for s in solutions} | {m.cost for m in found.coarse})
@@ -160,9 +165,13 @@ def _late(task: Task, starts: Sequence[Start]) -> Node:
     )
 
 
-def _solved(problem: Problem, method: str, guess: Given, deadline: float, **more: Any) -> Solution:
+def _solved(
+    problem: Problem, method: str, guess: Given, deadline: float, verify: bool = True
+) -> Solution:
     """Solve until a deadline; Ctrl-C, which ends a solve with a status, ends the search too."""
-    s = solve(problem, method, guess=guess, seconds=_left(deadline), **more)
+    options = Options(seconds=_left(deadline))
+    request = Request(METHODS[method], options, verify=verify, by_rates=True)
+    s = solved_on_mesh(problem, guess, request)
     if s.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     return s
@@ -251,9 +260,8 @@ def _without_minimum(
     node = Node(task.sequence, Verdict.INFEASIBLE, starts=found.starts)
     whole = _least(coarse, deadline)
     if whole.violation <= INFEASIBLE:
-        most = MOST_ITERATIONS
-        on_coarse = _solved(coarse, "ipm", whole.x, deadline, iterations=most, verify=False)
-        fine = _solved(task.problem, "ipm", on_coarse, deadline, iterations=most)
+        on_coarse = _solved(coarse, "ipm", whole.x, deadline, verify=False)
+        fine = _solved(task.problem, "ipm", on_coarse, deadline)
         if fine.converged:
             return fine
         if time.perf_counter() > deadline:
@@ -283,7 +291,8 @@ def _least(problem: Problem, deadline: float) -> Diagnosis:
     found: list[Diagnosis] = []
     for guess in initial_guesses(problem, deadline):
         options = Options(seconds=_left(deadline))
-        found.append(diagnose(problem, scale_of(problem, guess.x), guess.x, options))
+        scale = scale_of(problem, guess.x)
+        found.append(diagnose(problem, scale, guess.x, options, by_rates=True))
         if found[-1].violation <= INFEASIBLE:
             return found[-1]
         if time.perf_counter() > deadline:

@@ -12,7 +12,7 @@ from dmoc.errors import SearchError, SolutionFileError
 from dmoc.schema import Refused
 from dmoc.sequences.nodes import Node
 
-FORMAT = "3"
+FORMAT = "4"
 TABLES = {
     "about": "CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT)",
     "nodes": "CREATE TABLE nodes (sequence TEXT PRIMARY KEY, summary TEXT, solution BLOB)",

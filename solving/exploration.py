@@ -63,6 +63,8 @@ class Effort:
         Automatic guesses that are tried at most.
     total : int or None
         All starts, where their number is given.
+    by_rates : bool
+        Whether the law of impact is stated in the rates of the gaps where minima are ranked, too.
     """
 
     first: int = 16
@@ -78,6 +80,7 @@ class Effort:
     iterations: int = 100
     guesses: int | None = None
     total: int | None = None
+    by_rates: bool = False
 
     @classmethod
     def of(cls, starts: int | None) -> Effort:
@@ -185,7 +188,7 @@ def _minima(
     coarse = coarse_of(problem)
     # On a coarse mesh the energies of a long and of a short step tell little of the rates: minima
     # would live on what they miss, and be far from those of a finer mesh.
-    by_rates = coarse.phase_steps != problem.phase_steps
+    by_rates = effort.by_rates or coarse.phase_steps != problem.phase_steps
     room = effort.guesses if effort.total is None else effort.total - len(points)
     guesses = [g.x for g in initial_guesses(coarse, deadline, by_rates)][:room]
     natural = natural_time(coarse)

@@ -61,7 +61,7 @@ def ranked(
         if options.seconds is not None:  # the deadline is that of one half of them
             until = deadline + options.seconds / 2 - time.perf_counter()
             left = replace(options, seconds=max(until, 1e-9))
-        attempt = _refined(_mesh(problem, coarse), coarse.attempt, left)
+        attempt = _refined(_mesh(problem, coarse), coarse.attempt, left, effort.by_rates)
         if attempt.outcome.status is not Status.SOLVED:
             continue
         new = Basin.of(attempt)
@@ -74,7 +74,7 @@ def ranked(
             s = checked(s) if verify else s
             refined.append(_Ranked(new, s, coarse.found, s.cost if s.minimum else np.inf))
     if effort.settles and any(r.solution.minimum for r in refined):
-        refined = [_settled(r, options) for r in refined]
+        refined = [_settled(r, options, effort.by_rates) for r in refined]
     refined.sort(key=_Ranked.rank)
     return [(r.solution, r.found) for r in refined], rest
 
@@ -106,38 +106,38 @@ class _Ranked:
         return np.isinf(self.cost), grazes, self.cost, self.solution.cost
 
 
-def _settled(r: _Ranked, options: Options) -> _Ranked:
+def _settled(r: _Ranked, options: Options, by_rates: bool) -> _Ranked:
     """Where the simulation contradicts a minimum, its cost on a finer mesh if it is confirmed
     there: then the mesh is too coarse, and not the minimum none."""
     if r.solution.minimum:
         return r
     mesh = r.minimum.attempt.nlp.problem
     fine = mesh.but(steps=[min(FINER * n, MOST_STEPS) for n in mesh.phase_steps])
-    attempt = _on(fine, r.minimum.attempt, options)
+    attempt = _on(fine, r.minimum.attempt, options, by_rates)
     if attempt.outcome.status is not Status.SOLVED:
         return r
     s = checked(solution_of(attempt, COMPILED_METHOD.name, {}))
     return replace(r, cost=s.cost) if s.minimum else r
 
 
-def _refined(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
+def _refined(mesh: Problem, coarse: Attempt, options: Options, by_rates: bool) -> Attempt:
     """Solve on a finer mesh from a motion on a coarse one; where that leads nowhere, once more by
     way of the meshes between."""
     few = replace(options, iterations=min(options.iterations, REFINING))
-    attempt = _on(mesh, coarse, few)
+    attempt = _on(mesh, coarse, few, by_rates)
     while attempt.outcome.status is not Status.SOLVED:
         pairs = zip(coarse.nlp.problem.phase_steps, mesh.phase_steps, strict=True)
         between = mesh.but(steps=[min(2 * n, most) for n, most in pairs])
         if between.phase_steps == mesh.phase_steps:
             return attempt
-        step = _on(between, coarse, few)
+        step = _on(between, coarse, few, by_rates)
         if step.outcome.status is not Status.SOLVED:
             return attempt
-        coarse, attempt = step, _on(mesh, step, few)
+        coarse, attempt = step, _on(mesh, step, few, by_rates)
     return attempt
 
 
-def _on(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
+def _on(mesh: Problem, coarse: Attempt, options: Options, by_rates: bool) -> Attempt:
     """Solve on a mesh from a motion on another one."""
     motion = trajectory(coarse.nlp, coarse.outcome.x)
     impulses = [c.impulse for c in motion.collisions]
@@ -145,7 +145,7 @@ def _on(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
     scale, known = scale_of(mesh, x, True), coarse.nlp.scale
     if (scale.q < STILL * known.q).all():
         scale = replace(known, h=scale.h)
-    programs = Programs(mesh, scale)
+    programs = Programs(mesh, scale, by_rates)
     nlp = programs.program()
     attempt = minimised(programs, nlp, nlp.scaled(x), options, compiled())
     if attempt.outcome.status is Status.INTERRUPTED:

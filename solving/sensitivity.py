@@ -8,7 +8,7 @@ from dmoc.arguments import shown
 from dmoc.errors import ProblemError
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.readout import given_multipliers
+from dmoc.nlp.readout import given_multipliers, stated_in_rates
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.sensitivity import Sensitivities
 from dmoc.nlp.sensitivity import sensitivities as find_sensitivities
@@ -79,7 +79,8 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
         )
     check_same_model(solution, problem.kernels)
     scale = scale_of(problem, solution.unknowns, minimum=True)
-    nlp = Programs(problem, scale).program()
+    by_rates = stated_in_rates(problem, solution.multipliers)
+    nlp = Programs(problem, scale, by_rates).program()
     duals = Duals(*given_multipliers(nlp, solution.multipliers))
     found = residuals(nlp, nlp.scaled(solution.unknowns), duals)
     if found.violation > OTHER_PROBLEM or found.optimality > OTHER_PROBLEM:

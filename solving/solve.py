@@ -20,7 +20,7 @@ from dmoc.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
 from dmoc.solving.attempts import attempted, remaining
 from dmoc.solving.exploration import Effort, coarse_of, explored
-from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method, usual
+from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Form, Method, usual
 from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
 from dmoc.solving.result import checked, solution_of
@@ -179,7 +179,7 @@ def solve(
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
     with told(progress, "first guess") as tell:
         options = Options(optimality, violation, iterations, seconds, tell)
-        request = Request(chosen, form, options, verify, verify, starts, seed)
+        request = Request(chosen, options, form, verify, verify, starts, seed)
         if tolerance is None:
             return _best(problem, guess, request)
         return _on_meshes(problem, guess, request, tolerance)
@@ -195,15 +195,17 @@ def _usual(problem: Problem, tolerance: float | None) -> str:
 @dataclass(frozen=True)
 class Request:
     """How a problem shall be solved; its parts are checked.  ``verify`` is for the solution,
-    ``ranks_checked`` for the minima among which it is chosen."""
+    ``ranks_checked`` for the minima among which it is chosen; ``by_rates`` states the law of impact
+    in the rates of the gaps."""
 
     method: Method
-    form: str
     options: Options
-    verify: bool
-    ranks_checked: bool
-    starts: int | None
-    seed: int
+    form: str = Form.CONDENSED
+    verify: bool = True
+    ranks_checked: bool = True
+    starts: int | None = 1
+    seed: int = 0
+    by_rates: bool = False
 
 
 def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: float) -> Solution:
@@ -216,9 +218,9 @@ def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: floa
         optimality = base if sharper is None else max(sharper, LEAST_OPTIMALITY)
         sharp = replace(remaining(options, begin), optimality=optimality)
         wanted = replace(request, options=sharp, verify=False)
-        known = coarse or next((s for s in explored if _on_mesh_of(problem, s) and s.minimum), None)
+        known = coarse or next((s for s in explored if on_mesh_of(problem, s) and s.minimum), None)
         if known is not None:
-            return _solved(_meshed(problem, known), known, wanted)
+            return solved_on_mesh(_meshed(problem, known), known, wanted)
         # Many starts have led nowhere on the first mesh, and begin on the same coarse one.
         if problem.phase_steps != first:
             return _best(problem, guess, replace(wanted, starts=1))
@@ -243,7 +245,7 @@ def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: floa
 def _best(problem: Problem, guess: Given, request: Request) -> Solution:
     """Solve on one mesh, from the best of many starts or from a guess alone."""
     if request.starts == 1 or problem.kernels.backend != COMPILED:
-        return _solved(problem, guess, request)
+        return solved_on_mesh(problem, guess, request)
     options, begin = request.options, time.perf_counter()
     try:
         with np.errstate(all="ignore"):
@@ -253,18 +255,20 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
     except KeyboardInterrupt:
         stopped = replace(request, options=replace(options, iterations=1), verify=False)
         status = Status.INTERRUPTED
-        return replace(_solved(problem, guess, stopped), status=status, message=status.sentence)
+        return replace(
+            solved_on_mesh(problem, guess, stopped), status=status, message=status.sentence
+        )
     spent, tried = time.perf_counter() - begin, None
     for i, start in enumerate(found.ranked):
         answer = _answer(problem, start, replace(request, options=remaining(options, begin)))
         tried = tried or (answer, i)
         # On the ranking mesh it is settled that the first one is the best, confirmed or not.
-        settled = not start.minimum and _on_mesh_of(problem, start)
+        settled = not start.minimum and on_mesh_of(problem, start)
         if answer.minimum or settled or answer.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
             tried = answer, i
             break
     if tried is None:
-        answer = _solved(problem, guess, replace(request, options=remaining(options, begin)))
+        answer = solved_on_mesh(problem, guess, replace(request, options=remaining(options, begin)))
         tried = answer, len(found.ranked)
     answer, i = tried
     confirmed = [s.cost for s in found.ranked if s.minimum]
@@ -314,7 +318,7 @@ def _meshed(problem: Problem, solution: Solution) -> Problem:
     return problem if problem.steps is not None else problem.but(steps=solution.steps)
 
 
-def _on_mesh_of(problem: Problem, solution: Solution) -> bool:
+def on_mesh_of(problem: Problem, solution: Solution) -> bool:
     return problem.steps is None or solution.steps == problem.phase_steps
 
 
@@ -327,22 +331,24 @@ def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
     method, begin = request.method, time.perf_counter()
     problem = _meshed(problem, start)
     as_asked = request.verify == request.ranks_checked and start.method == method.name
-    if _on_mesh_of(problem, start):
+    if on_mesh_of(problem, start):
         given = as_asked and request.options.progress is None
-        return start if given else _solved(problem, start, request)
+        return start if given else solved_on_mesh(problem, start, request)
     if method.falls_back_on:
         silent = replace(request.options, progress=None)
         compiled = METHODS[method.falls_back_on]
-        refined = _solved(
+        refined = solved_on_mesh(
             problem, start, replace(request, method=compiled, options=silent, verify=False)
         )
         if refined.status is Status.INTERRUPTED:
             return refined
         start = refined if refined.minimum else start
-    return _solved(problem, start, replace(request, options=remaining(request.options, begin)))
+    return solved_on_mesh(
+        problem, start, replace(request, options=remaining(request.options, begin))
+    )
 
 
-def _solved(problem: Problem, guess: Given, request: Request) -> Solution:
+def solved_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution:
     """Solve on one mesh."""
     method, options = request.method, request.options
     method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
@@ -353,7 +359,9 @@ def _solved(problem: Problem, guess: Given, request: Request) -> Solution:
         guessed = time.perf_counter()
         scale = scale_of(problem, starts.points[0], starts.minimum)
         left = _in_units(remaining(options, begin), scale.cost)
-        found = attempted(Programs(problem, scale), starts, method, request.form, left)
+        found = attempted(
+            Programs(problem, scale, request.by_rates), starts, method, request.form, left
+        )
         solved = time.perf_counter()
         seconds = {
             "build": problem.kernels.seconds,

@@ -19,11 +19,13 @@ from dmoc.errors import SearchError
 from dmoc.nlp.layout import Layout
 from dmoc.sequences.engine import Progress, SearchResult
 from dmoc.sequences.inner import extended
-from dmoc.sequences.nodes import Verdict
-from dmoc.solvers.outcome import Status
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.solvers.outcome import Options, Status
 from dmoc.solving import exploration
 from dmoc.solving.attempts import Attempt
+from dmoc.solving.methods import METHODS
 from dmoc.solving.side_by_side import attempts_from
+from dmoc.solving.solve import Request, solved_on_mesh
 
 pytestmark = pytest.mark.slow
 
@@ -70,19 +72,71 @@ def test_the_best_sequence_is_that_of_the_closed_form(
 
 
 def test_nodes_cost_what_a_separate_solve_costs(table: dmoc.Problem, found: SearchResult) -> None:
-    """Its mesh is that of the exploration: the automatic guess costs what it costs alone."""
+    """Its mesh is that of the exploration: the automatic guess costs what it costs alone, with the
+    law of impact in the rates.  On a fine mesh it costs the same in the energies."""
+    alone = Request(METHODS["ipm"], Options(), verify=False, by_rates=True)
     for node in found.nodes[:21:3]:
         durations = [(0.02, None)] * (len(node.sequence) + 1) if node.sequence else None
         problem = table.but(sequence=node.sequence, durations=durations)
-        alone = dmoc.solve(problem, "ipm", starts=1, verify=False)
+        guessed = solved_on_mesh(problem, None, alone)
         automatic = next(s for s in node.starts if s.name == "automatic 1")
-        assert alone.status == automatic.status == "solved"
-        assert automatic.cost == pytest.approx(alone.cost, rel=1e-9)
-        assert node.cost is not None and node.cost <= alone.cost * (1 + 1e-9)
-        best = dmoc.solve(problem, "ipm")
-        assert best.converged and node.solution is not None
-        assert best.minimum == node.solution.minimum
-        assert node.cost == pytest.approx(best.cost, rel=1e-9)
+        assert guessed.status == automatic.status == "solved"
+        assert automatic.cost == pytest.approx(guessed.cost, rel=1e-9)
+        assert node.cost is not None and node.cost <= guessed.cost * (1 + 1e-9)
+        fine = problem.but(steps=256)
+        dear, cheap = (
+            solved_on_mesh(fine, node.solution, replace(alone, by_rates=by_rates)).cost
+            for by_rates in (True, False)
+        )
+        assert dear == pytest.approx(cheap, rel=1e-3)
+
+
+def test_every_sequence_of_the_table_is_confirmed(found: SearchResult) -> None:
+    """In the energies of 16 steps a phase, 36 of them would not be."""
+    assert len(found.nodes) == 85
+    assert all(node.solution is not None and node.solution.minimum for node in found.nodes)
+
+
+def test_deep_sequences_cost_what_they_cost_on_a_fine_mesh(seed: dmoc.Problem) -> None:
+    """Four hits on the right limiter, of which three follow each other within 0.15 s."""
+    result = dmoc.search(seed, 4, surfaces=["right"])
+    deep = result.nodes[-1]
+    assert len(deep.sequence) == 4 and deep.solution is not None and deep.solution.minimum
+    problem = seed.but(sequence=deep.sequence)
+    fine = dmoc.solve(problem.but(steps=800), "ipm", guess=deep.solution, verify=False)
+    assert deep.cost == pytest.approx(fine.cost, rel=3e-4)
+    energies = dmoc.solve(problem, "ipm", guess=deep.solution)
+    assert energies.status == "not_verified" and energies.cost < 0.99 * fine.cost
+
+
+def test_motions_have_the_steps_of_the_problem(seed: dmoc.Problem) -> None:
+    result = dmoc.search(seed.but(steps=120), 1)
+    for node in result.nodes:
+        assert node.solution is not None and node.verdict is not Verdict.UNVERIFIED
+        assert [p.steps for p in node.solution.phases] == [120] * (len(node.sequence) + 1)
+
+
+def test_sensitivities_of_a_node_equal_differences_of_searches(seed: dmoc.Problem) -> None:
+    lossy = seed.but(steps=40, restitution=0.7)
+
+    def left(problem: dmoc.Problem) -> Node:
+        return dmoc.search(problem, 1, surfaces=["left"]).nodes[1]
+
+    def slope(low: dict[str, Any], high: dict[str, Any], change: float) -> float:
+        first, last = (left(lossy.but(**fields)).cost or 0.0 for fields in (low, high))
+        return (last - first) / change
+
+    node = left(lossy)
+    assert node.solution is not None
+    problem = lossy.but(sequence=["left"], durations=[(0.01, None)] * 2)
+    found = dmoc.sensitivities(problem, node.solution)
+    for name in ("m_c", "l"):
+        value = seed.kernels.parameters[name]
+        assert value is not None
+        low, high = ({"parameters": {name: value + d}} for d in (-1e-4, 1e-4))
+        assert found["parameters"][name] == pytest.approx(slope(low, high, 2e-4), rel=1e-5)
+    low, high = ({"restitution": 0.7 + d} for d in (-1e-4, 1e-4))
+    assert found["restitution"]["left"] == pytest.approx(slope(low, high, 2e-4), rel=1e-5)
 
 
 def test_every_node_has_evidence(found: SearchResult) -> None:

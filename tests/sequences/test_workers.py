@@ -28,6 +28,7 @@ from dmoc.solvers.diagnosis import Diagnosis
 from dmoc.solvers.outcome import Status
 from dmoc.solving.exploration import Exploration, Start
 from dmoc.solving.side_by_side import MOST_THREADS, free_threads
+from dmoc.solving.solve import Request
 
 pytestmark = pytest.mark.slow
 
@@ -36,7 +37,9 @@ ROOT = Path(__file__).resolve().parents[2]
 NOTHING = Exploration((), (), (), (Start("automatic 1", Status.INFEASIBLE, None),))
 
 
-def no_violation(_: dmoc.Problem, __: object, x: np.ndarray, ___: object) -> Diagnosis:
+def no_violation(
+    _: dmoc.Problem, __: object, x: np.ndarray, *___: object, **____: object
+) -> Diagnosis:
     """Instead of the search for the least violation: there is none."""
     return Diagnosis(x, 0.0, True, (), (), ())
 
@@ -181,16 +184,17 @@ def test_the_limit_of_a_node_holds_for_the_search_for_the_reason_too(
     problem, seconds = table.but(sequence=["east"], steps=10), 1.0
     limits: list[float] = []
 
-    def slow(problem: dmoc.Problem, *_: Any, seconds: float | None, **__: Any) -> dmoc.Solution:
-        assert seconds is not None
-        limits.append(seconds)
-        time.sleep(seconds)
+    def slow(problem: dmoc.Problem, guess: Any, request: Request) -> dmoc.Solution:
+        left = request.options.seconds
+        assert left is not None
+        limits.append(left)
+        time.sleep(left)
         return replace(unsolved, status=Status.TIME_LIMIT)
 
     unsolved = dmoc.solve(problem, "ipm", starts=1, verify=False)
     monkeypatch.setattr(inner, "explored", lambda *_, **__: NOTHING)
     monkeypatch.setattr(inner, "diagnose", no_violation)
-    monkeypatch.setattr(inner, "solve", slow)
+    monkeypatch.setattr(inner, "solved_on_mesh", slow)
     node = inner.solve_node(inner.Task(problem, None, "ipm", 0, 0, seconds))
     assert len(limits) == 2 and 0 < limits[0] < seconds and 0 < limits[1] <= seconds / 100
     assert node.verdict is Verdict.FAILED
@@ -225,7 +229,7 @@ def test_ctrl_c_in_the_solve_after_a_diagnosis_ends_the_search(
 
     monkeypatch.setattr(inner, "explored", lambda *_, **__: NOTHING)
     monkeypatch.setattr(inner, "diagnose", no_violation)
-    monkeypatch.setattr(inner, "solve", interrupted)
+    monkeypatch.setattr(inner, "solved_on_mesh", interrupted)
     with pytest.raises(KeyboardInterrupt):
         inner.solve_node(inner.Task(problem, None, "ipm", 0, 0, 10.0))
     assert len(solves) == at
@@ -240,6 +244,6 @@ def test_ctrl_c_in_the_solve_by_another_method_ends_the_search(
     problem = table.but(kernels=dmoc.build(system, backend=backend), sequence=["east"], steps=10)
     solved = dmoc.solve(problem, "slsqp", starts=1, verify=False)
     interrupted = replace(solved, status=Status.INTERRUPTED)
-    monkeypatch.setattr(inner, "solve", lambda *_, **__: interrupted)
+    monkeypatch.setattr(inner, "solved_on_mesh", lambda *_, **__: interrupted)
     with pytest.raises(KeyboardInterrupt):
         inner.solve_node(inner.Task(problem, None, "slsqp", 0, 0, None))
