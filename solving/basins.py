@@ -32,8 +32,12 @@ class Basin:
 
     def costs_as(self, other: Basin) -> bool:
         """Whether both cost the same, compared with the size of the cost."""
+        return self.at_most(other) and other.at_most(self)
+
+    def at_most(self, other: Basin) -> bool:
+        """Whether it costs the same as another one or less."""
         size = max(abs(self.cost), self.attempt.nlp.scale.cost)
-        return abs(self.cost - other.cost) <= SAME_COST * size
+        return self.cost - other.cost <= SAME_COST * size
 
     def same(self, other: Basin) -> bool:
         """Whether both are the same minimum."""

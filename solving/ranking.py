@@ -73,8 +73,10 @@ def ranked(
             s = solution_of(attempt, COMPILED_METHOD.name, {})
             s = checked(s) if verify else s
             refined.append(_Ranked(new, s, coarse.found, s.cost if s.minimum else np.inf))
-    if effort.settles and any(r.solution.minimum for r in refined):
-        refined = [_settled(r, options, effort.by_rates) for r in refined]
+    good = [r for r in refined if r.solution.minimum]
+    if effort.settles and good:
+        best = min(good, key=_Ranked.rank)
+        refined = [_settled(r, best, options, effort.by_rates) for r in refined]
     refined.sort(key=_Ranked.rank)
     return [(r.solution, r.found) for r in refined], rest
 
@@ -106,9 +108,10 @@ class _Ranked:
         return np.isinf(self.cost), grazes, self.cost, self.solution.cost
 
 
-def _settled(r: _Ranked, options: Options, by_rates: bool) -> _Ranked:
+def _settled(r: _Ranked, best: _Ranked, options: Options, by_rates: bool) -> _Ranked:
     """Where the simulation contradicts a minimum, its cost on a finer mesh if it is confirmed
-    there: then the mesh is too coarse, and not the minimum none."""
+    there: then the mesh is too coarse, and not the minimum none.  It is no better one if the best
+    that is confirmed costs no more on either mesh, as motions do that switch in other steps."""
     if r.solution.minimum:
         return r
     mesh = r.minimum.attempt.nlp.problem
@@ -117,7 +120,14 @@ def _settled(r: _Ranked, options: Options, by_rates: bool) -> _Ranked:
     if attempt.outcome.status is not Status.SOLVED:
         return r
     s = checked(solution_of(attempt, COMPILED_METHOD.name, {}))
-    return replace(r, cost=s.cost) if s.minimum else r
+    if not s.minimum:
+        return r
+    if s.cost < best.cost <= r.solution.cost:
+        other = _on(fine, best.minimum.attempt, options, by_rates)
+        solved = other.outcome.status is Status.SOLVED
+        if solved and Basin.of(other).at_most(Basin.of(attempt)):
+            return r
+    return replace(r, cost=s.cost)
 
 
 def _refined(mesh: Problem, coarse: Attempt, options: Options, by_rates: bool) -> Attempt:

@@ -137,6 +137,20 @@ def test_a_swing_up_with_little_torque_is_found(
     assert found.cost == pytest.approx(5.7041, abs=2e-3)
 
 
+def test_a_confirmed_minimum_is_not_passed_over_for_the_same_one_of_a_finer_mesh(
+    pendulum_and_torque: dmoc.MechanicalSystem,
+) -> None:
+    """With inputs that are linear in steps, two minima differ in the step of a switch: one costs
+    5.7134 and is not confirmed, the other 5.7095.  Of 200 steps both cost 5.7010."""
+    problem = little_torque(pendulum_and_torque, 2.0, 50).but(controls="linear")
+    solution = dmoc.solve(problem, "ipm")
+    assert solution.status == "solved" and solution.cost == pytest.approx(5.70947, rel=1e-5)
+    other = next(m for m in solution.others if m.cost < 6)
+    assert other.status == "not_verified" and other.cost > solution.cost
+    fine = dmoc.solve(problem.but(steps=200), "ipm", guess=solution)
+    assert fine.cost == pytest.approx(5.70100, rel=1e-5)
+
+
 def test_infeasible_is_said_after_many_starts(pendulum_and_torque: dmoc.MechanicalSystem) -> None:
     found = dmoc.solve(little_torque(pendulum_and_torque, 0.2, 40), "ipm")
     assert found.status == "infeasible"
