@@ -28,7 +28,7 @@ STATUSES = (
 )
 # First barrier parameter, relative to the cost: of a start without multipliers, and of a
 # neighbouring solution.
-COLD, WARM, LEAST = 3e-4, 1e-6, 1e-6
+COLD, WARM, LEAST = 1e-4, 1e-6, 1e-6
 # The barrier leaves every cost too high by mu for each bound: costs shall agree with other methods
 # to more digits than anyone asks for. A point this sharp that gets no sharper has met rounding
 # errors, whatever is asked for.

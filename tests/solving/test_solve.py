@@ -291,6 +291,7 @@ def test_the_time_limit_holds_within_an_iteration(seed: dmoc.Problem, reads: lis
             seed.but(steps=20),
             "slsqp",
             seconds=seconds,
+            starts=1,
             verify=False,
             progress=lambda _: told.append(reads[0]),
         )
