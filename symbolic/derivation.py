@@ -166,44 +166,7 @@ def _text(equation: Equation) -> str:
 
 
 def derive(system: MechanicalSystem, order: int = 2) -> Derivation:
-    """Derive a system from its Lagrangian to the derivatives of its discrete equations, in the
-    discretisation of the given order.
-
-    The result prints as text, gives a LaTeX document by ``latex()``, and displays itself in
-    notebooks.  A quantity of the derivation whose usual name the model uses itself is marked:
-    ``h~``.
-
-    Parameters
-    ----------
-    system : MechanicalSystem
-    order : {2, 4, 6}
-        Order of the discretisation.
-
-    Returns
-    -------
-    Derivation
-
-    Raises
-    ------
-    ModelError
-        If there is no system, or the order is another one.
-
-    Examples
-    --------
-    >>> import dmoc
-    >>> from dmoc.registry import find
-    >>> derivation = dmoc.derive(find("puck_table").system())
-    >>> [section.title for section in derivation.sections][:3]
-    ['Lagrangian', 'Momenta', 'Mass matrix']
-    >>> for equation in derivation.sections[1].equations:
-    ...     print(equation.name, "=", equation.right)
-    p_x = m*x_dot
-    p_y = m*y_dot
-
-    Notes
-    -----
-    The sections follow equations :eq:`hamilton` to :eq:`law` of the theory.
-    """
+    """Derive a system; see :func:`dmoc.derive`."""
     check_system(system)
     order = known_order(order)
     f = readable(system)

@@ -105,6 +105,7 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
         "friction",
         "impulses",
         "tractions",
+        "course",
     }
     assert set(found["collisions"][0]) == keys
     assert {"build", "guess", "solve"} <= set(found["seconds"])

@@ -181,8 +181,8 @@ def test_a_problem_in_a_file_holds_contacts(run: Run) -> None:
     code, out, err = run("solve", "models.py:problem", "--starts", "1")
     assert code == 0, err
     assert table(out)["phase 1"].endswith("floor:slip+")
-    code, _, err = run("solve", "models.py:problem", "--contacts", "", "--starts", "1")
-    assert code == 2 and "floor changes its friction, but is not closed then" in err
+    code, out, err = run("solve", "models.py:problem", "--contacts", "", "--starts", "1")
+    assert code == 1 and "floor:slip+" in out  # what is open can only be hit
 
 
 def test_a_block_that_comes_back_a_step_further(run: Run) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import shutil
 from dataclasses import replace
 from typing import Any
 from xml.dom.minidom import parseString
@@ -79,7 +80,8 @@ def test_pages_of_objects_are_well_formed(objects: dict[str, Any], name: str) ->
 def test_the_command_line_shows_the_same_table(objects: dict[str, Any]) -> None:
     """As wide as the table that print makes, without its colours."""
     stream = io.StringIO()
-    print_table(objects["solution"].summary(), Console(file=stream, width=100))
+    width = shutil.get_terminal_size((100, 24)).columns
+    print_table(objects["solution"].summary(), Console(file=stream, width=width))
     lines = [line.rstrip() for line in stream.getvalue().splitlines()]
     assert "\n".join(lines) == str(objects["solution"])
 

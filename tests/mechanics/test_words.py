@@ -65,9 +65,9 @@ def test_words_of_a_problem_are_those_of_its_motion(landed: dmoc.Solution) -> No
     assert problem.words == tuple(c.word for c in landed.collisions) == words
     assert problem.but(sequence=["  +floor:slip+ ", "floor:stick"]).words == words
     assert [p.mode for p in landed.phases] == ["free", "floor:slip+", "floor:stick"]
-    assert str(landed) == (
-        f"landing: solved, cost {landed.cost:.7g}, final time 1.5 s; {landed.collisions[0]}; "
-        f"{landed.collisions[1]}"
+    assert repr(landed) == (
+        f"<Solution of landing: solved, cost {landed.cost:.7g}, final time 1.5 s; "
+        f"{landed.collisions[0]}; {landed.collisions[1]}>"
     )
 
 
