@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # setuptools warns of the folders beside setup.py in every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
-.PHONY: demo test test-fast test-browser test-wheels check docs linkcheck bench ladder release clean
+.PHONY: demo test test-fast test-browser test-wheels check docs docs-check linkcheck bench ladder release clean
 
 demo: $(VENV)/.installed-demo
 	@$(BIN)/python examples/seed.py demo
@@ -33,6 +33,13 @@ check: $(VENV)/.installed-check
 docs: $(VENV)/.installed-docs
 	@rm -rf docs/reference/names  # pages of names that are gone
 	$(BIN)/sphinx-build -W --keep-going -n -q -b html docs docs/_build/html
+
+# The same without running the examples, which the tests do, and away from what `make docs` has built.
+MANUAL := build/manual
+docs-check: $(VENV)/.installed-docs
+	@rm -rf $(MANUAL) && mkdir -p $(MANUAL)/docs && cp -r examples CHANGELOG.md CONTRIBUTING.md $(MANUAL)
+	@cp -r $(filter-out docs/_build docs/examples,$(wildcard docs/*)) $(MANUAL)/docs && rm -rf $(MANUAL)/docs/reference/names
+	$(BIN)/sphinx-build -W --keep-going -n -q -D plot_gallery=0 -b html $(MANUAL)/docs $(MANUAL)/html
 
 # Links to other sites, which needs the network.
 linkcheck: $(VENV)/.installed-docs

@@ -1,6 +1,5 @@
 """The manual: pages in Markdown, the reference from docstrings, the gallery from examples/."""
 
-import os
 import sys
 from pathlib import Path
 
@@ -50,7 +49,7 @@ sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "examples",
     "ignore_pattern": r"(showing|search_dask|__init__)\.py$",
-    "filename_pattern": os.sep,
+    "filename_pattern": "/",
     "image_scrapers": ("runs.written",),
     "reset_modules": (),
     "thumbnail_size": (480, 360),
@@ -61,7 +60,6 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "min_reported_time": 1,
     "remove_config_comments": True,
-    "plot_gallery": os.environ.get("DMOC_GALLERY", "all") != "none",
 }
 suppress_warnings = ["config.cache"]
 

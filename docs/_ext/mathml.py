@@ -3,6 +3,7 @@ is made for them."""
 
 from __future__ import annotations
 
+import logging
 import re
 from importlib.resources import files
 from pathlib import Path
@@ -58,6 +59,7 @@ def write_font(app: Sphinx, failed: Exception | None) -> None:
     target = Path(app.outdir) / "_static" / "math.woff"
     if failed or app.builder.format != "html" or target.exists():
         return
+    logging.getLogger("fontTools").setLevel(logging.WARNING)
     options = Options(flavor="woff", layout_features=["*"])
     font = TTFont(str(FONT))
     subsetter = Subsetter(options)
