@@ -1,4 +1,4 @@
-"""How the gallery takes the examples: the pictures that they write, and their order."""
+"""How the gallery takes the examples: their pictures, their motions, and their order."""
 
 from __future__ import annotations
 
@@ -9,10 +9,21 @@ from typing import Any
 from sphinx.application import Sphinx
 from sphinx_gallery.scrapers import figure_rst
 
+import dmoc
+
 # Where examples write that are told nothing else.
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "figures"
-# What an example may write, the picture of its thumbnail first.
+# Pictures of an example, that of its thumbnail first.
 KINDS = (".gif", ".png")
+# Of a moving picture, in a second.
+FRAMES = 12
+# The page that plays a motion, beside the pictures.
+PLAYER = """
+.. raw:: html
+
+   <p><a href="../_static/motions/{0}.html">Play this motion</a>, with all its curves.</p>
+
+"""
 # From what is easily understood to what is not.
 ORDER = (
     "block_and_wall",
@@ -34,15 +45,21 @@ ORDER = (
 
 
 def written(_: Any, script: dict[str, Any], conf: dict[str, Any]) -> str:
-    """Show the pictures that an example has written."""
+    """Show the pictures that an example has written, its motion first."""
     name, paths = Path(script["src_file"]).stem, []
+    motion = FOLDER / f"{name}.npz"
+    if not motion.exists():
+        return ""
+    solution = dmoc.Solution.load(motion)
+    solution.animate(FOLDER / f"{name}.gif", fps=FRAMES)
+    solution.animate(FOLDER / f"{name}.html")
     for kind in KINDS:
         picture = FOLDER / f"{name}{kind}"
         if picture.exists():
             target = Path(next(script["image_path_iterator"])).with_suffix(kind)
             shutil.copy(picture, target)
             paths.append(str(target))
-    return str(figure_rst(paths, conf["src_dir"]))
+    return str(figure_rst(paths, conf["src_dir"])) + PLAYER.format(name)
 
 
 class Order:
@@ -59,5 +76,16 @@ class Order:
         return f"Order({', '.join(ORDER)})"
 
 
-def setup(_: Sphinx) -> dict[str, Any]:
+def copy_players(app: Sphinx, failed: Exception | None) -> None:
+    """Put the pages that play motions beside the style sheets."""
+    if failed or app.builder.format != "html":
+        return
+    target = Path(app.outdir) / "_static" / "motions"
+    target.mkdir(parents=True, exist_ok=True)
+    for page in FOLDER.glob("*.html"):
+        shutil.copy(page, target)
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    app.connect("build-finished", copy_players)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
