@@ -151,8 +151,8 @@ class Solution(Shown):
     >>> reference = find("puck_table")
     >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
     >>> solution = dmoc.solve(problem.but(sequence=["east"]), "ipm", starts=1)
-    >>> print(solution)
-    puck_table: solved, cost 2.815..., final time 2 s; east at 0.473... s, impulse 2.80...
+    >>> solution.status, round(solution.cost, 3), solution.collisions[0].word
+    (<Status.SOLVED: 'solved'>, 2.815, 'east')
     >>> solution.phases[0].q.shape, solution.phases[1].u.shape
     ((41, 2), (40, 2))
     >>> solution.verification["passed"]
