@@ -1,8 +1,7 @@
 """A block and a wall
 ==================
 
-A block pushed against a wall and back to where it started, for elastic, lossy and plastic
-impacts.
+A block is pushed against a wall and back; impacts are elastic, lossy and plastic.
 
 Unfolding the wall makes the motion a free one, so that the least cost has a closed form: before the
 impact at time t with speed w the block covers the distance 1, after it with the speed e w the
