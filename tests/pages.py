@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import shlex
 import sys
@@ -69,13 +70,17 @@ def run(text: str, folder: Path) -> list[tuple[Block, str]]:
 
 @contextlib.contextmanager
 def _within(folder: Path) -> Iterator[None]:
-    """Work in a folder, whose modules are known to nobody else."""
-    known = set(sys.modules)
+    """Work in a folder, whose modules are known to nobody else, with the width of the pages."""
+    known, columns = set(sys.modules), os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = "100"
     sys.path.insert(0, str(folder))
     try:
         with contextlib.chdir(folder):
             yield
     finally:
+        del os.environ["COLUMNS"]
+        if columns is not None:
+            os.environ["COLUMNS"] = columns
         sys.path.remove(str(folder))
         for name in set(sys.modules) - known:
             if Path(getattr(sys.modules[name], "__file__", None) or "/").parent == folder:

@@ -206,8 +206,9 @@ def test_what_a_new_file_says_comes_next_works(run: Run, tmp_path: Path, kind: s
         ).stdout
         for command in commands
     ]  # fmt: skip
-    assert printed[0].startswith("begun: solved, cost ")
-    cost = float(printed[0].split("cost ")[1].split(",")[0])
+    rows = dict(re.findall(r"^ (\w+) +(\S+)", printed[0], re.MULTILINE))
+    assert rows["status"] == "solved:"
+    cost = float(rows["cost"])
     assert COSTS[kind] is None or cost == pytest.approx(COSTS[kind], rel=1e-3)
     assert "passed" in printed[1] and "Lagrangian" in printed[2]
     for made in ("begun.npz", "begun.png", "begun/solution.npz", "begun/solution.png"):

@@ -33,7 +33,7 @@ LAST = {
     "solve": "iteration ",
     "solve_many": "2 of 2: 2 solved  ",
     "sweep": "2 of 2: 2 solved  ",
-    "search": "1 ",
+    "search": "2 feasible",
 }
 
 

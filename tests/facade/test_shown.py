@@ -57,7 +57,7 @@ EXPECTED = {
     "verification": ["passed", "amplification"],
     "simulation": ["final time", "collision wall"],
     "batch": ["status", "2 solved"],
-    "result": ["verdict", "best: wall"],
+    "result": ["verdict", "best: no collision"],
 }
 
 

@@ -51,9 +51,6 @@ def main() -> None:
     """Solve the problem, check the motion by simulation, print and draw it."""
     solution = dmoc.solve(problem())
     print(solution)
-    print(solution.message)
-    for collision in solution.collisions:
-        print(f"hit at {collision.time:.4f} s, impulse {collision.impulse:.4f} N s")
     solution.save("my_system.npz")
     solution.plot("my_system.png")
 

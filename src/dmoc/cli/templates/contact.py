@@ -53,7 +53,6 @@ def main() -> None:
     """Solve the problem, check the motion by simulation, print and draw it."""
     solution = dmoc.solve(problem())
     print(solution)
-    print(solution.message)
     for phase in solution.phases:
         friction = phase.tangential[:, 0].mean()
         print(f"{phase.mode}: {phase.duration:.4f} s, mean friction {friction:.4f} N")

@@ -50,7 +50,6 @@ def main() -> None:
     """Solve the problem, check the motion by simulation, print and draw it."""
     solution = dmoc.solve(problem())
     print(solution)
-    print(solution.message)
     solution.save("my_system.npz")
     solution.plot("my_system.png")
 
