@@ -21,6 +21,7 @@ PRESSED = 0.05
 # A closed contact may be off its surface, and what sticks off its place, by this share of the
 # sizes, and their rates by the second share.
 OFF, DRIFT = 1e-4, 0.02
+EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ def force_errors(motion: Motion) -> ForceErrors:
         told += _pulling(motion, i, flow, normal)
         told += _slipping(motion, i, flow, tangential)
         told += _turning(motion, i)
-    return ForceErrors(largest, tuple(told), normal)
+    # What underflows on the way is no error.
+    return ForceErrors(largest if largest > EPS else 0.0, tuple(told), normal)
 
 
 def still_pressed(motion: Motion, size: Array) -> Iterator[str]:
