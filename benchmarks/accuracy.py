@@ -22,6 +22,7 @@ import block_and_wall  # noqa: E402
 import cart_pole  # noqa: E402
 import compass_gait  # noqa: E402
 import contact_problems as contacts  # noqa: E402
+import hit_problems as hits  # noqa: E402
 import puck  # noqa: E402
 import seed  # noqa: E402
 import two_bounces  # noqa: E402
@@ -176,6 +177,23 @@ CONTACT_CASES = (
         lambda s: s.final_time,
         compass_gait.PERIOD,
         "event-driven Runge-Kutta of order 8, 1e-12",
+    ),
+    *(
+        Case(
+            f"rod that hits a floor, {course}: tangential impulse",
+            lambda n, rod=(angle, v, mu, course): hits.fallen_rod(*rod, n),
+            lambda s: float(s.collisions[0].tractions["floor"]),
+            tangential,
+            "Poisson's law by hand, 9 digits",
+        )
+        for angle, v, mu, _, _, tangential, course in hits.RODS
+    ),
+    Case(
+        "spinning ball that comes back",
+        lambda n: hits.back(steps=n),
+        cost,
+        hits.cost_back(),
+        "closed form",
     ),
 )
 
