@@ -159,6 +159,11 @@ def simulation_in(content: bytes, name: str) -> Simulation:
         archive = Archive(content)
         header = plain(archive.text())
         version = header.get("simulation_format") if isinstance(header, dict) else None
+        if isinstance(header, dict) and "solution" in header:
+            raise SolutionFileError(
+                f"{name} is the file of a solution: read it with dmoc.Solution.load, or give "
+                "one that Simulation.save has written."
+            )
         if isinstance(version, int) and version != FORMAT:
             raise SolutionFileError(
                 f"{name} has format {said(version)}, expected {FORMAT}: simulate again."

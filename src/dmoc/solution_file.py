@@ -80,6 +80,8 @@ def solution_in(content: bytes, name: str) -> Solution:
         header = plain(archive.text())
         header = _as_now(header)
         version = header.get("format") if isinstance(header, dict) else None
+        if isinstance(header, dict) and "simulation_format" in header:
+            raise SolutionFileError(f"{name} is the file of a simulation: {REMEDY}.")
         if isinstance(version, int) and version != FILE_FORMAT:
             raise SolutionFileError(
                 f"{name} has format {said(version)}, expected {FILE_FORMAT}: solve the problem "

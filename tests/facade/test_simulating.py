@@ -121,10 +121,15 @@ def test_damaged_files_of_simulations_are_refused(
     assert "\n" not in str(error.value)
 
 
-def test_a_solution_file_is_no_simulation(solution: dmoc.Solution, tmp_path: Path) -> None:
+def test_files_of_solutions_and_simulations_are_told_apart(
+    solution: dmoc.Solution, falling: dmoc.Simulation, tmp_path: Path
+) -> None:
     path = solution.save(tmp_path / "s.npz")
-    with pytest.raises(SolutionFileError, match="no file of a simulation"):
+    with pytest.raises(SolutionFileError, match=r"s\.npz is the file of a solution"):
         dmoc.Simulation.load(path)
+    path = falling.save(tmp_path / "f.npz")
+    with pytest.raises(SolutionFileError, match=r"f\.npz is the file of a simulation"):
+        dmoc.Solution.load(path)
 
 
 def test_tables_and_figures_of_a_simulation(falling: dmoc.Simulation, tmp_path: Path) -> None:
