@@ -209,7 +209,7 @@ def _rows(s: Simulation) -> Iterator[tuple[str, str]]:
     if len(stretches) > MOST_EVENTS:
         yield "", f"and {len(stretches) - MOST_EVENTS} more stretches of contact"
     low, high = float(s.energy.min()), float(s.energy.max())
-    yield "energy", f"from {low:.6g} to {high:.6g}, {s.energy[-1]:.6g} at the end"
+    yield "energy", f"between {low:.6g} and {high:.6g}, {s.energy[-1]:.6g} at the end"
 
 
 def simulate(

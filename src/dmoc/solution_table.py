@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from dmoc.table import Cell, Table, passed
@@ -51,7 +52,11 @@ def _motion(s: Solution) -> Iterator[tuple[Cell, ...]]:
 def _minima(s: Solution) -> Iterator[tuple[Cell, ...]]:
     for other in s.others[:MOST_OTHERS]:
         known = "coarse mesh" if other.status is None else str(other.status).replace("_", " ")
-        yield "other minimum", f"{other.cost:.7g} ({known}), from {other.found} starts"
+        # Costs of two meshes differ by the error of the mesh, to either side.
+        if other.status is not None and other.steps != s.steps:
+            known += f" in {'+'.join(map(str, other.steps))} steps"
+        starts = "1 start" if other.found == 1 else f"{other.found} starts"
+        yield "other minimum", f"{other.cost:.7g} ({known}), from {starts}"
     more = len(s.others) - MOST_OTHERS
     if more > 0:
         yield "", f"and {more} more"
@@ -61,11 +66,14 @@ def _evidence(s: Solution) -> Iterator[tuple[Cell, ...]]:
     yield "violation", f"{s.max_violation:.1e}"
     yield "optimality", f"{s.optimality:.1e}"
     for mesh in s.meshes:
-        far = "" if mesh.difference is None else f", difference to the finest {mesh.difference:.1e}"
+        # The first mesh has none before it, and no estimate.
+        far = f", estimated error {mesh.estimate:.1e}" if isfinite(mesh.estimate) else ""
+        if mesh.difference is not None:
+            far += f", difference to the finest {mesh.difference:.1e}"
         far += "" if mesh.simulated is None else f", simulated error {mesh.simulated:.1e}"
         yield (
             f"{'+'.join(map(str, mesh.steps))} steps",
-            f"cost {mesh.cost:.8g}, estimated error {mesh.estimate:.1e}{far}",
+            f"cost {mesh.cost:.8g}{far}",
         )
     if s.error_estimate is not None:
         yield "error estimate", f"{s.error_estimate:.1e}, relative"

@@ -6,6 +6,7 @@ import base64
 import re
 import zlib
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from xml.dom.minidom import parseString
 
@@ -16,7 +17,7 @@ import dmoc
 from dmoc.cli.app import app
 from dmoc.errors import OutputError
 from dmoc.nlp.problem import Problem
-from dmoc.solution import Minimum
+from dmoc.solution import Mesh, Minimum
 from dmoc.solution_report import tables
 from dmoc.solvers.outcome import Status
 from dmoc.table import plain
@@ -28,6 +29,26 @@ def found(seed: Problem) -> dmoc.Solution:
     solution = dmoc.solve(seed.but(steps=60), "ipm", starts=1)
     other = Minimum(200.5, 3, Status.SOLVED, (60, 60))
     return replace(solution, starts=16, found=13, others=(other,))
+
+
+def test_other_minima_are_told_with_their_mesh(found: dmoc.Solution) -> None:
+    same = replace(found.others[0], found=1)
+    other = replace(found.others[0], steps=(24, 24))
+    rows = [row for row in str(replace(found, others=(same, other))).splitlines() if "minim" in row]
+    assert "200.5 (solved), from 1 start" in rows[-2] and "starts" not in rows[-2]
+    assert "200.5 (solved in 24+24 steps), from 3 starts" in rows[-1]
+
+
+def test_the_first_mesh_of_a_table_has_no_estimate(found: dmoc.Solution) -> None:
+    meshes = (
+        Mesh((30, 30), 128.0, 5, inf, None, 1e-2),
+        Mesh((60, 60), 129.0, 7, 2e-3, 1e-4),
+    )
+    first, last = (
+        row for row in str(replace(found, meshes=meshes)).splitlines() if "steps  " in row
+    )
+    assert "30+30" in first and "estimated" not in first and "finest 1.0e-02" in first
+    assert "estimated error 2.0e-03" in last
 
 
 def test_a_page_holds_everything_and_needs_nothing(found: dmoc.Solution, tmp_path: Path) -> None:
