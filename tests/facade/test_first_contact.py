@@ -228,6 +228,8 @@ def test_what_a_new_file_says_comes_next_works(run: Run, tmp_path: Path, kind: s
         ("dmoc solve cart_pendulum --start alpha", ["alpha=", "alpha_dot="]),
         ("dmoc solve file.py:system --set m", []),
         ("dmoc new begun --kind s", ["smooth"]),
+        ("dmoc simulate bounc", ["bouncing_pendulum"]),
+        ("dmoc simulate cart_pendulum --set m_", ["m_p=", "m_c="]),
     ],
 )
 def test_the_shell_completes_models_methods_and_names(

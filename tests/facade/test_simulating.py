@@ -234,6 +234,8 @@ def test_the_command_simulates_models_and_solutions(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (["bouncing_pendulum"], "--final-time is missing"),
+        (["bouncing_pendulum", "--final-time", "-1"], "--final-time -1: expected a positive"),
+        (["bouncing_pendulum", "--final-time", "nan"], "--final-time nan: expected a positive"),
         (["bouncing_pendulum", "--final-time", "1", "--start", "p=1"], "expected one of theta"),
         (["bouncing_pendulum", "--final-time", "1", "--start", "theta=0:1"], "expected a number"),
         (["bouncing_pendulum", "--final-time", "1", "--steps", "0"], "steps = 0"),

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from dmoc.cli.options import ModelArgument
-from dmoc.cli.writing import out, print_text
+from dmoc.cli.writing import out, print_text, written
 from dmoc.discretisation import ORDERS_SHOWN
 from dmoc.errors import OutputError
 from dmoc.writing import write_whole
@@ -70,6 +70,7 @@ def derive(
         print_text(text)
     else:
         write_whole(target, text.encode())
+        written(target)
 
 
 def generate(

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from dmoc.cli.options import NOT_SOLVED, JsonOption
-from dmoc.cli.writing import emit, out, prepare
+from dmoc.cli.writing import emit, out, prepare, written
 from dmoc.table import print_table
 
 
@@ -61,4 +61,4 @@ def plot(
     path = target or solution.with_suffix(".png")
     style = "dark" if dark else "light"
     Solution.load(solution).plot(path, velocities=velocities, style=style)
-    out.print(str(path), highlight=False, soft_wrap=True)
+    written(path)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dmoc.cli import completion
 from dmoc.cli.options import OrderOption, RestitutionOption, SetOption
 from dmoc.cli.reading import read_pair, read_restitution
 from dmoc.cli.writing import draw, in_turn, out, prepare, written
@@ -27,6 +29,7 @@ def simulate(
             metavar="MODEL|FILE.npz",
             help="Name of a shipped model, file.py:name, or a solution file.",
             show_default=False,
+            autocompletion=completion.models,
         ),
     ],
     start: Annotated[
@@ -84,6 +87,10 @@ def simulate(
     kernels = registry.find(model).kernels(order)
     if final_time is None:
         raise SimulationError("--final-time is missing: give it in seconds, such as 2.5.")
+    if not 0 < final_time < inf:
+        raise SimulationError(
+            f"--final-time {final_time:g}: expected a positive, finite number of seconds."
+        )
     count = STEPS if steps is None else steps
     state = _values(start, "--start", kernels)
     _show(
