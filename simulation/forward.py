@@ -246,7 +246,8 @@ def _check_start(model: Model, q: Array) -> None:
     for name, gap, near in zip(model.kernels.surfaces, gaps, model.gap_rounding(q), strict=True):
         if gap > near:
             raise SimulationError(
-                f"position lies behind surface {name!r} by {gap:g}: move it inside g <= 0."
+                f"position lies behind surface {name!r} by {gap:g}: expected a start in "
+                "front of it, or on it."
             )
 
 

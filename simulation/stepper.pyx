@@ -673,7 +673,7 @@ cdef class Stepper:
         for j in range(self.nc):
             if self.start_gap[j] > START_TOLERANCE / GAP_TOLERANCE * self.tolerance[j]:
                 raise SimulationError(
-                    f"position lies behind surface {self.names[j]!r} by {self.start_gap[j]:g}: move it inside g <= 0."
+                    f"position lies behind surface {self.names[j]!r} by {self.start_gap[j]:g}: expected a start in front of it, or on it."
                 )
         if 0 < h * self.fastest < np.finfo(float).eps * size:
             raise SimulationError(
