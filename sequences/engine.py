@@ -381,6 +381,12 @@ def _notes(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -
     notes = [f"{stopped}: {tree.waiting} known sequences were not looked at"] if stopped else []
     if tree.passed_over:
         notes.append(f"the beam passed over {tree.passed_over} sequences")
+    if tree.refused:
+        sequence, told = next(iter(tree.refused.items()))
+        notes.append(
+            f"{len(tree.refused)} sequences were left out that no problem can have, such as "
+            f"{', '.join(sequence)}: {told}"
+        )
     by_depth = [
         min(
             (

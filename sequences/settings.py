@@ -109,6 +109,16 @@ def children(problem: Problem, sequence: tuple[str, ...], settings: Settings) ->
     return list(words_after(mode, problem.touches, settings.surfaces))
 
 
+def refusal(problem: Problem, sequence: tuple[str, ...]) -> str:
+    """Why no problem can have a sequence, as where contacts that depend on each other would be
+    closed together; empty where one can."""
+    try:
+        problem.but(sequence=sequence, durations=None, via=None)
+    except ProblemError as error:
+        return str(error)
+    return ""
+
+
 def shortest_of(problem: Problem, given: float | None) -> float:
     """The shortest duration of a phase; 0 for none."""
     latest = problem.final_time_bounds[1]

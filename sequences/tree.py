@@ -14,7 +14,7 @@ from dmoc.sequences.journal import Journal
 from dmoc.sequences.judgement import best_of
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Workers
-from dmoc.sequences.settings import Settings, children
+from dmoc.sequences.settings import Settings, children, refusal
 
 # Nodes that best-first looks at before it chooses again: a fixed number, so that the answer does
 # not depend on the number of workers.
@@ -31,6 +31,7 @@ class Tree:
         self.journal: Journal | None = None
         self.frontier: list[tuple[str, ...]] = [()]
         self.passed_over = 0
+        self.refused: dict[tuple[str, ...], str] = {}
 
     def keep(self, journal: Journal) -> None:
         """Record nodes in a journal; its own count, but failed ones get another chance."""
@@ -87,9 +88,17 @@ class Tree:
             node.verdict is not Verdict.UNREACHABLE
             and len(node.sequence) < self.settings.max_collisions
         ):
-            words = children(self.problem, node.sequence, self.settings)
-            self.frontier += [(*node.sequence, word) for word in words]
+            self._branch(node.sequence)
         return node
+
+    def _branch(self, sequence: tuple[str, ...]) -> None:
+        """The children of a sequence join the frontier, but those that no problem can have."""
+        for word in children(self.problem, sequence, self.settings):
+            child = (*sequence, word)
+            if told := refusal(self.problem, child):
+                self.refused[child] = told
+            else:
+                self.frontier.append(child)
 
     def _task(self, sequence: tuple[str, ...]) -> Task:
         parent = self.nodes[sequence[:-1]].solution if sequence else None

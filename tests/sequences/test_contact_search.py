@@ -5,7 +5,9 @@ from __future__ import annotations
 from math import sqrt
 
 import pytest
+import sympy as sp
 from contact_problems import pushed
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.errors import SearchError
@@ -81,3 +83,29 @@ def test_only_what_a_shorter_sequence_does_as_well_collapses() -> None:
         ("b", "c"): Verdict.UNVERIFIED,
         ("a", "d"): Verdict.FEASIBLE,
     }
+
+
+def test_contacts_that_cannot_be_closed_together_are_left_out_and_told() -> None:
+    """A ball in a corner of two rough walls has three coordinates, and both contacts that stick
+    hold four."""
+    x, y, a = dynamicsymbols("x y a")
+    mu = sp.Symbol("mu")
+    ball = dmoc.MechanicalSystem(
+        "ball_in_a_corner",
+        [x, y, a],
+        (x.diff() ** 2 + y.diff() ** 2 + 0.4 * a.diff() ** 2) / 2,
+        {mu: 0.5},
+        surfaces={"floor": y >= 1, "wall": x <= 3},
+        tangents={"floor": x + a, "wall": y - a},
+        friction={"floor": mu, "wall": mu},
+        cost=1,
+    )
+    start = {"x": 0, "y": 2, "a": 0, "x_dot": 1, "y_dot": -1}
+    problem = dmoc.Problem(ball, start=start, goal={"x": 2}, steps=4, final_time=(0.1, 4))
+    result = dmoc.search(problem, 2, events=["+floor", "+wall", "+wall:slip+"])
+    looked_at = {node.sequence for node in result.nodes}
+    assert ("+floor",) in looked_at and ("+floor", "+wall") not in looked_at
+    assert ("+floor", "+wall:slip+") in looked_at and not result.counts.get("failed")
+    assert any(
+        "no problem can have, such as +floor, +wall: the contacts" in n for n in result.notes
+    )
