@@ -323,8 +323,9 @@ def courses_of(name: str, contacts: Contacts) -> list[str]:
 
 def words_after(mode: PhaseMode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:
     """Words of what can happen in a mode to some surfaces and to what rubs: hits and landings of
-    open surfaces, also those at which a rail changes its friction, and landings at which another
-    contact leaves; contacts that leave; changes of friction."""
+    open surfaces, also those at which a rail changes its friction, hits at which a closed contact
+    slides back, and landings at which another contact leaves; contacts that leave; changes of
+    friction."""
     open_ones = [s for s in surfaces if s not in mode.closed]
     turns = list(_turns(mode))
     of_rails = [turn for turn in turns if turn.split(":")[0] in contacts.rails]
@@ -337,6 +338,8 @@ def words_after(mode: PhaseMode, contacts: Contacts, surfaces: Sequence[str]) ->
     for word in (*impacts, *landings):
         yield word
         yield from (f"{word} {turn}" for turn in of_rails)
+    for word in impacts:
+        yield from (f"{word} {name}:{FRICTION_WORDS[-s]}" for name, s in _slide(mode))
     for landing in landings:
         yield from (f"{landing} -{other}" for other in mode.closed if other in surfaces)
     yield from (f"-{name}" for name in mode.closed if name in surfaces)
@@ -365,6 +368,11 @@ def possible_after(mode: PhaseMode, words: Sequence[str], contacts: Contacts) ->
             yield from (" ".join([hit, *rest]) for hit in hits)
         elif event.surface or after != mode:
             yield word
+
+
+def _slide(mode: PhaseMode) -> list[tuple[str, int]]:
+    """Closed contacts that slide, and their directions."""
+    return [(name, s) for name, s in mode.rubbing.items() if name in mode.closed and s != STICK]
 
 
 def _turns(mode: PhaseMode) -> Iterator[str]:

@@ -14,6 +14,10 @@ each of its nodes, the ends among them, and velocities v- before and v+ after it
     cone       mu P_k - |T_k| >= 0, mu P_c - |T_c| >= 0    where it sticks
     direction  s (tau(q_kp1) - tau(q_k)) >= 0, s sigma >= 0 on both sides of an impact
 
+A contact that slides the other way after an impact than before has s of either phase on either
+side.  Where the impact presses it, P_c > 0, its friction turns at a moment within, which these rows
+do not know: the check refuses such a motion.
+
 A rail has the largest force F instead of mu P_k, times the time that the node stands for.  This is
 the scheme RATTLE with the momenta of the step element.
 
@@ -211,8 +215,8 @@ class ContactLaw:
                 "direction of an impact",
                 _twice(touch.rubs_in_impact & ~touch.sticks[1:]),
                 lambda i, j, side: (
-                    f"{word(i + 1, j)} of {friction[j]} {'after' if side else 'before'} event "
-                    f"{i + 1}"
+                    f"{word(i + (1 if side or not touch.turns[i, j] else 0), j)} of {friction[j]} "
+                    f"{'after' if side else 'before'} event {i + 1}"
                 ),
                 lambda s: s.slide[:, None],
             ),
@@ -308,9 +312,11 @@ class ContactLaw:
                 Term("slide_rate", (q, lay.index_v_c, t), (row["sticks"],)),
             ]
             direction = row["direction of an impact"]
-            for side, v in enumerate((lay.index_v_a, lay.index_v_c)):
+            before = np.where(touch.turns, touch.signs[:-1], touch.signs[1:])
+            sides = ((lay.index_v_a, before), (lay.index_v_c, touch.signs[1:]))
+            for side, (v, signs) in enumerate(sides):
                 for sign in (1.0, -1.0):
-                    rows = np.where(touch.signs[1:] == sign, direction[:, :, side], NOWHERE)
+                    rows = np.where(signs == sign, direction[:, :, side], NOWHERE)
                     found.append(Term("slide_rate", (q, v, t), (rows,), sign))
         ends = lay.ends
         for kernel, name in (("gap_rate", "at rest"), ("slide_rate", "stopped")):

@@ -105,6 +105,12 @@ class Touch:
         return found & ~self.passes
 
     @property
+    def turns(self) -> Bools:
+        """Tangents of closed surfaces that slide in the other direction after an impact, shape
+        (events, nt)."""
+        return np.asarray(self.rubs_in_impact & (self.signs[:-1] * self.signs[1:] < 0))
+
+    @property
     def passes(self) -> Bools:
         """Tangents that rub in an impact with a course, shape (events, nt)."""
         found = np.zeros((len(self.impacts), len(self.tangents)), dtype=bool)

@@ -46,6 +46,7 @@ def event_errors(motion: Motion, work: tuple[float, ...]) -> EventErrors:
         own = max(own, _own(motion, i, event, found))
         told += _unbearable(motion, c, event, found)
         told += _otherwise(motion, c, event, found)
+        told += _turned(motion, i, event, found)
         told += _approached(motion, i, event)
     energy, law, own = (float(np.nan_to_num(x, nan=np.inf)) for x in (energy, law, own))
     return EventErrors(energy, law, own, tuple(told))
@@ -73,9 +74,11 @@ def _imbalance(motion: Motion, work: tuple[float, ...]) -> float:
 
 
 def _given(motion: Motion, c: Collision) -> tuple[Array, Array]:
-    """The planned impulses of all surfaces and tangents."""
+    """The planned impulses of all surfaces and tangents; none of what grazes."""
     kernels = motion.model.kernels
-    normal = {c.surface: c.impulse, **c.impulses} if c.surface and not c.grazes else c.impulses
+    if c.grazes:
+        return np.zeros(len(kernels.surfaces)), np.zeros(len(kernels.tangents))
+    normal = {c.surface: c.impulse, **c.impulses} if c.surface else c.impulses
     return (
         np.array([normal.get(name, 0.0) for name in kernels.surfaces]),
         np.array([c.tractions.get(name, 0.0) for name in kernels.tangents]),
@@ -140,6 +143,22 @@ def _unbearable(motion: Motion, c: Collision, event: Event, found: Outcome) -> I
     for k, s in mode.sliding:
         if event.rubs is None and s * sigma[k] < -TURNED * along[k]:
             yield f"{tangents[k]} does not slide with the sign {s:+d} after {c.time:.4g} s"
+
+
+def _turned(motion: Motion, i: int, event: Event, found: Outcome) -> Iterator[str]:
+    """Contacts whose sliding turns in an impact that presses them: how much of their friction acts
+    in either direction, the law of impact does not say."""
+    before, c, model = motion.modes[i], motion.trajectory.collisions[i], motion.model
+    slid, at = dict(before.sliding), supports(model.kernels)
+    slack = BEARABLE * float(np.abs(found.normal).max(initial=0.0))
+    for k, s in event.mode.sliding:
+        pressed = float(found.normal[0, at[k]])
+        if slid.get(k) == -s and model.friction[k] * pressed > slack:
+            yield (
+                f"{model.kernels.tangents[k]} turns round in the impact at {c.time:.4g} s, which "
+                f"presses it with {pressed:.4g} N s: that is known only of contacts that the "
+                "impact does not press"
+            )
 
 
 def _otherwise(motion: Motion, c: Collision, event: Event, found: Outcome) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi, sin, sqrt
 
 import sympy as sp
@@ -65,6 +66,27 @@ def against_wall(steps: int, e: float) -> dmoc.Problem:
         contacts=["rail:slip+"],
         sequence=["wall rail:slip-"],
         restitution=e,
+        steps=steps,
+        final_time=1,
+    )
+
+
+def against_wall_on_floor(steps: int, slope: float) -> dmoc.Problem:
+    """The same on a floor that rubs with the same force; the wall leans by a slope, so that the hit
+    presses the block down."""
+    lean = sp.Symbol("lean")
+    block = replace(
+        floor("floored_wall"),
+        parameters={M: 1.0, G: 5.0, MU: 0.2, lean: slope},
+        surfaces={"floor": Y >= 0, "wall": X + lean * Y <= 1},
+    )
+    return dmoc.Problem(
+        block,
+        start={"x": 0, "y": 0},
+        goal={"x": 0, "x_dot": 0},
+        contacts=["floor:slip+"],
+        sequence=["wall floor:slip-"],
+        restitution=0.7,
         steps=steps,
         final_time=1,
     )

@@ -94,6 +94,13 @@ def test_words_after_a_mode_are_those_that_are_possible() -> None:
     assert len(words) == len(set(words))
 
 
+def test_a_contact_that_slides_may_slide_back_after_a_hit() -> None:
+    sliding = mode_of(["left:slip+"], FEET)
+    assert "wall left:slip-" in list(words_after(sliding, FEET, FEET.surfaces))
+    sticking = mode_of(["left"], FEET)
+    assert "wall left:slip-" not in list(words_after(sticking, FEET, FEET.surfaces))
+
+
 def test_a_word_of_an_open_surface_is_a_hit_and_of_a_closed_one_changes_its_friction() -> None:
     (hit, _, change), found = modes.along(
         mode_of([], FEET), ["left:slip+", "+left", "left:slip+"], FEET

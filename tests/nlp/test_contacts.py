@@ -20,6 +20,7 @@ from contact_problems import (
     X,
     Y,
     against_wall,
+    against_wall_on_floor,
     floor,
     pushed,
     pushed_together,
@@ -93,6 +94,22 @@ def test_forces_of_a_floor_are_weight_and_coulomb_friction(tmp_path: Path) -> No
     assert warm.status == "solved" and warm.cost == pytest.approx(solution.cost, rel=1e-9)
     finer = dmoc.solve(problem.but(steps=40), guess=again)
     assert finer.status == "solved" and finer.cost < solution.cost * 1.01
+
+
+def test_a_block_slides_back_over_a_floor_after_a_hit_as_over_a_rail() -> None:
+    solution = dmoc.solve(against_wall_on_floor(20, 0.0))
+    assert solution.status == "solved", solution.message
+    assert solution.cost == pytest.approx(dmoc.solve(against_wall(20, 0.7)).cost, rel=1e-6)
+    assert solution.cost == pytest.approx(wall_with_friction(0.7), rel=5e-3)
+    before, after = solution.phases
+    assert after.v[0, 0] == pytest.approx(-0.7 * before.v[-1, 0], rel=1e-9)
+    assert [phase.rubbing for phase in solution.phases] == [{"floor": 1}, {"floor": -1}]
+
+
+def test_a_hit_that_presses_a_contact_whose_sliding_turns_is_not_confirmed() -> None:
+    solution = dmoc.solve(against_wall_on_floor(10, 0.25))
+    assert solution.status == "not_verified"
+    assert "floor turns round in the impact at" in solution.message
 
 
 def test_a_plastic_push_moves_two_masses_as_one() -> None:
