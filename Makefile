@@ -7,7 +7,7 @@ INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
 .PHONY: demo test test-fast test-browser test-wheels check docs docs-check linkcheck bench ladder release clean
 
-demo: $(VENV)/.installed-demo
+demo: $(VENV)/.installed-plot
 	@$(BIN)/python examples/seed.py demo
 	@$(BIN)/python examples/hanging.py demo
 
@@ -22,7 +22,7 @@ test-fast: $(VENV)/.installed-test
 test-browser: $(VENV)/.installed-browser
 	$(BIN)/python -m pytest tests/browser/*.py
 
-check: $(VENV)/.installed-check
+check: $(VENV)/.installed-test $(VENV)/.installed-check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -68,29 +68,18 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 
-$(VENV)/.installed-demo: $(SOURCES) | $(VENV)/bin/python
+# dmoc is built once; what its extras name comes beside it.
+$(VENV)/.installed: $(SOURCES) | $(VENV)/bin/python
 	@echo "Installing dmoc and compiling its kernels (about a minute) ..."
-	@$(INSTALL) '.[plot]'
+	@$(INSTALL) .
 	@touch $@
 
-$(VENV)/.installed-test: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) '.[test]'
+$(VENV)/.installed-%: $(VENV)/.installed
+	@$(BIN)/python -m pip install --quiet 'dmoc[$*]'
 	@touch $@
 
-$(VENV)/.installed-check: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) '.[test,check]'
-	@touch $@
-
-$(VENV)/.installed-docs: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) '.[docs]'
-	@touch $@
-
-$(VENV)/.installed-browser: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) '.[browser]'
-	@touch $@
-
-$(VENV)/.installed-bench: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) '.[bench]'
+$(VENV)/.installed-bench: $(VENV)/.installed
+	@$(BIN)/python -m pip install --quiet 'dmoc[bench]'
 	@$(BIN)/python -m pip install --quiet --no-deps 'opty>=1.5' 'nosnoc>=0.2'
 	@touch $@
 
