@@ -230,9 +230,19 @@ def test_the_command_simulates_models_and_solutions(tmp_path: Path) -> None:
     assert result.exit_code == 0 and "collision left" in result.stdout
 
 
+def test_the_command_simulates_solutions_of_models_that_are_named(tmp_path: Path) -> None:
+    named = f"{Path(__file__).parents[1] / 'systems.py'}:block_system"
+    task = {"start": {"x": 0}, "goal": {"x": 0, "x_dot": 0}, "sequence": ["wall"]}
+    problem = dmoc.Problem(block_system(), **task, steps=10, final_time=1)
+    source = dmoc.solve(problem, "ipm", starts=1).save(tmp_path / "s.npz")
+    result = CliRunner().invoke(app, ["simulate", str(source), "--model", named])
+    assert result.exit_code == 0 and "collision wall" in result.stdout, result.output
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["bouncing_pendulum", "--model", "cart_pendulum"], "--model goes with a solution file"),
         (["bouncing_pendulum"], "--final-time is missing"),
         (["bouncing_pendulum", "--final-time", "-1"], "--final-time -1: expected a positive"),
         (["bouncing_pendulum", "--final-time", "nan"], "--final-time nan: expected a positive"),

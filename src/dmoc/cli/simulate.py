@@ -57,6 +57,12 @@ def simulate(
     set_: SetOption = None,
     restitution: RestitutionOption = None,
     order: OrderOption = None,
+    own_model: Annotated[
+        str | None,
+        typer.Option(
+            "--model", help="Model of a solution file, if it is not shipped: file.py:name."
+        ),
+    ] = None,
     target: Annotated[
         Path | None,
         typer.Option(
@@ -82,8 +88,13 @@ def simulate(
         ):  # fmt: skip
             if value is not None:
                 raise SimulationError(f"{option} goes with a model: a solution file has its own.")
-        _show(simulated(Solution.load(model), steps=steps, **given), target)
+        solution = Solution.load(model)
+        if own_model is not None:
+            given["model"] = registry.load(own_model, order=solution.trajectory.order)
+        _show(simulated(solution, steps=steps, **given), target)
         return
+    if own_model is not None:
+        raise SimulationError("--model goes with a solution file: a model is named alone.")
     kernels = registry.find(model).kernels(order)
     if final_time is None:
         raise SimulationError("--final-time is missing: give it in seconds, such as 2.5.")
