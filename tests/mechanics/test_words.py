@@ -92,3 +92,10 @@ def test_a_motion_starts_and_judges_another_solve_of_its_words(landed: dmoc.Solu
     other = problem.but(sequence=["+floor", "floor:slip+"])
     with pytest.raises(ProblemError, match=r"has the sequence \['\+floor:slip\+', 'floor:stick'\]"):
         dmoc.sensitivities(other, landed)
+
+
+def test_impulses_of_rounding_errors_are_told_as_none(landed: dmoc.Solution) -> None:
+    event = replace(
+        landed.collisions[0], impulses={"floor": 2.0, "wall": 6e-20}, tractions={"floor": -3e-11}
+    )
+    assert str(event).endswith("impulse 2 of floor, impulse 0 of wall, friction 0 of floor")
