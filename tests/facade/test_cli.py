@@ -590,7 +590,7 @@ def test_names_are_printed_as_they_are(run: Run, file: Callable[[str], str]) -> 
         and f"written: {HOSTILE}/solution.png\n" in out
     )
     code, out, _ = run("plot", f"{HOSTILE}/solution.npz", "--out", f"{HOSTILE}/[red].png")
-    assert code == 0 and out == f"{HOSTILE}/[red].png\n"
+    assert code == 0 and out == f"written: {HOSTILE}/[red].png\n"
     code, out, _ = run("generate", "cart_pendulum", "--out", HOSTILE)
     assert code == 0 and f"{HOSTILE}/kernels.c\n" in out
     code, out, _ = run(
