@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
@@ -120,11 +121,11 @@ class Rows:
     goals: tuple[Goal, ...]
     limits: tuple[tuple[Goal, float, float], ...]
 
-    @property
+    @cached_property
     def equalities(self) -> list[Block]:
         return [getattr(self.c, f.name) for f in fields(self.c)]
 
-    @property
+    @cached_property
     def inequalities(self) -> list[Block]:
         return [getattr(self.d, f.name) for f in fields(self.d)]
 
@@ -137,11 +138,11 @@ class Rows:
         limits = [d.cone, d.cone_of_impact, d.direction, d.direction_of_impact]
         return [*equalities, *events, *limits, d.share, d.bears, d.heads]
 
-    @property
+    @cached_property
     def n_eq(self) -> int:
         return sum(b.count for b in self.equalities)
 
-    @property
+    @cached_property
     def n_in(self) -> int:
         return sum(b.count for b in self.inequalities)
 
