@@ -130,7 +130,7 @@ CONTACT_CASES = (
     ),
     Case("pushed block, sliding all along", contacts.sliding, cost, 2.09375, "closed form"),
     Case(
-        "there and back in least time, |u| <= 400",
+        "there and back in least time, force up to 400",
         contacts.there_and_back,
         cost,
         contacts.THERE_AND_BACK,
