@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.nlp.contact import ContactLaw
 from dmoc.nlp.hit import HitLaw
 from dmoc.nlp.impact import ImpactLaw
-from dmoc.nlp.layout import Layout
+from dmoc.nlp.layout import SHARED, Layout
 from dmoc.nlp.problem import Problem, Relation
 from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
 from dmoc.nlp.terms import COST, Places, Term
@@ -224,8 +224,7 @@ def _equalities(
             lambda i: f"goal of {goals[i].name}",
             lambda s: lay.units(s)[wanted],
         ),
-        *laws[1].equations(block),
-        *laws[2].equations(block),
+        *(_untouched(lay)[0] if _is_untouched(lay) else _contact_equations(laws[1:], block)),
     )
 
 
@@ -293,9 +292,33 @@ def _inequalities(
             ),
             lambda s: lay.units(s)[turning],
         ),
-        *laws[1].inequalities(block),
-        *laws[2].inequalities(block),
+        *(_untouched(lay)[1] if _is_untouched(lay) else _contact_inequalities(laws[1:], block)),
     )
+
+
+def _is_untouched(lay: Layout) -> bool:
+    """Whether no contact lasts and no impact has friction."""
+    return lay.touch.free and not lay.touch.passages
+
+
+@lru_cache(maxsize=SHARED)
+def _untouched(lay: Layout) -> tuple[tuple[Block, ...], tuple[Block, ...]]:
+    """Blocks of contacts where there are none: they have no members, so that all programs of a
+    layout share them."""
+    nc, nt = len(lay.touch.surfaces), len(lay.touch.tangents)
+    none = (np.zeros(nc, dtype=bool), np.zeros(nt, dtype=bool))
+    contact = ContactLaw(lay, np.zeros(nt), none, none, np.zeros((2, nc), dtype=bool))
+    laws = (contact, HitLaw(lay, (), np.zeros(nt), np.zeros(len(lay.surfaces))))
+    block = Numbering()
+    return _contact_equations(laws, block), _contact_inequalities(laws, block)
+
+
+def _contact_equations(laws: tuple[ContactLaw, HitLaw], block: Numbering) -> tuple[Block, ...]:
+    return *laws[0].equations(block), *laws[1].equations(block)
+
+
+def _contact_inequalities(laws: tuple[ContactLaw, HitLaw], block: Numbering) -> tuple[Block, ...]:
+    return *laws[0].inequalities(block), *laws[1].inequalities(block)
 
 
 def ranged(problem: Problem) -> list[tuple[Relation, float, float]]:
