@@ -7,6 +7,7 @@ import io
 import os
 import shutil
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from html import escape
@@ -49,12 +50,12 @@ class Table:
     title: str = ""
 
 
-class Shown:
+class Shown(ABC):
     """What shows itself: ``print`` writes its table as text, notebooks as HTML."""
 
+    @abstractmethod
     def summary(self) -> Table:
         """The table that stands for this."""
-        raise NotImplementedError
 
     def __str__(self) -> str:
         return text_of(self.summary())
