@@ -87,18 +87,18 @@ class Run:
 
 def simulate(
     kernels: Kernels,
-    position: Mapping[str, float] | ArrayLike,
+    position: Mapping[str, float] | ArrayLike | None,
     velocity: Mapping[str, float] | ArrayLike | None = None,
     *,
-    step_size: float,
-    steps: int,
+    step_size: float | None,
+    steps: int | None,
     inputs: ArrayLike | Callable[[float], ArrayLike] | None = None,
     parameters: Mapping[str, float] | None = None,
     restitution: float | Mapping[str, float] = 1.0,
     every: int = 1,
 ) -> Run:
-    """Simulate a system through its collisions, lasting contacts and friction; what is given and
-    what goes wrong is said in :func:`dmoc.simulate`."""
+    """Simulate a system through its collisions, lasting contacts and friction; what is given,
+    and that what is left out is refused, is said in :func:`dmoc.simulate`."""
     if not isinstance(kernels, Kernels):
         raise SimulationError(
             f"kernels = {kernels!r}: expected the kernels of a model, from dmoc.build(system) or "
@@ -337,7 +337,7 @@ def _floats(given: object) -> Array:
     return np.asarray(raw, dtype=float)
 
 
-def _vector(given: Mapping[str, float] | ArrayLike, names: list[str], what: str) -> Array:
+def _vector(given: Mapping[str, float] | ArrayLike | None, names: list[str], what: str) -> Array:
     shown = _shown(given)
     if isinstance(given, Mapping):
         given = {name_of(n): value for n, value in given.items()}

@@ -7,30 +7,29 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dmoc import tabulated
 from dmoc.arguments import positive, shown, whole
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row
+from dmoc.moving import Moving
 from dmoc.scene import Scene
 from dmoc.simulation import forward
 from dmoc.simulation.contact_motion import Stretch
 from dmoc.simulation.modes import Mode, placed
 from dmoc.simulation.recorded import motion_of
 from dmoc.solution import Solution, check_same_model, kernels_of_file
-from dmoc.states import State, state_at
 from dmoc.table import Shown, Table
 from dmoc.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
 from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 
 # Steps of a replay in the smallest step of its solution: its own error is then a sixteenth of that
@@ -44,7 +43,7 @@ MOST_EVENTS = 12  # collisions and stretches of contact that a table lists
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation(Shown):
+class Simulation(Shown, Moving):
     """Result of :func:`dmoc.simulate`.
 
     Attributes
@@ -98,72 +97,10 @@ class Simulation(Shown):
         return Table(tuple(_rows(self)), title=f"simulation of {self.trajectory.model}")
 
     @property
-    def final_time(self) -> float:
-        """The last recorded time in seconds."""
-        return self.trajectory.final_time
-
-    @property
     def scene(self) -> Scene | None:
         """The drawing of the model along the motion; None where the model has none, and where
         there are more than 1000 events."""
         return self.trajectory.scene
-
-    def at(self, t: ArrayLike, side: str = "right") -> State:
-        """The state of the motion at a time, or at an array of times: positions by cubic Hermite
-        polynomials between recorded nodes, with the inputs of the step that begins at the node
-        before; see :meth:`dmoc.Solution.at`.
-
-        Raises
-        ------
-        MotionError
-            If a time lies outside [0, final_time].
-        """
-        return state_at(self.trajectory, t, side)
-
-    def to_frame(self) -> Any:
-        """The motion as a pandas DataFrame with two rows at every event, as
-        :meth:`dmoc.Solution.to_frame`."""
-        return tabulated.to_frame(self.trajectory)
-
-    def to_xarray(self) -> Any:
-        """The motion as an xarray Dataset, as :meth:`dmoc.Solution.to_xarray`."""
-        return tabulated.to_xarray(self.trajectory)
-
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the motion as comma-separated values, as :meth:`dmoc.Solution.to_csv`."""
-        write_whole(Path(path), tabulated.to_csv(self.trajectory).encode())
-        return Path(path)
-
-    def to_json(self, path: str | os.PathLike[str]) -> Path:
-        """Write the motion as JSON, as :meth:`dmoc.Solution.to_json`."""
-        write_whole(Path(path), tabulated.to_json(self.trajectory).encode())
-        return Path(path)
-
-    def plot(
-        self,
-        path: str | os.PathLike[str] | None = None,
-        *,
-        velocities: bool = False,
-        style: str = "light",
-    ) -> Figure:
-        """Draw snapshots, positions, momenta, inputs and forces, as :meth:`dmoc.Solution.plot`."""
-        from dmoc.report.figure import plot
-
-        return plot(self.trajectory, path, velocities=velocities, style=style)
-
-    def animate(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        speed: float | None = None,
-        fps: int = 25,
-        style: str = "light",
-    ) -> Path:
-        """Write the motion as a page that plays it, as a GIF or as an mp4; see
-        :func:`dmoc.animate`."""
-        from dmoc.report.animation import animate
-
-        return animate(self, path, speed=speed, fps=fps, style=style)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the simulation to an .npz file.
@@ -300,10 +237,10 @@ def simulate(
     return _recorded(
         forward.simulate(
             kernels,
-            position,  # type: ignore[arg-type]
+            position,
             velocity,
-            step_size=step_size,  # type: ignore[arg-type]
-            steps=steps,  # type: ignore[arg-type]
+            step_size=step_size,
+            steps=steps,
             inputs=inputs,
             parameters=parameters,
             restitution=1.0 if restitution is None else restitution,

@@ -9,14 +9,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from numpy.typing import ArrayLike
-
-from dmoc import tabulated
 from dmoc.errors import SolutionFileError
+from dmoc.moving import Moving
 from dmoc.nlp.active import ActiveBound
 from dmoc.solution_table import table_of
 from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
-from dmoc.states import State, state_at
 from dmoc.table import Shown, Table
 from dmoc.trajectory import (
     FRICTION_WORDS,
@@ -29,8 +26,6 @@ from dmoc.trajectory import (
 from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from dmoc.codegen.kernels import Kernels
     from dmoc.simulation.check import Verification
 
@@ -88,7 +83,7 @@ class Minimum:
 
 
 @dataclass(frozen=True)
-class Solution(Shown):
+class Solution(Shown, Moving):
     """Result of :func:`dmoc.solve`.
 
     Attributes
@@ -224,79 +219,6 @@ class Solution(Shown):
     def collisions(self) -> tuple[Collision, ...]:
         return self.trajectory.collisions
 
-    @property
-    def final_time(self) -> float:
-        return self.trajectory.final_time
-
-    def at(self, t: ArrayLike, side: str = "right") -> State:
-        """The state of the motion at a time in seconds, or at an array of times.
-
-        Inputs are what they are within a step: constant, linear, or linear between values of its
-        own.  Positions are the polynomial through all nodes of the step with the motion's
-        velocities at both ends, see :mod:`dmoc.states`.
-
-        Parameters
-        ----------
-        t : float or array of shape (n,)
-        side : {"right", "left"}
-            What holds at a collision: the phase that begins there, or the one that ends.
-
-        Returns
-        -------
-        State
-            q, v, p, u, contact forces; by name too, as ``solution.at(0.3)["x_dot"]``.
-
-        Raises
-        ------
-        MotionError
-            If a time lies outside [0, final_time].
-        """
-        return state_at(self.trajectory, t, side)
-
-    def to_frame(self) -> Any:
-        """The motion as a pandas DataFrame: a row for each node of each phase, two at a collision;
-        see :mod:`dmoc.tabulated`.  ``frame.attrs["units"]`` has the units that are known.
-
-        Raises
-        ------
-        MissingExtraError
-            If pandas is not installed.
-        """
-        return tabulated.to_frame(self.trajectory)
-
-    def to_xarray(self) -> Any:
-        """The same table as an xarray Dataset over ``time``, with the coordinate ``phase``.
-
-        Raises
-        ------
-        MissingExtraError
-            If xarray is not installed.
-        """
-        return tabulated.to_xarray(self.trajectory)
-
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the same table as comma-separated values, with all digits, and with units in the
-        header where they are known.
-
-        Raises
-        ------
-        OutputError
-            If the file cannot be written.
-        """
-        write_whole(Path(path), tabulated.to_csv(self.trajectory).encode())
-        return Path(path)
-
-    def to_json(self, path: str | os.PathLike[str]) -> Path:
-        """Write the same table, by columns, with units, parameters and collisions as JSON.
-
-        Raises
-        ------
-        OutputError
-            If the file cannot be written.
-        """
-        write_whole(Path(path), tabulated.to_json(self.trajectory).encode())
-        return Path(path)
-
     def verify(self, kernels: Kernels | None = None, seconds: float | None = None) -> Verification:
         """Check the motion by an independent simulation, within a time limit if one is given; see
         :func:`dmoc.verify`.
@@ -315,19 +237,6 @@ class Solution(Shown):
         _check_names(self.trajectory, kernels)
         return verify(self.trajectory, kernels, seconds)
 
-    def plot(
-        self,
-        path: str | os.PathLike[str] | None = None,
-        *,
-        velocities: bool = False,
-        style: str = "light",
-    ) -> Figure:
-        """Draw snapshots, positions, momenta and inputs, with velocities if wanted; write the
-        figure if a path is given.  ``style`` is "light" or "dark"."""
-        from dmoc.report.figure import plot
-
-        return plot(self.trajectory, path, velocities=velocities, style=style)
-
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write problem, result, minima, check and figure on one page for somebody else: .html,
         which needs no network and is light or dark, or .pdf.
@@ -343,20 +252,6 @@ class Solution(Shown):
 
         report(self, Path(path))
         return Path(path)
-
-    def animate(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        speed: float | None = None,
-        fps: int = 25,
-        style: str = "light",
-    ) -> Path:
-        """Write the motion as a page that plays it, as a GIF or as an mp4; see
-        :func:`dmoc.animate`."""
-        from dmoc.report.animation import animate
-
-        return animate(self, path, speed=speed, fps=fps, style=style)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""
