@@ -67,9 +67,10 @@ def _message(attempt: Attempt) -> str:
 def without_effect(motion: Trajectory) -> str:
     """Name the collisions that have no effect."""
     grazing = [f"{i + 1} ({c.surface})" for i, c in enumerate(motion.collisions) if c.grazes]
+    several = len(grazing) > 1
     return (
-        f"collision {' and '.join(grazing)} has no effect: the motion touches the surface "
-        "without an impulse"
+        f"collision{'s' if several else ''} {' and '.join(grazing)} {'have' if several else 'has'} "
+        "no effect: the motion touches the surface without an impulse"
     )
 
 
