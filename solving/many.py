@@ -119,9 +119,9 @@ def solve_many(
     method : str, optional
         As in :func:`dmoc.solve`; by default "ipm", or "slsqp" if some kernels are not compiled.
     workers : int
-        Processes of this machine; in a script more than one need
-        ``if __name__ == "__main__":``.  They are processes because most of a small problem is
-        Python, which runs in one thread at a time.
+        Processes of this machine: most of a small problem is Python, which runs in one thread at a
+        time.  They run a script only where ``guess`` is a function of it, which then needs
+        ``if __name__ == "__main__":``.
     executor : concurrent.futures.Executor, optional
         Where problems are solved instead: ``Client(...).get_executor()`` of dask.distributed, or a
         ``ThreadPoolExecutor`` for large problems, whose compiled solves run side by side.

@@ -6,16 +6,19 @@ from __future__ import annotations
 import multiprocessing
 import multiprocessing.connection
 import os
+import pickle
 import signal
+import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
+from types import ModuleType
 from typing import Generic, TypeVar
 
 # A worker that is this many times over a task's limit hangs, and is stopped; seconds are added for
@@ -23,6 +26,8 @@ from typing import Generic, TypeVar
 HANGS_AFTER, GRACE = 3.0, 30.0
 # Tasks that an executor of unknown size gets at a time.
 AHEAD = 16
+# Tasks beside those that run, so that no worker waits for its next one.
+WAITING = 1
 
 Task = TypeVar("Task")
 Answer = TypeVar("Answer")
@@ -170,14 +175,12 @@ class Processes:
         broken."""
         alone = bool(suspects)
         source = suspects if alone else waiting
-        while source and len(running) < (1 if alone else self.workers):
+        while source and len(running) < (1 if alone else self.workers + WAITING):
             try:
-                # Also for ever in the worker processes that are started here.
+                # Also for ever in a worker process that is started here.
                 with _interrupts_wait():
-                    running[self._workers().submit(work.do, source[0])] = (
-                        source[0],
-                        time.monotonic(),
-                    )
+                    pool = self._workers(source[0])
+                    running[pool.submit(work.do, source[0])] = source[0], time.monotonic()
             except BrokenProcessPool:  # a worker died between two tasks
                 return True
             except OSError:  # and its pool is being closed, just when it was to start another one
@@ -187,10 +190,14 @@ class Processes:
             source.popleft()
         return False
 
-    def _workers(self) -> ProcessPoolExecutor:
+    def _workers(self, task: object) -> ProcessPoolExecutor:
+        """The pool; all its processes are started with it, for tasks such as this one."""
         if self.pool is None:
             context = multiprocessing.get_context("spawn")
             self.pool = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_prepare)
+            with nullcontext() if _names_script(task) else _without_script():
+                for _ in range(self.workers):
+                    self.pool.submit(_arrived, task)
         return self.pool
 
     def stop(self) -> None:
@@ -214,6 +221,30 @@ def _interrupts_wait() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _arrived(task: object) -> None:
+    """In a worker: what a task needs is loaded when it has come."""
+
+
+def _names_script(task: object) -> bool:
+    """Whether a task has a function or a class of the script, which a worker has to run for it."""
+    try:
+        return b"__main__" in pickle.dumps(task)
+    except Exception:  # cannot travel: told as the task's answer
+        return False
+
+
+@contextmanager
+def _without_script() -> Iterator[None]:
+    """Processes that are started meanwhile do not run the caller's script: it may have no
+    ``if __name__ == "__main__":``, and what it imports takes its time."""
+    script = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
 
 
 def _prepare() -> None:

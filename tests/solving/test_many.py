@@ -218,6 +218,47 @@ def test_importing_it_starts_no_machinery_of_processes() -> None:
     assert done.stdout == "False\n"
 
 
+SCRIPT = """
+import dmoc
+from dmoc.registry import find
+
+reference = find("puck_table")
+problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 10})
+
+
+def east(t):
+    return 0.1 * t
+
+
+print("run", __name__)
+"""
+CALL = "print(dmoc.solve_many([problem] * 2, workers=2, guess=GUESS).status)"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "call, runs",
+    [
+        (CALL.replace("GUESS", "None"), ["run __main__"]),
+        (
+            f"if __name__ == '__main__': {CALL.replace('GUESS', '{chr(120): east}')}",
+            ["run __main__", "run __mp_main__", "run __mp_main__"],
+        ),
+    ],
+    ids=["no guard", "its function"],
+)
+def test_workers_run_the_script_only_for_its_functions(
+    tmp_path: Path, call: str, runs: list[str]
+) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT + call + "\n", encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=120
+    )
+    lines = sorted(done.stdout.splitlines())
+    assert lines == ["('solved', 'solved')", *runs], done.stderr
+
+
 def test_a_sweep_goes_over_every_combination(block: dmoc.Problem) -> None:
     batch = dmoc.sweep(
         block, {"m": [1.0, 2.0]}, start={"x": [0.0, -0.5, 0.25]}, bounds={"u": [(-30, 40)]}
