@@ -86,7 +86,7 @@ def initial_guesses(
     that is solved next states the law of impact: its structure serves here too.
     """
     if max(problem.phase_steps) > MOST_MARCHED:
-        few = problem.but(steps=[min(n, MOST_MARCHED) for n in problem.phase_steps])
+        few = problem.meshed([min(n, MOST_MARCHED) for n in problem.phase_steps])
         return tuple(
             replace(g, x=on_mesh(problem, few, g.x))
             for g in initial_guesses(few, deadline, by_rates)

@@ -278,6 +278,14 @@ class Problem(Shown):
             object.__setattr__(other, item.name, changes.get(item.name, getattr(self, item.name)))
         return other
 
+    def meshed(self, steps: int | Sequence[int]) -> Problem:
+        """Return the same problem with other numbers of steps, which nothing else that was checked
+        or found depends on."""
+        other = object.__new__(Problem)
+        other.__dict__.update(self.__dict__, steps=steps)
+        other._normalise_steps()
+        return other
+
     # Sizes ----------------------------------------------------------------------------------------
 
     @property

@@ -53,13 +53,15 @@ def cost_of(attempt: Attempt) -> float:
 def gathered(classes: list[Basin], attempts: Sequence[Attempt]) -> list[Basin]:
     """The distinct minima, the cheapest first, with some attempts more."""
     for attempt in attempts:
-        if attempt.outcome.status is not Status.SOLVED:
-            continue
-        found = Basin.of(attempt)
-        for i, known in enumerate(classes):
-            if known.same(found):
-                classes[i] = replace(known, found=known.found + 1)
-                break
-        else:
-            classes = sorted([*classes, found], key=lambda c: c.cost)
+        if attempt.outcome.status is Status.SOLVED:
+            classes = joined(classes, Basin.of(attempt))
     return classes
+
+
+def joined(classes: list[Basin], found: Basin) -> list[Basin]:
+    """The distinct minima, the cheapest first, with one more and those who found it."""
+    for i, known in enumerate(classes):
+        if known.same(found):
+            more = replace(known, found=known.found + found.found)
+            return [*classes[:i], more, *classes[i + 1 :]]
+    return sorted([*classes, found], key=lambda c: c.cost)

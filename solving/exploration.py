@@ -23,12 +23,15 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import Attempt
 from dmoc.solving.basins import Basin, cost_of, gathered
 from dmoc.solving.program import Programs
-from dmoc.solving.ranking import ranked
+from dmoc.solving.ranking import merged, ranked
 from dmoc.solving.side_by_side import attempts_from, free_threads
 
 # Steps of a phase on the coarse mesh.  With 12, motions with many collisions mislead, and their
 # refinement takes longer than is saved.
 COARSE = 24
+# So many minima of a coarse mesh at most are refined to see whether they are the same one, before
+# more starts are tried.
+FEW = 3
 # Iterations of a start with contacts that last at least: gaits take long.
 LASTING = 300
 # Limits of inputs are widened by the first factor and tightened by the others where nothing else
@@ -88,6 +91,12 @@ class Effort:
         if starts is None:
             return cls()
         return cls(widens=False, total=starts)
+
+    def agree(self, classes: Sequence[Basin], starts: int) -> bool:
+        """Whether so many of the starts, and of those with a minimum, have met the best one."""
+        best = _met_best(classes)
+        share = self.agreeing * sum(c.found for c in classes)
+        return best > 0 and best >= max(share, self.leading * starts)
 
 
 @dataclass(frozen=True)
@@ -170,7 +179,7 @@ def explored(
 
 def coarse_of(problem: Problem) -> Problem:
     """The problem on the mesh of the exploration."""
-    return problem.but(steps=[min(n, COARSE) for n in problem.phase_steps])
+    return problem.meshed([min(n, COARSE) for n in problem.phase_steps])
 
 
 # On the coarse mesh -------------------------------------------------------------------------------
@@ -209,12 +218,10 @@ def _minima(
         attempts = attempts_from(programs, list(named.values()), few, deadline)
         starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
         classes = gathered(classes, attempts)
-        best = _met_best(classes)
-        agreed = best >= max(
-            effort.agreeing * sum(c.found for c in classes), effort.leading * len(starts)
-        )
-        met = best >= effort.often
-        agreed &= best > 0
+        agreed = effort.agree(classes, len(starts))
+        if not agreed and 0 < end == effort.first and 1 < len(classes) <= FEW:
+            agreed = effort.agree(merged(problem, classes, few, effort.by_rates), len(starts))
+        met = _met_best(classes) >= effort.often
         enough = (met and end >= effort.most) or (agreed and end >= effort.first)
         if enough or len(attempts) < len(named):
             break

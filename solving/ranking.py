@@ -16,7 +16,7 @@ from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import Attempt, minimised
-from dmoc.solving.basins import Basin
+from dmoc.solving.basins import Basin, joined
 from dmoc.solving.meshes import finer
 from dmoc.solving.program import Programs
 from dmoc.solving.result import checked, solution_of
@@ -81,6 +81,18 @@ def ranked(
     return [(r.solution, r.found) for r in refined], rest
 
 
+def merged(
+    problem: Problem, minima: Sequence[Basin], options: Options, by_rates: bool
+) -> list[Basin]:
+    """Minima of a coarse mesh on the ranking mesh, the cheapest first: several may become one."""
+    classes: list[Basin] = []
+    for coarse in minima:
+        attempt = _refined(_mesh(problem, coarse), coarse.attempt, options, by_rates)
+        if attempt.outcome.status is Status.SOLVED:
+            classes = joined(classes, replace(Basin.of(attempt), found=coarse.found))
+    return classes
+
+
 def _mesh(problem: Problem, coarse: Basin) -> Problem:
     """The mesh where a minimum is ranked: that of the problem, at most; where that is left open,
     without more steps for phases that have shrunk."""
@@ -88,7 +100,7 @@ def _mesh(problem: Problem, coarse: Basin) -> Problem:
     if problem.steps is None:
         known = coarse.attempt.nlp.problem.phase_steps
         steps = finer(coarse.durations.tolist(), known, steps)
-    return problem.but(steps=steps)
+    return problem.meshed(steps)
 
 
 @dataclass(frozen=True)
@@ -115,7 +127,7 @@ def _settled(r: _Ranked, best: _Ranked, options: Options, by_rates: bool) -> _Ra
     if r.solution.minimum:
         return r
     mesh = r.minimum.attempt.nlp.problem
-    fine = mesh.but(steps=[min(FINER * n, MOST_STEPS) for n in mesh.phase_steps])
+    fine = mesh.meshed([min(FINER * n, MOST_STEPS) for n in mesh.phase_steps])
     attempt = _on(fine, r.minimum.attempt, options, by_rates)
     if attempt.outcome.status is not Status.SOLVED:
         return r
@@ -137,7 +149,7 @@ def _refined(mesh: Problem, coarse: Attempt, options: Options, by_rates: bool) -
     attempt = _on(mesh, coarse, few, by_rates)
     while attempt.outcome.status is not Status.SOLVED:
         pairs = zip(coarse.nlp.problem.phase_steps, mesh.phase_steps, strict=True)
-        between = mesh.but(steps=[min(2 * n, most) for n, most in pairs])
+        between = mesh.meshed([min(2 * n, most) for n, most in pairs])
         if between.phase_steps == mesh.phase_steps:
             return attempt
         step = _on(between, coarse, few, by_rates)

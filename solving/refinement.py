@@ -88,7 +88,7 @@ def refined(
             past = replace(past, failures=past.failures + 1)
             if past.failures > COARSE_FAILURES or s.status == Status.TIME_LIMIT:
                 return s
-            problem = problem.but(steps=[2 * n for n in problem.phase_steps])
+            problem = problem.meshed([2 * n for n in problem.phase_steps])
             continue
         past = _measured(past, s, problem, tolerance, check)
         simulated = past.meshes[-1].simulated
@@ -101,7 +101,7 @@ def refined(
         reason = _why_not_finer(past, max(steps), late)
         if reason:
             return _unmet(past, tolerance, check, reason)
-        problem = problem.but(steps=steps)
+        problem = problem.meshed(steps)
 
 
 def _solved(

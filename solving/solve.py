@@ -315,7 +315,7 @@ def _given(problem: Problem, guess: Given) -> dict[str, Array]:
 
 def _meshed(problem: Problem, solution: Solution) -> Problem:
     """The problem, on the mesh of a solution where it leaves its own open."""
-    return problem if problem.steps is not None else problem.but(steps=solution.steps)
+    return problem if problem.steps is not None else problem.meshed(solution.steps)
 
 
 def on_mesh_of(problem: Problem, solution: Solution) -> bool:

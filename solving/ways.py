@@ -56,7 +56,7 @@ def best_way(problem: Problem, few: Solve, thorough: Solve, budget: Budget) -> S
         left = _left(begin, budget.seconds)
         share = None if left is None else SHARE * left / (len(ways) - k)
         tried = min(budget.starts or STARTS, STARTS)
-        rough = few(way.but(steps=steps), starts=tried, seconds=share)
+        rough = few(way.meshed(steps), starts=tried, seconds=share)
         if rough.status is Status.INTERRUPTED:
             return rough
         found.append((way, rough))

@@ -177,3 +177,10 @@ def test_starts_that_come_to_rest_lead_to_rest() -> None:
     solution = dmoc.solve(at_rest, "ipm")
     assert solution.status == "solved" and solution.cost < 1e-12
     assert solution.found == solution.starts == 17
+
+
+def test_minima_of_the_coarse_mesh_that_become_one_need_no_more_starts(seed: dmoc.Problem) -> None:
+    """Of 24 steps the source's problem has two, of costs 131.4 and 139.6."""
+    solution = dmoc.solve(seed, "ipm")
+    assert solution.cost == pytest.approx(129.6024, rel=1e-6)
+    assert solution.starts < 30 and solution.others == ()
