@@ -98,10 +98,15 @@ def _read(word: str, contacts: Contacts) -> None:
         event_of(word, contacts, contacts.surfaces)
 
 
+def hits_alone(problem: Problem, settings: Settings) -> bool:
+    """Whether every event is a hit, and every sequence of them one that a problem can have."""
+    return settings.events is None and not problem.lasting and not problem.kernels.tangents
+
+
 def children(problem: Problem, sequence: tuple[str, ...], settings: Settings) -> list[str]:
     """The words that may follow a sequence: hits alone where no contact lasts and no word says
     otherwise, else whatever its last mode leaves possible."""
-    if settings.events is None and not problem.lasting and not problem.kernels.tangents:
+    if hits_alone(problem, settings):
         return list(settings.surfaces)
     mode = problem.but(sequence=sequence, durations=None, via=None).modes[-1]
     if settings.events is not None:
@@ -189,5 +194,6 @@ def _check_problem(problem: Problem, s: Settings) -> None:
         raise SearchError(
             "the problem has via, one entry for each event: expected none in a search."
         )
-    if s.events is None and not problem.lasting and not problem.kernels.tangents:
-        problem.but(sequence=s.surfaces[:1] * s.max_collisions)
+    if hits_alone(problem, s):
+        for surface in s.surfaces:
+            problem.but(sequence=[surface] * s.max_collisions)

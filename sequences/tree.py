@@ -14,7 +14,7 @@ from dmoc.sequences.journal import Journal
 from dmoc.sequences.judgement import best_of
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Workers
-from dmoc.sequences.settings import Settings, children, refusal
+from dmoc.sequences.settings import Settings, children, hits_alone, refusal
 
 # Nodes that best-first looks at before it chooses again: a fixed number, so that the answer does
 # not depend on the number of workers.
@@ -93,9 +93,10 @@ class Tree:
 
     def _branch(self, sequence: tuple[str, ...]) -> None:
         """The children of a sequence join the frontier, but those that no problem can have."""
+        simple = hits_alone(self.problem, self.settings)
         for word in children(self.problem, sequence, self.settings):
             child = (*sequence, word)
-            if told := refusal(self.problem, child):
+            if told := "" if simple else refusal(self.problem, child):
                 self.refused[child] = told
             else:
                 self.frontier.append(child)
