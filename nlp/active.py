@@ -107,6 +107,8 @@ def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBoun
     for block in nlp.inequalities:
         rows = block.numbers - nlp.n_eq
         held = np.flatnonzero(w[rows] > np.maximum(d[rows], NO_FORCE))
+        if not len(held):
+            continue
         columns = block.places[held, -1].tolist()
         if block is nlp.rows.d.gap:
             yield from _counted(BoundKind.GAP, [kernels.surfaces[j] for j in columns])

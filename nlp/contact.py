@@ -70,6 +70,8 @@ class ContactLaw:
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> ContactLaw:
+        if lay.touch.free:
+            return cls.of_none(lay, problem.model.friction)
         manifest = problem.kernels.manifest
         on = (manifest["surface_coordinates"], manifest["tangent_coordinates"])
         fixed = limits[0] == limits[1]
@@ -99,6 +101,13 @@ class ContactLaw:
                 ]
             ).reshape(2, len(on[0])),
         )
+
+    @classmethod
+    def of_none(cls, lay: Layout, mu: Array) -> ContactLaw:
+        """That of a layout where no contact lasts, so that nothing is known of any."""
+        nc, nt = len(lay.touch.surfaces), len(lay.touch.tangents)
+        none = (np.zeros(nc, dtype=bool), np.zeros(nt, dtype=bool))
+        return cls(lay, mu, none, none, np.zeros((2, nc), dtype=bool))
 
     @property
     def touch(self) -> Touch:

@@ -267,7 +267,7 @@ def _unknowns(problem: Problem, plan: Plan, motion: March) -> Array:
         x[index_p] = problem.model.momentum(motion.q[node], v, times[node])
         if len(index_v):
             x[index_v] = v
-    return through_hits(problem, x)
+    return through_hits(problem, lay, x)
 
 
 def _to_nodes(u: Array, phase_steps: tuple[int, ...]) -> Array:

@@ -108,7 +108,7 @@ class Layout:
 
     def units(self, scale: Scale) -> Array:
         """Typical sizes of all unknowns, in the order of x."""
-        return np.concatenate([b.sizes(scale) for b in self.unknowns])
+        return np.concatenate([b.sizes(scale) for b in self.unknowns if b.count])
 
     def states(self, names: list[str]) -> dict[str, tuple[int, int]]:
         """Unknowns that are a state at the start and at the end, by name of the state."""

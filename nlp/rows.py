@@ -305,10 +305,8 @@ def _is_untouched(lay: Layout) -> bool:
 def _untouched(lay: Layout) -> tuple[tuple[Block, ...], tuple[Block, ...]]:
     """Blocks of contacts where there are none: they have no members, so that all programs of a
     layout share them."""
-    nc, nt = len(lay.touch.surfaces), len(lay.touch.tangents)
-    none = (np.zeros(nc, dtype=bool), np.zeros(nt, dtype=bool))
-    contact = ContactLaw(lay, np.zeros(nt), none, none, np.zeros((2, nc), dtype=bool))
-    laws = (contact, HitLaw(lay, (), np.zeros(nt), np.zeros(len(lay.surfaces))))
+    mu = np.zeros(len(lay.touch.tangents))
+    laws = (ContactLaw.of_none(lay, mu), HitLaw(lay, (), mu, np.zeros(len(lay.surfaces))))
     block = Numbering()
     return _contact_equations(laws, block), _contact_inequalities(laws, block)
 

@@ -52,7 +52,8 @@ def in_contact(problem: Problem, x: Array) -> Array:
     """Unknowns with positions on the contacts that are closed, and impulses that balance the
     momenta as well as they can, and with the ways through impacts with friction; those of a problem
     without either are as they were."""
-    lay, x = Layout.of(problem), through_hits(problem, x)
+    lay = Layout.of(problem)
+    x = through_hits(problem, lay, x)
     if lay.touch.free:
         return x
     x = x.copy()

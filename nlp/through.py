@@ -13,10 +13,9 @@ from dmoc.nlp.problem import Problem
 from dmoc.trajectory import FRICTION_WORDS
 
 
-def through_hits(problem: Problem, x: Array) -> Array:
+def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
     """Unknowns with velocities and impulses within impacts with friction that follow from the
     velocities before them; those of a problem without such impacts are as they were."""
-    lay = Layout.of(problem)
     if not lay.touch.passages:
         return x
     x, t = x.copy(), lay.times(x)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -46,7 +47,7 @@ class Touch:
     landings: tuple[tuple[int, ...], ...]
     passages: tuple[Passage, ...] = ()
 
-    @property
+    @cached_property
     def free(self) -> bool:
         """Whether no contact lasts."""
         return not (any(self.closed) or any(self.rubbing))

@@ -97,7 +97,9 @@ class Transcription(Evaluator):
 
     @cached_property
     def row_unit(self) -> Array:
-        return np.concatenate([b.sizes(self.scale) for b in (*self.equalities, *self.inequalities)])
+        return np.concatenate(
+            [b.sizes(self.scale) for b in (*self.equalities, *self.inequalities) if b.count]
+        )
 
     @cached_property
     def structure(self) -> Structure:

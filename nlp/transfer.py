@@ -95,7 +95,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
         x[index_p] = problem.model.momentum(piece.q[k], piece.v[k], piece.t[k])
         if len(index_v):
             x[index_v] = piece.v[k]
-    return through_hits(problem, x)
+    return through_hits(problem, lay, x)
 
 
 def _push(lay: Layout, pieces: Sequence[Piece], x: Array) -> None:
