@@ -97,7 +97,7 @@ class Layout:
         )
         return (_shared if sum(kind.steps) <= MOST_SHARED else _laid_out)(kind)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of unknowns."""
         return sum(b.count for b in self.unknowns)

@@ -53,7 +53,7 @@ class Block:
         """The numbers of all members, in order."""
         return np.asarray(self.index[self.index != NOWHERE])
 
-    @property
+    @cached_property
     def count(self) -> int:
         return len(self.numbers)
 
