@@ -89,6 +89,8 @@ def resampled(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         chosen = np.linspace(0, len(t) - 1, FINEST + 1).round().astype(int)
         return t[chosen], q[chosen]
     parts = -(-FINE // (len(t) - 1))
+    if parts == 1:
+        return t, q
     s = (np.arange(parts) / parts)[:, None]
     h = np.diff(t)[:, None, None]
     begins, ends = q[:-1, None], q[1:, None]
