@@ -105,6 +105,8 @@ def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[Act
 def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBound]:
     kernels, d = nlp.problem.kernels, nlp.inequality(x)
     for block in nlp.inequalities:
+        if not block.count:
+            continue
         rows = block.numbers - nlp.n_eq
         held = np.flatnonzero(w[rows] > np.maximum(d[rows], NO_FORCE))
         if not len(held):
