@@ -38,6 +38,7 @@ docs: $(VENV)/.installed-docs
 MANUAL := build/manual
 docs-check: $(VENV)/.installed-docs
 	@rm -rf $(MANUAL) && mkdir -p $(MANUAL)/docs && cp -r examples CHANGELOG.md CONTRIBUTING.md $(MANUAL)
+	@cp --parents src/dmoc/cli/troubleshooting.md $(MANUAL)
 	@cp -r $(filter-out docs/_build docs/examples,$(wildcard docs/*)) $(MANUAL)/docs && rm -rf $(MANUAL)/docs/reference/names
 	$(BIN)/sphinx-build -W --keep-going -n -q -D plot_gallery=0 -b html $(MANUAL)/docs $(MANUAL)/html
 

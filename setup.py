@@ -106,7 +106,7 @@ setup(
     package_dir=package_dir,
     package_data={
         "dmoc": ["py.typed"],
-        "dmoc.cli": ["templates/*.py"],
+        "dmoc.cli": ["templates/*.py", "*.md"],
         "dmoc.codegen": ["templates/*.jinja", "*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.h"],
         "dmoc.report.animation": ["player/*"],
         **{

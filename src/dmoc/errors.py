@@ -15,6 +15,15 @@ class DmocError(Exception):
     ModelError - unknown model 'pendulum'
     """
 
+    def __init__(self, *args: object) -> None:
+        super().__init__(*args)
+        self.add_note(f"Help: {self.help}")
+
+    @property
+    def help(self) -> str:
+        """The command that prints the entry of its kind; a traceback ends with it."""
+        return f"dmoc explain {type(self).__name__}"
+
 
 class ModelError(DmocError):
     """A mechanical system is described wrongly or incompletely."""

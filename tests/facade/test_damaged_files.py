@@ -238,7 +238,7 @@ def test_rows_of_other_kinds_are_one_sentence(tmp_path: Path, row: tuple[object,
         journal.database.execute("INSERT INTO nodes VALUES (?, ?, ?)", row)
     with (
         Journal(path, "a", True) as journal,
-        pytest.raises(SearchError, match=r"is damaged: start anew with another file\.$"),
+        pytest.raises(SearchError, match=r"is damaged: start anew with another file\.\n"),
     ):
         journal.finished()
 

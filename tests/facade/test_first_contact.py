@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import platform
 import re
 import subprocess
@@ -16,9 +17,11 @@ from pathlib import Path
 import pytest
 
 import dmoc
+from dmoc import errors
 from dmoc.cli import main
 from dmoc.cli.new import Kind
 from dmoc.errors import BuildError
+from dmoc.solvers.outcome import Status
 
 ROOT = Path(__file__).resolve().parents[2]
 Run = Callable[..., tuple[int, str, str]]
@@ -255,3 +258,45 @@ def test_a_completion_reads_no_numpy() -> None:
         env=os.environ | words,
     )  # fmt: skip
     assert done.stdout.split("\n")[:2] == ["m_p=", "[]"]
+
+
+KINDS = sorted(e.__name__ for e in vars(errors).values() if isinstance(e, type))
+
+
+@pytest.mark.parametrize("asked", [*(k for k in KINDS if k != "DmocError"), *map(str, Status)])
+def test_kinds_of_errors_and_statuses_are_explained(run: Run, asked: str) -> None:
+    code, out, err = run("explain", asked)
+    assert code == 0 and not err and len(out) > 60
+    assert "](" not in out and "{class}" not in out and "{func}" not in out
+
+
+@pytest.mark.parametrize(
+    "message, entry",
+    [
+        ("the start (x=2) lies behind surface 'wall', 1 outside", "ProblemError"),
+        ("more than 100 collisions or changes of contact within the step", "SimulationError"),
+        ("NO C COMPILER", "BuildError"),
+        ("too coarse", "The simulation contradicts the motion"),
+    ],
+)
+def test_words_of_a_message_find_its_entry(run: Run, message: str, entry: str) -> None:
+    code, out, _ = run("explain", *message.split())
+    assert code == 0 and out.startswith(entry)
+
+
+def test_what_nothing_explains_is_told(run: Run) -> None:
+    code, out, err = run("explain", "nonsense")
+    assert code == 2 and not out and "no entry has 'nonsense'" in err
+    code, out, _ = run("explain")
+    assert code == 0 and "not_verified" in out and "GenerationError" in out and "](" not in out
+
+
+def test_an_error_names_its_entry(run: Run) -> None:
+    code, _, err = run("solve", "pendulum")
+    assert code == 2 and err.endswith(" (dmoc explain ModelError)\n")
+    code, out, _ = run("solve", "cart_pendulum", "--bound", "F=-1:1", "--starts", "1")
+    assert code == 1 and "Help: dmoc explain infeasible" in out.splitlines()
+    with pytest.raises(dmoc.DmocError) as error:
+        dmoc.load("pendulum")
+    again = pickle.loads(pickle.dumps(error.value))
+    assert again.__notes__ == error.value.__notes__ == ["Help: dmoc explain ModelError"]

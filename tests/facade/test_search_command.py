@@ -133,7 +133,7 @@ def test_a_search_that_a_full_disk_breaks_off_is_no_success(
     assert (
         err
         == f"error: journal {journal} could not be written (database or disk is full): the result "
-        "is that of a search that was broken off.\n"
+        "is that of a search that was broken off. (dmoc explain SearchError)\n"
     )
     assert len(json.loads((tmp_path / "j.json").read_text())["nodes"]) == 2
     assert (tmp_path / "o" / "solution.npz").exists()

@@ -18,9 +18,10 @@ from dmoc.solvers.outcome import Status
 
 pytestmark = pytest.mark.slow
 
+TROUBLESHOOTING = ROOT / "src/dmoc/cli/troubleshooting.md"
 PAGES = sorted(
     page
-    for page in (*DOCS.rglob("*.md"), ROOT / "README.md")
+    for page in (*DOCS.rglob("*.md"), ROOT / "README.md", TROUBLESHOOTING)
     if "```python" in page.read_text() and not page.is_relative_to(DOCS / "_build")
 )
 
@@ -71,12 +72,12 @@ def test_commands_of_a_page_are_understood(
 
 def test_every_error_and_every_status_has_an_entry() -> None:
     kinds = {n for n, e in vars(errors).items() if isinstance(e, type)} - {"DmocError"}
-    entries = _headings(DOCS / "troubleshooting.md")
+    entries = _headings(TROUBLESHOOTING)
     assert kinds <= entries, kinds - entries
     verdicts = DOCS / "verdicts.md"
     assert {str(s) for s in Status} <= _headings(verdicts)
     assert all(f"| `{v.value}` |" in verdicts.read_text() for v in Verdict)
-    links = (DOCS / "troubleshooting.md").read_text()
+    links = TROUBLESHOOTING.read_text()
     assert all(f"(verdicts.md#{s})" in links for s in Status)
 
 

@@ -12,6 +12,7 @@ import typer
 
 from dmoc.cli.animate import animate
 from dmoc.cli.doctor import doctor, versions
+from dmoc.cli.explain import explain
 from dmoc.cli.export import export, report
 from dmoc.cli.model import build, derive, generate, models
 from dmoc.cli.new import new
@@ -42,6 +43,7 @@ COMMANDS = (
     export,
     report,
     doctor,
+    explain,
 )
 
 app = typer.Typer(
@@ -88,7 +90,7 @@ def main() -> None:
         if debug or (isinstance(error, OSError) and error.errno not in NO_ROOM):
             raise
         what = (
-            error
+            f"{error} ({error.help})"
             if isinstance(error, DmocError)
             else f"standard output cannot be written ({error.strerror}): {REMEDY}."
         )

@@ -78,7 +78,7 @@ def generate(
     target: Annotated[
         Path | None,
         typer.Option(
-            "--out", help="Folder for the sources; by default a folder of the model's name."
+            "-o", "--out", help="Folder for the sources; by default a folder of the model's name."
         ),
     ] = None,
     order: Annotated[

@@ -34,7 +34,7 @@ def new(
         ),
     ] = Kind.collision,
     target: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder of the file.")
+        Path, typer.Option("-o", "--out", metavar="DIR", help="Folder of the file.")
     ] = Path(),
 ) -> None:
     """Write a system file to begin with.

@@ -49,7 +49,9 @@ def plot(
     target: Annotated[
         Path | None,
         typer.Option(
-            "--out", help="Figure file (.png, .pdf, .svg); by default beside the solution, as .png."
+            "-o",
+            "--out",
+            help="Figure file (.png, .pdf, .svg); by default beside the solution, as .png.",
         ),
     ] = None,
     velocities: Annotated[bool, typer.Option("--velocities", help="Draw velocities too.")] = False,

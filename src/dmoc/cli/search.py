@@ -114,6 +114,7 @@ def search(
     target: Annotated[
         Path | None,
         typer.Option(
+            "-o",
             "--out",
             metavar="DIR",
             help="Write the best solution, the tree, the best motions, and a page that plays "

@@ -66,7 +66,10 @@ def simulate(
     target: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", help="Write simulation.npz, .csv and .png into this folder."
+            "-o",
+            "--out",
+            metavar="DIR",
+            help="Write simulation.npz, .csv and .png into this folder.",
         ),
     ] = None,
 ) -> None:

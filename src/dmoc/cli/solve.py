@@ -110,7 +110,10 @@ def solve(
     target: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", help="Write solution.npz (and the figure) into this folder."
+            "-o",
+            "--out",
+            metavar="DIR",
+            help="Write solution.npz (and the figure) into this folder.",
         ),
     ] = None,
     json_: JsonOption = None,
@@ -172,6 +175,8 @@ def solve(
     def tell() -> None:
         if not quiet:
             print_table(solution.summary(), out)
+            if not solution.solved:
+                out.print(f"Help: dmoc explain {solution.status}", style="dim")
             for found in derivatives:
                 print_sensitivities(found)
             written(*files)

@@ -72,7 +72,7 @@ def sweep(
     seconds: Annotated[float | None, typer.Option(help="Time limit of all solves.")] = None,
     target: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Write the table, as .csv or .npz."),
+        typer.Option("-o", "--out", metavar="FILE", help="Write the table, as .csv or .npz."),
     ] = None,
     plot: Annotated[
         Path | None,
