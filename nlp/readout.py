@@ -21,9 +21,6 @@ from dmoc.trajectory import Collision, Phase, Trajectory
 
 # A collision that changes no momentum by more than this share of its size has no effect.
 NO_EFFECT = 1e-3
-# Smallest eigenvalue of a mass matrix, relative to the inertias at the start, below which it counts
-# as singular.
-SINGULAR = 1e-6
 # Nodes of a phase whose forces are continued to its ends, at least one more.
 FEWEST = 4
 
@@ -207,18 +204,6 @@ def _rates(nlp: Transcription, x: Array, i: int, t: float) -> tuple[float, float
 def _without_effect(before: Array, after: Array, largest: Array) -> bool:
     """Whether a collision changes no momentum by a share of its size that counts."""
     return bool((np.abs(after - before) <= NO_EFFECT * largest).all())
-
-
-def singular_at(nlp: Transcription, x: Array) -> float | None:
-    """First time at which the mass matrix is not positive definite, up to rounding errors of its
-    entries; None if it is everywhere."""
-    y = nlp.physical(x)
-    q, t = y[nlp.layout.index_q], nlp.layout.times(y)
-    root = 1 / np.sqrt(np.abs(nlp.problem.inertia))
-    scaled = nlp.problem.model.mass(q, t) * root[:, None] * root
-    good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
-    good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
-    return None if good.all() else float(t[int(np.argmin(good))])
 
 
 def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[str, Array]:

@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dmoc.nlp.active import active_bounds
-from dmoc.nlp.readout import named_multipliers, singular_at, trajectory
+from dmoc.nlp.readout import named_multipliers, trajectory
+from dmoc.nlp.undefined import singular_at, undefined_at
 from dmoc.solution import Solution
 from dmoc.solvers.kkt import duality_gap
 from dmoc.solvers.outcome import Status
@@ -53,15 +54,21 @@ def _message(attempt: Attempt) -> str:
     detail = f" ({outcome.detail})" if outcome.detail else ""
     conflicts = "; ".join(attempt.conflicts)
     message = outcome.status.sentence + (f": {conflicts}" if conflicts else detail)
-    singular = None
-    if outcome.status is not Status.SOLVED:
-        singular = singular_at(attempt.nlp, outcome.x)
-    if singular is None:
+    if outcome.status is Status.SOLVED:
         return message
-    return (
-        f"{message}; the mass matrix is singular or negative on the way, first at {singular:.4g} "
-        "s: check the parameters and the bounds"
-    )
+    singular = singular_at(attempt.nlp, outcome.x)
+    if singular is not None:
+        return (
+            f"{message}; the mass matrix is singular or negative on the way, first at "
+            f"{singular:.4g} s: check the parameters and the bounds"
+        )
+    undefined = undefined_at(attempt.nlp, outcome.x)
+    if undefined:
+        return (
+            f"{message}; {undefined} is not a finite number where it ended: keep the motion away "
+            "from there by bounds, or write the expression so that it has a derivative"
+        )
+    return message
 
 
 def without_effect(motion: Trajectory) -> str:

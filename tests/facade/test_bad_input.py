@@ -718,6 +718,21 @@ def test_a_mass_that_vanishes_on_the_way_is_no_solution_and_is_told(
     assert "the mass matrix is singular or negative" in solution.message
 
 
+def test_a_cost_that_is_no_number_is_told() -> None:
+    system = dmoc.MechanicalSystem(
+        "undefined",
+        [X],
+        X.diff(T) ** 2 / 2,
+        {},
+        inputs=[U],
+        forces={X: U},
+        cost=U**2 + sp.sqrt(-1 - X**2),
+    )
+    problem = dmoc.Problem(system, start={X: 0.0}, final_time=1.0, steps=5)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert not solution.solved and "the cost is not a finite number" in solution.message
+
+
 @pytest.mark.parametrize("method", ["slsqp", "ipm"])
 @pytest.mark.parametrize(("m", "status"), [(1e-300, "solved"), (1e300, "stalled")])
 def test_masses_at_the_ends_of_the_numbers_end_in_a_status(
