@@ -85,7 +85,7 @@ def main() -> None:
             f"warning: {message}", soft_wrap=True
         )
     try:
-        app()
+        app(prog_name="dmoc")
     except (DmocError, OSError) as error:
         if debug or (isinstance(error, OSError) and error.errno not in NO_ROOM):
             raise
