@@ -13,6 +13,7 @@ each of its nodes, the ends among them, and velocities v- before and v+ after it
     stays      gamma(q_c, v+) = 0, sigma(q_c, v+) = 0      after an impact, with impulses P_c, T_c
     cone       mu P_k - |T_k| >= 0, mu P_c - |T_c| >= 0    where it sticks
     direction  s (tau(q_kp1) - tau(q_k)) >= 0, s sigma >= 0 on both sides of an impact
+               and at the ends of the motion
 
 A contact that slides the other way after an impact than before has s of either phase on either
 side.  Where the impact presses it, P_c > 0, its friction turns at a moment within, which these rows
@@ -221,6 +222,12 @@ class ContactLaw:
                 steps[: len(slides)],
             ),
             block(
+                "direction at the ends",
+                self._slides_freely,
+                lambda e, j: f"{word(-e, j)} of {friction[j]} at the {('start', 'end')[e]}",
+                lambda s: s.slide,
+            ),
+            block(
                 "direction of an impact",
                 _twice(touch.rubs_in_impact & ~touch.sticks[1:]),
                 lambda i, j, side: (
@@ -263,6 +270,15 @@ class ContactLaw:
             slid, goes_on = touch.signs[i] != 0, touch.rubs[i + 1]
             found[i] = slid & goes_on & (touch.signs[i + 1] != touch.signs[i]) & (not impact)
         return found
+
+    @property
+    def _slides_freely(self) -> Bools:
+        """Tangents that slide at the start and at the end of the motion, and whose rates there are
+        not fixed, shape (2, nt)."""
+        lay, signs = self.lay, self.touch.signs
+        unknown = np.array([len(lay.index_v_B) > 0, len(lay.index_v_E) > 0]) & (not lay.touch.free)
+        known = np.stack([self.known_start[1], self.known_end[1]])
+        return np.asarray((signs[[0, -1]] != 0) & ~known & unknown[:, None])
 
     def _ends(
         self, held: Bools, known_start: Bools, known_end: Bools, more: Bools | None = None
@@ -328,6 +344,12 @@ class ContactLaw:
                     rows = np.where(signs == sign, direction[:, :, side], NOWHERE)
                     found.append(Term("slide_rate", (q, v, t), (rows,), sign))
         ends = lay.ends
+        for e, v in ((0, lay.index_v_B), (-1, lay.index_v_E)):
+            for sign in (1.0, -1.0) if len(v) else ():
+                rows = np.where(touch.signs[e] == sign, row["direction at the ends"][e], NOWHERE)
+                at = ends[[e]]
+                state = (lay.index_q[at], v[None], places.times(at))
+                found.append(Term("slide_rate", state, (rows[None],), sign))
         for kernel, name in (("gap_rate", "at rest"), ("slide_rate", "stopped")):
             rows = row[name]
             parts = [

@@ -105,6 +105,7 @@ class Inequalities:
     cone: Block
     cone_of_impact: Block
     direction: Block
+    direction_at_ends: Block
     direction_of_impact: Block
     share: Block
     bears: Block
@@ -135,8 +136,9 @@ class Rows:
         c, d = self.c, self.d
         equalities = [c.closed, c.stuck, c.sliding, c.at_rest, c.stopped]
         events = [c.lands, c.stays, c.sticks, c.slides, c.restitution, c.halts, c.slips]
-        limits = [d.cone, d.cone_of_impact, d.direction, d.direction_of_impact]
-        return [*equalities, *events, *limits, d.share, d.bears, d.heads]
+        cones, ways = [d.cone, d.cone_of_impact], [d.direction, d.direction_at_ends]
+        hits = [d.direction_of_impact, d.share, d.bears, d.heads]
+        return [*equalities, *events, *cones, *ways, *hits]
 
     @cached_property
     def n_eq(self) -> int:

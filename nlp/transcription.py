@@ -134,6 +134,7 @@ class Transcription(Evaluator):
                 self.contact.mu.tobytes(),
             ),
             *(c.closed.index.tobytes(), c.at_rest.index.tobytes(), c.stopped.index.tobytes()),
+            d.direction_at_ends.index.tobytes(),
             *(self.law.e.tobytes(), self.law.touching.tobytes(), self.law.by_rates.tobytes()),
             self.hits.e.tobytes(),
             *(c.final_time.count, d.earliest.count, d.latest.count),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy as sp
 from contact_problems import (
     PUSHED,
     THERE_AND_BACK,
@@ -32,6 +33,7 @@ from contact_problems import (
     turned,
     wall_with_friction,
 )
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.errors import ModelError, ProblemError
@@ -110,6 +112,75 @@ def test_a_hit_that_presses_a_contact_whose_sliding_turns_is_not_confirmed() -> 
     solution = dmoc.solve(against_wall_on_floor(10, 0.25))
     assert solution.status == "not_verified"
     assert "floor turns round in the impact at" in solution.message
+
+
+def test_sliding_that_ends_with_the_motion_does_not_turn_in_its_last_step() -> None:
+    """A ball that rolls ahead bounces off a smooth wall and may slide back until it rolls again:
+    sliding stops where the motion ends."""
+    (x, y, a, u), mu = dynamicsymbols("x y a u"), sp.Symbol("mu")
+    ball = dmoc.MechanicalSystem(
+        "ball_off_a_wall",
+        [x, y, a],
+        (x.diff() ** 2 + y.diff() ** 2 + 0.004 * a.diff() ** 2) / 2 - 9.81 * y,
+        {mu: 0.3},
+        inputs=[u],
+        forces={a: u},
+        surfaces={"floor": y >= 0, "wall": x <= 2},
+        tangents={"floor": x + 0.1 * a},
+        friction={"floor": mu},
+        cost=u**2 / 2,
+    )
+    problem = dmoc.Problem(
+        ball,
+        start={"x": 0, "y": 0, "a": 0, "x_dot": 2, "a_dot": -20},
+        goal={"x": 1},
+        contacts=["floor:stick"],
+        sequence=["wall floor:slip-"],
+        steps=10,
+        final_time=(0.3, 4),
+        restitution=0.8,
+    )
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status == "solved", solution.message
+    last = solution.phases[-1].v[-1]
+    assert last[0] + 0.1 * last[2] == pytest.approx(0, abs=1e-6)
+    finer = dmoc.solve(problem.but(steps=200), "ipm", starts=1)
+    assert finer.status == "solved" and finer.cost == pytest.approx(solution.cost, rel=1e-3)
+
+
+@pytest.mark.parametrize("steps", [10, 40])
+@pytest.mark.parametrize(
+    ("changes", "wanted", "end"),
+    [
+        ({"goal": {"low": 0.5, "high_dot": 0}, "sequence": ["top:slip+"]}, 0, -1),
+        ({"start": {"low": 0, "low_dot": None, "high": 0, "gap": 0}, "goal": {"low": 1}}, 6, 0),
+    ],
+    ids=["end", "start"],
+)
+def test_sliding_has_its_direction_at_the_ends_of_the_motion_too(
+    steps: int, changes: dict[str, object], wanted: float, end: int
+) -> None:
+    """A block lies on one that is driven, whose velocity is free where the motion begins or ends,
+    and would rather be beyond that of the upper one."""
+    (low, high, gap, u), mu = dynamicsymbols("low high gap u"), sp.Symbol("mu")
+    speeds = 2 * low.diff() ** 2 + high.diff() ** 2 + gap.diff() ** 2
+    blocks = dmoc.MechanicalSystem(
+        "two_blocks",
+        [low, high, gap],
+        speeds / 2 - 9.81 * gap / 2,
+        {mu: 0.1},
+        inputs=[u],
+        forces={low: u},
+        surfaces={"top": gap >= 0},
+        tangents={"top": high - low},
+        friction={"top": mu},
+        cost=(u - wanted) ** 2 / 2,
+    )
+    given = {"start": {"low": 0, "high": 0, "gap": 0}, "contacts": ["top:slip-"], "final_time": 1}
+    solution = dmoc.solve(dmoc.Problem(blocks, steps=steps, **given | changes), "ipm", starts=1)
+    assert solution.status == "solved", solution.message
+    v = solution.phases[end].v[end]
+    assert v[1] - v[0] == pytest.approx(0, abs=1e-6)
 
 
 def test_a_plastic_push_moves_two_masses_as_one() -> None:
