@@ -15,6 +15,9 @@ from dmoc.solution import Mesh, Solution
 SLOWEST_ORDER = 1.0
 # The order that counts on where limits hold inputs or the motion.
 LIMITED_ORDER = 2
+# A cost below this share of its size, as that of a motion that needs no input, is next to none:
+# errors are compared with the share.
+LITTLE = 1e-3
 
 
 def estimate(solved: Sequence[Solution], meshes: Sequence[Mesh], order: int) -> float:
@@ -43,7 +46,7 @@ def barrier(s: Solution) -> float:
 
 def _little(s: Solution) -> float:
     """A cost that is next to none."""
-    return 1e-10 * s.scale.get("cost", 1.0)
+    return LITTLE * s.scale.get("cost", 1.0)
 
 
 def _limited(s: Solution) -> bool:

@@ -10,6 +10,7 @@ import pytest
 import seed as seed_example
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
+from systems import block_system
 
 import dmoc
 from dmoc.errors import ProblemError
@@ -165,3 +166,20 @@ def test_the_first_mesh_alone_is_no_checked_answer() -> None:
     found = refined(problem, 1e-3, None, solve, checked)
     assert found.status == "not_verified" and len(found.meshes) == 1
     assert found.message.startswith("one mesh was solved, which gives no estimate of its error")
+
+
+def test_a_motion_that_costs_nothing_needs_no_finest_mesh() -> None:
+    problem = dmoc.Problem(
+        block_system(),
+        start={"x": 0, "x_dot": 1},
+        goal={"x": 0.3},
+        sequence=["wall"],
+        restitution=0.8,
+        bounds={"u": (-5, 5)},
+        final_time=(0.1, 3),
+    )
+    solution = dmoc.solve(problem, "ipm")
+    assert solution.status == "solved" and "exceeds" not in solution.message
+    assert solution.cost < 1e-12 and len(solution.meshes) <= 3
+    # There at the speed of the start, back at 0.8 of it.
+    assert solution.final_time == pytest.approx(1 + 0.7 / 0.8, rel=1e-6)
