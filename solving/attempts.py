@@ -18,6 +18,9 @@ from dmoc.solving.program import Programs
 from dmoc.solving.starts import Starts
 from dmoc.solving.touching import pays, pushed, suspects
 
+# A method that ends so far from a motion tells nothing of whether there is one.
+UNDECIDED = (Status.STALLED, Status.ITERATION_LIMIT)
+
 Minimise: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
 
 
@@ -53,8 +56,10 @@ def attempted(
     if second is not None and found.outcome.status in (*NOWHERE, Status.ITERATION_LIMIT):
         left = remaining(options, begin, found.outcome.iterations)
         found = _taken_over(programs, found, points, left, (method, second))
-    if found.outcome.status is Status.INFEASIBLE:
-        left = remaining(options, begin, found.outcome.iterations)
+    ended = found.outcome.status
+    lost = ended in UNDECIDED and found.outcome.left.violation > INFEASIBLE
+    if ended is Status.INFEASIBLE or lost:
+        left = remaining(options, begin, 0 if lost else found.outcome.iterations)
         found = _explained(found, starts.points[0], left, minimise)
     return found
 
@@ -127,7 +132,7 @@ def _taken_over(
 
 def _explained(before: Attempt, x: Array, options: Options, minimise: Minimise) -> Attempt:
     """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve
-    from."""
+    from.  A method that came to no end is told so, unless the least violation is one."""
     begin = time.perf_counter()
     nlp, outcome = before.nlp, before.outcome
     try:
@@ -139,6 +144,10 @@ def _explained(before: Attempt, x: Array, options: Options, minimise: Minimise) 
         again = minimise(nlp, nlp.scaled(diagnosis.x), left)
         if again.status is not Status.INFEASIBLE:
             return Attempt(nlp, again).counting(outcome.iterations + again.iterations)
+    if outcome.status in UNDECIDED:
+        if not diagnosis.least or diagnosis.violation <= INFEASIBLE:
+            return before
+        outcome = replace(outcome, status=Status.INFEASIBLE)
     return Attempt(nlp, outcome, diagnosis.sentences)
 
 

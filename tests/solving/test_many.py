@@ -219,7 +219,9 @@ def test_importing_it_starts_no_machinery_of_processes() -> None:
     assert done.stdout == "False\n"
 
 
-SCRIPT = """
+SCRIPT = r"""
+import os
+
 import dmoc
 from dmoc.registry import find
 
@@ -231,7 +233,7 @@ def east(t):
     return 0.1 * t
 
 
-print("run", __name__)
+os.write(1, f"run {__name__}\n".encode())  # whole, also beside another worker
 """
 CALL = "print(dmoc.solve_many([problem] * 2, workers=2, guess=GUESS).status)"
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, puck_system
@@ -158,19 +158,21 @@ def planets(order: int) -> Kernels:
 
 @FAST
 @given(st.sampled_from([2, 4]), st.lists(number, min_size=6, max_size=6))
+@example(2, [0.0, 0.0, -0.475, 0.0, 0.277, 0.0])
 def test_energy_is_kept_through_elastic_impacts(order: int, values: list[float]) -> None:
-    """The error does not grow with the number of impacts, and a quarter of the step divides it
-    by about 4^order: halves do not, because it depends on where in a step the impacts fall."""
+    """The error does not grow with the number of impacts, and an eighth of the step divides it by
+    4 at least: not always by 8^order, because it depends on where in a step the impacts fall.  For
+    that reason the coarse step is the worst of three."""
     q, v = [values[0] / 5, 1 + values[1] / 5, 2 + values[2] / 5], [2 * x for x in values[3:]]
     errors = []
-    for h in (0.08, 0.02):
+    for h in (0.08, 0.075, 0.07, 0.01):
         run = dmoc.simulate(
             chain(order), q, v, step_size=h, steps=round(40 / h), parameters={"room": 0.5}
         )
         errors.append(float(np.abs(run.energy - run.energy[0]).max()))
     scale = 1 + abs(run.energy[0])
-    assert errors[1] < {2: 2e-2, 4: 1e-4}[order] * scale
-    assert errors[1] < max(0.25 * errors[0], 1e-9 * scale)
+    assert errors[-1] < {2: 2e-2, 4: 1e-4}[order] * scale
+    assert errors[-1] < max(0.25 * max(errors[:-1]), 1e-9 * scale)
 
 
 @FAST
