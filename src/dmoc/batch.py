@@ -187,10 +187,11 @@ class Batch(Shown):
         OutputError
             If the file cannot be written, or the messages are more than it can hold.
         """
-        from dmoc.batch_file import content_of
+        from dmoc.batch_file import FILE
+        from dmoc.result_file import content_of
 
         target = Path(path)
-        write_whole(target, content_of(self))
+        write_whole(target, content_of(FILE, self))
         return target
 
     @classmethod
@@ -202,10 +203,11 @@ class Batch(Shown):
         SolutionFileError
             If the file cannot be read, is damaged, or is something else.
         """
-        from dmoc.batch_file import batch_in
-        from dmoc.solution_file import bytes_of
+        from dmoc.batch_file import FILE
+        from dmoc.result_file import load
 
-        return batch_in(bytes_of(Path(path)), str(path))
+        batch: Batch = load(FILE, path)
+        return batch
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, style: str = "light") -> Figure:
         """Draw a sweep over one or two values: the cost and the times of collisions over the value,

@@ -1,4 +1,4 @@
-"""What the file of a batch holds, column by column, and how it is written and read."""
+"""What the file of a batch holds, column by column."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.archive import Archive, pack
 from dmoc.batch import CHECKS, STATUSES, Batch
-from dmoc.errors import OutputError, SolutionFileError
+from dmoc.result_file import ResultFile
 from dmoc.schema import (
     LARGEST_TEXT,
     Choice,
@@ -24,12 +23,7 @@ from dmoc.schema import (
     Refused,
     Stored,
     Text,
-    dumped,
-    plain,
-    said,
 )
-
-FORMAT = 1
 
 
 @dataclass(frozen=True)
@@ -89,41 +83,16 @@ BATCH = Record(
     },
     _wrong,
 )
-FILE = Record(dict, {"batch_format": Choice((FORMAT,)), "batch": BATCH})
-
-
-def content_of(batch: Batch) -> bytes:
-    """Return the content of a file.
-
-    Raises
-    ------
-    OutputError
-        If the messages are more than it can hold.
-    """
-    arrays: dict[str, Any] = {}
-    text = dumped(FILE, {"batch_format": FORMAT, "batch": batch}, arrays.__setitem__)
-    if len(text) > LARGEST_TEXT:
-        raise OutputError(
-            f"the batch has {len(text)} characters of messages, a file holds {LARGEST_TEXT}: write "
-            "it with to_csv."
-        )
-    return pack(text, arrays)
-
-
-def batch_in(content: bytes, name: str) -> Batch:
-    """Read a batch from the content of a file that errors call ``name``."""
-    try:
-        archive = Archive(content)
-        header = plain(archive.text())
-        version = header.get("batch_format") if isinstance(header, dict) else None
-        if isinstance(version, int) and version != FORMAT:
-            raise SolutionFileError(
-                f"{name} has format {said(version)}, expected {FORMAT}: solve the problems again."
-            )
-        batch: Batch = FILE.read(header, "", Context(archive.array))["batch"]
-        archive.close()
-    except Refused as error:
-        raise SolutionFileError(
-            f"{name} is damaged or no file of a batch ({error}): write it again with Batch.save."
-        ) from None
-    return batch
+FILE = ResultFile(
+    "batch",
+    BATCH,
+    "batch_format",
+    1,
+    "file of a batch",
+    "solve the problems again",
+    "Batch.save",
+    excess=lambda _, length: (
+        f"the batch has {length} characters of messages, a file holds {LARGEST_TEXT}: write it "
+        "with to_csv."
+    ),
+)

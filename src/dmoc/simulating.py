@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,10 +26,6 @@ from dmoc.solution import Solution, check_same_model, kernels_of_file
 from dmoc.table import Shown, Table
 from dmoc.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
 from dmoc.writing import write_whole
-
-if TYPE_CHECKING:
-    pass
-
 
 # Steps of a replay in the smallest step of its solution: its own error is then a sixteenth of that
 # of the solution at order 2.
@@ -110,9 +105,10 @@ class Simulation(Shown, Moving):
         OutputError
             If the file cannot be written, or there are more events than it can hold.
         """
-        from dmoc.simulation_file import content_of
+        from dmoc.result_file import content_of
+        from dmoc.simulation_file import FILE
 
-        write_whole(Path(path), content_of(self))
+        write_whole(Path(path), content_of(FILE, self))
         return Path(path)
 
     @classmethod
@@ -124,10 +120,11 @@ class Simulation(Shown, Moving):
         SolutionFileError
             If the file cannot be read, is damaged, or is something else.
         """
-        from dmoc.simulation_file import simulation_in
-        from dmoc.solution_file import bytes_of
+        from dmoc.result_file import load
+        from dmoc.simulation_file import FILE
 
-        return simulation_in(bytes_of(Path(path)), str(path))
+        simulation: Simulation = load(FILE, path)
+        return simulation
 
 
 def _rows(s: Simulation) -> Iterator[tuple[str, str]]:

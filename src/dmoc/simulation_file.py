@@ -1,4 +1,4 @@
-"""What the file of a simulation holds, field by field, and how it is written and read."""
+"""What the file of a simulation holds, field by field."""
 
 from __future__ import annotations
 
@@ -7,11 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.archive import Archive, pack
-from dmoc.errors import OutputError, SolutionFileError
+from dmoc.result_file import ResultFile
 from dmoc.schema import (
-    LARGEST_TEXT,
-    Choice,
     Context,
     Either,
     Listed,
@@ -22,19 +19,14 @@ from dmoc.schema import (
     Numbers,
     Put,
     Record,
-    Refused,
     Stored,
     Whole,
-    dumped,
-    plain,
-    said,
 )
 from dmoc.simulating import Simulation
 from dmoc.simulation.contact_motion import Stretch
 from dmoc.solution_file import COLLISION, SIGN, TRAJECTORY
 from dmoc.trajectory import Phase
 
-FORMAT = 2
 ROWS = ("t", "q", "p", "v", "u")
 
 
@@ -132,47 +124,20 @@ SIMULATION = Record(
     },
     _wrong,
 )
-FILE = Record(dict, {"simulation_format": Choice((FORMAT,)), "simulation": SIMULATION})
-
-
-def content_of(simulation: Simulation) -> bytes:
-    """Return the content of a file.
-
-    Raises
-    ------
-    OutputError
-        If there are more events than it can hold.
-    """
-    arrays: dict[str, Any] = {}
-    text = dumped(FILE, {"simulation_format": FORMAT, "simulation": simulation}, arrays.__setitem__)
-    if len(text) > LARGEST_TEXT:
-        raise OutputError(
-            f"the simulation has {len(simulation.collisions)} collisions, more than a file holds: "
-            "write it with to_csv."
-        )
-    return pack(text, arrays)
-
-
-def simulation_in(content: bytes, name: str) -> Simulation:
-    """Read a simulation from the content of a file that errors call ``name``."""
-    try:
-        archive = Archive(content)
-        header = plain(archive.text())
-        version = header.get("simulation_format") if isinstance(header, dict) else None
-        if isinstance(header, dict) and "solution" in header:
-            raise SolutionFileError(
-                f"{name} is the file of a solution: read it with dmoc.Solution.load, or give "
-                "one that Simulation.save has written."
-            )
-        if isinstance(version, int) and version != FORMAT:
-            raise SolutionFileError(
-                f"{name} has format {said(version)}, expected {FORMAT}: simulate again."
-            )
-        simulation: Simulation = FILE.read(header, "", Context(archive.array))["simulation"]
-        archive.close()
-    except Refused as error:
-        raise SolutionFileError(
-            f"{name} is damaged or no file of a simulation ({error}): write it again with "
-            "Simulation.save."
-        ) from None
-    return simulation
+FILE = ResultFile(
+    "simulation",
+    SIMULATION,
+    "simulation_format",
+    2,
+    "file of a simulation",
+    "simulate again",
+    "Simulation.save",
+    foreign={
+        "solution": "the file of a solution: read it with dmoc.Solution.load, or give one that "
+        "Simulation.save has written"
+    },
+    excess=lambda simulation, _: (
+        f"the simulation has {len(simulation.collisions)} collisions, more than a file holds: "
+        "write it with to_csv."
+    ),
+)

@@ -325,9 +325,10 @@ class Solution(Shown, Moving):
 
     def to_bytes(self) -> bytes:
         """Return the content of an .npz file."""
-        from dmoc.solution_file import content_of
+        from dmoc.result_file import content_of
+        from dmoc.solution_file import FILE
 
-        return content_of(self)
+        return content_of(FILE, self)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Solution:
@@ -338,16 +339,20 @@ class Solution(Shown, Moving):
         SolutionFileError
             If the file is missing, damaged, too large, or no solution file.
         """
-        from dmoc.solution_file import bytes_of
+        from dmoc.result_file import load
+        from dmoc.solution_file import FILE
 
-        return cls.from_bytes(bytes_of(Path(path)), str(path))
+        solution: Solution = load(FILE, path)
+        return solution
 
     @classmethod
     def from_bytes(cls, content: bytes, name: str = "the data") -> Solution:
         """Read a solution from the content of an .npz file; ``name`` is what errors call it."""
-        from dmoc.solution_file import solution_in
+        from dmoc.result_file import result_in
+        from dmoc.solution_file import FILE
 
-        return solution_in(content, name)
+        solution: Solution = result_in(FILE, content, name)
+        return solution
 
 
 def kernels_of_file(solution: Solution) -> Kernels:

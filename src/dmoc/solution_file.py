@@ -1,18 +1,16 @@
-"""What a solution file holds, field by field, and how it is written and read."""
+"""What a solution file holds, field by field."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dmoc.archive import LARGEST, Archive, pack
 from dmoc.discretisation import DISCRETISATIONS, FORMS, ORDERS
-from dmoc.errors import SolutionFileError
 from dmoc.nlp.active import ActiveBound
+from dmoc.result_file import REMEDY, ResultFile
 from dmoc.scene import COLUMNS, Scene, Shape, wrong_scene
 from dmoc.schema import (
     Choice,
@@ -27,19 +25,15 @@ from dmoc.schema import (
     Numbers,
     Put,
     Record,
-    Refused,
     Stored,
     Text,
     Whole,
-    dumped,
-    plain,
-    said,
 )
 from dmoc.solution import Mesh, Minimum, Solution
 from dmoc.solvers.outcome import Status
-from dmoc.trajectory import COURSES, Array, Collision, Phase, Trajectory
+from dmoc.trajectory import COURSES, Collision, Phase, Trajectory
 
-FILE_FORMAT, OLDEST = 8, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 8, 6  # the format that is written, and the oldest that is read
 # What files of older formats lack, with the values there: of a motion, its phases and collisions.
 LACKING: Mapping[str, Any] = {"units": {}, "scene": None}
 LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
@@ -47,61 +41,13 @@ LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
     "collisions": {"course": ""},
 }
 SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
-REMEDY = "give one that `dmoc solve --out` has written"
-
-
-def content_of(solution: Solution) -> bytes:
-    """Return the content of a solution file."""
-    arrays: dict[str, Array] = {}
-    text = dumped(FILE, {"format": FILE_FORMAT, "solution": solution}, arrays.__setitem__)
-    return pack(text, arrays)
-
-
-def bytes_of(path: Path) -> bytes:
-    """Return the content of a file that may be a solution file."""
-    try:
-        if not path.exists():
-            raise SolutionFileError(f"{path} does not exist: {REMEDY}.")
-        if not path.is_file():
-            raise SolutionFileError(f"{path} is a folder or a device: {REMEDY}.")
-        if path.stat().st_size > LARGEST:
-            raise SolutionFileError(f"{path} is larger than any solution file: {REMEDY}.")
-        return path.read_bytes()
-    except OSError as error:
-        raise SolutionFileError(
-            f"{path} cannot be read ({error.strerror}): give a file that you may read."
-        ) from None
-
-
-def solution_in(content: bytes, name: str) -> Solution:
-    """Read a solution from the content of a solution file that errors call ``name``."""
-    try:
-        archive = Archive(content)
-        header = plain(archive.text())
-        header = _as_now(header)
-        version = header.get("format") if isinstance(header, dict) else None
-        if isinstance(header, dict) and "simulation_format" in header:
-            raise SolutionFileError(f"{name} is the file of a simulation: {REMEDY}.")
-        if isinstance(version, int) and version != FILE_FORMAT:
-            raise SolutionFileError(
-                f"{name} has format {said(version)}, expected {FILE_FORMAT}: solve the problem "
-                "again."
-            )
-        solution: Solution = FILE.read(header, "", Context(archive.array))["solution"]
-        archive.close()
-    except Refused as error:
-        raise SolutionFileError(
-            f"{name} is damaged or no solution file ({error}): write it again with `dmoc solve "
-            "--out`."
-        ) from None
-    return solution
 
 
 def _as_now(header: Any) -> Any:
     """What a file of an older format says, in the format of now; everything else as it is."""
     match header:
         case {"format": int(version), "solution": {"trajectory": dict(motion)} as solution} if (
-            OLDEST <= version < FILE_FORMAT
+            OLDEST <= version < FORMAT
         ):
             motion = {**LACKING, **motion}
             for name, lacking in LACKING_INSIDE.items():
@@ -109,7 +55,7 @@ def _as_now(header: Any) -> Any:
                 if isinstance(parts, list) and all(isinstance(part, dict) for part in parts):
                     motion[name] = [{**lacking, **part} for part in parts]
             now = {**solution, "trajectory": motion}
-            return {**header, "format": FILE_FORMAT, "solution": now}
+            return {**header, "format": FORMAT, "solution": now}
     return header
 
 
@@ -336,4 +282,14 @@ SOLUTION = Record(
     },
     _wrong_solution,
 )
-FILE = Record(dict, {"format": Choice((FILE_FORMAT,)), "solution": SOLUTION})
+FILE = ResultFile(
+    "solution",
+    SOLUTION,
+    "format",
+    FORMAT,
+    "solution file",
+    "solve the problem again",
+    "`dmoc solve --out`",
+    foreign={"simulation_format": f"the file of a simulation: {REMEDY}"},
+    as_now=_as_now,
+)

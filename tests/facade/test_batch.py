@@ -14,8 +14,9 @@ import pytest
 from damaged_files import SOLUTIONS
 
 import dmoc
-from dmoc.batch_file import BATCH, batch_in, content_of
+from dmoc.batch_file import BATCH, FILE
 from dmoc.errors import MissingExtraError, OutputError, SolutionFileError
+from dmoc.result_file import content_of, result_in
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,7 @@ def test_a_file_gives_the_table_back(batch: dmoc.Batch, tmp_path: Path) -> None:
     loaded = dmoc.Batch.load(batch.save(tmp_path / "table.npz"))
     for name in BATCH.fields:
         np.testing.assert_equal(getattr(loaded, name), getattr(batch, name))
-    assert content_of(loaded) == content_of(batch)
+    assert content_of(FILE, loaded) == content_of(FILE, batch)
     assert {f.name for f in fields(dmoc.Batch)} == {*BATCH.fields, "solutions"}
 
 
@@ -52,12 +53,12 @@ def test_an_empty_table_has_a_file_too(tmp_path: Path) -> None:
 
 
 def test_every_damage_to_a_file_is_a_sentence(batch: dmoc.Batch) -> None:
-    content, refused = content_of(batch), 0
+    content, refused = content_of(FILE, batch), 0
     for i, damage in enumerate([*SOLUTIONS.values()] * 6):
         with np.errstate(invalid="ignore"):  # a column may have NaN
             damaged = damage(content, np.random.default_rng([3, i]))
         try:
-            batch_in(damaged, "it")
+            result_in(FILE, damaged, "it")
         except SolutionFileError as error:
             refused += 1
             assert "\n" not in str(error)
