@@ -14,6 +14,7 @@ from dmoc.cli.animate import animate
 from dmoc.cli.doctor import doctor, versions
 from dmoc.cli.explain import explain
 from dmoc.cli.export import export, report
+from dmoc.cli.groups import spread
 from dmoc.cli.model import build, derive, generate, models
 from dmoc.cli.new import new
 from dmoc.cli.options import BAD_INPUT
@@ -53,7 +54,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in COMMANDS:
-    app.command()(command)
+    app.command()(spread(command))
 
 
 def _version(asked: bool) -> None:

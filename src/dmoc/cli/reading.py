@@ -8,6 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dmoc.cli.groups import Conditions, Course, Values
 from dmoc.cli.options import Controls
 from dmoc.errors import ProblemError
 
@@ -21,46 +22,35 @@ RELATION = re.compile(r"(?:([^\s=+-]+)\s*=\s*)?([^\s=+-]+)\s*(?:([+-])\s*(\S+))?
 
 def problem_fields(
     defaults: Mapping[str, Any],
-    sequence: str | None,
-    steps: str | None,
-    final_time: str | None,
+    course: Course,
+    values: Values,
+    conditions: Conditions,
     controls: Controls | None,
-    set_: list[str] | None,
-    bound: list[str] | None,
-    start: list[str] | None,
-    goal: list[str] | None,
-    restitution: list[str] | None,
-    periodic: str | None,
-    contacts: str | None,
-    ignored: str | None,
     via: str | None = None,
 ) -> dict[str, Any]:
     """Fields of a problem: a model's own, changed by options."""
     fields = dict(defaults)
-    if sequence is not None:
-        fields["sequence"] = read_names(sequence)
-    if steps is not None:
-        numbers = [read_whole(part, "--steps") for part in steps.split(",")]
+    if course.sequence is not None:
+        fields["sequence"] = read_names(course.sequence)
+    if course.steps is not None:
+        numbers = [read_whole(part, "--steps") for part in course.steps.split(",")]
         fields["steps"] = numbers[0] if len(numbers) == 1 else numbers
-    if final_time is not None:
-        fields["final_time"] = read_value(final_time, "--final-time")
+    if course.final_time is not None:
+        fields["final_time"] = read_value(course.final_time, "--final-time")
     if controls is not None:
         fields["controls"] = controls.value
-    if restitution:
-        fields["restitution"] = read_restitution(restitution)
-    if periodic is not None:
-        fields["periodic"] = read_periodic(periodic)
-    if contacts is not None:
-        fields["contacts"] = read_names(contacts)
-    if ignored is not None:
-        fields["ignored"] = read_names(ignored)
+    if conditions.restitution:
+        fields["restitution"] = read_restitution(conditions.restitution)
+    if conditions.periodic is not None:
+        fields["periodic"] = read_periodic(conditions.periodic)
+    if conditions.contacts is not None:
+        fields["contacts"] = read_names(conditions.contacts)
+    if conditions.ignored is not None:
+        fields["ignored"] = read_names(conditions.ignored)
     if via is not None:
         fields["via"] = read_via(via)
-    for name, given in (("parameters", set_), ("bounds", bound), ("start", start), ("goal", goal)):
-        option = {"parameters": "--set", "bounds": "--bound", "start": "--start", "goal": "--goal"}[
-            name
-        ]
-        pairs = dict(read_pair(text, option) for text in given or [])
+    for name, option, given in values.by_field():
+        pairs = dict(read_pair(text, option) for text in given)
         fields[name] = {**fields.get(name, {}), **pairs}
         replace_rest(fields[name], pairs)
     return fields

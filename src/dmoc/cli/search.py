@@ -8,22 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dmoc.cli.groups import Conditions, Course, Values
 from dmoc.cli.options import (
     NOT_SOLVED,
-    BoundOption,
-    ContactsOption,
     ControlsOption,
     FinalTimeOption,
-    GoalOption,
-    IgnoredOption,
     JsonOption,
     MethodOption,
     ModelArgument,
     OrderOption,
-    PeriodicOption,
-    RestitutionOption,
-    SetOption,
-    StartOption,
 )
 from dmoc.cli.reading import (
     problem_fields,
@@ -51,6 +44,7 @@ class Strategy(StrEnum):
 
 
 def search(
+    *,
     model: ModelArgument,
     max_collisions: Annotated[int, typer.Option(help="Most collisions of a sequence.")] = 3,
     surfaces: Annotated[
@@ -83,14 +77,8 @@ def search(
     method: MethodOption = None,
     order: OrderOption = None,
     controls: ControlsOption = None,
-    set_: SetOption = None,
-    bound: BoundOption = None,
-    start: StartOption = None,
-    goal: GoalOption = None,
-    restitution: RestitutionOption = None,
-    periodic: PeriodicOption = None,
-    contacts: ContactsOption = None,
-    ignored: IgnoredOption = None,
+    values: Values,
+    conditions: Conditions,
     shortest_phase: Annotated[
         float | None,
         typer.Option(
@@ -133,21 +121,8 @@ def search(
     from dmoc.sequences.result import table_of
 
     reference = registry.find(model)
-    fields = problem_fields(
-        reference.defaults,
-        None,
-        None if steps is None else str(steps),
-        final_time,
-        controls,
-        set_,
-        bound,
-        start,
-        goal,
-        restitution,
-        periodic,
-        contacts,
-        ignored,
-    )
+    course = Course(steps=None if steps is None else str(steps), final_time=final_time)
+    fields = problem_fields(reference.defaults, course, values, conditions, controls)
     fields |= {"sequence": (), "durations": None, "via": None}
     prepare(target, json_)
     problem = Problem(reference.kernels(order, progress=True), **fields)

@@ -8,25 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dmoc.cli import completion
+from dmoc.cli.groups import Conditions, Course, Values
 from dmoc.cli.options import (
     METHOD_HELP,
     NOT_SOLVED,
-    BoundOption,
-    ContactsOption,
     ControlsOption,
-    FinalTimeOption,
-    GoalOption,
     GuessOption,
-    IgnoredOption,
     JsonOption,
     ModelArgument,
     OrderOption,
-    PeriodicOption,
-    RestitutionOption,
-    SequenceOption,
-    SetOption,
-    StartOption,
-    StepsOption,
     ViaOption,
 )
 from dmoc.cli.output import print_sensitivities
@@ -54,10 +44,9 @@ if TYPE_CHECKING:
 
 
 def solve(
+    *,
     model: ModelArgument,
-    sequence: SequenceOption = None,
-    steps: StepsOption = None,
-    final_time: FinalTimeOption = None,
+    course: Course,
     method: Annotated[
         str | None,
         typer.Option(
@@ -78,14 +67,8 @@ def solve(
         typer.Option(help="For slsqp: condensed, or the full program (small numbers of steps)."),
     ] = Form.CONDENSED,
     controls: ControlsOption = None,
-    set_: SetOption = None,
-    bound: BoundOption = None,
-    start: StartOption = None,
-    goal: GoalOption = None,
-    restitution: RestitutionOption = None,
-    periodic: PeriodicOption = None,
-    contacts: ContactsOption = None,
-    ignored: IgnoredOption = None,
+    values: Values,
+    conditions: Conditions,
     via: ViaOption = None,
     sensitivities: Annotated[
         bool,
@@ -126,22 +109,7 @@ def solve(
 
     known = read_guess(guess)
     reference = registry.find(model)
-    fields = problem_fields(
-        reference.defaults,
-        sequence,
-        steps,
-        final_time,
-        controls,
-        set_,
-        bound,
-        start,
-        goal,
-        restitution,
-        periodic,
-        contacts,
-        ignored,
-        via,
-    )
+    fields = problem_fields(reference.defaults, course, values, conditions, controls, via)
     prepare(target, json_)
     words = fields.get("sequence", ())
     lasting = says_lasting(fields.get("contacts", ()), words) or _turns_rails(reference, words)

@@ -7,25 +7,19 @@ from typing import Annotated, Any
 
 import typer
 
+from dmoc.cli.groups import Conditions, Course, Values
 from dmoc.cli.options import (
     NOT_SOLVED,
     BoundOption,
-    ContactsOption,
     ControlsOption,
-    FinalTimeOption,
     GoalOption,
     GuessOption,
-    IgnoredOption,
     JsonOption,
     MethodOption,
     ModelArgument,
     OrderOption,
-    PeriodicOption,
-    RestitutionOption,
-    SequenceOption,
     SetOption,
     StartOption,
-    StepsOption,
     ViaOption,
 )
 from dmoc.cli.reading import (
@@ -48,21 +42,17 @@ ENDINGS = (".csv", ".npz")
 
 
 def sweep(
+    *,
     model: ModelArgument,
     set_: SetOption = None,
     start: StartOption = None,
     goal: GoalOption = None,
     bound: BoundOption = None,
-    sequence: SequenceOption = None,
-    steps: StepsOption = None,
-    final_time: FinalTimeOption = None,
+    course: Course,
     method: MethodOption = None,
     order: OrderOption = None,
     controls: ControlsOption = None,
-    restitution: RestitutionOption = None,
-    periodic: PeriodicOption = None,
-    contacts: ContactsOption = None,
-    ignored: IgnoredOption = None,
+    conditions: Conditions,
     via: ViaOption = None,
     guess: GuessOption = None,
     starts: Annotated[
@@ -94,25 +84,10 @@ def sweep(
     from dmoc.solving.sweep import sweep as swept
 
     _check_targets(target, plot, json_)
-    ranges, firsts = _ranges(set_, start, goal, bound)
+    ranges, firsts = _ranges(Values(set_, bound, start, goal))
     known = read_guess(guess)
     reference = registry.find(model)
-    fields = problem_fields(
-        reference.defaults,
-        sequence,
-        steps,
-        final_time,
-        controls,
-        firsts["parameters"],
-        firsts["bounds"],
-        firsts["start"],
-        firsts["goal"],
-        restitution,
-        periodic,
-        contacts,
-        ignored,
-        via,
-    )
+    fields = problem_fields(reference.defaults, course, firsts, conditions, controls, via)
     problem = Problem(reference.kernels(order, progress=True), **fields)
     quiet = json_ == "-"
     batch = swept(
@@ -157,24 +132,14 @@ def _check_targets(target: Path | None, plot: Path | None, json_: str | None) ->
             check_file(path)
 
 
-def _ranges(
-    set_: list[str] | None,
-    start: list[str] | None,
-    goal: list[str] | None,
-    bound: list[str] | None,
-) -> tuple[dict[str, dict[str, list[Any]]], dict[str, list[str]]]:
+def _ranges(given: Values) -> tuple[dict[str, dict[str, list[Any]]], Values]:
     """What is varied, by field and name; and the options with the first value of each range in its
     place."""
     ranges: dict[str, dict[str, list[Any]]] = {}
     firsts: dict[str, list[str]] = {}
-    for field, option, given in (
-        ("parameters", "--set", set_),
-        ("start", "--start", start),
-        ("goal", "--goal", goal),
-        ("bounds", "--bound", bound),
-    ):
+    for field, option, texts in given.by_field():
         ranges[field], firsts[field] = {}, []
-        for text in given or []:
+        for text in texts:
             name, _, value = text.partition("=")
             values = read_range(value, f"{option} {name.strip()}")
             if values is None:
@@ -189,4 +154,4 @@ def _ranges(
         raise ProblemError(
             "no value is a range: give one as FROM:TO:COUNT, such as --set l=0.4:0.8:50."
         )
-    return ranges, firsts
+    return ranges, Values(firsts["parameters"], firsts["bounds"], firsts["start"], firsts["goal"])
