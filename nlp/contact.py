@@ -38,14 +38,11 @@ from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.sizes import Scale
-from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
+from dmoc.nlp.tables import NOWHERE, Block, Bools, Entries, Index, Numbering
 from dmoc.nlp.terms import Places, Term
 from dmoc.nlp.touch import Touch, phase_nodes, place
 from dmoc.symbolic.names import momentum_name, velocity_name
 from dmoc.trajectory import FRICTION_WORDS
-
-# Linear entries: rows, unknowns and factors.
-Entries = tuple[Index, Index, Array]
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,10 +31,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.impact import restitution_of
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.passage import END, MOMENTS, STAGES, Passage
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.tables import NOWHERE, Block, Index, Numbering
+from dmoc.nlp.tables import NOWHERE, Block, Entries, Index, Numbering, in_columns
 from dmoc.nlp.terms import Places, Term
 from dmoc.nlp.touch import Touch, moment
 from dmoc.symbolic.names import momentum_name
@@ -42,9 +43,6 @@ from dmoc.trajectory import FRICTION_WORDS
 
 # Columns of the row "halts": before, at the moments, after; of "heads": before, after.
 BEFORE, AFTER = 0, 1 + len(MOMENTS)
-
-# Linear entries: rows, unknowns and factors.
-Entries = tuple[Index, Index, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +66,8 @@ class HitLaw:
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout) -> HitLaw:
-        e = np.zeros(len(lay.surfaces))
-        hit = lay.surfaces != NOWHERE
-        e[hit] = problem.restitution_values[lay.surfaces[hit]]
-        return cls(lay, tuple(problem.kernels.coordinates), problem.model.friction, e)
+        names, e = tuple(problem.kernels.coordinates), restitution_of(problem, lay.surfaces)
+        return cls(lay, names, problem.model.friction, e)
 
     @property
     def touch(self) -> Touch:
@@ -93,7 +89,7 @@ class HitLaw:
             halts[p.event, [1 + m for m in p.rests]] = True
             halts[p.event, AFTER] = p.friction[-1] == 0
             slips[p.event, np.flatnonzero(p.friction)] = True
-        hit, rubbed = self._contacts
+        hit, rubbed = self.touch.passing
         names, tangents = self.names, self.touch.tangents
 
         def place(i: int, column: int) -> str:
@@ -139,7 +135,7 @@ class HitLaw:
             if sticking is not None:
                 bears[p.event, sticking] = True
             heads[p.event] = p.friction[0] != 0, p.friction[-1] != 0
-        hit, rubbed = self._contacts
+        hit, rubbed = self.touch.passing
         tangents, of = self.touch.tangents, {p.event: p for p in self.passages}
 
         def direction(i: int, side: int) -> str:
@@ -162,14 +158,6 @@ class HitLaw:
             block("heads", heads, direction, lambda s: s.slide[rubbed][:, None]),
         )
 
-    @property
-    def _contacts(self) -> tuple[Index, Index]:
-        """Surface and tangent of each event, 0 where there is no passage."""
-        hit, rubbed = (np.zeros(len(self.touch.impacts), dtype=np.intp) for _ in range(2))
-        for p in self.passages:
-            hit[p.event], rubbed[p.event] = p.surface, p.tangent
-        return hit, rubbed
-
     def _stage(self, event: int, stage: int) -> str:
         (p,) = (p for p in self.passages if p.event == event)
         return f"{self.touch.tangents[p.tangent]} in stage {stage + 1} of event {event + 1}"
@@ -184,14 +172,9 @@ class HitLaw:
             return []
         nodes = lay.collision_nodes
         q, t = lay.index_q[nodes], places.times(nodes)
-        hit, rubbed = self._contacts
-        P, T = (
-            places.known(_spread(index, at, count))
-            for index, at, count in (
-                (lay.index_P_h, hit, places.nc),
-                (lay.index_T_h, rubbed, len(self.mu)),
-            )
-        )
+        hit, rubbed = self.touch.passing
+        P = places.known(in_columns(lay.index_P_h, hit, places.nc))
+        T = places.known(in_columns(lay.index_T_h, rubbed, len(self.mu)))
         found = []
         if self.touch.free:  # else the law of contacts that last adds them all
             traction = places.known(lay.index_T_c)
@@ -209,15 +192,15 @@ class HitLaw:
                 Term("traction", (at, T[here, m], when), (rows,), -1.0),
             ]
         ended = np.where(self.touch.moments[:, END], row["energy"], NOWHERE)
-        found.append(Term("gap_rate", (q, v_h[:, END], t), (_column(ended, hit, places.nc),)))
+        found.append(Term("gap_rate", (q, v_h[:, END], t), (in_columns(ended, hit, places.nc),)))
         sides = [lay.index_v_a, *np.moveaxis(v_h, 1, 0), lay.index_v_c]
         for v, rows in zip(sides, row["halts"].T, strict=True):
-            found.append(Term("slide_rate", (q, v, t), (_column(rows, rubbed, len(self.mu)),)))
+            found.append(Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, len(self.mu)),)))
         signs = np.array([(p.friction[0], p.friction[-1]) if p else (0, 0) for p in self._by_event])
         for side, v in enumerate((lay.index_v_a, lay.index_v_c)):
             for sign in (1.0, -1.0):
                 rows = np.where(signs[:, side] == sign, row["heads"][:, side], NOWHERE)
-                place = _column(rows, rubbed, len(self.mu))
+                place = in_columns(rows, rubbed, len(self.mu))
                 found.append(Term("slide_rate", (q, v, t), (place,), sign))
         return found
 
@@ -264,17 +247,3 @@ class HitLaw:
                         np.array([at for at, _ in used]),
                         np.array([f for _, f in used]),
                     )
-
-
-def _column(values: Index, at: Index, count: int) -> Index:
-    """Values of the events in the columns of their contacts, shape (events, count)."""
-    found = np.full((len(values), count), NOWHERE)
-    found[np.arange(len(values)), at] = values
-    return found
-
-
-def _spread(values: Index, at: Index, count: int) -> Index:
-    """Values (events, moments) in the columns of contacts, shape (events, moments, count)."""
-    found = np.full((*values.shape, count), NOWHERE)
-    found[np.arange(len(values)), :, at] = values
-    return found

@@ -32,7 +32,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Layout, collision_names
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering, sizes_of
+from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering, in_columns, sizes_of
 from dmoc.nlp.terms import Places, Term, like
 from dmoc.symbolic.names import velocity_name
 
@@ -70,9 +70,7 @@ class ImpactLaw:
     ) -> ImpactLaw:
         touches = np.isin(np.arange(len(lay.surfaces)), touching)
         landing = np.array([bool(event.lands) for event in problem.events], dtype=bool)
-        elastic = ~touches & ~landing & (lay.surfaces != NOWHERE)
-        e = np.zeros(len(lay.surfaces))
-        e[elastic] = problem.restitution_values[lay.surfaces[elastic]]
+        e = np.where(touches | landing, 0.0, restitution_of(problem, lay.surfaces))
         lasts = np.array([not mode.free for mode in problem.modes], dtype=bool)
         rough = np.zeros(len(lay.surfaces), dtype=bool)
         rough[[p.event for p in lay.touch.passages if not p.lands]] = True
@@ -189,7 +187,12 @@ class ImpactLaw:
 
     def _by_surface(self, values: Index, places: Places, otherwise: int = NOWHERE) -> Index:
         """Values of the collisions in the columns of their surfaces, shape (collisions, nc)."""
-        found = np.full((len(self.surfaces), places.nc), otherwise)
-        at = np.flatnonzero(self.impact)
-        found[at, self.surfaces[at]] = values[at]
-        return found
+        return in_columns(values, self.surfaces, places.nc, otherwise)
+
+
+def restitution_of(problem: Problem, surfaces: Index) -> Array:
+    """Coefficients of restitution of events, zero where nothing is hit."""
+    e = np.zeros(len(surfaces))
+    hit = surfaces != NOWHERE
+    e[hit] = problem.restitution_values[surfaces[hit]]
+    return e

@@ -17,6 +17,8 @@ from dmoc.nlp.sizes import Scale
 
 Index = NDArray[np.intp]
 Bools = NDArray[np.bool_]
+# Linear entries: rows, unknowns and factors.
+Entries: TypeAlias = tuple[Index, Index, Array]
 # The number of what there is not.
 NOWHERE = -1
 # Names the one at some place of a block, as `label(node, coordinate)`.
@@ -100,6 +102,15 @@ class Numbering:
             index[where] = np.arange(self.next, self.next + count)
         self.next += count
         return Block(name, index, label, size, nodes)
+
+
+def in_columns(values: Index, at: Index, count: int, otherwise: int = NOWHERE) -> Index:
+    """Values of the events in the columns of their contacts, shape (events, ..., count); an event
+    without a contact has no value."""
+    found = np.full((*values.shape, count), otherwise)
+    touched = np.flatnonzero(at != NOWHERE)
+    found[touched, ..., at[touched]] = values[touched]
+    return found
 
 
 def sizes_of(sizes: Array, surfaces: Index) -> Array:

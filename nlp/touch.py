@@ -119,6 +119,15 @@ class Touch:
             found[p.event, p.tangent] = True
         return found
 
+    @cached_property
+    def passing(self) -> tuple[Index, Index]:
+        """Surface and tangent of the passage of each event, 0 where there is none, shapes
+        (events,)."""
+        hit, rubbed = (np.zeros(len(self.impacts), dtype=np.intp) for _ in range(2))
+        for p in self.passages:
+            hit[p.event], rubbed[p.event] = p.surface, p.tangent
+        return hit, rubbed
+
     @property
     def moments(self) -> Bools:
         """Moments within impacts that have velocities and impulses of their own, shape (events,
@@ -136,10 +145,7 @@ class Touch:
         nodes = [0] * len(steps) if self.free else [n + 1 for n in steps]
         count, names = sum(steps), (self.surfaces, self.tangents)
         moments = self.moments
-        hit = np.zeros(len(self.impacts), dtype=np.intp)
-        rubbed = np.zeros(len(self.impacts), dtype=np.intp)
-        for p in self.passages:
-            hit[p.event], rubbed[p.event] = p.surface, p.tangent
+        hit, rubbed = self.passing
         return (
             block(
                 "P",
