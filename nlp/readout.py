@@ -11,7 +11,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.modes import changes
-from dmoc.mechanics.scenes import scene_of
+from dmoc.mechanics.motions import motion_along
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.tables import NOWHERE, Block, Index
@@ -82,24 +82,14 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 "" if event.course is None else str(event.course),
             )
         )
-    kernels = problem.kernels
-    return Trajectory(
-        kernels.name,
-        str(kernels.manifest["fingerprint"]),
-        tuple(kernels.coordinates),
-        tuple(kernels.inputs),
-        dict(zip(kernels.parameters, map(float, problem.parameter_values[0]), strict=True)),
-        tuple(phases),
-        tuple(collisions),
-        problem.control_form,
-        problem.input_bounds,
-        problem.coordinate_bounds,
-        dict(zip(kernels.surfaces, problem.restitution_values.tolist(), strict=True)),
-        problem.order,
-        tuple(problem.ignored),
-        dict(zip(kernels.tangents, problem.model.friction.tolist(), strict=True)),
-        dict(kernels.manifest["units"]),
-        scene_of(problem.model, [(phase.t, phase.q, phase.v) for phase in phases]),
+    return motion_along(
+        problem.model,
+        phases,
+        collisions,
+        problem.restitution_values,
+        controls=problem.control_form,
+        bounds=(problem.input_bounds, problem.coordinate_bounds),
+        ignored=problem.ignored,
     )
 
 

@@ -41,26 +41,13 @@ MOST_SHOWN = 80
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What a simulation has recorded.
+    """What a simulation has recorded: the fields of :class:`dmoc.Simulation` but for its
+    trajectory, and what that is made of.
 
     Attributes
     ----------
-    t : array of shape (n,)
-        Times of the recorded nodes in seconds.
-    q, v, p : arrays of shape (n, nq)
-        Coordinates, velocities and momenta.
-    energy : array of shape (n,)
-        E = v . p - L at the recorded nodes.
     u : array of shape (steps, nu)
         Inputs of the steps.
-    collisions : tuple of Collision
-        In the order in which they happened.
-    contacts, rubbing : tuples of Stretch
-        When surfaces stayed closed, and when tangents stuck or slid, in the order in which that
-        ended.
-    normal, tangential : arrays of shape (n, nc), (n, nt)
-        Contact forces N and friction forces T at the recorded nodes, in newton, with the inputs of
-        the step that ends there: -N grad g and T grad tau act on the coordinates.
     marks : tuple of Mark
         Moments of impacts and between two modes, where contacts last or something rubs.
     model : Model

@@ -10,7 +10,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.scenes import scene_of
+from dmoc.mechanics.motions import motion_along
 from dmoc.simulation.contact_motion import Node
 from dmoc.simulation.forward import Run
 from dmoc.simulation.modes import Mode
@@ -49,7 +49,7 @@ class _Event:
 def motion_of(run: Run) -> Trajectory:
     """The motion of a simulation: phases with constant inputs between the recorded nodes, and one
     event between any two of them."""
-    model, kernels = run.model, run.model.kernels
+    model = run.model
     near = ONCE * float(run.t[-1])
     events = [_merged(list(same)) for same in _at_once(_events(run), near)]
     first, last = _recorded(run, 0), _recorded(run, -1)
@@ -67,27 +67,7 @@ def motion_of(run: Run) -> Trajectory:
     collisions = [
         _collision(model, e, *ends) for e, ends in zip(events, pairwise(phases), strict=True)
     ]
-    free = np.array([-np.inf, np.inf])
-    return Trajectory(
-        kernels.name,
-        str(kernels.manifest["fingerprint"]),
-        tuple(kernels.coordinates),
-        tuple(kernels.inputs),
-        dict(zip(kernels.parameters, map(float, model.par[0]), strict=True)),
-        tuple(phases),
-        tuple(collisions),
-        "constant",
-        np.tile(free, (model.nu, 1)),
-        np.tile(free, (model.nq, 1)),
-        dict(zip(kernels.surfaces, map(float, run.restitution), strict=True)),
-        int(kernels.manifest["order"]),
-        (),
-        dict(zip(kernels.tangents, map(float, model.friction), strict=True)),
-        dict(kernels.manifest["units"]),
-        None
-        if len(events) > MOST_DRAWN
-        else scene_of(model, [(phase.t, phase.q, phase.v) for phase in phases]),
-    )
+    return motion_along(model, phases, collisions, run.restitution, drawn=len(events) <= MOST_DRAWN)
 
 
 def _events(run: Run) -> Iterator[_Event]:

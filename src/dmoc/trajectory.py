@@ -177,7 +177,6 @@ class Trajectory:
         Units of coordinates and inputs, where the model names them.
     scene : Scene or None
         The drawing of the model along the motion; None where the model has none.
-        Units of coordinates and inputs by name, where the model gives them.
     """
 
     model: str
