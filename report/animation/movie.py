@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.errors import MissingExtraError, OutputError
+from dmoc.report.animation.colours import DARK, LIGHT, Colours
 from dmoc.report.animation.film import Film
-from dmoc.report.animation.stage import Colours, Drawn, Room, stage_of
+from dmoc.report.animation.stage import Drawn, Room, stage_of
 from dmoc.report.canvas import new_figure
 from dmoc.trajectory import Array
 
@@ -27,10 +28,6 @@ MOST_FRAMES = 5000
 DOTS = 100  # in an inch; a column has an even number of them, as mp4 wants
 WIDTH, HEIGHT = 5.2, 4.2  # inches of a column
 ABOVE, BELOW = 0.09, 0.08  # of the height, beside the mechanism
-LIGHT = Colours("#ffffff", "#1c1c1c", "#5b5b5b", "#1f4e79", "#dbe9f3", "#c1440e", "#b03a00",
-                "#00785a", "#a3457e")  # fmt: skip
-DARK = Colours("#14171a", "#ececec", "#a9b0b6", "#8cc4ec", "#24394a", "#f2935a", "#ffb27a",
-               "#3fd0a4", "#e39ac4")  # fmt: skip
 
 
 def movie_of(film: Film, ending: str, speed: float | None, fps: int, dark: bool) -> bytes:

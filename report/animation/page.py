@@ -10,6 +10,7 @@ import re
 from html import escape
 from importlib.resources import files
 
+from dmoc.report.animation.colours import as_css
 from dmoc.report.animation.film import Film
 
 # In the order in which they need each other.
@@ -24,7 +25,7 @@ def page_of(film: Film) -> str:
     script = "\n".join(_source(f"{name}.js") for name in SCRIPTS)
     filled = {
         "title": escape(film["title"]),
-        "style": _source("page.css"),
+        "style": as_css() + _source("page.css"),
         "script": script,
         "film": _document(film),
         "policy": f"default-src 'none'; style-src 'unsafe-inline'; script-src '{_digest(script)}'",

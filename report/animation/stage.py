@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from dmoc.report.animation.colours import Colours
 from dmoc.report.animation.film import Arrow, Event, Motion
 from dmoc.report.animation.numbers import Column, short
 from dmoc.report.animation.places import Part
@@ -24,20 +25,6 @@ COILS = 8
 # Places an artist by the values of its columns, or by a time.
 Placed = Callable[[Array], None]
 Drawn = Callable[[float], None]
-
-
-class Colours(NamedTuple):
-    """What is drawn in which colour."""
-
-    ground: str
-    text: str
-    quiet: str
-    edge: str
-    body: str
-    mass: str
-    hit: str
-    normal: str
-    friction: str
 
 
 class Room(NamedTuple):
