@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from dmoc.cli.options import out_option
 from dmoc.cli.writing import written
 
 
@@ -21,12 +22,10 @@ def animate(
     ],
     target: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            metavar="FILE",
-            help="Page, GIF or film (.html, .gif, .mp4); by default beside the first solution, as "
+        out_option(
+            "Page, GIF or film (.html, .gif, .mp4); by default beside the first solution, as "
             ".html.",
+            "FILE",
         ),
     ] = None,
     speed: Annotated[

@@ -5,21 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
+from dmoc.cli.options import SolutionArgument, out_option
 from dmoc.cli.writing import written
 
 
 def export(
-    solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
+    solution: SolutionArgument,
     target: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            metavar="FILE",
-            help="Table, .csv or .json; by default beside the solution, as .csv.",
-        ),
+        out_option("Table, .csv or .json; by default beside the solution, as .csv.", "FILE"),
     ] = None,
 ) -> None:
     """Write the motion of a solution as a table: time, phase, states, inputs, contact forces."""
@@ -34,15 +28,10 @@ def export(
 
 
 def report(
-    solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
+    solution: SolutionArgument,
     target: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            metavar="FILE",
-            help="Report, .html or .pdf; by default beside the solution, as .html.",
-        ),
+        out_option("Report, .html or .pdf; by default beside the solution, as .html.", "FILE"),
     ] = None,
 ) -> None:
     """Write a report of a solution: problem, result, minima found, check and figure."""

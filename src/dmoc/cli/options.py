@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -20,6 +21,11 @@ class Controls(StrEnum):
     stages = "stages"
 
 
+def out_option(text: str, metavar: str | None = None) -> Any:
+    """Where a command writes, with its own help."""
+    return typer.Option("-o", "--out", metavar=metavar, help=text)
+
+
 ModelArgument = Annotated[
     str,
     typer.Argument(
@@ -28,6 +34,7 @@ ModelArgument = Annotated[
         autocompletion=completion.models,
     ),
 ]
+SolutionArgument = Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)]
 JsonOption = Annotated[
     str | None,
     typer.Option(

@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
-from dmoc.cli.options import NOT_SOLVED, JsonOption
+from dmoc.cli.options import NOT_SOLVED, JsonOption, SolutionArgument, out_option
 from dmoc.cli.writing import emit, out, prepare, written
 from dmoc.table import print_table
 
 
 def verify(
-    solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
+    solution: SolutionArgument,
     model: Annotated[
         str | None, typer.Option(help="Model of the solution, if it is not shipped: file.py:name.")
     ] = None,
@@ -45,14 +45,10 @@ def verify(
 
 
 def plot(
-    solution: Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)],
+    solution: SolutionArgument,
     target: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            help="Figure file (.png, .pdf, .svg); by default beside the solution, as .png.",
-        ),
+        out_option("Figure file (.png, .pdf, .svg); by default beside the solution, as .png."),
     ] = None,
     velocities: Annotated[bool, typer.Option("--velocities", help="Draw velocities too.")] = False,
     dark: Annotated[bool, typer.Option("--dark", help="Draw on a dark background.")] = False,

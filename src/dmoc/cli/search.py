@@ -17,6 +17,7 @@ from dmoc.cli.options import (
     MethodOption,
     ModelArgument,
     OrderOption,
+    out_option,
 )
 from dmoc.cli.reading import (
     problem_fields,
@@ -101,12 +102,10 @@ def search(
     ] = False,
     target: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            metavar="DIR",
-            help="Write the best solution, the tree, the best motions, and a page that plays "
+        out_option(
+            "Write the best solution, the tree, the best motions, and a page that plays "
             "them into this folder.",
+            "DIR",
         ),
     ] = None,
     verbose: Annotated[

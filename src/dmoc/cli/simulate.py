@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dmoc.cli import completion
-from dmoc.cli.options import OrderOption, RestitutionOption, SetOption
+from dmoc.cli.options import OrderOption, RestitutionOption, SetOption, out_option
 from dmoc.cli.reading import read_pair, read_restitution
 from dmoc.cli.writing import draw, in_turn, out, prepare, written
 from dmoc.errors import SimulationError
@@ -65,12 +65,7 @@ def simulate(
     ] = None,
     target: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            metavar="DIR",
-            help="Write simulation.npz, .csv and .png into this folder.",
-        ),
+        out_option("Write simulation.npz, .csv and .png into this folder.", "DIR"),
     ] = None,
 ) -> None:
     """Simulate a model forward in time through its collisions; or a solution, open loop."""

@@ -18,6 +18,7 @@ from dmoc.cli.options import (
     ModelArgument,
     OrderOption,
     ViaOption,
+    out_option,
 )
 from dmoc.cli.output import print_sensitivities
 from dmoc.cli.reading import (
@@ -92,12 +93,7 @@ def solve(
     seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
     target: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--out",
-            metavar="DIR",
-            help="Write solution.npz (and the figure) into this folder.",
-        ),
+        out_option("Write solution.npz (and the figure) into this folder.", "DIR"),
     ] = None,
     json_: JsonOption = None,
 ) -> None:

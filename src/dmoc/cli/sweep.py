@@ -21,6 +21,7 @@ from dmoc.cli.options import (
     SetOption,
     StartOption,
     ViaOption,
+    out_option,
 )
 from dmoc.cli.reading import (
     problem_fields,
@@ -62,7 +63,7 @@ def sweep(
     seconds: Annotated[float | None, typer.Option(help="Time limit of all solves.")] = None,
     target: Annotated[
         Path | None,
-        typer.Option("-o", "--out", metavar="FILE", help="Write the table, as .csv or .npz."),
+        out_option("Write the table, as .csv or .npz.", "FILE"),
     ] = None,
     plot: Annotated[
         Path | None,
