@@ -7,7 +7,6 @@ text; numbers are printed with 17 significant digits.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -30,11 +29,12 @@ class Listing:
     outputs: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-class Printer(ABC):
-    """Prints expressions in one language; subclasses say how it writes symbols, calls, powers
-    and conditions."""
+class Printer:
+    """Prints expressions in one language; subclasses say how it writes calls and conditions."""
 
-    functions: ClassVar[Mapping[str, str]] = {}
+    functions: ClassVar[Mapping[str, str]]
+    choice: ClassVar[str]  # of a value by a condition
+    words: ClassVar[Mapping[str, str]]  # between conditions
 
     def __init__(self, names: Mapping[str, str]) -> None:
         self._names = dict(names)
@@ -49,13 +49,11 @@ class Printer(ABC):
         """Small powers are functions that the templates define."""
         return f"power{exponent}({base})"
 
-    @abstractmethod
     def conditional(self, branches: Sequence[tuple[str, str]], otherwise: str) -> str:
         """Choose the value of the first (value, condition) that holds."""
-
-    @abstractmethod
-    def both(self, conditions: Sequence[str], word: str) -> str:
-        """Join conditions by "And" or "Or"."""
+        for value, condition in reversed(branches):
+            otherwise = self.choice.format(value=value, condition=condition, otherwise=otherwise)
+        return otherwise
 
     # One method per kind of node ------------------------------------------------------------------
 
@@ -161,7 +159,7 @@ class Printer(ABC):
                     return self.text(other)
             return f"({self.text(a)} {signs[kind]} {self.text(b)})"
         if kind in ("And", "Or"):
-            return self.both(sorted(self.condition(a) for a in c.args), kind)
+            return f"({self.words[kind].join(sorted(self.condition(a) for a in c.args))})"
         raise GenerationError(f"the condition {c} ({kind}) cannot be printed.")
 
     def _wrap(self, e: Any, at_least: int) -> str:
@@ -178,14 +176,8 @@ class CPrinter(Printer):
         "pow".split()
     }
 
-    def conditional(self, branches: Sequence[tuple[str, str]], otherwise: str) -> str:
-        text = otherwise
-        for value, condition in reversed(branches):
-            text = f"({condition} ? {value} : {text})"
-        return text
-
-    def both(self, conditions: Sequence[str], word: str) -> str:
-        return "(" + {"And": " && ", "Or": " || "}[word].join(conditions) + ")"
+    choice = "({condition} ? {value} : {otherwise})"
+    words: ClassVar[Mapping[str, str]] = {"And": " && ", "Or": " || "}
 
 
 class NumPyPrinter(Printer):
@@ -197,14 +189,8 @@ class NumPyPrinter(Printer):
         "pow": "np.power",
     }
 
-    def conditional(self, branches: Sequence[tuple[str, str]], otherwise: str) -> str:
-        text = otherwise
-        for value, condition in reversed(branches):
-            text = f"np.where({condition}, {value}, {text})"
-        return text
-
-    def both(self, conditions: Sequence[str], word: str) -> str:
-        return "(" + {"And": " & ", "Or": " | "}[word].join(conditions) + ")"
+    choice = "np.where({condition}, {value}, {otherwise})"
+    words: ClassVar[Mapping[str, str]] = {"And": " & ", "Or": " | "}
 
 
 def listing(spec: KernelSpec, printer: type[Printer], component: str) -> Listing:
