@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.codegen.kernels import Kernels
 
 
 def block_system(name: str = "block") -> dmoc.MechanicalSystem:
@@ -25,6 +27,17 @@ def block_system(name: str = "block") -> dmoc.MechanicalSystem:
         parameters={m: 1.0, wall: 1.0},
         cost=u**2 / 2,
     )
+
+
+def there_and_back(kernels: Kernels, **fields: Any) -> dmoc.Problem:
+    """The block from rest to the wall and back within a second, unless fields say otherwise."""
+    stated = {
+        "start": {"x": 0.0},
+        "goal": {"x": 0.0, "x_dot": 0.0},
+        "sequence": ["wall"],
+        "final_time": 1.0,
+    }
+    return dmoc.Problem(kernels, **(stated | fields))
 
 
 def puck_system() -> dmoc.MechanicalSystem:

@@ -13,7 +13,7 @@ import pytest
 import sympy as sp
 from rich.console import Console
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system, driven_system, landing_problem, rod_system
+from systems import block_system, driven_system, landing_problem, rod_system, there_and_back
 
 import dmoc
 from dmoc.sequences.engine import SearchResult
@@ -25,15 +25,7 @@ from dmoc.table import TONES, Table, html_of, print_table, text_of, toned
 
 @pytest.fixture(scope="module")
 def objects() -> dict[str, Any]:
-    problem = dmoc.Problem(
-        dmoc.build(block_system()),
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        sequence=["wall"],
-        steps=20,
-        final_time=1.0,
-        bounds={"u": (-100, 100)},
-    )
+    problem = there_and_back(dmoc.build(block_system()), steps=20, bounds={"u": (-100, 100)})
     solution = dmoc.solve(problem, "ipm", starts=1)
     return {
         "system": block_system(),

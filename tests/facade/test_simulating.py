@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system, landing_system
+from systems import block_system, landing_system, there_and_back
 from typer.testing import CliRunner
 
 import dmoc
@@ -144,15 +144,8 @@ def test_tables_and_figures_of_a_simulation(falling: dmoc.Simulation, tmp_path: 
 
 @pytest.fixture(scope="module")
 def bounced() -> dmoc.Solution:
-    problem = dmoc.Problem(
-        dmoc.build(block_system()),
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        sequence=["wall"],
-        steps=25,
-        final_time=1.0,
-        restitution=0.8,
-        parameters={"m": 1.3},
+    problem = there_and_back(
+        dmoc.build(block_system()), steps=25, restitution=0.8, parameters={"m": 1.3}
     )
     return dmoc.solve(problem, "ipm", starts=1)
 

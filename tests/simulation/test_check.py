@@ -9,6 +9,7 @@ from itertools import pairwise
 import block_and_wall
 import numpy as np
 import pytest
+from systems import there_and_back
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -95,16 +96,7 @@ def test_penetration_between_nodes_is_seen(puck: Kernels) -> None:
 
 
 def test_a_collision_exactly_at_a_node_is_met(block: Kernels) -> None:
-    solution = dmoc.solve(
-        dmoc.Problem(
-            block,
-            start={"x": 0.0},
-            goal={"x": 0.0, "x_dot": 0.0},
-            sequence=["wall"],
-            steps=50,
-            final_time=1.0,
-        )
-    )
+    solution = dmoc.solve(there_and_back(block, steps=50))
     assert solution.solved and solution.verification is not None
     assert solution.verification["terminal_error"] < 1e-9
 

@@ -14,7 +14,7 @@ import pytest
 import scipy.sparse
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from systems import block_system
+from systems import block_system, there_and_back
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -33,14 +33,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def block_problem(block: Kernels) -> dmoc.Problem:
-    return dmoc.Problem(
-        block,
-        start={"x": 0.0},
-        goal={"x": 0.0, "x_dot": 0.0},
-        sequence=["wall"],
-        steps=40,
-        final_time=1.0,
-    )
+    return there_and_back(block, steps=40)
 
 
 def puck_problem(puck: Kernels) -> dmoc.Problem:
@@ -466,15 +459,7 @@ def test_sources_compile_without_warnings(tmp_path: Path, source: str) -> None:
 def test_a_goal_on_the_surface_that_is_hit(block: Kernels, e: float) -> None:
     """The gap of a fixed goal is no constraint: it has no interior, and its multiplier would
     hide that the motion is no minimum."""
-    problem = dmoc.Problem(
-        block,
-        start={"x": 0.0},
-        goal={"x": 1.0, "x_dot": 0.0},
-        sequence=["wall"],
-        steps=20,
-        final_time=1.0,
-        restitution=e,
-    )
+    problem = there_and_back(block, goal={"x": 1.0, "x_dot": 0.0}, steps=20, restitution=e)
     one, other = (dmoc.solve(problem, method) for method in ("ipm", "slsqp"))
     assert one.status == other.status == "solved"
     assert one.cost == pytest.approx(other.cost, rel=1e-6)

@@ -6,6 +6,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
+from systems import there_and_back
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -103,15 +104,7 @@ def test_block_and_wall_approaches_its_closed_form_to_second_order(block: Kernel
     """By unfolding the wall: J = 24, the hit at 0.5 s with speed 3; the error falls as h^2."""
     errors = []
     for steps in (10, 20, 40):
-        problem = dmoc.Problem(
-            block,
-            start={"x": 0.0},
-            goal={"x": 0.0, "x_dot": 0.0},
-            sequence=["wall"],
-            steps=steps,
-            final_time=1.0,
-        )
-        solution = dmoc.solve(problem)
+        solution = dmoc.solve(there_and_back(block, steps=steps))
         assert solution.solved
         errors.append(abs(solution.cost - 24.0))
         assert solution.collisions[0].time == pytest.approx(0.5, abs=1e-8)

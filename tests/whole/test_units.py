@@ -11,7 +11,7 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system
+from systems import block_system, there_and_back
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -136,14 +136,8 @@ def test_the_block_of_the_readme_costs_the_same_in_every_unit(
     method: str, mass: float, wall: float, time: float
 ) -> None:
     """N = 20 + 20: 24.015 m^0 L^2 / T^3 with J = int u^2 / 2 and u of a mass m."""
-    problem = dmoc.Problem(
-        dmoc.build(block_system()),
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        sequence=["wall"],
-        steps=20,
-        final_time=time,
-        parameters={"m": mass, "wall": wall},
+    problem = there_and_back(
+        dmoc.build(block_system()), steps=20, final_time=time, parameters={"m": mass, "wall": wall}
     )
     solution = dmoc.solve(problem, method)
     assert solution.status == "solved"

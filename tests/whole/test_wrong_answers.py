@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system
+from systems import block_system, there_and_back
 
 import dmoc
 from dmoc.errors import ProblemError
@@ -393,14 +393,8 @@ def test_a_numerical_failure_is_a_status_and_nothing_is_written(
 ) -> None:
     """A start and a goal on the wall that is to be hit, soft impact: slsqp once took minutes in
     an iteration and then raised."""
-    problem = dmoc.Problem(
-        dmoc.build(block_system()),
-        start={"x": 0},
-        goal={"x": 1.0, "x_dot": 0},
-        sequence=["wall"],
-        steps=40,
-        final_time=1.0,
-        restitution=0.5,
+    problem = there_and_back(
+        dmoc.build(block_system()), goal={"x": 1.0, "x_dot": 0}, steps=40, restitution=0.5
     )
     one, other = (dmoc.solve(problem, method) for method in ("slsqp", "ipm"))
     assert one.status == other.status == "not_verified"  # feasible, and too coarse for its impact
@@ -411,14 +405,7 @@ def test_a_numerical_failure_is_a_status_and_nothing_is_written(
 
 def test_the_time_limit_covers_guess_solve_and_check(reads: list[int]) -> None:
     """Each part hears of the limit."""
-    problem = dmoc.Problem(
-        dmoc.build(block_system()),
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        sequence=["wall"],
-        steps=2000,
-        final_time=1.0,
-    )
+    problem = there_and_back(dmoc.build(block_system()), steps=2000)
 
     def heard(seconds: float) -> dmoc.Solution:
         reads[0] = 0
