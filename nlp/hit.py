@@ -20,7 +20,7 @@ with the differences dP, dT of a stage.  The rates are linear in the impulses, s
 stage sigma has the sign that it has at both ends.  A landing is compression alone and has the law
 of :mod:`dmoc.nlp.impact` for its end.  No term needs the inverse of the mass matrix.
 
-J. Wang and M. T. Mason, Journal of Applied Mechanics 59 (1992) 635-642.
+Y. Wang and M. T. Mason, Journal of Applied Mechanics 59 (1992) 635-642.
 """
 
 from __future__ import annotations

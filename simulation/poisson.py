@@ -1,7 +1,7 @@
 """One impact with friction in the plane after Poisson: the normal impulse of restitution is e times
 that of compression, Coulomb's law holds all along.
 
-J. Wang and M. T. Mason, Journal of Applied Mechanics 59 (1992) 635-642.  The normal impulse takes
+Y. Wang and M. T. Mason, Journal of Applied Mechanics 59 (1992) 635-642.  The normal impulse takes
 the place of the time; the rates change by (equation :eq:`poisson` of the theory)
 
     dn = A_nn dP + A_nt dS,    dt = A_nt dP + A_tt dS,    A = D M^-1 D^T
