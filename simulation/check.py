@@ -25,19 +25,17 @@ from dmoc.simulation.measures import (
     energy_error,
     impact_errors,
     input_excess,
-    off_surface,
     segments,
-    singular,
     step_errors,
+    wrong_places,
 )
 from dmoc.simulation.motion import Motion
 from dmoc.simulation.runs import compare, on_the_way, open_loop
 from dmoc.simulation.verdict import (
     TERMINAL,
-    UNSTABLE_SEGMENT,
-    WEIGHED,
     Verification,
     exceeded,
+    is_unstable,
     lost_by,
     too_coarse,
     unstable,
@@ -122,7 +120,7 @@ def _judged(motion: Motion) -> Verification:
         "penetration": steps.penetration, "excess of a limit": steps.excess,
         "excess of an input": inputs,
     }  # fmt: skip
-    failures, note = _failures(motion, measured), ""
+    failures, note = wrong_places(motion, "collision") + exceeded(measured), ""
     # From the motion's own nodes no segment may meet what was not planned, wherever an open-loop
     # run passes by.
     missed_on_way, extra_on_way = (
@@ -132,9 +130,8 @@ def _judged(motion: Motion) -> Verification:
         failures, extra = lost_by((), extra_on_way, 0.0), extra_on_way
     elif missed or extra or not terminal <= TERMINAL:
         lost = lost_by(missed, extra, terminal)
-        followed = not failures and worst <= UNSTABLE_SEGMENT
-        explained = np.isfinite(amplified) and amplified * WEIGHED >= min(terminal, 1.0)
-        if followed and not (missed_on_way or extra_on_way) and explained:
+        followed = not (failures or missed_on_way or extra_on_way)
+        if followed and is_unstable(worst, amplified, terminal):
             note = unstable(amplified, lost, worst)
             missed, extra = missed_on_way, extra_on_way
         else:
@@ -154,17 +151,3 @@ def _judged(motion: Motion) -> Verification:
         max(steps.excess, inputs),
         tuple(contacts),
     )
-
-
-def _failures(motion: Motion, measured: dict[str, float]) -> list[str]:
-    """What contradicts a motion before its open-loop run is looked at."""
-    failures = [
-        f"the collision with {surface!r} is {gap:.3g} off it"
-        for surface, gap in off_surface(motion)
-    ]
-    where = singular(motion)
-    if where is not None:
-        failures.append(
-            f"the mass matrix is singular or negative on the way, first at {where:.4g} s"
-        )
-    return failures + exceeded(measured)

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dmoc.simulation.contact_events import event_errors, off_surface
+from dmoc.simulation.contact_events import event_errors
 from dmoc.simulation.contact_forces import (
     TURNED,
     ForceErrors,
@@ -32,15 +32,14 @@ from dmoc.simulation.contact_measures import (
     step_errors,
 )
 from dmoc.simulation.flow import Contact
-from dmoc.simulation.measures import input_excess, singular
+from dmoc.simulation.measures import input_excess, wrong_places
 from dmoc.simulation.motion import Motion
 from dmoc.simulation.runs import contacts_of_phase
 from dmoc.simulation.verdict import (
     TERMINAL,
-    UNSTABLE_SEGMENT,
-    WEIGHED,
     Verification,
     exceeded,
+    is_unstable,
     lost_by,
     too_coarse,
     unstable,
@@ -66,13 +65,12 @@ def judged_with_contacts(motion: Motion) -> Verification:
         "penetration": steps.penetration, "excess of a limit": steps.excess,
         "excess of an input": inputs, "error of a contact force": held.largest,
     }  # fmt: skip
-    told = [*_wrong_places(motion), *held.told, *events.told]
+    told = [*wrong_places(motion, "contact"), *held.told, *events.told]
     told += [*still_pressed(motion, held.sizes), *lost_by(missed, tuple(extra), 0.0)]
     too_far, note = exceeded(measured), ""
     if not terminal <= TERMINAL:
         lost = lost_by((), (), terminal)
-        explained = np.isfinite(amplified) and amplified * WEIGHED >= min(terminal, 1.0)
-        if worst <= UNSTABLE_SEGMENT and explained and not (told or too_far):
+        if is_unstable(worst, amplified, terminal) and not (told or too_far):
             note = unstable(amplified, lost, worst)
         else:
             too_far = lost + too_far
@@ -89,15 +87,6 @@ def judged_with_contacts(motion: Motion) -> Verification:
 def _forces(motion: Motion) -> ForceErrors:
     found = force_errors(motion)
     return replace(found, told=(*left_out(motion), *found.told))
-
-
-def _wrong_places(motion: Motion) -> list[str]:
-    """Events off their surfaces, and a mass matrix that is none."""
-    told = [f"the contact with {s!r} is {gap:.3g} off it" for s, gap in off_surface(motion)]
-    where = singular(motion)
-    if where is not None:
-        told.append(f"the mass matrix is singular or negative on the way, first at {where:.4g} s")
-    return told
 
 
 def _softly(motion: Motion, i: int) -> bool:

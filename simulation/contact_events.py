@@ -10,7 +10,6 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.contact_forces import BEARABLE, TURNED
 from dmoc.simulation.contact_law import Event, Outcome, after_event, event_of
-from dmoc.simulation.measures import OFF_SURFACE
 from dmoc.simulation.modes import RAIL, supports
 from dmoc.simulation.motion import Motion
 from dmoc.trajectory import Collision
@@ -50,18 +49,6 @@ def event_errors(motion: Motion, work: tuple[float, ...]) -> EventErrors:
         told += _approached(motion, i, event)
     energy, law, own = (float(np.nan_to_num(x, nan=np.inf)) for x in (energy, law, own))
     return EventErrors(energy, law, own, tuple(told))
-
-
-def off_surface(motion: Motion) -> list[tuple[str, float]]:
-    """Surfaces that are hit or land where the motion is not on them, with the gap."""
-    surfaces, found = motion.model.kernels.surfaces, []
-    for c in motion.trajectory.collisions:
-        for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
-            j = surfaces.index(name)
-            gap = float(motion.model.gaps(c.position, c.time)[j])
-            if not abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]:
-                found.append((name, gap))
-    return found
 
 
 def _imbalance(motion: Motion, work: tuple[float, ...]) -> float:

@@ -3,6 +3,7 @@ limits and segments."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -134,15 +135,24 @@ def impact_errors(motion: Motion) -> tuple[float, float]:
     return worst, own
 
 
-def off_surface(motion: Motion) -> list[tuple[str, float]]:
-    """Planned collisions whose positions do not lie on their surfaces, with the gap."""
-    found = []
+def wrong_places(motion: Motion, noun: str) -> list[str]:
+    """Surfaces that are hit or land where the motion is not on them, by the noun for that, and a
+    mass matrix that is none, in words."""
+    told = [f"the {noun} with {s!r} is {gap:.3g} off it" for s, gap in _off_surface(motion)]
+    where = _singular(motion)
+    if where is not None:
+        told.append(f"the mass matrix is singular or negative on the way, first at {where:.4g} s")
+    return told
+
+
+def _off_surface(motion: Motion) -> Iterator[tuple[str, float]]:
+    """Those surfaces, with the gap."""
     for c in motion.trajectory.collisions:
-        j = motion.model.kernels.surfaces.index(c.surface)
-        gap = float(motion.model.gaps(c.position, c.time)[j])
-        if not abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]:
-            found.append((c.surface, gap))
-    return found
+        for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
+            j = motion.model.kernels.surfaces.index(name)
+            gap = float(motion.model.gaps(c.position, c.time)[j])
+            if not abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]:
+                yield name, gap
 
 
 def input_excess(motion: Motion) -> float:
@@ -159,7 +169,7 @@ def input_excess(motion: Motion) -> float:
     return largest(np.maximum(low - u, u - high) / width)
 
 
-def singular(motion: Motion) -> float | None:
+def _singular(motion: Motion) -> float | None:
     """First node at which the mass matrix is not positive definite, up to rounding errors of
     its entries."""
     for phase in motion.trajectory.phases:

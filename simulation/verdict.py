@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.arcs import PENETRATION
@@ -140,6 +141,12 @@ def exceeded(measured: dict[str, float]) -> list[str]:
         for name, value in measured.items()
         if not value <= PASSING[name]
     ]
+
+
+def is_unstable(worst: float, amplified: float, terminal: float) -> bool:
+    """Whether the amplification explains the end of an open-loop run, while segments are right."""
+    explained = isfinite(amplified) and amplified * WEIGHED >= min(terminal, 1.0)
+    return worst <= UNSTABLE_SEGMENT and explained
 
 
 def unstable(amplified: float, lost: list[str], worst: float) -> str:
