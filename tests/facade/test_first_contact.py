@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from commands import Run
+from matplotlib.image import imread
 
 import dmoc
 from dmoc import errors
@@ -283,3 +284,15 @@ def test_an_error_names_its_entry(run: Run) -> None:
         dmoc.load("pendulum")
     again = pickle.loads(pickle.dumps(error.value))
     assert again.__notes__ == error.value.__notes__ == ["Help: dmoc explain ModelError"]
+
+
+def test_figures_of_every_command_are_dark_where_asked(run: Run, tmp_path: Path) -> None:
+    run("solve", "cart_pendulum", "--method", "ipm", "--starts", "1", "-o", "d", "--dark")
+    run("search", "puck_table", "--max-collisions", "1", "--out", "d", "--dark")
+    simulated = ("cart_pendulum", "--start", "alpha=0.4", "--final-time", "1")
+    run("simulate", *simulated, "-o", "d", "--dark")
+    run("sweep", "cart_pendulum", "--set", "l=0.4:0.6:2", "--plot", "d/sweep.png", "--dark")
+    run("plot", "d/solution.npz", "-o", "d/plot.png", "--dark")
+    figures = sorted((tmp_path / "d").glob("*.png"))
+    assert [f.stem for f in figures] == ["best", "plot", "simulation", "solution", "sweep", "tree"]
+    assert all(imread(f)[2, 2, :3].max() < 0.2 for f in figures)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from dmoc.cli.options import out_option
-from dmoc.cli.writing import written
+from dmoc.cli.writing import style_of, written
 
 
 def animate(
@@ -49,5 +49,4 @@ def animate(
 
     path = target or solutions[0].with_suffix(".html")
     motions = [Solution.load(solution) for solution in solutions]
-    style = "dark" if dark else "light"
-    written(animated(motions, path, speed=speed, fps=fps, style=style))
+    written(animated(motions, path, speed=speed, fps=fps, style=style_of(dark)))

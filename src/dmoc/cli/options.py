@@ -35,6 +35,7 @@ ModelArgument = Annotated[
     ),
 ]
 SolutionArgument = Annotated[Path, typer.Argument(help="Solution file (.npz).", show_default=False)]
+DarkOption = Annotated[bool, typer.Option("--dark", help="Draw figures on a dark background.")]
 JsonOption = Annotated[
     str | None,
     typer.Option(

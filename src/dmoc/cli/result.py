@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from dmoc.cli.options import NOT_SOLVED, JsonOption, SolutionArgument, out_option
-from dmoc.cli.writing import emit, out, prepare, written
+from dmoc.cli.options import NOT_SOLVED, DarkOption, JsonOption, SolutionArgument, out_option
+from dmoc.cli.writing import emit, out, prepare, style_of, written
 from dmoc.table import print_table
 
 
@@ -51,12 +51,11 @@ def plot(
         out_option("Figure file (.png, .pdf, .svg); by default beside the solution, as .png."),
     ] = None,
     velocities: Annotated[bool, typer.Option("--velocities", help="Draw velocities too.")] = False,
-    dark: Annotated[bool, typer.Option("--dark", help="Draw on a dark background.")] = False,
+    dark: DarkOption = False,
 ) -> None:
     """Draw a solution: snapshots, positions, momenta, inputs."""
     from dmoc.solution import Solution
 
     path = target or solution.with_suffix(".png")
-    style = "dark" if dark else "light"
-    Solution.load(solution).plot(path, velocities=velocities, style=style)
+    Solution.load(solution).plot(path, velocities=velocities, style=style_of(dark))
     written(path)

@@ -12,6 +12,7 @@ from dmoc.cli.groups import Conditions, Course, Values
 from dmoc.cli.options import (
     NOT_SOLVED,
     ControlsOption,
+    DarkOption,
     FinalTimeOption,
     JsonOption,
     MethodOption,
@@ -111,6 +112,7 @@ def search(
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Show durations and evidence too.")
     ] = False,
+    dark: DarkOption = False,
     json_: JsonOption = None,
 ) -> None:
     """Search for the best sequence of collisions."""
@@ -160,17 +162,17 @@ def search(
         save,
         lambda: emit(result.to_dict(), json_),
         tell,
-        lambda: _draw(result, target, quiet),
+        lambda: _draw(result, target, quiet, dark),
         lambda: _complain(result),
     )
     raise typer.Exit(0 if result.best is not None else NOT_SOLVED)
 
 
-def _draw(result: SearchResult, folder: Path | None, quiet: bool) -> None:
+def _draw(result: SearchResult, folder: Path | None, quiet: bool, dark: bool) -> None:
     if folder is not None:
-        draw(folder / "tree.png", result.plot, quiet)
-        draw(folder / "best.png", result.plot_best, quiet)
-        draw(folder / "tree.html", result.animate, quiet)
+        draw(folder / "tree.png", result.plot, quiet, dark)
+        draw(folder / "best.png", result.plot_best, quiet, dark)
+        draw(folder / "tree.html", result.animate, quiet, dark)
 
 
 def _complain(result: SearchResult) -> None:

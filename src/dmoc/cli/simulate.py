@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dmoc.cli import completion
-from dmoc.cli.options import OrderOption, RestitutionOption, SetOption, out_option
+from dmoc.cli.options import DarkOption, OrderOption, RestitutionOption, SetOption, out_option
 from dmoc.cli.reading import read_pair, read_restitution
 from dmoc.cli.writing import draw, in_turn, out, prepare, written
 from dmoc.errors import SimulationError
@@ -67,6 +67,7 @@ def simulate(
         Path | None,
         out_option("Write simulation.npz, .csv and .png into this folder.", "DIR"),
     ] = None,
+    dark: DarkOption = False,
 ) -> None:
     """Simulate a model forward in time through its collisions; or a solution, open loop."""
     from dmoc import registry
@@ -89,7 +90,7 @@ def simulate(
         solution = Solution.load(model)
         if own_model is not None:
             given["model"] = registry.load(own_model, order=solution.trajectory.order)
-        _show(simulated(solution, steps=steps, **given), target)
+        _show(simulated(solution, steps=steps, **given), target, dark)
         return
     if own_model is not None:
         raise SimulationError("--model goes with a solution file: a model is named alone.")
@@ -113,6 +114,7 @@ def simulate(
             **given,
         ),
         target,
+        dark,
     )
 
 
@@ -134,7 +136,7 @@ def _values(given: list[str] | None, option: str, kernels: Kernels) -> dict[str,
     return values
 
 
-def _show(found: Simulation, target: Path | None) -> None:
+def _show(found: Simulation, target: Path | None, dark: bool) -> None:
     """Write and tell a simulation."""
     files: list[Path] = []
 
@@ -150,5 +152,7 @@ def _show(found: Simulation, target: Path | None) -> None:
     in_turn(
         save,
         tell,
-        lambda: None if target is None else draw(target / "simulation.png", found.plot, False),
+        lambda: (
+            None if target is None else draw(target / "simulation.png", found.plot, False, dark)
+        ),
     )

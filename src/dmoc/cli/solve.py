@@ -13,6 +13,7 @@ from dmoc.cli.options import (
     METHOD_HELP,
     NOT_SOLVED,
     ControlsOption,
+    DarkOption,
     GuessOption,
     JsonOption,
     ModelArgument,
@@ -95,6 +96,7 @@ def solve(
         Path | None,
         out_option("Write solution.npz (and the figure) into this folder.", "DIR"),
     ] = None,
+    dark: DarkOption = False,
     json_: JsonOption = None,
 ) -> None:
     """Solve an optimal control problem and check the solution by simulation."""
@@ -152,7 +154,9 @@ def solve(
             solution.to_dict() | ({"sensitivities": derivatives[0]} if derivatives else {}), json_
         ),
         tell,
-        lambda: None if target is None else draw(target / "solution.png", solution.plot, quiet),
+        lambda: (
+            None if target is None else draw(target / "solution.png", solution.plot, quiet, dark)
+        ),
     )
     raise typer.Exit(0 if solution.solved else NOT_SOLVED)
 

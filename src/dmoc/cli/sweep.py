@@ -12,6 +12,7 @@ from dmoc.cli.options import (
     NOT_SOLVED,
     BoundOption,
     ControlsOption,
+    DarkOption,
     GoalOption,
     GuessOption,
     JsonOption,
@@ -72,6 +73,7 @@ def sweep(
             help="Draw cost and times of events over one value, or the cost over two.",
         ),
     ] = None,
+    dark: DarkOption = False,
     json_: JsonOption = None,
 ) -> None:
     """Solve a problem over ranges of values.
@@ -119,7 +121,7 @@ def sweep(
         lambda: emit(batch.to_dict(), json_),
         tell,
         save,
-        lambda: None if plot is None else draw(plot, batch.plot, quiet),
+        lambda: None if plot is None else draw(plot, batch.plot, quiet, dark),
     )
     raise typer.Exit(0 if batch.solved.all() else NOT_SOLVED)
 

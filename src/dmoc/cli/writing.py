@@ -59,10 +59,14 @@ def in_turn(*actions: Callable[[], None]) -> None:
         raise errors[0]
 
 
-def draw(path: Path, figure: Callable[[Path], object], quiet: bool) -> None:
+def style_of(dark: bool) -> str:
+    return "dark" if dark else "light"
+
+
+def draw(path: Path, figure: Callable[..., object], quiet: bool, dark: bool) -> None:
     """Draw a figure of a result that is kept already: what goes wrong is a note."""
     try:
-        figure(path)
+        figure(path, style=style_of(dark))
     except Exception as error:
         text = str(error) if isinstance(error, DmocError) else f"{type(error).__name__}: {error}"
         err.print(f"note: {path} was not drawn: {text}", soft_wrap=True)
