@@ -24,6 +24,8 @@ BARRIER = 0.25
 IDLE_MESHES = 2
 # Meshes that the simulation may contradict before finer ones are not tried.
 CONTRADICTED = 2
+# A minimum that costs more than that of the mesh before by so many times its error is another one.
+OTHER = 10.0
 # A mesh too coarse to be solved is refined so often before the problem counts as unsolved.
 COARSE_FAILURES = 3
 
@@ -60,7 +62,9 @@ def refined(
     Where limits hold inputs or the motion, a switch falls between two nodes and the changes are
     irregular: p is then 2 at most, and no estimate falls faster from mesh to mesh than by r^p.
     None is below what the solver's barrier has left of the cost.  The mesh is fine enough when this
-    estimate and the errors over segments found by the independent simulation meet the tolerance.
+    estimate and the errors over segments found by the independent simulation meet the tolerance.  A
+    finer mesh that leads to a dearer minimum than one that the simulation confirms ends the
+    refinement without it.
 
     Parameters
     ----------
@@ -90,6 +94,15 @@ def refined(
                 return s
             problem = problem.meshed([2 * n for n in problem.phase_steps])
             continue
+        if _dearer(past, s):
+            before = check(past.solved[-1])
+            if before.minimum:
+                reason = (
+                    f"the mesh of {max(problem.phase_steps)} steps a phase led to another minimum, "
+                    f"which costs {s.cost:.6g}"
+                )
+                known = replace(past, solved=(*past.solved[:-1], before))
+                return _unmet(known, tolerance, check, reason)
         past = _measured(past, s, problem, tolerance, check)
         simulated = past.meshes[-1].simulated
         if simulated is not None and simulated <= tolerance and past.solved[-1].minimum:
@@ -130,6 +143,15 @@ def _from_coarse(
         return _rounded(solve(problem, None, optimality))
     s = _rounded(solve(problem, past.solved[-1], optimality))
     return _rounded(solve(problem, None, optimality)) if s.status in NOWHERE else s
+
+
+def _dearer(past: History, s: Solution) -> bool:
+    """Whether a mesh has led to another minimum than the ones before, one that costs clearly more
+    than their error allows."""
+    if not past.solved:
+        return False
+    last = past.solved[-1].cost
+    return s.cost - last > OTHER * past.error * abs(last)
 
 
 def _rounded(s: Solution) -> Solution:

@@ -183,3 +183,24 @@ def test_a_motion_that_costs_nothing_needs_no_finest_mesh() -> None:
     assert solution.cost < 1e-12 and len(solution.meshes) <= 3
     # There at the speed of the start, back at 0.8 of it.
     assert solution.final_time == pytest.approx(1 + 0.7 / 0.8, rel=1e-6)
+
+
+@pytest.mark.parametrize("confirmed", [True, False])
+def test_a_dearer_minimum_takes_the_place_only_of_one_that_is_contradicted(confirmed: bool) -> None:
+    """Meshes of 10 and 20 steps agree, that of 80 is led to something that costs more."""
+    problem, exact = block_and_wall.problem(0.8, 10), block_and_wall.known(0.8)[0]
+
+    def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        found = dmoc.solve(given, "ipm", guess=guess, starts=1, verify=False)
+        return found if max(given.phase_steps) <= 20 else replace(found, cost=2 * found.cost)
+
+    def check(solution: dmoc.Solution) -> dmoc.Solution:
+        seen = checked(solution)
+        coarse = max(solution.steps) <= 20
+        return seen if confirmed or not coarse else replace(seen, status=Status.NOT_VERIFIED)
+
+    answer = refined(problem, 1e-6, None, solve, check)
+    another = "the mesh of 80 steps a phase led to another minimum, which costs 49.1"
+    assert (another in answer.message) == confirmed
+    assert max(answer.steps) == 20 if confirmed else max(answer.steps) > 20
+    assert answer.cost == pytest.approx(exact if confirmed else 2 * exact, rel=1e-3)
