@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.nlp.tables import Block
 from dmoc.nlp.transcription import Transcription
 
 # A multiplier this small holds nothing back, and an impulse this small is none.
@@ -22,7 +23,10 @@ class BoundKind(Enum):
     """What is held; the values are the texts, in which ``s`` is that of a plural."""
 
     GAP = "gap to {name} at {places} node{s}"
+    INSIDE = "gap to {name} inside {places} step{s}"
     PATH = "path constraint {name} in {places} step{s}"
+    CONE = "friction cone of {name} at {places} node{s}"
+    DIRECTION = "sliding of {name} in {places} step{s}"
     DURATION = "duration of phase {name} {side} {value} s"
     INPUT = "{name} {side} {value} in {places} step{s}"
     COORDINATE = "{name} {side} {value} in {places} node{s}"
@@ -41,7 +45,13 @@ class BoundKind(Enum):
 
 
 # Those that hold inputs or the motion along the way, and not only the times.
-ALONG_THE_WAY = (BoundKind.GAP, BoundKind.PATH, BoundKind.INPUT, BoundKind.COORDINATE)
+ALONG_THE_WAY = (
+    BoundKind.GAP,
+    BoundKind.INSIDE,
+    BoundKind.PATH,
+    BoundKind.INPUT,
+    BoundKind.COORDINATE,
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,27 +113,36 @@ def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[Act
 
 
 def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBound]:
-    kernels, d = nlp.problem.kernels, nlp.inequality(x)
+    kinds, d = _counted(nlp), nlp.inequality(x)
     for block in nlp.inequalities:
         if not block.count:
             continue
         rows = block.numbers - nlp.n_eq
         held = np.flatnonzero(w[rows] > np.maximum(d[rows], NO_FORCE))
-        if not len(held):
-            continue
-        columns = block.places[held, -1].tolist()
-        if block is nlp.rows.d.gap:
-            yield from _counted(BoundKind.GAP, [kernels.surfaces[j] for j in columns])
-        elif block is nlp.rows.d.path:
-            paths = kernels.manifest["path_constraints"]
-            yield from _counted(BoundKind.PATH, [paths[j % len(paths)] for j in columns])
-        else:
+        if block not in kinds or block.nodes is None:
             yield from (ActiveBound(BoundKind.OTHER, block.name_of(int(i))) for i in held)
+            continue
+        kind, names = kinds[block]
+        row, column = block.places[held, 0], block.places[held, 1] % len(names)
+        yield from (
+            ActiveBound(kind, name, places=int(np.unique(block.nodes[row[column == j]]).size))
+            for j, name in enumerate(names)
+            if (column == j).any()
+        )
 
 
-def _counted(kind: BoundKind, names: list[str]) -> Iterator[ActiveBound]:
-    for name, places in Counter(names).items():
-        yield ActiveBound(kind, name, places=places)
+def _counted(nlp: Transcription) -> dict[Block, tuple[BoundKind, Sequence[str]]]:
+    """Rows of which there are some for every node or step, and the names along their second axis,
+    once for each quadrature point."""
+    manifest, d = nlp.problem.kernels.manifest, nlp.rows.d
+    surfaces, paths = nlp.problem.kernels.surfaces, manifest["path_constraints"]
+    return {
+        d.gap: (BoundKind.GAP, surfaces),
+        d.gap_inside: (BoundKind.INSIDE, surfaces),
+        d.path: (BoundKind.PATH, paths),
+        d.cone: (BoundKind.CONE, nlp.layout.touch.tangents),
+        d.direction: (BoundKind.DIRECTION, nlp.layout.touch.tangents),
+    }
 
 
 def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
@@ -138,12 +157,16 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
             if active[k]:
                 yield ActiveBound(BoundKind.DURATION, str(i), side, float(limit[k] * lay.steps[i]))
     inputs, coordinates = (kernels.inputs, lay.index_u), (kernels.coordinates, lay.index_q)
-    for kind, (names, index) in ((BoundKind.INPUT, inputs), (BoundKind.COORDINATE, coordinates)):
+    for kind, (names, index), at in (
+        (BoundKind.INPUT, inputs, lay.step_of_input),
+        (BoundKind.COORDINATE, coordinates, np.arange(lay.total + 1)),
+    ):
         for j, name in enumerate(names):
             for side, limit, active in ends:
-                held = limit[index[active[index[:, j]], j]]
-                for value, places in sorted(Counter(held.tolist()).items()):
-                    yield ActiveBound(kind, name, side, value, places)
+                held = np.flatnonzero(active[index[:, j]])
+                places = {(float(limit[index[k, j]]), int(at[k])) for k in held}
+                for value, count in sorted(Counter(value for value, _ in places).items()):
+                    yield ActiveBound(kind, name, side, value, count)
 
 
 def _impulses(nlp: Transcription, x: Array) -> Iterator[ActiveBound]:

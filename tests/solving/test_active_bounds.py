@@ -7,6 +7,7 @@ import pickle
 from dataclasses import replace
 
 import pytest
+from systems import block_system
 
 import dmoc
 from dmoc.nlp.active import ActiveBound, BoundKind
@@ -15,6 +16,9 @@ from dmoc.solvers.outcome import SENTENCES, Status
 BOUNDS = {
     "gap to post at 1 node": ActiveBound(BoundKind.GAP, "post", places=1),
     "gap to post at 12 nodes": ActiveBound(BoundKind.GAP, "post", places=12),
+    "gap to post inside 3 steps": ActiveBound(BoundKind.INSIDE, "post", places=3),
+    "friction cone of foot at 2 nodes": ActiveBound(BoundKind.CONE, "foot", places=2),
+    "sliding of foot in 1 step": ActiveBound(BoundKind.DIRECTION, "foot", places=1),
     "path constraint reach in 3 steps": ActiveBound(BoundKind.PATH, "reach", places=3),
     "duration of phase 1 >= 0.4 s": ActiveBound(BoundKind.DURATION, "1", ">=", 0.4),
     "F >= -25 in 1 step": ActiveBound(BoundKind.INPUT, "F", ">=", -25.0, 1),
@@ -70,3 +74,35 @@ def test_every_status_is_its_word_and_has_a_sentence() -> None:
     assert set(SENTENCES) == set(Status)
     for status in Status:
         assert f"{status}" == status == status.name.lower() and status.sentence
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_places_are_counted_once(order: int) -> None:
+    """A mass that is in a hurry is pushed and braked with the largest force in every step, one half
+    of them each; one whose speed is limited keeps the limit in a part of the steps."""
+    system = replace(
+        block_system(), name=f"hurried{order}", cost=1,
+        path_constraints={"speed": block_system().coordinates[0].diff() <= 1.0},
+    )  # fmt: skip
+    hurry = dmoc.Problem(
+        dmoc.build(system, order=order), {"x": 0.0}, {"x": 0.9, "x_dot": 0.0}, steps=20,
+        final_time=(0.1, 5.0), bounds={"u": (-4, 4)},
+    )  # fmt: skip
+    fast = dmoc.solve(hurry, "ipm", verify=False)
+    places = {(b.kind, b.side): b.places for b in fast.active_bounds}
+    assert places[BoundKind.INPUT, "<="] + places[BoundKind.INPUT, ">="] <= 20
+    assert 0 < places[BoundKind.PATH, ""] < 20
+
+
+def test_a_motion_that_keeps_to_a_surface_is_one_bound() -> None:
+    """A mass that would go beyond the wall in every step, and may touch it."""
+    x = block_system().coordinates[0]
+    system = replace(block_system(), name="leaning", cost=(x - 2) ** 2)
+    leaning = dmoc.Problem(
+        dmoc.build(system, order=4), {"x": 0.9}, {"x": 0.9}, steps=12, final_time=1.0,
+        bounds={"u": (-50, 50)},
+    )  # fmt: skip
+    found = dmoc.solve(leaning, "ipm", starts=1, verify=False).active_bounds
+    gaps = [b for b in found if b.name == "wall"]
+    assert {b.kind for b in gaps} == {BoundKind.GAP, BoundKind.INSIDE}
+    assert all(1 < b.places <= 12 for b in gaps) and len(gaps) == 2
