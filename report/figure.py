@@ -11,6 +11,7 @@ from dmoc.report import contacts
 from dmoc.report.canvas import WIDTH, new_figure, painted, plain_axes, written
 from dmoc.report.fallback import scene_for
 from dmoc.report.panels import panels_of
+from dmoc.report.rounding import without_rounding
 from dmoc.report.snapshots import draw_snapshots, layout_of
 from dmoc.report.style import Style
 from dmoc.trajectory import Trajectory
@@ -57,7 +58,7 @@ def plot(
 
 def _drawn(trajectory: Trajectory, velocities: bool, style: Style) -> Figure:
     scene = scene_for(trajectory)
-    panels = panels_of(trajectory, velocities, style)
+    panels = panels_of(without_rounding(trajectory), velocities, style)
     snapshots, strip = layout_of(scene).height, contacts.strip_height(trajectory)
     each = HIGH if len(panels) <= FEW else LOW
     heights = [snapshots, *([strip] if strip else []), *[each] * len(panels)]

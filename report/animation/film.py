@@ -16,6 +16,7 @@ from dmoc.report.animation.numbers import short
 from dmoc.report.animation.panels import Panel, panels_of
 from dmoc.report.animation.places import Bounds, Part, Place, bounds_of, parts_of, place_at
 from dmoc.report.fallback import scene_for
+from dmoc.report.rounding import without_rounding
 from dmoc.scene import Scene, Shape
 from dmoc.trajectory import Collision, Trajectory
 
@@ -175,7 +176,7 @@ def _node(branch: Branch) -> Node:
 def _motion(take: Take) -> Motion:
     motion = take.trajectory
     scene = scene_for(motion)
-    panels, (parts, which) = panels_of(motion), parts_of(scene)
+    panels, (parts, which) = panels_of(without_rounding(motion)), parts_of(scene)
     return {
         "name": take.name,
         "model": motion.model,

@@ -17,7 +17,7 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.errors import OutputError
 from dmoc.registry import find
 from dmoc.report.style import DARK, LIGHT
-from dmoc.trajectory import Trajectory
+from dmoc.trajectory import Phase, Trajectory
 
 
 def labelled(figure: Figure, label: str) -> Axes:
@@ -286,3 +286,36 @@ def test_a_model_without_a_drawing_is_drawn_by_its_coordinates(
     with pytest.raises(OutputError, match="no known format"):
         solution.plot(tmp_path / "b.xyz")
     assert [p.name for p in tmp_path.iterdir()] == ["b.pdf"]
+
+
+def test_what_is_zero_but_for_rounding_has_an_axis_of_its_own_size(
+    solution: dmoc.Solution,
+) -> None:
+    """An idle input, a conserved momentum of zero and a coordinate at rest, each with noise of
+    1e-13 of what moves; what is merely small is drawn as it is."""
+    noise = np.random.default_rng(1)
+
+    def still(phase: Phase) -> Phase:
+        def beside(values: np.ndarray, size: float) -> np.ndarray:
+            small = size * noise.uniform(-1, 1, len(values))
+            return np.column_stack([values[:, 0], small])
+
+        return replace(
+            phase, q=beside(phase.q, 1e-17), v=beside(phase.v, 1e-13), p=beside(phase.p, 1e-13),
+            u=1e-13 * noise.uniform(-1, 1, phase.u.shape),
+        )  # fmt: skip
+
+    figure = drawn(solution, phases=tuple(map(still, solution.phases)))
+    for label in ("$x$ [m]", "$p_{x}$ [N s]", "input $F$ [N]"):
+        low, high = labelled(figure, label).get_ylim()
+        assert low < 0 < high and high - low > 0.01
+        assert not any(values[:, 1].any() for values in curves(labelled(figure, label)))
+    small = drawn(
+        solution, phases=tuple(replace(p, u=1e-6 * p.u, q=1e-9 * p.q) for p in solution.phases)
+    )
+    for label, values in (
+        ("input $F$ [N]", np.concatenate([p.u[:, 0] for p in solution.phases]) * 1e-6),
+        ("$x$ [m]", np.concatenate([p.q[:, 1] for p in solution.phases]) * 1e-9),
+    ):
+        low, high = labelled(small, label).get_ylim()
+        assert high - low < 1.5 * np.ptp(values)
