@@ -109,8 +109,8 @@ def simulate(
     e = restitution_row(kernels, restitution, SimulationError)
     run = _Task(model, u, h, every)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
+        _check_start(model, q)
         if model.friction.any():
-            _check_start(model, q)
             found = run.recorded(q, model.momentum(q, v))
             journal = _through_contacts(run, e, q, v, 0, found)
         else:

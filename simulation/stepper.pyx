@@ -26,7 +26,6 @@ import numpy as np
 
 from dmoc.discretisation import DISCRETISATIONS
 from dmoc.errors import SimulationError
-from dmoc.mechanics.model import ROUNDING
 from dmoc.simulation.contacts import NOISE, Lasting, simultaneous
 
 cdef enum:
@@ -38,7 +37,6 @@ cdef enum:
 cdef double TOLERANCE = 1e-14        # of a Newton step relative to the coordinates
 cdef double STALLED = 1e-10          # the same, where Newton's method makes no progress any more
 cdef double GAP_TOLERANCE = 1e-13    # of a gap relative to its slopes and the coordinates: what Newton's steps leave; more counts as crossed
-cdef double START_TOLERANCE = ROUNDING  # the same for the first position, which a user has computed
 cdef double RATE_TOLERANCE = NOISE   # a rate of a gap below it, relative to its slopes and the velocities, is a rounding error
 cdef double SHORTEST_LEG = 1e-9      # share of a step below which a leg is replaced by its limit: its equations divide by s
 cdef double SINGULAR = 1e-15         # a pivot of the mass matrix below it, relative to the diagonal, is none
@@ -655,8 +653,8 @@ cdef class Stepper:
         return 0
 
     cdef int begin(self, double[::1] q0, double[::1] p0, double h) except -1:
-        """Look at the first state: where it lies, and whether a step is more than a rounding error."""
-        cdef int i, j
+        """Look at the first state: how far a step reaches, and whether it is more than a rounding error."""
+        cdef int i
         cdef double size = 0.0
         for i in range(self.nq):
             self.q_a[0, i] = self.q_b[0, i] = q0[i]
@@ -670,11 +668,6 @@ cdef class Stepper:
         for i in range(self.nq):
             self.reach = max(self.reach, h * h * self.weight[i] * fabs(self.b[i]))
         self.at_start(h)
-        for j in range(self.nc):
-            if self.start_gap[j] > START_TOLERANCE / GAP_TOLERANCE * self.tolerance[j]:
-                raise SimulationError(
-                    f"position lies behind surface {self.names[j]!r} by {self.start_gap[j]:g}: expected a start in front of it, or on it."
-                )
         if 0 < h * self.fastest < np.finfo(float).eps * size:
             raise SimulationError(
                 f"step_size = {h:g}: the motion of a step is less than a rounding error of the coordinates, take larger steps."

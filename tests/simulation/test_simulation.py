@@ -154,6 +154,7 @@ def test_accumulating_collisions_are_an_error() -> None:
     ("changes", "message"),
     [
         ({"position": [-0.1]}, "lies behind surface 'floor'"),
+        ({"position": [-0.1], "step_size": 1e6}, "lies behind surface 'floor' by 0.1"),
         ({"position": [1.0, 2.0]}, "expected 1 finite numbers"),
         ({"position": {"z": 1.0}}, "names 'z'"),
         ({"step_size": 0.0}, "positive number of seconds"),
