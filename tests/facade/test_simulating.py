@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import dmoc
 from dmoc.cli.app import app
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import ModelError, MotionError, SimulationError, SolutionFileError
+from dmoc.errors import DmocError, ModelError, MotionError, SimulationError, SolutionFileError
 from dmoc.registry import find
 from dmoc.simulating import mean_inputs
 from dmoc.tabulated import columns
@@ -232,9 +232,37 @@ def test_the_command_simulates_solutions_of_models_that_are_named(tmp_path: Path
     assert result.exit_code == 0 and "collision wall" in result.stdout, result.output
 
 
+def test_several_values_stand_in_one_option_with_commas(tmp_path: Path) -> None:
+    """A mass between two walls that take different shares of its speed."""
+    text = (
+        "import sympy as sp\nfrom sympy.physics.mechanics import dynamicsymbols\nimport dmoc\n"
+        "x = dynamicsymbols('x')\nm, a = sp.symbols('m a')\n"
+        "between = dmoc.MechanicalSystem('between', [x], m * x.diff() ** 2 / 2, {m: 1.0, a: 1.0},\n"
+        "    surfaces={'left': x >= -a, 'right': x <= a})\n"
+    )
+    (tmp_path / "between.py").write_text(text)
+    model = ["simulate", f"{tmp_path / 'between.py'}:between", "--final-time", "3"]
+    ways = (
+        ["--start", "x=0.5,x_dot=1", "--restitution", "right=0.5,left=0.8", "--set", "m=2, a=0.75"],
+        ["--start", "x=0.5", "--start", "x_dot=1", "--restitution", "right=0.5", "--restitution",
+         "left=0.8", "--set", "m=2", "--set", "a=0.75"],
+    )  # fmt: skip
+    shown = []
+    for options in ways:
+        result = CliRunner().invoke(app, [*model, *options])
+        assert result.exit_code == 0, result.output
+        shown.append(result.stdout)
+    # 2 kg come with 1 m/s to the right wall after 0.25 m.
+    assert shown[0] == shown[1] and "impulse 3" in shown[0] and "at 0.25 s" in shown[0]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (
+            ["bouncing_pendulum", "--final-time", "1", "--restitution", "0.5,wall=0.6"],
+            "--restitution 0.5 stands beside others",
+        ),
         (["bouncing_pendulum", "--model", "cart_pendulum"], "--model goes with a solution file"),
         (["bouncing_pendulum"], "--final-time is missing"),
         (["bouncing_pendulum", "--final-time", "-1"], "--final-time -1: expected a positive"),
@@ -247,4 +275,4 @@ def test_the_command_simulates_solutions_of_models_that_are_named(tmp_path: Path
 )
 def test_the_command_refuses_in_one_sentence(arguments: list[str], message: str) -> None:
     result = CliRunner().invoke(app, ["simulate", *arguments])
-    assert isinstance(result.exception, SimulationError) and message in str(result.exception)
+    assert isinstance(result.exception, DmocError) and message in str(result.exception)

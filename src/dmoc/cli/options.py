@@ -111,7 +111,7 @@ SetOption = Annotated[
         "--set",
         autocompletion=completion.parameters,
         metavar="NAME=VALUE",
-        help="Parameter value; repeatable.",
+        help="Parameter value; several with commas, or repeat it.",
     ),
 ]
 BoundOption = Annotated[
@@ -119,7 +119,7 @@ BoundOption = Annotated[
     typer.Option(
         autocompletion=completion.bounded,
         metavar="NAME=LOW:HIGH",
-        help="Bounds of an input or coordinate; repeatable.",
+        help="Bounds of an input or coordinate; several with commas, or repeat it.",
     ),
 ]
 StartOption = Annotated[
@@ -127,14 +127,16 @@ StartOption = Annotated[
     typer.Option(
         autocompletion=completion.states,
         metavar="NAME=VALUE",
-        help="Start state: x, x_dot or p_x; a value, a range LOW:HIGH, or free; repeatable.",
+        help="Start state: x, x_dot or p_x; a value, a range LOW:HIGH, or free; several with "
+        "commas, or repeat it.",
     ),
 ]
 RestitutionOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="E|SURFACE=E",
-        help="Coefficient of restitution, 0 to 1, of all surfaces or of one; repeatable.",
+        help="Coefficient of restitution, 0 to 1, of all surfaces or of one; several with "
+        "commas, as floor=0.8,wall=0.6, or repeat it.",
     ),
 ]
 PeriodicOption = Annotated[
@@ -162,6 +164,6 @@ GoalOption = Annotated[
     typer.Option(
         autocompletion=completion.states,
         metavar="NAME=VALUE",
-        help="Goal state, like --start; repeatable.",
+        help="Goal state, like --start; several with commas, or repeat it.",
     ),
 ]

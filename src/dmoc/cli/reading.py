@@ -50,7 +50,7 @@ def problem_fields(
     if via is not None:
         fields["via"] = read_via(via)
     for name, option, given in values.by_field():
-        pairs = dict(read_pair(text, option) for text in given)
+        pairs = read_pairs(given, option)
         fields[name] = {**fields.get(name, {}), **pairs}
         replace_rest(fields[name], pairs)
     return fields
@@ -108,6 +108,7 @@ def read_via(text: str) -> list[dict[str, Any] | None]:
 
 def read_restitution(given: list[str]) -> float | dict[str, Any]:
     """Read one number for all surfaces, or SURFACE=E for some."""
+    given = separate(given)
     numbers = [text for text in given if "=" not in text]
     if numbers and len(given) > 1:
         raise ProblemError(
@@ -118,7 +119,7 @@ def read_restitution(given: list[str]) -> float | dict[str, Any]:
         return read_number(
             numbers[0], "--restitution", "expected a number from 0 to 1, or SURFACE=E"
         )
-    return dict(read_pair(text, "--restitution") for text in given)
+    return read_pairs(given, "--restitution")
 
 
 def read_guess(given: list[str] | None) -> Solution | dict[str, Any] | None:
@@ -144,6 +145,16 @@ def read_guess(given: list[str] | None) -> Solution | dict[str, Any] | None:
         expected = "expected numbers such as 0,0.5,-3.1"
         courses[name] = [read_number(part, what, expected) for part in values.split(",")]
     return courses
+
+
+def separate(given: list[str] | None) -> list[str]:
+    """What an option that may be repeated is given, also with commas in one text."""
+    return [part for text in given or [] for part in read_names(text) or [text]]
+
+
+def read_pairs(given: list[str] | None, option: str) -> dict[str, Any]:
+    """Read NAME=VALUE of an option that may be repeated, also with commas between them."""
+    return dict(read_pair(text, option) for text in separate(given))
 
 
 def read_pair(text: str, option: str) -> tuple[str, Any]:

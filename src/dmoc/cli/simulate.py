@@ -10,7 +10,7 @@ import typer
 
 from dmoc.cli import completion
 from dmoc.cli.options import DarkOption, OrderOption, RestitutionOption, SetOption, out_option
-from dmoc.cli.reading import read_pair, read_restitution
+from dmoc.cli.reading import read_pair, read_pairs, read_restitution, separate
 from dmoc.cli.writing import draw, in_turn, out, prepare, written
 from dmoc.errors import SimulationError
 from dmoc.table import print_table
@@ -36,7 +36,8 @@ def simulate(
         list[str] | None,
         typer.Option(
             metavar="NAME=VALUE",
-            help="Start state of a model: x or x_dot, zero unless given; repeatable.",
+            help="Start state of a model: x or x_dot, zero unless given; several with commas, or "
+            "repeat it.",
         ),
     ] = None,
     final_time: Annotated[
@@ -51,7 +52,9 @@ def simulate(
     input_: Annotated[
         list[str] | None,
         typer.Option(
-            "--input", metavar="NAME=VALUE", help="Constant input of a model; repeatable."
+            "--input",
+            metavar="NAME=VALUE",
+            help="Constant input of a model; several with commas, or repeat it.",
         ),
     ] = None,
     set_: SetOption = None,
@@ -77,7 +80,7 @@ def simulate(
     prepare(target, None)
     given: dict[str, Any] = {}
     if set_:
-        given["parameters"] = dict(read_pair(text, "--set") for text in set_)
+        given["parameters"] = read_pairs(set_, "--set")
     if restitution:
         given["restitution"] = read_restitution(restitution)
     if model.endswith(".npz"):
@@ -124,7 +127,7 @@ def _values(given: list[str] | None, option: str, kernels: Kernels) -> dict[str,
     if option == "--start":
         known = [*kernels.coordinates, *(f"{name}_dot" for name in kernels.coordinates)]
     values: dict[str, Any] = dict.fromkeys(known, 0.0)
-    for text in given or []:
+    for text in separate(given):
         name, value = read_pair(text, option)
         if name not in values:
             raise SimulationError(

@@ -28,6 +28,7 @@ from dmoc.cli.reading import (
     problem_fields,
     read_guess,
     read_range,
+    separate,
 )
 from dmoc.cli.writing import (
     draw,
@@ -142,7 +143,7 @@ def _ranges(given: Values) -> tuple[dict[str, dict[str, list[Any]]], Values]:
     firsts: dict[str, list[str]] = {}
     for field, option, texts in given.by_field():
         ranges[field], firsts[field] = {}, []
-        for text in texts:
+        for text in separate(texts):
             name, _, value = text.partition("=")
             values = read_range(value, f"{option} {name.strip()}")
             if values is None:
