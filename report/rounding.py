@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -46,17 +45,17 @@ def without_rounding(trajectory: Trajectory) -> Trajectory:
 
     idle = _largest([phase.u for phase in phases]) * weight <= NOTHING
     nothing = rests | (v * p <= NOTHING * energy)
-    rules: dict[str, Callable[[Array], Array]] = {
-        "q": lambda values: np.where(stands, place, values),
-        "v": lambda values: np.where(rests, 0.0, values),
-        "p": lambda values: np.where(nothing, 0.0, values),
-        "u": lambda values: np.where(idle, 0.0, values),
-        "normal": forces,
-        "tangential": forces,
-    }
 
     def cleaned(phase: Phase) -> Phase:
-        return replace(phase, **{n: rule(getattr(phase, n)) for n, rule in rules.items()})
+        return replace(
+            phase,
+            q=np.where(stands, place, phase.q),
+            v=np.where(rests, 0.0, phase.v),
+            p=np.where(nothing, 0.0, phase.p),
+            u=np.where(idle, 0.0, phase.u),
+            normal=forces(phase.normal),
+            tangential=forces(phase.tangential),
+        )
 
     return replace(trajectory, phases=tuple(map(cleaned, phases)))
 

@@ -101,8 +101,8 @@ def refined(
                     f"the mesh of {max(problem.phase_steps)} steps a phase led to another minimum, "
                     f"which costs {s.cost:.6g}"
                 )
-                known = replace(past, solved=(*past.solved[:-1], before))
-                return _unmet(known, tolerance, check, reason)
+                past = replace(past, solved=(*past.solved[:-1], before))
+                return _unmet(past, tolerance, check, reason)
         past = _measured(past, s, problem, tolerance, check)
         simulated = past.meshes[-1].simulated
         if simulated is not None and simulated <= tolerance and past.solved[-1].minimum:
