@@ -35,11 +35,13 @@ Check = Callable[[Solution], Solution]
 
 @dataclass(frozen=True)
 class History:
-    """Meshes that were solved, each with its solution, and what all tries have taken."""
+    """Meshes that were solved, each with its solution; how many were not, the answer of the first
+    one that has no feasible motion; and what all tries have taken."""
 
     solved: tuple[Solution, ...] = ()
     meshes: tuple[Mesh, ...] = ()
     failures: int = 0
+    infeasible: Solution | None = None
     iterations: int = 0
     seconds: Mapping[str, float] = field(default_factory=dict)
 
@@ -89,9 +91,14 @@ def refined(
             )
             return _unmet(past, tolerance, check, reason)
         if not s.minimum:
-            past = replace(past, failures=past.failures + 1)
-            if past.failures > COARSE_FAILURES or s.status == Status.TIME_LIMIT:
+            infeasible = s if s.status == Status.INFEASIBLE else None
+            past = replace(
+                past, failures=past.failures + 1, infeasible=past.infeasible or infeasible
+            )
+            if s.status == Status.TIME_LIMIT:
                 return s
+            if past.failures > COARSE_FAILURES:
+                return past.infeasible or s
             problem = problem.meshed([2 * n for n in problem.phase_steps])
             continue
         if _dearer(past, s):

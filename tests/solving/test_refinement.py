@@ -204,3 +204,15 @@ def test_a_dearer_minimum_takes_the_place_only_of_one_that_is_contradicted(confi
     assert (another in answer.message) == confirmed
     assert max(answer.steps) == 20 if confirmed else max(answer.steps) > 20
     assert answer.cost == pytest.approx(exact if confirmed else 2 * exact, rel=1e-3)
+
+
+def test_a_limit_on_the_finest_mesh_does_not_hide_that_coarser_ones_are_infeasible() -> None:
+    problem = block_and_wall.problem(0.8, 10).but(bounds={"u": (-1, 1)})
+
+    def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        found = dmoc.solve(given, "ipm", starts=1)
+        coarse = max(given.phase_steps) < 80
+        return found if coarse else replace(found, status=Status.ITERATION_LIMIT, conflicts=())
+
+    answer = refined(problem, 1e-3, None, solve, checked)
+    assert answer.status == "infeasible" and answer.conflicts and max(answer.steps) == 10
