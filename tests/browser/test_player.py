@@ -391,3 +391,20 @@ def test_names_of_a_model_are_texts(opened: Open, tmp_path: Path) -> None:
     seek(driver, TURN)
     told = driver.find_element(By.CSS_SELECTOR, "svg.picture g > text.told").text
     assert told == f"1 {EVIL} impulse 9"
+
+
+@pytest.mark.parametrize("size", [1.0, 2.3, 3.4, 4.8, 7.0])
+def test_every_axis_has_two_numbers_at_least(opened: Open, tmp_path: Path, size: float) -> None:
+    """Whatever its range: from -3.4 to 3.4 zero alone is a multiple of 5."""
+    given = motion()
+    swings = [
+        replace(phase, v=size * np.cos(np.linspace(0, 3 * np.pi, len(phase.t)))[:, None])
+        for phase in given.phases
+    ]
+    path = dmoc.animate(replace(given, phases=tuple(swings)), tmp_path / "swings.html")
+    script = (
+        "return [...document.querySelectorAll('svg.panel')].map((panel) => "
+        "panel.querySelectorAll('text[text-anchor=end]').length);"
+    )
+    counts = opened(path).execute_script(script)
+    assert counts and min(counts) >= 2

@@ -55,15 +55,22 @@ function written(value, range, digits = 4) {
   return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", MINUS);
 }
 
-// Round numbers between two values, about so many.
+// Round numbers between two values, about so many, and two at least.
 function rounds(low, high, count) {
   const span = high - low;
   if (!(span > 0)) return [low];
   const raw = span / Math.max(count, 1);
   const power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= raw * 0.999);
+  const steps = [1, 2, 5, 10].map((k) => k * power);
+  const first = steps.findIndex((step) => step >= raw * 0.999);
+  const found = multiples(steps[first], low, high);
+  return found.length > 1 || first === 0 ? found : multiples(steps[first - 1], low, high);
+}
+
+// What of the multiples of a step lies between two values.
+function multiples(step, low, high) {
   const found = [];
-  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * span; k += 1) found.push(k * step);
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * (high - low); k += 1) found.push(k * step);
   return found;
 }
 
