@@ -26,17 +26,17 @@ def estimate(solved: Sequence[Solution], meshes: Sequence[Mesh], order: int) -> 
     if len(solved) < 2:
         return np.inf
     ratio = _ratio(solved[-2], solved[-1])
-    change = _change(solved[-2], solved[-1])
+    last = change(solved[-2], solved[-1])
     limited = _limited(solved[-1])
     order = min(order, LIMITED_ORDER) if limited else order
     shown = order / 2
     if len(solved) > 2:
-        before = _change(solved[-3], solved[-2])
-        shown = _order(before / max(change, 1e-300), _ratio(solved[-3], solved[-2]), ratio, order)
+        before = change(solved[-3], solved[-2])
+        shown = _order(before / max(last, 1e-300), _ratio(solved[-3], solved[-2]), ratio, order)
     fastest = (
         meshes[-1].estimate / ratio**order if limited and np.isfinite(meshes[-1].estimate) else 0.0
     )
-    return float(max(change / (ratio**shown - 1), fastest, barrier(solved[-1])))
+    return float(max(last / (ratio**shown - 1), fastest, barrier(solved[-1])))
 
 
 def barrier(s: Solution) -> float:
@@ -80,7 +80,7 @@ def _ratio(coarse: Solution, fine: Solution) -> float:
     return max(_ratios(coarse, fine))
 
 
-def _change(coarse: Solution, fine: Solution) -> float:
+def change(coarse: Solution, fine: Solution) -> float:
     """Largest relative difference of cost and durations, and of positions at common nodes."""
     cost = abs(fine.cost - coarse.cost) / max(abs(fine.cost), _little(fine))
     pairs = list(zip(coarse.phases, fine.phases, strict=True))
@@ -101,6 +101,6 @@ def compared(meshes: Sequence[Mesh], solved: Sequence[Solution]) -> tuple[Mesh, 
     honest."""
     pairs = zip(meshes, solved, strict=True)
     return tuple(
-        replace(m, difference=_change(s, solved[-1]) if s is not solved[-1] else None)
+        replace(m, difference=change(s, solved[-1]) if s is not solved[-1] else None)
         for m, s in pairs
     )

@@ -13,7 +13,7 @@ from dmoc.nlp.problem import MOST_STEPS, Problem
 from dmoc.solution import Mesh, Solution
 from dmoc.solvers.judge import rounded
 from dmoc.solvers.outcome import NOWHERE, Residuals, Status
-from dmoc.solving.mesh_error import barrier, compared, estimate
+from dmoc.solving.mesh_error import barrier, change, compared, estimate
 from dmoc.solving.meshes import finer
 
 # A quarter of the steps at once where the error is this far above the tolerance, else half of them.
@@ -24,7 +24,7 @@ BARRIER = 0.25
 IDLE_MESHES = 2
 # Meshes that the simulation may contradict before finer ones are not tried.
 CONTRADICTED = 2
-# A minimum that costs more than that of the mesh before by so many times its error is another one.
+# A motion that differs from that of the mesh before by so many times its error is another one.
 OTHER = 10.0
 # A mesh too coarse to be solved is refined so often before the problem counts as unsolved.
 COARSE_FAILURES = 3
@@ -153,12 +153,12 @@ def _from_coarse(
 
 
 def _dearer(past: History, s: Solution) -> bool:
-    """Whether a mesh has led to another minimum than the ones before, one that costs clearly more
-    than their error allows."""
+    """Whether a mesh has led to another minimum than the one before, which costs more: the motion
+    has changed by far more than its error."""
     if not past.solved:
         return False
-    last = past.solved[-1].cost
-    return s.cost - last > OTHER * past.error * abs(last)
+    last = past.solved[-1]
+    return s.cost > last.cost and change(last, s) > OTHER * past.error
 
 
 def _rounded(s: Solution) -> Solution:
