@@ -25,6 +25,7 @@ from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.judgement import CONFIRMED, judged
 from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.notes import notes_of
 from dmoc.sequences.pool import Processes, Workers, here, in_executor
 from dmoc.sequences.result import best_of, table_of
 from dmoc.sequences.settings import STARTS, Settings, check, events_of, shortest_of, surfaces_of
@@ -370,54 +371,5 @@ def _result(tree: Tree, stopped: str, seconds: float) -> SearchResult:
     ]
     nodes = tuple(sorted(whole, key=lambda n: tree.place(n.sequence)))
     best = next((n for n in nodes if n.verdict is Verdict.OPTIMAL), None)
-    notes = _notes(tree, nodes, best, stopped)
+    notes = notes_of(tree, nodes, best, stopped)
     return SearchResult(nodes, best, not stopped and not tree.passed_over, notes, seconds, problem)
-
-
-def _notes(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -> tuple[str, ...]:
-    """What limits the answer."""
-    depth = tree.settings.max_collisions
-    noun = noun_of(word for n in nodes for word in n.sequence)
-    notes = [f"{stopped}: {tree.waiting} known sequences were not looked at"] if stopped else []
-    if tree.passed_over:
-        notes.append(f"the beam passed over {tree.passed_over} sequences")
-    if tree.refused:
-        sequence, told = next(iter(tree.refused.items()))
-        notes.append(
-            f"{len(tree.refused)} sequences were left out that no problem can have, such as "
-            f"{', '.join(sequence)}: {told}"
-        )
-    by_depth = [
-        min(
-            (
-                n.cost
-                for n in nodes
-                if len(n.sequence) == d and n.verdict in CONFIRMED and n.cost is not None
-            ),
-            default=np.inf,
-        )
-        for d in range(depth + 1)
-    ]
-    if (
-        best is not None
-        and len(best.sequence) == depth > 0
-        and by_depth[depth] < min(by_depth[:-1])
-    ):
-        notes.append(
-            f"the best sequence has all {depth} {noun}s (cost {by_depth[depth]:.6g}, with fewer "
-            f"{min(by_depth[:-1]):.6g}): more may cost less"
-        )
-    for verdict, meaning in (
-        (Verdict.FAILED, "came to no answer"),
-        (Verdict.UNVERIFIED, "were solved and not confirmed by simulation"),
-    ):
-        count = sum(n.verdict is verdict for n in nodes)
-        if count:
-            notes.append(f"{count} sequences {meaning}: one of them might be better")
-    held = [n for n in nodes if n.shortest]
-    if held:
-        notes.append(
-            f"{len(held)} motions are held by the shortest phase of "
-            f"{tree.settings.shortest_phase:g} s: their {noun}s would rather merge"
-        )
-    return tuple(notes)

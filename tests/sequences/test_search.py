@@ -399,3 +399,11 @@ def test_problems_that_cannot_be_searched_are_refused(table: dmoc.Problem) -> No
         dmoc.search(table.but(steps=300), 3, method="slsqp")
     with pytest.raises(SearchError, match="shortest_phase"):
         dmoc.search(table.but(durations=[(0.1, None)] * 4))
+
+
+def test_what_is_one_is_told_as_one(block: Kernels) -> None:
+    """Two elastic hits of a mass that is to come back would merge; no other motion is held."""
+    task = {"start": {"x": 0.0}, "goal": {"x": 0.0, "x_dot": 0.0}, "final_time": 1.0, "steps": 20}
+    found = dmoc.search(dmoc.Problem(block, **task), max_collisions=2)
+    assert sum(bool(n.shortest) for n in found.nodes) == 1
+    assert "1 motion is held by the shortest phase of 0.01 s: its collisions" in found.notes[-1]

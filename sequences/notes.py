@@ -1,0 +1,76 @@
+"""What limits the answer of a search, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dmoc.sequences.judgement import CONFIRMED
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.tree import Tree
+from dmoc.trajectory import noun_of
+
+
+def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -> tuple[str, ...]:
+    """What limits the answer."""
+    depth = tree.settings.max_collisions
+    noun = noun_of(word for n in nodes for word in n.sequence)
+    notes = []
+    if stopped:
+        known, were = _counted(tree.waiting, "known sequence"), _were(tree.waiting)
+        notes.append(f"{stopped}: {known} {were} not looked at")
+    if tree.passed_over:
+        notes.append(f"the beam passed over {_counted(tree.passed_over, 'sequence')}")
+    if tree.refused:
+        sequence, told = next(iter(tree.refused.items()))
+        notes.append(
+            f"{_counted(len(tree.refused), 'sequence')} {_were(len(tree.refused))} left out that "
+            "no problem can have, such as "
+            f"{', '.join(sequence)}: {told}"
+        )
+    by_depth = [
+        min(
+            (
+                n.cost
+                for n in nodes
+                if len(n.sequence) == d and n.verdict in CONFIRMED and n.cost is not None
+            ),
+            default=np.inf,
+        )
+        for d in range(depth + 1)
+    ]
+    if (
+        best is not None
+        and len(best.sequence) == depth > 0
+        and by_depth[depth] < min(by_depth[:-1])
+    ):
+        notes.append(
+            f"the best sequence has all {depth} {noun}s (cost {by_depth[depth]:.6g}, with fewer "
+            f"{min(by_depth[:-1]):.6g}): more may cost less"
+        )
+    for verdict, meaning in (
+        (Verdict.FAILED, "came to no answer"),
+        (Verdict.UNVERIFIED, "{were} solved and not confirmed by simulation"),
+    ):
+        count = sum(n.verdict is verdict for n in nodes)
+        if count:
+            what = meaning.format(were=_were(count))
+            better = "one of them" if count > 1 else "it"
+            notes.append(f"{_counted(count, 'sequence')} {what}: {better} might be better")
+    held = [n for n in nodes if n.shortest]
+    if held:
+        are, their = ("are", "their") if len(held) > 1 else ("is", "its")
+        notes.append(
+            f"{_counted(len(held), 'motion')} {are} held by the shortest phase of "
+            f"{tree.settings.shortest_phase:g} s: {their} {noun}s would rather merge"
+        )
+    return tuple(notes)
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
+def _were(count: int) -> str:
+    return "was" if count == 1 else "were"
