@@ -119,7 +119,7 @@ class Exploration:
     found : tuple of int
         How many starts have led to each.
     coarse : tuple of Minimum
-        Minima that were not refined.
+        Minima that were not refined, or could not be.
     starts : tuple of Start
     """
 

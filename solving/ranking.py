@@ -44,9 +44,10 @@ def ranked(
     deadline: float,
 ) -> tuple[list[tuple[Solution, int]], Sequence[Basin]]:
     """Solutions from the minima with the number of starts, the best first, and the minima that were
-    not refined; ``wanted`` says how many to refine and whether to check them."""
+    not refined or could not be; ``wanted`` says how many to refine and whether to check them."""
     effort, verify = wanted
     refined: list[_Ranked] = []
+    lost: list[Basin] = []
     rest: Sequence[Basin] = []
     for k, coarse in enumerate(minima):
         confirmed = [r.solution.cost for r in refined if r.solution.minimum]
@@ -63,6 +64,7 @@ def ranked(
             left = replace(options, seconds=max(until, 1e-9))
         attempt = _refined(_mesh(problem, coarse), coarse.attempt, left, effort.by_rates)
         if attempt.outcome.status is not Status.SOLVED:
+            lost.append(coarse)
             continue
         new = Basin.of(attempt)
         for i, known in enumerate(refined):
@@ -78,7 +80,7 @@ def ranked(
         best = min(good, key=_Ranked.rank)
         refined = [_settled(r, best, options, effort.by_rates) for r in refined]
     refined.sort(key=_Ranked.rank)
-    return [(r.solution, r.found) for r in refined], rest
+    return [(r.solution, r.found) for r in refined], [*lost, *rest]
 
 
 def merged(

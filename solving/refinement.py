@@ -219,11 +219,12 @@ def _unmet(past: History, tolerance: float, check: Check, reason: str) -> Soluti
     """The solution on the finest mesh, which does not meet the tolerance, and why."""
     s = _result(past)
     s = s if s.verification else check(s)
-    if past.error > tolerance:
-        unmet = f"the estimated error {past.error:.2g} exceeds the tolerance {tolerance:g}"
-    else:
-        found = (s.verification or {}).get("message", "")
-        unmet = f"an independent simulation contradicts the finest mesh ({found})"
+    unmet = f"the estimated error {past.error:.2g} exceeds the tolerance {tolerance:g}"
     if len(past.meshes) == 1:
         unmet = "one mesh was solved, which gives no estimate of its error"
+    if s.verification and not s.verification["passed"]:
+        found = s.verification["message"]
+        contradicted = f"an independent simulation contradicts the finest mesh ({found})"
+        met = past.error <= tolerance
+        unmet = contradicted if met else f"{unmet}, and {contradicted}"
     return replace(s, status=Status.NOT_VERIFIED, message=f"{unmet}: {reason}")

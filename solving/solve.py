@@ -301,7 +301,8 @@ def _with_starts(answer: Solution, **known: Any) -> Solution:
     if not s.found:
         told = f"none of {s.starts} starts on a coarse mesh led to a motion"
         if s.others:
-            told = f"{s.starts} starts led to {len(s.others)} minima on a coarse mesh alone"
+            several = "one minimum" if len(s.others) == 1 else f"{len(s.others)} minima"
+            told = f"{s.starts} starts led to {several} on a coarse mesh alone"
     return replace(s, message=f"{s.message}; {told}")
 
 

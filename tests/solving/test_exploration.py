@@ -3,7 +3,9 @@ and `infeasible` only after them."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +14,12 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import double_integrator
 
 import dmoc
+from dmoc.codegen.kernels import Kernels
 from dmoc.errors import ProblemError
 from dmoc.registry import find
+from dmoc.solvers.outcome import Status
+from dmoc.solving import ranking
+from dmoc.solving.attempts import Attempt
 
 
 @pytest.fixture(scope="module")
@@ -184,3 +190,20 @@ def test_minima_of_the_coarse_mesh_that_become_one_need_no_more_starts(seed: dmo
     solution = dmoc.solve(seed, "ipm")
     assert solution.cost == pytest.approx(129.6024, rel=1e-6)
     assert solution.starts < 30 and solution.others == ()
+
+
+def test_minima_that_finer_meshes_lose_are_told(
+    block: Kernels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are no starts that led nowhere."""
+    refined = ranking._refined
+
+    def stalled(*given: Any) -> Attempt:
+        attempt = refined(*given)
+        return replace(attempt, outcome=replace(attempt.outcome, status=Status.STALLED))
+
+    monkeypatch.setattr(ranking, "_refined", stalled)
+    task = {"start": {"x": 0.0}, "goal": {"x": 0.0, "x_dot": 0.0}, "sequence": ["wall"]}
+    found = dmoc.solve(dmoc.Problem(block, **task, steps=40, final_time=1.0), "ipm")
+    assert found.solved and found.found == 0 and found.others[0].status is None
+    assert "starts led to one minimum on a coarse mesh alone" in found.message

@@ -216,3 +216,20 @@ def test_a_limit_on_the_finest_mesh_does_not_hide_that_coarser_ones_are_infeasib
 
     answer = refined(problem, 1e-3, None, solve, checked)
     assert answer.status == "infeasible" and answer.conflicts and max(answer.steps) == 10
+
+
+def test_a_contradiction_is_told_beside_the_estimate() -> None:
+    problem = block_and_wall.problem(0.8, 10)
+
+    def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        found = dmoc.solve(given, "ipm", guess=guess, starts=1, verify=False)
+        fine = max(given.phase_steps) > 20
+        return replace(found, status=Status.STALLED, optimality=1e-3) if fine else found
+
+    def check(solution: dmoc.Solution) -> dmoc.Solution:
+        told = {"passed": False, "message": "it misses the wall", "max_segment_defect": 1.0}
+        return replace(checked(solution), status=Status.NOT_VERIFIED, verification=told)
+
+    answer = refined(problem, 1e-9, None, solve, check)
+    assert answer.status == "not_verified" and "exceeds the tolerance 1e-09, and" in answer.message
+    assert "contradicts the finest mesh (it misses the wall): the mesh of 80" in answer.message
