@@ -22,7 +22,6 @@ import sysconfig
 import tempfile
 import time
 import types
-import warnings
 from collections.abc import Callable, Mapping
 from importlib import import_module, resources
 from pathlib import Path
@@ -38,7 +37,7 @@ from dmoc.codegen.compiling import (
 )
 from dmoc.codegen.kernels import COMPILED, NUMPY, Kernels
 from dmoc.codegen.private import is_private, make_folder, remove, safe_folder, write_whole
-from dmoc.errors import BuildError
+from dmoc.errors import BuildError, warn
 from dmoc.symbolic.names import check_name
 
 BUILD_RECORD = "build.json"
@@ -98,11 +97,7 @@ def build_cached(
     except BuildError as error:
         if fallback is None:
             raise
-        warnings.warn(
-            f"{str(error).rstrip('.')}; until then NumPy kernels are used, which are much slower.",
-            RuntimeWarning,
-            stacklevel=3,
-        )
+        warn(f"{str(error).rstrip('.')}; until then NumPy kernels are used, which are much slower.")
         files = texts()
         return numpy_kernels(json.loads(files["manifest.json"]), fallback())
     import filelock  # here, because installed kernels need no lock

@@ -9,11 +9,10 @@ import secrets
 import shutil
 import stat
 import tempfile
-import warnings
 from functools import cache
 from pathlib import Path
 
-from dmoc.errors import BuildError
+from dmoc.errors import BuildError, warn
 
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
@@ -50,12 +49,10 @@ def objection(folder: Path) -> str | None:
 
 @cache
 def _instead_of(folder: Path, why: str) -> Path:
-    warnings.warn(
+    warn(
         f"the kernel cache {folder} is not used, because {why}, and kernels are built for this "
         "process alone: take away the others' right to write (chmod go-w), or set DMOC_CACHE to a "
-        "folder of your own.",
-        RuntimeWarning,
-        stacklevel=5,
+        "folder of your own."
     )
     made = Path(tempfile.mkdtemp(prefix="dmoc-")).resolve()
     atexit.register(_remove, made, os.getpid())

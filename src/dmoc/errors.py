@@ -1,5 +1,10 @@
 """The errors that dmoc raises: each message says what is wrong, where, what was expected and the
-remedy."""
+remedy; and the warnings that it gives."""
+
+from __future__ import annotations
+
+import sys
+import warnings
 
 
 class DmocError(Exception):
@@ -63,3 +68,15 @@ class OutputError(DmocError):
 
 class MissingExtraError(DmocError):
     """An optional dependency is needed and not installed."""
+
+
+def warn(text: str) -> None:
+    """Give a warning at the line that called dmoc, however deep inside it this is noticed."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and _is_ours(frame.f_globals.get("__name__", "")):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, RuntimeWarning, stacklevel=level)
+
+
+def _is_ours(module: str) -> bool:
+    return module.partition(".")[0] == "dmoc"

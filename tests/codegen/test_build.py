@@ -106,6 +106,16 @@ def test_without_a_compiler_numpy_takes_over_with_a_warning(
         dmoc.build(block_system("cached"), backend="compiled")
 
 
+def test_a_warning_names_the_line_that_called(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However deep inside the package it is given: a problem builds its system's kernels."""
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.warns(RuntimeWarning, match="no C compiler") as caught:
+        dmoc.Problem(block_system("cached"), start={"x": 0.0}, final_time=1.0)
+    assert [warning.filename for warning in caught] == [__file__]
+
+
 def test_a_failing_compiler_shows_its_output(
     own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
