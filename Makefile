@@ -85,6 +85,7 @@ $(VENV)/.installed-bench: $(VENV)/.installed
 	@touch $@
 
 $(VENV)/.installed-release: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet 'pip>=25.1'  # an older one, of an environment that was there, knows no --group
 	$(BIN)/python -m pip install --quiet --group release
 	@touch $@
 
