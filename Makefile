@@ -26,6 +26,7 @@ check: $(VENV)/.installed-test $(VENV)/.installed-check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy tests/whole/typed_script.py
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest tests/codegen/test_generated.py -k committed
 

@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dmoc.arguments import Range, check_known, flag, interval, limits, listed, names, shown, whole
+from dmoc.arguments import (
+    Interval,
+    Range,
+    check_known,
+    flag,
+    interval,
+    limits,
+    listed,
+    names,
+    shown,
+    whole,
+)
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.codegen.of_system import kernels_of
 from dmoc.discretisation import DISCRETISATIONS, Discretisation
@@ -172,12 +183,12 @@ class Problem(Shown):
     goal: Mapping[Any, Any] = field(default_factory=dict)
     sequence: Sequence[str] = ()
     steps: int | Sequence[int] | None = None
-    final_time: Any = (None, None)
-    durations: Sequence[Any] | None = None
+    final_time: Interval = (None, None)
+    durations: Sequence[Interval] | None = None
     bounds: Mapping[Any, Any] = field(default_factory=dict)
     parameters: Mapping[Any, float] = field(default_factory=dict)
     controls: str | None = None
-    restitution: Any = 1.0
+    restitution: float | Mapping[str, float] = 1.0
     periodic: Sequence[str] | Mapping[Any, Any] = ()
     minimal_times: bool = True
     contacts: Sequence[str] = ()
@@ -193,12 +204,12 @@ class Problem(Shown):
             goal: Mapping[Any, Any] = ...,
             sequence: Sequence[str] = ...,
             steps: int | Sequence[int] | None = ...,
-            final_time: Any = ...,
-            durations: Sequence[Any] | None = ...,
+            final_time: Interval = ...,
+            durations: Sequence[Interval] | None = ...,
             bounds: Mapping[Any, Any] = ...,
             parameters: Mapping[Any, float] = ...,
             controls: str | None = ...,
-            restitution: Any = ...,
+            restitution: float | Mapping[str, float] = ...,
             periodic: Sequence[str] | Mapping[Any, Any] = ...,
             minimal_times: bool = ...,
             contacts: Sequence[str] = ...,

@@ -47,7 +47,7 @@ class Settings:
     shortest_phase: float
     journal: str | os.PathLike[str] | None
     resume: bool
-    progress: Callable[[Any], None] | None
+    progress: Callable[[Any], object] | None
 
 
 def surfaces_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...]:

@@ -87,7 +87,7 @@ class Options:
     violation: float = VIOLATION
     iterations: int = ITERATIONS
     seconds: float | None = None
-    progress: Callable[[Iteration], None] | None = None
+    progress: Callable[[Iteration], object] | None = None
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import product
@@ -41,11 +41,11 @@ class Axis:
 
 def sweep(
     problem: Problem,
-    parameters: Mapping[Any, Sequence[float]] | None = None,
+    parameters: Mapping[Any, Iterable[float]] | None = None,
     *,
-    start: Mapping[Any, Sequence[Any]] | None = None,
-    goal: Mapping[Any, Sequence[Any]] | None = None,
-    bounds: Mapping[Any, Sequence[Any]] | None = None,
+    start: Mapping[Any, Iterable[Any]] | None = None,
+    goal: Mapping[Any, Iterable[Any]] | None = None,
+    bounds: Mapping[Any, Iterable[Any]] | None = None,
     method: str | None = None,
     workers: int = 1,
     executor: Executor | None = None,
@@ -111,7 +111,7 @@ def sweep(
     return batch_of(problems, columns, setting, workers, executor, seconds, progress)
 
 
-def _axes(problem: Problem, field: str, given: Mapping[Any, Sequence[Any]]) -> list[Axis]:
+def _axes(problem: Problem, field: str, given: Mapping[Any, Iterable[Any]]) -> list[Axis]:
     """What is varied of one field."""
     kernels = problem.kernels
     known, what = {

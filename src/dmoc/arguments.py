@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from itertools import islice
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.errors import DmocError, ProblemError
 
@@ -19,6 +20,8 @@ MOST_ENTRIES = (
 )
 
 Range = tuple[float, float]
+# What `interval` reads: a number, a pair (lower, upper) with None for no bound, None for free.
+Interval: TypeAlias = float | Sequence[float | None] | NDArray[Any] | None
 Kind = type[DmocError]
 
 

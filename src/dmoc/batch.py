@@ -23,6 +23,7 @@ from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
     from dmoc.solution import Solution
 
@@ -144,7 +145,7 @@ class Batch(Shown):
         found["iterations"] = [int(n) for n in self.iterations]
         return found | {"check": self.check, "seconds": list(self.seconds), "message": self.message}
 
-    def to_frame(self) -> Any:
+    def to_frame(self) -> DataFrame:
         """The table as a pandas DataFrame.
 
         Raises

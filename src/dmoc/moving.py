@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -15,6 +15,8 @@ from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
 
 
 class Moving:
@@ -52,7 +54,7 @@ class Moving:
         """
         return state_at(self.trajectory, t, side)
 
-    def to_frame(self) -> Any:
+    def to_frame(self) -> DataFrame:
         """The motion as a pandas DataFrame: a row for each node of each phase, two at a collision;
         see :mod:`dmoc.tabulated`.  ``frame.attrs["units"]`` has the units that are known.
 
@@ -63,7 +65,7 @@ class Moving:
         """
         return tabulated.to_frame(self.trajectory)
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> Dataset:
         """The same table as an xarray Dataset over ``time``, with the coordinate ``phase``.
 
         Raises

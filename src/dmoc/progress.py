@@ -14,7 +14,7 @@ from dmoc.errors import ProblemError
 
 P = TypeVar("P")
 # What every function with progress takes: a function of what is told, or where it is shown.
-Listener: TypeAlias = Callable[[P], None] | bool | Literal["lines"] | None
+Listener: TypeAlias = Callable[[P], object] | bool | Literal["lines"] | None
 Line: TypeAlias = Callable[[str], None]
 BETWEEN_LINES, BETWEEN_SHOWS = 1.0, 0.2  # seconds
 
@@ -22,7 +22,7 @@ BETWEEN_LINES, BETWEEN_SHOWS = 1.0, 0.2  # seconds
 @contextmanager
 def told(
     progress: Listener[P], first: str, error: Kind = ProblemError
-) -> Iterator[Callable[[P], None] | None]:
+) -> Iterator[Callable[[P], object] | None]:
     """Yield the function that is to be called with progress; None where nobody wants it.
 
     Parameters

@@ -13,7 +13,7 @@ import io
 import json
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,10 @@ from dmoc.errors import MissingExtraError, MotionError
 from dmoc.states import Names, forces_in
 from dmoc.symbolic.names import velocity_name
 from dmoc.trajectory import Array, Phase, Trajectory
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
 
 # By the ending of a file.
 FORMATS = ("csv", "json")
@@ -138,7 +142,7 @@ def written_as(ending: str) -> Callable[[Trajectory], str]:
     return WRITERS[ending]
 
 
-def to_frame(motion: Trajectory) -> Any:
+def to_frame(motion: Trajectory) -> DataFrame:
     """The table as a pandas DataFrame with the units in ``attrs["units"]``.
 
     Raises
@@ -147,12 +151,12 @@ def to_frame(motion: Trajectory) -> Any:
         If pandas is not installed.
     """
     table = columns(motion)
-    frame = _package("pandas", "a data frame").DataFrame(table)
+    frame: DataFrame = _package("pandas", "a data frame").DataFrame(table)
     frame.attrs["units"] = {name: unit for name, unit in units(motion).items() if name in table}
     return frame
 
 
-def to_xarray(motion: Trajectory) -> Any:
+def to_xarray(motion: Trajectory) -> Dataset:
     """The table as an xarray Dataset over the dimension ``time``, with the coordinates time and
     phase, and units as attributes; ``dataset.groupby("phase")`` takes the phases apart.
 
@@ -163,7 +167,7 @@ def to_xarray(motion: Trajectory) -> Any:
     """
     known, table = units(motion), columns(motion)
     (t, times), (phase, numbers), *others = table.items()
-    return _package("xarray", "a dataset").Dataset(
+    dataset: Dataset = _package("xarray", "a dataset").Dataset(
         {
             name: ("time", column, {"units": known[name]} if name in known else {})
             for name, column in others
@@ -171,6 +175,7 @@ def to_xarray(motion: Trajectory) -> Any:
         coords={"time": ("time", times, {"units": known[t]}), phase: ("time", numbers)},
         attrs={"model": motion.model, "order": motion.order},
     )
+    return dataset
 
 
 def _package(name: str, what: str) -> Any:
