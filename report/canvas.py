@@ -53,10 +53,13 @@ def painted(name: str) -> Iterator[Style]:
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of a size in inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD))
+    from dmoc.report.shown_figure import ShownFigure
+
+    figure = ShownFigure(
+        figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD)
+    )
     FigureCanvasAgg(figure)
     return figure
 

@@ -109,7 +109,7 @@ def section_html(section: Section) -> str:
     pattern = "\n".join(section.pattern)
     text = f"<h3>{escape(section.title)}</h3><p>{escape(section.text)}</p>"
     if pattern:
-        text += f'<pre style="overflow-x:auto">{escape(pattern)}</pre>'
+        text += f'<pre style="overflow-x:auto;font-family:monospace">{escape(pattern)}</pre>'
     formulas = "".join(
         f'<div style="{_WIDE}">{mathml.equation(left_of(e), e.right)}</div>'
         for e in section.equations

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from importlib import import_module
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from dmoc.arguments import Kind, shown
@@ -73,9 +74,8 @@ def _on_terminal() -> Iterator[Line]:
 
 @contextmanager
 def _in_notebook() -> Iterator[Line]:
-    from IPython.display import display
-
-    handle: Any = display({"text/plain": ""}, raw=True, display_id=True)
+    display: Any = import_module("IPython.display").display
+    handle = display({"text/plain": ""}, raw=True, display_id=True)
 
     def write(text: str) -> None:
         handle.update({"text/plain": text}, raw=True)

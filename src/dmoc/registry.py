@@ -11,7 +11,7 @@ import types
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,8 +39,8 @@ class Reference:
 
     name: str
     defaults: Mapping[str, Any]
-    system: Callable[[], MechanicalSystem]
-    made: Callable[[int | None, Listener[str]], Kernels]
+    system: Callable[[], MechanicalSystem] = field(repr=False)
+    made: Callable[[int | None, Listener[str]], Kernels] = field(repr=False)
 
     def kernels(self, order: int | None = None, progress: Listener[str] = None) -> Kernels:
         """The kernels, which know how their model was named; None stands for the order that

@@ -40,6 +40,14 @@ def drawn(solution: dmoc.Solution, **changes: object) -> Figure:
     return replace(solution, trajectory=motion).plot()
 
 
+def test_a_figure_is_an_image_in_a_notebook(figure: Figure) -> None:
+    """Without pyplot, whose import tells notebooks how to show figures."""
+    image = figure._repr_png_()
+    width, height = (int.from_bytes(image[i : i + 4], "big") for i in (16, 20))
+    inches = figure.get_size_inches()
+    assert image.startswith(b"\x89PNG") and (width, height) == pytest.approx(inches * 100, abs=1)
+
+
 @pytest.fixture(scope="module")
 def figure(solution: dmoc.Solution) -> Figure:
     return solution.plot()
