@@ -34,7 +34,8 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     Parameters
     ----------
     problem : Problem
-        The one that was solved, with the steps of the solution.
+        The one that was solved; where the solve has chosen or refined its mesh, that of the
+        solution is taken.
     solution : Solution
 
     Returns
@@ -65,6 +66,8 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     sequence = tuple(c.word for c in solution.collisions)
     if problem.open_hits and len(sequence) == len(problem.sequence):
         problem = problem.but(sequence=sequence)  # the solution tells how its hits go
+    if (problem.steps is None or solution.meshes) and len(steps) == problem.phases:
+        problem = problem.meshed(steps)
     size = Layout.of(problem).size
     given = (steps, sequence, len(solution.unknowns))
     if given != (problem.phase_steps, problem.words, size):

@@ -133,6 +133,16 @@ def test_everything_that_depends_on_the_time() -> None:
     )
 
 
+@pytest.mark.parametrize("steps", [None, 6])
+def test_a_mesh_that_the_solve_has_chosen_or_refined_is_taken(steps: int | None) -> None:
+    """J = 24 m^2 w^2 with a lossless wall at w = 1, so that dJ/dw = 2 J."""
+    problem = block_and_wall.problem(1.0, 6).but(steps=steps)
+    solution = dmoc.solve(problem, "ipm", tolerance=1e-4, starts=1)
+    assert solution.steps != problem.phase_steps
+    found = dmoc.sensitivities(problem, solution)
+    assert found["parameters"]["wall"] == pytest.approx(2 * solution.cost, rel=1e-6)
+
+
 def test_a_solution_of_another_problem_is_refused() -> None:
     problem = block_and_wall.problem(0.8, 10)
     solution = dmoc.solve(problem, "ipm")

@@ -136,7 +136,7 @@ def solve(
 
     def differentiate() -> None:
         if sensitivities and solution.converged:
-            derivatives.append(differentiated(problem.but(steps=solution.steps), solution))
+            derivatives.append(differentiated(problem, solution))
 
     def tell() -> None:
         if not quiet:
