@@ -14,6 +14,8 @@ import pytest
 import scipy.sparse
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from methods import SPARSE
+from systems import block_system
 from systems import block_system, there_and_back
 
 import dmoc
@@ -28,7 +30,6 @@ from dmoc.solvers.ipm import least_violation
 from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Iteration, Options, Status
 
-SPARSE = ("ipm", "ipopt", "uno")
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from methods import INSTALLED
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, there_and_back
 
@@ -18,7 +19,6 @@ from dmoc.codegen.kernels import Kernels
 
 pytestmark = pytest.mark.slow
 
-METHODS = ("ipm", "slsqp", "ipopt", "uno")
 DECADES = st.integers(-6, 6)
 
 
@@ -56,7 +56,7 @@ def block_problem(kernels: Kernels, u: Units, e: float) -> dmoc.Problem:
     )
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", INSTALLED)
 @settings(max_examples=8, deadline=None)
 @given(length=DECADES, mass=DECADES, time=DECADES, e=st.sampled_from([1.0, 0.6, 0.0]))
 def test_a_block_and_its_wall(
@@ -99,7 +99,7 @@ def cart_problem(kernels: Kernels, u: Units) -> dmoc.Problem:
     )
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", INSTALLED)
 @settings(max_examples=3, deadline=None)
 @given(length=DECADES, mass=DECADES, time=DECADES)
 def test_the_pendulum_on_its_cart(

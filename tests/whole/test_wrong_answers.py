@@ -8,6 +8,7 @@ from math import pi, sin
 import numpy as np
 import pytest
 import sympy as sp
+from methods import INSTALLED
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, there_and_back
 
@@ -369,7 +370,7 @@ def test_a_start_on_a_surface_that_moves_into_it_is_refused() -> None:
 # Infeasible by a little, and limits of time -------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["ipm", "slsqp", "ipopt"])
+@pytest.mark.parametrize("method", [m for m in INSTALLED if m != "uno"])
 @pytest.mark.parametrize("order", [2, 4])
 @pytest.mark.parametrize("limit", ["wall", "bound"])
 def test_infeasible_by_a_little_is_infeasible_early(method: str, order: int, limit: str) -> None:
