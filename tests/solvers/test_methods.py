@@ -15,7 +15,6 @@ import scipy.sparse
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from methods import SPARSE
-from systems import block_system
 from systems import block_system, there_and_back
 
 import dmoc
