@@ -43,6 +43,7 @@ HEADER = (
     "result",
     "cost",
     "against the known one",
+    "explore, ms",
     "guess, ms",
     "solve, ms",
     "check, ms",
@@ -60,6 +61,7 @@ class Try:
     method: str
     result: str
     cost: float = np.nan
+    explore: float = np.nan
     guess: float = np.nan
     solve: float = np.nan
     check: float = np.nan
@@ -68,6 +70,10 @@ class Try:
     @property
     def met(self) -> bool:
         return self.result in (SOLVED, BETTER)
+
+    @property
+    def parts(self) -> tuple[float, ...]:
+        return self.explore, self.guess, self.solve, self.check, self.total
 
     @property
     def row(self) -> tuple[Any, ...]:
@@ -81,7 +87,7 @@ class Try:
             self.result if self.met else f"**{self.result}**",
             f"{self.cost:.6g}" if ended else "-",
             f"{(self.cost - known) / abs(known):+.1e}" if ended else "-",
-            *(ms(part) for part in (self.guess, self.solve, self.check, self.total)),
+            *(ms(part) for part in self.parts),
         )
 
 
@@ -97,6 +103,7 @@ def own(rung: Rung, order: int, steps: int, method: str) -> Try:
         method,
         rung.compared(solution.cost, True) if status == "solved" else status,
         solution.cost,
+        spent.get("explore", np.nan),
         spent["guess"],
         spent["solve"],
         spent.get("verify", np.nan),
@@ -148,7 +155,8 @@ def ladder(quick: bool, folder: Path) -> Section:
         f"Orders 2 and 4 with N = {', '.join(map(str, steps))} steps a phase, from a statement "
         "without any guess: how many end within the tolerance of the known cost (or below it) and "
         f"are confirmed by the simulation; `{DEFAULT}` is the default. Times are medians over what "
-        f"was solved, kernels being built. A solve has {SECONDS:.0f} s; after one that took longer "
+        f"was solved, kernels being built; where the best motion of the exploration is one of the mesh, there is no "
+        f"further guess and solve. A solve has {SECONDS:.0f} s; after one that took longer "
         f"there is none with more steps.{ABOUT_PEER if PEER in methods else ''}",
         ["problem", "known cost", "source", *methods],
     )
@@ -159,7 +167,7 @@ def ladder(quick: bool, folder: Path) -> Section:
     for order in ORDERS:
         groups = ([t for t in found if (t.method, t.order) == (m, order)] for m in methods)
         section.rows.append((f"all of order {order}", "", "", *map(_share, groups)))
-    for part in ("guess", "solve", "check", "total"):
+    for part in ("explore", "guess", "solve", "check", "total"):
         medians = (_median([t for t in found if t.met and t.method == m], part) for m in methods)
         section.rows.append((f"{part}, ms", "", "", *medians))
     section.after = _failures(found, methods)

@@ -37,6 +37,9 @@ MOST_BYTES = 4 * 10**9
 RESOLVED = 20
 # Letters of a wrong value in a sentence.
 MOST_SHOWN = 80
+# A gap that is what sines and cosines leave of zero, where a surface goes through the origin and no
+# coordinate has a size to compare it with.
+LEFT_OF_ZERO = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +91,8 @@ def simulate(
     and that what is left out is refused, is said in :func:`dmoc.simulate`."""
     if not isinstance(kernels, Kernels):
         raise SimulationError(
-            f"kernels = {kernels!r}: expected the kernels of a model, from dmoc.build(system) or "
-            "dmoc.load(name)."
+            f"kernels = {kernels!r}: expected a MechanicalSystem, or the kernels of a model from "
+            "dmoc.build(system) or dmoc.load(name)."
         )
     nq, nu = len(kernels.coordinates), len(kernels.inputs)
     steps, every = _whole(steps, "steps"), _whole(every, "every")
@@ -231,7 +234,7 @@ def _check_start(model: Model, q: Array) -> None:
     """Refuse a position behind a surface."""
     gaps = model.gaps(q)
     for name, gap, near in zip(model.kernels.surfaces, gaps, model.gap_rounding(q), strict=True):
-        if gap > near:
+        if gap > max(near, LEFT_OF_ZERO):
             raise SimulationError(
                 f"position lies behind surface {name!r} by {gap:g}: expected a start in "
                 "front of it, or on it."

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,9 @@ from dmoc.solution import Solution, check_same_model, kernels_of_file
 from dmoc.table import Shown, Table
 from dmoc.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
 from dmoc.writing import write_whole
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
 
 # Steps of a replay in the smallest step of its solution: its own error is then a sixteenth of that
 # of the solution at order 2.
@@ -147,7 +151,7 @@ def _rows(s: Simulation) -> Iterator[tuple[str, str]]:
 
 
 def simulate(
-    kernels: Kernels | Solution,
+    kernels: Kernels | MechanicalSystem | Solution,
     position: Mapping[str, float] | ArrayLike | None = None,
     velocity: Mapping[str, float] | ArrayLike | None = None,
     *,
@@ -180,7 +184,7 @@ def simulate(
 
     Parameters
     ----------
-    kernels : Kernels or Solution
+    kernels : Kernels, MechanicalSystem or Solution
     position, velocity : arrays of shape (nq,) or mappings by coordinate name
         Initial state; velocities default to rest.  A solution has its own unless they are given,
         as for inputs, parameters and coefficients of restitution.
@@ -233,7 +237,7 @@ def simulate(
         )
     return _recorded(
         forward.simulate(
-            kernels,
+            _built(kernels),
             position,
             velocity,
             step_size=step_size,
@@ -244,6 +248,16 @@ def simulate(
             every=every,
         )
     )
+
+
+def _built(model: Any) -> Any:
+    """The kernels of a system; what is none, as it is."""
+    if isinstance(model, Kernels):
+        return model
+    from dmoc.codegen.of_system import build
+    from dmoc.symbolic.system import MechanicalSystem
+
+    return build(model) if isinstance(model, MechanicalSystem) else model
 
 
 def _recorded(run: forward.Run) -> Simulation:

@@ -135,6 +135,16 @@ def test_what_lies_on_a_floor_stays(ball: Kernels) -> None:
     assert [(s.name, s.begin, s.end) for s in run.contacts] == [("floor", 0.0, 0.1)]
 
 
+def test_a_start_on_a_surface_but_for_rounding_errors_is_one_on_it() -> None:
+    x = dynamicsymbols("x")
+    system = dmoc.MechanicalSystem("origin", [x], x.diff() ** 2 / 2, {}, surfaces={"wall": x <= 0})
+    for start in (float(np.cos(np.pi / 2)), 1e-15):
+        run = dmoc.simulate(system, [start], [1.0], step_size=0.1, steps=10)
+        assert run.q[-1, 0] == pytest.approx(-1)
+    with pytest.raises(SimulationError, match="lies behind surface 'wall' by 1e-09"):
+        dmoc.simulate(system, [1e-9], [1.0], step_size=0.1, steps=10)
+
+
 def test_accumulating_collisions_are_an_error() -> None:
     """Into a wedge whose walls close: more and more collisions within one step."""
     x, y = dynamicsymbols("x y")
@@ -211,11 +221,14 @@ def test_wrong_arguments_are_refused(
         dmoc.simulate(ball, arguments.pop("position"), **arguments)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    "kernels", [None, "ball", 5, ball_system()], ids=["None", "text", "number", "system"]
-)
+def test_a_system_stands_for_its_kernels(ball: Kernels) -> None:
+    runs = [dmoc.simulate(k, [1.0], step_size=0.1, steps=9) for k in (ball_system(), ball)]
+    np.testing.assert_array_equal(runs[0].q, runs[1].q)
+
+
+@pytest.mark.parametrize("kernels", [None, "ball", 5], ids=["None", "text", "number"])
 def test_something_else_than_kernels_is_refused(kernels: object) -> None:
-    with pytest.raises(SimulationError, match="expected the kernels of a model"):
+    with pytest.raises(SimulationError, match="expected a MechanicalSystem, or the kernels"):
         dmoc.simulate(kernels, [1.0], step_size=0.1, steps=1)  # type: ignore[arg-type]
 
 
