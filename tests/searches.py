@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -43,9 +44,8 @@ def seconds_of(journal: Path) -> dict[tuple[str, ...], float]:
     if not journal.exists():
         return {}
     try:
-        database = sqlite3.connect(journal)
-        rows = [json.loads(r) for (r,) in database.execute("SELECT summary FROM nodes")]
-        database.close()
+        with closing(sqlite3.connect(journal)) as database:
+            rows = [json.loads(r) for (r,) in database.execute("SELECT summary FROM nodes")]
     except sqlite3.DatabaseError:
         return {}
     return {tuple(r["sequence"]): r["seconds"] for r in rows}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sqlite3
 import subprocess
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ def test_a_journal_of_another_problem_is_refused(table: dmoc.Problem, tmp_path: 
         dmoc.search(table, 0, starts=1, journal=path, resume=True)
     with pytest.raises(SearchError, match="does not exist"):
         dmoc.search(table, 0, journal=tmp_path / "none", resume=True)
-    with sqlite3.connect(tmp_path / "foreign") as foreign:
+    with closing(sqlite3.connect(tmp_path / "foreign")) as foreign:
         foreign.execute("CREATE TABLE foreign_data (a)")
     with pytest.raises(SearchError, match="something else"):
         dmoc.search(table, 0, journal=tmp_path / "foreign", resume=True)
