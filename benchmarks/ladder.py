@@ -155,8 +155,8 @@ def ladder(quick: bool, folder: Path) -> Section:
         f"Orders 2 and 4 with N = {', '.join(map(str, steps))} steps a phase, from a statement "
         "without any guess: how many end within the tolerance of the known cost (or below it) and "
         f"are confirmed by the simulation; `{DEFAULT}` is the default. Times are medians over what "
-        f"was solved, kernels being built; where the best motion of the exploration is one of the mesh, there is no "
-        f"further guess and solve. A solve has {SECONDS:.0f} s; after one that took longer "
+        f"was solved, kernels being built; where the exploration ends on the mesh itself, there is "
+        f"no further guess and solve. A solve has {SECONDS:.0f} s; after one that took longer "
         f"there is none with more steps.{ABOUT_PEER if PEER in methods else ''}",
         ["problem", "known cost", "source", *methods],
     )
