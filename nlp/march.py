@@ -4,14 +4,14 @@ lines."""
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.marching import WINDOW, Marcher
-from dmoc.nlp.plan import Plan, Route, plan_of, route_of
+from dmoc.nlp.plan import Plan, Route, Shares, plan_of, route_of, shares_of
 from dmoc.nlp.problem import Problem, midpoints
 
 # Coordinates that follow splines.
@@ -38,11 +38,12 @@ class March:
 @dataclass(frozen=True)
 class Planner:
     """Plans of a problem, and what marches along them; ``still`` is the route of all plans, if
-    there is one."""
+    there is one, with the ``shares`` that were asked for."""
 
     problem: Problem
     marcher: Marcher
     still: Route | None
+    shares: dict[tuple[Choice, bool], Shares] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem) -> Planner:
@@ -50,7 +51,11 @@ class Planner:
         return cls(problem, Marcher(problem), None if route.normals is None else route)
 
     def plan(self, choice: Choice, final_time: float, even: bool = False) -> Plan:
-        return plan_of(self.problem, self._route(final_time), choice, final_time, even)
+        route = self._route(final_time)
+        known = self.shares if route is self.still else {}
+        if (choice, even) not in known:
+            known[choice, even] = shares_of(route, choice, even)
+        return plan_of(self.problem, route, known[choice, even], final_time)
 
     def trial(
         self, choice: Choice, final_time: float, steps: tuple[int, ...]

@@ -30,11 +30,12 @@ class Plan:
 @dataclass(frozen=True)
 class Normal:
     """A surface at a via point: the gradient of its gap, the change M^-1 n of the velocity by a
-    unit impulse along it, and n . M^-1 n."""
+    unit impulse along it, n . M^-1 n, and the coefficient of restitution of its mirror."""
 
     slope: Array
     response: Array
     square: float
+    e: float
 
 
 @dataclass(frozen=True)
@@ -75,19 +76,24 @@ def route_of(problem: Problem, final_time: float) -> Route:
 def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
     j = problem.kernels.surfaces.index(problem.events[collision].hit)
     slope = problem.model.gap_slopes(q, t)[j, :-1]
-    return Normal(slope, *problem.model.impulse_response(q, slope))
+    e = max(float(problem.restitution_values[j]), SOFTEST_MIRROR)
+    return Normal(slope, *problem.model.impulse_response(q, slope), e)
 
 
-def plan_of(
-    problem: Problem,
-    route: Route,
-    prescribed: tuple[int, ...],
-    final_time: float,
-    even: bool = False,
-) -> Plan:
-    """Durations in proportion to the distances, or even ones, and velocities that continue
-    smoothly in the mirror image behind each surface."""
-    points, chosen = route.points, np.zeros(problem.nq)
+@dataclass(frozen=True)
+class Shares:
+    """The legs of a route, shape (phases, nq), the length of all together, measured by the masses,
+    and the shares of the phases in the time."""
+
+    legs: Array
+    whole: float
+    times: Array
+
+
+def shares_of(route: Route, prescribed: tuple[int, ...], even: bool) -> Shares:
+    """Shares in proportion to the distances of some coordinates, or even ones."""
+    points = route.points
+    chosen = np.zeros(points.shape[1])
     chosen[list(prescribed)] = 1.0
     legs = points[1:] - points[:-1]
     ways = legs * chosen
@@ -99,21 +105,25 @@ def plan_of(
     lengths = np.where(flights, whole / max(len(flights) - flights.sum(), 1) or 1.0, lengths)
     whole = float(lengths.sum())
     shares = np.ones(len(lengths)) if even else np.maximum(lengths / whole, SHORTEST_SHARE)
-    durations = np.clip(final_time * shares / shares.sum(), *problem.duration_bounds.T)
-    speeds = legs / durations[:, None]
+    return Shares(legs, whole, shares / shares.sum())
+
+
+def plan_of(problem: Problem, route: Route, shares: Shares, final_time: float) -> Plan:
+    """Durations by shares of the time, and velocities that continue smoothly in the mirror image
+    behind each surface."""
+    points = route.points
+    durations = np.clip(final_time * shares.times, *problem.duration_bounds.T)
+    speeds = shares.legs / durations[:, None]
     velocities = np.zeros_like(points)
     velocities[0] = route.start
-    for i, event in enumerate(problem.events):
+    for i in range(len(points) - 2):
         normal = (
             _normal(problem, points[i + 1], i, float(durations[: i + 1].sum()))
             if route.normals is None
             else route.normals[i]
         )
-        j = problem.kernels.surfaces.index(event.hit)
-        e = max(float(problem.restitution_values[j]), SOFTEST_MIRROR)
-        velocities[i + 1] = _through(
-            normal, e, speeds[i : i + 2], durations[i : i + 2], whole / final_time / 2
-        )
+        slowest = shares.whole / final_time / 2
+        velocities[i + 1] = _through(normal, speeds[i : i + 2], durations[i : i + 2], slowest)
     if route.goal is None:
         natural = 1.5 * speeds[-1] - 0.5 * velocities[-2] if problem.phases == 1 else speeds[-1]
         velocities[-1] = _by_velocity(problem.goal_bounds, natural)
@@ -122,13 +132,13 @@ def plan_of(
     return Plan(points, velocities, durations)
 
 
-def _through(normal: Normal, e: float, speeds: Array, durations: Array, slowest: float) -> Array:
+def _through(normal: Normal, speeds: Array, durations: Array, slowest: float) -> Array:
     """Velocity before a collision, from the mean velocities of the phases before and after it and
     their durations: their mean in the mirror image behind the surface, arriving not too slowly."""
     n, response, square = normal.slope, normal.response, normal.square
     before, after = speeds
     if square > 0:
-        after = after - (1 + 1 / e) * float(n @ after) / square * response
+        after = after - (1 + 1 / normal.e) * float(n @ after) / square * response
     velocity = (durations[1] * before + durations[0] * after) / (durations[0] + durations[1])
     if square > 0:  # arrive with some speed, or there is no collision
         root = np.sqrt(square)
