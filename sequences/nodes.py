@@ -21,9 +21,11 @@ from dmoc.schema import (
     dumped,
     plain,
 )
+from dmoc.sequences.result import table_of_node
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Status
 from dmoc.solving.exploration import Start
+from dmoc.table import Shown, Table
 
 Sequence = tuple[str, ...]
 
@@ -45,8 +47,8 @@ class Verdict(enum.StrEnum):
     FAILED = "failed"  # no answer: a limit was reached, or a worker died
 
 
-@dataclass(frozen=True)
-class Node:
+@dataclass(frozen=True, repr=False)
+class Node(Shown):
     """What is known of one sequence.
 
     Attributes
@@ -83,6 +85,14 @@ class Node:
     attempts: int = 1
     seconds: float = 0.0
     solution: Solution | None = None
+
+    def __repr__(self) -> str:
+        cost = "" if self.cost is None else f", cost {self.cost:.6g}"
+        return f"<Node {self.name}: {self.verdict}{cost}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        return table_of_node(self)
 
     @property
     def name(self) -> str:

@@ -54,6 +54,20 @@ def table_of(result: SearchResult, why: bool = False) -> Table:
     )
 
 
+def table_of_node(node: Node) -> Table:
+    """What is known of one sequence."""
+    costs = ", ".join(f"{cost:.6g}" for cost in node.minima)
+    rows = (
+        ("verdict", toned(node.verdict.value, TONES[node.verdict.value])),
+        ("cost", "" if node.cost is None else f"{node.cost:.6g}"),
+        ("durations [s]", ", ".join(f"{t:.4g}" for t in node.phases)),
+        ("minima", costs if len(node.minima) > 1 else ""),
+        ("starts", str(len(node.starts) or "")),
+        ("evidence", "; ".join(node.evidence)),
+    )
+    return Table(tuple(row for row in rows if row[1]), title=f"sequence {node.name}")
+
+
 def _evidence_of(node: Node) -> str:
     """Durations of a motion, the number of its minima, and the evidence."""
     durations = " ".join(f"{t:.4g}" for t in node.phases)

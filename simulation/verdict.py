@@ -122,9 +122,15 @@ def lost_by(missed: tuple[str, ...], extra: tuple[str, ...], terminal: float) ->
     """How an open-loop run leaves a motion."""
     lost = [f"the simulation misses {', '.join(missed)}"] * bool(missed)
     lost += [f"the simulation meets {', '.join(extra)}"] * bool(extra)
-    return lost + [f"terminal error {terminal:.3g} exceeds {TERMINAL:g}"] * (
+    return lost + [f"terminal error {_above(terminal, TERMINAL)} exceeds {TERMINAL:g}"] * (
         not terminal <= TERMINAL
     )
+
+
+def _above(value: float, limit: float) -> str:
+    """A number with as many digits as show that it is above a limit, three at least."""
+    texts = (f"{value:.{digits}g}" for digits in range(3, 18))
+    return next((text for text in texts if float(text) > limit), f"{value:.3g}")
 
 
 def too_coarse(failures: list[str], amplified: float) -> str:
@@ -137,7 +143,7 @@ def too_coarse(failures: list[str], amplified: float) -> str:
 def exceeded(measured: dict[str, float]) -> list[str]:
     """The measures that exceed what passes."""
     return [
-        f"{name} {value:.3g} exceeds {PASSING[name]:g}"
+        f"{name} {_above(value, PASSING[name])} exceeds {PASSING[name]:g}"
         for name, value in measured.items()
         if not value <= PASSING[name]
     ]

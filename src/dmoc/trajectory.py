@@ -34,7 +34,7 @@ COURSES = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Phase:
     """A phase of N steps.
 
@@ -94,8 +94,12 @@ class Phase:
     def duration(self) -> float:
         return float(self.t[-1] - self.t[0])
 
+    def __repr__(self) -> str:
+        times = f"{self.t[0]:.6g} to {self.t[-1]:.6g} s"
+        return f"<Phase of {self.steps} steps from {times}, {self.mode}>"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Collision:
     """What happens between two phases: surface, time (s), position, impulse lam >= 0 along grad g,
     momenta before and after.
@@ -146,11 +150,14 @@ class Collision:
         """What happens, as a sequence says it: "wall", "+right -left", "rail:slip+"."""
         return event_word(self.hit, self.lands, self.leaves, self.friction, self.course)
 
+    def __repr__(self) -> str:
+        return f"<Collision {self}>"
+
     def __str__(self) -> str:
         return f"{self.word} at {self.time:.6g} s{impulses_told(self)}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trajectory:
     """A motion with what is needed to draw and to check it.
 
@@ -195,6 +202,10 @@ class Trajectory:
     friction: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scene: Scene | None = None
+
+    def __repr__(self) -> str:
+        events = "; ".join(map(str, self.collisions)) or "no event"
+        return f"<Trajectory of {self.model} in {self.final_time:.6g} s: {events}>"
 
     @property
     def lasting(self) -> bool:

@@ -16,6 +16,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system, landing_problem, rod_system, there_and_back
 
 import dmoc
+from dmoc.registry import find
 from dmoc.sequences.engine import SearchResult
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.result import table_of
@@ -152,3 +153,16 @@ def test_the_table_of_a_search_is_narrow_and_tells_why_on_request(
     assert max(map(len, f"{short}\n{told}".splitlines())) <= 80 and "…" not in short + told
     assert short.count("right") == told.count("right") == 12
     assert "none of 8" not in short and told.count("starts led") >= 4 and "--verbose" in short
+
+
+def test_parts_of_results_are_a_line_or_a_table() -> None:
+    reference = find("puck_table")
+    problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 20})
+    node = dmoc.search(problem, 1).best
+    assert node is not None and node.solution is not None
+    assert repr(node) == f"<Node east: optimal, cost {node.cost:.6g}>"
+    assert "confirmed by simulation" in str(node) and "<table" in node._repr_html_()
+    motion = node.solution.trajectory
+    assert repr(motion).startswith("<Trajectory of puck_table in 2 s: east at 0.47")
+    assert repr(motion.phases[0]).startswith("<Phase of 20 steps from 0 to 0.47")
+    assert repr(motion.collisions[0]) == f"<Collision {motion.collisions[0]}>"
