@@ -296,3 +296,11 @@ def test_the_time_limit_holds_within_an_iteration(seed: dmoc.Problem, reads: lis
     late = [ended(seconds) - seconds for seconds in range(first, second + 1)]
     # With a look at the clock between iterations alone, it would be an iteration.
     assert max(late) - min(late) <= 2
+
+
+def test_that_there_is_no_motion_is_told_by_the_method_that_soon_knows(seed: dmoc.Problem) -> None:
+    """SLSQP took ten times as long as the exploration, which had found nothing."""
+    weak = seed.but(steps=30, bounds={**seed.bounds, "F": (-1.0, 1.0)})
+    solution = dmoc.solve(weak, "slsqp")
+    assert solution.status == "infeasible" and solution.method == "ipm"
+    assert "slsqp was not tried" in solution.message and solution.conflicts
