@@ -28,6 +28,7 @@ from dmoc.solution import Solution
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
+from dmoc.solving.attempts import seconds_until
 from dmoc.solving.exploration import Effort, Exploration, Start, coarse_of, explored
 from dmoc.solving.methods import METHODS
 from dmoc.solving.result import without_effect
@@ -150,11 +151,6 @@ def _deadline(task: Task) -> float:
     return np.inf if task.seconds is None else time.perf_counter() + task.seconds
 
 
-def _left(deadline: float) -> float | None:
-    """Seconds until a deadline; None where there is none."""
-    return None if np.isinf(deadline) else max(deadline - time.perf_counter(), 1e-9)
-
-
 def _late(task: Task, starts: Sequence[Start]) -> Node:
     """The node of a task that is over its time, which leaves some starts untried."""
     return Node(
@@ -169,7 +165,7 @@ def _solved(
     problem: Problem, method: str, guess: Given, deadline: float, verify: bool = True
 ) -> Solution:
     """Solve until a deadline; Ctrl-C, which ends a solve with a status, ends the search too."""
-    options = Options(seconds=_left(deadline))
+    options = Options(seconds=seconds_until(deadline))
     request = Request(METHODS[method], options, verify=verify, by_rates=True)
     s = solved_on_mesh(problem, guess, request)
     if s.status == Status.INTERRUPTED:
@@ -290,7 +286,7 @@ def _least(problem: Problem, deadline: float) -> Diagnosis:
     """The least violation from any of the automatic guesses."""
     found: list[Diagnosis] = []
     for guess in initial_guesses(problem, deadline):
-        options = Options(seconds=_left(deadline))
+        options = Options(seconds=seconds_until(deadline))
         scale = scale_of(problem, guess.x)
         found.append(diagnose(problem, scale, guess.x, options, by_rates=True))
         if found[-1].violation <= INFEASIBLE:

@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+import numpy as np
+
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.diagnosis import diagnose
@@ -79,6 +81,11 @@ def remaining(options: Options, begin: float, iterations: int = 0) -> Options:
         tell(replace(i, number=i.number + iterations))
 
     return replace(options, seconds=seconds, iterations=left, progress=counted)
+
+
+def seconds_until(deadline: float) -> float | None:
+    """Seconds until a deadline on the clock of ``time.perf_counter``; None where there is none."""
+    return None if np.isinf(deadline) else max(deadline - time.perf_counter(), 1e-9)
 
 
 def _with(driver: Judged, duals: Duals | None) -> Minimise:

@@ -20,7 +20,7 @@ from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.solution import Minimum, Solution
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving.attempts import Attempt
+from dmoc.solving.attempts import Attempt, seconds_until
 from dmoc.solving.basins import Basin, cost_of, gathered
 from dmoc.solving.program import Programs
 from dmoc.solving.ranking import merged, ranked
@@ -220,7 +220,8 @@ def _minima(
         classes = gathered(classes, attempts)
         agreed = effort.agree(classes, len(starts))
         if not agreed and 0 < end == effort.first and 1 < len(classes) <= FEW:
-            agreed = effort.agree(merged(problem, classes, few, effort.by_rates), len(starts))
+            left = replace(few, seconds=seconds_until(deadline))
+            agreed = effort.agree(merged(problem, classes, left, effort.by_rates), len(starts))
         met = _met_best(classes) >= effort.often
         enough = (met and end >= effort.most) or (agreed and end >= effort.first)
         if enough or len(attempts) < len(named):

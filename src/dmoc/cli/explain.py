@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from dmoc.arguments import shown
 from dmoc.cli.writing import out
 
 PAGE = "troubleshooting.md"
@@ -34,7 +35,7 @@ def explain(
     chosen = _entries(text, asked) if asked else [text[: text.index("\n\nThe entries below")]]
     if not chosen:
         raise typer.BadParameter(
-            f"no entry has {asked!r}: dmoc explain alone lists the words that entries are found by."
+            f"no entry has {shown(asked)}: dmoc explain alone lists the words that entries are found by."
         )
     for entry in chosen:
         out.print(Markdown(LINK.sub(r"\1", ROLE.sub("", entry))))

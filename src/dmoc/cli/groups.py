@@ -86,6 +86,7 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
         }
         command(**given, **grouped)
 
-    spread_out.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    spread_out.__annotations__ = {p.name: p.annotation for p in parameters}
+    read: Any = spread_out
+    read.__signature__ = signature.replace(parameters=parameters)
+    read.__annotations__ = {p.name: p.annotation for p in parameters}
     return spread_out

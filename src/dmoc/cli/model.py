@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from dmoc.cli.options import ModelArgument
+from dmoc.cli.options import ModelArgument, out_option
 from dmoc.cli.writing import out, print_text, written
 from dmoc.discretisation import ORDERS_SHOWN
 from dmoc.errors import OutputError
@@ -52,7 +52,7 @@ def derive(
         int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
     ] = 2,
     target: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Write to a file instead of standard output.")
+        Path | None, out_option("Write to a file instead of standard output.")
     ] = None,
 ) -> None:
     """Print every step of the derivation of a model."""
@@ -77,9 +77,7 @@ def generate(
     model: ModelArgument,
     target: Annotated[
         Path | None,
-        typer.Option(
-            "-o", "--out", help="Folder for the sources; by default a folder of the model's name."
-        ),
+        out_option("Folder for the sources; by default a folder of the model's name."),
     ] = None,
     order: Annotated[
         int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from dmoc.cli.options import out_option
 from dmoc.cli.writing import out, written
 from dmoc.errors import ModelError, OutputError
 
@@ -33,9 +34,7 @@ def new(
             "a pendulum that meets nothing."
         ),
     ] = Kind.collision,
-    target: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="Folder of the file.")
-    ] = Path(),
+    target: Annotated[Path, out_option("Folder of the file.", "DIR")] = Path(),
 ) -> None:
     """Write a system file to begin with.
 
