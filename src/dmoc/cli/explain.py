@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from dmoc.arguments import shown
 from dmoc.cli.writing import out
 
 PAGE = "troubleshooting.md"
@@ -30,12 +29,15 @@ def explain(
     """Tell what an error or a status means, and what helps."""
     from rich.markdown import Markdown
 
+    from dmoc.arguments import shown
+
     text = _page()
     asked = " ".join(words or ()).strip()
     chosen = _entries(text, asked) if asked else [text[: text.index("\n\nThe entries below")]]
     if not chosen:
         raise typer.BadParameter(
-            f"no entry has {shown(asked)}: dmoc explain alone lists the words that entries are found by."
+            f"no entry has {shown(asked)}: dmoc explain alone lists the words that entries are "
+            "found by."
         )
     for entry in chosen:
         out.print(Markdown(LINK.sub(r"\1", ROLE.sub("", entry))))
