@@ -19,11 +19,11 @@ def show(name: str, rows: list[tuple[str, float, float | None]], solution: dmoc.
         difference = "" if known is None else f"{found - known:+.1e}"
         table.add_row(what, f"{found:.9g}", "" if known is None else f"{known:.9g}", difference)
     console.print(table, highlight=False)
-    check = solution.verification or {}
-    errors = ", ".join(
-        f"{name.replace('_', ' ')} {check[name]:.1e}"
-        for name in ("terminal_error", "energy_error")
-        if name in check
+    check = solution.verification
+    errors = (
+        f"terminal error {check.terminal_error:.1e}, energy error {check.energy_error:.1e}"
+        if check
+        else "none"
     )
     console.print(
         f"{solution.status}: {solution.message}; {solution.iterations} iterations; simulation: "

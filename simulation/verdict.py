@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
+from typing import Any
 
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.arcs import PENETRATION
@@ -85,8 +86,32 @@ class Verification(Shown):
     force_error: float = 0.0
 
     def __repr__(self) -> str:
-        worst = f"segment error {self.segment_defects.max(initial=0.0):.2g}"
-        return f"<Verification: {passed(self.passed)[0]}, {worst}>"
+        return (
+            f"<Verification: {passed(self.passed)[0]}, segment error {self.max_segment_defect:.2g}>"
+        )
+
+    @property
+    def max_segment_defect(self) -> float:
+        """The largest of ``segment_defects``."""
+        return float(self.segment_defects.max(initial=0.0))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the command line prints as JSON."""
+        return {
+            "passed": self.passed,
+            "message": self.message,
+            "terminal_error": self.terminal_error,
+            "amplification": self.amplification,
+            "max_defect": self.max_defect,
+            "max_segment_defect": self.max_segment_defect,
+            "energy_error": self.energy_error,
+            "impact_error": self.impact_error,
+            "missed_contacts": list(self.missed_contacts),
+            "extra_contacts": list(self.extra_contacts),
+            "penetration": self.penetration,
+            "limit_excess": self.limit_excess,
+            "force_error": self.force_error,
+        }
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
@@ -104,8 +129,7 @@ class Verification(Shown):
                 ),
                 (
                     "largest defect",
-                    f"{self.max_defect:.3e} per step, {self.segment_defects.max(initial=0.0):.3e} "
-                    "per segment",
+                    f"{self.max_defect:.3e} per step, {self.max_segment_defect:.3e} per segment",
                 ),
                 ("energy error", f"{self.energy_error:.3e}"),
                 ("law of impact", f"{self.impact_error:.3e}"),

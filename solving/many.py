@@ -308,7 +308,7 @@ def _row(number: int, problem: Problem | DmocError, setting: Setting, left: floa
         collisions=tuple(c.word for c in found.collisions),
         times=tuple(c.time for c in found.collisions),
         impulses=tuple(c.impulse for c in found.collisions),
-        check="" if checked is None else "passed" if checked["passed"] else "failed",
+        check="" if checked is None else "passed" if checked.passed else "failed",
     )
 
 

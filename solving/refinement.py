@@ -185,14 +185,14 @@ def _measured(
 
 
 def _simulated(s: Solution) -> float:
-    return float(s.verification["max_segment_defect"]) if s.verification else np.inf
+    return s.verification.max_segment_defect if s.verification else np.inf
 
 
 def _why_not_finer(past: History, steps: int, late: bool) -> str:
     """What speaks against a mesh of so many steps a phase."""
     contradicted = [s for s in past.solved if s.status is Status.NOT_VERIFIED]
     if len(contradicted) > CONTRADICTED and contradicted[-1].verification:
-        message = contradicted[-1].verification["message"].removesuffix(", take more steps")
+        message = contradicted[-1].verification.message.removesuffix(", take more steps")
         return f"the simulation contradicts finer and finer meshes ({message})"
     before = past.meshes[-1 - IDLE_MESHES : -1]
     if len(past.meshes) > IDLE_MESHES and past.meshes[-1].estimate >= max(
@@ -222,8 +222,8 @@ def _unmet(past: History, tolerance: float, check: Check, reason: str) -> Soluti
     unmet = f"the estimated error {past.error:.2g} exceeds the tolerance {tolerance:g}"
     if len(past.meshes) == 1:
         unmet = "one mesh was solved, which gives no estimate of its error"
-    if s.verification and not s.verification["passed"]:
-        found = s.verification["message"]
+    if s.verification and not s.verification.passed:
+        found = s.verification.message
         contradicted = f"an independent simulation contradicts the finest mesh ({found})"
         met = past.error <= tolerance
         unmet = contradicted if met else f"{unmet}, and {contradicted}"

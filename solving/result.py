@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from dmoc.nlp.active import active_bounds
 from dmoc.nlp.readout import named_multipliers, trajectory
@@ -15,9 +14,6 @@ from dmoc.solvers.kkt import duality_gap
 from dmoc.solvers.outcome import Status
 from dmoc.solving.attempts import Attempt
 from dmoc.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from dmoc.simulation.check import Verification
 
 
 def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> Solution:
@@ -98,28 +94,9 @@ def checked(solution: Solution, seconds: float | None = None) -> Solution:
             "checked it: raise it"
         )
         return replace(solution, status=Status.TIME_LIMIT, message=message, seconds=spent)
-    solution = replace(solution, verification=_summary(check), seconds=spent)
+    solution = replace(solution, verification=check, seconds=spent)
     if check.passed:
         more = f"; {check.message}" if check.message else ""
         return replace(solution, message=solution.message + more)
     message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
     return replace(solution, status=Status.NOT_VERIFIED, message=message)
-
-
-def _summary(check: Verification) -> dict[str, object]:
-    """What a solution keeps of a check."""
-    return {
-        "passed": check.passed,
-        "message": check.message,
-        "terminal_error": check.terminal_error,
-        "amplification": check.amplification,
-        "max_defect": check.max_defect,
-        "max_segment_defect": float(check.segment_defects.max(initial=0.0)),
-        "energy_error": check.energy_error,
-        "impact_error": check.impact_error,
-        "missed_contacts": list(check.missed_contacts),
-        "extra_contacts": list(check.extra_contacts),
-        "penetration": check.penetration,
-        "limit_excess": check.limit_excess,
-        "force_error": check.force_error,
-    }

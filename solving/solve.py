@@ -233,7 +233,7 @@ def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: floa
     answer = refined(problem, tolerance, options.seconds, on_mesh, check)
     known = explored[0]
     answer = _with_starts(answer, starts=known.starts, found=known.found, others=known.others)
-    confirmed = bool(answer.verification and answer.verification["passed"])
+    confirmed = bool(answer.verification and answer.verification.passed)
     estimated = answer.error_estimate is not None and np.isfinite(answer.error_estimate)
     if problem.steps is None and answer.status is Status.NOT_VERIFIED and confirmed and estimated:
         # Nobody has asked for the error of positions, which some minima leave open.

@@ -117,8 +117,8 @@ class Solution(Shown, Moving):
     conflicts : tuple of str
         Where no feasible point was found: what is missed and by how much, and what stands against
         it.
-    verification : mapping or None
-        Result of the independent check, as in the command line's JSON.
+    verification : Verification or None
+        Result of the independent check.
     reference : str
         How the model was named: a shipped model or ``file.py:name``.
     error_estimate : float or None
@@ -150,7 +150,7 @@ class Solution(Shown, Moving):
     (<Status.SOLVED: 'solved'>, 2.815, 'east')
     >>> solution.phases[0].q.shape, solution.phases[1].u.shape
     ((41, 2), (40, 2))
-    >>> solution.verification["passed"]
+    >>> solution.verification.passed
     True
     >>> path = solution.save("puck.npz")
     >>> dmoc.Solution.load(path).cost == solution.cost
@@ -170,7 +170,7 @@ class Solution(Shown, Moving):
     seconds: Mapping[str, float]
     unknowns: Array
     conflicts: tuple[str, ...] = ()
-    verification: Mapping[str, Any] | None = None
+    verification: Verification | None = None
     reference: str = ""
     error_estimate: float | None = None
     meshes: tuple[Mesh, ...] = ()
@@ -298,7 +298,7 @@ class Solution(Shown, Moving):
             "optimality": self.optimality,
             "iterations": self.iterations,
             "seconds": dict(self.seconds),
-            "verification": None if self.verification is None else dict(self.verification),
+            "verification": None if self.verification is None else self.verification.to_dict(),
             "conflicts": list(self.conflicts),
             "scale": dict(self.scale),
             "starts": self.starts,

@@ -29,11 +29,13 @@ from dmoc.schema import (
     Text,
     Whole,
 )
+from dmoc.simulation.flow import Contact
+from dmoc.simulation.verdict import Verification
 from dmoc.solution import Mesh, Minimum, Solution
 from dmoc.solvers.outcome import Status
 from dmoc.trajectory import COURSES, Collision, Phase, Trajectory
 
-FORMAT, OLDEST = 8, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 9, 6  # the format that is written, and the oldest that is read
 # What files of older formats lack, with the values there: of a motion, its phases and collisions.
 LACKING: Mapping[str, Any] = {"units": {}, "scene": None}
 LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
@@ -54,9 +56,18 @@ def _as_now(header: Any) -> Any:
                 parts = motion.get(name)
                 if isinstance(parts, list) and all(isinstance(part, dict) for part in parts):
                     motion[name] = [{**lacking, **part} for part in parts]
-            now = {**solution, "trajectory": motion}
+            check = _check_as_now(solution.get("verification"))
+            now = {**solution, "trajectory": motion, "verification": check}
             return {**header, "format": FORMAT, "solution": now}
     return header
+
+
+def _check_as_now(check: Any) -> Any:
+    """The check in an older file, which has the largest of the segments alone and no contacts."""
+    match check:
+        case {"max_segment_defect": worst, **rest}:
+            return {**rest, "segment_defects": [worst], "contacts": []}
+    return check
 
 
 @np.errstate(all="ignore")
@@ -107,13 +118,6 @@ def _wrong_solution(solution: Solution) -> str | None:
             f"the status is '{solution.status}', and a cost, residual or multiplier is not finite"
         )
     return None
-
-
-def _summary(**values: Any) -> dict[str, Any]:
-    """The result of the check, in the types that JSON has."""
-    return {
-        name: list(value) if isinstance(value, tuple) else value for name, value in values.items()
-    }
 
 
 @dataclass(frozen=True)
@@ -236,21 +240,23 @@ MINIMUM = Record(
         "steps": Listed(Whole(1)),
     },
 )
+CONTACT = Record(Contact, {"surface": Name(), "time": Number(), "jump": Number(special=True)})
 VERIFICATION = Record(
-    _summary,
+    Verification,
     {
         "passed": Flag(),
         "message": Text(),
         "terminal_error": Number(special=True),
         "amplification": Number(special=True),
         "max_defect": Number(special=True),
-        "max_segment_defect": Number(special=True),
+        "segment_defects": Numbers(kind=Number(special=True)),
         "energy_error": Number(special=True),
         "impact_error": Number(special=True),
         "missed_contacts": Listed(Text()),
         "extra_contacts": Listed(Text()),
         "penetration": Number(special=True),
         "limit_excess": Number(special=True),
+        "contacts": Listed(CONTACT),
         "force_error": Number(special=True),
     },
 )

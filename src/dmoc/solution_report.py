@@ -119,7 +119,7 @@ def _explored(s: Solution) -> str:
 
 
 def _verified(s: Solution) -> Iterator[tuple[Cell, ...]]:
-    for name, value in (s.verification or {}).items():
+    for name, value in s.verification.to_dict().items() if s.verification else ():
         told = ", ".join(map(str, value)) or "none" if isinstance(value, (list, tuple)) else value
         if isinstance(value, bool):
             told = "yes" if value else "no"

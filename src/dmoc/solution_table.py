@@ -82,10 +82,10 @@ def _evidence(s: Solution) -> Iterator[tuple[Cell, ...]]:
     if s.verification:
         v = s.verification
         text = (
-            f": terminal error {v['terminal_error']:.1e}, segment error "
-            f"{v['max_segment_defect']:.1e}, energy error {v['energy_error']:.1e}, "
+            f": terminal error {v.terminal_error:.1e}, segment error "
+            f"{v.max_segment_defect:.1e}, energy error {v.energy_error:.1e}, "
         )
         if s.trajectory.lasting:
-            text += f"force error {v['force_error']:.1e}, "
-        text += f"contacts missed {len(v['missed_contacts'])}, extra {len(v['extra_contacts'])}"
-        yield "simulation", (passed(v["passed"]), (text, ""))
+            text += f"force error {v.force_error:.1e}, "
+        text += f"contacts missed {len(v.missed_contacts)}, extra {len(v.extra_contacts)}"
+        yield "simulation", (passed(v.passed), (text, ""))

@@ -113,11 +113,11 @@ def test_a_block_on_a_rail_is_told_by_words_modes_and_forces(run: Run, tmp_path:
     assert rows["largest T of rail"] == f"-1 N at {slip} s"
     assert "collision" not in out
     kept = dmoc.Solution.load("o/solution.npz").verification
-    assert kept is not None and 0 <= kept["force_error"] < 0.05
-    assert f"force error {kept['force_error']:.1e}, contacts missed 0" in " ".join(out.split())
+    assert kept is not None and 0 <= kept.force_error < 0.05
+    assert f"force error {kept.force_error:.1e}, contacts missed 0" in " ".join(out.split())
     code, out, err = run("verify", "o/solution.npz", "--model", "models.py:railed")
     assert code == 0 and "passed" in out, err
-    assert f"{kept['force_error']:.3e} of the largest of its contact" in out
+    assert f"{kept.force_error:.3e} of the largest of its contact" in out
     assert run("plot", "o/solution.npz", "--out", "o.pdf")[0] == 0
     assert (tmp_path / "o.pdf").read_bytes()[:4] == b"%PDF"
 

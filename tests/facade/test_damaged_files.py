@@ -108,9 +108,9 @@ def test_declared_sizes_are_refused_before_anything_is_unpacked(
 
 def test_a_file_of_another_format_says_so(content: bytes) -> None:
     parts = members(content)
-    parts["header.json"] = parts["header.json"].replace(b'"format": 8', b'"format": 5', 1)
+    parts["header.json"] = parts["header.json"].replace(b'"format": 9', b'"format": 5', 1)
     with pytest.raises(
-        SolutionFileError, match="has format 5, expected 8: solve the problem again"
+        SolutionFileError, match="has format 5, expected 9: solve the problem again"
     ):
         dmoc.Solution.from_bytes(archive(parts))
 

@@ -34,7 +34,7 @@ def objects() -> dict[str, Any]:
         "kernels": problem.kernels,
         "problem": problem,
         "solution": solution,
-        "verification": solution.verify(),
+        "verification": solution.verification,
         "simulation": dmoc.simulate(solution),
         "batch": dmoc.sweep(problem, {"m": [1.0, 2.0]}, method="ipm"),
         "result": dmoc.search(problem.but(steps=10), max_collisions=1, starts=1),

@@ -98,7 +98,10 @@ def test_penetration_between_nodes_is_seen(puck: Kernels) -> None:
 def test_a_collision_exactly_at_a_node_is_met(block: Kernels) -> None:
     solution = dmoc.solve(there_and_back(block, steps=50))
     assert solution.solved and solution.verification is not None
-    assert solution.verification["terminal_error"] < 1e-9
+    assert solution.verification.terminal_error < 1e-9
+    again = dmoc.Solution.from_bytes(solution.to_bytes()).verification
+    assert again is not None and again.to_dict() == solution.verification.to_dict()
+    assert again.contacts == solution.verification.contacts
 
 
 @pytest.mark.parametrize("order", [2, 4])

@@ -227,8 +227,10 @@ def test_a_contradiction_is_told_beside_the_estimate() -> None:
         return replace(found, status=Status.STALLED, optimality=1e-3) if fine else found
 
     def check(solution: dmoc.Solution) -> dmoc.Solution:
-        told = {"passed": False, "message": "it misses the wall", "max_segment_defect": 1.0}
-        return replace(checked(solution), status=Status.NOT_VERIFIED, verification=told)
+        seen = checked(solution)
+        assert seen.verification is not None
+        contradicted = replace(seen.verification, passed=False, message="it misses the wall")
+        return replace(seen, status=Status.NOT_VERIFIED, verification=contradicted)
 
     answer = refined(problem, 1e-9, None, solve, check)
     assert answer.status == "not_verified" and "exceeds the tolerance 1e-09, and" in answer.message

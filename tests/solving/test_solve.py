@@ -28,7 +28,7 @@ def test_seed_reaches_the_reference(solution: dmoc.Solution) -> None:
     jump = collision.momentum_after - collision.momentum_before
     # Grad g = (-1, 0): only alpha's momentum jumps.
     assert jump == pytest.approx([collision.impulse, 0.0], abs=1e-10)
-    assert solution.verification is not None and solution.verification["passed"]
+    assert solution.verification is not None and solution.verification.passed
 
 
 @pytest.mark.slow

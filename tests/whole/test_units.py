@@ -113,8 +113,8 @@ def test_the_pendulum_on_its_cart(
     assert other.cost / u.of(length=2, mass=2, time=-3) == pytest.approx(plain.cost, rel=1e-6)
     for name in ("terminal_error", "amplification", "energy_error", "impact_error"):
         assert plain.verification is not None and other.verification is not None
-        assert other.verification[name] == pytest.approx(
-            plain.verification[name], rel=1e-2, abs=1e-6
+        assert getattr(other.verification, name) == pytest.approx(
+            getattr(plain.verification, name), rel=1e-2, abs=1e-6
         )
 
 

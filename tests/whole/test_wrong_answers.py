@@ -100,7 +100,7 @@ def test_a_collision_without_effect_is_called_a_graze(seed: int, order: int) -> 
 def stays_before_the_stop(problem: dmoc.Problem, solution: dmoc.Solution) -> None:
     gaps = np.concatenate([p.q[:, 0] for p in solution.phases]) - problem.parameter_values[0][-1]
     assert gaps.max() <= 1e-9
-    assert solution.verification is not None and solution.verification["penetration"] < 2e-3
+    assert solution.verification is not None and solution.verification.penetration < 2e-3
 
 
 def test_a_graze_needs_no_more_than_the_motion_that_may_touch() -> None:
