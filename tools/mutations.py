@@ -1,0 +1,178 @@
+"""Change single lines of the sources, one at a time, and see whether the tests notice.
+
+Run:  .venv/bin/python tools/mutations.py [--only WORDS] [--list FILE] [--jobs N]
+
+A list (``tools/mutations.toml``) has one entry for each change::
+
+    [[change]]
+    file = "simulation/verdict.py"
+    old = '"energy error": 0.02'     # stands there once
+    new = '"energy error": 0.2'
+    tests = ["tests/simulation/test_limits.py"]     # optional: those nearest to it
+    survives = "why no test can notice it"          # optional
+
+Without ``tests`` the nearest are the files in ``tests`` that import the module, then the folder of
+its layer, without those that are slow.  Changes are made in a copy of the checkout, with a kernel
+cache of its own; compiled sources are compiled again there.  The exit status is 1 if a change
+survives without a reason, dies in spite of one, or does not fit the sources any more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+
+ROOT = Path(__file__).resolve().parent.parent
+LIST = ROOT / "tools" / "mutations.toml"
+COMPILED = {".pyx", ".pxd", ".pxi", ".c", ".h"}
+SECONDS = 600  # a change may also make a test hang, which is noticed
+NO_TESTS = 5  # pytest's exit status where nothing was collected
+
+
+@dataclass(frozen=True)
+class Change:
+    """One change, the tests that may notice it, and why it may survive."""
+
+    file: str
+    old: str
+    new: str
+    tests: tuple[str, ...] = ()
+    survives: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.file}: {' '.join(self.old.split())} -> {' '.join(self.new.split())}"
+
+
+@dataclass(frozen=True)
+class Fate:
+    """What became of a change: "died", "survived" or "unfit", and what told it."""
+
+    change: Change
+    word: str
+    told: str
+
+    @property
+    def expected(self) -> bool:
+        return self.word == ("survived" if self.change.survives else "died")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Try the changes of a list and print their fates."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--list", type=Path, default=LIST, help="the changes, as TOML")
+    parser.add_argument("--only", default="", help="those whose text contains this")
+    parser.add_argument("--jobs", type=int, default=2, help="copies that work side by side")
+    options = parser.parse_args(arguments)
+    entries = tomllib.loads(options.list.read_text(encoding="utf-8"))["change"]
+    changes = [Change(**{**e, "tests": tuple(e.get("tests", ()))}) for e in entries]
+    changes = [c for c in changes if options.only in str(c)]
+    unexpected = survivors = 0
+    with tempfile.TemporaryDirectory() as folder:
+        for fate in fates(changes, Path(folder), max(options.jobs, 1)):
+            unexpected += not fate.expected
+            survivors += fate.word == "survived"
+            mark = " " if fate.expected else "!"
+            reason = f" ({fate.change.survives})" if fate.change.survives else ""
+            print(f"{mark} {fate.word:9}{fate.change}{reason}: {fate.told}", flush=True)
+    print(f"{len(changes)} changes, {survivors} survived, {unexpected} not as expected")
+    return 1 if unexpected else 0
+
+
+def fates(changes: Sequence[Change], folder: Path, jobs: int) -> Iterator[Fate]:
+    """The fates of changes, in their order, tried in some copies of the checkout."""
+    copies: SimpleQueue[Path] = SimpleQueue()
+    for number in range(min(jobs, len(changes))):
+        copies.put(copied(folder / f"copy{number}"))
+
+    def tried(change: Change) -> Fate:
+        copy = copies.get()
+        try:
+            return fate(change, copy)
+        finally:
+            copies.put(copy)
+
+    with ThreadPoolExecutor(max(jobs, 1)) as pool:
+        yield from pool.map(tried, changes)
+
+
+def copied(to: Path) -> Path:
+    """A copy of the checkout with what was compiled in it."""
+    left_out = (".git", ".venv", "dist", "docs/_build", "*.egg-info", "__pycache__", ".hypothesis")
+    shutil.copytree(ROOT, to, symlinks=True, ignore=shutil.ignore_patterns(*left_out))
+    return to
+
+
+def fate(change: Change, copy: Path) -> Fate:
+    """Make a change in a copy, run the tests nearest to it, and take it back."""
+    path = copy / change.file
+    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    if text.count(change.old) != 1:
+        return Fate(change, "unfit", f"the old text stands there {text.count(change.old)} times")
+    path.write_text(text.replace(change.old, change.new), encoding="utf-8")
+    try:
+        return noticed(change, copy)
+    finally:
+        path.write_text(text, encoding="utf-8")
+        if path.suffix in COMPILED:
+            built(copy)
+
+
+def noticed(change: Change, copy: Path) -> Fate:
+    """Whether the tests nearest to a change that was made fail."""
+    if Path(change.file).suffix in COMPILED and not built(copy):
+        return Fate(change, "died", "it does not compile")
+    groups = [change.tests] if change.tests else list(nearest(change.file))
+    for group in groups:
+        slow = () if change.tests else ("-m", "not slow")
+        words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", *slow, *group]
+        try:
+            run = subprocess.run(
+                words, cwd=copy, env=_environment(copy), capture_output=True, text=True,
+                timeout=SECONDS, check=False,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return Fate(change, "died", f"{' '.join(group)} took more than {SECONDS} s")
+        if run.returncode not in (0, NO_TESTS):
+            lines = [x for x in run.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))]
+            return Fate(change, "died", lines[0][:160] if lines else run.stdout[-160:])
+    return Fate(change, "survived", "in " + ", ".join(" ".join(group) for group in groups))
+
+
+def nearest(file: str) -> Iterator[tuple[str, ...]]:
+    """Groups of tests near a file: those that import its module, then the folder of its layer."""
+    layer, stem = Path(file).parts[0], Path(file).stem
+    layer = "facade" if layer == "src" else layer
+    names = (f"dmoc.{layer}.{stem} ", f"dmoc.{stem} ", f"from dmoc.{layer} import {stem}")
+    files = sorted((ROOT / "tests").rglob("test_*.py"))
+    texts = {path: path.read_text(encoding="utf-8") for path in files}
+    near = [p for p, text in texts.items() if any(name in text for name in names)]
+    if near:
+        yield tuple(str(p.relative_to(ROOT)) for p in near)
+    if (ROOT / "tests" / layer).is_dir():
+        yield (f"tests/{layer}",)
+
+
+def built(copy: Path) -> bool:
+    """Compile what has changed in a copy."""
+    words = [sys.executable, "setup.py", "--quiet", "build_ext", "--inplace"]
+    run = subprocess.run(words, cwd=copy, capture_output=True, check=False)
+    return run.returncode == 0
+
+
+def _environment(copy: Path) -> dict[str, str]:
+    """The sources of the copy come before an installation of them."""
+    return {**os.environ, "PYTHONPATH": str(copy / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+if __name__ == "__main__":
+    sys.exit(main())
