@@ -28,7 +28,7 @@ from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.notes import notes_of
 from dmoc.sequences.pool import Processes, Workers, here, in_executor
 from dmoc.sequences.result import best_of, table_of
-from dmoc.sequences.settings import STARTS, Settings, check, events_of, shortest_of, surfaces_of
+from dmoc.sequences.settings import STARTS, Settings, events_of, read, shortest_of, surfaces_of
 from dmoc.sequences.tree import Tree
 from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.workers import NoMoreWork
@@ -300,8 +300,7 @@ def search(
             resume,
             tell,
         )
-        check(problem, settings)
-        return _searched(problem, settings)
+        return _searched(problem, read(problem, settings))
 
 
 def _searched(problem: Problem, settings: Settings) -> SearchResult:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -137,12 +137,12 @@ def shortest_of(problem: Problem, given: float | None) -> float:
     return shortest
 
 
-def check(problem: Problem, s: Settings) -> None:
-    """Refuse settings that do not fit, each by itself and with the problem."""
+def read(problem: Problem, s: Settings) -> Settings:
+    """The settings with their numbers as they were read; refuse what does not fit, by itself and
+    with the problem."""
     choice(s.strategy, "strategy", STRATEGIES, SearchError)
     choice(s.method, "method", tuple(METHODS), SearchError)
-    _check_numbers(s)
-    flag(s.resume, "resume", SearchError)
+    s = replace(s, **_numbers(s), resume=flag(s.resume, "resume", SearchError))
     if s.executor is not None and not callable(getattr(s.executor, "submit", None)):
         raise SearchError(
             f"executor = {shown(s.executor)}: expected a concurrent.futures.Executor, or None."
@@ -154,23 +154,28 @@ def check(problem: Problem, s: Settings) -> None:
     if s.resume and s.journal is None:
         raise SearchError("resume needs the journal of the search that shall go on: name it.")
     _check_problem(problem, s)
+    return s
 
 
-def _check_numbers(s: Settings) -> None:
-    for what, given, least, most in (
-        ("max_collisions", s.max_collisions, 0, DEEPEST),
-        ("beam", s.beam, 1, MOST),
-        ("starts", s.starts, 0, MOST),
-        ("seed", s.seed, 0, MOST),
-        ("workers", s.workers, 1, MOST_WORKERS),
-    ):
-        whole(given, what, least, most, SearchError)
+def _numbers(s: Settings) -> dict[str, Any]:
+    numbers: dict[str, Any] = {
+        what: whole(getattr(s, what), what, least, most, SearchError)
+        for what, least, most in (
+            ("max_collisions", 0, DEEPEST),
+            ("beam", 1, MOST),
+            ("starts", 0, MOST),
+            ("seed", 0, MOST),
+            ("workers", 1, MOST_WORKERS),
+        )
+    }
     if s.max_nodes is not None:
-        whole(s.max_nodes, "max_nodes", 1, MOST, SearchError)
-    if s.seconds is not None:
-        positive(s.seconds, "seconds", "expected a positive time, or None", SearchError)
-    if s.node_seconds is not None:
-        positive(s.node_seconds, "node_seconds", "expected a positive time, or None", SearchError)
+        numbers["max_nodes"] = whole(s.max_nodes, "max_nodes", 1, MOST, SearchError)
+    for what in ("seconds", "node_seconds"):
+        value = getattr(s, what)
+        if value is not None:
+            expected = "expected a positive time, or None"
+            numbers[what] = positive(value, what, expected, SearchError)
+    return numbers
 
 
 def _check_problem(problem: Problem, s: Settings) -> None:

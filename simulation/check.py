@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dmoc.arguments import shown
+from dmoc.arguments import positive, shown
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SimulationError
 from dmoc.simulation.amplification import amplification
@@ -100,6 +100,9 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
             f"the motion of model {trajectory.model!r} was made with another version or order of "
             f"it than the kernels of {kernels.name!r}: give those it was made with."
         )
+    if seconds is not None:
+        expected = "expected a positive time limit, or None"
+        seconds = positive(seconds, "seconds", expected, SimulationError)
     with np.errstate(all="ignore"):
         motion = Motion.of(trajectory, kernels, seconds)
         return judged_with_contacts(motion) if motion.has_modes else _judged(motion)

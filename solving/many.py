@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import choice, flag, positive, shown, whole
+from dmoc.arguments import flag, positive, shown, whole
 from dmoc.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.errors import DmocError, ProblemError
@@ -21,7 +22,8 @@ from dmoc.nlp.problem import Problem
 from dmoc.progress import Listener, told
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Status
-from dmoc.solving.methods import METHODS, SEARCHING, usual
+from dmoc.solving.methods import SEARCHING, usual
+from dmoc.solving.request import keywords
 from dmoc.solving.solve import solve
 from dmoc.solving.starts import Given
 
@@ -191,7 +193,6 @@ def batch_of(
     progress: Listener[BatchProgress],
 ) -> Batch:
     """Solve problems; an error in the place of one is its row."""
-    choice(setting.method, "method", tuple(METHODS))
     workers = whole(workers, "workers", 1, MOST_WORKERS)
     flag(setting.keep, "keep")
     if seconds is not None:
@@ -202,6 +203,9 @@ def batch_of(
                 f"{name} = {shown(value)} is no argument of solve_many; of solve it takes "
                 f"{', '.join(sorted(OPTIONS))}."
             )
+    keywords(setting.method, **setting.options)
+    if isinstance(setting.guess, (str, os.PathLike)):
+        setting = replace(setting, guess=Solution.load(setting.guess))
     begin, rows = time.monotonic(), dict[int, Row]()
     until = np.inf if seconds is None else time.time() + seconds
     reason = NO_TIME

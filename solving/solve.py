@@ -5,12 +5,10 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import choice, flag, positive, text, whole
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
@@ -20,21 +18,20 @@ from dmoc.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
 from dmoc.solving.attempts import attempted, remaining
 from dmoc.solving.exploration import Effort, coarse_of, explored
-from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Form, Method, usual
+from dmoc.solving.methods import METHODS
 from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
+from dmoc.solving.request import Keywords, Request, keywords
 from dmoc.solving.result import checked, solution_of
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given, starts_of
-from dmoc.solving.ways import Budget, best_way
+from dmoc.solving.ways import best_way, ways_of
 
-# Tolerance where neither steps nor a tolerance are given.
-AUTOMATIC = 1e-3
 # A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
 # may be driven further down.
 BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
-MOST_STARTS = 1_000_000
-MOST_ITERATIONS = 2**31 - 1  # what the compiled method can count
+# Starts of each way through hits with friction, at most.
+WAY_STARTS = 16
 
 
 def solve(
@@ -58,7 +55,8 @@ def solve(
 
     A hit with friction of which the sequence does not say how it goes ("wall" instead of
     "wall:slip+") is tried in all ways, each from few starts on a coarse mesh, and the best that is
-    confirmed is the answer; its collisions tell the way.
+    confirmed is the answer; its collisions tell the way.  The limits are those of all ways
+    together.
 
     Parameters
     ----------
@@ -100,7 +98,8 @@ def solve(
     optimality, violation : float
         Tolerances of the optimality residual and of the constraints.
     iterations : int
-        Limit; where another method takes over (from slsqp, ipm), half of them are kept for it.
+        Limit of the solve, and of each start; where another method takes over (from slsqp, ipm),
+        half of them are kept for it.
     seconds : float, optional
         Limit of the guess, the solve and the check together.
     progress : callable, bool or "lines", optional
@@ -141,71 +140,61 @@ def solve(
     :eq:`measures`.
     """
     check_problem(problem)
-    if problem.open_hits:
-        common: dict[str, Any] = {
-            "form": form, "guess": guess, "seed": seed, "optimality": optimality,
-            "violation": violation, "iterations": iterations, "progress": progress,
-        }  # fmt: skip
-        return best_way(
-            problem,
-            partial(solve, method=_usual(problem, None), **common),
-            partial(
-                solve, method=method, tolerance=tolerance, verify=verify, reference=reference,
-                **common,
-            ),
-            Budget(starts, seconds),
-        )  # fmt: skip
-    if tolerance is None and problem.steps is None:
-        tolerance = AUTOMATIC
-    name = _usual(problem, tolerance) if method is None else method
-    chosen = METHODS[choice(name, "method", tuple(METHODS))]
-    choice(form, "form", FORMS)
-    optimality = positive(optimality, "optimality", "expected a positive number")
-    violation = positive(violation, "violation", "expected a positive number")
-    if tolerance is not None:
-        tolerance = positive(tolerance, "tolerance", "expected a positive number, or None")
-    if seconds is not None:
-        seconds = positive(seconds, "seconds", "expected a positive time limit, or None")
-    iterations = whole(iterations, "iterations", 1, MOST_ITERATIONS)
-    flag(verify, "verify")
-    text(reference, "reference")
-    chosen.require(problem.kernels.backend)
-    if starts is not None:
-        starts = whole(starts, "starts", 1, MOST_STARTS)
-    seed = whole(seed, "seed", 0, MOST_ITERATIONS)
-    if starts is None and guess is not None:
-        starts = 1
+    asked = keywords(
+        method, tolerance=tolerance, form=form, starts=starts, seed=seed, optimality=optimality,
+        violation=violation, iterations=iterations, seconds=seconds, verify=verify,
+        reference=reference,
+    )  # fmt: skip
+    request = asked.request(problem)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
     with told(progress, "first guess") as tell:
-        options = Options(optimality, violation, iterations, seconds, tell)
-        request = Request(chosen, options, form, verify, verify, starts, seed)
-        if tolerance is None:
-            return _best(problem, guess, request)
-        return _on_meshes(problem, guess, request, tolerance)
-
-
-def _usual(problem: Problem, tolerance: float | None) -> str:
-    """The method that a problem is solved by unless one is named."""
-    rubs = bool(problem.open_hits) or any(event.course for event in problem.events)
-    plain = tolerance is None and not (problem.lasting or rubs)
-    return usual(DEFAULT if plain else REFINING, problem.kernels.backend == COMPILED)
+        request = replace(request, options=replace(request.options, progress=tell))
+        if problem.open_hits:
+            try:
+                return best_way(problem, _Ways(guess, request, asked), request.options)
+            except KeyboardInterrupt:
+                return _interrupted(ways_of(problem)[0], guess, request)
+        return _solved(problem, guess, request, asked)
 
 
 @dataclass(frozen=True)
-class Request:
-    """How a problem shall be solved; its parts are checked.  ``verify`` is for the solution,
-    ``ranks_checked`` for the minima among which it is chosen; ``by_rates`` states the law of impact
-    in the rates of the gaps."""
+class _Ways:
+    """Solves a problem of hits with friction that do not say how they go, way by way."""
 
-    method: Method
-    options: Options
-    form: str = Form.CONDENSED
-    verify: bool = True
-    ranks_checked: bool = True
-    starts: int | None = 1
-    seed: int = 0
-    by_rates: bool = False
+    guess: Given
+    request: Request
+    asked: Keywords
+
+    def thorough(self, way: Problem, options: Options) -> Solution:
+        return _solved(way, self.guess, replace(self.request, options=options), self.asked)
+
+    def rough(self, way: Problem, options: Options) -> Solution | None:
+        if way.kernels.backend != COMPILED:
+            s = self.alone(way, options)
+            return s if s.minimum else None
+        effort = Effort.of(min(self.request.starts or WAY_STARTS, WAY_STARTS))
+        points, seed = _given(way, self.guess), self.request.seed
+        with np.errstate(all="ignore"):
+            minima = explored(coarse_of(way), effort, seed, options, points=points).ranked
+        return minima[0] if minima else None
+
+    def alone(self, way: Problem, options: Options) -> Solution:
+        guess = _given(way, self.guess).get("given")
+        s = solved_on_mesh(coarse_of(way), guess, replace(self.request, options=options))
+        if s.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        return s
+
+
+def _solved(problem: Problem, guess: Given, request: Request, asked: Keywords) -> Solution:
+    """Solve on the mesh of the problem, or to a tolerance."""
+    if request.starts is None and guess is not None:
+        request = replace(request, starts=1)
+    tolerance = asked.tolerance_of(problem)
+    if tolerance is None:
+        return _best(problem, guess, request)
+    return _on_meshes(problem, guess, request, tolerance)
 
 
 def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: float) -> Solution:
@@ -253,11 +242,7 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
             points = _given(problem, guess)
             found = explored(problem, effort, request.seed, options, request.ranks_checked, points)
     except KeyboardInterrupt:
-        stopped = replace(request, options=replace(options, iterations=1), verify=False)
-        status = Status.INTERRUPTED
-        return replace(
-            solved_on_mesh(problem, guess, stopped), status=status, message=status.sentence
-        )
+        return _interrupted(problem, guess, request)
     spent, tried = time.perf_counter() - begin, None
     for i, start in enumerate(found.ranked):
         answer = _answer(problem, start, replace(request, options=remaining(options, begin)))
@@ -284,6 +269,13 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
         | {"guess": 0.0, "solve": 0.0}
         | dict(answer.seconds),
     )
+
+
+def _interrupted(problem: Problem, guess: Given, request: Request) -> Solution:
+    """The answer where Ctrl-C has come before there was one."""
+    stopped = replace(request, options=replace(request.options, iterations=1), verify=False)
+    status = Status.INTERRUPTED
+    return replace(solved_on_mesh(problem, guess, stopped), status=status, message=status.sentence)
 
 
 def _without_start(problem: Problem, guess: Given, request: Request) -> Solution:

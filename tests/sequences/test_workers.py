@@ -27,8 +27,8 @@ from dmoc.sequences.nodes import Verdict
 from dmoc.solvers.diagnosis import Diagnosis
 from dmoc.solvers.outcome import Status
 from dmoc.solving.exploration import Exploration, Start
+from dmoc.solving.request import Request
 from dmoc.solving.side_by_side import MOST_THREADS, free_threads
-from dmoc.solving.solve import Request
 
 pytestmark = pytest.mark.slow
 
