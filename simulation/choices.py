@@ -19,6 +19,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.errors import SimulationError
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
+from dmoc.simulation.indeterminate import borne
 from dmoc.simulation.modes import (
     RAIL,
     Mode,
@@ -31,6 +32,8 @@ from dmoc.simulation.modes import (
 )
 from dmoc.simulation.tolerances import Tolerances
 
+# Accelerations that differ by less than this share of what all forces make of them are the same.
+SAME = 1e-9
 # Combinations that may be tried for one choice.
 MOST_COMBINATIONS = 20_000
 OPEN = 2  # beside the signs 0, 1 and -1 of friction: a contact that opens
@@ -67,7 +70,8 @@ def touched(model: Model, at: Place) -> list[int]:
 
 
 def mode_at(model: Model, at: Place, hints: Hints) -> Mode:
-    """The mode that a motion goes on in.
+    """The mode that a motion goes on in.  A contact that slides without getting anywhere sticks,
+    if there are forces that hold it (:mod:`dmoc.simulation.indeterminate`).
 
     Raises
     ------
@@ -80,19 +84,30 @@ def mode_at(model: Model, at: Place, hints: Hints) -> Mode:
     bends = model.gap_accelerations(q, v, t)[0], model.slide_accelerations(q, v, t)[0]
     slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]
     sigma = model.slide_rates(q, v, t)[0]
+    held: dict[Mode, Array] = {}  # by other forces than the smallest
 
     def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
         found = reaction(model, mode, q, v, at.u[None], t)
         gap_bend, skid = (s @ found.acceleration[0] + b for s, b in zip(slopes, bends, strict=True))
         starting = [(k, s) for k, s in mode.sliding if abs(sigma[k]) <= at.small.slide[k]]
-        return (
-            bool((gap_bend[list(opened)] <= at.small.bend[list(opened)]).all())
+        if not (
+            (gap_bend[list(opened)] <= at.small.bend[list(opened)]).all()
             and all(s * skid[k] >= -at.small.skid[k] for k, s in starting)
-            and _borne(model, mode, (found.normal[0], found.tangential[0]), at.small.force,
-                       at.small.hold)
-        )  # fmt: skip
+        ):
+            return False
+        slack = at.small.force, at.small.hold
+        if _borne(model, mode, (found.normal[0], found.tangential[0]), *slack):
+            return True
+        other = borne(model, mode, found, q, t)
+        if other is not found and _borne(
+            model, mode, (other.normal[0], other.tangential[0]), *slack
+        ):
+            held[mode] = found.acceleration[0]
+        return False
 
     mode = _first(model, on, sigma, at.small.slide, hints, holds, rails=True)
+    if held:
+        mode = _at_rest(model, at, mode, held)
     if (
         mode is None
         and not np.isfinite(reaction(model, Mode(), q, v, at.u[None], t).acceleration).all()
@@ -108,6 +123,19 @@ def mode_at(model: Model, at: Place, hints: Hints) -> Mode:
             "Coulomb (Painleve's paradox): lower the friction, or stop before it."
         )
     return mode
+
+
+def _at_rest(model: Model, at: Place, mode: Mode | None, held: dict[Mode, Array]) -> Mode:
+    """The first mode that is held if a motion goes on as in the one that was chosen, or if none
+    was."""
+    first, acceleration = next(iter(held.items()))
+    if mode is None:
+        return first
+    nq = model.nq
+    q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
+    M, F = (part[0] for part in model.equations(q, v, at.u[None], t))
+    off = reaction(model, mode, q, v, at.u[None], t).acceleration[0] - acceleration
+    return first if off @ M @ off <= SAME**2 * (F @ solved(M, F)) else mode
 
 
 @dataclass(frozen=True)
@@ -215,6 +243,7 @@ def limits(model: Model, mode: Mode, y: Array, u: Array, t: Array) -> Array:
     nq = model.nq
     q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
     found = reaction(model, mode, q, v, np.broadcast_to(u, (len(q), len(u))), t)
+    found = borne(model, mode, found, q, t)
     kept = -model.gaps(q, t)
     kept[:, list(mode.closed)] = found.normal[:, list(mode.closed)]
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)

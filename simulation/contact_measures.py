@@ -14,6 +14,7 @@ from dmoc.mechanics.model import Index
 from dmoc.simulation.amplification import PERTURBED
 from dmoc.simulation.contact_law import after_event, event_of
 from dmoc.simulation.flow import PLACES, TOUCH, Contact
+from dmoc.simulation.indeterminate import nearest
 from dmoc.simulation.measures import Segment, StepErrors, largest
 from dmoc.simulation.mode_flow import ModeFlow, Span
 from dmoc.simulation.modes import Mode, reaction, settled
@@ -258,11 +259,32 @@ class Forces:
 
 
 def forces(motion: Motion, i: int) -> Forces:
-    """The forces that hold a phase at its nodes."""
+    """The forces that hold a phase at its nodes: where others have the same effect, those next to
+    the planned ones."""
     phase, mode, steps = motion.trajectory.phases[i], motion.modes[i], motion.steps[i]
     y, _ = put(motion, i, rows_at(motion, i, np.arange(phase.steps + 1)), phase.t)
     nq = motion.model.nq
     q, v = (np.ascontiguousarray(y[:, k * nq : (k + 1) * nq]) for k in (0, 1))
     inputs = (np.vstack([steps.u0[:1], steps.u1]), np.vstack([steps.u0, steps.u1[-1:]]))
-    found = [reaction(motion.model, mode, q, v, u, phase.t) for u in inputs]
+    planned = np.hstack([_closed(motion, i), _sticking(motion, i)])
+    found = [
+        nearest(
+            motion.model, mode, reaction(motion.model, mode, q, v, u, phase.t), q, phase.t, planned
+        )
+        for u in inputs
+    ]
     return Forces(np.array([f.normal for f in found]), np.array([f.tangential for f in found]))
+
+
+def _closed(motion: Motion, i: int) -> Array:
+    """The planned forces of what is closed in a phase."""
+    phase = motion.trajectory.phases[i]
+    return phase.normal.reshape(phase.steps + 1, len(phase.closed))
+
+
+def _sticking(motion: Motion, i: int) -> Array:
+    """The planned friction of what sticks in a phase, in the order of its mode."""
+    phase, tangents = motion.trajectory.phases[i], motion.model.kernels.tangents
+    names = list(phase.rubbing)
+    columns = [names.index(tangents[k]) for k in motion.modes[i].sticking]
+    return phase.tangential.reshape(phase.steps + 1, len(names))[:, columns]

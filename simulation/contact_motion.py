@@ -19,17 +19,22 @@ from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
 from dmoc.simulation.choices import Hints, Place, limits, mode_at, names_of, slack
 from dmoc.simulation.contact_impacts import struck
+from dmoc.simulation.indeterminate import borne
 from dmoc.simulation.mode_flow import ModeFlow, Span
 from dmoc.simulation.modes import Mode, placed, reaction, settled
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.tolerances import Reach, reached, tolerances
-from dmoc.trajectory import Collision
+from dmoc.trajectory import FRICTION_WORDS, Collision
 
 # Where in a way limits are looked at, and, where one falls at once, how near to its start.
 PLACES, NEAR = np.linspace(0.0, 1.0, 9)[1:], 0.5 ** np.arange(50, 0, -1)
-MOST_EVENTS = 1000  # within one step
+MOST_EVENTS, MOST_AT_ONCE = 1000, 50  # within one step, and at one moment of it
+MOMENT = 1e-4  # of a step: flights of bounces that do not settle are longer
+MOST_SHOWN = 3  # of the events that come to no end
 LOCATED = 1e-12  # of a step, to which events are located
 SHORTEST = 1e-13  # share of a step that is not gone any more
+# Error of a step, in sizes, that shows that it is too long to be followed.
+ASTRAY = 1e-6
 
 
 @dataclass(frozen=True)
@@ -113,6 +118,7 @@ def node(model: Model, mode: Mode, y: Array, u: Array, t: float) -> Node:
     """A state with the forces of its mode."""
     q, v = y[None, : model.nq], y[None, model.nq : 2 * model.nq]
     found = reaction(model, mode, q, v, u[None], np.array([t]))
+    found = borne(model, mode, found, q, np.array([t]))
     return Node(t, y, found.normal[0], found.tangential[0])
 
 
@@ -141,7 +147,7 @@ def _step(
     """The state after a step, and its mode there."""
     model, (reach, journal), (t, end) = setting.model, known, span
     place, hints = _place(setting, y, u, t, reach), Hints()
-    mode = Mode()
+    mode, modes, times = Mode(), list[Mode](), list[float]()
     before = journal.last
     for _ in range(MOST_EVENTS):
         struck_before = len(journal.collisions)
@@ -157,16 +163,34 @@ def _step(
         if event is None:
             return rows[-1], mode
         at, which = event
+        modes.append(mode)
+        times.append(at)
+        if at - times[-MOST_AT_ONCE:][0] < MOMENT * setting.h and len(times) >= MOST_AT_ONCE:
+            break
         y = way(at) if at > place.t else place.y
         before = node(model, mode, y, u, at)
         reach = reached(model, y, u, at, setting.h, reach)
         place = _place(setting, y, u, at, reach)
         hints = _hints(model, place, mode, which)
         place = replace(place, y=_on_limit(model, place, mode, which))
+    shown = ", ".join(_events_shown(model, modes, journal))
     raise SimulationError(
-        f"more than {MOST_EVENTS} collisions or changes of contact within the step at "
-        f"t = {t:.6g} s (Zeno): reduce the step size or stop before it."
+        f"collisions or changes of contact come to no end at t = {place.t:.6g} s, {len(modes)} in "
+        f"the step of {setting.h:.4g} s (Zeno), the last of {shown}: give these surfaces a "
+        "restitution of 0, change the step size, or stop before it."
     )
+
+
+def _events_shown(model: Model, modes: list[Mode], journal: Journal) -> Iterator[str]:
+    """What alternates in the last events: surfaces that are hit, and modes."""
+    for name in dict.fromkeys(c.surface for c in journal.collisions[-MOST_SHOWN:]):
+        yield f"hits of {name!r}"
+    for mode in dict.fromkeys(modes[-MOST_SHOWN:]):
+        words = [
+            f"{name!r} {'closed' if s is None else FRICTION_WORDS[s]}"
+            for name, s in names_of(model, mode)
+        ]
+        yield " and ".join(words) or "all open"
 
 
 def _resolved(
@@ -250,7 +274,7 @@ class _Way:
     @classmethod
     def of(cls, setting: Setting, place: Place, mode: Mode) -> _Way:
         model = setting.model
-        flow = ModeFlow(model, place.small.size, _nothing)
+        flow = ModeFlow(model, place.small.size, _nothing, ASTRAY)
         held = model.tangents(place.y[None, : model.nq], np.array([place.t]))
         return cls(setting, place, mode, flow, held)
 

@@ -25,6 +25,7 @@ from dmoc.simulation.contact_motion import (
     start,
 )
 from dmoc.simulation.contacts import Lasting
+from dmoc.simulation.indeterminate import names_without_effect
 from dmoc.simulation.stepper import Stepper
 from dmoc.symbolic.names import name_of
 from dmoc.trajectory import Collision
@@ -69,6 +70,7 @@ class Run:
     rubbing: tuple[Stretch, ...]
     normal: Array
     tangential: Array
+    notes: tuple[str, ...]
     marks: tuple[Mark, ...]
     model: Model
     restitution: Array
@@ -130,8 +132,27 @@ def simulate(
         found.t, found.q, velocities, found.p, energy, u, tuple(journal.collisions),
         tuple(s for s in journal.stretches if s.friction is None),
         tuple(s for s in journal.stretches if s.friction is not None),
-        found.normal, found.tangential, tuple(journal.marks), model, e, h,
+        found.normal, found.tangential, tuple(_notes(model, journal.marks)),
+        tuple(journal.marks), model, e, h,
     )  # fmt: skip
+
+
+def _notes(model: Model, marks: list[Mark]) -> Iterator[str]:
+    """What the laws of contact and friction do not determine, each mode once."""
+    for mode, mark in {mark.mode: mark for mark in reversed(marks)}.items():
+        at = mark.after
+        closed, stuck = names_without_effect(model, mode, at.y[: model.nq], at.t)
+        forces = [
+            f"{what} of {' and '.join(map(repr, names))}"
+            for what, names in (("the contact forces", closed), ("the friction", stuck))
+            if names
+        ]
+        if forces:
+            yield (
+                f"{' and '.join(forces)} from {at.t:.6g} s on are not unique (statically "
+                "indeterminate): other forces hold the same motion, those shown are borne by the "
+                "contacts"
+            )
 
 
 @dataclass(frozen=True, eq=False)

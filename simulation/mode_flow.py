@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
 from dmoc.simulation.dormand_prince import ERROR_3, ERROR_5, STAGES, WEIGHTS, Sum
 from dmoc.simulation.modes import Mode, contact_power, reaction, settled
@@ -36,11 +37,13 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class ModeFlow:
-    """The flow of a model; ``size`` measures a row, ``check_time`` may raise."""
+    """The flow of a model; ``size`` measures a row, ``check_time`` may raise.  A step whose error
+    cannot be brought below ``astray`` sizes is refused."""
 
     model: Model
     size: Array
     check_time: Callable[[], None]
+    astray: float = np.inf
 
     def advance(self, mode: Mode, y: Array, span: Span, held: Array) -> Array:
         """Rows after a span, from rows on which the mode's conditions hold; ``held`` (n, nt) are
@@ -50,6 +53,12 @@ class ModeFlow:
             self.check_time()
             end, error = self._in_parts(mode, y, span, held, parts)
             if not error > 1 or parts >= MOST_PARTS:
+                if error * ACCURACY > self.astray:
+                    raise SimulationError(
+                        f"the motion cannot be followed over the step of {float(span.h.max()):.4g} "
+                        f"s at t = {float(span.t[0]):.6g} s: reduce the step size, or stop before "
+                        "its mass matrix is singular."
+                    )
                 return end
             more = int(np.ceil(1.1 * parts * error**0.125)) if np.isfinite(error) else 2 * parts
             parts = min(max(more, parts + 1), MOST_PARTS)

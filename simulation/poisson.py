@@ -102,9 +102,9 @@ class _Way:
             stop = -at.t / t_slope if abs(at.t) > self.small and at.t * t_slope < 0 else np.inf
             regimes.append(self._name(at.t, slope, t_slope))
             dP = min(left, stop)
-            t = 0.0 if stop <= left else at.t + t_slope * dP
+            t = 0.0 if stop < left else at.t + t_slope * dP
             at = _Point(at.n + n_slope * dP, t, at.P + dP, at.S + slope * dP)
-            if left <= stop:
+            if not stop < left:  # what is not a number ends it too
                 return at, tuple(regimes)
 
     def _slope(self, t: float) -> float:

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 # Steps of a replay in the smallest step of its solution: its own error is then a sixteenth of that
 # of the solution at order 2.
 FINER = 4
+# A replay takes its smallest step, or the mean one divided by this where that is longer: a
+# far shorter phase would make thousands of steps of all others.
+UNEVEN = 8
 # A replayed start lies on a surface up to this share of the gap's size: what a solver leaves.
 ON_SURFACE = 1e-6
 # Velocities at the start below this share of the largest ones are zero up to rounding errors.
@@ -64,6 +67,9 @@ class Simulation(Shown, Moving):
     trajectory : Trajectory
         The motion as phases between its events, like that of a solution, with the scene of a model
         that has a drawing.
+    notes : tuple of str
+        What the laws of contact do not determine, in sentences: contact forces of which others
+        hold the same motion.
 
     Examples
     --------
@@ -86,6 +92,7 @@ class Simulation(Shown, Moving):
     normal: Array
     tangential: Array
     trajectory: Trajectory
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         hits = f"{len(self.collisions)} collisions, {len(self.t)} nodes"
@@ -93,7 +100,8 @@ class Simulation(Shown, Moving):
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
-        return Table(tuple(_rows(self)), title=f"simulation of {self.trajectory.model}")
+        title = f"simulation of {self.trajectory.model}"
+        return Table(tuple(_rows(self)), notes=self.notes, title=title)
 
     @property
     def scene(self) -> Scene | None:
@@ -190,7 +198,8 @@ def simulate(
         as for inputs, parameters and coefficients of restitution.
     step_size : float
         h in seconds.  A solution is simulated for its final time, with a quarter of its smallest
-        step or with one of ``step_size`` and ``steps`` where it is given.
+        step, in at most 32 times as many steps as it has, or with one of ``step_size`` and
+        ``steps`` where it is given.
     steps : int
     inputs : array of shape (steps, nu) or (nu,), or function of the time, optional
         Inputs of each step; zero by default.  A function returns nu numbers and is evaluated in the
@@ -263,7 +272,7 @@ def _built(model: Any) -> Any:
 def _recorded(run: forward.Run) -> Simulation:
     return Simulation(
         run.t, run.q, run.p, run.v, run.energy, run.collisions, run.contacts, run.rubbing,
-        run.normal, run.tangential, motion_of(run),
+        run.normal, run.tangential, motion_of(run), run.notes,
     )  # fmt: skip
 
 
@@ -318,7 +327,9 @@ def _steps(motion: Trajectory, step_size: float | None, steps: int | None) -> in
             )
         return whole(steps, "steps", 1, forward.MOST_STEPS, SimulationError)
     if step_size is None:
-        step_size = min(phase.step_size for phase in motion.phases) / FINER
+        mean = motion.final_time / sum(phase.steps for phase in motion.phases)
+        smallest = min(phase.step_size for phase in motion.phases)
+        step_size = max(smallest, mean / UNEVEN) / FINER
     size = positive(step_size, "step_size", "expected a time in seconds", SimulationError)
     return max(1, int(np.ceil(motion.final_time / size * (1 - 1e-9))))
 

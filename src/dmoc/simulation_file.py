@@ -20,6 +20,7 @@ from dmoc.schema import (
     Put,
     Record,
     Stored,
+    Text,
     Whole,
 )
 from dmoc.simulating import Simulation
@@ -121,6 +122,7 @@ SIMULATION = Record(
         "normal": Stored("n", None),
         "tangential": Stored("n", None),
         "trajectory": MOTION,
+        "notes": Listed(Text()),
     },
     _wrong,
 )
@@ -128,7 +130,7 @@ FILE = ResultFile(
     "simulation",
     SIMULATION,
     "simulation_format",
-    2,
+    3,
     "file of a simulation",
     "simulate again",
     "Simulation.save",
