@@ -109,8 +109,11 @@ def system_of(instance: Instance) -> dmoc.MechanicalSystem:
         lagrangian=d.lagrangian,
         forces=d.forces,
         surfaces=d.surfaces,
+        tangents=d.tangents,
+        friction=d.friction,
+        path_constraints=d.path_constraints,
         parameters=d.parameters,
-        cost=sum(u**2 for u in d.inputs) / 2,
+        cost=sum(u**2 for u in d.inputs) / 2 if d.inputs else 1,
     )
 
 

@@ -37,6 +37,9 @@ class Description:
     forces: Mapping[Any, Any]
     surfaces: Mapping[str, Any]
     parameters: Mapping[Any, float]
+    tangents: Mapping[str, Any] = field(default_factory=dict)
+    friction: Mapping[str, Any] = field(default_factory=dict)
+    path_constraints: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -87,15 +90,15 @@ class Mechanism:
             - momenta.diff(tau)
         )
         self.surfaces = list(given.surfaces)
-        gaps = sp.Matrix([plain(r.lts - r.gts) for r in given.surfaces.values()])
-        slopes = gaps.jacobian(q)
+        gaps = [plain(r.lts - r.gts) for r in given.surfaces.values()]
+        slopes = [g.diff(s) for g in gaps for s in q]
         par = list(given.parameters)
         state = [*q, *v, *u, tau, *par]
         self.nq = len(rates)
         self._motion = _numeric(state, [*momenta.jacobian(v), *force])
         self._momenta = _numeric(state, list(momenta))
-        self._gaps = _numeric([*q, tau, *par], list(gaps))
-        self._slopes = _numeric([*q, tau, *par], [*slopes, *gaps.diff(tau)])
+        self._gaps = _numeric([*q, tau, *par], gaps)
+        self._slopes = _numeric([*q, tau, *par], [*slopes, *(g.diff(tau) for g in gaps)])
 
     def motion(
         self, q: np.ndarray, v: np.ndarray, u: np.ndarray, t: float, par: np.ndarray

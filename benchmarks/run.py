@@ -16,6 +16,7 @@ from pathlib import Path
 
 import building
 import campaign
+import contact_campaign
 import damaged_files
 import evaluating
 import ladder
@@ -49,6 +50,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "build": building.compare,
         "robust": robustness.compare,
         "campaign": campaign.campaign,
+        "contacts": contact_campaign.campaign,
         "warm": speed.warm,
         "search": searching.compare,
         "puck": searching.puck,
