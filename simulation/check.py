@@ -21,6 +21,7 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SimulationError
 from dmoc.simulation.amplification import amplification
 from dmoc.simulation.contact_check import judged_with_contacts
+from dmoc.simulation.joins import torn
 from dmoc.simulation.measures import (
     energy_error,
     impact_errors,
@@ -48,9 +49,10 @@ __all__ = ["Verification", "verify"]
 def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = None) -> Verification:
     """Simulate a motion independently and compare.
 
-    A motion passes if every tenth of a phase is right to 1 % of the motion's ranges, the energy to
-    2 %, its collisions obey the law of impact, it keeps its limits and surfaces between nodes, the
-    simulation meets the planned collisions and no others, and the end of an open-loop run is right
+    A motion passes if every step and every tenth of a phase is right to 1 % of the motion's ranges,
+    the energy to 2 %, time and positions go on at its events, where momenta change by the impulses
+    alone and obey the law of impact, it keeps its limits and surfaces between nodes, the simulation
+    meets the planned collisions and no others, and the end of an open-loop run is right
     to 25 %.  The last does not count for an unstable motion, whose amplification explains the end;
     its segments must be right to 0.5 %.
 
@@ -118,12 +120,14 @@ def _judged(motion: Motion) -> Verification:
     defects, inputs = np.array([part.error for part in parts]), input_excess(motion)
     worst = float(defects.max(initial=0.0))
     measured = {
-        "segment error": worst, "energy error": energy, "error of the law of impact": law,
+        "step error": steps.worst, "segment error": worst, "energy error": energy,
+        "error of the law of impact": law,
         "error of the law of impact relative to its own rates": own,
         "penetration": steps.penetration, "excess of a limit": steps.excess,
         "excess of an input": inputs,
     }  # fmt: skip
-    failures, note = wrong_places(motion, "collision") + exceeded(measured), ""
+    told, note = torn(motion) + wrong_places(motion, "collision"), ""
+    failures = told + exceeded(measured)
     # From the motion's own nodes no segment may meet what was not planned, wherever an open-loop
     # run passes by.
     missed_on_way, extra_on_way = (
@@ -139,12 +143,13 @@ def _judged(motion: Motion) -> Verification:
             missed, extra = missed_on_way, extra_on_way
         else:
             failures = lost + failures
+    message = too_coarse(failures, amplified) if failures and not told else "; ".join(failures)
     return Verification(
         not failures,
-        too_coarse(failures, amplified) if failures else note,
+        message or note,
         terminal,
         amplified,
-        float(steps.defects.max(initial=0.0)),
+        steps.worst,
         defects,
         energy,
         law,

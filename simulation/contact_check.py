@@ -32,6 +32,7 @@ from dmoc.simulation.contact_measures import (
     step_errors,
 )
 from dmoc.simulation.flow import Contact
+from dmoc.simulation.joins import torn
 from dmoc.simulation.measures import input_excess, wrong_places
 from dmoc.simulation.motion import Motion
 from dmoc.simulation.runs import contacts_of_phase
@@ -59,13 +60,13 @@ def judged_with_contacts(motion: Motion) -> Verification:
     worst = float(defects.max(initial=0.0))
     terminal, amplified = open_loop(motion, flow), amplification(motion, parts)
     measured = {
-        "segment error": worst, "energy error": events.energy,
+        "step error": steps.worst, "segment error": worst, "energy error": events.energy,
         "error of the law of impact": events.law,
         "error of the law of impact relative to its own rates": events.own,
         "penetration": steps.penetration, "excess of a limit": steps.excess,
         "excess of an input": inputs, "error of a contact force": held.largest,
     }  # fmt: skip
-    told = [*wrong_places(motion, "contact"), *held.told, *events.told]
+    told = [*torn(motion), *wrong_places(motion, "contact"), *held.told, *events.told]
     told += [*still_pressed(motion, held.sizes), *lost_by(missed, tuple(extra), 0.0)]
     too_far, note = exceeded(measured), ""
     if not terminal <= TERMINAL:
@@ -79,7 +80,7 @@ def judged_with_contacts(motion: Motion) -> Verification:
         message = too_coarse(too_far, amplified)
     return Verification(
         not (told or too_far), message or note, terminal, amplified,
-        float(steps.defects.max(initial=0.0)), defects, events.energy, events.law, missed,
+        steps.worst, defects, events.energy, events.law, missed,
         tuple(extra), steps.penetration, max(steps.excess, inputs), tuple(met), held.largest,
     )  # fmt: skip
 

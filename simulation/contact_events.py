@@ -10,6 +10,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.contact_forces import BEARABLE, TURNED
 from dmoc.simulation.contact_law import Event, Outcome, after_event, event_of
+from dmoc.simulation.joins import impulsive_change, planned_impulses
 from dmoc.simulation.modes import RAIL, supports
 from dmoc.simulation.motion import Motion
 from dmoc.trajectory import Collision
@@ -65,29 +66,21 @@ def _given(motion: Motion, c: Collision) -> tuple[Array, Array]:
     kernels = motion.model.kernels
     if c.grazes:
         return np.zeros(len(kernels.surfaces)), np.zeros(len(kernels.tangents))
-    normal = {c.surface: c.impulse, **c.impulses} if c.surface else c.impulses
-    return (
-        np.array([normal.get(name, 0.0) for name in kernels.surfaces]),
-        np.array([c.tractions.get(name, 0.0) for name in kernels.tangents]),
-    )
+    return planned_impulses(kernels, c)
 
 
 def _law(motion: Motion, i: int, found: Outcome) -> float:
     """Errors of the momentum after an event and of its planned impulses, relative to the largest
-    momenta, and of its position on both sides."""
+    momenta."""
     c, model = motion.trajectory.collisions[i], motion.model
     before, after = motion.trajectory.phases[i], motion.trajectory.phases[i + 1]
-    q, t = before.q[-1], c.time
-    normal, tangential = _given(motion, c)
-    change = (
-        tangential @ model.tangent_slopes(q, t)[:, :-1] - normal @ model.gap_slopes(q, t)[:, :-1]
-    )
+    q = before.q[-1]
+    change = impulsive_change(motion, c, q, _given(motion, c))
     errors = [
-        (after.p[0] - model.momentum(q, found.velocity[0], t)) / motion.sizes.p,
-        (after.p[0] - before.p[-1] - change) / motion.sizes.p,
-        (after.q[0] - q) / motion.sizes.q,
+        after.p[0] - model.momentum(q, found.velocity[0], c.time),
+        after.p[0] - before.p[-1] - change,
     ]
-    return float(np.abs(errors).max())
+    return float(np.abs(errors / motion.sizes.p).max())
 
 
 def _own(motion: Motion, i: int, event: Event, found: Outcome) -> float:

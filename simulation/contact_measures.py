@@ -15,7 +15,7 @@ from dmoc.simulation.amplification import PERTURBED
 from dmoc.simulation.contact_law import after_event, event_of
 from dmoc.simulation.flow import PLACES, TOUCH, Contact
 from dmoc.simulation.indeterminate import nearest
-from dmoc.simulation.measures import Segment, StepErrors, largest
+from dmoc.simulation.measures import Segment, StepErrors, inside_errors, largest
 from dmoc.simulation.mode_flow import ModeFlow, Span
 from dmoc.simulation.modes import Mode, reaction, settled
 from dmoc.simulation.motion import Motion, nodes_of_segments
@@ -84,11 +84,13 @@ def _steps_of(motion: Motion, flow: ModeFlow, i: int) -> StepErrors:
     span = span_of(motion, i, slice(None))
     y0, held = put(motion, i, rows_at(motion, i, np.arange(phase.steps)), span.t)
     y1 = flow.advance(mode, y0, span, held)
-    times, between = _between(motion, flow, i, (y0, y1), span)
+    places = np.concatenate([PLACES[1:], motion.nodes_inside])
+    times, between = _between(motion, flow, i, (y0, y1), span, places)
+    off = inside_errors(motion, between[len(PLACES) - 1 :], [phase.q_inside])
     gaps = motion.model.gaps(between.reshape(-1, nq), times.ravel()) / motion.sizes.gap
     low, high = motion.trajectory.coordinate_bounds.T
     return StepErrors(
-        motion.error(y1, *wanted(motion, i, np.arange(1, phase.steps + 1))),
+        np.maximum(motion.error(y1, *wanted(motion, i, np.arange(1, phase.steps + 1))), off),
         (float(y1[:, -1].sum()),),
         largest(gaps[:, _open(motion, mode)]),
         largest(np.maximum(low - between, between - high) / motion.sizes.q),
@@ -96,11 +98,10 @@ def _steps_of(motion: Motion, flow: ModeFlow, i: int) -> StepErrors:
 
 
 def _between(
-    motion: Motion, flow: ModeFlow, i: int, y: tuple[Array, Array], span: Span
+    motion: Motion, flow: ModeFlow, i: int, y: tuple[Array, Array], span: Span, places: Array
 ) -> tuple[Array, Array]:
     """Times and positions at places within steps, shapes (places, n) and (places, n, nq)."""
     ends = flow.ends(motion.modes[i], *y, span)
-    places = PLACES[1:]
     y0, a, y1, h = (np.ascontiguousarray(part) for part in (y[0], ends, y[1], span.h))
     found = motion.flow.integrator.between(y0, a, y1, h, places)
     return span.t + places[:, None] * h, found
@@ -158,7 +159,7 @@ def _met(
     mode, model, nq = motion.modes[i], motion.model, motion.model.nq
     if is_free(motion, i):
         return []
-    times, path = _between(motion, flow, i, y, span)
+    times, path = _between(motion, flow, i, y, span, PLACES[1:])
     gaps = model.gaps(path.reshape(-1, nq), times.ravel()).reshape(*times.shape, model.nc)
     allowed = motion.flow.allowance(times.ravel()).reshape(gaps.shape)
     over = gaps > allowed + TOUCH * motion.sizes.gap

@@ -3,7 +3,7 @@ limits and segments."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,14 +20,19 @@ SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to th
 
 @dataclass(frozen=True)
 class StepErrors:
-    """Every step integrated from its first node: relative errors at its end (N,), the work of each
-    phase, and the largest penetration and excess of a bound of a coordinate between nodes, relative
-    to the ranges."""
+    """Every step integrated from its first node: relative errors at its end and at the nodes inside
+    (N,), the work of each phase, and the largest penetration and excess of a bound of a coordinate
+    between nodes, relative to the ranges."""
 
     defects: Array
     work: tuple[float, ...]
     penetration: float
     excess: float
+
+    @property
+    def worst(self) -> float:
+        """The largest error of a step."""
+        return float(self.defects.max(initial=0.0))
 
 
 def step_errors(motion: Motion) -> StepErrors:
@@ -37,18 +42,29 @@ def step_errors(motion: Motion) -> StepErrors:
     start = np.vstack([np.hstack([p.q[:-1], p.v[:-1]]) for p in phases])
     y, first = np.hstack([start, np.zeros((len(start), 1))]), np.arange(len(start))
     ends = motion.flow.advance(y, steps, first, first + 1)
-    between = motion.flow.integrator.between(start, ends, y, steps.h, PLACES[1:-1])
+    inside = motion.nodes_inside
+    places = np.concatenate([PLACES[1:-1], inside])
+    between = motion.flow.integrator.between(start, ends, y, steps.h, places)
+    between, nodes = np.split(between, [len(places) - len(inside)])
+    off = inside_errors(motion, nodes, [p.q_inside for p in phases])
     times = (steps.t + PLACES[1:-1, None] * steps.h).ravel()
     gaps = motion.model.gaps(between.reshape(-1, nq), times) / motion.sizes.gap
     low, high = motion.trajectory.coordinate_bounds.T
     excess = np.maximum(low - between, between - high) / motion.sizes.q
     cuts = np.cumsum([len(s) for s in motion.steps])[:-1]
     return StepErrors(
-        motion.error(y, t1, q1, p1),
+        np.maximum(motion.error(y, t1, q1, p1), off),
         tuple(float(part.sum()) for part in np.split(y[:, -1], cuts)),
         largest(gaps[:, motion.watched]),
         largest(excess),
     )
+
+
+def inside_errors(motion: Motion, path: Array, planned: Sequence[Array]) -> Array:
+    """Largest relative error (N,) of the nodes inside steps beside a path there, (nodes, N, nq)."""
+    nodes = np.vstack(planned).reshape(path.shape[1], -1, motion.model.nq)
+    off = np.abs(np.swapaxes(path, 0, 1) - nodes) / motion.sizes.q
+    return np.asarray(np.nan_to_num(off, nan=np.inf).max(axis=(1, 2), initial=0.0))
 
 
 def largest(a: Array) -> float:
@@ -98,9 +114,7 @@ def energy_error(motion: Motion, work: tuple[float, ...]) -> float:
     ends = [-1, 0]
     energies = [energy(p.q[ends], p.v[ends], p.t[ends]) for p in phases]
     found = [abs(last - first - w) for (last, first), w in zip(energies, work, strict=True)]
-    for collision, before, (_, after) in zip(
-        motion.trajectory.collisions, phases, energies[1:], strict=False
-    ):
+    for (collision, before, _), (_, after) in zip(motion.joints, energies[1:], strict=True):
         v = motion.flow.planned_impact(collision, before.q[-1], before.v[-1])[0]
         found.append(abs(after - energy(before.q[-1], v, before.t[-1])))
     return float(np.nan_to_num(max(found), nan=np.inf)) / motion.sizes.energy
@@ -109,9 +123,9 @@ def energy_error(motion: Motion, work: tuple[float, ...]) -> float:
 def impact_errors(motion: Motion) -> tuple[float, float]:
     """Errors of the rate after a collision, of the impulse, and rates that approach after it or
     leave before it: relative to the largest rate, and to the rates of the collision itself."""
-    model, phases, nq = motion.model, motion.trajectory.phases, motion.model.nq
+    model, nq = motion.model, motion.model.nq
     worst = own = 0.0
-    for c, before, after in zip(motion.trajectory.collisions, phases, phases[1:], strict=False):
+    for c, before, after in motion.joints:
         j, q, t = model.kernels.surfaces.index(c.surface), before.q[-1], c.time
         slope = model.gap_slopes(q, t)[j]
         w = [float(slope[:nq] @ v + slope[nq]) for v in (before.v[-1], after.v[0])]

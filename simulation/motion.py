@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.discretisation import DISCRETISATIONS
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row, restitution_row
@@ -18,7 +19,7 @@ from dmoc.simulation.arcs import allowance, arcs_of
 from dmoc.simulation.flow import Flow, Steps
 from dmoc.simulation.modes import RAIL, Mode, mode_of, supports
 from dmoc.simulation.sizes import Sizes, sizes_of, sizes_with_contacts
-from dmoc.trajectory import Trajectory
+from dmoc.trajectory import Collision, Phase, Trajectory
 
 SEGMENTS = 10  # of a phase
 
@@ -51,6 +52,7 @@ class Motion:
                     "the time for the check was used up: raise it, or take fewer steps."
                 )
 
+        _check_shapes(trajectory)
         restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
         model = Model(kernels, parameter_row(kernels, trajectory.parameters, SimulationError))
         modes = tuple(mode_of(phase, kernels) for phase in trajectory.phases)
@@ -73,6 +75,17 @@ class Motion:
         allowed = partial(allowance, arcs, model.nc, ignored)
         flow = Flow(model, sizes, restitution, allowed, check_time)
         return cls(trajectory, model, sizes, flow, tuple(steps), modes, check_time)
+
+    @property
+    def joints(self) -> Iterator[tuple[Collision, Phase, Phase]]:
+        """The events with the phases before and after them."""
+        phases = self.trajectory.phases
+        return zip(self.trajectory.collisions, phases, phases[1:], strict=False)
+
+    @cached_property
+    def nodes_inside(self) -> Array:
+        """Places in a step of the nodes inside it."""
+        return DISCRETISATIONS[self.trajectory.order].nodes[2:]
 
     @cached_property
     def watched(self) -> NDArray[np.bool_]:
@@ -99,6 +112,30 @@ class Motion:
             [np.abs(q - q_wanted) / self.sizes.q, np.abs(p - p_wanted) / self.sizes.p]
         )
         return np.asarray(np.nan_to_num(parts.max(axis=1), nan=np.inf))
+
+
+def _check_shapes(trajectory: Trajectory) -> None:
+    """Refuse arrays that do not fit together."""
+    phases, events = len(trajectory.phases), len(trajectory.collisions)
+    if events != phases - 1:
+        raise SimulationError(
+            f"the motion has {phases} phases and {events} events: expected an event between any "
+            "two phases."
+        )
+    for phase in trajectory.phases:
+        rows = trajectory.input_form.rows(phase.steps)
+        inside = DISCRETISATIONS[trajectory.order].inside * phase.steps
+        nq = len(trajectory.coordinates)
+        for name, shape in (
+            *((name, (phase.steps + 1, nq)) for name in "qpv"),
+            ("u", (rows, len(trajectory.inputs))),
+            *((f"{name}_inside", (inside, nq)) for name in "qp" if inside),
+        ):
+            if getattr(phase, name).shape != shape:
+                raise SimulationError(
+                    f"{name} of the phase from {phase.t[0]:.4g} s on has the shape "
+                    f"{getattr(phase, name).shape}: expected {shape} for its {phase.steps} steps."
+                )
 
 
 def _has_modes(trajectory: Trajectory, model: Model) -> bool:

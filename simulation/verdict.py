@@ -15,6 +15,7 @@ from dmoc.table import Shown, Table, passed
 # of coordinates and momenta, energies to the kinetic energy, penetration and excess of soft limits
 # to the ranges, the law of impact to the largest rate of the gap.
 PASSING = {
+    "step error": 0.01,
     "segment error": 0.01,
     "energy error": 0.02,
     "penetration": PENETRATION,
