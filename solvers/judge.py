@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.kkt import residuals
-from dmoc.solvers.outcome import Ending, Options, Outcome, Residuals, Status
+from dmoc.solvers.kkt import LEAST_COST, residuals
+from dmoc.solvers.outcome import Duals, Ending, Options, Outcome, Residuals, Status
 
 # A larger violation, relative to the sizes of the constraints, where a method gets no further
 # counts as infeasible, a smaller one as feasible.
@@ -44,9 +44,23 @@ def verdict(word: Status, left: Residuals, options: Options) -> Status:
 
 def judged(nlp: Transcription, ending: Ending, options: Options) -> Outcome:
     """The ending of a method with the residuals that it leaves and what they say of it."""
-    left = residuals(nlp, ending.x, ending.duals)
+    duals, left = ending.duals, residuals(nlp, ending.x, ending.duals)
+    if abs(nlp.cost(ending.x)) <= LEAST_COST:
+        duals, left = min(((duals, left), _without_duals(nlp, ending)), key=_optimality)
     status = verdict(ending.status, left, options)
     detail = ending.detail or f"optimality {left.optimality:.1e}, violation {left.violation:.1e}"
     if status is Status.SOLVED:
         detail = ""
-    return Outcome(status, detail, ending.x, ending.duals, ending.iterations, left)
+    return Outcome(status, detail, ending.x, duals, ending.iterations, left)
+
+
+def _without_duals(nlp: Transcription, ending: Ending) -> tuple[Duals, Residuals]:
+    """The point with multipliers of zero, which are those of a minimum where the cost does not
+    change: those that a method ends with are what its barrier has left there, over a cost that is
+    next to none."""
+    none = Duals(np.zeros(nlp.n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
+    return none, residuals(nlp, ending.x, none)
+
+
+def _optimality(point: tuple[Duals, Residuals]) -> float:
+    return point[1].optimality

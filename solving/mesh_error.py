@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,23 +21,48 @@ LIMITED_ORDER = 2
 LITTLE = 1e-3
 
 
-def estimate(solved: Sequence[Solution], meshes: Sequence[Mesh], order: int) -> float:
-    """Estimated error of the last solution; infinite for the first.  Two meshes show no order: half
-    of the discretisation's is assumed."""
+@dataclass(frozen=True)
+class Errors:
+    """Relative errors, or changes, of the cost, and of what moves: durations and positions."""
+
+    cost: float
+    motion: float
+
+    @property
+    def largest(self) -> float:
+        return max(self.cost, self.motion)
+
+
+UNKNOWN = Errors(np.inf, np.inf)
+
+
+def estimates(solved: Sequence[Solution], before: Errors, order: int) -> Errors:
+    """Estimated errors of the last solution, from those ``before`` of the mesh before; infinite for
+    the first mesh."""
     if len(solved) < 2:
-        return np.inf
-    ratio = _ratio(solved[-2], solved[-1])
-    last = change(solved[-2], solved[-1])
+        return UNKNOWN
+    pairs = list(pairwise(solved[-3:]))
+    *earlier, last = (changes(a, b) for a, b in pairs)
+    ratios = [_ratio(a, b) for a, b in pairs]
     limited = _limited(solved[-1])
     order = min(order, LIMITED_ORDER) if limited else order
+
+    def of(name: str) -> float:
+        known = getattr(earlier[0], name) if earlier else None
+        fastest = getattr(before, name) / ratios[-1] ** order if limited else np.inf
+        left = _left(getattr(last, name), known, ratios, order)
+        return max(left, fastest) if np.isfinite(fastest) else left
+
+    return Errors(max(of("cost"), barrier(solved[-1])), of("motion"))
+
+
+def _left(last: float, before: float | None, ratios: Sequence[int], order: int) -> float:
+    """The error that a last change, after another one, leaves.  Two meshes show no order: half of
+    the discretisation's is assumed."""
     shown = order / 2
-    if len(solved) > 2:
-        before = change(solved[-3], solved[-2])
-        shown = _order(before / max(last, 1e-300), _ratio(solved[-3], solved[-2]), ratio, order)
-    fastest = (
-        meshes[-1].estimate / ratio**order if limited and np.isfinite(meshes[-1].estimate) else 0.0
-    )
-    return float(max(last / (ratio**shown - 1), fastest, barrier(solved[-1])))
+    if before is not None:
+        shown = _order(before / max(last, 1e-300), ratios[0], ratios[-1], order)
+    return float(last / (ratios[-1] ** shown - 1))
 
 
 def barrier(s: Solution) -> float:
@@ -75,13 +101,14 @@ def _ratios(coarse: Solution, fine: Solution) -> list[int]:
     return [b.steps // a.steps for a, b in zip(coarse.phases, fine.phases, strict=True)]
 
 
-def _ratio(coarse: Solution, fine: Solution) -> float:
+def _ratio(coarse: Solution, fine: Solution) -> int:
     """That of the phases that are refined."""
     return max(_ratios(coarse, fine))
 
 
-def change(coarse: Solution, fine: Solution) -> float:
-    """Largest relative difference of cost and durations, and of positions at common nodes."""
+def changes(coarse: Solution, fine: Solution) -> Errors:
+    """Relative difference of the cost, and the largest one of durations and of positions at common
+    nodes."""
     cost = abs(fine.cost - coarse.cost) / max(abs(fine.cost), _little(fine))
     pairs = list(zip(coarse.phases, fine.phases, strict=True))
     duration = max(abs(b.duration - a.duration) for a, b in pairs) / fine.final_time
@@ -93,14 +120,14 @@ def change(coarse: Solution, fine: Solution) -> float:
         float((np.abs(b.q[::step] - a.q) / scale).max(initial=0.0))
         for (a, b), step in zip(pairs, _ratios(coarse, fine), strict=True)
     )
-    return float(max(cost, duration, place))
+    return Errors(float(cost), float(max(duration, place)))
 
 
-def compared(meshes: Sequence[Mesh], solved: Sequence[Solution]) -> tuple[Mesh, ...]:
+def compared(
+    meshes: Sequence[Mesh], solved: Sequence[Solution], determined: bool
+) -> tuple[Mesh, ...]:
     """The meshes, each with its difference to the finest, which tells whether the estimates are
-    honest."""
-    pairs = zip(meshes, solved, strict=True)
-    return tuple(
-        replace(m, difference=change(s, solved[-1]) if s is not solved[-1] else None)
-        for m, s in pairs
-    )
+    honest: of the cost alone where the motion is not determined."""
+    differences = [changes(s, solved[-1]) for s in solved[:-1]]
+    values = [d.largest if determined else d.cost for d in differences]
+    return tuple(replace(m, difference=d) for m, d in zip(meshes, [*values, None], strict=True))

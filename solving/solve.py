@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -17,16 +16,25 @@ from dmoc.progress import Listener, told
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
 from dmoc.solving.attempts import attempted, remaining
+from dmoc.solving.endless import bounded
 from dmoc.solving.exploration import Effort, coarse_of, explored
-from dmoc.solving.methods import METHODS
+from dmoc.solving.methods import METHODS, REFINING, usual
 from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
 from dmoc.solving.request import Keywords, Request, keywords
 from dmoc.solving.result import checked, solution_of
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given, starts_of
+from dmoc.solving.turning import naming_turns
 from dmoc.solving.ways import best_way, ways_of
 
+# The error up to which a motion that the check confirms is a solution where nobody has asked for a
+# tolerance and finer meshes do not lead to the usual one: the check itself allows as much.
+LOOSE = 1e-2
+# Starts of another sequence, of which it is asked whether it leads to a motion.
+FEW = 16
+# Iterations on a mesh that begins with the motion of a coarser one: more lead elsewhere.
+FROM_COARSE = 300
 # A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
 # may be driven further down.
 BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
@@ -191,44 +199,80 @@ def _solved(problem: Problem, guess: Given, request: Request, asked: Keywords) -
     """Solve on the mesh of the problem, or to a tolerance."""
     if request.starts is None and guess is not None:
         request = replace(request, starts=1)
-    tolerance = asked.tolerance_of(problem)
+    begin, tolerance = time.perf_counter(), asked.tolerance_of(problem)
     if tolerance is None:
-        return _best(problem, guess, request)
-    return _on_meshes(problem, guess, request, tolerance)
+        answer = _bounded(problem, _best(problem, guess, request), request)
+    else:
+        loose = LOOSE if asked.tolerance is None else tolerance
+        answer = _on_meshes(problem, guess, request, (tolerance, loose))
+    return _naming_turns(problem, _telling_starts(answer), request, begin)
 
 
-def _on_meshes(problem: Problem, guess: Given, request: Request, tolerance: float) -> Solution:
-    """Solve on finer and finer meshes; only the finest is checked."""
-    begin, options, first = time.perf_counter(), request.options, problem.phase_steps
-    explored: list[Solution] = []
+def _on_meshes(
+    problem: Problem, guess: Given, request: Request, tolerances: tuple[float, float]
+) -> Solution:
+    """Solve on finer and finer meshes to a tolerance; a larger error, up to a second one, is a
+    solution too where they do not lead there."""
+    tolerance, loose = tolerances
+    begin, options, steps = time.perf_counter(), request.options, problem.phase_steps
     base = min(options.optimality, max(tolerance, BASE_OPTIMALITY))
 
-    def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
-        optimality = base if sharper is None else max(sharper, LEAST_OPTIMALITY)
+    def wanted(optimality: float) -> Request:
         sharp = replace(remaining(options, begin), optimality=optimality)
-        wanted = replace(request, options=sharp, verify=False)
-        known = coarse or next((s for s in explored if on_mesh_of(problem, s) and s.minimum), None)
-        if known is not None:
-            return solved_on_mesh(_meshed(problem, known), known, wanted)
-        # Many starts have led nowhere on the first mesh, and begin on the same coarse one.
-        if problem.phase_steps != first:
-            return _best(problem, guess, replace(wanted, starts=1))
-        explored.append(_best(problem, guess, wanted))
-        return explored[-1]
+        return replace(request, options=sharp, verify=False)
+
+    best = _best(problem, guess, wanted(base))
+    unrefined = _bounded(problem, best, wanted(base))
+    if unrefined is not best:
+        return unrefined
+
+    def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
+        if coarse is None and sharper is None and problem.phase_steps == steps:
+            return unrefined
+        now = wanted(base if sharper is None else max(sharper, LEAST_OPTIMALITY))
+        known = coarse or (
+            unrefined if on_mesh_of(problem, unrefined) and unrefined.minimum else None
+        )
+        if known is None:  # many starts have led nowhere, and begin on the same coarse mesh
+            return _best(problem, guess, replace(now, starts=1))
+        few = replace(now.options, iterations=min(options.iterations, FROM_COARSE))
+        return solved_on_mesh(_meshed(problem, known), known, replace(now, options=few))
 
     def check(solution: Solution) -> Solution:
         return checked(solution, remaining(options, begin).seconds)
 
     answer = refined(problem, tolerance, options.seconds, on_mesh, check)
-    known = explored[0]
-    answer = _with_starts(answer, starts=known.starts, found=known.found, others=known.others)
-    confirmed = bool(answer.verification and answer.verification.passed)
-    estimated = answer.error_estimate is not None and np.isfinite(answer.error_estimate)
-    if problem.steps is None and answer.status is Status.NOT_VERIFIED and confirmed and estimated:
-        # Nobody has asked for the error of positions, which some minima leave open.
+    answer = replace(answer, starts=best.starts, found=best.found, others=best.others)
+    confirmed = answer.verification is not None and answer.verification.passed
+    near = answer.error_estimate is not None and answer.error_estimate <= loose
+    if answer.status is Status.NOT_VERIFIED and confirmed and near:
+        status = Status.GRAZES if any(c.grazes for c in answer.collisions) else Status.SOLVED
         message = f"a local minimum was found, confirmed by simulation; {answer.message}"
-        answer = replace(answer, status=Status.SOLVED, message=message)
+        answer = replace(answer, status=status, message=message)
     return answer
+
+
+def _bounded(problem: Problem, answer: Solution, request: Request) -> Solution:
+    """The answer, unless its cost has no minimum."""
+    method, options = request.method, replace(request.options, progress=None)
+    if method.falls_back_on and problem.kernels.backend == COMPILED:
+        method = METHODS[method.falls_back_on]
+    plain = replace(request, method=method, options=options, verify=False)
+    return bounded(problem, answer, lambda p, s: solved_on_mesh(_meshed(p, s), s, plain))
+
+
+def _naming_turns(problem: Problem, answer: Solution, request: Request, begin: float) -> Solution:
+    """The answer, with a sequence of the same hits that leads to a motion where it has none."""
+    options = replace(request.options, progress=None)
+    seconds = options.seconds
+    deadline = np.inf if seconds is None else begin + seconds
+
+    def few(problem: Problem) -> Solution:
+        method = METHODS[usual(REFINING, problem.kernels.backend == COMPILED)]
+        plain = replace(request, method=method, options=remaining(options, begin), starts=FEW)
+        return _best(problem, None, plain)
+
+    return naming_turns(problem, answer, few, deadline)
 
 
 def _best(problem: Problem, guess: Given, request: Request) -> Solution:
@@ -260,7 +304,7 @@ def _best(problem: Problem, guess: Given, request: Request) -> Solution:
     if answer.status is Status.NOT_VERIFIED and confirmed:
         message = f"{answer.message}; the best minimum that is confirmed costs {min(confirmed):.6g}"
         answer = replace(answer, message=message)
-    return _with_starts(
+    return replace(
         answer,
         starts=len(found.starts),
         found=found.found[i] if i < len(found.found) else 0,
@@ -294,9 +338,8 @@ def _without_start(problem: Problem, guess: Given, request: Request) -> Solution
     return solved_on_mesh(problem, guess, request)
 
 
-def _with_starts(answer: Solution, **known: Any) -> Solution:
-    """The answer with what is known of the starts, in its message too."""
-    s = replace(answer, **known)
+def _telling_starts(s: Solution) -> Solution:
+    """The answer with what is known of the starts in its message."""
     if not s.starts:
         return s
     told = f"{s.found} of {s.starts} starts led to it, "

@@ -1,0 +1,177 @@
+"""What becomes of a refinement whose finer meshes fail, of costs without a minimum, and of motions
+that the problem leaves open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import sqrt
+
+import block_and_wall
+import pytest
+import sympy as sp
+from contact_problems import rail
+from sympy.physics.mechanics import dynamicsymbols
+from systems import block_system
+
+import dmoc
+from dmoc.solvers.outcome import Status
+from dmoc.solving.refinement import Solve, refined
+from dmoc.solving.result import checked
+
+pytestmark = pytest.mark.slow
+X, Y, U = dynamicsymbols("x y u")
+M, G, MU = sp.symbols("m g mu")
+
+
+def sliding_back(cost: sp.Expr, sequence: list[str], steps: int | None = None) -> dmoc.Problem:
+    """A block slides 1 m to a wall and 0.3 m back, where it rests; the speed of its start is
+    free."""
+    system = dmoc.MechanicalSystem(
+        "sliding_back",
+        [X, Y],
+        M * (X.diff() ** 2 + Y.diff() ** 2) / 2 - M * G * Y,
+        {M: 1.0, MU: 0.3, G: 9.81},
+        inputs=[U],
+        forces={X: U},
+        surfaces={"floor": Y >= 0, "wall": X <= 1},
+        tangents={"floor": X},
+        friction={"floor": MU},
+        cost=cost,
+    )
+    return dmoc.Problem(
+        system,
+        start={X: 0, Y: 0, "x_dot": (0.1, 10)},
+        goal={X: 0.7, "x_dot": 0},
+        contacts=["floor:slip+"],
+        sequence=sequence,
+        restitution={"wall": 0.6},
+        bounds={"u": (0, 0)},
+        final_time=(0.1, 5),
+        steps=steps,
+    )
+
+
+SPEED = sqrt(2 * 0.3 * 9.81 * (1 + 0.3 / 0.6**2))  # 3.2849657532
+
+
+@pytest.mark.parametrize("cost", [sp.Integer(0), U**2 / 2])
+def test_a_motion_that_costs_nothing_is_exact_on_the_first_mesh(cost: sp.Expr) -> None:
+    solution = dmoc.solve(sliding_back(cost, ["wall floor:slip-"]), starts=16)
+    assert solution.status == "solved" and len(solution.meshes) == 2
+    assert solution.error_estimate is not None and solution.error_estimate < 1e-6
+    assert solution.phases[0].v[0, 0] == pytest.approx(SPEED, rel=1e-9)
+    assert solution.optimality == 0 or cost != 0
+
+
+def test_a_sequence_in_which_friction_has_to_turn_is_named() -> None:
+    solution = dmoc.solve(sliding_back(sp.Integer(0), ["wall"], 20), starts=16)
+    assert solution.status == "infeasible"
+    assert "sequence = ['wall floor:slip-'] leads to a motion" in solution.message
+
+
+def test_what_turns_is_named_at_the_hit_where_it_does() -> None:
+    """A block on a rail between two walls, which slides there, back, and there again."""
+    system = replace(
+        rail(U**2 / 2, name="between_walls"), surfaces={"right": X <= 1, "left": X >= -1}
+    )
+    problem = dmoc.Problem(
+        system,
+        start={"x": 0},
+        goal={"x": 0, "x_dot": 0},
+        contacts=["rail:slip+"],
+        sequence=["right", "left"],
+        restitution=0.8,
+        steps=20,
+        final_time=3,
+    )
+    told = dmoc.solve(problem, starts=16)
+    assert told.status == "infeasible"
+    assert "sequence = ['right rail:slip-', 'left rail:slip+'] leads to a motion" in told.message
+
+
+@pytest.mark.parametrize("steps", [None, 20])
+@pytest.mark.parametrize("wall", [False, True])
+def test_a_cost_that_falls_for_ever_is_no_minimum(steps: int | None, wall: bool) -> None:
+    """Unit mass from rest to rest, int u^2/2 falls as T^-3."""
+    problem = dmoc.Problem(
+        block_system(),
+        start={"x": 0},
+        goal={"x": 0 if wall else 0.5, "x_dot": 0},
+        sequence=["wall"] if wall else [],
+        final_time=(None, None),
+        steps=steps,
+    )
+    solution = dmoc.solve(problem, "ipm", starts=8)
+    assert solution.status == "stalled" and not solution.converged
+    assert (
+        "the cost has no minimum, it falls as long as the motion takes longer" in solution.message
+    )
+    limited = dmoc.solve(problem.but(final_time=(None, 2)), "ipm", starts=8)
+    assert limited.status == "solved" and limited.final_time == pytest.approx(2)
+
+
+def test_a_free_time_with_a_minimum_is_one() -> None:
+    """Time and effort of a unit mass over 1 m, T + 12/T^3, are least at T = sqrt(6)."""
+    system = dmoc.MechanicalSystem(
+        "timed", [X], X.diff() ** 2 / 2, {}, inputs=[U], forces={X: U}, cost=1 + U**2
+    )
+    problem = dmoc.Problem(
+        system, start={X: 0}, goal={X: 1, "x_dot": 0}, final_time=(None, None), steps=40
+    )
+    solution = dmoc.solve(problem, "ipm")
+    assert solution.status == "solved" and solution.final_time == pytest.approx(sqrt(6), rel=1e-3)
+
+
+def solved_until(most: int, ended: Status) -> Solve:
+    """Solves meshes up to some steps a phase; finer ones end otherwise."""
+
+    def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        s = dmoc.solve(given, "ipm", guess=guess, starts=1, verify=False)
+        return s if max(given.phase_steps) <= most else replace(s, status=ended, optimality=1.0)
+
+    return solve
+
+
+@pytest.mark.parametrize("ended", [Status.STALLED, Status.INFEASIBLE, Status.ITERATION_LIMIT])
+def test_a_confirmed_mesh_is_kept_where_a_finer_one_fails(ended: Status) -> None:
+    problem, exact = block_and_wall.problem(0.8, 20), block_and_wall.known(0.8)[0]
+    answer = refined(problem, 1e-9, None, solved_until(40, ended), checked)
+    assert answer.steps == (40, 40) and answer.verification and answer.verification.passed
+    assert answer.status == "not_verified"  # 1e-9 was asked for
+    assert f"the mesh of 160 steps a phase ended {ended}" in answer.message
+    assert answer.error_estimate is not None
+    assert abs(answer.cost / exact - 1) <= answer.error_estimate < 1e-2
+
+
+def test_one_mesh_alone_is_measured_against_a_coarser_one() -> None:
+    problem, exact = block_and_wall.problem(0.8, 40), block_and_wall.known(0.8)[0]
+    answer = refined(problem, 5e-3, None, solved_until(40, Status.STALLED), checked)
+    assert answer.status == "solved" and [m.steps[0] for m in answer.meshes] == [20, 40]
+    assert "the mesh of 80 steps a phase ended stalled" in answer.message
+    assert answer.error_estimate is not None
+    assert abs(answer.cost / exact - 1) <= answer.error_estimate <= 5e-3
+
+
+def test_a_contradicted_finest_mesh_gives_way_to_a_confirmed_one() -> None:
+    problem = block_and_wall.problem(0.8, 20)
+
+    def check(solution: dmoc.Solution) -> dmoc.Solution:
+        seen = checked(solution)
+        return seen if max(solution.steps) <= 40 else replace(seen, status=Status.NOT_VERIFIED)
+
+    answer = refined(problem, 1e-9, None, solved_until(80, Status.STALLED), check)
+    assert answer.steps == (40, 40)
+
+
+def test_an_equal_cost_is_not_another_minimum() -> None:
+    """The same cost from another motion: only a dearer one is another minimum."""
+    problem = block_and_wall.problem(0.8, 20)
+
+    def solve(given: dmoc.Problem, guess: dmoc.Solution | None, _: float | None) -> dmoc.Solution:
+        s = dmoc.solve(given, "ipm", guess=guess, starts=1, verify=False)
+        phases = tuple(replace(p, q=p.q + 0.1) for p in s.phases)
+        moved = replace(s, trajectory=replace(s.trajectory, phases=phases))
+        return moved if max(given.phase_steps) > 40 else s
+
+    answer = refined(problem, 1e-3, None, solve, checked)
+    assert "another minimum" not in answer.message
