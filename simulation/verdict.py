@@ -86,6 +86,21 @@ class Verification(Shown):
     contacts: tuple[Contact, ...]
     force_error: float = 0.0
 
+    @property
+    def excess(self) -> float:
+        """The largest error, divided by what passes.  The end of an open-loop run counts where
+        nothing else exceeds its limit."""
+        errors = {
+            "step error": self.max_defect,
+            "segment error": float(self.segment_defects.max(initial=0.0)),
+            "energy error": self.energy_error,
+            "error of the law of impact": self.impact_error,
+            "error of a contact force": self.force_error,
+            "penetration": self.penetration,
+        }
+        worst = max(error / PASSING[name] for name, error in errors.items())
+        return worst if worst > 1 else max(worst, self.terminal_error / TERMINAL)
+
     def __repr__(self) -> str:
         return (
             f"<Verification: {passed(self.passed)[0]}, segment error {self.max_segment_defect:.2g}>"

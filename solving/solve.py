@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from dmoc.solving.attempts import attempted, remaining
 from dmoc.solving.endless import bounded
 from dmoc.solving.exploration import Effort, coarse_of, explored
 from dmoc.solving.methods import METHODS, REFINING, usual
+from dmoc.solving.passing import naming_steps
 from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
 from dmoc.solving.request import Keywords, Request, keywords
@@ -202,6 +204,8 @@ def _solved(problem: Problem, guess: Given, request: Request, asked: Keywords) -
     begin, tolerance = time.perf_counter(), asked.tolerance_of(problem)
     if tolerance is None:
         answer = _bounded(problem, _best(problem, guess, request), request)
+        fine = replace(_compiled(problem, request), verify=True)
+        answer = naming_steps(problem, answer, partial(_from_motion, fine, begin))
     else:
         loose = LOOSE if asked.tolerance is None else tolerance
         answer = _on_meshes(problem, guess, request, (tolerance, loose))
@@ -254,23 +258,31 @@ def _on_meshes(
 
 def _bounded(problem: Problem, answer: Solution, request: Request) -> Solution:
     """The answer, unless its cost has no minimum."""
-    method, options = request.method, replace(request.options, progress=None)
-    if method.falls_back_on and problem.kernels.backend == COMPILED:
-        method = METHODS[method.falls_back_on]
-    plain = replace(request, method=method, options=options, verify=False)
-    return bounded(problem, answer, lambda p, s: solved_on_mesh(_meshed(p, s), s, plain))
+    plain = replace(_compiled(problem, request), verify=False)
+    return bounded(problem, answer, partial(_from_motion, plain, time.perf_counter()))
+
+
+def _compiled(problem: Problem, request: Request) -> Request:
+    """The request for further meshes: silent, by the compiled method if there is one."""
+    method = METHODS[usual(REFINING, problem.kernels.backend == COMPILED)]
+    return replace(request, method=method, options=replace(request.options, progress=None))
+
+
+def _from_motion(request: Request, begin: float, problem: Problem, motion: Solution) -> Solution:
+    """Solve a problem from a motion, in what is left of the time since a moment."""
+    options = remaining(request.options, begin)
+    return solved_on_mesh(_meshed(problem, motion), motion, replace(request, options=options))
 
 
 def _naming_turns(problem: Problem, answer: Solution, request: Request, begin: float) -> Solution:
     """The answer, with a sequence of the same hits that leads to a motion where it has none."""
-    options = replace(request.options, progress=None)
-    seconds = options.seconds
+    seconds = request.options.seconds
     deadline = np.inf if seconds is None else begin + seconds
 
     def few(problem: Problem) -> Solution:
-        method = METHODS[usual(REFINING, problem.kernels.backend == COMPILED)]
-        plain = replace(request, method=method, options=remaining(options, begin), starts=FEW)
-        return _best(problem, None, plain)
+        plain = _compiled(problem, request)
+        left = replace(plain, options=remaining(plain.options, begin), starts=FEW)
+        return _best(problem, None, left)
 
     return naming_turns(problem, answer, few, deadline)
 

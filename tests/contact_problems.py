@@ -121,6 +121,33 @@ def turned(steps: int) -> dmoc.Problem:
     )
 
 
+def two_masses(steps: int | None = None) -> dmoc.Problem:
+    """Two masses on springs and rails with friction turn and go to their places in least time, the
+    problem of Driessen and Sadegh (2000): one of them has time to spare."""
+    a, b, w = dynamicsymbols("a b w")
+    system = dmoc.MechanicalSystem(
+        "two_masses",
+        [a, b],
+        0.55 * a.diff() ** 2 + 0.6 * b.diff() ** 2 - 0.475 * a**2 - 0.425 * (b - a) ** 2,
+        {F: 1.0},
+        inputs=[U, w],
+        forces={a: U, b: w},
+        cost=sp.Integer(1),
+        tangents={"first": a, "second": b},
+        friction={"first": F, "second": F},
+    )
+    return dmoc.Problem(
+        system,
+        start={a: 0, b: 0, "a_dot": -1, "b_dot": -2},
+        goal={a: 1, b: 2, "a_dot": 0, "b_dot": 0},
+        contacts=["first:slip-", "second:slip-"],
+        sequence=["first:slip+", "second:slip+"],
+        bounds={U: (-4, 4), w: (-4, 4)},
+        final_time=(0.1, 10),
+        steps=steps,
+    )
+
+
 PUSHED = 2 / 3 * sqrt(6)  # the slide lasts sqrt(6) of the 4 s
 TURNED = 1 / 3 + 2 * sqrt(7) / 3
 THERE_AND_BACK = 0.6325240163  # opty's gallery, at three events in closed form

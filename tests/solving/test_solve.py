@@ -177,7 +177,7 @@ def test_puck_bounces_off_bent_surfaces(puck: Kernels) -> None:
 def test_coarse_steps_are_not_called_solved(seed: dmoc.Problem) -> None:
     solution = dmoc.solve(seed.but(steps=10))
     assert solution.status == "not_verified"
-    assert "simulation" in solution.message and "take more steps" in solution.message
+    assert "simulation" in solution.message and ", take " in solution.message
 
 
 def test_limits_are_kept_and_the_best_iterate_is_returned(seed: dmoc.Problem) -> None:
