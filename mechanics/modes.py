@@ -389,10 +389,18 @@ def changes(before: PhaseMode, after: PhaseMode) -> dict[str, int]:
 def words_along(modes: Sequence[PhaseMode], events: Sequence[Event]) -> tuple[str, ...]:
     """Each event in words that are the same for the same event, as those of a motion are."""
     return tuple(
-        event_word(event.hit, event.lands, event.leaves, changes(*pair), _said(event))
-        for event, pair in zip(events, pairwise(modes), strict=True)
+        word_between(*pair, event) for event, pair in zip(events, pairwise(modes), strict=True)
     )
 
 
-def _said(event: Event) -> str:
-    return "" if event.course is None else str(event.course)
+def word_between(before: PhaseMode, after: PhaseMode, event: Event | None = None) -> str:
+    """The word for an event between two modes, with what an event hits and lands; empty where
+    nothing happens."""
+    hit, lands = ("", ()) if event is None else (event.hit, event.lands)
+    leaves = tuple(name for name in before.closed if name not in after.closed)
+    lands = tuple(name for name in after.closed if name not in before.closed or name in lands)
+    course = "" if event is None or event.course is None else str(event.course)
+    rubs = changes(before, after)
+    if not (hit or lands or leaves or rubs):
+        return ""
+    return event_word(hit, lands, leaves, rubs, course)

@@ -207,7 +207,8 @@ def search(
         Its own sequence does not matter; it has one number of steps for every phase, or none and
         gets one, and no durations.
     max_collisions : int
-        Depth of the tree.
+        Depth of the tree.  Sequences that motions propose (see :class:`~dmoc.proposal.Proposal`)
+        may have up to four events more.
     surfaces : sequence of str, optional
         Surfaces that may be hit, land or leave; all by default.
     events : sequence of str, optional

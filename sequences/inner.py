@@ -29,6 +29,7 @@ from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import seconds_until
+from dmoc.solving.edges import restated
 from dmoc.solving.exploration import Effort, Exploration, Start, coarse_of, explored
 from dmoc.solving.methods import METHODS
 from dmoc.solving.request import Request
@@ -47,7 +48,7 @@ ITERATIONS = 300
 @dataclass(frozen=True)
 class Task:
     """One sequence to be solved: the problem, the parent's motion, further starts, method, limit
-    in seconds."""
+    in seconds, a motion that proposes it."""
 
     problem: Problem
     parent: Solution | None
@@ -56,6 +57,7 @@ class Task:
     seed: int
     seconds: float | None
     attempts: int = 1
+    proposer: Solution | None = None
 
     @property
     def sequence(self) -> tuple[str, ...]:
@@ -91,6 +93,8 @@ def _from_parent(task: Task) -> Node:
     given: list[tuple[str, Array | None]] = [("automatic", None)]
     if task.parent is not None:
         given.insert(0, ("parent", extended(task.parent, task.problem)))
+    if task.proposer is not None:
+        given.insert(0, ("proposal", restated(task.problem, task.proposer)))
     for name, x in given:
         s = _solved(task.problem, task.method, x, deadline)
         starts.append(Start(name, s.status, s.cost if s.converged else None))
@@ -107,6 +111,8 @@ def _explored(task: Task) -> Node:
     begin, deadline = time.perf_counter(), _deadline(task)
     coarse = coarse_of(task.problem)
     points = {} if task.parent is None else {"parent": extended(task.parent, coarse)}
+    if task.proposer is not None:
+        points["proposal"] = restated(coarse, task.proposer)
     effort = Effort(
         0,
         task.starts,
@@ -190,6 +196,8 @@ def _node(task: Task, solutions: Sequence[Solution]) -> Node:
         evidence += (
             f"a motion of cost {cheaper[0].cost:.6g} was not confirmed: {cheaper[0].message}",
         )
+    if s.proposal is not None:
+        evidence += (str(s.proposal),)
     shortest = tuple(b for b in s.active_bounds if b.kind is BoundKind.DURATION and b.side == ">=")
     return Node(
         task.sequence,

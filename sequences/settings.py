@@ -12,8 +12,16 @@ import numpy as np
 
 from dmoc.arguments import choice, flag, names, number, positive, shown, whole
 from dmoc.errors import ProblemError, SearchError
-from dmoc.mechanics.modes import Contacts, event_of, possible_after, words_after
+from dmoc.mechanics.modes import (
+    Contacts,
+    event_of,
+    mode_of,
+    possible_after,
+    word_between,
+    words_after,
+)
 from dmoc.nlp.problem import Problem
+from dmoc.solution import Solution
 from dmoc.solving.methods import METHODS
 
 STRATEGIES = ("exhaustive", "best-first", "beam")
@@ -22,6 +30,9 @@ STRATEGIES = ("exhaustive", "best-first", "beam")
 SHORTEST = 0.01
 # Random starts of a node at most, on a coarse mesh.
 STARTS = 4
+# Events that sequences which motions propose may have beyond the depth: those of two stays of a
+# contact at the edge of its mode.
+BEYOND = 4
 DEEPEST = 12  # the tree grows with the power of the depth
 MOST, MOST_WORKERS = 2**31 - 1, 1000  # of what is counted, of processes
 
@@ -112,6 +123,20 @@ def children(problem: Problem, sequence: tuple[str, ...], settings: Settings) ->
     if settings.events is not None:
         return list(possible_after(mode, settings.events, problem.touches))
     return list(words_after(mode, problem.touches, settings.surfaces))
+
+
+def proposed(problem: Problem, solution: Solution | None, settings: Settings) -> tuple[str, ...]:
+    """The sequence that a motion proposes, if its words may happen and it is not much longer than
+    the search is deep; else the empty one."""
+    proposal = None if solution is None else solution.proposal
+    if proposal is None:
+        return ()
+    words = proposal.sequence
+    if proposal.contacts is not None:  # the search begins as the problem does
+        start = problem.modes[0], mode_of(proposal.contacts, problem.touches)
+        words = (word_between(*start), *words)
+    fits = settings.events is None or set(words) <= set(settings.events)
+    return words if fits and len(words) <= settings.max_collisions + BEYOND else ()
 
 
 def refusal(problem: Problem, sequence: tuple[str, ...]) -> str:

@@ -14,7 +14,8 @@ from dmoc.sequences.journal import Journal
 from dmoc.sequences.judgement import best_of
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Workers
-from dmoc.sequences.settings import Settings, children, hits_alone, refusal
+from dmoc.sequences.settings import Settings, children, hits_alone, proposed, refusal
+from dmoc.solution import Solution
 
 # Nodes that best-first looks at before it chooses again: a fixed number, so that the answer does
 # not depend on the number of workers.
@@ -32,6 +33,8 @@ class Tree:
         self.frontier: list[tuple[str, ...]] = [()]
         self.passed_over = 0
         self.refused: dict[tuple[str, ...], str] = {}
+        # What motions propose, and all that these begin with; the motion whose proposal it is.
+        self.proposed: dict[tuple[str, ...], Solution | None] = {}
 
     def keep(self, journal: Journal) -> None:
         """Record nodes in a journal; its own count, but failed ones get another chance."""
@@ -84,22 +87,35 @@ class Tree:
     def _add(self, node: Node) -> Node:
         self.nodes[node.sequence] = node
         self.frontier.remove(node.sequence)
-        if (
-            node.verdict is not Verdict.UNREACHABLE
-            and len(node.sequence) < self.settings.max_collisions
-        ):
+        if node.verdict is not Verdict.UNREACHABLE:
             self._branch(node.sequence)
+        words = proposed(self.problem, node.solution, self.settings)
+        beginnings = [words[:n] for n in range(1, len(words) + 1)]
+        for s in beginnings:
+            self.proposed.setdefault(s, node.solution if s == words else None)
+        new = next((s for s in beginnings if s not in self.nodes), None)
+        if new is not None and self.nodes[new[:-1]].verdict is not Verdict.UNREACHABLE:
+            self._join(new)
         return node
 
     def _branch(self, sequence: tuple[str, ...]) -> None:
-        """The children of a sequence join the frontier, but those that no problem can have."""
+        """The children of a sequence join the frontier: all within the depth, and what motions
+        propose."""
+        if len(sequence) < self.settings.max_collisions:
+            for word in children(self.problem, sequence, self.settings):
+                self._join((*sequence, word))
+        for child in sorted(s for s in self.proposed if s[:-1] == sequence):
+            self._join(child)
+
+    def _join(self, child: tuple[str, ...]) -> None:
+        """A sequence joins the frontier, unless it is there or was, or no problem can have it."""
+        if child in self.proposed and (child in self.nodes or child in self.frontier):
+            return
         simple = hits_alone(self.problem, self.settings)
-        for word in children(self.problem, sequence, self.settings):
-            child = (*sequence, word)
-            if told := "" if simple else refusal(self.problem, child):
-                self.refused[child] = told
-            else:
-                self.frontier.append(child)
+        if told := "" if simple else refusal(self.problem, child):
+            self.refused[child] = told
+        else:
+            self.frontier.append(child)
 
     def _task(self, sequence: tuple[str, ...]) -> Task:
         parent = self.nodes[sequence[:-1]].solution if sequence else None
@@ -107,7 +123,8 @@ class Tree:
         if s.shortest_phase and sequence:
             durations = [(s.shortest_phase, None)] * (len(sequence) + 1)
         problem = self.problem.but(sequence=sequence, durations=durations)
-        return Task(problem, parent, s.method, s.starts, s.seed, s.node_seconds)
+        proposer = self.proposed.get(sequence)
+        return Task(problem, parent, s.method, s.starts, s.seed, s.node_seconds, proposer=proposer)
 
     def place(self, sequence: tuple[str, ...]) -> tuple[int, list[tuple[int, str]]]:
         """Shorter ones first, then in the order of the surfaces, hits before other words."""

@@ -13,6 +13,7 @@ from dmoc.solution import Solution
 from dmoc.solvers.kkt import duality_gap
 from dmoc.solvers.outcome import Status
 from dmoc.solving.attempts import Attempt
+from dmoc.solving.edges import proposal_of
 from dmoc.trajectory import Trajectory
 
 
@@ -21,6 +22,7 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
     nlp, outcome = attempt.nlp, attempt.outcome
     problem = nlp.problem
     motion, status, message = trajectory(nlp, outcome.x), outcome.status, _message(attempt)
+    proposal = proposal_of(nlp, outcome) if status is Status.SOLVED else None
     if status is Status.SOLVED and any(c.grazes for c in motion.collisions):
         status, message = Status.GRAZES, f"{message}; {without_effect(motion)}"
     return Solution(
@@ -40,6 +42,7 @@ def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> 
         reference=problem.kernels.reference or problem.kernels.name,
         conflicts=attempt.conflicts,
         duality_gap=duality_gap(nlp, outcome.x, outcome.duals),
+        proposal=proposal,
         kernels=problem.kernels,
     )
 
@@ -100,3 +103,10 @@ def checked(solution: Solution, seconds: float | None = None) -> Solution:
         return replace(solution, message=solution.message + more)
     message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
     return replace(solution, status=Status.NOT_VERIFIED, message=message)
+
+
+def with_proposal(solution: Solution) -> Solution:
+    """The solution with its proposal in its message."""
+    if solution.proposal is None:
+        return solution
+    return replace(solution, message=f"{solution.message}; {solution.proposal}")

@@ -24,7 +24,7 @@ from dmoc.solving.passing import naming_steps
 from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
 from dmoc.solving.request import Keywords, Request, keywords
-from dmoc.solving.result import checked, solution_of
+from dmoc.solving.result import checked, solution_of, with_proposal
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given, starts_of
 from dmoc.solving.turning import naming_turns
@@ -86,9 +86,10 @@ def solve(
         other methods work on the full sparse program.
     guess : Solution, path, mapping, list of mappings, or array, optional
         Where to start; by default an automatic guess.  A solution, or that of a file, must have the
-        same number of collisions; one on another mesh or of another order is interpolated, the
-        multipliers of one with the same steps serve too (not with slsqp).  A mapping gives courses
-        of coordinates and inputs by name, and "durations", the seconds of each phase, as
+        same number of collisions, or propose the sequence of the problem; one on another mesh or of
+        another order is interpolated, the multipliers of one with the same steps serve too (not
+        with slsqp).  A mapping gives courses of coordinates and inputs by name, and "durations",
+        the seconds of each phase, as
         ``{"alpha": [0, 0.5, -3.1], "F": 0, "durations": [0.2, 0.8]}``: a number, which is kept,
         keyframes, which are spread evenly over the time, or a function of an array of times in
         seconds.  A list of mappings gives them for each phase, keyframes spread over the phase.
@@ -209,7 +210,7 @@ def _solved(problem: Problem, guess: Given, request: Request, asked: Keywords) -
     else:
         loose = LOOSE if asked.tolerance is None else tolerance
         answer = _on_meshes(problem, guess, request, (tolerance, loose))
-    return _naming_turns(problem, _telling_starts(answer), request, begin)
+    return with_proposal(_naming_turns(problem, _telling_starts(answer), request, begin))
 
 
 def _on_meshes(

@@ -21,6 +21,7 @@ from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Duals
+from dmoc.solving.edges import restated
 
 Given: TypeAlias = (
     Solution
@@ -80,6 +81,9 @@ def _from_solution(problem: Problem, guess: Solution) -> Starts:
             f"guess is a motion of {', '.join(given)}: expected one of the coordinates and inputs "
             f"{', '.join(names)}."
         )
+    proposal = guess.proposal
+    if proposal is not None and proposal.sequence == problem.words:
+        return Starts((restated(problem, guess),), True)
     if len(guess.phases) != problem.phases:
         raise ProblemError(
             f"guess has {len(guess.collisions)} collisions: expected a motion with "

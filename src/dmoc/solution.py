@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from dmoc.errors import SolutionFileError
 from dmoc.moving import Moving
 from dmoc.nlp.active import ActiveBound
+from dmoc.proposal import Proposal
 from dmoc.solution_table import table_of
 from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
 from dmoc.table import Shown, Table
@@ -135,6 +136,9 @@ class Solution(Shown, Moving):
         How many of them have led to this minimum.
     others : tuple of Minimum
         The other minima that they have led to, the cheapest first.
+    proposal : Proposal or None
+        A sequence that may cost less, where contacts stay at the edges of their modes: at rest
+        where they should slide, at the limit of their friction, or closed without a force.
     scale : mapping of str to float
         Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off
         the start.
@@ -179,6 +183,7 @@ class Solution(Shown, Moving):
     starts: int = 0
     found: int = 0
     others: tuple[Minimum, ...] = ()
+    proposal: Proposal | None = None
     kernels: Kernels | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
@@ -304,6 +309,7 @@ class Solution(Shown, Moving):
             "starts": self.starts,
             "found": self.found,
             "others": [asdict(m) for m in self.others],
+            "proposal": None if self.proposal is None else asdict(self.proposal),
         } | self._refinement()
 
     def _refinement(self) -> dict[str, Any]:

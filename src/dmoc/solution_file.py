@@ -10,6 +10,7 @@ import numpy as np
 
 from dmoc.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.nlp.active import ActiveBound
+from dmoc.proposal import CONTACT_STATES, Proposal, Stay
 from dmoc.result_file import REMEDY, ResultFile
 from dmoc.scene import COLUMNS, Scene, Shape, wrong_scene
 from dmoc.schema import (
@@ -36,7 +37,9 @@ from dmoc.solvers.outcome import Status
 from dmoc.trajectory import COURSES, Collision, Phase, Trajectory
 
 FORMAT, OLDEST = 9, 6  # the format that is written, and the oldest that is read
-# What files of older formats lack, with the values there: of a motion, its phases and collisions.
+# What files of older formats lack, with the values there: of a solution, of its motion, of phases
+# and collisions.
+LACKING_BESIDE: Mapping[str, Any] = {"proposal": None}
 LACKING: Mapping[str, Any] = {"units": {}, "scene": None}
 LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
     "phases": {"q_inside": [0, 0], "p_inside": [0, 0]},
@@ -57,7 +60,7 @@ def _as_now(header: Any) -> Any:
                 if isinstance(parts, list) and all(isinstance(part, dict) for part in parts):
                     motion[name] = [{**lacking, **part} for part in parts]
             check = _check_as_now(solution.get("verification"))
-            now = {**solution, "trajectory": motion, "verification": check}
+            now = {**LACKING_BESIDE, **solution, "trajectory": motion, "verification": check}
             return {**header, "format": FORMAT, "solution": now}
     return header
 
@@ -241,6 +244,27 @@ MINIMUM = Record(
     },
 )
 CONTACT = Record(Contact, {"surface": Name(), "time": Number(), "jump": Number(special=True)})
+PROPOSAL = Record(
+    Proposal,
+    {
+        "stays": Listed(
+            Record(
+                Stay,
+                {
+                    "phase": Whole(),
+                    "contact": Name(),
+                    "begin": Number(),
+                    "end": Number(),
+                    "mode": Choice(CONTACT_STATES),
+                    "cheaper": Choice(CONTACT_STATES),
+                },
+            )
+        ),
+        "sequence": Listed(Text()),
+        "times": Listed(Number()),
+        "contacts": Either(Nothing(), Listed(Text())),
+    },
+)
 VERIFICATION = Record(
     Verification,
     {
@@ -285,6 +309,7 @@ SOLUTION = Record(
         "starts": Whole(),
         "found": Whole(),
         "others": Listed(MINIMUM),
+        "proposal": Either(Nothing(), PROPOSAL),
     },
     _wrong_solution,
 )

@@ -28,7 +28,10 @@ def table_of(solution: Solution) -> Table:
 
 def _outcome(s: Solution) -> Iterator[tuple[Cell, ...]]:
     message = s.message.replace(": " + "; ".join(s.conflicts), "") if s.conflicts else s.message
+    message = message.replace(f"; {s.proposal}", "")
     yield "status", ((str(s.status), "good" if s.solved else "bad"), (f": {message}", ""))
+    if s.proposal is not None:
+        yield "proposal", str(s.proposal)
     for conflict in s.conflicts:
         yield "conflict", conflict
     yield "cost", f"{s.cost:.7g}"

@@ -81,6 +81,7 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
         "starts",
         "found",
         "others",
+        "proposal",
     ]
     assert found["cost"] == pytest.approx(129.6024, rel=1e-5)
     assert found["starts"] >= 16 and 1 <= found["found"] <= found["starts"]
