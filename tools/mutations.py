@@ -12,9 +12,9 @@ A list (``tools/mutations.toml``) has one entry for each change::
     survives = "why no test can notice it"          # optional
 
 Without ``tests`` the nearest are the files in ``tests`` that import the module, then the folder of
-its layer, without those that are slow.  Changes are made in a copy of the checkout, with a kernel
-cache of its own; compiled sources are compiled again there.  The exit status is 1 if a change
-survives without a reason, dies in spite of one, or does not fit the sources any more.
+its layer, then all, without those that are slow.  Changes are made in a copy of the checkout;
+compiled sources are compiled again there.  The exit status is 1 if a change survives without a
+reason, dies in spite of one, or does not fit the sources any more.
 """
 
 from __future__ import annotations
@@ -160,6 +160,7 @@ def nearest(file: str) -> Iterator[tuple[str, ...]]:
         yield tuple(str(p.relative_to(ROOT)) for p in near)
     if (ROOT / "tests" / layer).is_dir():
         yield (f"tests/{layer}",)
+    yield ("tests",)
 
 
 def built(copy: Path) -> bool:
