@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from dmoc.arguments import check_known, is_number, listed, number, positive, shown
+from dmoc.arguments import array, check_known, function, is_number, listed, number, positive, shown
 from dmoc.codegen.kernels import Array
 from dmoc.errors import ProblemError
 from dmoc.mechanics.values import by_name
@@ -131,8 +131,7 @@ def _read(problem: Problem, given: Any, first: int, end: int, what: str) -> Cour
 
 def _course(value: Any, what: str) -> Course:
     if callable(value):
-        function: Callable[[Array], Any] = value
-        return function
+        return function(value, what, "an array of times")
     if is_number(value):
         return number(value, what)
     if not isinstance(value, (Sequence, np.ndarray)) or isinstance(value, (str, bytes)):
@@ -172,14 +171,15 @@ def _sampled(
     return np.asarray(PchipInterpolator(at, frames)(np.clip(t, *whole)))
 
 
-def _called(function: Callable[[Array], Any], name: str, t: Array) -> Array:
-    found = np.asarray(function(t.copy()))
-    if found.dtype.kind not in "iuf" or found.shape not in ((), t.shape):
+def _called(course: Callable[[Array], Any], name: str, t: Array) -> Array:
+    given = course(t.copy())
+    found = array(given)
+    if found is None or found.shape not in ((), t.shape):
         raise ProblemError(
-            f"guess: {name}: the function gave {shown(found)} for {len(t)} times: expected as many "
+            f"guess: {name}: the function gave {shown(given)} for {len(t)} times: expected as many "
             "numbers."
         )
-    values = np.array(np.broadcast_to(found, t.shape), dtype=float)
+    values = np.array(np.broadcast_to(found, t.shape))
     if not np.isfinite(values).all():
         k = int(np.argmin(np.isfinite(values)))
         raise ProblemError(

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dmoc.arguments import path as path_of
+from dmoc.arguments import place
 from dmoc.errors import MissingExtraError, OutputError
 from dmoc.report.style import Style, style_of
 from dmoc.writing import write_whole
@@ -27,13 +29,13 @@ SMALL = 8  # points of small text
 
 
 @contextmanager
-def painted(name: str) -> Iterator[Style]:
-    """Draw in the style of a name.
+def painted(name: str, path: str | os.PathLike[str] | None) -> Iterator[Style]:
+    """Draw in the style of a name, for a file if a path is given.
 
     Raises
     ------
     OutputError
-        If there is no such style.
+        If there is no such style, or the file is of no known format.
     MissingExtraError
         If Matplotlib is not installed.
     """
@@ -45,6 +47,8 @@ def painted(name: str) -> Iterator[Style]:
         raise MissingExtraError(
             "Matplotlib is needed to plot: install it with `pip install 'dmoc[plot]'`."
         ) from None
+    if path is not None:
+        _format_of(path_of(path))
     settings: Any = style.settings  # Matplotlib types their names
     with matplotlib.rc_context(settings):
         yield style
@@ -72,16 +76,21 @@ def written(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     OutputError
         If the file cannot be written or its format is unknown.
     """
-    if path is None:
-        return figure
-    target = Path(path)
-    ending = target.suffix[1:].lower()
-    if ending not in figure.canvas.get_supported_filetypes():
-        raise OutputError(f"{target} has no known format: end it in .png, .pdf or .svg.")
-    content = io.BytesIO()
-    figure.savefig(content, dpi=200, format=ending)
-    write_whole(target, content.getvalue())
+    if path is not None:
+        content = io.BytesIO()
+        figure.savefig(content, dpi=200, format=_format_of(path_of(path)))
+        write_whole(path, content.getvalue())
     return figure
+
+
+def _format_of(path: Path) -> str:
+    """The format of a figure, by the ending of its file."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    ending = path.suffix[1:].lower()
+    if ending not in FigureCanvasAgg.get_supported_filetypes():
+        raise OutputError(f"{place(path)} has no known format: end it in .png, .pdf or .svg.")
+    return ending
 
 
 def plain_axes(axes: Axes, style: Style) -> None:

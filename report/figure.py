@@ -7,6 +7,8 @@ import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from dmoc.arguments import flag
+from dmoc.errors import OutputError
 from dmoc.report import contacts
 from dmoc.report.canvas import WIDTH, new_figure, painted, plain_axes, written
 from dmoc.report.fallback import scene_for
@@ -52,7 +54,8 @@ def plot(
     OutputError
         If the file cannot be written, its format is unknown, or there is no such style.
     """
-    with painted(style) as colours:
+    flag(velocities, "velocities", OutputError)
+    with painted(style, path) as colours:
         return written(_drawn(trajectory, velocities, colours), path)
 
 

@@ -75,7 +75,7 @@ def plot_sweep(
             f"the table varies {len(given)} values ({', '.join(given) or 'none'}): a figure shows "
             "1 or 2; take to_csv or to_frame."
         )
-    with painted(style) as colours:
+    with painted(style, path) as colours:
         if len(given) == 1:
             figure = _curves(given, cost, final_time, collision_times, solved, noun, colours)
         else:

@@ -63,7 +63,7 @@ def plot_tree(
         Where to write the figure.
     style : {"light", "dark"}, optional
     """
-    with painted(style) as colours:
+    with painted(style, path) as colours:
         return written(_tree(nodes, colours), path)
 
 
@@ -185,7 +185,7 @@ def plot_motions(
         Where to write the figure.
     style : {"light", "dark"}, optional
     """
-    with painted(style) as colours:
+    with painted(style, path) as colours:
         return written(_motions(motions, colours), path)
 
 

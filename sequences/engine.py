@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dmoc.arguments import shown
+from dmoc.arguments import shown, whole
 from dmoc.codegen.kernels import COMPILED
 from dmoc.errors import SearchError
 from dmoc.nlp.problem import Problem
@@ -28,7 +28,15 @@ from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.notes import notes_of
 from dmoc.sequences.pool import Processes, Workers, here, in_executor
 from dmoc.sequences.result import best_of, table_of
-from dmoc.sequences.settings import STARTS, Settings, events_of, read, shortest_of, surfaces_of
+from dmoc.sequences.settings import (
+    MOST,
+    STARTS,
+    Settings,
+    events_of,
+    read,
+    shortest_of,
+    surfaces_of,
+)
 from dmoc.sequences.tree import Tree
 from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.workers import NoMoreWork
@@ -105,6 +113,8 @@ class SearchResult(Shown):
 
     def name_of(self, node: Node) -> str:
         """The words of a node with commas between them, "no collision" or "no event"."""
+        if not isinstance(node, Node):
+            raise SearchError(f"node = {shown(node)}: expected one of the nodes of the search.")
         return node.name if node.sequence else f"no {self.noun}"
 
     def ranked(self) -> list[Node]:
@@ -140,6 +150,7 @@ class SearchResult(Shown):
         "light" or "dark"."""
         from dmoc.report.tree import plot_motions
 
+        most = whole(most, "most", 1, MOST, SearchError)
         chosen = [n for n in self.ranked() if n.solution is not None][:most]
         return plot_motions(
             [

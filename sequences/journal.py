@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 
+from dmoc.arguments import place
 from dmoc.errors import SearchError, SolutionFileError
 from dmoc.schema import Refused
 from dmoc.sequences.nodes import Node
@@ -40,23 +41,24 @@ class Journal:
 
     def __init__(self, path: str | os.PathLike[str], identity: str, resume: bool) -> None:
         self.path = Path(path)
+        self.name = place(self.path)  # in messages
         try:
             # A search that was killed at once leaves an empty file.
             filled = self.path.exists() and self.path.stat().st_size > 0
             if self.path.exists() and not self.path.is_file():
                 raise SearchError(
-                    f"journal {self.path} is a folder or a device: name another file."
+                    f"journal {self.name} is a folder or a device: name another file."
                 )
             if filled and not resume:
-                raise SearchError(f"journal {self.path} exists: resume it, or name another file.")
+                raise SearchError(f"journal {self.name} exists: resume it, or name another file.")
             if resume and not self.path.exists():
                 raise SearchError(
-                    f"journal {self.path} does not exist: nothing can be resumed from it."
+                    f"journal {self.name} does not exist: nothing can be resumed from it."
                 )
             self.database = sqlite3.connect(self.path, isolation_level=None)
         except (OSError, sqlite3.Error) as error:
             raise SearchError(
-                f"{self.path} cannot be used as a journal ({error}): name another file."
+                f"{self.name} cannot be used as a journal ({error}): name another file."
             ) from None
         try:
             if filled:
@@ -68,7 +70,7 @@ class Journal:
             if isinstance(error, SearchError):
                 raise
             raise SearchError(
-                f"{self.path} cannot be used as a journal ({error}): name another file."
+                f"{self.name} cannot be used as a journal ({error}): name another file."
             ) from None
 
     def _make(self, identity: str) -> None:
@@ -88,15 +90,15 @@ class Journal:
         }
         expected |= {("index", f"sqlite_autoindex_{name}_1", None) for name in TABLES}
         if set(self.database.execute("SELECT type, name, sql FROM sqlite_master")) != expected:
-            raise SearchError(f"{self.path} is the database of something else: name another file.")
+            raise SearchError(f"{self.name} is the database of something else: name another file.")
         if list(self.database.execute("PRAGMA quick_check(1)")) != [("ok",)]:
-            raise SearchError(f"journal {self.path} is damaged: start anew with another file.")
+            raise SearchError(f"journal {self.name} is damaged: start anew with another file.")
         if set(self.database.execute("SELECT name, value FROM about")) != {
             ("format", FORMAT),
             ("identity", identity),
         }:
             raise SearchError(
-                f"journal {self.path} belongs to another problem or to other settings: name "
+                f"journal {self.name} belongs to another problem or to other settings: name "
                 "another file."
             )
 
@@ -106,7 +108,7 @@ class Journal:
             nodes = [Node.from_row(*row) for row in rows]
         except (sqlite3.Error, Refused, SolutionFileError):
             raise SearchError(
-                f"journal {self.path} is damaged: start anew with another file."
+                f"journal {self.name} is damaged: start anew with another file."
             ) from None
         return {n.sequence: n for n in nodes}
 

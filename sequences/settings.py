@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import choice, flag, names, number, positive, shown, whole
+from dmoc.arguments import choice, executor, flag, names, number, path, positive, shown, whole
 from dmoc.errors import ProblemError, SearchError
 from dmoc.mechanics.modes import (
     Contacts,
@@ -168,14 +168,9 @@ def read(problem: Problem, s: Settings) -> Settings:
     choice(s.strategy, "strategy", STRATEGIES, SearchError)
     choice(s.method, "method", tuple(METHODS), SearchError)
     s = replace(s, **_numbers(s), resume=flag(s.resume, "resume", SearchError))
-    if s.executor is not None and not callable(getattr(s.executor, "submit", None)):
-        raise SearchError(
-            f"executor = {shown(s.executor)}: expected a concurrent.futures.Executor, or None."
-        )
-    if s.journal is not None and (
-        not isinstance(s.journal, (str, os.PathLike)) or "\0" in str(s.journal)
-    ):
-        raise SearchError(f"journal = {shown(s.journal)}: expected the path of a file, or None.")
+    executor(s.executor, SearchError)
+    if s.journal is not None:
+        path(s.journal, "journal", SearchError)
     if s.resume and s.journal is None:
         raise SearchError("resume needs the journal of the search that shall go on: name it.")
     _check_problem(problem, s)
@@ -220,6 +215,12 @@ def _check_problem(problem: Problem, s: Settings) -> None:
     method.check_size(
         problem.steps, (s.max_collisions + 1) * problem.steps * problem.nu, SearchError
     )
+    latest = problem.final_time_bounds[1]
+    if s.max_collisions and 2 * s.shortest_phase > latest:
+        raise SearchError(
+            f"shortest_phase = {s.shortest_phase:g} s: two phases of it do not fit into the final "
+            f"time of at most {latest:g} s; make it shorter."
+        )
     if problem.via is not None:
         raise SearchError(
             "the problem has via, one entry for each event: expected none in a search."

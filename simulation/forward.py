@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dmoc.arguments import array, check_known, function, positive, shown, whole
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import parameter_row, restitution_row
+from dmoc.mechanics.values import by_name, parameter_row, restitution_row
 from dmoc.simulation.contact_motion import (
     Journal,
     Mark,
@@ -27,7 +28,7 @@ from dmoc.simulation.contact_motion import (
 from dmoc.simulation.contacts import Lasting
 from dmoc.simulation.indeterminate import names_without_effect
 from dmoc.simulation.stepper import Stepper
-from dmoc.symbolic.names import name_of
+from dmoc.symbolic.names import velocity_name
 from dmoc.trajectory import Collision
 
 # Steps of a run: more take weeks.
@@ -36,8 +37,7 @@ MOST_STEPS = 10**12
 MOST_BYTES = 4 * 10**9
 # Steps of a flight that resolve it: what comes to rest is followed more closely from there on.
 RESOLVED = 20
-# Letters of a wrong value in a sentence.
-MOST_SHOWN = 80
+SECONDS = "expected a positive number of seconds, and a finite time of all steps"
 # A gap that is what sines and cosines leave of zero, where a surface goes through the origin and no
 # coordinate has a size to compare it with.
 LEFT_OF_ZERO = 1e-14
@@ -93,23 +93,23 @@ def simulate(
     and that what is left out is refused, is said in :func:`dmoc.simulate`."""
     if not isinstance(kernels, Kernels):
         raise SimulationError(
-            f"kernels = {kernels!r}: expected a MechanicalSystem, or the kernels of a model from "
-            "dmoc.build(system) or dmoc.load(name)."
+            f"kernels = {shown(kernels)}: expected a MechanicalSystem, or the kernels of a model "
+            "from dmoc.build(system) or dmoc.load(name)."
         )
     nq, nu = len(kernels.coordinates), len(kernels.inputs)
-    steps, every = _whole(steps, "steps"), _whole(every, "every")
-    h = _number(step_size)
-    if not (0 < h < np.inf and h * steps < np.inf):
-        raise SimulationError(
-            f"step_size = {_shown(step_size)}: expected a positive number of seconds, and a finite "
-            "time of all steps."
-        )
+    steps = whole(steps, "steps", 1, MOST_STEPS, SimulationError)
+    every = whole(every, "every", 1, MOST_STEPS, SimulationError)
+    h = positive(step_size, "step_size", SECONDS, SimulationError)
+    if not h * steps < np.inf:
+        raise SimulationError(f"step_size = {h:g}: {SECONDS}.")
     _check_room(steps, every, nq, len(kernels.surfaces) + len(kernels.tangents))
     model = Model(
         kernels, parameter_row(kernels, {} if parameters is None else parameters, SimulationError)
     )
-    q = _vector(position, kernels.coordinates, "position")
-    v = _vector(np.zeros(nq) if velocity is None else velocity, kernels.coordinates, "velocity")
+    names = kernels.coordinates
+    q = _vector(position, names, "position")
+    rates = [velocity_name(name) for name in names]
+    v = np.zeros(nq) if velocity is None else _vector(velocity, names, "velocity", rates)
     u = _inputs(inputs, h, steps, nu)
     e = restitution_row(kernels, restitution, SimulationError)
     run = _Task(model, u, h, every)
@@ -265,43 +265,6 @@ def _check_start(model: Model, q: Array) -> None:
 # What a user gives --------------------------------------------------------------------------------
 
 
-def _number(given: object) -> float:
-    """A real number as a float; NaN for everything else."""
-    if isinstance(given, bool) or not isinstance(given, (int, float, np.integer, np.floating)):
-        return np.nan
-    try:
-        return float(given)
-    except OverflowError:
-        return np.inf if given > 0 else -np.inf
-
-
-def _shown(given: object) -> str:
-    """A wrong value in a sentence, cut where it is long."""
-    text = (
-        f"{given:.6e}"
-        if isinstance(given, int) and abs(given) > MOST_STEPS and _number(given) < np.inf
-        else ""
-    )
-    try:
-        text = text or repr(given)
-    except ValueError:  # integers of thousands of digits
-        text = f"a {type(given).__name__} too long to show"
-    return text if len(text) <= MOST_SHOWN else text[:MOST_SHOWN] + "..."
-
-
-def _whole(given: object, name: str) -> int:
-    if (
-        isinstance(given, bool)
-        or not isinstance(given, (int, np.integer))
-        or not 1 <= given <= MOST_STEPS
-    ):
-        raise SimulationError(
-            f"{name} = {_shown(given)}: expected a whole number of at least 1 and at most "
-            f"{MOST_STEPS:.0e}."
-        )
-    return int(given)
-
-
 def _check_room(steps: int, every: int, nq: int, forces: int) -> None:
     """Refuse what the recorded nodes, their mass matrices among it, would not fit into, before
     anything is allocated."""
@@ -325,47 +288,34 @@ def _inputs(
     expected = f"numbers of shape ({steps}, {nu}) or ({nu},)"
     if callable(given):
         shapes, expected = ((steps, nu),), f"a function of the time that returns {nu} numbers"
-        given = [np.ravel(given((k + 0.5) * h)) for k in range(steps)]
-    try:
-        u = _floats(given)
-    except (TypeError, ValueError, OverflowError):
-        u = np.empty((0, 0, 0))  # a shape that never fits
-    if u.shape not in shapes:
+        call = function(given, "inputs", "the time")
+        given = [np.ravel(call((k + 0.5) * h)) for k in range(steps)]
+    u = array(given)
+    if u is None or u.shape not in shapes:
         raise SimulationError(f"inputs: expected {expected}.")
     if not np.isfinite(u).all():
         raise SimulationError("inputs contain a value that is not finite: expected finite numbers.")
     return np.broadcast_to(u, (steps, nu))
 
 
-def _floats(given: object) -> Array:
-    """An array of floats; text and complex numbers are no numbers here.  Raises TypeError,
-    ValueError or OverflowError."""
-    raw = np.asarray(given)
-    if raw.dtype.kind not in "iufO":
-        raise TypeError
-    if raw.dtype.kind == "O" and np.isnan([_number(value) for value in raw.ravel()]).any():
-        raise TypeError
-    return np.asarray(raw, dtype=float)
-
-
-def _vector(given: Mapping[str, float] | ArrayLike | None, names: list[str], what: str) -> Array:
-    shown = _shown(given)
+def _vector(given: Any, names: list[str], what: str, other: Sequence[str] = ()) -> Array:
+    """Numbers by coordinate, of which a mapping leaves out zeros; ``other`` are further names that
+    the coordinates have in it."""
+    told = given
     if isinstance(given, Mapping):
-        given = {name_of(n): value for n, value in given.items()}
-        unknown = [n for n in given if n not in names]
-        if unknown:
-            raise SimulationError(
-                f"{what} names {unknown[0]!r}: expected coordinates out of {', '.join(names)}."
-            )
-        given = [given.get(n, 0.0) for n in names]
-    try:
-        vector = np.array(_floats(given))
-    except (TypeError, ValueError, OverflowError):
+        columns = {name: j for j, name in (*enumerate(other), *enumerate(names))}
+        values: dict[int, Any] = {}
+        for name, value in by_name(given, what, SimulationError).items():
+            check_known(name, columns, "coordinate", f"in {what}", SimulationError)
+            if columns[name] in values:
+                raise SimulationError(
+                    f"{what} gives {names[columns[name]]!r} twice, also as {name!r}: give it once."
+                )
+            values[columns[name]] = value
+        told = [values.get(j, 0.0) for j in range(len(names))]
+    vector = array(told)
+    if vector is None or vector.shape != (len(names),) or not np.isfinite(vector).all():
         raise SimulationError(
-            f"{what} = {shown}: expected {len(names)} finite numbers ({', '.join(names)})."
-        ) from None
-    if vector.shape != (len(names),) or not np.isfinite(vector).all():
-        raise SimulationError(
-            f"{what} = {shown}: expected {len(names)} finite numbers ({', '.join(names)})."
+            f"{what} = {shown(given)}: expected {len(names)} finite numbers ({', '.join(names)})."
         )
-    return vector
+    return np.array(vector)

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import flag, positive, shown, whole
+from dmoc.arguments import executor as executor_of
+from dmoc.arguments import flag, listed, positive, shown, whole
 from dmoc.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.errors import DmocError, ProblemError
@@ -31,6 +32,7 @@ from dmoc.solving.starts import Given
 # shares of them, so that none waits long for the last.
 TOGETHER, SHARES = 16, 4
 MOST_WORKERS = 1000
+MOST_PROBLEMS = 1_000_000
 # Arguments of a solve that are the same for all problems.
 OPTIONS = {*signature(solve).parameters} - {
     "problem", "method", "guess", "seconds", "progress", "reference",
@@ -166,7 +168,7 @@ def solve_many(
     >>> batch.cost.round(2)
     array([4.97, 2.82, 1.94])
     """
-    given = list(problems)
+    given = listed(problems, "problems", "Problems", most=MOST_PROBLEMS)
     for i, problem in enumerate(given):
         if not isinstance(problem, Problem):
             raise ProblemError(
@@ -194,6 +196,7 @@ def batch_of(
 ) -> Batch:
     """Solve problems; an error in the place of one is its row."""
     workers = whole(workers, "workers", 1, MOST_WORKERS)
+    executor = executor_of(executor)
     flag(setting.keep, "keep")
     if seconds is not None:
         seconds = positive(seconds, "seconds", "expected a positive time limit, or None")

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from dmoc.arguments import shown
+from dmoc.arguments import array, shown
 from dmoc.codegen.kernels import Array
 from dmoc.errors import ProblemError
 from dmoc.nlp.guess import initial_guesses
@@ -106,16 +106,12 @@ def _same_mesh(problem: Problem, guess: Solution) -> bool:
 
 def _given(problem: Problem, guess: Any) -> Array:
     size = Layout.of(problem).size
-    try:
-        given = np.array(guess)
-    except (TypeError, ValueError):  # rows of different lengths
-        given = np.array(None)
-    if given.dtype.kind not in "iuf":
+    x = array(guess)
+    if x is None:
         raise ProblemError(
             f"guess = {shown(guess)}: expected a Solution, the path of its file, a "
             f"mapping from names, or an array of {size} unknowns."
         )
-    x = given.astype(float)
     if x.shape != (size,) or not np.isfinite(x).all():
         raise ProblemError(
             f"guess has shape {x.shape}: expected {size} finite unknowns, from a solution of the "

@@ -17,11 +17,10 @@ from dmoc.errors import DmocError, ProblemError
 from dmoc.mechanics.values import by_name
 from dmoc.nlp.problem import Problem
 from dmoc.progress import Listener
-from dmoc.solving.many import STARTS, BatchProgress, Setting, batch_of, method_for
+from dmoc.solving.many import MOST_PROBLEMS, STARTS, BatchProgress, Setting, batch_of, method_for
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given
 
-MOST_PROBLEMS = 1_000_000
 # Columns of what is not a parameter say where it belongs.
 WHERE = {"parameters": "", "start": "start ", "goal": "goal ", "bounds": "bounds "}
 
@@ -91,7 +90,12 @@ def sweep(
     """
     check_problem(problem)
     given = {"parameters": parameters, "start": start, "goal": goal, "bounds": bounds}
-    axes = [axis for field, values in given.items() for axis in _axes(problem, field, values or {})]
+    axes = [
+        axis
+        for field, values in given.items()
+        if values is not None
+        for axis in _axes(problem, field, values)
+    ]
     if not axes:
         raise ProblemError(
             "nothing is varied: give values, such as parameters={'l': [0.4, 0.5, 0.6]}."

@@ -6,13 +6,13 @@ A drawing is looks and no physics: solutions do not depend on it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import sympy as sp
 
-from dmoc.arguments import shown
+from dmoc.arguments import listed, shown
 from dmoc.errors import ModelError
 from dmoc.symbolic.expressions import expression_in
 
@@ -239,12 +239,13 @@ def table_of(drawing: Iterable[Part]) -> list[list[Any]]:
 
 def _place(value: Any, what: str) -> Place:
     """A pair of expressions."""
-    entries = value
-    if isinstance(value, sp.MatrixBase):
-        entries = list(value)
-    elif isinstance(value, (str, bytes, sp.Basic, Mapping, Set)) or not isinstance(value, Iterable):
-        raise ModelError(f"{what} = {shown(value)}: expected two expressions, as in (x, y).")
-    entries = list(entries)
+    matrix = isinstance(value, sp.MatrixBase)
+    try:
+        entries = listed(list(value) if matrix else value, what, "expressions", ModelError)
+    except ModelError:
+        raise ModelError(
+            f"{what} = {shown(value)}: expected two expressions, as in (x, y)."
+        ) from None
     if len(entries) != 2:
         raise ModelError(
             f"{what} = {shown(value)} has {len(entries)} entries: expected two, as in (x, y)."

@@ -6,7 +6,7 @@ import keyword
 import re
 from typing import Any
 
-from dmoc.arguments import shown
+from dmoc.arguments import place, shown
 from dmoc.errors import ModelError
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
@@ -27,7 +27,10 @@ def name_of(symbol: Any) -> str:
 
     ``alpha(t)`` is "alpha", ``Derivative(alpha(t), t)`` is "alpha_dot", a text stays as it is.
     """
-    text = str(symbol)
+    try:
+        text = str(symbol)
+    except Exception:  # an integer of more than 4300 digits, or a foreign class
+        text = shown(symbol)
     rate = _RATE.fullmatch(text)
     if rate:
         return name_of(rate[1]) + "_dot"
@@ -46,10 +49,10 @@ def momentum_name(coordinate: str) -> str:
 def check_name(name: Any, role: str) -> str:
     """Return ``name`` if it may be used for ``role``; raise :class:`ModelError` otherwise."""
     if not isinstance(name, str):
-        raise ModelError(f"{role} name {shown(name)} is a {type(name).__name__}: expected a text.")
+        raise ModelError(f"{role} name = {shown(name)}: expected a text.")
     if not _IDENTIFIER.fullmatch(name) or len(name) > _LONGEST:
         raise ModelError(
-            f"{role} name {name!r} is not a C identifier: use a letter followed by at most "
+            f"{role} name {place(name)!r} is not a C identifier: use a letter followed by at most "
             f"{_LONGEST - 1} letters, digits or underscores (ASCII)."
         )
     if name in _C_KEYWORDS or keyword.iskeyword(name):

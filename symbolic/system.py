@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 import math
 import numbers
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
-from dmoc.arguments import shown
+from dmoc.arguments import listed, shown
 from dmoc.errors import ModelError
 from dmoc.symbolic.drawing import Part, parts_in, values_of
 from dmoc.symbolic.expressions import atoms_of, expression_in, slack_of, unknown_symbol
@@ -512,11 +512,11 @@ class MechanicalSystem(Shown):
 
 
 def _sequence(value: Any, what: str) -> tuple[Any, ...]:
-    if isinstance(value, (str, bytes, sp.Basic, Mapping, Set)) or not isinstance(value, Iterable):
+    if isinstance(value, (str, bytes, sp.Basic)):
         raise ModelError(
             f"{what} = {shown(value)}: expected a list of dynamicsymbols, such as [x]."
         )
-    return tuple(value)
+    return tuple(listed(value, what, "dynamicsymbols", ModelError))
 
 
 def _mapping(value: Any, what: str, example: str) -> dict[Any, Any]:
@@ -560,9 +560,7 @@ def _is_function_of_time(symbol: Any) -> bool:
 def check_system(system: Any) -> None:
     """Raise ModelError unless the argument of a function is a system."""
     if not isinstance(system, MechanicalSystem):
-        raise ModelError(
-            f"{shown(system)} is a {type(system).__name__}: expected a MechanicalSystem."
-        )
+        raise ModelError(f"system = {shown(system)}: expected a MechanicalSystem.")
 
 
 def _is_singular(mass: sp.Matrix) -> bool:

@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from dmoc.arguments import choice, positive, shown
+from dmoc.arguments import choice, listed, place, positive, shown, whole
+from dmoc.arguments import path as path_of
 from dmoc.errors import OutputError, ProblemError
 from dmoc.report.animation.film import Branch, Film, Take, film_of
 from dmoc.report.animation.movie import movie_of
@@ -87,10 +88,10 @@ def animate(
     >>> print(dmoc.animate({"in 1 s": fast, "in 1.2 s": slow}, "both.html"))
     both.html
     """
-    takes = _takes(motions)
+    target, takes = path_of(path), _takes(motions)
     models = dict.fromkeys(take.trajectory.model for take in takes)
     film = film_of(", ".join(models), takes)
-    return _written(film, Path(path), speed, fps, style)
+    return _written(film, target, speed, fps, style)
 
 
 def animate_tree(
@@ -112,6 +113,7 @@ def animate_tree(
     path, speed, fps, style
         As for :func:`animate`, which says what is raised too.
     """
+    target = path_of(path)
     takes: list[Take] = []
     branches = []
     for sequence, name, verdict, cost, evidence, solution in nodes:
@@ -119,7 +121,7 @@ def animate_tree(
         branches.append(Branch(sequence, name, verdict, cost, evidence, take))
         if solution is not None:
             takes.append(_take(name, solution))
-    if Path(path).suffix.lower() != ".html":
+    if target.suffix.lower() != ".html":
         order = {"optimal": 0, "feasible": 1}
         good = [b for b in branches if b.take is not None and b.verdict in order]
         good.sort(key=lambda b: (order[b.verdict], b.cost or 0.0))
@@ -129,7 +131,7 @@ def animate_tree(
             )
         takes, branches = [takes[b.take or 0] for b in good[:MOST]], []
     film = film_of(title, takes, branches)
-    return _written(film, Path(path), speed, fps, style)
+    return _written(film, target, speed, fps, style)
 
 
 def _written(film: Film, path: Path, speed: float | None, fps: int, style: str) -> Path:
@@ -143,13 +145,10 @@ def _written(film: Film, path: Path, speed: float | None, fps: int, style: str) 
 
 def _check(path: Path, speed: object, fps: object, style: object) -> None:
     if path.suffix.lower() not in FORMATS:
-        raise OutputError(f"{path} has no known format: end it in .html, .gif or .mp4.")
+        raise OutputError(f"{place(path)} has no known format: end it in .html, .gif or .mp4.")
     if speed is not None:
         positive(speed, "speed", "expected a positive number such as 0.5")
-    if not (isinstance(fps, int) and 1 <= fps <= MOST_FRAMES_PER_SECOND):
-        raise ProblemError(
-            f"fps = {shown(fps)}: expected a whole number from 1 to {MOST_FRAMES_PER_SECOND}."
-        )
+    whole(fps, "fps", 1, MOST_FRAMES_PER_SECOND)
     choice(style, "style", STYLES, OutputError)
 
 
@@ -159,7 +158,9 @@ def _takes(motions: Any) -> list[Take]:
     if isinstance(motions, Mapping):
         takes = [_take(str(name), motion) for name, motion in motions.items()]
     else:
-        given = [motions] if _is_motion(motions) or not isinstance(motions, Iterable) else motions
+        several = isinstance(motions, Iterable) and not isinstance(motions, (str, bytes))
+        several &= not _is_motion(motions)
+        given = listed(motions, "motions", "solutions") if several else [motions]
         takes = [_take("", motion) for motion in given]
         takes = _named(takes)
     if not takes:

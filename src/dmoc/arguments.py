@@ -1,20 +1,31 @@
-"""What users pass, read at the border: numbers, ranges, lists and mappings; what does not fit is
-an error of one sentence."""
+"""What users pass, read at the border: numbers, arrays, ranges, lists, paths, functions; what does
+not fit is an error of one sentence.
+
+Values may be of foreign classes whose methods fail in any way, so everything that is asked of one
+stands under ``except Exception``.
+"""
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping, Sequence, Set
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from inspect import signature
 from itertools import islice
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.errors import DmocError, ProblemError
+from dmoc.errors import DmocError, OutputError, ProblemError
 
 LONGEST_TEXT = 60  # of a value shown in a message
+LONGEST_PLACE = 150  # of a path in a message, which is told by its end
+LONGEST_PATH = 4096  # that an operating system takes
+ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")  # of an object in memory: it says nothing to a reader
 MOST_ENTRIES = (
     10_000  # of a list: beyond it a generator without an end is more likely than a meaning
 )
@@ -28,7 +39,7 @@ Kind = type[DmocError]
 def shown(value: Any) -> str:
     """A value as a message shows it: in one line and not longer than a line."""
     try:
-        text = " ".join(repr(value).split())
+        text = ADDRESS.sub("", " ".join(repr(value).split()))
     # an integer of more than 4300 digits, or a foreign class: the message must come all the same
     except Exception:
         text = f"a value of type {type(value).__name__}"
@@ -36,13 +47,13 @@ def shown(value: Any) -> str:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is one real number: a truth value, a text, a complex number or an array
-    with a shape is none."""
+    """Whether a value is one real number: a truth value, a text, a complex number, an array
+    with a shape or a masked entry is none."""
     if isinstance(value, (bool, np.bool_, str, bytes, complex, np.complexfloating)):
         return False
     if isinstance(value, np.ndarray):
-        return value.ndim == 0 and value.dtype.kind in "iuf"
-    return hasattr(value, "__float__") or hasattr(value, "__index__")
+        return value.ndim == 0 and value.dtype.kind in "iuf" and not np.ma.is_masked(value)
+    return hasattr(type(value), "__float__") or hasattr(type(value), "__index__")
 
 
 def number(value: Any, what: str, error: Kind = ProblemError) -> float:
@@ -130,7 +141,9 @@ def limits(value: Any, what: str, expected: str) -> Range:
     return low, high
 
 
-def listed(value: Any, what: str, of: str, error: Kind = ProblemError) -> list[Any]:
+def listed(
+    value: Any, what: str, of: str, error: Kind = ProblemError, most: int = MOST_ENTRIES
+) -> list[Any]:
     """Read a list, or anything else that has an order; the order of a set is none, and a
     mapping's values would be ignored."""
     if isinstance(value, (str, bytes)):
@@ -138,13 +151,14 @@ def listed(value: Any, what: str, of: str, error: Kind = ProblemError) -> list[A
     if isinstance(value, (Mapping, Set)):
         kind = "mapping" if isinstance(value, Mapping) else "set"
         raise error(f"{what} = {shown(value)}: expected a list of {of}, not a {kind}.")
-    if not isinstance(value, Iterable) or (isinstance(value, np.ndarray) and value.ndim == 0):
-        raise error(f"{what} = {shown(value)}: expected a list of {of}; [] for none.")
-    entries = list(islice(value, MOST_ENTRIES + 1))
-    if len(entries) > MOST_ENTRIES:
+    try:
+        iterator = iter(value)
+    except Exception:  # no list, an array without dimensions, or a foreign class
+        raise error(f"{what} = {shown(value)}: expected a list of {of}; [] for none.") from None
+    entries = list(islice(iterator, most + 1))
+    if len(entries) > most:
         raise error(
-            f"{what} has more than {MOST_ENTRIES} entries: expected a list of {of}, with fewer of "
-            "them."
+            f"{what} has more than {most} entries: expected a list of {of}, with fewer of them."
         )
     return entries
 
@@ -158,6 +172,69 @@ def names(value: Any, what: str, of: str, error: Kind = ProblemError) -> list[st
     return [str(entry) for entry in entries]
 
 
+def array(value: Any) -> NDArray[np.float64] | None:
+    """Read an array of numbers of any shape, not finite ones among them; None for what is none."""
+    try:
+        raw = np.asarray(value)
+    except Exception:  # rows of different lengths, or a foreign class
+        return None
+    if np.ma.is_masked(value):
+        return None
+    if raw.dtype.kind == "O":
+        entries = [_float(entry) for entry in raw.ravel()]
+        return None if None in entries else np.array(entries, dtype=float).reshape(raw.shape)
+    with np.errstate(over="ignore"):  # of more than double precision
+        return raw.astype(float) if raw.dtype.kind in "iuf" else None
+
+
+def path(value: Any, what: str = "path", error: Kind = OutputError) -> Path:
+    """Read the path of a file that is to be written or read."""
+    try:
+        name = os.fspath(value)
+        fits = isinstance(name, str) and 0 < len(os.fsencode(name)) <= LONGEST_PATH
+    except Exception:  # no path, or one that no file system can hold
+        fits = False
+    if not fits or "\0" in name:
+        raise error(f"{what} = {shown(value)}: expected the path of a file, as a text or a Path.")
+    return Path(name)
+
+
+def place(path: Path | str) -> str:
+    """A path as a message shows it: in one line, of a long one the end."""
+    text = "".join(c if c.isprintable() else "?" for c in str(path))
+    return text if len(text) <= LONGEST_PLACE else "…" + text[1 - LONGEST_PLACE :]
+
+
+def function(value: Any, what: str, of: str, error: Kind = ProblemError) -> Callable[[Any], Any]:
+    """Read a function of one argument."""
+    try:
+        if isinstance(value, type):
+            raise TypeError
+        signature(value).bind(None)
+    except TypeError:
+        raise error(
+            f"{what} = {shown(value)}: expected a function of one argument, {of}."
+        ) from None
+    except Exception:  # written in C, without a signature
+        pass
+    call: Callable[[Any], Any] = value
+    return call
+
+
+def executor(value: Any, error: Kind = ProblemError) -> Any:
+    """Read what solves tasks elsewhere, or None."""
+    if value is not None:
+        try:
+            fits = callable(value.submit) and not isinstance(value, type)
+        except Exception:
+            fits = False
+        if not fits:
+            raise error(
+                f"executor = {shown(value)}: expected a concurrent.futures.Executor, or None."
+            )
+    return value
+
+
 def _bound(value: Any, what: str, none: float) -> float:
     """One bound of a pair; None and the infinity on its side stand for no bound."""
     return none if value is None or _float(value) == none else number(value, what)
@@ -168,8 +245,9 @@ def _float(value: Any) -> float | None:
     if not is_number(value):
         return None
     try:
-        return float(value)
-    except (TypeError, ValueError):  # a symbol
-        return None
+        with np.errstate(over="ignore"):  # of more than double precision
+            return float(value)
     except OverflowError:
         return math.nan
+    except Exception:  # a symbol, a signalling NaN, or a foreign class
+        return None

@@ -176,9 +176,7 @@ class Batch(Shown):
         writer.writerow(columns)
         for row in zip(*columns.values(), strict=True):
             writer.writerow(map(_cell, row))
-        target = Path(path)
-        write_whole(target, stream.getvalue().encode())
-        return target
+        return write_whole(path, stream.getvalue().encode())
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the table, without solutions, to a file that :meth:`load` reads.
@@ -191,9 +189,7 @@ class Batch(Shown):
         from dmoc.batch_file import FILE
         from dmoc.result_file import content_of
 
-        target = Path(path)
-        write_whole(target, content_of(FILE, self))
-        return target
+        return write_whole(path, content_of(FILE, self))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Batch:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dmoc.arguments import path as path_of
+from dmoc.arguments import place
 from dmoc.codegen.counts import count_of
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.of_system import build
@@ -70,12 +72,13 @@ class SystemDerivation(Derivation):
         OutputError
             If the ending is another one, or the file cannot be written.
         """
-        target = Path(path)
+        target = path_of(path)
         if target.suffix not in ENDINGS:
-            raise OutputError(f"{path}: end it in {', '.join(ENDINGS)} to say what to write.")
+            raise OutputError(
+                f"{place(target)}: end it in {', '.join(ENDINGS)} to say what to write."
+            )
         made = {".html": self.html, ".tex": self.latex, ".txt": self.__str__}[target.suffix]
-        write_whole(target, made().encode())
-        return target
+        return write_whole(target, made().encode())
 
 
 def derive(system: MechanicalSystem, order: int = 2) -> SystemDerivation:

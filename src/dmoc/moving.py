@@ -84,8 +84,7 @@ class Moving:
         OutputError
             If the file cannot be written.
         """
-        write_whole(Path(path), tabulated.to_csv(self.trajectory).encode())
-        return Path(path)
+        return write_whole(path, tabulated.to_csv(self.trajectory).encode())
 
     def to_json(self, path: str | os.PathLike[str]) -> Path:
         """Write the same table, by columns, with units, parameters and collisions as JSON.
@@ -95,8 +94,7 @@ class Moving:
         OutputError
             If the file cannot be written.
         """
-        write_whole(Path(path), tabulated.to_json(self.trajectory).encode())
-        return Path(path)
+        return write_whole(path, tabulated.to_json(self.trajectory).encode())
 
     def plot(
         self,

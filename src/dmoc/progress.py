@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 from importlib import import_module
 from typing import Any, Literal, TypeAlias, TypeVar
 
-from dmoc.arguments import Kind, shown
+from dmoc.arguments import Kind, function, shown
 from dmoc.errors import ProblemError
 
 P = TypeVar("P")
@@ -39,14 +39,15 @@ def told(
         What is raised if it is none of these.
     """
     if callable(progress):
-        yield progress
+        yield function(progress, "progress", "what is told", error)
         return
-    if not (progress is None or isinstance(progress, bool) or progress == "lines"):
+    lines = isinstance(progress, str) and progress == "lines"
+    if not (progress is None or isinstance(progress, bool) or lines):
         raise error(
             f"progress = {shown(progress)}: expected a function of one argument, True, False, "
             "'lines' or None."
         )
-    line = _lines() if progress == "lines" else _live() if progress else None
+    line = _lines() if lines else _live() if progress else None
     if line is None:
         yield None
         return

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dmoc.arguments import shown
+from dmoc.arguments import LONGEST_PATH, place, shown
 from dmoc.codegen.build import load_installed
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.of_system import build as build
@@ -27,9 +27,6 @@ from dmoc.progress import Listener
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
-
-
-LONGEST_PATH = 4096  # that an operating system takes
 
 
 @dataclass(frozen=True)
@@ -170,11 +167,12 @@ def _from_file(path: Path, name: str) -> Any:
 
     if not os.path.isfile(path):
         raise ModelError(
-            f"{path} does not exist: name a Python file and an object in it, as file.py:name."
+            f"{place(path)} does not exist: name a Python file and an object in it, as "
+            "file.py:name."
         )
     spec = importlib.util.spec_from_file_location(f"_dmoc_model_{uuid.uuid4().hex}", path)
     if spec is None or spec.loader is None:
-        raise ModelError(f"{path} is not a Python file: expected a name ending in .py.")
+        raise ModelError(f"{place(path)} is not a Python file: expected a name ending in .py.")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look their module up there, some of them later
     with _paths_kept(), _as_sentences(path):
@@ -184,8 +182,7 @@ def _from_file(path: Path, name: str) -> Any:
         made = _made(module, path, name)
     if not isinstance(made, (MechanicalSystem, Problem)):
         raise ModelError(
-            f"{name} in {path} is a {type(made).__name__}: expected a MechanicalSystem or a "
-            "Problem."
+            f"{name} in {place(path)} is {shown(made)}: expected a MechanicalSystem or a Problem."
         )
     return made
 
@@ -194,8 +191,8 @@ def _made(module: types.ModuleType, path: Path, name: str) -> Any:
     made = getattr(module, name, None)
     if made is None:
         raise ModelError(
-            f"{path} defines no {name!r}: expected a MechanicalSystem, a Problem, or a function "
-            "that returns one."
+            f"{place(path)} defines no {shown(name)}: expected a MechanicalSystem, a Problem, or a "
+            "function that returns one."
         )
     if not callable(made):
         return made

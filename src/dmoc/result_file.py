@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from dmoc.archive import LARGEST, Archive, pack
+from dmoc.arguments import path as path_of
+from dmoc.arguments import place
 from dmoc.errors import OutputError, SolutionFileError
 from dmoc.schema import LARGEST_TEXT, Choice, Context, Kind, Record, Refused, dumped, plain, said
 from dmoc.trajectory import Array
@@ -70,22 +72,24 @@ def content_of(file: ResultFile, result: Any) -> bytes:
 
 def load(file: ResultFile, path: str | os.PathLike[str]) -> Any:
     """Read the result that a file holds; raise SolutionFileError where it is none."""
-    return result_in(file, _bytes_of(Path(path)), str(path))
+    named = path_of(path, error=SolutionFileError)
+    return result_in(file, _bytes_of(named), place(named))
 
 
 def _bytes_of(path: Path) -> bytes:
     """The content of what may be a file of a result."""
+    name = place(path)
     try:
         if not path.exists():
-            raise SolutionFileError(f"{path} does not exist: {REMEDY}.")
+            raise SolutionFileError(f"{name} does not exist: {REMEDY}.")
         if not path.is_file():
-            raise SolutionFileError(f"{path} is a folder or a device: {REMEDY}.")
+            raise SolutionFileError(f"{name} is a folder or a device: {REMEDY}.")
         if path.stat().st_size > LARGEST:
-            raise SolutionFileError(f"{path} is larger than any solution file: {REMEDY}.")
+            raise SolutionFileError(f"{name} is larger than any solution file: {REMEDY}.")
         return path.read_bytes()
     except OSError as error:
         raise SolutionFileError(
-            f"{path} cannot be read ({error.strerror}): give a file that you may read."
+            f"{name} cannot be read ({error.strerror}): give a file that you may read."
         ) from None
 
 

@@ -16,14 +16,14 @@ from dmoc.arguments import positive, shown, whole
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import parameter_row
+from dmoc.mechanics.values import by_name, parameter_row
 from dmoc.moving import Moving
 from dmoc.scene import Scene
 from dmoc.simulation import forward
 from dmoc.simulation.contact_motion import Stretch
 from dmoc.simulation.modes import Mode, placed
 from dmoc.simulation.recorded import motion_of
-from dmoc.solution import Solution, check_same_model, kernels_of_file
+from dmoc.solution import Solution, check_same_model, kernels_for
 from dmoc.table import Shown, Table
 from dmoc.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
 from dmoc.writing import write_whole
@@ -120,8 +120,7 @@ class Simulation(Shown, Moving):
         from dmoc.result_file import content_of
         from dmoc.simulation_file import FILE
 
-        write_whole(Path(path), content_of(FILE, self))
-        return Path(path)
+        return write_whole(path, content_of(FILE, self))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Simulation:
@@ -193,8 +192,9 @@ def simulate(
     Parameters
     ----------
     kernels : Kernels, MechanicalSystem or Solution
-    position, velocity : arrays of shape (nq,) or mappings by coordinate name
-        Initial state; velocities default to rest.  A solution has its own unless they are given,
+    position, velocity : arrays of shape (nq,) or mappings by name
+        Initial state; velocities default to rest, and are named as in ``start`` of a problem,
+        ``{"x_dot": 1.0}``, or by their coordinates.  A solution has its own unless they are given,
         as for inputs, parameters and coefficients of restitution.
     step_size : float
         h in seconds.  A solution is simulated for its final time, with a quarter of its smallest
@@ -292,7 +292,7 @@ def _replayed(
     steps: int | None, every: int,
 ) -> forward.Run:  # fmt: skip
     """Simulate a solution with what the caller leaves of it."""
-    motion, kernels = solution.trajectory, given_model or kernels_of_file(solution)
+    motion, kernels = solution.trajectory, kernels_for(solution, given_model, SimulationError)
     check_same_model(solution, kernels)
     if motion.ignored:
         raise SimulationError(
@@ -301,7 +301,9 @@ def _replayed(
         )
     count = _steps(motion, step_size, steps)
     h = motion.final_time / count
-    parameters = dict(motion.parameters) | dict(given.parameters or {})
+    parameters = dict(motion.parameters)
+    if given.parameters is not None:
+        parameters |= by_name(given.parameters, "parameters", SimulationError)
     position = given.position
     if position is None:
         position = _on_surfaces(kernels, parameters, motion.phases[0].q[0])

@@ -9,7 +9,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dmoc.errors import SolutionFileError
+from dmoc.arguments import path as path_of
+from dmoc.arguments import place, shown, text
+from dmoc.codegen.kernels import Kernels
+from dmoc.errors import DmocError, ModelError, SolutionFileError
 from dmoc.moving import Moving
 from dmoc.nlp.active import ActiveBound
 from dmoc.proposal import Proposal
@@ -27,7 +30,6 @@ from dmoc.trajectory import (
 from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
-    from dmoc.codegen.kernels import Kernels
     from dmoc.simulation.check import Verification
 
 
@@ -238,7 +240,7 @@ class Solution(Shown, Moving):
         """
         from dmoc.simulation.check import verify
 
-        kernels = kernels or kernels_of_file(self)
+        kernels = kernels_for(self, kernels, ModelError)
         _check_names(self.trajectory, kernels)
         return verify(self.trajectory, kernels, seconds)
 
@@ -255,8 +257,9 @@ class Solution(Shown, Moving):
         """
         from dmoc.solution_report import report
 
-        report(self, Path(path))
-        return Path(path)
+        target = path_of(path)
+        report(self, target)
+        return target
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""
@@ -326,8 +329,7 @@ class Solution(Shown, Moving):
         OutputError
             If the file cannot be written; an existing file is then left as it was.
         """
-        write_whole(Path(path), self.to_bytes())
-        return Path(path)
+        return write_whole(path, self.to_bytes())
 
     def to_bytes(self) -> bytes:
         """Return the content of an .npz file."""
@@ -357,7 +359,12 @@ class Solution(Shown, Moving):
         from dmoc.result_file import result_in
         from dmoc.solution_file import FILE
 
-        solution: Solution = result_in(FILE, content, name)
+        text(name, "name", SolutionFileError)
+        if not isinstance(content, bytes):
+            raise SolutionFileError(
+                f"content = {shown(content)}: expected the bytes of a solution file."
+            )
+        solution: Solution = result_in(FILE, content, place(name))
         return solution
 
 
@@ -375,6 +382,18 @@ def kernels_of_file(solution: Solution) -> Kernels:
     from dmoc.registry import load_for_file
 
     return load_for_file(solution.reference or solution.trajectory.model, solution.trajectory.order)
+
+
+def kernels_for(solution: Solution, given: Any, error: type[DmocError]) -> Kernels:
+    """The kernels that are given with a solution, or its own."""
+    if given is None:
+        return kernels_of_file(solution)
+    if not isinstance(given, Kernels):
+        raise error(
+            f"the model of the solution = {shown(given)}: expected kernels from dmoc.build(system) "
+            "or dmoc.load(name)."
+        )
+    return given
 
 
 def check_same_model(solution: Solution, kernels: Kernels) -> None:

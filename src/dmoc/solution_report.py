@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dmoc.arguments import place
 from dmoc.errors import OutputError
 from dmoc.page import page, picture, section
 from dmoc.report.canvas import new_figure
@@ -38,7 +39,7 @@ def report(solution: Solution, path: Path) -> None:
 
     ending = path.suffix.lower()
     if ending not in ENDINGS:
-        raise OutputError(f"{path} has no known format: end it in .html or .pdf.")
+        raise OutputError(f"{place(path)} has no known format: end it in .html or .pdf.")
     made = _html(solution) if ending == ".html" else _pdf(solution)
     write_whole(path, made)
 

@@ -20,7 +20,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dmoc.arguments import choice, shown
+from dmoc.arguments import array, choice, shown
 from dmoc.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.errors import MotionError
 from dmoc.symbolic.names import momentum_name, velocity_name
@@ -161,12 +161,8 @@ def state_at(motion: Trajectory, t: ArrayLike, side: str = "right") -> State:
 def _times(t: ArrayLike, motion: Trajectory) -> Array:
     """Times as an array of no or one dimension, within the motion."""
     end = motion.final_time
-    try:
-        times = np.asarray(t)
-        times = times.astype(float) if times.dtype.kind in "iuf" else np.full(1, np.nan)
-    except (TypeError, ValueError):
-        times = np.full(1, np.nan)
-    if times.ndim > 1 or np.isnan(times).any():
+    times = array(t)
+    if times is None or times.ndim > 1 or np.isnan(times).any():
         raise MotionError(f"t = {shown(t)}: expected a time in seconds, or a list of times.")
     off = times[(times < -NEAR * end) | (times > end * (1 + NEAR))]
     if off.size:

@@ -6,30 +6,35 @@ import os
 import secrets
 import stat
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
+from dmoc.arguments import path as path_of
+from dmoc.arguments import place
 from dmoc.errors import OutputError
 
 REMEDY = "choose a writable place with room"
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: str | os.PathLike[str], content: bytes) -> Path:
     """Write a file through a temporary one beside it, which nobody can foresee; a device is written
-    to directly.
+    to directly.  Return its path.
 
     Raises
     ------
     OutputError
         If the file cannot be written; an existing file is then left as it was.
     """
+    named = path_of(path)
     try:
-        target = path.resolve()  # a link stays a link
+        target = named.resolve()  # a link stays a link
         if target.exists() and not target.is_file():
             target.write_bytes(content)
         else:
             _replace(target, content)
     except OSError as error:
-        raise OutputError(f"{path} cannot be written ({error.strerror}): {REMEDY}.") from None
+        raise _refused(named, error) from None
+    return named
 
 
 def _replace(target: Path, content: bytes) -> None:
@@ -50,9 +55,14 @@ def _replace(target: Path, content: bytes) -> None:
 
 def check_file(path: Path) -> None:
     """Fail before a long solve rather than after it."""
-    target = path.resolve()
+    try:
+        target = path.resolve()
+        with suppress(FileNotFoundError):
+            target.stat()  # a name may be longer than the file system takes
+    except OSError as error:
+        raise _refused(path, error) from None
     if target.is_dir():
-        raise OutputError(f"{path} cannot be written (it is a folder): name a file.")
+        raise OutputError(f"{place(path)} cannot be written (it is a folder): name a file.")
     if not target.exists() or target.is_file():
         _check(target.parent, path)
 
@@ -62,7 +72,7 @@ def check_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder} cannot be written ({error.strerror}): {REMEDY}.") from None
+        raise _refused(folder, error) from None
     _check(folder, folder)
 
 
@@ -71,4 +81,8 @@ def _check(folder: Path, named: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise OutputError(f"{named} cannot be written ({error.strerror}): {REMEDY}.") from None
+        raise _refused(named, error) from None
+
+
+def _refused(path: Path, error: OSError) -> OutputError:
+    return OutputError(f"{place(path)} cannot be written ({error.strerror}): {REMEDY}.")

@@ -492,10 +492,10 @@ FAILURES = {
     "class Own(BaseException): pass\ndef s(): raise Own": "cannot be loaded: Own in line",
     "def s(name, more=1): return make()": "s in {folder}/system.py needs the arguments name",
     "def s(): return s()": "cannot be loaded: RecursionError in line",
-    "def s(): return None": "is a NoneType: expected a MechanicalSystem or a Problem",
+    "def s(): return None": "is None: expected a MechanicalSystem or a Problem",
     "import sys; sys.path = []; del sys.path[:]; raise KeyError": "cannot be loaded: KeyError in "
     "line",
-    "import sys; sys.path.clear(); s = 3": "is a int: expected a MechanicalSystem or a Problem",
+    "import sys; sys.path.clear(); s = 3": "is 3: expected a MechanicalSystem or a Problem",
 }
 
 

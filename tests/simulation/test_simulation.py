@@ -166,7 +166,7 @@ def test_accumulating_collisions_are_an_error() -> None:
         ({"position": [-0.1]}, "lies behind surface 'floor'"),
         ({"position": [-0.1], "step_size": 1e6}, "lies behind surface 'floor' by 0.1"),
         ({"position": [1.0, 2.0]}, "expected 1 finite numbers"),
-        ({"position": {"z": 1.0}}, "names 'z'"),
+        ({"position": {"z": 1.0}}, "unknown coordinate 'z' in position: expected one of q"),
         ({"step_size": 0.0}, "positive number of seconds"),
         ({"steps": 0}, "at least 1"),
         ({"parameters": {"mass": 1.0}}, "unknown parameter 'mass'"),
@@ -187,7 +187,7 @@ def test_accumulating_collisions_are_an_error() -> None:
         ({"step_size": True}, "step_size = True: expected a positive number"),
         (
             {"step_size": 10**5000},
-            "step_size = an? int too long to show: expected a positive number",
+            "step_size = a value of type int: expected a positive number",
         ),
         ({"step_size": 1e305, "steps": 10**5}, "a finite time of all steps"),
         ({"step_size": 1e-300, "velocity": [1.0]}, "less than a rounding error of the coordinates"),
@@ -196,7 +196,7 @@ def test_accumulating_collisions_are_an_error() -> None:
         ({"steps": True}, "steps = True: expected a whole number"),
         (
             {"steps": 10**30},
-            "steps = 1.000000e.30: expected a whole number of at least 1 and at most",
+            "steps = 1000000000000000000000000000000: expected at most 1000000000000",
         ),
         ({"steps": 10**9}, "recording 1000000001 nodes needs 80 GB of memory"),
         ({"every": None}, "every = None: expected a whole number"),

@@ -1,0 +1,180 @@
+"""Every public function with wrong values for every one of its arguments: each is taken or refused
+in one sentence of ours, some 17 000 inputs in all; none ends in an error of Python's own."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from collections.abc import Callable, Iterator
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
+from systems import block_system
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+
+X, U = dynamicsymbols("x u")
+T, M = dynamicsymbols._t, sp.Symbol("m")
+
+
+class Foreign:
+    """An object that fails whatever it is asked."""
+
+    def _fails(self, *_: object) -> NoReturn:
+        raise RuntimeError("foreign")
+
+    __repr__ = __len__ = __iter__ = __float__ = __index__ = __bool__ = __fspath__ = _fails
+
+
+ENDLESS: list[Any] = []
+ENDLESS.append(ENDLESS)
+WRONG: tuple[Any, ...] = (
+    *(None, True, False, ..., "", "x", "y" * 5000, "a\0b", "a\nb", "\ud800", b"x"),
+    *(-1, 0, 3, 1e200, -1e200, 1e308, 1e-320, 10**400, 10**5000, math.nan, math.inf, -math.inf),
+    *(1j, Decimal(1), Decimal("sNaN"), Fraction(1, 3), sp.Symbol("x"), sp.I),
+    *(np.int8(1), np.float32("nan"), np.longdouble("1e4000"), np.datetime64("2020-01-01")),
+    *(
+        np.array(1.0),
+        np.array(None),
+        np.array("x"),
+        np.ma.masked,
+        np.zeros(0),
+        np.array([1.5, 2.5]),
+    ),
+    *(np.ones((2, 2), int), np.array([object(), None]), np.array(["x", "u"])),
+    *([], (), {}, [None], [0], [math.nan], ["x"], ["y" * 5000], [[1]], {1.0}, {1: 1}, ENDLESS),
+    *((0, 1e200), (0, math.inf), range(3), slice(3), (i for i in [1])),
+    *({"x": []}, {"x": np.array(0.5)}, {"x": object()}, {"x": 1e200}),
+    *(object(), Foreign(), int, type, np, lambda: 1, lambda _: object(), Path("a\0b")),
+)
+# Arguments whose entries are wrong in turn too.
+LISTS = {
+    *("durations", "periodic", "sequence", "problems", "via", "contacts", "ignored", "surfaces"),
+    *("events", "guess", "inputs", "coordinates", "steps", "motions"),
+}
+MAPPINGS = {
+    *("start", "goal", "bounds", "parameters", "restitution", "position", "velocity", "guess"),
+}
+NAMES = {"bounds": "u", "parameters": "m", "restitution": "wall"}
+# What Python and NumPy say.
+FOREIGN = re.compile(
+    r"Traceback|NoneType|ndarray|object is not|must be|could not|cannot convert|unsupported|"
+    r"subscriptable|iterable|has no attribute|invalid literal|positional|embedded null|"
+    r"truth value|inhomogeneous|unhashable|foreign| at 0x"
+)
+
+
+def is_one_sentence(text: str) -> bool:
+    return text.endswith(".") and "\n" not in text and ". " not in text and len(text) < 400
+
+
+@pytest.fixture(scope="module")
+def calls(block: Kernels) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Every public function and method, and arguments that it takes."""
+    system = block_system()
+    problem = dmoc.Problem(block, start={"x": 0.0}, goal={"x": 0.5}, steps=3, final_time=1.0)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    moved = dmoc.simulate(block, {"x": 0.0}, {"x": 1.0}, step_size=0.1, steps=4)
+    method = LagrangesMethod(X.diff(T) ** 2 / 2, [X])
+    quick: dict[str, Any] = {"seconds": 2.0}
+    functions: dict[str, dict[str, Any]] = {
+        "solve": {"problem": problem, "method": "ipm", "starts": 1, "iterations": 20} | quick,
+        "solve_many": {"problems": [problem]} | quick,
+        "sweep": {"problem": problem, "parameters": {"m": [1.0]}} | quick,
+        "search": {"problem": problem, "max_collisions": 0, "starts": 0} | quick,
+        "simulate": {"kernels": block, "position": {"x": 0.0}, "step_size": 0.1, "steps": 3},
+        "sensitivities": {"problem": problem, "solution": solution},
+        "verify": {"trajectory": solution.trajectory, "kernels": block},
+        "build": {"system": system, "backend": "numpy"},
+        "load": {"reference": "puck_table"},
+        "derive": {"system": system},
+        "animate": {"motions": moved, "path": "a.html"},
+        "Problem": {"kernels": block, "start": {"x": 0.0}, "steps": 3, "final_time": 1.0},
+        "MechanicalSystem": {
+            "name": "a", "coordinates": [X], "lagrangian": X.diff(T) ** 2, "parameters": {M: 1.0}
+        },
+        "Box": {"centre": (0, 0), "width": 1, "height": 1},
+        "Disc": {"centre": (0, 0), "radius": 1},
+        "Link": {},
+        "Point": {"at": (0, 0)},
+        "Spring": {"a": (0, 0), "b": (1, 1)},
+        "Wall": {"a": (0, 0), "b": (1, 1)},
+        "Contact": {"surface": "wall", "at": (0, 0)},
+    }  # fmt: skip
+    # Made by functions alone; an error is given its text.
+    results = {"Batch", "Simulation", "Solution", "DmocError"}
+    assert set(functions) | results == set(dmoc.__all__)
+    made = {name: (getattr(dmoc, name), given) for name, given in functions.items()}
+    made["simulate a solution"] = dmoc.simulate, {"kernels": solution, "steps": 3}
+    needed = {
+        "save": "a.npz", "load": "a.npz", "to_csv": "a.csv", "to_json": "a.json",
+        "report": "a.html", "animate": "a.html", "t": 0.1, "content": b"", "method": method,
+        "model": method, "name": "a", "parameters": {M: 1.0},
+    }  # fmt: skip
+    objects = {
+        "Solution": solution, "Simulation": moved, "Problem": problem, "system": system,
+        "Batch": dmoc.sweep(problem, {"m": [1.0, 2.0]}), "result": dmoc.search(problem, 0),
+        "derivation": dmoc.derive(system), "state": solution.at(0.1),
+    }  # fmt: skip
+    inherited = {"get"}  # of a mapping, whose keys are Python's business
+    for label, thing in objects.items():
+        for name, call in inspect.getmembers(thing, callable):
+            if name.startswith("_") or name in inherited or inspect.isclass(call):
+                continue
+            keywords = {
+                p.name: needed.get(name if p.name == "path" else p.name)
+                for p in inspect.signature(call).parameters.values()
+                if p.default is p.empty and p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
+            }
+            if name == "name_of":
+                keywords = {"node": objects["result"].nodes[0]}
+            made[f"{label}.{name}"] = call, keywords
+    return made
+
+
+def values_for(name: str) -> Iterator[Any]:
+    """Wrong values, alone and as entries of what is taken as a list or a mapping."""
+    yield from WRONG
+    if name in LISTS:
+        yield from ([value] for value in WRONG)
+    if name in MAPPINGS:
+        yield from ({NAMES.get(name, "x"): value} for value in WRONG)
+
+
+@pytest.mark.slow
+def test_every_wrong_value_is_taken_or_refused_in_one_sentence(
+    calls: dict[str, tuple[Callable[..., Any], dict[str, Any]]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tried, wrong = 0, []
+    for what, (call, keywords) in calls.items():
+        for parameter in inspect.signature(call).parameters.values():
+            if parameter.kind is parameter.VAR_KEYWORD:
+                continue
+            several = parameter.kind is parameter.VAR_POSITIONAL
+            for value in values_for(parameter.name):
+                tried += 1
+                place = f"{what}({parameter.name}=#{tried})"
+                try:
+                    if several:
+                        call(value, (0, 0), **keywords)
+                    else:
+                        call(**(keywords | {parameter.name: value}))
+                except dmoc.DmocError as error:
+                    text = str(error)
+                    if not is_one_sentence(text) or FOREIGN.search(text):
+                        wrong.append(f"{place}: {text[:300]}")
+                except Exception as error:
+                    wrong.append(f"{place}: {type(error).__name__}: {error}")
+    assert not wrong, "\n".join(wrong)
+    assert tried > 16_000
