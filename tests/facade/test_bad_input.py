@@ -483,6 +483,13 @@ def search_cases() -> Iterator[Case]:
     def with_steps(steps: Any, **options: Any) -> Call:
         return lambda _, problem: dmoc.search(problem.but(steps=steps), **options)
 
+    for shortest in (0.6, 1e9):  # of two phases in 1 s
+        yield Case(
+            "shortest_phase",
+            lambda _, problem, s=shortest: dmoc.search(problem, 1, shortest_phase=s),
+            SearchError,
+            "shortest_phase",
+        )
     yield Case("steps", with_steps([4]), SearchError, "steps")
     yield Case("steps", with_steps(100_000, max_collisions=12), ProblemError, "steps")
     yield Case("steps", with_steps(2000, method="slsqp"), SearchError, "steps")

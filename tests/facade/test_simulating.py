@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from dmoc.simulating import mean_inputs
 from dmoc.tabulated import columns
 
 G = 10.0
+X, T = dynamicsymbols("x"), dynamicsymbols._t
 
 
 @pytest.fixture(scope="module")
@@ -276,3 +278,16 @@ def test_several_values_stand_in_one_option_with_commas(tmp_path: Path) -> None:
 def test_the_command_refuses_in_one_sentence(arguments: list[str], message: str) -> None:
     result = CliRunner().invoke(app, ["simulate", *arguments])
     assert isinstance(result.exception, DmocError) and message in str(result.exception)
+
+
+@pytest.mark.parametrize("name", ["x", "x_dot", X, X.diff(T)])
+def test_a_velocity_has_the_names_that_a_start_has(block: Kernels, name: Any) -> None:
+    motion = dmoc.simulate(block, {"x": 0.0}, {name: 0.5}, step_size=0.1, steps=10)
+    assert motion.q[-1, 0] == pytest.approx(0.5)  # it moves freely for 1 s
+
+
+def test_a_velocity_is_given_once(block: Kernels) -> None:
+    with pytest.raises(SimulationError, match="velocity gives 'x' twice, also as 'x_dot'"):
+        dmoc.simulate(block, {"x": 0.0}, {"x": 0.5, "x_dot": 0.5}, step_size=0.1, steps=1)
+    with pytest.raises(SimulationError, match="unknown coordinate 'x_dot' in position"):
+        dmoc.simulate(block, {"x_dot": 0.0}, step_size=0.1, steps=1)
