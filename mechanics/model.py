@@ -37,6 +37,7 @@ MATRICES = {
     "p_D": "momentum_jac",
     "C_d_D": "step_jac",
     "r_d_D": "path_jac",
+    "r_D": "path_point_jac",
     "Phi_D": "terminal_cost_jac",
     "T_min_D": "min_time_jac",
 }
@@ -301,6 +302,21 @@ class Model:
     def path_slopes(self, step: Sequence[Array]) -> Array:
         """Their derivatives with respect to x_k, shape (n, nr, size of x_k)."""
         return self._full("r_d_D", self.kernels.call("path_jac", *step, self.par)[0])
+
+    def path_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
+        """Path constraints of states, shape (..., nr)."""
+        return self._at("path_point", q, _rows(v), _rows(u), _column(t))[0]
+
+    def path_slopes_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
+        """Their derivatives with respect to (q, v, u, t), shape (..., nr, 2 nq + nu + 1)."""
+        return self._full("r_D", self._at("path_point_jac", q, _rows(v), _rows(u), _column(t))[0])
+
+    def path_terms(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
+        """Sums of the absolute values of the terms of the path constraints, shape (..., nr)."""
+        (terms,) = self._at("path_terms", q, _rows(v), _rows(u), _column(t))
+        counts = [row["terms"] for row in self.kernels.manifest["path_rows"]]
+        begins = np.cumsum([0, *counts[:-1]])
+        return np.asarray(np.add.reduceat(np.abs(terms), begins, axis=-1))
 
     # Minimal times --------------------------------------------------------------------------------
 

@@ -113,22 +113,21 @@ def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[Act
 
 
 def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBound]:
-    kinds, d = _counted(nlp), nlp.inequality(x)
+    kinds, d, nodes = _counted(nlp), nlp.inequality(x), dict[tuple[BoundKind, str], set[int]]()
     for block in nlp.inequalities:
         if not block.count:
             continue
         rows = block.numbers - nlp.n_eq
         held = np.flatnonzero(w[rows] > np.maximum(d[rows], NO_FORCE))
         if block not in kinds or block.nodes is None:
-            yield from (ActiveBound(BoundKind.OTHER, block.name_of(int(i))) for i in held)
+            nodes |= {(BoundKind.OTHER, block.name_of(int(i))): set() for i in held}
             continue
         kind, names = kinds[block]
-        row, column = block.places[held, 0], block.places[held, 1] % len(names)
-        yield from (
-            ActiveBound(kind, name, places=int(np.unique(block.nodes[row[column == j]]).size))
-            for j, name in enumerate(names)
-            if (column == j).any()
-        )
+        for row, column in block.places[held]:
+            place = int(block.nodes[row])
+            nodes.setdefault((kind, names[column % len(names)]), set()).add(place)
+    for (kind, name), where in nodes.items():
+        yield ActiveBound(kind, name, places=len(where))
 
 
 def _counted(nlp: Transcription) -> dict[Block, tuple[BoundKind, Sequence[str]]]:
@@ -139,7 +138,7 @@ def _counted(nlp: Transcription) -> dict[Block, tuple[BoundKind, Sequence[str]]]
     return {
         d.gap: (BoundKind.GAP, surfaces),
         d.gap_inside: (BoundKind.INSIDE, surfaces),
-        d.path: (BoundKind.PATH, paths),
+        **dict.fromkeys(d.paths, (BoundKind.PATH, paths)),
         d.cone: (BoundKind.CONE, nlp.layout.touch.tangents),
         d.direction: (BoundKind.DIRECTION, nlp.layout.touch.tangents),
     }

@@ -79,6 +79,10 @@ class Layout:
         turns = any(velocity_name(c) in turning for c in kernels.coordinates)
         at_start = turns or not (problem.modes[0].free or problem.start_is_known)
         at_goal = turns or bool(kernels.manifest["terminal_velocity"])
+        for row in kernels.manifest["path_rows"]:
+            if row["velocities"] and (FORMS[problem.control_form].shared or not row["inputs"]):
+                at_start |= row["inputs"] or not problem.start_is_known
+                at_goal = True
         at_goal |= not problem.modes[-1].free
         kind = Kind(
             tuple(kernels.coordinates),

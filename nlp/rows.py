@@ -12,10 +12,10 @@ Equalities, node by node along the whole chain of steps::
     periodic    state at the end - state at the start - difference = 0
     goal        unknown - value = 0                               where goals are rows
 
-Inequalities: gaps -g(q_k) at every node and inside the steps, path constraints r_d of every step,
-bounds of the final time, goals and differences of periodic states that are ranges, and approach
-and separation of the law of impact.  Contacts that last add the rows of :mod:`dmoc.nlp.contact`,
-impacts with friction those of :mod:`dmoc.nlp.hit`.
+Inequalities: gaps -g(q_k) at every node and inside the steps, path constraints
+(:mod:`dmoc.nlp.path`), bounds of the final time, goals and differences of periodic states that are
+ranges, and approach and separation of the law of impact.  Contacts that last add the rows of
+:mod:`dmoc.nlp.contact`, impacts with friction those of :mod:`dmoc.nlp.hit`.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from dmoc.nlp.contact import ContactLaw
 from dmoc.nlp.hit import HitLaw
 from dmoc.nlp.impact import ImpactLaw
 from dmoc.nlp.layout import SHARED, Layout
+from dmoc.nlp.path import PathLaw
 from dmoc.nlp.problem import Problem, Relation
 from dmoc.nlp.tables import NOWHERE, Block, Bools, Index, Numbering
 from dmoc.nlp.terms import COST, Places, Term
@@ -91,11 +92,14 @@ class Equalities:
 @dataclass(frozen=True, eq=False)
 class Inequalities:
     """Rows d; gaps have the shapes (nodes, nc) and (nodes inside steps, nc), path constraints
-    (steps, points * r)."""
+    (steps, points * nr), (nodes, nr), (steps, 2 nr) and (2 phases, nr)."""
 
     gap: Block
     gap_inside: Block
     path: Block
+    path_at_nodes: Block
+    path_at_ends_of_steps: Block
+    path_at_ends: Block
     earliest: Block
     latest: Block
     goal: Block
@@ -110,6 +114,11 @@ class Inequalities:
     share: Block
     bears: Block
     heads: Block
+
+    @property
+    def paths(self) -> tuple[Block, ...]:
+        """Blocks of path constraints."""
+        return self.path, self.path_at_nodes, self.path_at_ends_of_steps, self.path_at_ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +162,7 @@ def rows_of(
     problem: Problem,
     lay: Layout,
     laws: tuple[ImpactLaw, ContactLaw, HitLaw],
+    path: PathLaw,
     free_ends: tuple[Bools, Bools],
     goals: Sequence[Goal],
 ) -> Rows:
@@ -166,7 +176,7 @@ def rows_of(
     c = _equalities(problem, lay, laws, fixed, block)
     limits = tuple((g, 1.0, g.low) for g in goals if -np.inf < g.low < g.high)
     limits += tuple((g, -1.0, g.high) for g in goals if g.low < g.high < np.inf)
-    d = _inequalities(problem, lay, laws, free_ends, limits, block)
+    d = _inequalities(problem, lay, laws, path, free_ends, limits, block)
     return Rows(c, d, fixed, limits)
 
 
@@ -231,11 +241,11 @@ def _equalities(
 
 
 def _inequalities(
-    problem: Problem, lay: Layout, laws: tuple[ImpactLaw, ContactLaw, HitLaw],
+    problem: Problem, lay: Layout, laws: tuple[ImpactLaw, ContactLaw, HitLaw], path: PathLaw,
     free_ends: tuple[Bools, Bools], limits: tuple[tuple[Goal, float, float], ...], block: Numbering,
 ) -> Inequalities:  # fmt: skip
     kernels, total, inside = problem.kernels, lay.total, lay.inside
-    surfaces, paths = kernels.surfaces, kernels.manifest["path_constraints"]
+    surfaces = kernels.surfaces
     low, high = problem.final_time_bounds
     bounded = np.array([g.unknown for g, _, _ in limits], dtype=np.intp)
     moving = np.isin(surfaces, kernels.manifest["moving_surfaces"])
@@ -265,13 +275,7 @@ def _inequalities(
             lambda s: s.gap,
             np.repeat(steps, inside),
         ),
-        block(
-            "path",
-            (total, lay.scheme.points * len(paths)),
-            lambda k, j: f"path constraint {paths[j % len(paths)]} in step {k}",
-            lambda s: np.tile(s.path, lay.scheme.points),
-            steps,
-        ),
+        *path.inequalities(block),
         block(
             "final time >=",
             (int(0 < low < high),),
@@ -351,8 +355,9 @@ def _gaps(problem: Problem, lay: Layout, free_ends: tuple[Bools, Bools]) -> Bool
 
 
 def terms(
-    problem: Problem, lay: Layout, rows: Rows, laws: tuple[ImpactLaw, ContactLaw, HitLaw]
-) -> list[Term]:
+    problem: Problem, lay: Layout, rows: Rows, laws: tuple[ImpactLaw, ContactLaw, HitLaw],
+    path: PathLaw,
+) -> list[Term]:  # fmt: skip
     """All terms of the cost and of the rows that are not linear; those that enter nothing are
     left out."""
     c, d = rows.c, rows.d
@@ -368,7 +373,7 @@ def terms(
         *laws[2].terms(places, by_name, momentum),
         Term("surface", (q, places.times(nodes)), (d.gap.index,), -1.0),
         Term("surface", (lay.index_q_i.reshape(-1, lay.nq), none), (d.gap_inside.index,), -1.0),
-        Term("path", step, (d.path.index,)),
+        *path.terms(places, d.paths),
     ]
     for block, node, v in (
         (c.start_velocity, 0, lay.index_v_B),

@@ -30,6 +30,7 @@ from dmoc.nlp.evaluator import Evaluator
 from dmoc.nlp.hit import HitLaw
 from dmoc.nlp.impact import ImpactLaw
 from dmoc.nlp.layout import Layout
+from dmoc.nlp.path import PathLaw
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.rows import linear_rows, rows_of, terms, unit_entries
 from dmoc.nlp.sizes import Scale
@@ -51,6 +52,7 @@ class Transcription(Evaluator):
     law : ImpactLaw
     contact : ContactLaw
     hits : HitLaw
+    path : PathLaw
     scale : Scale
         Sizes; none by default, so that x and r are in units of the problem.
     unit, row_unit : arrays, shape (n,), (n_eq + n_in,)
@@ -89,8 +91,9 @@ class Transcription(Evaluator):
         ends = (free[self.layout.index_q[0]], free[self.layout.index_q[-1]])
         self.contact = ContactLaw.of(problem, self.layout, self.limits)
         self.hits = HitLaw.of(problem, self.layout)
+        self.path = PathLaw.of(problem, self.layout, self.limits)
         laws = (self.law, self.contact, self.hits)
-        self.rows = rows_of(problem, self.layout, laws, ends, goals)
+        self.rows = rows_of(problem, self.layout, laws, self.path, ends, goals)
         self.n, self.n_eq, self.n_in = self.layout.size, self.rows.n_eq, self.rows.n_in
         self.unit = self.layout.units(self.scale)
         self.lower, self.upper = (limit / self.unit for limit in self.limits)
@@ -136,7 +139,7 @@ class Transcription(Evaluator):
             *(c.closed.index.tobytes(), c.at_rest.index.tobytes(), c.stopped.index.tobytes()),
             d.direction_at_ends.index.tobytes(),
             *(self.law.e.tobytes(), self.law.touching.tobytes(), self.law.by_rates.tobytes()),
-            self.hits.e.tobytes(),
+            *(self.hits.e.tobytes(), self.path.at_ends.tobytes()),
             *(c.final_time.count, d.earliest.count, d.latest.count),
             (d.gap.index[[0, -1]] == NOWHERE).tobytes(),
             tuple(goal.unknown for goal in rows.goals),
@@ -151,7 +154,7 @@ class Transcription(Evaluator):
         named = {b.name: b.index for b in (*rows.equalities, *rows.inequalities)}
         parts += self.contact.entries(named) + self.hits.entries(named)
         linear = Linear(*(np.concatenate(p) for p in zip(*parts, strict=True)))
-        found = terms(problem, lay, rows, (self.law, self.contact, self.hits))
+        found = terms(problem, lay, rows, (self.law, self.contact, self.hits), self.path)
         m = rows.n_eq + rows.n_in
         return Form(self.kernels, self.par.shape[1], found, linear, self.n, m, rows.n_eq)
 

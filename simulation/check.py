@@ -35,8 +35,10 @@ from dmoc.simulation.runs import compare, on_the_way, open_loop
 from dmoc.simulation.verdict import (
     TERMINAL,
     Verification,
+    broken,
     exceeded,
     is_unstable,
+    largest_excess,
     lost_by,
     too_coarse,
     unstable,
@@ -127,7 +129,7 @@ def _judged(motion: Motion) -> Verification:
         "excess of an input": inputs,
     }  # fmt: skip
     told, note = torn(motion) + wrong_places(motion, "collision"), ""
-    failures = told + exceeded(measured)
+    failures = [*told, *exceeded(measured), *broken(steps.path)]
     # From the motion's own nodes no segment may meet what was not planned, wherever an open-loop
     # run passes by.
     missed_on_way, extra_on_way = (
@@ -158,4 +160,5 @@ def _judged(motion: Motion) -> Verification:
         steps.penetration,
         max(steps.excess, inputs),
         tuple(contacts),
+        path_excess=largest_excess(steps.path),
     )

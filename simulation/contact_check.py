@@ -39,8 +39,10 @@ from dmoc.simulation.runs import contacts_of_phase
 from dmoc.simulation.verdict import (
     TERMINAL,
     Verification,
+    broken,
     exceeded,
     is_unstable,
+    largest_excess,
     lost_by,
     too_coarse,
     unstable,
@@ -68,7 +70,7 @@ def judged_with_contacts(motion: Motion) -> Verification:
     }  # fmt: skip
     told = [*torn(motion), *wrong_places(motion, "contact"), *held.told, *events.told]
     told += [*still_pressed(motion, held.sizes), *lost_by(missed, tuple(extra), 0.0)]
-    too_far, note = exceeded(measured), ""
+    too_far, note = exceeded(measured) + broken(steps.path), ""
     if not terminal <= TERMINAL:
         lost = lost_by((), (), terminal)
         if is_unstable(worst, amplified, terminal) and not (told or too_far):
@@ -82,6 +84,7 @@ def judged_with_contacts(motion: Motion) -> Verification:
         not (told or too_far), message or note, terminal, amplified,
         steps.worst, defects, events.energy, events.law, missed,
         tuple(extra), steps.penetration, max(steps.excess, inputs), tuple(met), held.largest,
+        largest_excess(steps.path),
     )  # fmt: skip
 
 

@@ -13,12 +13,13 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Index
 from dmoc.simulation.amplification import PERTURBED
 from dmoc.simulation.contact_law import after_event, event_of
-from dmoc.simulation.flow import PLACES, TOUCH, Contact
+from dmoc.simulation.flow import PLACES, TOUCH, Contact, Steps
 from dmoc.simulation.indeterminate import nearest
 from dmoc.simulation.measures import Segment, StepErrors, inside_errors, largest
 from dmoc.simulation.mode_flow import ModeFlow, Span
 from dmoc.simulation.modes import Mode, reaction, settled
 from dmoc.simulation.motion import Motion, nodes_of_segments
+from dmoc.simulation.path_limits import Course, path_excess
 from dmoc.simulation.runs import SAME_CONTACT
 
 
@@ -70,22 +71,30 @@ def _open(motion: Motion, mode: Mode) -> NDArray[np.bool_]:
 
 def step_errors(motion: Motion, flow: ModeFlow) -> StepErrors:
     """Integrate every step from its first node, in the mode of its phase."""
-    parts = [_steps_of(motion, flow, i) for i in range(len(motion.steps))]
+    courses = [_course(motion, flow, i) for i in range(len(motion.steps))]
+    parts = [_steps_of(motion, i, course) for i, course in enumerate(courses)]
     return StepErrors(
         np.concatenate([p.defects for p in parts]),
         tuple(p.work[0] for p in parts),
         max(p.penetration for p in parts),
         max(p.excess for p in parts),
+        path_excess(motion, courses),
     )
 
 
-def _steps_of(motion: Motion, flow: ModeFlow, i: int) -> StepErrors:
-    phase, mode, nq = motion.trajectory.phases[i], motion.modes[i], motion.model.nq
+def _course(motion: Motion, flow: ModeFlow, i: int) -> Course:
+    """The steps of a phase in its mode."""
     span = span_of(motion, i, slice(None))
-    y0, held = put(motion, i, rows_at(motion, i, np.arange(phase.steps)), span.t)
-    y1 = flow.advance(mode, y0, span, held)
-    places = np.concatenate([PLACES[1:], motion.nodes_inside])
-    times, between = _between(motion, flow, i, (y0, y1), span, places)
+    nodes = np.arange(motion.trajectory.phases[i].steps)
+    y0, held = put(motion, i, rows_at(motion, i, nodes), span.t)
+    y1 = flow.advance(motion.modes[i], y0, span, held)
+    return Course(motion.steps[i], y0, flow.ends(motion.modes[i], y0, y1, span), y1)
+
+
+def _steps_of(motion: Motion, i: int, course: Course) -> StepErrors:
+    phase, mode, nq = motion.trajectory.phases[i], motion.modes[i], motion.model.nq
+    y1 = course.stop
+    times, between = _between(motion, course, np.concatenate([PLACES[1:], motion.nodes_inside]))
     off = inside_errors(motion, between[len(PLACES) - 1 :], [phase.q_inside])
     gaps = motion.model.gaps(between.reshape(-1, nq), times.ravel()) / motion.sizes.gap
     low, high = motion.trajectory.coordinate_bounds.T
@@ -97,14 +106,13 @@ def _steps_of(motion: Motion, flow: ModeFlow, i: int) -> StepErrors:
     )
 
 
-def _between(
-    motion: Motion, flow: ModeFlow, i: int, y: tuple[Array, Array], span: Span, places: Array
-) -> tuple[Array, Array]:
+def _between(motion: Motion, course: Course, places: Array) -> tuple[Array, Array]:
     """Times and positions at places within steps, shapes (places, n) and (places, n, nq)."""
-    ends = flow.ends(motion.modes[i], *y, span)
-    y0, a, y1, h = (np.ascontiguousarray(part) for part in (y[0], ends, y[1], span.h))
+    steps = course.steps
+    parts = (course.start, course.ends, course.stop, steps.h)
+    y0, a, y1, h = (np.ascontiguousarray(part) for part in parts)
     found = motion.flow.integrator.between(y0, a, y1, h, places)
-    return span.t + places[:, None] * h, found
+    return steps.t + places[:, None] * h, found
 
 
 # Segments -----------------------------------------------------------------------------------------
@@ -159,7 +167,9 @@ def _met(
     mode, model, nq = motion.modes[i], motion.model, motion.model.nq
     if is_free(motion, i):
         return []
-    times, path = _between(motion, flow, i, y, span, PLACES[1:])
+    steps = Steps(span.t, span.h, span.u0, span.u1)
+    course = Course(steps, y[0], flow.ends(mode, *y, span), y[1])
+    times, path = _between(motion, course, PLACES[1:])
     gaps = model.gaps(path.reshape(-1, nq), times.ravel()).reshape(*times.shape, model.nc)
     allowed = motion.flow.allowance(times.ravel()).reshape(gaps.shape)
     over = gaps > allowed + TOUCH * motion.sizes.gap

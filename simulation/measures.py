@@ -12,6 +12,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.flow import PLACES, Lost
 from dmoc.simulation.motion import Motion, nodes_of_segments
+from dmoc.simulation.path_limits import Course, Excess, path_excess
 
 # gap of a planned collision, relative to how far the coordinates move it, that a solver may leave
 OFF_SURFACE = 1e-6
@@ -21,13 +22,14 @@ SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to th
 @dataclass(frozen=True)
 class StepErrors:
     """Every step integrated from its first node: relative errors at its end and at the nodes inside
-    (N,), the work of each phase, and the largest penetration and excess of a bound of a coordinate
-    between nodes, relative to the ranges."""
+    (N,), the work of each phase, the largest penetration and excess of a bound of a coordinate
+    between nodes, relative to the ranges, and the excesses of path constraints."""
 
     defects: Array
     work: tuple[float, ...]
     penetration: float
     excess: float
+    path: tuple[Excess, ...] = ()
 
     @property
     def worst(self) -> float:
@@ -57,6 +59,7 @@ def step_errors(motion: Motion) -> StepErrors:
         tuple(float(part.sum()) for part in np.split(y[:, -1], cuts)),
         largest(gaps[:, motion.watched]),
         largest(excess),
+        path_excess(motion, [Course(steps, start, ends, y)]),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -9,11 +10,13 @@ from typing import Any
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.arcs import PENETRATION
 from dmoc.simulation.flow import Contact
+from dmoc.simulation.path_limits import Excess
 from dmoc.table import Shown, Table, passed
 
 # What a motion may miss and still count as confirmed.  Errors of states are relative to the ranges
 # of coordinates and momenta, energies to the kinetic energy, penetration and excess of soft limits
-# to the ranges, the law of impact to the largest rate of the gap.
+# to the ranges, the law of impact to the largest rate of the gap.  A path constraint that holds at
+# the nodes is exceeded by a share of h^2 between them.
 PASSING = {
     "step error": 0.01,
     "segment error": 0.01,
@@ -21,6 +24,7 @@ PASSING = {
     "penetration": PENETRATION,
     "excess of a limit": 0.002,
     "excess of an input": 1e-6,
+    "excess of a path constraint": 0.005,
     "error of the law of impact": 0.02,
     "error of the law of impact relative to its own rates": 0.05,
     "error of a contact force": 0.05,
@@ -66,6 +70,10 @@ class Verification(Shown):
     contacts : tuple of Contact
         Of the open-loop simulation; of a motion with lasting contact or friction, those that were
         not planned.
+    path_excess : float
+        Largest excess of a path constraint, at nodes and between them, relative to the sum of the
+        absolute values of its terms; of one in coordinates alone, to how far the motion's ranges
+        move it.  Not a number where it was not measured, in older files.
     force_error : float
         Largest error of a contact force or a friction force at a node, relative to the largest of
         its contact.
@@ -85,6 +93,7 @@ class Verification(Shown):
     limit_excess: float
     contacts: tuple[Contact, ...]
     force_error: float = 0.0
+    path_excess: float = 0.0
 
     @property
     def excess(self) -> float:
@@ -127,6 +136,7 @@ class Verification(Shown):
             "penetration": self.penetration,
             "limit_excess": self.limit_excess,
             "force_error": self.force_error,
+            "path_excess": self.path_excess,
         }
 
     def summary(self) -> Table:
@@ -154,6 +164,7 @@ class Verification(Shown):
                 ("missed, extra", f"{len(self.missed_contacts)}, {len(self.extra_contacts)}"),
                 ("penetration", f"{self.penetration:.1e} between nodes"),
                 ("limits", f"exceeded by {self.limit_excess:.1e} between nodes"),
+                ("path constraints", f"exceeded by {self.path_excess:.1e} of their sizes"),
             )
         )
 
@@ -187,6 +198,17 @@ def exceeded(measured: dict[str, float]) -> list[str]:
         for name, value in measured.items()
         if not value <= PASSING[name]
     ]
+
+
+def broken(paths: Sequence[Excess]) -> list[str]:
+    """The path constraints that are exceeded too far."""
+    limit = PASSING["excess of a path constraint"]
+    return [path.text for path in paths if not path.counts <= limit]
+
+
+def largest_excess(paths: Sequence[Excess]) -> float:
+    """What the check tells of path constraints."""
+    return max((path.counts for path in paths), default=0.0)
 
 
 def is_unstable(worst: float, amplified: float, terminal: float) -> bool:

@@ -232,7 +232,7 @@ def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], st
         kept = np.flatnonzero(d.gap.index[:, j] != NOWHERE)
         passes = [f"the motion passes {surface} at node {k}" for k in kept]
         yield d.gap.index[kept, j], passes.__getitem__, ""
-    for block in (d.gap_inside, d.path, d.earliest, d.latest, d.approach, d.separation):
+    for block in (d.gap_inside, *d.paths, d.earliest, d.latest, d.approach, d.separation):
         unit = "s" if block in (d.earliest, d.latest) else ""
         yield block.numbers, _violated(block), unit
     for block in (*rows.contacts, d.periodic):

@@ -207,7 +207,7 @@ class StepElement:
 
     @property
     def r_d(self) -> list[Any]:
-        """Path constraints at the quadrature points."""
+        """Path constraints at the points."""
         return [r for p in self.points for r in p.start.r]
 
 
@@ -235,13 +235,32 @@ def step_element(
                 exact(1 - c) * a + exact(c) * b for a, b in zip(u_k, u_kp1, strict=True)
             )
             start = end = _with_inputs(here, between)
-        phi = tuple(exact(s) for s in _shapes(nodes, c))
-        slope = tuple(exact(s) for s in _shapes(nodes, c, 1))
-        points.append(Point(exact(c), exact(b), phi, slope, start, end))
+        points.append(_point(nodes, c, exact, start, end, b))
     q_i = vector("q_i", n * (len(nodes) - 2))
     return StepElement(
         tuple(points), vector("q_k", n), vector("q_kp1", n), q_i, u_k, u_kp1, make("h"), make("t_k")
     )
+
+
+def at_ends(
+    f: Continuous, e: StepElement, make: Callable[[str], Any], exact: Callable[[Any], Any]
+) -> StepElement:
+    """The element with the ends of the step instead of its quadrature points, at which the inputs
+    have their values."""
+    nodes, points = lobatto_nodes(e.inside + 1), []
+    for i, (c, u) in enumerate(((sp.S.Zero, e.u_k), (sp.S.One, e.u_kp1))):
+        side = _with_inputs(_renamed(f, i + 1, make), u)
+        points.append(_point(nodes, c, exact, side, side))
+    return replace(e, points=tuple(points))
+
+
+def _point(
+    nodes: Sequence[Any], c: Any, exact: Callable[[Any], Any], start: Continuous, end: Continuous,
+    b: Any = 0,
+) -> Point:  # fmt: skip
+    """The place c of a step of nodes."""
+    phi, slope = (tuple(exact(s) for s in _shapes(nodes, c, d)) for d in (0, 1))
+    return Point(exact(c), exact(b), phi, slope, start, end)
 
 
 def quadrature(degree: int) -> tuple[list[Any], list[Any]]:

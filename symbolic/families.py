@@ -8,7 +8,7 @@ before the parameters, ``hess`` an upper triangle of second derivatives of a wei
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import symengine as se
@@ -30,11 +30,13 @@ from dmoc.symbolic.continuous import (
 )
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of, values_of
+from dmoc.symbolic.family import family
 from dmoc.symbolic.names import name_of
+from dmoc.symbolic.path import path_kernels, path_rows
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 
-FORMAT = 7  # of the facts and the kernel list
+FORMAT = 8  # of the facts and the kernel list
 EQUATIONS = 6  # of what the kernels compute: solutions of other equations are refused
 
 
@@ -114,6 +116,7 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
             name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
         ],
         "path_constraints": list(system.path_constraints),
+        "path_rows": path_rows(f),
         "tangents": list(system.tangents),
         "tangent_coordinates": {
             name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
@@ -129,57 +132,6 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
         "inputs_enter_linearly": not in_forces & set(f.u),
         "terminal_velocity": bool(f.Phi.free_symbols & set(f.v)),
     }
-
-
-def _family(
-    name: str,
-    summary: str,
-    inputs: tuple[Input, ...],
-    outputs: dict[str, Sequence[Any]],
-    par: Input,
-    derive: Callable[[Any, int], Any] | None = None,
-    definitions: tuple[tuple[Any, Any], ...] = (),
-    second: bool = True,
-) -> list[KernelSpec]:
-    """A kernel with its derivatives with respect to all components of ``inputs``, in this order.
-
-    ``name`` has the values; ``name_jac`` the matrices ``a_D`` of their first derivatives, one for
-    each output a; ``name_hess``, where second ones are wanted, the upper triangle of the second
-    derivatives of sum_a w_a . a, with the weights w_a of every output as further inputs, in the
-    order of the outputs.  ``derive(e, i)`` is the derivative of an expression with respect to
-    component i, where that is not a partial one.
-    """
-    symbols = [s for i in inputs for s in i.symbols]
-    size, derivative = len(symbols), derive or (lambda e, i: e.diff(symbols[i]))
-
-    def gradient_of(expression: Any) -> list[Any]:
-        return [derivative(expression, i) for i in range(size)]
-
-    arguments, listed = (*inputs, par), ", ".join(i.name for i in inputs)
-    values = tuple(Output.vector(a, v) for a, v in outputs.items())
-    slopes = tuple(
-        Output.matrix(f"{a}_D", [gradient_of(e) for e in v], size) for a, v in outputs.items()
-    )
-    text = f"First derivatives of `{name}` with respect to ({listed})."
-    found = [
-        KernelSpec(name, summary, arguments, values, definitions),
-        KernelSpec(f"{name}_jac", text, arguments, slopes, definitions),
-    ]
-    if second:
-        weights = tuple(Input.vector(f"w_{a}", len(v)) for a, v in outputs.items())
-        total = dot(
-            [s for w in weights for s in w.symbols], [e for v in outputs.values() for e in v]
-        )
-        first = gradient_of(total)
-        rows = [
-            [derivative(first[i], j) if j >= i else 0 for j in range(size)] for i in range(size)
-        ]
-        curvatures = (Output.matrix("hess", rows, size, upper=True),)
-        text = f"Second derivatives of the weighted sum of all results of `{name}`."
-        found.append(
-            KernelSpec(f"{name}_hess", text, (*arguments, *weights), curvatures, definitions)
-        )
-    return found
 
 
 def _step_kernels(f: Continuous, e: StepElement) -> list[KernelSpec]:
@@ -198,13 +150,12 @@ def _step_kernels(f: Continuous, e: StepElement) -> list[KernelSpec]:
         ("impact", "Discrete energies at the end (e_plus) and at the start (e_minus) of a step.",
          {"e_plus": [e.e_plus], "e_minus": [e.e_minus]}),
     ]  # fmt: skip
-    if f.r:
-        families.append(("path", "Path constraints r_d >= 0 of a step.", {"r_d": e.r_d}))
     par = Input("par", f.par)
     found = [
-        _family(*family[:2], inputs, family[2], par, e.D, e.definitions) for family in families
+        family(name, text, inputs, values, par, e.D, e.definitions)
+        for name, text, values in families
     ]
-    return [kernel for family in found for kernel in family]
+    return [kernel for kernels in found for kernel in kernels] + path_kernels(f, e, inputs)
 
 
 def _state_kernels(f: Continuous) -> list[KernelSpec]:
@@ -217,7 +168,7 @@ def _state_kernels(f: Continuous) -> list[KernelSpec]:
     power = dot(f.Q, f.v) - f.L.diff(f.t)
     summary = "Equations of motion M q'' = F: M row by row, F."
     return [
-        *_family("dynamics", summary, (q, v, u, t), {"M": mass, "F": force}, par, second=False),
+        *family("dynamics", summary, (q, v, u, t), {"M": mass, "F": force}, par, second=False),
         KernelSpec(
             "input_matrix", "B = dQ/du row by row.", (q, v, u, t, par), (Output.vector("B", b),)
         ),
@@ -227,7 +178,7 @@ def _state_kernels(f: Continuous) -> list[KernelSpec]:
             (q, v, u, t, par),
             (Output.vector("Q", f.Q), Output.vector("power", [power])),
         ),
-        *_family("momentum", "Momenta p = dL/dv.", (q, v, t), {"p": momenta(f)}, par),
+        *family("momentum", "Momenta p = dL/dv.", (q, v, t), {"p": momenta(f)}, par),
         KernelSpec(
             "energy", "Energy E = v . p - L.", (q, v, t, par), (Output.vector("E", [energy(f)]),)
         ),
@@ -263,19 +214,19 @@ def _surface_kernels(f: Continuous) -> list[KernelSpec]:
     normal = gradient(dot(lam.symbols, f.g), f.q)
     moving, rate = impact_work(f, lam.symbols)
     return [
-        *_family("surface", "Gaps g <= 0.", (q, t), {"g": f.g}, par),
-        *_family("gap_rate", "Rates gamma of the gaps.", (q, v, t), {"gamma": gap_rates(f)}, par),
-        *_family(
+        *family("surface", "Gaps g <= 0.", (q, t), {"g": f.g}, par),
+        *family("gap_rate", "Rates gamma of the gaps.", (q, v, t), {"gamma": gap_rates(f)}, par),
+        *family(
             "normal", "Normal impulse n = sum_j lam_j grad g_j.", (q, lam, t), {"n": normal}, par
         ),
-        *_family(
+        *family(
             "moving_work",
             "Work of moving surfaces, W_t = sum_j lam_j dg_j/dt, in an impact.",
             (q, lam, t),
             {"W_t": [moving]},
             par,
         ),
-        *_family(
+        *family(
             "rate_work",
             "Impulses times rates after an impact, W_gamma = sum_j lam_j gamma_j.",
             (q, v, lam, t),
@@ -295,9 +246,9 @@ def _tangent_kernels(f: Continuous) -> list[KernelSpec]:
     along = gradient(dot(T.symbols, f.tau), f.q)
     slides = rates(f, f.tau)
     return [
-        *_family("tangent", "Tangential positions tau.", (q, t), {"tau": f.tau}, par),
-        *_family("slide_rate", "Sliding velocities sigma.", (q, v, t), {"sigma": slides}, par),
-        *_family(
+        *family("tangent", "Tangential positions tau.", (q, t), {"tau": f.tau}, par),
+        *family("slide_rate", "Sliding velocities sigma.", (q, v, t), {"sigma": slides}, par),
+        *family(
             "traction", "Tangential impulse s = sum_j T_j grad tau_j.", (q, T, t), {"s": along}, par
         ),
         KernelSpec(
@@ -314,7 +265,7 @@ def _terminal_kernels(f: Continuous) -> list[KernelSpec]:
     if f.Phi == 0:
         return []
     q, v, _, t, par = _inputs(f)
-    return _family("terminal_cost", "Terminal cost Phi.", (q, v, t), {"Phi": [f.Phi]}, par)
+    return family("terminal_cost", "Terminal cost Phi.", (q, v, t), {"Phi": [f.Phi]}, par)
 
 
 def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
@@ -342,7 +293,7 @@ def _feasibility_kernels(f: Continuous) -> list[KernelSpec]:
 
     summary = "Shortest time to each surface at averaged full acceleration."
     par = Input("par", f.par)
-    return _family(
+    return family(
         "min_time", summary, inputs, {"T_min": times}, par, derive, e.definitions, second=False
     )
 

@@ -183,6 +183,9 @@ class _Reference:
             "step": self._step,
             "impact": self._energies,
             "path": lambda x: {"r_d": [r for y, *_ in self._points(x) for r in self.r(y)]},
+            "path_point": lambda x: {"r": self.r(x)},
+            "path_node": lambda x: {"r_k": self.r(self._node(x))},
+            "path_ends": lambda x: {"r_e": [r for y in self._ends(x) for r in self.r(y)]},
             "dynamics": self._dynamics,
             "momentum": lambda x: {"p": self._momenta(state(x))},
             "energy": lambda x: {"E": [self._energy(state(x))]},
@@ -282,21 +285,21 @@ class _Reference:
         nodes = [mp.mpf(0), mp.mpf(1), *((1 + c) / 2 for c in inside)]
         return [(1 + c) / 2 for c in points], weights, nodes
 
-    def _points(self, x: Vector) -> list[tuple[Vector, Vector, Any, Any, Vector]]:
-        """States (q, v, u, t) at the quadrature points of a step with the input of the start side
-        and of the end side, places, weights, and the shape functions there."""
+    def _parts(self, x: Vector) -> tuple[list[Vector], tuple[Vector, Vector], Any, Any]:
+        """Nodes of a step, inputs of both sides, h and t_k."""
         n, m = self.nq, self.nu
         q_k, q_kp1 = x[:n], x[n : 2 * n]
         u_k, u_kp1 = x[2 * n : 2 * n + m], x[2 * n + m : 2 * n + 2 * m]
         h, t_k, q_i = x[2 * n + 2 * m], x[2 * n + 2 * m + 1], x[2 * n + 2 * m + 2 :]
-        ways = [q_k, q_kp1, *(q_i[a : a + n] for a in range(0, len(q_i), n))]
+        return [q_k, q_kp1, *(q_i[a : a + n] for a in range(0, len(q_i), n))], (u_k, u_kp1), h, t_k
+
+    def _points(self, x: Vector) -> list[tuple[Vector, Vector, Any, Any, Vector]]:
+        """States (q, v, u, t) at the quadrature points of a step with the input of the start side
+        and of the end side, places, weights, and the shape functions there."""
+        ways, (u_k, u_kp1), h, t_k = self._parts(x)
         found = []
         for c, b in zip(*self._rule[:2], strict=True):
-            phi, high, low = (self._shapes(c + s * STEP) for s in (0, 1, -1))
-            slope = [(a - b) / (2 * STEP) for a, b in zip(high, low, strict=True)]
-            columns = list(zip(*ways, strict=True))
-            q = [mp.fdot(zip(phi, column, strict=True)) for column in columns]
-            v = [mp.fdot(zip(slope, column, strict=True)) / h for column in columns]
+            q, v, phi = self._polynomial(ways, c, h)
             if self.scheme.degree == 1:
                 sides = (u_k, u_kp1)
             else:
@@ -305,6 +308,29 @@ class _Reference:
             start, end = ([*q, *v, *u, t_k + c * h] for u in sides)
             found.append((start, end, c, b, phi))
         return found
+
+    def _polynomial(self, ways: list[Vector], c: Any, h: Any) -> tuple[Vector, Vector, Vector]:
+        """Position and velocity of the polynomial of a step at a place, and the shape functions."""
+        phi, high, low = (self._shapes(c + s * STEP) for s in (0, 1, -1))
+        slope = [(a - b) / (2 * STEP) for a, b in zip(high, low, strict=True)]
+        columns = list(zip(*ways, strict=True))
+        q = [mp.fdot(zip(phi, column, strict=True)) for column in columns]
+        return q, [mp.fdot(zip(slope, column, strict=True)) / h for column in columns], phi
+
+    def _ends(self, x: Vector) -> list[Vector]:
+        """(q, v, u, t) at both ends of a step, by its polynomial."""
+        ways, (u_k, u_kp1), h, t_k = self._parts(x)
+        sides = []
+        for c, u in ((mp.mpf(0), u_k), (mp.mpf(1), u_kp1)):
+            q, v, _ = self._polynomial(ways, c, h)
+            sides.append([*q, *v, *u, t_k + c * h])
+        return sides
+
+    def _node(self, x: Vector) -> Vector:
+        """(q, v, u, t) of a node from (q_km1, q_k, q_kp1, u_k, h, t_k)."""
+        n, h = self.nq, x[-2]
+        v = [(b - a) / (2 * h) for a, b in zip(x[:n], x[2 * n : 3 * n], strict=True)]
+        return [*x[n : 2 * n], *v, *x[3 * n : -2], x[-1]]
 
     def _shapes(self, c: Any) -> Vector:
         """Lagrange's polynomials of the nodes at a place."""

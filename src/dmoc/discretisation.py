@@ -107,6 +107,13 @@ class Discretisation:
         return np.concatenate([[0.0, 1.0], (1 + inside) / 2])
 
     @cached_property
+    def places(self) -> Array:
+        """Places of the quadrature points in [0, 1], shape (degree,)."""
+        import numpy as np
+
+        return np.asarray((1 + np.polynomial.legendre.leggauss(self.degree)[0]) / 2)
+
+    @cached_property
     def shapes(self) -> Array:
         """Shape functions of the nodes: row a holds the coefficients of 1, x, x^2, ...
         on [0, 1]."""

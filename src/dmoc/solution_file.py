@@ -36,7 +36,7 @@ from dmoc.solution import Mesh, Minimum, Solution
 from dmoc.solvers.outcome import Status
 from dmoc.trajectory import COURSES, Collision, Phase, Trajectory
 
-FORMAT, OLDEST = 9, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 10, 6  # the format that is written, and the oldest that is read
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
 LACKING_BESIDE: Mapping[str, Any] = {"proposal": None}
@@ -69,8 +69,8 @@ def _check_as_now(check: Any) -> Any:
     """The check in an older file, which has the largest of the segments alone and no contacts."""
     match check:
         case {"max_segment_defect": worst, **rest}:
-            return {**rest, "segment_defects": [worst], "contacts": []}
-    return check
+            check = {**rest, "segment_defects": [worst], "contacts": []}
+    return {"path_excess": "nan", **check} if isinstance(check, dict) else check
 
 
 @np.errstate(all="ignore")
@@ -282,6 +282,7 @@ VERIFICATION = Record(
         "limit_excess": Number(special=True),
         "contacts": Listed(CONTACT),
         "force_error": Number(special=True),
+        "path_excess": Number(special=True),
     },
 )
 SOLUTION = Record(

@@ -55,7 +55,7 @@ def differences(f: object, x: np.ndarray, step: float = 1e-6) -> np.ndarray:
     return np.array([(f(x + step * d) - f(x - step * d)) / (2 * step) for d in np.eye(len(x))]).T  # type: ignore[operator]
 
 
-def driven_problem(order: int) -> dmoc.Problem:
+def driven_problem(order: int, controls: str | None = None) -> dmoc.Problem:
     """Explicit time, moving surfaces, restitution, dissipation, a terminal cost and a periodic
     velocity."""
     return dmoc.Problem(
@@ -67,6 +67,7 @@ def driven_problem(order: int) -> dmoc.Problem:
         bounds={"u": (-20, 20)},
         restitution={"floor": 0.6, "side": 0.0},
         periodic=["a_dot", "z"],
+        controls=controls,
     )
 
 
@@ -130,13 +131,15 @@ def hit_problem(order: int) -> dmoc.Problem:
 @pytest.fixture(
     params=[
         *("constant", "linear", "puck", "driven", "driven, by rates", "driven, order 4"),
+        "driven, linear",
         *("pendulum, order 4", "contacts", "contacts, periodic"),
         *("hits with friction", "hits with friction, order 4"),
     ]
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
     if request.param.startswith("driven"):
-        problem = driven_problem(4 if "4" in request.param else 2)
+        controls = "linear" if "linear" in request.param else None
+        problem = driven_problem(4 if "4" in request.param else 2, controls)
         return Transcription(problem, by_rates="rates" in request.param)
     if request.param.startswith("contacts"):
         return Transcription(rod_problem("periodic" in request.param))

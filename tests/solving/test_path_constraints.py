@@ -1,0 +1,179 @@
+"""Path constraints hold where inputs have values and at the ends of phases, and the check looks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from math import sqrt
+from typing import Any
+
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.discretisation import DISCRETISATIONS
+
+X, U = dynamicsymbols("x u")
+v = X.diff()
+P = sp.Symbol("P")
+FORMS = [(order, form) for order, d in DISCRETISATIONS.items() for form in d.controls]
+FORMS += [(2, "linear")] * ((2, "linear") not in FORMS)
+
+
+@cache
+def kernels(name: str, order: int) -> Any:
+    """A mass of 1 kg that a force pushes, under one of the path constraints."""
+    limits: dict[str, dict[str, Any]] = {
+        "pushed": {"lim": U <= 1},
+        # Else the motion turns within a step, at whose nodes the power is small: see below.
+        "power": {"power": U * v <= P, "forward": v >= 0},
+        "both": {"power": U * v <= P, "speed": v <= sp.Rational(5, 4), "place": X <= 2},
+        "slow": {"speed": v <= sp.Rational(1, 2)},
+        "block": {"most": U <= 1, "least": U >= -1},
+    }
+    system = dmoc.MechanicalSystem(
+        name,
+        [X],
+        v**2 / 2,
+        {P: 1.0} if name in ("power", "both") else {},
+        [U],
+        {X: U},
+        surfaces={"wall": X <= 1} if name == "block" else {},
+        cost=1 if name == "block" else 0,
+        terminal_cost=0 if name == "block" else -v,
+        path_constraints=limits[name],
+    )
+    return dmoc.build(system, order=order)
+
+
+def furthest_speed(
+    name: str, order: int, form: str, steps: int, start: Mapping[str, float], **fields: Any
+) -> dmoc.Solution:
+    problem = dmoc.Problem(
+        kernels(name, order), start, steps=steps, final_time=1.0, controls=form, **fields
+    )
+    return dmoc.solve(problem, "ipm", starts=1)
+
+
+@pytest.mark.parametrize(("order", "form"), FORMS)
+def test_a_limit_of_the_input_holds_everywhere(order: int, form: str) -> None:
+    """u <= 1 for 1 s from rest: v(1) = 1."""
+    solution = furthest_speed("pushed", order, form, 20, {"x": 0.0})
+    assert solution.status == "solved" and solution.cost == pytest.approx(-1, rel=1e-9)
+    assert solution.trajectory.phases[0].u.max() <= 1 + 1e-9
+    assert solution.verification is not None and solution.verification.path_excess < 1e-9
+
+
+@pytest.mark.parametrize(("order", "form"), FORMS)
+def test_a_limit_of_the_input_holds_on_both_sides_of_a_collision(order: int, form: str) -> None:
+    """To the wall and back, |u| <= 1, in the shortest time: 2 sqrt(2) s."""
+    problem = dmoc.Problem(
+        kernels("block", order), {"x": 0.0}, {"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=20,
+        final_time=(0.5, 6.0), controls=form, restitution=1.0,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status == "solved"
+    assert solution.cost == pytest.approx(2 * sqrt(2), rel=1e-6)
+    assert max(abs(phase.u).max() for phase in solution.trajectory.phases) <= 1 + 1e-9
+
+
+# The error of v(T) at 40 steps: inputs that are constant are in doubt by a share of h where both
+# Gauss points of a step must keep the limit.
+POWER = [(2, "linear", 2e-4), (4, "stages", 1e-8), (6, "stages", 1e-4), (4, "constant", 6e-3)]
+
+
+@pytest.mark.parametrize(("order", "form", "error"), POWER)
+def test_power_is_limited(order: int, form: str, error: float) -> None:
+    """u v <= P: E(T) = E(0) + P T, v(T) = sqrt(v0^2 + 2 P T)."""
+    solution = furthest_speed("power", order, form, 40, {"x": 0.0, "x_dot": 0.5})
+    assert solution.status == "solved", solution.message
+    assert -solution.cost == pytest.approx(sqrt(0.25 + 2), rel=error)
+    last = solution.trajectory.phases[0]
+    assert last.u[-1, 0] * last.v[-1, 0] <= 1 + error
+
+
+def test_power_is_limited_to_second_order() -> None:
+    """Both the speed at the end and the excess between nodes fall as h^2."""
+    coarse, fine = (
+        furthest_speed("power", 2, "linear", n, {"x": 0.0, "x_dot": 0.5}) for n in (40, 80)
+    )
+    errors = [-s.cost - sqrt(2.25) for s in (coarse, fine)]
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
+    assert coarse.verification is not None and fine.verification is not None
+    ratio = coarse.verification.path_excess / fine.verification.path_excess
+    assert ratio == pytest.approx(4, rel=0.3)
+
+
+@pytest.mark.parametrize(("order", "form"), FORMS)
+def test_a_limit_of_the_speed_holds_at_the_end(order: int, form: str) -> None:
+    """|u| <= 1 would make the half step after the last quadrature point faster than 1/2."""
+    solution = furthest_speed("slow", order, form, 20, {"x": 0.0}, bounds={"u": (-1.0, 1.0)})
+    assert solution.status == "solved"
+    assert solution.trajectory.phases[0].v[-1, 0] == pytest.approx(0.5, abs=1e-9)
+
+
+def test_a_limit_of_the_place_holds_at_the_end() -> None:
+    """The last quadrature point lies half a step before the end."""
+    problem = dmoc.Problem(
+        kernels("both", 2), {"x": 1.4, "x_dot": 0.5}, steps=10, final_time=1.0,
+        parameters={"P": 10.0}, controls="linear",
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.trajectory.phases[0].q[-1, 0] <= 2 + 1e-9
+    assert solution.trajectory.phases[0].v[-1, 0] <= 1.25 + 1e-9
+
+
+def test_the_check_finds_a_motion_that_turns_within_a_step() -> None:
+    """Without `forward`: u is large where the mean speed of a step is zero."""
+    system = dmoc.MechanicalSystem(
+        "turning", [X], v**2 / 2, {}, [U], {X: U}, terminal_cost=-v,
+        path_constraints={"p": U * v <= 1},
+    )  # fmt: skip
+    start = {"x": 0.0, "x_dot": -1.0}
+    problem = dmoc.Problem(dmoc.build(system), start, steps=40, final_time=1.0)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status == "not_verified" and "path constraint 'p' is" in solution.message
+
+
+@pytest.mark.parametrize(("order", "form"), FORMS)
+def test_the_check_finds_what_is_exceeded_and_where(order: int, form: str) -> None:
+    """The motion at P = 1, judged with P = 0.9: u v exceeds it by a tenth, 5 % of |u v| + P."""
+    solution = furthest_speed("power", order, form, 40, {"x": 0.0, "x_dot": 0.5})
+    motion = replace(solution.trajectory, parameters={"P": 0.9})
+    check = dmoc.verify(motion, kernels("power", order))
+    assert not check.passed and "path constraint 'power' is exceeded by" in check.message
+    assert check.path_excess > 0.045
+
+
+def test_the_check_finds_an_input_that_jumps_at_the_end() -> None:
+    """u = 5 at the last node alone, where 1 is allowed: 4 / (1 + 5) of its size."""
+    motion = furthest_speed("pushed", 2, "linear", 100, {"x": 0.0}).trajectory
+    u = motion.phases[0].u.copy()
+    u[-1] = 5.0
+    wrong = replace(motion, phases=(replace(motion.phases[0], u=u),))
+    check = dmoc.verify(wrong, kernels("pushed", 2))
+    assert check.path_excess == pytest.approx(4 / 6, rel=1e-12)
+    assert "path constraint 'lim' is exceeded by 66.7 % of its size at 1 s" in check.message
+
+
+def test_a_place_is_measured_in_the_ranges_of_the_motion() -> None:
+    """x from 1.75 to 2.25 where x <= 2: a half of the range."""
+    solution = furthest_speed(
+        "both", 2, "linear", 10, {"x": 1.25, "x_dot": 0.5}, bounds={"u": (-1e-6, 1e-6)}
+    )
+    motion = solution.trajectory
+    moved = replace(motion.phases[0], q=motion.phases[0].q + 0.5)
+    check = dmoc.verify(replace(motion, phases=(moved,)), kernels("both", 2))
+    assert check.path_excess == pytest.approx(0.5, rel=1e-5)
+
+
+def test_the_same_structure_serves_problems_that_fix_other_things() -> None:
+    """A start that is free has a row more at the start."""
+    known = furthest_speed("slow", 2, "constant", 10, {"x": 0.0}, bounds={"u": (-1.0, 1.0)})
+    free = furthest_speed(
+        "slow", 2, "constant", 10, {"x": 0.0, "x_dot": (0.0, 3.0)}, bounds={"u": (-1.0, 1.0)}
+    )
+    assert known.cost == pytest.approx(-0.5, abs=1e-9) == free.cost
+    assert free.trajectory.phases[0].v.max() <= 0.5 + 1e-6
