@@ -32,9 +32,9 @@ from dmoc.solving.attempts import seconds_until
 from dmoc.solving.edges import restated
 from dmoc.solving.exploration import Effort, Exploration, Start, coarse_of, explored
 from dmoc.solving.methods import METHODS
+from dmoc.solving.one_mesh import on_mesh_of, solved_on_mesh
 from dmoc.solving.request import Request
 from dmoc.solving.result import without_effect
-from dmoc.solving.solve import on_mesh_of, solved_on_mesh
 from dmoc.solving.starts import Given
 
 # Automatic guesses beside the parent's motion, and minima that are refined at most.  Random starts

@@ -9,24 +9,29 @@ from functools import partial
 
 import numpy as np
 
-from dmoc.codegen.kernels import COMPILED, Array
+from dmoc.codegen.kernels import COMPILED
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.scaling import scale_of
-from dmoc.nlp.transfer import on_mesh
 from dmoc.progress import Listener, told
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
-from dmoc.solving.attempts import attempted, remaining
+from dmoc.solving.attempts import remaining
 from dmoc.solving.endless import bounded
 from dmoc.solving.exploration import Effort, coarse_of, explored
 from dmoc.solving.methods import METHODS, REFINING, usual
+from dmoc.solving.one_mesh import (
+    best_on_mesh,
+    interrupted,
+    meshed_as,
+    on_coarse_mesh,
+    on_mesh_of,
+    solved_on_mesh,
+)
 from dmoc.solving.passing import naming_steps
-from dmoc.solving.program import Programs
 from dmoc.solving.refinement import refined
 from dmoc.solving.request import Keywords, Request, keywords
-from dmoc.solving.result import checked, solution_of, with_proposal
+from dmoc.solving.result import checked, with_proposal
 from dmoc.solving.sensitivity import check_problem
-from dmoc.solving.starts import Given, starts_of
+from dmoc.solving.starts import Given
 from dmoc.solving.turning import naming_turns
 from dmoc.solving.ways import best_way, ways_of
 
@@ -165,7 +170,7 @@ def solve(
             try:
                 return best_way(problem, _Ways(guess, request, asked), request.options)
             except KeyboardInterrupt:
-                return _interrupted(ways_of(problem)[0], guess, request)
+                return interrupted(ways_of(problem)[0], guess, request)
         return _solved(problem, guess, request, asked)
 
 
@@ -185,13 +190,13 @@ class _Ways:
             s = self.alone(way, options)
             return s if s.minimum else None
         effort = Effort.of(min(self.request.starts or WAY_STARTS, WAY_STARTS))
-        points, seed = _given(way, self.guess), self.request.seed
+        points, seed = on_coarse_mesh(way, self.guess), self.request.seed
         with np.errstate(all="ignore"):
             minima = explored(coarse_of(way), effort, seed, options, points=points).ranked
         return minima[0] if minima else None
 
     def alone(self, way: Problem, options: Options) -> Solution:
-        guess = _given(way, self.guess).get("given")
+        guess = on_coarse_mesh(way, self.guess).get("given")
         s = solved_on_mesh(coarse_of(way), guess, replace(self.request, options=options))
         if s.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
@@ -204,7 +209,7 @@ def _solved(problem: Problem, guess: Given, request: Request, asked: Keywords) -
         request = replace(request, starts=1)
     begin, tolerance = time.perf_counter(), asked.tolerance_of(problem)
     if tolerance is None:
-        answer = _bounded(problem, _best(problem, guess, request), request)
+        answer = _bounded(problem, best_on_mesh(problem, guess, request), request)
         fine = replace(_compiled(problem, request), verify=True)
         answer = naming_steps(problem, answer, partial(_from_motion, fine, begin))
     else:
@@ -226,7 +231,7 @@ def _on_meshes(
         sharp = replace(remaining(options, begin), optimality=optimality)
         return replace(request, options=sharp, verify=False)
 
-    best = _best(problem, guess, wanted(base))
+    best = best_on_mesh(problem, guess, wanted(base))
     unrefined = _bounded(problem, best, wanted(base))
     if unrefined is not best:
         return unrefined
@@ -239,9 +244,9 @@ def _on_meshes(
             unrefined if on_mesh_of(problem, unrefined) and unrefined.minimum else None
         )
         if known is None:  # many starts have led nowhere, and begin on the same coarse mesh
-            return _best(problem, guess, replace(now, starts=1))
+            return best_on_mesh(problem, guess, replace(now, starts=1))
         few = replace(now.options, iterations=min(options.iterations, FROM_COARSE))
-        return solved_on_mesh(_meshed(problem, known), known, replace(now, options=few))
+        return solved_on_mesh(meshed_as(problem, known), known, replace(now, options=few))
 
     def check(solution: Solution) -> Solution:
         return checked(solution, remaining(options, begin).seconds)
@@ -272,7 +277,7 @@ def _compiled(problem: Problem, request: Request) -> Request:
 def _from_motion(request: Request, begin: float, problem: Problem, motion: Solution) -> Solution:
     """Solve a problem from a motion, in what is left of the time since a moment."""
     options = remaining(request.options, begin)
-    return solved_on_mesh(_meshed(problem, motion), motion, replace(request, options=options))
+    return solved_on_mesh(meshed_as(problem, motion), motion, replace(request, options=options))
 
 
 def _naming_turns(problem: Problem, answer: Solution, request: Request, begin: float) -> Solution:
@@ -283,72 +288,9 @@ def _naming_turns(problem: Problem, answer: Solution, request: Request, begin: f
     def few(problem: Problem) -> Solution:
         plain = _compiled(problem, request)
         left = replace(plain, options=remaining(plain.options, begin), starts=FEW)
-        return _best(problem, None, left)
+        return best_on_mesh(problem, None, left)
 
     return naming_turns(problem, answer, few, deadline)
-
-
-def _best(problem: Problem, guess: Given, request: Request) -> Solution:
-    """Solve on one mesh, from the best of many starts or from a guess alone."""
-    if request.starts == 1 or problem.kernels.backend != COMPILED:
-        return solved_on_mesh(problem, guess, request)
-    options, begin = request.options, time.perf_counter()
-    try:
-        with np.errstate(all="ignore"):
-            effort = Effort.of(request.starts)
-            points = _given(problem, guess)
-            found = explored(problem, effort, request.seed, options, request.ranks_checked, points)
-    except KeyboardInterrupt:
-        return _interrupted(problem, guess, request)
-    spent, tried = time.perf_counter() - begin, None
-    for i, start in enumerate(found.ranked):
-        answer = _answer(problem, start, replace(request, options=remaining(options, begin)))
-        tried = tried or (answer, i)
-        # On the ranking mesh it is settled that the first one is the best, confirmed or not.
-        settled = not start.minimum and on_mesh_of(problem, start)
-        if answer.minimum or settled or answer.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
-            tried = answer, i
-            break
-    if tried is None:
-        left = replace(request, options=remaining(options, begin))
-        tried = _without_start(problem, guess, left), len(found.ranked)
-    answer, i = tried
-    confirmed = [s.cost for s in found.ranked if s.minimum]
-    if answer.status is Status.NOT_VERIFIED and confirmed:
-        message = f"{answer.message}; the best minimum that is confirmed costs {min(confirmed):.6g}"
-        answer = replace(answer, message=message)
-    return replace(
-        answer,
-        starts=len(found.starts),
-        found=found.found[i] if i < len(found.found) else 0,
-        others=found.others(i),
-        seconds={"build": problem.kernels.seconds, "explore": spent}
-        | {"guess": 0.0, "solve": 0.0}
-        | dict(answer.seconds),
-    )
-
-
-def _interrupted(problem: Problem, guess: Given, request: Request) -> Solution:
-    """The answer where Ctrl-C has come before there was one."""
-    stopped = replace(request, options=replace(request.options, iterations=1), verify=False)
-    status = Status.INTERRUPTED
-    return replace(solved_on_mesh(problem, guess, stopped), status=status, message=status.sentence)
-
-
-def _without_start(problem: Problem, guess: Given, request: Request) -> Solution:
-    """The answer where no start has led to a motion.  That there is none is told by the compiled
-    method, which takes a hundredth of the time that SLSQP takes to find it out."""
-    method, begin = request.method, time.perf_counter()
-    if method.falls_back_on:
-        silent = replace(request.options, progress=None)
-        compiled = replace(request, method=METHODS[method.falls_back_on], options=silent)
-        found = solved_on_mesh(problem, guess, compiled)
-        if found.status in (Status.INFEASIBLE, Status.INTERRUPTED):
-            told = f"{found.message}; {compiled.method.name} told it, {method.name} was not tried"
-            return replace(found, message=told)
-        request = replace(request, options=remaining(request.options, begin))
-        guess = found if found.minimum else guess
-    return solved_on_mesh(problem, guess, request)
 
 
 def _telling_starts(s: Solution) -> Solution:
@@ -368,80 +310,3 @@ def _telling_starts(s: Solution) -> Solution:
             several = "one minimum" if len(s.others) == 1 else f"{len(s.others)} minima"
             told = f"{s.starts} starts led to {several} on a coarse mesh alone"
     return replace(s, message=f"{s.message}; {told}")
-
-
-def _given(problem: Problem, guess: Given) -> dict[str, Array]:
-    """A guess that was given on the coarse mesh, by name."""
-    if guess is None:
-        return {}
-    x = starts_of(problem, guess).points[0]
-    return {"given": on_mesh(coarse_of(problem), problem, x)}
-
-
-def _meshed(problem: Problem, solution: Solution) -> Problem:
-    """The problem, on the mesh of a solution where it leaves its own open."""
-    return problem if problem.steps is not None else problem.meshed(solution.steps)
-
-
-def on_mesh_of(problem: Problem, solution: Solution) -> bool:
-    return problem.steps is None or solution.steps == problem.phase_steps
-
-
-def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
-    """The solution from a minimum on the ranking mesh: itself where that is the problem's.
-
-    SLSQP gets a minimum on the problem's own mesh: from others it may take many of its dense
-    iterations to a point that is flat, as the switches of inputs at their limits are.
-    """
-    method, begin = request.method, time.perf_counter()
-    problem = _meshed(problem, start)
-    as_asked = request.verify == request.ranks_checked and start.method == method.name
-    if on_mesh_of(problem, start):
-        given = as_asked and request.options.progress is None
-        return start if given else solved_on_mesh(problem, start, request)
-    if method.falls_back_on:
-        silent = replace(request.options, progress=None)
-        compiled = METHODS[method.falls_back_on]
-        refined = solved_on_mesh(
-            problem, start, replace(request, method=compiled, options=silent, verify=False)
-        )
-        if refined.status is Status.INTERRUPTED:
-            return refined
-        start = refined if refined.minimum else start
-    return solved_on_mesh(
-        problem, start, replace(request, options=remaining(request.options, begin))
-    )
-
-
-def solved_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution:
-    """Solve on one mesh."""
-    method, options = request.method, request.options
-    method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
-    begin = time.perf_counter()
-    deadline = np.inf if options.seconds is None else begin + options.seconds
-    with np.errstate(all="ignore"):
-        starts = starts_of(problem, guess, deadline)
-        guessed = time.perf_counter()
-        scale = scale_of(problem, starts.points[0], starts.minimum)
-        left = _in_units(remaining(options, begin), scale.cost)
-        found = attempted(
-            Programs(problem, scale, request.by_rates), starts, method, request.form, left
-        )
-        solved = time.perf_counter()
-        seconds = {
-            "build": problem.kernels.seconds,
-            "guess": guessed - begin,
-            "solve": solved - guessed,
-        }
-        solution = solution_of(found, method.name, seconds)
-    if not (request.verify and solution.minimum):
-        return solution
-    return checked(solution, remaining(options, begin).seconds)
-
-
-def _in_units(options: Options, cost: float) -> Options:
-    """Options whose progress is told with costs in units of the problem."""
-    tell = options.progress
-    if tell is None:
-        return options
-    return replace(options, progress=lambda i: tell(replace(i, cost=i.cost * cost)))

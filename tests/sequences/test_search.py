@@ -24,9 +24,9 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving import exploration
 from dmoc.solving.attempts import Attempt
 from dmoc.solving.methods import METHODS
+from dmoc.solving.one_mesh import solved_on_mesh
 from dmoc.solving.request import Request
 from dmoc.solving.side_by_side import attempts_from
-from dmoc.solving.solve import solved_on_mesh
 
 pytestmark = pytest.mark.slow
 
