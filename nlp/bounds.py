@@ -7,6 +7,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.impact import ImpactLaw
 from dmoc.nlp.layout import Layout
+from dmoc.nlp.passage import STOP
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.rows import Goal
 from dmoc.nlp.sizes import Scale
@@ -75,7 +76,11 @@ def limits(
     if not pulling:
         for index in (lay.index_P, lay.index_P_c):
             box[index[index != NOWHERE], 0] = 0.0
-    box[lay.index_P_h[lay.index_P_h != NOWHERE], 0] = 0.0
+    struck, touched = (lay.index_P_h[touches] for touches in (~law.touching, law.touching))
+    box[struck[struck != NOWHERE], 0] = 0.0
+    # Of a touch, the impulse of compression is zero by its equation, and no bound beside it.
+    stops = touched[:, STOP]
+    box[stops[stops != NOWHERE]] = 0.0
     box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
     box[lay.index_t[:1]] = 0.0
     for goal in goals:

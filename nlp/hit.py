@@ -20,6 +20,10 @@ with the differences dP, dT of a stage.  The rates are linear in the impulses, s
 stage sigma has the sign that it has at both ends.  A landing is compression alone and has the law
 of :mod:`dmoc.nlp.impact` for its end.  No term needs the inverse of the mass matrix.
 
+In a hit that only touches, all impulses are zero: lam and P_h where sliding stops by their bounds,
+the others by the equations.  Inequalities between them would have no interior, nor would those of
+directions where sliding stops; the velocity is the same before and after.
+
 Y. Wang and M. T. Mason, Journal of Applied Mechanics 59 (1992) 635-642.
 """
 
@@ -33,9 +37,9 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.impact import restitution_of
 from dmoc.nlp.layout import Layout
-from dmoc.nlp.passage import END, MOMENTS, STAGES, Passage
+from dmoc.nlp.passage import END, MOMENTS, STAGES, STOP, Passage
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.tables import NOWHERE, Block, Entries, Index, Numbering, in_columns
+from dmoc.nlp.tables import NOWHERE, Block, Bools, Entries, Index, Numbering, in_columns
 from dmoc.nlp.terms import Places, Term
 from dmoc.nlp.touch import Touch, moment
 from dmoc.symbolic.names import momentum_name
@@ -57,17 +61,20 @@ class HitLaw:
     mu : array, shape (nt,)
     e : array, shape (events,)
         Coefficients of restitution.
+    touching : array of bool, shape (events,)
+        Hits that only touch their surface.
     """
 
     lay: Layout
     names: tuple[str, ...]
     mu: Array
     e: Array
+    touching: Bools
 
     @classmethod
-    def of(cls, problem: Problem, lay: Layout) -> HitLaw:
+    def of(cls, problem: Problem, lay: Layout, touching: Bools) -> HitLaw:
         names, e = tuple(problem.kernels.coordinates), restitution_of(problem, lay.surfaces)
-        return cls(lay, names, problem.model.friction, e)
+        return cls(lay, names, problem.model.friction, e, touching)
 
     @property
     def touch(self) -> Touch:
@@ -130,11 +137,14 @@ class HitLaw:
         bears = np.zeros((count, STAGES, 2), dtype=bool)
         heads = np.zeros((count, 2), dtype=bool)
         for p in self.passages:
+            if self.touching[p.event]:
+                heads[p.event, 1] = p.friction[-1] != 0 and STOP not in p.moments
+                continue
+            heads[p.event] = p.friction[0] != 0, p.friction[-1] != 0
             share[p.event, list(p.shares(self.e[p.event]))] = True
             sticking = p.bears(self.e[p.event])
             if sticking is not None:
                 bears[p.event, sticking] = True
-            heads[p.event] = p.friction[0] != 0, p.friction[-1] != 0
         hit, rubbed = self.touch.passing
         tangents, of = self.touch.tangents, {p.event: p for p in self.passages}
 

@@ -312,7 +312,8 @@ def _untouched(lay: Layout) -> tuple[tuple[Block, ...], tuple[Block, ...]]:
     """Blocks of contacts where there are none: they have no members, so that all programs of a
     layout share them."""
     mu = np.zeros(len(lay.touch.tangents))
-    laws = (ContactLaw.of_none(lay, mu), HitLaw(lay, (), mu, np.zeros(len(lay.surfaces))))
+    e = np.zeros(len(lay.surfaces))
+    laws = (ContactLaw.of_none(lay, mu), HitLaw(lay, (), mu, e, np.zeros(len(e), dtype=bool)))
     block = Numbering()
     return _contact_equations(laws, block), _contact_inequalities(laws, block)
 

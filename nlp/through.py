@@ -33,8 +33,7 @@ def jams(problem: Problem, x: Array) -> tuple[str, ...]:
     for p in lay.touch.passages:
         s = p.friction[p.moments.index(END) if END in p.moments else -1]
         node = lay.collision_nodes[p.event]
-        D = _directions(problem, p, x[lay.index_q[node]], float(t[node]))
-        A = D @ solved(problem.model.mass(x[lay.index_q[node]], float(t[node])), D.T)
+        A = response(problem, p, x[lay.index_q[node]], float(t[node]))
         if s and A[0, 0] <= s * problem.model.friction[p.tangent] * A[0, 1]:
             name = problem.kernels.surfaces[p.surface]
             found.append(
@@ -43,6 +42,13 @@ def jams(problem: Problem, x: Array) -> tuple[str, ...]:
                 "ends"
             )
     return tuple(found)
+
+
+def response(problem: Problem, p: Passage, q: Array, t: float) -> Array:
+    """The matrix A = D M^-1 D^T of the directions of an impact: what impulses along them change
+    the rates of separation and of sliding by, shape (2, 2)."""
+    D = _directions(problem, p, q, t)
+    return np.asarray(D @ solved(problem.model.mass(q, t), D.T))
 
 
 def _directions(problem: Problem, p: Passage, q: Array, t: float) -> Array:

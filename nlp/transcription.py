@@ -90,7 +90,7 @@ class Transcription(Evaluator):
         free = self.limits[0] != self.limits[1]
         ends = (free[self.layout.index_q[0]], free[self.layout.index_q[-1]])
         self.contact = ContactLaw.of(problem, self.layout, self.limits)
-        self.hits = HitLaw.of(problem, self.layout)
+        self.hits = HitLaw.of(problem, self.layout, self.law.touching)
         self.path = PathLaw.of(problem, self.layout, self.limits)
         laws = (self.law, self.contact, self.hits)
         self.rows = rows_of(problem, self.layout, laws, self.path, ends, goals)

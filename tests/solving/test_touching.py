@@ -1,0 +1,83 @@
+"""Touches of hits with friction, and what a collision would cost instead."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.nlp.scaling import scale_of
+from dmoc.solvers.outcome import Options
+from dmoc.solving.methods import METHODS
+from dmoc.solving.program import Programs
+from dmoc.solving.starts import starts_of
+from dmoc.solving.touching import pays, slopes
+
+X, Y, U, V = dynamicsymbols("x y u v")
+MU, M_XY = sp.symbols("mu m_xy")
+MINIMISE = METHODS["ipm"].minimise()
+SHARP = Options(1e-10, 1e-12)
+
+
+@cache
+def problem() -> dmoc.Problem:
+    """A body whose masses couple the normal and the tangent goes down to a floor and up again."""
+    x, y = X.diff(), Y.diff()
+    system = dmoc.MechanicalSystem(
+        "touched_floor", [X, Y], (x**2 + 2 * M_XY * x * y + y**2) / 2, {MU: 0.2, M_XY: 0.1},
+        inputs=[U, V], forces={X: U, Y: V}, cost=(U**2 + V**2) / 2,
+        surfaces={"floor": Y >= 0}, tangents={"floor": X}, friction={"floor": MU},
+    )  # fmt: skip
+    start = {"x": 0, "y": 1, "x_dot": 1}
+    goal = {"x": 1, "y": 1, "x_dot": 1, "y_dot": 0}
+    return dmoc.Problem(
+        dmoc.build(system), start=start, goal=goal, sequence=["floor:slip+"], steps=20,
+        final_time=1, restitution=0.5,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("course", "mu", "coupling"),
+    [
+        ("slip+", 0.2, 0.1),
+        ("slip+", 0.5, -0.3),
+        ("slip-", 0.5, -0.3),  # would rather go the other way: sigma = 0, and slower afterwards
+        ("slip-", 0.2, 0.3),  # the same, and faster afterwards
+        ("stick", 0.5, 0.3),
+        ("slip+:stick", 0.5, 0.3),
+        ("slip+:stick", 0.5, -0.3),
+        ("slip+:stick:late", 0.5, 0.3),
+    ],
+)
+def test_the_slope_of_a_touch_is_that_of_hits_at_small_rates(
+    course: str, mu: float, coupling: float
+) -> None:
+    hit = problem().but(sequence=[f"floor:{course}"], parameters={"mu": mu, "m_xy": coupling})
+    point = starts_of(hit, None).points[0]
+    programs = Programs(hit, scale_of(hit, point))
+    touching = programs.program(touching=[0])
+    touch = MINIMISE(touching, touching.scaled(point), SHARP, None)
+    assert touch.status == "solved"
+    # Regular: an equation that inequalities say too would have multipliers without limit.
+    assert max(abs(touch.duals.y).max(), abs(touch.duals.w).max(), abs(touch.duals.z).max()) < 2e3
+    slope, rate = min(slopes(touching, touch, 0)), 1e-4
+
+    real = Programs(hit, programs.scale).program()
+    down = real.layout.index_v_a[0, 1]
+    real.lower[down] = real.upper[down] = -rate / real.unit[down]
+    struck = MINIMISE(real, touch.x, SHARP, None)
+    assert struck.status == "solved"
+    by_difference = (real.cost(struck.x) - touching.cost(touch.x)) / rate
+    assert slope / programs.scale.rate[0] == pytest.approx(by_difference, rel=5e-4)
+
+
+def test_a_way_that_no_hit_goes_pays_nothing() -> None:
+    """Sticking needs |A_nt| <= mu A_tt, here 0.3 <= 0.2."""
+    hit = problem().but(sequence=["floor:slip+:stick"], parameters={"mu": 0.2, "m_xy": 0.3})
+    point = starts_of(hit, None).points[0]
+    touching = Programs(hit, scale_of(hit, point)).program(touching=[0])
+    touch = MINIMISE(touching, touching.scaled(point), SHARP, None)
+    assert touch.status == "solved" and not slopes(touching, touch, 0) and not pays(touching, touch)
