@@ -123,7 +123,7 @@ def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBoun
             nodes |= {(BoundKind.OTHER, block.name_of(int(i))): set() for i in held}
             continue
         kind, names = kinds[block]
-        for row, column in block.places[held]:
+        for row, column, *_ in block.places[held]:
             place = int(block.nodes[row])
             nodes.setdefault((kind, names[column % len(names)]), set()).add(place)
     for (kind, name), where in nodes.items():

@@ -49,6 +49,7 @@ def test_sliding_at_rest_is_told_with_its_place_and_the_words_to_try(crane: dmoc
     assert stands.cost < 0.95 * slides.cost
     # At rest it holds all that it can, and would rather roll back.
     assert stands.proposal is not None and stands.proposal.stays[0].cheaper == "slip-"
+    assert any(b.startswith("friction cone of rail at") for b in stands.active_bounds)
     back = dmoc.solve(crane.but(sequence=stands.proposal.sequence), "ipm", guess=stands)
     assert back.solved and back.cost < 0.95 * stands.cost and back.proposal is None
 
