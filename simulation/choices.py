@@ -23,6 +23,7 @@ from dmoc.simulation.indeterminate import borne
 from dmoc.simulation.modes import (
     RAIL,
     Mode,
+    Reaction,
     answers,
     conditions,
     reaction,
@@ -237,15 +238,19 @@ def _signs(k: int, sigma: Array, small: Array, hints: Hints) -> tuple[int, ...]:
 
 
 def limits(model: Model, mode: Mode, y: Array, u: Array, t: Array) -> Array:
-    """What a mode keeps from falling below zero at rows of states (n, nc + 2 nt): minus the gap of
-    an open surface or the force of a closed one; what friction still bears of what sticks; the
-    sliding velocity in its direction.  Infinite where there is nothing to keep."""
+    """What a mode keeps from falling below zero at rows of states, as in :func:`kept`."""
     nq = model.nq
     q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
-    found = reaction(model, mode, q, v, np.broadcast_to(u, (len(q), len(u))), t)
-    found = borne(model, mode, found, q, t)
-    kept = -model.gaps(q, t)
-    kept[:, list(mode.closed)] = found.normal[:, list(mode.closed)]
+    found = reaction(model, mode, q, v, np.broadcast_to(u, (len(q), u.shape[-1])), t)
+    return kept(model, mode, borne(model, mode, found, q, t), q, v, t)
+
+
+def kept(model: Model, mode: Mode, found: Reaction, q: Array, v: Array, t: Array) -> Array:
+    """What a mode keeps from falling below zero (n, nc + 2 nt): minus the gap of an open surface or
+    the force of a closed one; what friction still bears of what sticks; the sliding velocity in
+    its direction.  Infinite where there is nothing to keep."""
+    least = -model.gaps(q, t)
+    least[:, list(mode.closed)] = found.normal[:, list(mode.closed)]
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
     at = supports(model.kernels)
     for k in mode.sticking:
@@ -254,7 +259,7 @@ def limits(model: Model, mode: Mode, y: Array, u: Array, t: Array) -> Array:
     sigma = model.slide_rates(q, v, t)
     for k, s in mode.sliding:
         slides[:, k] = s * sigma[:, k]
-    return np.hstack([kept, bears, slides])
+    return np.hstack([least, bears, slides])
 
 
 def slack(mode: Mode, small: Tolerances) -> Array:

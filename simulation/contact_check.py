@@ -14,14 +14,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from dmoc.codegen.kernels import Array
 from dmoc.simulation.contact_events import event_errors
 from dmoc.simulation.contact_forces import (
+    BEARABLE,
     TURNED,
     ForceErrors,
     force_errors,
     left_out,
-    still_pressed,
+    slide_size,
+    still_held,
 )
+from dmoc.simulation.contact_location import ON_TIME
 from dmoc.simulation.contact_measures import (
     amplification,
     flow_of,
@@ -37,6 +41,7 @@ from dmoc.simulation.measures import input_excess, wrong_places
 from dmoc.simulation.motion import Motion
 from dmoc.simulation.runs import contacts_of_phase
 from dmoc.simulation.verdict import (
+    PASSING,
     TERMINAL,
     Verification,
     broken,
@@ -53,10 +58,11 @@ from dmoc.trajectory import GRAZING
 def judged_with_contacts(motion: Motion) -> Verification:
     """Measure a motion and judge it."""
     flow, held = flow_of(motion), _forces(motion)
-    steps, (parts, met) = step_errors(motion, flow), segments(motion, flow)
+    steps, on_the_way = step_errors(motion, flow), segments(motion, flow, _slack(motion, held))
+    parts = on_the_way.parts
     events, inputs = event_errors(motion, steps.work), input_excess(motion)
-    missed, in_flight = _in_flight(motion)
-    met = [c for c in (*met, *in_flight) if c.jump > GRAZING]
+    missed, in_flight, early = _in_flight(motion)
+    met = [c for c in (*on_the_way.met, *in_flight) if c.jump > GRAZING]
     extra = dict.fromkeys(f"a contact with {c.surface!r} at {c.time:.4g} s" for c in met)
     defects = np.array([part.error for part in parts])
     worst = float(defects.max(initial=0.0))
@@ -69,7 +75,8 @@ def judged_with_contacts(motion: Motion) -> Verification:
         "excess of an input": inputs, "error of a contact force": held.largest,
     }  # fmt: skip
     told = [*torn(motion), *wrong_places(motion, "contact"), *held.told, *events.told]
-    told += [*still_pressed(motion, held.sizes), *lost_by(missed, tuple(extra), 0.0)]
+    told += [*on_the_way.told, *early, *still_held(motion, held.sizes)]
+    told += lost_by(missed, tuple(extra), 0.0)
     too_far, note = exceeded(measured) + broken(steps.path), ""
     if not terminal <= TERMINAL:
         lost = lost_by((), (), terminal)
@@ -93,6 +100,13 @@ def _forces(motion: Motion) -> ForceErrors:
     return replace(found, told=(*left_out(motion), *found.told))
 
 
+def _slack(motion: Motion, held: ForceErrors) -> tuple[Array, Array, Array]:
+    """Contact forces, friction and sliding velocities that errors of discretisation explain."""
+    sliding = np.max([slide_size(motion, i) for i in range(len(motion.modes))], axis=0)
+    normal, tangential = held.sizes
+    return BEARABLE * normal, BEARABLE * tangential, TURNED * sliding
+
+
 def _softly(motion: Motion, i: int) -> bool:
     """Whether a phase ends on its surface with hardly a rate, so that a simulation may just not
     reach it."""
@@ -102,16 +116,22 @@ def _softly(motion: Motion, i: int) -> bool:
     return bool(rate <= TURNED * motion.sizes.rate[j])
 
 
-def _in_flight(motion: Motion) -> tuple[tuple[str, ...], list[Contact]]:
-    """Planned contacts at the ends of free phases that are missed, and contacts on the way there
-    that were not planned."""
-    missed, met = list[str](), list[Contact]()
+def _in_flight(motion: Motion) -> tuple[tuple[str, ...], list[Contact], list[str]]:
+    """Planned contacts at the ends of free phases that are missed, contacts on the way there that
+    were not planned, and those that are met before their time."""
+    missed, met, early = list[str](), list[Contact](), list[str]()
     for i, phase in enumerate(motion.trajectory.phases):
         if not is_free(motion, i):
             continue
         contacts = contacts_of_phase(motion, i)
         planned = [c for c in contacts if is_planned(motion, i, c.surface, c.time)]
         met += [c for c in contacts if c not in planned]
+        early += [
+            f"the simulation meets {c.surface!r} at {c.time:.4g} s, not at {phase.t[-1]:.4g} s as "
+            "planned"
+            for c in planned
+            if _too_early(motion, i, c)
+        ]
         missed += [
             f"the contact with {c.surface!r} at {phase.t[-1]:.4g} s"
             for c in motion.trajectory.collisions[i : i + 1]
@@ -121,4 +141,14 @@ def _in_flight(motion: Motion) -> tuple[tuple[str, ...], list[Contact]]:
             and not planned
             and not _softly(motion, i)
         ]
-    return tuple(missed), met
+    return tuple(missed), met, early
+
+
+def _too_early(motion: Motion, i: int, contact: Contact) -> bool:
+    """Whether a contact is met so long before the end of a phase that the gap, which goes on with
+    its rate at the end, is further behind the surface than a segment may be off."""
+    phase, j = motion.trajectory.phases[i], motion.model.kernels.surfaces.index(contact.surface)
+    early = float(phase.t[-1]) - contact.time
+    rate = float(motion.model.gap_rates(phase.q[-1], phase.v[-1], phase.t[-1])[j])
+    behind = early * rate > PASSING["segment error"] * motion.sizes.gap[j]
+    return behind and early > ON_TIME * phase.duration

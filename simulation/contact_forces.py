@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.simulation.contact_location import ON_TIME
 from dmoc.simulation.contact_measures import Forces, forces
 from dmoc.simulation.modes import RAIL, Mode, columns, conditions, reaction, supports
 from dmoc.simulation.motion import Motion
@@ -27,11 +28,11 @@ EPS = float(np.finfo(float).eps)
 @dataclass(frozen=True)
 class ForceErrors:
     """The largest error of a force relative to the largest of its contact, what contradicts the
-    motion, in sentences, and the largest force of each contact (nc,)."""
+    motion, in sentences, and the largest force of each contact (nc,) and friction (nt,)."""
 
     largest: float
     told: tuple[str, ...]
-    sizes: Array
+    sizes: tuple[Array, Array]
 
 
 def force_errors(motion: Motion) -> ForceErrors:
@@ -49,23 +50,53 @@ def force_errors(motion: Motion) -> ForceErrors:
         told += _slipping(motion, i, flow, tangential)
         told += _turning(motion, i)
     # What underflows on the way is no error.
-    return ForceErrors(largest if largest > EPS else 0.0, tuple(told), normal)
+    return ForceErrors(largest if largest > EPS else 0.0, tuple(told), (normal, tangential))
 
 
-def still_pressed(motion: Motion, size: Array) -> Iterator[str]:
-    """Contacts that leave while they are pressed: kept closed they would still push."""
+def still_held(motion: Motion, sizes: tuple[Array, Array]) -> Iterator[str]:
+    """Contacts that leave while they are pressed, and that begin to slide while friction holds
+    them: with the inputs after the event, kept as they were, they would not."""
+    for i in range(len(motion.trajectory.collisions)):
+        yield from _pressed(motion, i, sizes[0])
+        yield from _gripped(motion, i, sizes[1])
+
+
+def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
     model, surfaces = motion.model, motion.model.kernels.surfaces
-    for i, c in enumerate(motion.trajectory.collisions):
-        after, mode = motion.trajectory.phases[i + 1], motion.modes[i + 1]
-        q, v, t = after.q[:1], after.v[:1], after.t[:1]
-        rates = model.gap_rates(q, v, t)[0]
-        for j in (surfaces.index(name) for name in c.leaves):
-            if rates[j] < -DRIFT * motion.sizes.rate[j]:
-                continue  # it opens with a velocity
-            kept = replace(mode, closed=(*mode.closed, j))
-            force = reaction(model, kept, q, v, motion.steps[i + 1].u0[:1], t).normal[0, j]
-            if force > PRESSED * size[j]:
-                yield (f"{surfaces[j]} leaves at {c.time:.4g} s, pressed with {force:.4g} N")
+    c, after = motion.trajectory.collisions[i], motion.trajectory.phases[i + 1]
+    q, v, t = after.q[:1], after.v[:1], after.t[:1]
+    rates = model.gap_rates(q, v, t)[0]
+    for j in (surfaces.index(name) for name in c.leaves):
+        if rates[j] < -DRIFT * motion.sizes.rate[j]:
+            continue  # it opens with a velocity
+        kept = replace(motion.modes[i + 1], closed=(*motion.modes[i + 1].closed, j))
+        force = reaction(model, kept, q, v, motion.steps[i + 1].u0[:1], t).normal[0, j]
+        if force > PRESSED * size[j]:
+            yield f"{surfaces[j]} leaves at {c.time:.4g} s, pressed with {force:.4g} N"
+
+
+def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
+    model, at, mode = motion.model, supports(motion.model.kernels), motion.modes[i + 1]
+    c, after = motion.trajectory.collisions[i], motion.trajectory.phases[i + 1]
+    if c.surface:
+        return  # an impact may set it off
+    soon = after.t[:-1] <= max(c.time + ON_TIME * after.duration, after.t[1])
+    q, v, t, u = after.q[:-1][soon], after.v[:-1][soon], after.t[:-1][soon], motion.steps[i + 1].u0
+    fast = np.abs(model.slide_rates(after.q[:1], after.v[:1], after.t[:1])[0])
+    for k in dict(mode.sliding):
+        if k not in motion.modes[i].sticking or fast[k] > DRIFT * slide_size(motion, i + 1)[k]:
+            continue
+        others = tuple(pair for pair in mode.sliding if pair[0] != k)
+        kept = replace(mode, sticking=(*mode.sticking, k), sliding=others)
+        found = reaction(model, kept, q, v, u[: len(t)], t)
+        bears = model.friction[k] * (1.0 if at[k] == RAIL else found.normal[:, at[k]])
+        spare = bears - np.abs(found.tangential[:, k])
+        if (spare > PRESSED * size[k]).all():
+            yield (
+                f"{model.kernels.tangents[k]} begins to slide at {c.time:.4g} s, where friction "
+                f"holds it: it has {np.broadcast_to(bears, spare.shape)[0]:.4g} N and needs "
+                f"{abs(found.tangential[0, k]):.4g} N"
+            )
 
 
 def left_out(motion: Motion) -> list[str]:
@@ -199,14 +230,18 @@ def _slipping(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str
             )
 
 
+def slide_size(motion: Motion, i: int) -> Array:
+    """Sizes of the sliding velocities in a phase, shape (nt,)."""
+    phase, model = motion.trajectory.phases[i], motion.model
+    along = np.abs(model.tangent_slopes(phase.q, phase.t)).max(axis=0)
+    moving = 1.0 if model.kernels.manifest["explicit_time"] else 0.0
+    return np.asarray(along @ np.append(motion.sizes.v, moving))
+
+
 def _turning(motion: Motion, i: int) -> Iterator[str]:
     """Sliding against its planned direction, or from rest into the other one."""
     phase, model = motion.trajectory.phases[i], motion.model
-    rates = model.slide_rates(phase.q, phase.v, phase.t)
-    along = np.abs(model.tangent_slopes(phase.q, phase.t)).max(axis=0)
-    size = along @ np.append(
-        motion.sizes.v, 1.0 if model.kernels.manifest["explicit_time"] else 0.0
-    )
+    rates, size = model.slide_rates(phase.q, phase.v, phase.t), slide_size(motion, i)
     for j, s in motion.modes[i].sliding:
         forward = s * rates[:, j]
         k = int(np.argmin(forward))

@@ -13,11 +13,12 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Index
 from dmoc.simulation.amplification import PERTURBED
 from dmoc.simulation.contact_law import after_event, event_of
+from dmoc.simulation.contact_location import Stage, kept_at_ends, passed_limits
 from dmoc.simulation.flow import PLACES, TOUCH, Contact, Steps
 from dmoc.simulation.indeterminate import nearest
 from dmoc.simulation.measures import Segment, StepErrors, inside_errors, largest
 from dmoc.simulation.mode_flow import ModeFlow, Span
-from dmoc.simulation.modes import Mode, reaction, settled
+from dmoc.simulation.modes import Mode, Reaction, reaction, settled
 from dmoc.simulation.motion import Motion, nodes_of_segments
 from dmoc.simulation.path_limits import Course, path_excess
 from dmoc.simulation.runs import SAME_CONTACT
@@ -88,7 +89,13 @@ def _course(motion: Motion, flow: ModeFlow, i: int) -> Course:
     nodes = np.arange(motion.trajectory.phases[i].steps)
     y0, held = put(motion, i, rows_at(motion, i, nodes), span.t)
     y1 = flow.advance(motion.modes[i], y0, span, held)
-    return Course(motion.steps[i], y0, flow.ends(motion.modes[i], y0, y1, span), y1)
+    ends = flow.ends(motion.modes[i], y0, y1, span)
+    return Course(motion.steps[i], y0, _accelerations(ends), y1)
+
+
+def _accelerations(ends: tuple[Reaction, Reaction]) -> Array:
+    """Accelerations at both ends of steps, shape (n, 2, nq)."""
+    return np.stack([end.acceleration for end in ends], axis=1)
 
 
 def _steps_of(motion: Motion, i: int, course: Course) -> StepErrors:
@@ -118,19 +125,32 @@ def _between(motion: Motion, course: Course, places: Array) -> tuple[Array, Arra
 # Segments -----------------------------------------------------------------------------------------
 
 
-def segments(motion: Motion, flow: ModeFlow) -> tuple[list[Segment], list[Contact]]:
+@dataclass(frozen=True)
+class Segments:
     """The segments of all phases with the derivatives of their ends by their starts, from
-    differences, and contacts that were not planned and are met in phases with closed contacts or
-    friction."""
-    found, met = list[Segment](), list[Contact]()
+    differences; contacts that were not planned and are met in phases with closed contacts or
+    friction; and what ends a mode elsewhere than planned, in sentences."""
+
+    parts: list[Segment]
+    met: list[Contact]
+    told: list[str]
+
+
+def segments(motion: Motion, flow: ModeFlow, sizes: tuple[Array, Array, Array]) -> Segments:
+    """Simulate the segments of all phases; ``sizes`` are those of contact forces, of friction and
+    of sliding velocities that errors of discretisation explain."""
+    found = Segments([], [], [])
     for i in range(len(motion.steps)):
-        parts, contacts = _segments_of(motion, flow, i)
-        found += parts
-        met += contacts
-    return found, met
+        parts, contacts, stages = _segments_of(motion, flow, i)
+        found.parts.extend(parts)
+        found.met.extend(contacts)
+        found.told.extend(passed_limits(motion, flow, i, stages, np.concatenate(sizes)))
+    return found
 
 
-def _segments_of(motion: Motion, flow: ModeFlow, i: int) -> tuple[list[Segment], list[Contact]]:
+def _segments_of(
+    motion: Motion, flow: ModeFlow, i: int
+) -> tuple[list[Segment], list[Contact], list[Stage]]:
     phase, m = motion.trajectory.phases[i], 2 * motion.model.nq
     cuts = nodes_of_segments(phase.steps)
     places = list(pairwise(map(int, cuts)))
@@ -139,7 +159,7 @@ def _segments_of(motion: Motion, flow: ModeFlow, i: int) -> tuple[list[Segment],
     changes[1:, :m] = np.vstack([np.diag(unit), -np.diag(unit)])
     y = (rows_at(motion, i, cuts[:-1])[:, None] + changes).reshape(-1, m + 1)
     y, held = put(motion, i, y, np.repeat(phase.t[cuts[:-1]], len(changes)))
-    met = list[Contact]()
+    met, stages = list[Contact](), list[Stage]()
     for k in range(int(np.diff(cuts).max())):
         on = np.flatnonzero(cuts[:-1] + k < cuts[1:])
         rows = (on[:, None] * len(changes) + np.arange(len(changes))).ravel()
@@ -148,7 +168,12 @@ def _segments_of(motion: Motion, flow: ModeFlow, i: int) -> tuple[list[Segment],
         y[rows] = y1 = flow.advance(motion.modes[i], y0, span, held[rows])
         one = slice(None, None, len(changes))
         alone = Span(span.t[one], span.h[one], span.u0[one], span.u1[one])
-        met += _met(motion, flow, i, (y0[one], y1[one]), alone)
+        if not is_free(motion, i):
+            both = y0[one], y1[one]
+            forced = flow.ends(motion.modes[i], *both, alone)
+            met += _met(motion, i, both, forced, alone)
+            least = kept_at_ends(motion, motion.modes[i], both, alone, forced)
+            stages.append(Stage(on, both, held[rows][one], alone, least))
     ends = y.reshape(len(places), len(changes), m + 1)[..., :m]
     errors = motion.error(np.ascontiguousarray(ends[:, 0]), *wanted(motion, i, cuts[1:]))
     slopes = np.swapaxes(ends[:, 1 : 1 + m] - ends[:, 1 + m :], 1, 2) / (2 * unit)
@@ -156,19 +181,17 @@ def _segments_of(motion: Motion, flow: ModeFlow, i: int) -> tuple[list[Segment],
         Segment(i, a, b, float(error), slope)
         for (a, b), error, slope in zip(places, errors, slopes, strict=True)
     ]
-    return parts, met
+    return parts, met, stages
 
 
 def _met(
-    motion: Motion, flow: ModeFlow, i: int, y: tuple[Array, Array], span: Span
+    motion: Motion, i: int, y: tuple[Array, Array], ends: tuple[Reaction, Reaction], span: Span
 ) -> list[Contact]:
     """Contacts in steps of a phase that its plan does not have; a phase without closed contacts
     and friction is simulated through its contacts elsewhere."""
     mode, model, nq = motion.modes[i], motion.model, motion.model.nq
-    if is_free(motion, i):
-        return []
     steps = Steps(span.t, span.h, span.u0, span.u1)
-    course = Course(steps, y[0], flow.ends(mode, *y, span), y[1])
+    course = Course(steps, y[0], _accelerations(ends), y[1])
     times, path = _between(motion, course, PLACES[1:])
     gaps = model.gaps(path.reshape(-1, nq), times.ravel()).reshape(*times.shape, model.nc)
     allowed = motion.flow.allowance(times.ravel()).reshape(gaps.shape)

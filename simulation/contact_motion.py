@@ -58,6 +58,20 @@ class Setting:
 
 
 @dataclass(frozen=True)
+class Ramp:
+    """Inputs of a step: linear in time from u0 at its begin to u1 at its end."""
+
+    begin: float
+    end: float
+    u0: Array
+    u1: Array
+
+    def __call__(self, time: float) -> Array:
+        share = (time - self.begin) / (self.end - self.begin)
+        return np.asarray(self.u0 + share * (self.u1 - self.u0))
+
+
+@dataclass(frozen=True)
 class Node:
     """A state after a step: time, row (q | v), and its contact and friction forces."""
 
@@ -107,9 +121,9 @@ def nodes(setting: Setting, y: Array, u: Array, first: int, journal: Journal) ->
     """States at the end of the steps from ``first`` on, each with its inputs u (steps, nu)."""
     reach = Reach()
     for k in range(first, len(u)):
-        t = k * setting.h
+        t, end = k * setting.h, (k + 1) * setting.h
         reach = reached(setting.model, y, u[k], t, setting.h, reach)
-        y, mode = _step(setting, y, u[k], (t, (k + 1) * setting.h), (reach, journal))
+        y, mode = through_step(setting, y, Ramp(t, end, u[k], u[k]), (reach, journal))
         journal.last = node(setting.model, mode, y, u[k], (k + 1) * setting.h)
         yield journal.last
 
@@ -140,13 +154,12 @@ def _place(setting: Setting, y: Array, u: Array, t: float, reach: Reach) -> Plac
     return Place(t, y, u, small)
 
 
-def _step(
-    setting: Setting, y: Array, u: Array, span: tuple[float, float],
-    known: tuple[Reach, Journal],
-) -> tuple[Array, Mode]:  # fmt: skip
+def through_step(
+    setting: Setting, y: Array, inputs: Ramp, known: tuple[Reach, Journal]
+) -> tuple[Array, Mode]:
     """The state after a step, and its mode there."""
-    model, (reach, journal), (t, end) = setting.model, known, span
-    place, hints = _place(setting, y, u, t, reach), Hints()
+    model, (reach, journal), end = setting.model, known, inputs.end
+    place, hints = _place(setting, y, inputs.u0, inputs.begin, reach), Hints()
     mode, modes, times = Mode(), list[Mode](), list[float]()
     before = journal.last
     for _ in range(MOST_EVENTS):
@@ -154,10 +167,10 @@ def _step(
         place, mode = _resolved(setting, place, (mode, hints), reach, journal)
         changed = journal.note(model, mode, place.t)
         if before is not None and (changed or len(journal.collisions) > struck_before):
-            journal.marks.append(Mark(before, node(model, mode, place.y, u, place.t), mode))
+            journal.marks.append(Mark(before, node(model, mode, place.y, place.u, place.t), mode))
         if end - place.t <= SHORTEST * setting.h:
             return place.y, mode
-        way = _Way.of(setting, place, mode)
+        way = _Way.of(setting, place, mode, inputs)
         rows = way.rows(place.t + PLACES * (end - place.t))
         event = way.first(end, rows)
         if event is None:
@@ -167,7 +180,7 @@ def _step(
         times.append(at)
         if at - times[-MOST_AT_ONCE:][0] < MOMENT * setting.h and len(times) >= MOST_AT_ONCE:
             break
-        y = way(at) if at > place.t else place.y
+        y, u = way(at) if at > place.t else place.y, inputs(at)
         before = node(model, mode, y, u, at)
         reach = reached(model, y, u, at, setting.h, reach)
         place = _place(setting, y, u, at, reach)
@@ -268,22 +281,22 @@ class _Way:
     setting: Setting
     place: Place
     mode: Mode
+    inputs: Ramp
     flow: ModeFlow
     held: Array
 
     @classmethod
-    def of(cls, setting: Setting, place: Place, mode: Mode) -> _Way:
+    def of(cls, setting: Setting, place: Place, mode: Mode, inputs: Ramp) -> _Way:
         model = setting.model
         flow = ModeFlow(model, place.small.size, _nothing, ASTRAY)
         held = model.tangents(place.y[None, : model.nq], np.array([place.t]))
-        return cls(setting, place, mode, flow, held)
+        return cls(setting, place, mode, inputs, flow, held)
 
     def rows(self, times: Array) -> Array:
         """Rows of states at later times."""
         n, u = len(times), self.place.u[None]
-        span = Span(
-            np.full(n, self.place.t), times - self.place.t, np.repeat(u, n, 0), np.repeat(u, n, 0)
-        )
+        then = np.array([self.inputs(time) for time in times])
+        span = Span(np.full(n, self.place.t), times - self.place.t, np.repeat(u, n, 0), then)
         rows = self.flow.advance(
             self.mode, np.repeat(self.place.y[None], n, 0), span, np.repeat(self.held, n, 0)
         )
@@ -302,7 +315,8 @@ class _Way:
         return self._limits(self.rows(times), times)
 
     def _limits(self, rows: Array, times: Array) -> Array:
-        return limits(self.setting.model, self.mode, rows, self.place.u, times)
+        inputs = np.array([self.inputs(time) for time in times])
+        return limits(self.setting.model, self.mode, rows, inputs, times)
 
     def first(self, end: float, rows: Array) -> tuple[float, int] | None:
         """The first time at which a limit is passed, and which; None if there is none until the

@@ -16,7 +16,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
 from dmoc.simulation.dormand_prince import ERROR_3, ERROR_5, STAGES, WEIGHTS, Sum
-from dmoc.simulation.modes import Mode, contact_power, reaction, settled
+from dmoc.simulation.modes import Mode, Reaction, contact_power, reaction, settled
 
 # Error of a step as a share of the sizes, and the most parts that a step is taken in for it.
 ACCURACY, MOST_PARTS = 1e-11, 64
@@ -63,16 +63,14 @@ class ModeFlow:
             more = int(np.ceil(1.1 * parts * error**0.125)) if np.isfinite(error) else 2 * parts
             parts = min(max(more, parts + 1), MOST_PARTS)
 
-    def ends(self, mode: Mode, y0: Array, y1: Array, span: Span) -> Array:
-        """Accelerations at both ends of a span, shape (n, 2, nq)."""
+    def ends(self, mode: Mode, y0: Array, y1: Array, span: Span) -> tuple[Reaction, Reaction]:
+        """Accelerations and forces at both ends of a span."""
         nq = self.model.nq
-        return np.stack(
-            [
-                reaction(self.model, mode, y[:, :nq], y[:, nq : 2 * nq], u, t).acceleration
-                for y, u, t in ((y0, span.u0, span.t), (y1, span.u1, span.t + span.h))
-            ],
-            axis=1,
+        first, last = (
+            reaction(self.model, mode, y[:, :nq], y[:, nq : 2 * nq], u, t)
+            for y, u, t in ((y0, span.u0, span.t), (y1, span.u1, span.t + span.h))
         )
+        return first, last
 
     def _in_parts(
         self, mode: Mode, y: Array, span: Span, held: Array, parts: int
