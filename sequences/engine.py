@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sqlite3
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -21,6 +20,7 @@ from dmoc.codegen.kernels import COMPILED
 from dmoc.errors import SearchError
 from dmoc.nlp.problem import Problem
 from dmoc.progress import Listener, told
+from dmoc.sequences.final import state_best
 from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.judgement import CONFIRMED, judged
@@ -38,8 +38,8 @@ from dmoc.sequences.settings import (
     surfaces_of,
 )
 from dmoc.sequences.tree import Tree
+from dmoc.sequences.walk import Progress, walked
 from dmoc.solving.methods import SEARCHING, usual
-from dmoc.solving.workers import NoMoreWork
 from dmoc.table import Shown, Table
 from dmoc.trajectory import noun_of
 
@@ -48,21 +48,6 @@ if TYPE_CHECKING:
 
 # Steps of a phase where the problem leaves them open, in those of its first mesh.
 SEARCHED = 2
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a search is: counts of verdicts, nodes known to come, the best so far, seconds."""
-
-    counts: dict[str, int]
-    waiting: int
-    best: Node | None
-    seconds: float
-
-    def __str__(self) -> str:
-        counts = "  ".join(f"{n} {verdict}" for verdict, n in self.counts.items())
-        best = "none yet" if self.best is None else f"{self.best.cost:.6g} ({self.best.name})"
-        return f"{counts}  waiting {self.waiting}  {self.seconds:.0f} s  best {best}"
 
 
 @dataclass(frozen=True)
@@ -209,8 +194,9 @@ def search(
     hits included.  Each is solved from its parent's motion, from an automatic guess and from random
     starts on a coarse mesh, and gets a verdict with its evidence; the children of one whose last
     collision cannot be made are not looked at.  The law of impact is stated in the rates of the
-    gaps, gamma+ = -e gamma-, so that costs differ from those of :func:`dmoc.solve`, whose law is
-    stated in discrete energies, by an error that falls with the square of the step size.
+    gaps, gamma+ = -e gamma-.  Sequences that would be the best, and that the simulation contradicts
+    on their mesh, are solved on finer ones.  The best one is solved once more as
+    :func:`dmoc.solve` does, from its motion: its cost is that of the solve, if that is confirmed.
 
     Parameters
     ----------
@@ -283,6 +269,7 @@ def search(
             f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., "
             "...) states it."
         )
+    stated = problem
     if problem.steps is None:
         problem = problem.but(steps=SEARCHED * max(problem.phase_steps))
     if method is None:
@@ -312,12 +299,12 @@ def search(
             resume,
             tell,
         )
-        return _searched(problem, read(problem, settings))
+        return _searched(stated, problem, read(problem, settings))
 
 
-def _searched(problem: Problem, settings: Settings) -> SearchResult:
+def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchResult:
     begin = time.perf_counter()
-    tree = Tree(problem, settings)
+    tree, notes = Tree(problem, settings), list[str]()
     with ExitStack() as stack:
         if settings.journal is not None:
             tree.keep(
@@ -325,8 +312,14 @@ def _searched(problem: Problem, settings: Settings) -> SearchResult:
                     Journal(settings.journal, identity(problem, settings), settings.resume)
                 )
             )
-        stopped, broken = _walked(tree, settings, _workers(settings, stack), begin)
-    return replace(_result(tree, stopped, time.perf_counter() - begin), broken=broken)
+        stopped, broken = walked(tree, settings, _workers(settings, stack), begin)
+    try:
+        deadline = np.inf if settings.seconds is None else begin + settings.seconds
+        notes = state_best(tree, stated, deadline)
+    except KeyboardInterrupt:
+        stopped = stopped or "the search was interrupted"
+    result = _result(tree, stopped, time.perf_counter() - begin)
+    return replace(result, broken=broken, notes=(*result.notes, *notes))
 
 
 def _workers(settings: Settings, stack: ExitStack) -> Workers:
@@ -338,37 +331,6 @@ def _workers(settings: Settings, stack: ExitStack) -> Workers:
     processes = Processes(settings.workers)
     stack.callback(processes.stop)
     return processes
-
-
-def _walked(tree: Tree, settings: Settings, workers: Workers, begin: float) -> tuple[str, str]:
-    """Look at nodes until there are no more; return what stopped it before that, and what broke
-    it off."""
-    seconds, most = settings.seconds, settings.max_nodes
-    deadline = np.inf if seconds is None else time.monotonic() + seconds
-    try:
-        for round_ in tree.rounds():
-            for _ in tree.solve(round_, workers, deadline):
-                if settings.progress is not None:
-                    settings.progress(
-                        Progress(
-                            tree.counts(), tree.waiting, tree.best(), time.perf_counter() - begin
-                        )
-                    )
-                if time.monotonic() > deadline:
-                    break
-            if seconds is not None and time.monotonic() > deadline and tree.waiting:
-                return f"the time of {seconds:g} s was used up", ""
-            if most is not None and len(tree.nodes) >= most and tree.waiting:
-                return f"the limit of {most} nodes was reached", ""
-    except KeyboardInterrupt:
-        return "the search was interrupted", ""
-    except NoMoreWork as error:
-        broken = f"the executor takes no more work ({error})"
-        return broken, broken
-    except sqlite3.Error as error:
-        broken = f"journal {settings.journal} could not be written ({error})"
-        return broken, broken
-    return "", ""
 
 
 def _result(tree: Tree, stopped: str, seconds: float) -> SearchResult:

@@ -18,12 +18,13 @@ from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.active import BoundKind
 from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.march import reflected
-from dmoc.nlp.problem import Problem
+from dmoc.nlp.problem import MOST_STEPS, Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.standing import in_contact
 from dmoc.nlp.surfaces import onto_surface
 from dmoc.nlp.transfer import equally_long, pieces_of, unknowns_along
 from dmoc.sequences.nodes import Node, Verdict
+from dmoc.simulation.verdict import excess
 from dmoc.solution import Solution
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.judge import INFEASIBLE
@@ -43,12 +44,16 @@ from dmoc.solving.starts import Given
 GUESSES, MOST_REFINED = 1, 3
 # Iterations of a start.
 ITERATIONS = 300
+# What the simulation has found must fall to this share from mesh to mesh, or finer ones are not
+# tried: half is what an error of the first order does.
+FALLING = 0.7
 
 
 @dataclass(frozen=True)
 class Task:
     """One sequence to be solved: the problem, the parent's motion, further starts, method, limit
-    in seconds, a motion that proposes it."""
+    in seconds, a motion that proposes it; or a node that is doubtful, to be looked at on meshes so
+    many times finer."""
 
     problem: Problem
     parent: Solution | None
@@ -58,6 +63,8 @@ class Task:
     seconds: float | None
     attempts: int = 1
     proposer: Solution | None = None
+    doubtful: Node | None = None
+    finer: tuple[int, ...] = ()
 
     @property
     def sequence(self) -> tuple[str, ...]:
@@ -80,6 +87,9 @@ def lost(task: Task, why: str) -> Node:
 
 def _solve(task: Task) -> Node:
     begin = time.perf_counter()
+    if task.doubtful is not None:
+        node = _on_finer_meshes(task, task.doubtful)
+        return replace(node, seconds=node.seconds + time.perf_counter() - begin)
     compiled = task.problem.kernels.backend == COMPILED
     node = _explored(task) if compiled else _from_parent(task)
     return replace(node, attempts=task.attempts, seconds=time.perf_counter() - begin)
@@ -147,6 +157,40 @@ def _explored(task: Task) -> Node:
         solutions = [driven, *solutions[1:]] if driven.converged else solutions
     minima = sorted({s.cost for s in solutions} | {m.cost for m in found.coarse})
     return replace(_node(task, solutions), starts=found.starts, minima=tuple(minima))
+
+
+def _on_finer_meshes(task: Task, node: Node) -> Node:
+    """A node that the simulation contradicts, from its motion on finer meshes, until that is
+    confirmed or its errors do not fall any more."""
+    deadline, before, steps = _deadline(task), node.solution, task.problem.phase_steps
+    if before is None or before.verification is None:
+        return node
+    errors = excess(before.verification)
+    for factor in task.finer:
+        mesh = task.problem.meshed([min(factor * n, MOST_STEPS) for n in steps])
+        fine = _solved(mesh, task.method, before, deadline)
+        on_it = f"with {factor} times the steps"
+        if not fine.converged or fine.verification is None:
+            return _doubted(node, f"{on_it} no motion was found: {fine.message}")
+        if fine.minimum:
+            known = (
+                f"with {max(steps)} steps a phase it costs {node.cost:.6g}, and {node.evidence[0]}"
+            )
+            confirmed = _node(task, [fine])
+            evidence = (f"{confirmed.evidence[0]}, {on_it}", known, *node.evidence[1:])
+            minima = tuple(sorted({fine.cost, *(c for c in node.minima if c != node.cost)}))
+            return replace(
+                confirmed, evidence=evidence, starts=node.starts, minima=minima,
+                attempts=node.attempts, seconds=node.seconds,
+            )  # fmt: skip
+        if excess(fine.verification) > FALLING * errors:
+            return _doubted(node, f"{on_it} it is no better: {fine.message}")
+        before, errors = fine, excess(fine.verification)
+    return _doubted(node, f"{on_it} it is better, and not yet confirmed: {before.message}")
+
+
+def _doubted(node: Node, why: str) -> Node:
+    return replace(node, evidence=(*node.evidence, why))
 
 
 class _TimeIsUp(Exception):  # noqa: N818 - it is an answer

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,11 @@ from dmoc.solution import Solution
 # Nodes that best-first looks at before it chooses again: a fixed number, so that the answer does
 # not depend on the number of workers.
 ROUND = 8
+# Nodes that are looked at together on finer meshes, for the same reason.
+TOGETHER = 2
+# So many times finer are the meshes where the simulation contradicts a motion that would be the
+# best, and where it has confirmed none.
+FINER, FINEST = (2, 4), (8, 16)
 
 
 class Tree:
@@ -35,6 +42,7 @@ class Tree:
         self.refused: dict[tuple[str, ...], str] = {}
         # What motions propose, and all that these begin with; the motion whose proposal it is.
         self.proposed: dict[tuple[str, ...], Solution | None] = {}
+        self.refined: set[tuple[tuple[str, ...], tuple[int, ...]]] = set()
 
     def keep(self, journal: Journal) -> None:
         """Record nodes in a journal; its own count, but failed ones get another chance."""
@@ -117,14 +125,56 @@ class Tree:
         else:
             self.frontier.append(child)
 
+    def problem_of(self, sequence: tuple[str, ...]) -> Problem:
+        """The problem of a sequence, whose phases keep the shortest duration."""
+        shortest, durations = self.settings.shortest_phase, None
+        if shortest and sequence:
+            durations = [(shortest, None)] * (len(sequence) + 1)
+        return self.problem.but(sequence=sequence, durations=durations)
+
     def _task(self, sequence: tuple[str, ...]) -> Task:
         parent = self.nodes[sequence[:-1]].solution if sequence else None
-        s, durations = self.settings, None
-        if s.shortest_phase and sequence:
-            durations = [(s.shortest_phase, None)] * (len(sequence) + 1)
-        problem = self.problem.but(sequence=sequence, durations=durations)
-        proposer = self.proposed.get(sequence)
+        s, proposer = self.settings, self.proposed.get(sequence)
+        problem = self.problem_of(sequence)
         return Task(problem, parent, s.method, s.starts, s.seed, s.node_seconds, proposer=proposer)
+
+    # Finer meshes ---------------------------------------------------------------------------------
+
+    def doubtful(self) -> list[Node]:
+        """Nodes that the simulation contradicts on their mesh and that would be the best, the
+        cheapest first."""
+        best = self.best()
+        least = np.inf if best is None or best.cost is None else best.cost
+        nodes = [
+            n
+            for n in self.nodes.values()
+            if n.verdict is Verdict.UNVERIFIED and n.cost is not None and n.cost < least
+        ]
+        return sorted(nodes, key=lambda n: self._cost(n.sequence))
+
+    def refine(self, workers: Workers, deadline: float) -> Iterator[Node]:
+        """Look at doubtful nodes on finer meshes, until none of them is cheaper than the best; on
+        the finest where there is none."""
+        yield from self._refined(FINER, workers, deadline)
+        if self.best() is None:
+            yield from self._refined(FINEST, workers, deadline)
+
+    def _refined(
+        self, factors: tuple[int, ...], workers: Workers, deadline: float
+    ) -> Iterator[Node]:
+        while time.monotonic() < deadline:
+            nodes = [n for n in self.doubtful() if (n.sequence, factors) not in self.refined]
+            if not nodes:
+                return
+            nodes = nodes[:TOGETHER]
+            self.refined |= {(n.sequence, factors) for n in nodes}
+            tasks = [replace(self._task(n.sequence), doubtful=n, finer=factors) for n in nodes]
+            for node in workers(tasks, deadline):
+                if node.solution is not None:
+                    self.nodes[node.sequence] = node
+                    if self.journal is not None:
+                        self.journal.add(node)
+                yield node
 
     def place(self, sequence: tuple[str, ...]) -> tuple[int, list[tuple[int, str]]]:
         """Shorter ones first, then in the order of the surfaces, hits before other words."""

@@ -1,0 +1,84 @@
+"""The way of a search through its tree: nodes as the strategy has them, doubtful ones on finer
+meshes, within the budgets."""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.sequences.nodes import Node
+from dmoc.sequences.pool import Workers
+from dmoc.sequences.settings import Settings
+from dmoc.sequences.tree import Tree
+from dmoc.solving.workers import NoMoreWork
+
+# Shares of a search's time: after the first one doubtful nodes are looked at on finer meshes, after
+# the second one the best is stated once more.
+WALKED, REFINED = 0.75, 0.95
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a search is: counts of verdicts, nodes known to come, the best so far, seconds."""
+
+    counts: dict[str, int]
+    waiting: int
+    best: Node | None
+    seconds: float
+
+    def __str__(self) -> str:
+        counts = "  ".join(f"{n} {verdict}" for verdict, n in self.counts.items())
+        best = "none yet" if self.best is None else f"{self.best.cost:.6g} ({self.best.name})"
+        return f"{counts}  waiting {self.waiting}  {self.seconds:.0f} s  best {best}"
+
+
+def walked(tree: Tree, settings: Settings, workers: Workers, begin: float) -> tuple[str, str]:
+    """Look at nodes until there are no more, and at doubtful ones on finer meshes; return what
+    stopped it before that, and what broke it off."""
+    limit = np.inf if settings.seconds is None else settings.seconds
+
+    def tell() -> None:
+        if settings.progress is not None:
+            spent = time.perf_counter() - begin
+            settings.progress(Progress(tree.counts(), tree.waiting, tree.best(), spent))
+
+    now, stopped = time.monotonic(), ""
+    try:
+        for share in (WALKED, REFINED):
+            deadline = now + REFINED * limit
+            stopped = _looked_at(tree, workers, now + share * limit, deadline, tell)
+            for _ in tree.refine(workers, deadline):
+                tell()
+            if not stopped:
+                break
+    except KeyboardInterrupt:
+        return "the search was interrupted", ""
+    except NoMoreWork as error:
+        broken = f"the executor takes no more work ({error})"
+        return broken, broken
+    except sqlite3.Error as error:
+        broken = f"journal {settings.journal} could not be written ({error})"
+        return broken, broken
+    return stopped, ""
+
+
+def _looked_at(
+    tree: Tree, workers: Workers, until: float, deadline: float, tell: Callable[[], None]
+) -> str:
+    """Look at nodes until there are no more, or a time of the monotonic clock; none takes longer
+    than to the deadline.  Return what stopped it."""
+    seconds, most = tree.settings.seconds, tree.settings.max_nodes
+    for round_ in tree.rounds():
+        for _ in tree.solve(round_, workers, deadline):
+            tell()
+            if time.monotonic() > until:
+                break
+        if seconds is not None and time.monotonic() > until and tree.waiting:
+            return f"the time of {seconds:g} s was used up"
+        if most is not None and len(tree.nodes) >= most and tree.waiting:
+            return f"the limit of {most} nodes was reached"
+    return ""

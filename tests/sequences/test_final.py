@@ -1,0 +1,141 @@
+"""The answer of a search is that of a solve, and what a coarse mesh alone speaks against is not
+lost."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.registry import find
+from dmoc.sequences.nodes import Verdict
+
+
+def shipped(name: str, **changes: Any) -> dmoc.Problem:
+    reference = find(name)
+    return dmoc.Problem(reference.kernels(), **{**reference.defaults, **changes})
+
+
+@pytest.mark.parametrize(
+    ("problem", "options"),
+    [
+        (shipped("cart_pendulum", steps=40), {"max_collisions": 2, "surfaces": ["left"]}),
+        (shipped("cart_pendulum", steps=None), {"max_collisions": 1, "surfaces": ["left"]}),
+        (shipped("puck_table", steps=12), {"max_collisions": 2, "surfaces": ["east", "west"]}),
+        (
+            shipped("puck_table", steps=10, restitution=0.8),
+            {"max_collisions": 1, "surfaces": ["east"]},
+        ),
+        (shipped("puck_table", steps=10, final_time=(0.5, 3.0)), {"max_collisions": 1}),
+        (
+            shipped("puck_table", steps=10, restitution=0),
+            {"max_collisions": 1, "surfaces": ["east"]},
+        ),
+    ],
+)
+def test_the_best_costs_what_a_solve_from_its_motion_costs(
+    problem: dmoc.Problem, options: dict[str, Any]
+) -> None:
+    result = dmoc.search(problem, **options)
+    best = result.best
+    assert best is not None and best.solution is not None and best.solution.solved
+    again = dmoc.solve(problem.but(sequence=best.sequence), "ipm", guess=best.solution)
+    assert again.status == "solved"
+    # A refinement begins on another mesh, and ends within its tolerance.
+    exact = 1e-8 if problem.steps is not None else 1e-3
+    assert best.cost == pytest.approx(again.cost, rel=exact)
+    assert best.cost == best.solution.cost and best.cost in best.minima
+    assert all(n.cost >= best.cost * (1 - 1e-4) for n in result.ranked() if n.cost is not None)
+
+
+def test_where_both_statements_differ_the_other_number_is_a_note() -> None:
+    result = dmoc.search(shipped("cart_pendulum", steps=40), 2, surfaces=["left"])
+    assert result.best is not None and result.best.cost == pytest.approx(66.0201, abs=1e-3)
+    note = result.notes[-1]
+    assert note.startswith("left, left: on the mesh of the search") and note.endswith("66.303")
+    assert any(evidence in note for evidence in result.best.evidence)
+
+
+def test_what_is_confirmed_in_the_rates_alone_is_kept_and_told() -> None:
+    """Eight steps a phase tell little of the energies beside two hits."""
+    problem = shipped("cart_pendulum", steps=8)
+    result = dmoc.search(problem, 2, surfaces=["left"])
+    best = result.best
+    assert best is not None and best.sequence == ("left", "left") and best.solution is not None
+    assert best.solution.solved and best.solution.steps == (8, 8, 8)
+    again = dmoc.solve(problem.but(sequence=best.sequence), "ipm", guess=best.solution)
+    assert again.status == "not_verified"
+    assert "is not confirmed, so that its cost is the one in the rates" in result.notes[-1]
+
+
+@pytest.mark.parametrize("steps", [6, 8, 10, 12])
+def test_a_sequence_that_coarse_meshes_speak_against_is_solved_on_finer_ones(steps: int) -> None:
+    problem = shipped("cart_pendulum", steps=steps)
+    result = dmoc.search(problem, 0)
+    (node,) = result.nodes
+    assert node.verdict is Verdict.OPTIMAL and node.solution is not None and node.solution.solved
+    times = node.solution.steps[0] // steps
+    assert node.solution.steps == (times * steps,) and times in (2, 4, 8, 16)
+    assert node.evidence[0].endswith(f"confirmed by simulation, with {times} times the steps")
+    assert f"with {steps} steps a phase it costs" in node.evidence[1]
+    fine = dmoc.solve(problem.but(sequence=[], steps=400), "ipm", guess=node.solution)
+    assert node.cost == pytest.approx(fine.cost, rel=2e-3)
+
+
+def test_nothing_is_refined_that_costs_more_than_the_best() -> None:
+    result = dmoc.search(shipped("cart_pendulum", steps=10), 1)
+    nodes = {n.sequence: n for n in result.nodes}
+    assert result.best is not None and result.best.sequence == ("left",)
+    right = nodes["right",]
+    assert right.verdict is Verdict.UNVERIFIED and len(right.evidence) == 1
+    assert right.cost is not None and result.best.cost is not None
+    assert right.cost > result.best.cost
+
+
+def swing_up(steps: int) -> dmoc.Problem:
+    """A cart with 2 N of friction swings a pole up in three seconds."""
+    x, a, u = dynamicsymbols("x a u")
+    M, m, length, g, friction = sp.symbols("M m l g friction")
+    t = dynamicsymbols._t
+    place = x + length * sp.sin(a), -length * sp.cos(a)
+    speed = place[0].diff(t) ** 2 + place[1].diff(t) ** 2
+    system = dmoc.MechanicalSystem(
+        "swing_up_on_a_rail",
+        [x, a],
+        (M * x.diff(t) ** 2 + m * speed) / 2 - m * g * place[1],
+        {M: 1.0, m: 0.1, length: 1.0, g: 9.81, friction: 2.0},
+        inputs=[u],
+        forces={x: u},
+        tangents={"rail": x},
+        friction={"rail": friction},
+        cost=u**2,
+    )
+    end = {"x": 0.0, "a": float(sp.pi), "x_dot": 0.0, "a_dot": 0.0}
+    return dmoc.Problem(system, start={"x": 0.0, "a": 0.0}, goal=end, steps=steps, final_time=3.0)
+
+
+@pytest.mark.slow
+def test_a_tree_does_not_end_empty_where_a_word_has_an_answer() -> None:
+    """With 20 steps a phase the check confirms no word."""
+    words = ("rail:slip+", "rail:slip-", "rail:slip+")
+    problem = swing_up(20)
+    result = dmoc.search(problem, 3, events=words[:2])
+    assert result.best is not None and result.best.sequence == words
+    assert result.best.solution is not None and result.best.solution.steps == (40,) * 4
+    coarse = dmoc.solve(problem.but(sequence=words), guess=result.best.solution)
+    assert coarse.status == "not_verified"
+    fine = dmoc.solve(problem.but(sequence=words, steps=100), guess=result.best.solution)
+    assert fine.status == "solved"
+    assert result.best.cost == pytest.approx(fine.cost, rel=5e-3)
+
+
+def test_time_is_kept_for_doubtful_nodes_and_the_answer() -> None:
+    """Wherever the time ends, what was found by then is the answer, and the limit is kept."""
+    problem = shipped("puck_table", steps=16)
+    for seconds in (0.5, 2.0):
+        result = dmoc.search(problem, 6, seconds=seconds)
+        assert not result.complete and "was used up" in " ".join(result.notes)
+        assert result.seconds < 2 * seconds + 1
