@@ -24,7 +24,6 @@ from dmoc.nlp.standing import in_contact
 from dmoc.nlp.surfaces import onto_surface
 from dmoc.nlp.transfer import equally_long, pieces_of, unknowns_along
 from dmoc.sequences.nodes import Node, Verdict
-from dmoc.simulation.verdict import excess
 from dmoc.solution import Solution
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.judge import INFEASIBLE
@@ -165,7 +164,7 @@ def _on_finer_meshes(task: Task, node: Node) -> Node:
     deadline, before, steps = _deadline(task), node.solution, task.problem.phase_steps
     if before is None or before.verification is None:
         return node
-    errors = excess(before.verification)
+    errors = before.verification.excess
     for factor in task.finer:
         mesh = task.problem.meshed([min(factor * n, MOST_STEPS) for n in steps])
         fine = _solved(mesh, task.method, before, deadline)
@@ -183,9 +182,9 @@ def _on_finer_meshes(task: Task, node: Node) -> Node:
                 confirmed, evidence=evidence, starts=node.starts, minima=minima,
                 attempts=node.attempts, seconds=node.seconds,
             )  # fmt: skip
-        if excess(fine.verification) > FALLING * errors:
+        if fine.verification.excess > FALLING * errors:
             return _doubted(node, f"{on_it} it is no better: {fine.message}")
-        before, errors = fine, excess(fine.verification)
+        before, errors = fine, fine.verification.excess
     return _doubted(node, f"{on_it} it is better, and not yet confirmed: {before.message}")
 
 

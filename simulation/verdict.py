@@ -169,19 +169,6 @@ class Verification(Shown):
         )
 
 
-def excess(v: Verification) -> float:
-    """The largest of the measures that a finer mesh makes smaller, in shares of what passes."""
-    measured = {
-        "segment error": v.max_segment_defect,
-        "energy error": v.energy_error,
-        "penetration": v.penetration,
-        "excess of a limit": v.limit_excess,
-        "error of the law of impact": v.impact_error,
-        "error of a contact force": v.force_error,
-    }
-    return max(value / PASSING[name] for name, value in measured.items())
-
-
 def lost_by(missed: tuple[str, ...], extra: tuple[str, ...], terminal: float) -> list[str]:
     """How an open-loop run leaves a motion."""
     lost = [f"the simulation misses {', '.join(missed)}"] * bool(missed)
