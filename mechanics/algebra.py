@@ -7,6 +7,9 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 
+# What rounding leaves of a smallest eigenvalue that is zero, of a matrix with ones on its diagonal.
+ROUNDING = 1e-14
+
 
 def solved(A: Array, b: Array) -> Array:
     """A^-1 b for a matrix, or row by row for stacks of matrices and vectors; not a number where
@@ -20,6 +23,16 @@ def solved(A: Array, b: Array) -> Array:
     except np.linalg.LinAlgError:
         return np.full(b.shape, np.nan)
     return np.asarray(found[..., 0] if stacked else found)
+
+
+def is_positive(M: Array) -> bool:
+    """Whether a symmetric matrix is positive definite beyond rounding errors, whatever the units of
+    its rows: that of D M D with D = diag(M)^(-1/2) is."""
+    diagonal = np.diagonal(M)
+    if not (np.isfinite(M).all() and (diagonal > 0).all()):
+        return False
+    root = np.sqrt(diagonal)
+    return bool(np.linalg.eigvalsh(M / root[:, None] / root)[0] > ROUNDING)
 
 
 def least_squares(A: Array, b: Array) -> Array:

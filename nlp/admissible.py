@@ -9,6 +9,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.errors import ProblemError
+from dmoc.mechanics.algebra import is_positive
 from dmoc.trajectory import FRICTION_WORDS
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def check_mass_matrix(problem: Problem) -> None:
             f"the equations of motion are not finite at the start{cause}: check the parameters and "
             "the start."
         )
-    if np.linalg.eigvalsh(mass)[0] <= 1e-14 * np.abs(mass).max():
+    if not is_positive(mass):
         remedy = (
             "expected positive masses and lengths"
             if suspects

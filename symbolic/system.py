@@ -572,7 +572,10 @@ def _is_singular(mass: sp.Matrix) -> bool:
             for i, s in enumerate(symbols)
         }
         matrix = mass.xreplace(point).evalf(30)
-        scale = sp.Max(*(abs(entry) for entry in matrix)) ** matrix.rows
+        # What is singular in one set of units is so in all of them.
+        scale = sp.prod([abs(matrix[i, i]) for i in range(matrix.rows)])
+        if scale == 0:
+            scale = sp.Max(*(abs(entry) for entry in matrix)) ** matrix.rows
         determinant = abs(matrix.det())
         if (
             determinant.is_comparable

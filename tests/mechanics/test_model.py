@@ -12,6 +12,7 @@ import pytest
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import ProblemError, SimulationError
+from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row, restitution_row
 
@@ -182,3 +183,13 @@ def test_kernels_are_evaluated_by_name_in_one_place() -> None:
         assert not calls, (
             f"{name} names a kernel in lines {calls}: dmoc.mechanics.model is the place for it"
         )
+
+
+def test_whether_a_mass_matrix_is_positive_does_not_depend_on_units() -> None:
+    """[[1, r], [r, 1]] has the smallest eigenvalue 1 - abs(r)."""
+    for unit in (1e-80, 1e-9, 1.0, 1e9, 1e80):
+        scale = np.array([[1.0, unit], [unit, unit**2]])
+        for r, positive in ((0.0, True), (0.999, True), (1.0, False), (-1.0, False), (2.0, False)):
+            assert is_positive(np.array([[1.0, r], [r, 1.0]]) * scale) is positive
+    for wrong in (0.0, -1.0, np.nan, np.inf):
+        assert not is_positive(np.array([[1.0, 0.0], [0.0, wrong]]))

@@ -118,6 +118,15 @@ def test_the_pendulum_on_its_cart(
         )
 
 
+@pytest.mark.parametrize("length", [-12, -7, 8, 12])
+def test_a_mass_matrix_is_judged_whatever_its_units(cart: Kernels, length: int) -> None:
+    """Its entries are a mass, a mass times a length, and a mass times its square."""
+    u = Units(length, 0, 0)
+    plain, other = (dmoc.solve(cart_problem(cart, v), "ipm") for v in (Units(0, 0, 0), u))
+    assert other.status == plain.status
+    assert other.cost / u.of(length=2) == pytest.approx(plain.cost, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("mass", "wall", "time"),
     [
