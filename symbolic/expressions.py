@@ -67,6 +67,10 @@ def slack_of(relation: Any, what: str) -> Any:
         return expression_in(relation.lhs - relation.rhs, what)
     if isinstance(relation, (LessThan, StrictLessThan)):
         return expression_in(relation.rhs - relation.lhs, what)
+    if isinstance(relation, sp.And):
+        raise ModelError(
+            f"{what} joins {len(relation.args)} relations: give each one a name of its own."
+        )
     raise ModelError(
         f"{what} is not an inequality: expected a relation such as `alpha >= a_min`, got "
         f"{shown(relation)}."
@@ -85,18 +89,35 @@ def atoms_of(expression: Any) -> set[Any]:
     )
 
 
-def unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:
-    """What is wrong with a symbol that does not belong where it stands."""
+# What expressions of a model may be made of, and what to do where something else was wanted.
+KINDS = ("coordinates", "velocities", "inputs", "the time", "parameters")
+REMEDIES = {
+    ("surface", "velocities"): "; a limit of a velocity is a path constraint",
+    ("surface", "inputs"): "; a limit of an input is a bound or a path constraint",
+    ("Lagrangian", "inputs"): "; inputs enter through `forces`",
+    ("friction", ""): "; friction that changes along the way is a smooth expression in `forces`",
+}
+
+
+def unknown_symbol(
+    symbol: Any, where: str, kinds: dict[str, set[Any]], allowed: tuple[str, ...]
+) -> str:
+    """What is wrong with a symbol that does not belong where it stands; ``kinds`` are the symbols
+    of the model."""
+    only = ", ".join(allowed[:-1]) + " and " * (len(allowed) > 1) + allowed[-1]
+    for kind, symbols in kinds.items():
+        if symbol in symbols:
+            about = next(
+                (word for word in ("surface", "Lagrangian", "friction") if word in where), ""
+            )
+            remedy = REMEDIES.get((about, kind)) or REMEDIES.get((about, ""), "")
+            return f"{where} contains {symbol}, one of the {kind}: expected {only} alone{remedy}."
     if isinstance(symbol, sp.Derivative):
         return (
-            f"{where} contains {symbol}: only coordinates and their first derivatives may appear "
-            "there."
+            f"{where} contains {symbol}, which is not the first derivative of a coordinate: "
+            f"expected {only} alone."
         )
-    if (
-        isinstance(symbol, AppliedUndef)
-        and isinstance(symbol.func, UndefinedFunction)
-        and symbol not in known
-    ):
+    if isinstance(symbol, AppliedUndef) and isinstance(symbol.func, UndefinedFunction):
         return (
             f"{where} contains {symbol}, which is neither a coordinate nor an input: declare it or "
             "remove it."
@@ -106,14 +127,12 @@ def unknown_symbol(symbol: Any, where: str, known: set[Any]) -> str:
             f"{where} contains a symbol t of its own: the time is dynamicsymbols._t of "
             "sympy.physics.mechanics."
         )
-    if symbol not in known and str(symbol) in {str(s) for s in known}:
+    if str(symbol) in {str(s) for symbols in kinds.values() for s in symbols}:
         return (
             f"{where} contains the symbol {symbol}, and the model one of the same name with "
             "other assumptions: use one symbol."
         )
-    role = (
-        "may not appear there"
-        if symbol in known
-        else "is unknown: list it in `parameters` with its value"
+    return (
+        f"{where} contains the symbol {symbol}, which is unknown: list it in `parameters` with its "
+        "value."
     )
-    return f"{where} contains the symbol {symbol}, which {role}."

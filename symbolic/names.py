@@ -11,6 +11,7 @@ from dmoc.errors import ModelError
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _LONGEST = 64
+NAMED_IN_CODE = ("model", "system")
 # What SymPy prints for alpha(t) and for its first derivative; of a sum or a second derivative
 # nothing is the name.
 _APPLIED, _RATE = re.compile(r"([^()\s]+)\(\w+\)"), re.compile(r"Derivative\((.+), \w+\)")
@@ -55,6 +56,10 @@ def check_name(name: Any, role: str) -> str:
             f"{role} name {place(name)!r} is not a C identifier: use a letter followed by at most "
             f"{_LONGEST - 1} letters, digits or underscores (ASCII)."
         )
-    if name in _C_KEYWORDS or keyword.iskeyword(name):
-        raise ModelError(f"{role} name {name!r} is a keyword of C or Python: choose another name.")
+    # Only the model's own name becomes one in C and Python; the others are data.
+    if role in NAMED_IN_CODE and (name in _C_KEYWORDS or keyword.iskeyword(name)):
+        raise ModelError(
+            f"{role} name {name!r} is a keyword of C or Python: choose another name, such as "
+            f"{name}_1."
+        )
     return name

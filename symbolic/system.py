@@ -17,7 +17,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from dmoc.arguments import listed, shown
 from dmoc.errors import ModelError
 from dmoc.symbolic.drawing import Part, parts_in, values_of
-from dmoc.symbolic.expressions import atoms_of, expression_in, slack_of, unknown_symbol
+from dmoc.symbolic.expressions import KINDS, atoms_of, expression_in, slack_of, unknown_symbol
 from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_name
 from dmoc.table import Shown, Table
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 # A parameter or a mass is also multiplied by itself.
 LARGEST_PARAMETER = 1e100
+# What places are made of.
+PLACE = ("coordinates", "the time", "parameters")
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class MechanicalSystem(Shown):
     inputs : sequence of dynamicsymbols or Symbols, optional
         Inputs u, ``nu`` of them.
     forces : mapping of coordinate to Expr, optional
-        Generalised forces Q(q, q', u, t): the coefficients of the virtual work, dW = Q . dq.
+        By the coordinate or its name.  Generalised forces Q(q, q', u, t): the coefficients of the
+        virtual work, dW = Q . dq.
     dissipation : Expr, optional
         Rayleigh function R(q, q'), which adds -dR/dq' to the forces: ``d * x.diff()**2 / 2`` is a
         damper d.
@@ -67,7 +70,8 @@ class MechanicalSystem(Shown):
     terminal_cost : Expr, optional
         Phi(q, q', t) at the final time, which is added to the cost.
     path_constraints : mapping of str to relation, optional
-        Relations in q, q', u and t that hold along the whole motion.
+        Relations in q, q', u and t that hold along the whole motion.  Relations that ``&`` joins
+        become constraints of their own: ``name_1``, ``name_2``, ...
     title : str, optional
         One line for lists and figures.
     units : mapping of coordinate or input to str, optional
@@ -142,6 +146,7 @@ class MechanicalSystem(Shown):
             ("friction", '{"floor": 0.5}'),
         ):
             put(self, name, _mapping(getattr(self, name), name, example))
+        put(self, "path_constraints", _relations(self.path_constraints))
         self._check_names()
         put(
             self,
@@ -255,8 +260,9 @@ class MechanicalSystem(Shown):
             key: value if key in ("inputs", "title", "units") else replaced(value)
             for key, value in fields.items()
         }
-        forces = dict(model.forces)
-        for q, force in _mapping(given.pop("forces", {}), "forces", "{x: F}").items():
+        forces, named = dict(model.forces), {name_of(q): q for q in model.coordinates}
+        for key, force in _mapping(given.pop("forces", {}), "forces", "{x: F}").items():
+            q = named.get(key, key) if isinstance(key, str) else key
             forces[q] = forces.get(q, sp.S.Zero) + expression_in(force, f"the force on {shown(q)}")
         return cls(name, model.coordinates, model.lagrangian, parameters, forces=forces, **given)
 
@@ -389,13 +395,17 @@ class MechanicalSystem(Shown):
         _check_distinct(derived)
 
     def _normalised_forces(self) -> dict[Any, Any]:
-        forces = {}
-        for q, expression in dict(self.forces).items():
+        named = {name_of(q): q for q in self.coordinates}
+        forces: dict[Any, Any] = {}
+        for key, expression in dict(self.forces).items():
+            q = named.get(key, key) if isinstance(key, str) else key
             if q not in self.coordinates:
                 raise ModelError(
-                    f"the force on {shown(q)} belongs to no coordinate: expected one of "
+                    f"the force on {shown(key)} belongs to no coordinate: expected one of "
                     f"{_listed(self.coordinates)}."
                 )
+            if q in forces:
+                raise ModelError(f"the force on {name_of(q)} is given twice: add both.")
             forces[q] = expression_in(expression, f"the force on {name_of(q)}")
         return forces
 
@@ -424,29 +434,26 @@ class MechanicalSystem(Shown):
                 )
 
     def _check_symbols(self) -> None:
-        state = set(self.coordinates) | set(self.velocities)
-        time = {dynamicsymbols._t}
-        known = state | set(self.parameters) | time
-        with_inputs = known | set(self.inputs)
-        parts: list[tuple[str, Any, set[Any]]] = [
-            ("the Lagrangian", self.lagrangian, known),
-            ("the cost", self.cost, with_inputs),
-            ("the dissipation", self.dissipation, known),
-            ("the terminal cost", self.terminal_cost, known),
+        kinds: dict[str, set[Any]] = dict(
+            zip(
+                KINDS,
+                map(set, (self.coordinates, self.velocities, self.inputs, [dynamicsymbols._t],
+                          self.parameters)),
+                strict=True,
+            )
+        )  # fmt: skip
+        state, place = ("coordinates", "velocities", "the time", "parameters"), PLACE
+        parts: list[tuple[str, Any, tuple[str, ...]]] = [
+            ("the Lagrangian", self.lagrangian, state),
+            ("the cost", self.cost, KINDS),
+            ("the dissipation", self.dissipation, state),
+            ("the terminal cost", self.terminal_cost, state),
         ]
-        parts += [(f"the force on {name_of(q)}", e, with_inputs) for q, e in self.forces.items()]
-        parts += [
-            (f"surface {n!r}", g, set(self.coordinates) | set(self.parameters) | time)
-            for n, g in self.gaps.items()
-        ]
-        parts += [
-            (f"path constraint {n!r}", r, with_inputs) for n, r in self.path_functions.items()
-        ]
-        place = set(self.coordinates) | set(self.parameters) | time
+        parts += [(f"the force on {name_of(q)}", e, KINDS) for q, e in self.forces.items()]
+        parts += [(f"surface {n!r}", g, place) for n, g in self.gaps.items()]
+        parts += [(f"path constraint {n!r}", r, KINDS) for n, r in self.path_functions.items()]
         parts += [(f"the tangent of {n!r}", e, place) for n, e in self.tangents.items()]
-        parts += [
-            (f"the friction of {n!r}", e, set(self.parameters)) for n, e in self.friction.items()
-        ]
+        parts += [(f"the friction of {n!r}", e, ("parameters",)) for n, e in self.friction.items()]
         parts += [
             (f"a {type(part).__name__} of the drawing", e, place)
             for part in self.drawing
@@ -456,8 +463,8 @@ class MechanicalSystem(Shown):
         for where, expression, allowed in parts:
             found = atoms_of(expression)
             used |= found
-            for symbol in sorted(found - allowed, key=str):
-                raise ModelError(unknown_symbol(symbol, where, with_inputs))
+            for symbol in sorted(found.difference(*(kinds[kind] for kind in allowed)), key=str):
+                raise ModelError(unknown_symbol(symbol, where, kinds, allowed))
         for symbol in self.parameters:
             if symbol not in used:
                 raise ModelError(
@@ -523,6 +530,20 @@ def _mapping(value: Any, what: str, example: str) -> dict[Any, Any]:
     if not isinstance(value, Mapping):
         raise ModelError(f"{what} = {shown(value)}: expected a mapping such as {example}.")
     return dict(value)
+
+
+def _relations(constraints: Mapping[Any, Any]) -> dict[Any, Any]:
+    """Path constraints by name; those of a conjunction have the numbers 1, 2, ... behind it."""
+    found = dict[Any, Any]()
+    for name, relation in constraints.items():
+        joined = isinstance(relation, sp.And) and isinstance(name, str)
+        parts = sorted(relation.args, key=sp.default_sort_key) if joined else [relation]
+        names = [f"{name}_{i + 1}" for i in range(len(parts))] if joined else [name]
+        for one, part in zip(names, parts, strict=True):
+            if one in found:
+                raise ModelError(f"two path constraints have the name {one!r}: rename one.")
+            found[one] = part
+    return found
 
 
 def _parameter_value(symbol: Any, value: Any) -> float | None:

@@ -266,3 +266,89 @@ def test_numbers_of_any_kind_are_numbers(value: Any) -> None:
     )
     assert float(system.cost) == float(system.terminal_cost) == 2.0
     assert system.parameters == {m: 2.0} and type(system.parameters[m]) is float
+
+
+V = x.diff(T)
+ALONE = "coordinates, the time and parameters alone"
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        (
+            {"surfaces": {"w": x + V <= 1}},
+            "surface 'w' contains Derivative(x(t), t), one of the velocities: expected "
+            f"{ALONE}; a limit of a velocity is a path constraint.",
+        ),
+        (
+            {"surfaces": {"w": x + u <= 1}},
+            f"surface 'w' contains u(t), one of the inputs: expected {ALONE}; a limit of an input "
+            "is a bound or a path constraint.",
+        ),
+        (
+            {"tangents": {"r": x}, "friction": {"r": 1 + sp.exp(-(V**2))}},
+            "the friction of 'r' contains Derivative(x(t), t), one of the velocities: expected "
+            "parameters alone; friction that changes along the way is a smooth expression in "
+            "`forces`.",
+        ),
+        (
+            {"tangents": {"r": x}, "friction": {"r": 1 + x}},
+            "the friction of 'r' contains x(t), one of the coordinates: expected parameters "
+            "alone; friction that changes along the way is a smooth expression in `forces`.",
+        ),
+        (
+            {"lagrangian": m * V**2 / 2 + x * u},
+            "the Lagrangian contains u(t), one of the inputs: expected coordinates, velocities, "
+            "the time and parameters alone; inputs enter through `forces`.",
+        ),
+        (
+            {"cost": u.diff(T) ** 2},
+            "the cost contains Derivative(u(t), t), which is not the first derivative of a "
+            "coordinate: expected coordinates, velocities, inputs, the time and parameters alone.",
+        ),
+        ({"forces": {"x": u, x: u}}, "the force on x is given twice: add both."),
+        (
+            {"forces": {"y": u}},
+            "the force on 'y' belongs to no coordinate: expected one of x.",
+        ),
+        (
+            {"surfaces": {"s": (x <= 1) & (x >= -1)}},
+            "surface 's' joins 2 relations: give each one a name of its own.",
+        ),
+        (
+            {"path_constraints": {"s": (V <= 1) & (V >= -1), "s_1": u <= 1}},
+            "two path constraints have the name 's_1': rename one.",
+        ),
+        (
+            {"name": "short"},
+            "model name 'short' is a keyword of C or Python: choose another name, such as short_1.",
+        ),
+    ],
+)
+def test_a_refusal_says_what_was_expected(fields: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ModelError) as error:
+        make(**fields)
+    assert str(error.value) == sentence
+
+
+def test_a_force_belongs_to_a_coordinate_or_to_its_name() -> None:
+    assert make(forces={"x": u}).fingerprint() == make(forces={x: u}).fingerprint()
+
+
+def test_names_of_parts_may_be_words_of_c_or_python() -> None:
+    """They are data: nothing in the generated code is called so."""
+    system = make(
+        name="words",
+        surfaces={"double": x <= 5},
+        path_constraints={"short": u <= 3, "lambda": V <= 0.7},
+    )
+    problem = dmoc.Problem(system, {x: 0}, {x: 0.5, "x_dot": 0}, steps=20, final_time=1.0)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.solved and "path constraint lambda in" in " ".join(solution.active_bounds)
+
+
+def test_relations_that_are_joined_are_constraints_of_their_own() -> None:
+    """abs(v) <= 3/4 as one condition and as two."""
+    joined = make(path_constraints={"v": (V <= 0.75) & (V >= -0.75)})
+    assert set(joined.path_functions.values()) == {V + 0.75, 0.75 - V}
+    assert list(joined.path_functions) == ["v_1", "v_2"]

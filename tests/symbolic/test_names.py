@@ -32,8 +32,7 @@ MADE = """x_m x_dot_m t_m x_k x_kp1 x_i x_1 x_2 x_dot_1 x_dot_2 t_1 t_2 t_k t_0 
     r_d r_i_0 L L_d C C_d M E Q F B Q_x H I N O S pi e i j n D1_Ld_x D3_Ld fd_minus_x
     g g_wall grad Phi T_min T_min_wall x_free x_dot_k x_k_dot step power2 in out
     stride kernel MOST np sin sqrt INFINITY M_PI NULL ptrdiff_t views names""".split()
-PYTHON = {"in"}  # keywords are refused
-NAMES = sorted(set(MADE) - PYTHON)
+NAMES = sorted({*MADE, "short", "lambda", "double"})
 INSIDE = ["x_1", "x_dot_2", "x_i", "t_1", "t_k", "h", "u_k", "mu_i_0", "r_i_x", "x_kp1"]
 VALUES = [round(0.1 + 0.01 * i, 2) for i in range(len(NAMES))]
 GROUPS = [NAMES[i : i + 14] for i in range(0, len(NAMES), 14)]
@@ -204,9 +203,6 @@ def test_no_two_symbols_of_a_derivation_look_the_same(pair: tuple[str, str], ord
         "t",
         "x",
         "u",
-        "double",
-        "lambda",
-        "in",
         "a-b",
         "1a",
         "",
@@ -217,7 +213,7 @@ def test_no_two_symbols_of_a_derivation_look_the_same(pair: tuple[str, str], ord
     ],
 )
 def test_a_parameter_name_that_cannot_be_used_is_refused(name: str) -> None:
-    with pytest.raises(ModelError, match=r"name|keyword") as error:
+    with pytest.raises(ModelError, match="name") as error:
         model([sp.Symbol(name)])
     assert name in str(error.value) and "\n" not in str(error.value)
 
