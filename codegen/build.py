@@ -290,7 +290,7 @@ def _load_entry(entry: Path, digest: str) -> Kernels | None:
             return None
         manifest = json.loads((entry / "manifest.json").read_text(encoding="utf-8"))
         module = _load_extension(extension, f"dmoc_built.{entry.name}.{WRAPPER}")
-    except (OSError, ValueError, ImportError):
+    except (OSError, ValueError, ImportError, RecursionError):  # the last of JSON that is too deep
         return None
     return Kernels(manifest, module, COMPILED) if _belong_together(module, manifest) else None
 

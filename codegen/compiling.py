@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from dmoc.arguments import shown
 from dmoc.errors import BuildError
 
 # The kernels decide the speed of a solve; the wrapper only hands over their table, so it is
@@ -37,7 +38,7 @@ def compiler() -> list[str]:
     """
     candidates = [os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang"]
     for candidate in candidates:
-        command = shlex.split(candidate) if candidate else []
+        command = _words(candidate)
         if command and shutil.which(command[0]):
             _require_headers()
             return command
@@ -48,6 +49,17 @@ def compiler() -> list[str]:
         + (f" (CC={os.environ['CC']})" if os.environ.get("CC") else "")
         + ": install gcc or clang (Debian: apt install gcc), or set CC to its command."
     )
+
+
+def _words(command: str | None) -> list[str]:
+    """The words of a command; only what a user sets can have a quotation without an end."""
+    try:
+        return shlex.split(command) if command else []
+    except ValueError:
+        raise BuildError(
+            f"CC = {shown(command)} is no command (a quotation in it has no end): set CC to the "
+            "command of a C compiler, or not at all."
+        ) from None
 
 
 def tried_compiler() -> list[str]:

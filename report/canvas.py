@@ -106,6 +106,12 @@ def inked(axes: Axes, style: Style) -> None:
     axes.tick_params(colors=style.muted, labelcolor=style.ink)
 
 
+def plain(text: str) -> str:
+    """A text of a model or a file as Matplotlib shows it unchanged: a dollar begins no
+    mathematics."""
+    return text.replace("$", r"\$")
+
+
 def symbol(name: str) -> str:
     """A name as mathematics: greek names become letters, a number at the end and what follows an
     underscore subscripts."""

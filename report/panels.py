@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from dmoc.report import contacts
-from dmoc.report.canvas import legend_beside, symbol
+from dmoc.report.canvas import legend_beside, plain, symbol
 from dmoc.report.style import DOTS, Style
 from dmoc.scene import resampled
 from dmoc.trajectory import Array, Phase, Trajectory
@@ -97,7 +97,7 @@ def _state(trajectory: Trajectory, quantity: str, i: int) -> str:
 
 def with_unit(label: str, unit: str) -> str:
     """The label of an axis."""
-    return f"{label} [{unit}]" if unit else label
+    return f"{label} [{plain(unit)}]" if unit else label
 
 
 def draw_states(

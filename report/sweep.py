@@ -18,6 +18,7 @@ from dmoc.report.canvas import (
     legend_beside,
     new_figure,
     painted,
+    plain,
     plain_axes,
     symbol,
     written,
@@ -155,6 +156,8 @@ def _edges(places: Array) -> Array:
 
 
 def _label(column: str) -> str:
-    """The name of a column, with its last word as mathematics."""
+    """The name of a column, with its last word as mathematics if it is a name."""
     *words, name = column.split(" ")
+    if not name.isidentifier() or not column.isascii() or "$" in column:
+        return plain(column)
     return " ".join([*words, f"${symbol(name)}$"])

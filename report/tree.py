@@ -14,6 +14,7 @@ from dmoc.report.canvas import (
     legend_beside,
     new_figure,
     painted,
+    plain,
     plain_axes,
     symbol,
     written,
@@ -210,7 +211,7 @@ def _motions(motions: Sequence[tuple[str, float, Trajectory]], style: Style) -> 
     pairs = [(scene, motion) for scene, (_, _, motion) in zip(scenes, motions, strict=True)]
     draw_motions(pictures, pairs, style)
     for axes, (name, cost, _) in zip(pictures, motions, strict=True):
-        axes.set_title(f"{name}\ncost {cost:.6g}", fontsize=9)
+        axes.set_title(f"{plain(name)}\ncost {cost:.6g}", fontsize=9)
     for row, (quantity, unit, numbers) in enumerate(panels, start=1):
         first: Axes | None = None
         for k, (_, _, motion) in enumerate(motions):

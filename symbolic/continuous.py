@@ -81,7 +81,7 @@ class Continuous:
             tuple(rewrite(e) for e in system.path_functions.values()),
             tuple(rewrite(e) for e in system.tangents.values()),
             tuple(rewrite(system.friction[name]) for name in system.tangents),
-            tuple(rewrite(e) for part in system.drawing for e in values_of(part)),
+            tuple(rewrite(e) for part in system.shapes for e in values_of(part)),
         )
 
     def to_symengine(self) -> Continuous:

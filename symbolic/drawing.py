@@ -6,8 +6,8 @@ A drawing is looks and no physics: solutions do not depend on it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import sympy as sp
@@ -154,9 +154,11 @@ class Contact:
         Name of the surface, or of the rail.
     at : pair
         The point that touches.
-    normal : pair
-        Direction in which the surface pushes what it touches; of any length but zero.  Friction is
-        drawn along the normal turned by 90 degrees clockwise: to the right over a floor.
+    normal : pair, optional
+        Direction in which the surface pushes what it touches; of any length but zero.  By default
+        that in which its gap moves the place, or, of a rail, the one to the left of its tangent.
+        Friction is drawn along the normal turned by 90 degrees clockwise: to the right over a
+        floor.
 
     Examples
     --------
@@ -167,10 +169,12 @@ class Contact:
 
     surface: str
     at: Any
-    normal: Any = (0, 1)
+    normal: Any = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "at", _place(self.at, "the place of a Contact"))
+        if self.normal is None:
+            return
         normal = _place(self.normal, "the normal of a Contact")
         if normal == (0, 0):
             raise ModelError(
@@ -221,9 +225,43 @@ def values_of(part: Part) -> tuple[Any, ...]:
         case Spring() | Wall():
             return (*part.a, *part.b)
         case Contact():
-            x, y = part.normal
+            x, y = part.normal or (0, 1)  # of one whose place in a table counts alone
             length = sp.sqrt(x**2 + y**2)
             return (*part.at, x / length, y / length)
+
+
+def with_normal(
+    part: Part, gaps: Mapping[str, Any], tangents: Mapping[str, Any], coordinates: Sequence[Any]
+) -> Part:
+    """A contact with the direction in which it pushes; another shape as it is.
+
+    A force F at the place a(q) does the work of -grad g of a gap g(q) <= 0, or of grad tau of a
+    tangent: a_q' F = v.
+    """
+    if not isinstance(part, Contact) or part.normal is not None:
+        return part
+    slopes = sp.Matrix(part.at).jacobian(coordinates)
+    rail = part.surface not in gaps
+    along = tangents[part.surface] if rail else -gaps[part.surface]
+    v = sp.Matrix([sp.diff(along, q) for q in coordinates])
+    x, y = _force(slopes, v)
+    if (x, y) == (0, 0):
+        raise ModelError(
+            f"the Contact {shown(part.surface)} is at a place that its surface does not move: give "
+            "the direction in which it pushes, as in normal=(0, 1)."
+        )
+    return replace(part, normal=(-y, x) if rail else (x, y))
+
+
+def _force(slopes: Any, v: Any) -> Place:
+    """The direction of F in slopes' F = v."""
+    for along in ((0, 1), (1, 0), (0, -1), (-1, 0)):  # nearly always, and without long expressions
+        if (slopes.T * sp.Matrix(along) - v).expand().is_zero_matrix:
+            return along
+    gram = slopes * slopes.T
+    flat = sp.simplify(gram.det()) == 0
+    x, y = (slopes if flat else gram.adjugate() * slopes) * v
+    return (0, 0) if sp.simplify(x) == 0 and sp.simplify(y) == 0 else (x, y)
 
 
 def table_of(drawing: Iterable[Part]) -> list[list[Any]]:

@@ -74,7 +74,7 @@ def model_key(system: MechanicalSystem, order: int = 2) -> str:
     check_system(system)
     order = known_order(order)
     lines = [str(FORMAT), model_fingerprint(system, order), _title(system)]
-    for (kind, name, *_), part in zip(table_of(system.drawing), system.drawing, strict=True):
+    for (kind, name, *_), part in zip(table_of(system.drawing), system.shapes, strict=True):
         lines += [f"{kind} {name}", *map(sp.srepr, values_of(part))]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 

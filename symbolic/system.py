@@ -8,6 +8,7 @@ import math
 import numbers
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
@@ -16,7 +17,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.arguments import listed, shown
 from dmoc.errors import ModelError
-from dmoc.symbolic.drawing import Part, parts_in, values_of
+from dmoc.symbolic.drawing import Part, parts_in, values_of, with_normal
 from dmoc.symbolic.expressions import KINDS, atoms_of, expression_in, slack_of, unknown_symbol
 from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_name
 from dmoc.table import Shown, Table
@@ -280,6 +281,12 @@ class MechanicalSystem(Shown):
         pairs = zip(self.coordinates, self.velocities, strict=True)
         return tuple(self.forces.get(q, sp.S.Zero) - self.dissipation.diff(v) for q, v in pairs)
 
+    @cached_property
+    def shapes(self) -> tuple[Part, ...]:
+        """The shapes of the drawing, contacts with the directions in which they push."""
+        gaps = self.gaps
+        return tuple(with_normal(p, gaps, self.tangents, self.coordinates) for p in self.drawing)
+
     @property
     def gaps(self) -> dict[str, Any]:
         """Gap functions g(q) <= 0 by surface name."""
@@ -456,7 +463,7 @@ class MechanicalSystem(Shown):
         parts += [(f"the friction of {n!r}", e, ("parameters",)) for n, e in self.friction.items()]
         parts += [
             (f"a {type(part).__name__} of the drawing", e, place)
-            for part in self.drawing
+            for part in self.shapes
             for e in values_of(part)
         ]
         used: set[Any] = set()

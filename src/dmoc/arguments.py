@@ -9,23 +9,20 @@ from __future__ import annotations
 
 import difflib
 import math
-import os
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from inspect import signature
 from itertools import islice
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.errors import DmocError, OutputError, ProblemError
+from dmoc.errors import DmocError, ProblemError
+from dmoc.messages import LONGEST_TEXT
+from dmoc.messages import path as path
+from dmoc.messages import place as place
+from dmoc.messages import shown as shown
 
-LONGEST_TEXT = 60  # of a value shown in a message
-LONGEST_PLACE = 150  # of a path in a message, which is told by its end
-LONGEST_PATH = 4096  # that an operating system takes
-ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")  # of an object in memory: it says nothing to a reader
 MOST_ENTRIES = (
     10_000  # of a list: beyond it a generator without an end is more likely than a meaning
 )
@@ -34,16 +31,6 @@ Range = tuple[float, float]
 # What `interval` reads: a number, a pair (lower, upper) with None for no bound, None for free.
 Interval: TypeAlias = float | Sequence[float | None] | NDArray[Any] | None
 Kind = type[DmocError]
-
-
-def shown(value: Any) -> str:
-    """A value as a message shows it: in one line and not longer than a line."""
-    try:
-        text = ADDRESS.sub("", " ".join(repr(value).split()))
-    # an integer of more than 4300 digits, or a foreign class: the message must come all the same
-    except Exception:
-        text = f"a value of type {type(value).__name__}"
-    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + "…"
 
 
 def is_number(value: Any) -> bool:
@@ -185,24 +172,6 @@ def array(value: Any) -> NDArray[np.float64] | None:
         return None if None in entries else np.array(entries, dtype=float).reshape(raw.shape)
     with np.errstate(over="ignore"):  # of more than double precision
         return raw.astype(float) if raw.dtype.kind in "iuf" else None
-
-
-def path(value: Any, what: str = "path", error: Kind = OutputError) -> Path:
-    """Read the path of a file that is to be written or read."""
-    try:
-        name = os.fspath(value)
-        fits = isinstance(name, str) and 0 < len(os.fsencode(name)) <= LONGEST_PATH
-    except Exception:  # no path, or one that no file system can hold
-        fits = False
-    if not fits or "\0" in name:
-        raise error(f"{what} = {shown(value)}: expected the path of a file, as a text or a Path.")
-    return Path(name)
-
-
-def place(path: Path | str) -> str:
-    """A path as a message shows it: in one line, of a long one the end."""
-    text = "".join(c if c.isprintable() else "?" for c in str(path))
-    return text if len(text) <= LONGEST_PLACE else "…" + text[1 - LONGEST_PLACE :]
 
 
 def function(value: Any, what: str, of: str, error: Kind = ProblemError) -> Callable[[Any], Any]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.batch_table import counted, table_of
+from dmoc.batch_table import column_of, counted, table_of
 from dmoc.errors import MissingExtraError
 from dmoc.solvers.outcome import Status
 from dmoc.table import Shown, Table
@@ -135,8 +135,9 @@ class Batch(Shown):
 
     def columns(self) -> dict[str, Sequence[Any]]:
         """The table by columns: what is given, the results, a column for the time and the impulse
-        of each collision, and the message last."""
-        found: dict[str, Sequence[Any]] = {name: list(v) for name, v in self.given.items()}
+        of each collision, and the message last.  A parameter that is called like a result, such as
+        ``cost``, has the column "parameter cost"."""
+        found: dict[str, Sequence[Any]] = {column_of(k): list(v) for k, v in self.given.items()}
         found |= {"status": self.status, "cost": list(self.cost)}
         found |= {"final_time": list(self.final_time), "collisions": self.collisions}
         for i in range(self.collision_times.shape[1]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from dmoc.table import Table, toned
@@ -12,6 +13,11 @@ if TYPE_CHECKING:
 # Rows and different messages that are shown; the file has all.
 MOST_ROWS, MOST_NOTES = 40, 5
 TONES = {"solved": "good", "grazes": "fair", "not_verified": "doubtful", "not_tried": "dim"}
+
+# Columns of results; a parameter of such a name has a column that says what it is.
+RESULTS = re.compile(
+    r"status|cost|final_time|collisions|iterations|check|seconds|message|(time|impulse)_[0-9]+"
+)
 
 
 def table_of(batch: Batch) -> Table:
@@ -34,10 +40,15 @@ def table_of(batch: Batch) -> Table:
     notes += [f"note: {message}" for message in list(dict.fromkeys(unsolved))[:MOST_NOTES]]
     rate = batch.tried / max(batch.total_seconds, 1e-9)
     notes.append(f"{counted(batch)}; in {batch.total_seconds:.1f} s ({rate:.1f} a second)")
-    head = (*batch.given, "status", "cost", "end [s]", *times, "iterations")
+    head = (*map(column_of, batch.given), "status", "cost", "end [s]", *times, "iterations")
     return Table(tuple(rows), head, tuple(notes))
 
 
 def counted(batch: Batch) -> str:
     """How many rows have each status."""
     return ", ".join(f"{n} {status}" for status, n in batch.counts.items())
+
+
+def column_of(name: str) -> str:
+    """What the column of something that a sweep varies is called in a table."""
+    return f"parameter {name}" if RESULTS.fullmatch(name) else name

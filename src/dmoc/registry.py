@@ -15,12 +15,13 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dmoc.arguments import LONGEST_PATH, place, shown
+from dmoc.arguments import place, shown
 from dmoc.codegen.build import load_installed
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.of_system import build as build
 from dmoc.discretisation import known_order
 from dmoc.errors import DmocError, ModelError
+from dmoc.messages import LONGEST_PATH
 from dmoc.models import catalogue
 from dmoc.nlp.problem import Problem
 from dmoc.progress import Listener

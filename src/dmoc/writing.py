@@ -9,9 +9,9 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from dmoc.arguments import path as path_of
-from dmoc.arguments import place
 from dmoc.errors import OutputError
+from dmoc.messages import path as path_of
+from dmoc.messages import place
 
 REMEDY = "choose a writable place with room"
 

@@ -139,6 +139,7 @@ DAMAGE: dict[str, Callable[[Path], Any]] = {
     "linked record": lambda e: _linked(e / "build.json"),
     "record of nothing": lambda e: (e / "build.json").write_text("{}"),
     "record of no files": lambda e: (e / "build.json").write_text('{"files": {}}'),
+    "record that is deeper than JSON is read": lambda e: (e / "build.json").write_text("[" * 10**5),
     "record that is a list": lambda e: (e / "build.json").write_text("[]"),
     "another key": _of_another_key,
     "manifest of other sources": lambda e: _forged(e, lambda m: m.update(code="0" * 64)),
@@ -237,3 +238,13 @@ def test_a_changed_title_shows_and_is_the_same_model(own_cache: Path) -> None:
     first, second = (json.loads(c_files(model_spec(s))["manifest.json"]) for s in (SYSTEM, titled))
     assert (first["title"], second["title"]) == ("trusted", "a block")
     assert first["fingerprint"] == second["fingerprint"]
+
+
+@pytest.mark.parametrize("command", ["'", '"gcc', "gcc '"])
+def test_a_command_without_an_end_is_told_by_its_variable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.setenv("CC", command)
+    monkeypatch.setenv("DMOC_CACHE", str(tmp_path))
+    with pytest.raises(BuildError, match=r"CC = .* is no command"):
+        dmoc.build(SYSTEM, backend="compiled")

@@ -11,7 +11,9 @@ from pathlib import Path
 import block_and_wall
 import numpy as np
 import pytest
+import sympy as sp
 from damaged_files import SOLUTIONS
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.batch_file import BATCH, FILE
@@ -90,3 +92,35 @@ def test_a_data_frame_needs_pandas(batch: dmoc.Batch, monkeypatch: pytest.Monkey
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(MissingExtraError, match="pip install pandas"):
         batch.to_frame()
+
+
+def test_a_parameter_may_be_called_like_a_result(tmp_path: Path) -> None:
+    """Masses 1 and 2 on a line: what a parameter is and what a result is are both kept."""
+    x, u = dynamicsymbols("x u")
+    cost, time_1 = sp.symbols("cost time_1")
+    kernels = dmoc.build(
+        dmoc.MechanicalSystem(
+            "reserved",
+            coordinates=[x],
+            inputs=[u],
+            lagrangian=cost * x.diff(dynamicsymbols._t) ** 2 / 2,
+            forces={x: u},
+            surfaces={"wall": x <= time_1},
+            parameters={cost: 1.0, time_1: 1.0},
+            cost=u**2 / 2,
+        )
+    )
+    problem = dmoc.Problem(kernels, start={"x": 0.0}, goal={"x": 0.5}, steps=4, final_time=1.0)
+    batch = dmoc.sweep(problem, {"cost": [1.0, 2.0], "time_1": [1.0]})
+    assert list(batch.given["cost"]) == [1.0, 2.0]
+    table = batch.columns()
+    assert table["parameter cost"] == [1.0, 2.0] and table["parameter time_1"] == [1.0, 1.0]
+    assert table["cost"] == list(batch.cost) and table["cost"][1] == pytest.approx(
+        4 * table["cost"][0]
+    )
+    assert list(batch.to_frame().columns) == list(table) == list(batch.to_dict()["columns"])
+    loaded = dmoc.Batch.load(batch.save(tmp_path / "table.npz"))
+    assert loaded.columns().keys() == table.keys()
+    assert "parameter cost" in str(batch)
+    with batch.to_csv(tmp_path / "table.csv").open(newline="", encoding="utf-8") as stream:
+        assert len(set(next(csv.reader(stream)))) == len(table)

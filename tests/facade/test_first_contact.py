@@ -35,6 +35,7 @@ def test_the_version_is_that_of_the_project_file() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert dmoc.__version__ == project["version"]
     assert "__version__" in dir(dmoc)
+    assert [name for name in dir(dmoc) if not name.startswith("_")] == sorted(dmoc.__all__)
 
 
 @pytest.mark.parametrize("option", ["--version", "-V"])

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
+from systems import block_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -327,3 +328,19 @@ def test_what_is_zero_but_for_rounding_has_an_axis_of_its_own_size(
     ):
         low, high = labelled(small, label).get_ylim()
         assert high - low < 1.5 * np.ptp(values)
+
+
+@pytest.mark.parametrize("unit", ["$", "US$", r"\$", "$x", "$x$", "$x_$", "a$b$c$"])
+def test_a_dollar_in_a_unit_or_a_column_is_a_dollar(tmp_path: Path, unit: str) -> None:
+    system = block_system("priced")
+    x, u = system.coordinates[0], system.inputs[0]
+    kernels = dmoc.build(replace(system, units={x: unit, u: unit}), backend="numpy")
+    motion = dmoc.simulate(kernels, {"x": 0.0}, {"x": 0.5}, step_size=0.1, steps=4)
+    figure = motion.plot(tmp_path / "motion.png", velocities=True)
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert any(label.endswith(f"[{unit.replace('$', chr(92) + '$')}]") for label in labels)
+    dmoc.animate(motion, tmp_path / "motion.gif", fps=2)
+    problem = dmoc.Problem(kernels, start={"x": 0.0}, steps=3, final_time=1.0)
+    batch = dmoc.sweep(problem, {"m": [1.0, 2.0]}, method="slsqp", verify=False)
+    foreign = replace(batch, given={unit: batch.given["m"]})  # as a file may have it
+    foreign.plot(tmp_path / "sweep.png")

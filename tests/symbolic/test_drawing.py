@@ -16,6 +16,7 @@ import dmoc
 from dmoc.codegen.of_system import build
 from dmoc.errors import ModelError
 from dmoc.mechanics.model import Model
+from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.families import model_fingerprint, model_key
 
 T = dynamicsymbols._t
@@ -141,3 +142,36 @@ def test_what_is_no_drawing_is_refused_in_one_sentence(make: Any, message: str) 
     with pytest.raises(ModelError, match=message) as caught:
         make()
     assert str(caught.value).endswith(".") and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("relation", "at", "normal"),
+    [
+        (y >= 0, (x, y), (0, 1)),
+        (y <= 2, (x, y), (0, -1)),
+        (x <= 1, (x + r, y), (-1, 0)),
+        (x >= 0, (x, 0), (1, 0)),
+        (3 * x + 4 * y >= 0, (x, y), (0.6, 0.8)),
+        (3 * x + 4 * y <= 5, (2 * x, 2 * y), (-0.6, -0.8)),
+        (y >= x, (x, y), (-(0.5**0.5), 0.5**0.5)),
+    ],
+)
+def test_a_contact_pushes_where_its_gap_says(relation: Any, at: Any, normal: Any) -> None:
+    system = drawn(
+        dmoc.Contact("side", at), surfaces={"side": relation}, parameters={r: 1.0, l: 1.0}
+    )
+    found = values_of(system.shapes[0])[2:]
+    assert [float(e) for e in found] == pytest.approx(normal)
+
+
+def test_the_friction_of_a_rail_is_drawn_along_its_tangent() -> None:
+    system = drawn(
+        dmoc.Contact("rail", (x, y)), surfaces={}, tangents={"rail": -y}, friction={"rail": r},
+        parameters={r: 1.0, l: 1.0},
+    )  # fmt: skip
+    assert values_of(system.shapes[0])[2:] == (1, 0)  # turned clockwise: downwards
+
+
+def test_a_contact_at_a_place_that_does_not_move_needs_its_normal() -> None:
+    with pytest.raises(ModelError, match="at a place that its surface does not move"):
+        drawn(dmoc.Contact("side", (0, 0)), surfaces={"side": y >= 0}, parameters={r: 1.0, l: 1.0})
