@@ -43,10 +43,10 @@ def kkt_pattern(
     jac_start: Ints,
     jac_column: Ints,
 ) -> dict[str, Ints]: ...
-def factor_and_solve(
-    first: Ints,
-    start: Ints,
-    row: Ints,
-    values: Array,
-    right: Array,
-) -> tuple[Array, tuple[int, int, int]]: ...
+
+class Factorisation:
+    size: int
+    entries: int
+    def __init__(self, first: Ints, start: Ints, row: Ints) -> None: ...
+    def factor(self, values: Array, tiny: float = ...) -> tuple[int, int, int]: ...
+    def solve(self, right: Array) -> Array: ...

@@ -228,26 +228,34 @@ cdef int[::1] _sorted(int[::1] digit, int[::1] order, int size):
     return found
 
 
-def factor_and_solve(
-    int[::1] first, int[::1] start, int[::1] row, double[::1] values, double[::1] right
-):
-    """Factorise K and solve K x = right.
+cdef class Factorisation:
+    """Factorises symmetric matrices K of one pattern, upper triangle by columns in elimination
+    order, and solves with the last one."""
+    cdef dmoc_ldl *f
+    cdef readonly int size, entries
 
-    Returns x and the numbers of positive, negative and zero pivots.
-    """
-    cdef int n = start.shape[0] - 1
-    cdef double none = 0.0
-    cdef double[::1] x
-    cdef const int *rows = _indices(row, start[n], "row")
-    cdef double *entries = _numbers(values, start[n], "values", &none)
-    cdef dmoc_ldl *f = dmoc_ldl_new(n, first.shape[0] - 1, &first[0], &start[0], rows)
-    if f == NULL:
-        raise MemoryError()
-    try:
-        solution = np.array(right)
-        x = solution
-        dmoc_ldl_factor(f, entries, 1e-20)
-        dmoc_ldl_solve(f, _numbers(x, n, "right", &none))
-        return solution, (f.positive, f.negative, f.zero)
-    finally:
-        dmoc_ldl_free(f)
+    def __cinit__(self, int[::1] first, int[::1] start, int[::1] row):
+        self.size = start.shape[0] - 1
+        self.entries = start[self.size]
+        cdef const int *rows = _indices(row, self.entries, "row")
+        self.f = dmoc_ldl_new(self.size, first.shape[0] - 1, &first[0], &start[0], rows)
+        if self.f == NULL:
+            raise MemoryError()
+
+    def __dealloc__(self):
+        dmoc_ldl_free(self.f)
+
+    def factor(self, double[::1] values, double tiny=1e-20):
+        """Factorise; returns the numbers of positive, negative and zero pivots."""
+        cdef double none = 0.0
+        cdef double *numbers = _numbers(values, self.entries, "values", &none)
+        with nogil:
+            dmoc_ldl_factor(self.f, numbers, tiny)
+        return self.f.positive, self.f.negative, self.f.zero
+
+    def solve(self, double[::1] right):
+        """The x of K x = right."""
+        cdef double none = 0.0
+        cdef double[::1] x = np.array(right)
+        dmoc_ldl_solve(self.f, _numbers(x, self.size, "right", &none))
+        return np.asarray(x)

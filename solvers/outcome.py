@@ -22,6 +22,7 @@ class Status(enum.StrEnum):
     SOLVED = "solved"
     GRAZES = "grazes"  # solved, but a collision has no effect
     NOT_VERIFIED = "not_verified"  # solved, and the check contradicts it
+    STATIONARY = "stationary"  # the conditions of first order hold, those of second order do not
     INFEASIBLE = "infeasible"
     ITERATION_LIMIT = "iteration_limit"
     TIME_LIMIT = "time_limit"
@@ -37,6 +38,8 @@ SENTENCES = {
     Status.SOLVED: "a local minimum was found",
     Status.GRAZES: "a local minimum was found",
     Status.NOT_VERIFIED: "a local minimum was found",
+    Status.STATIONARY: "a stationary point was found that is no minimum: motions beside it "
+    "cost less",
     Status.INFEASIBLE: "no feasible motion was found",
     Status.ITERATION_LIMIT: "the iteration limit was reached: raise it, or start from a better "
     "guess",

@@ -12,8 +12,9 @@ import numpy as np
 
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.curvature import SecondOrder, Shape
 from dmoc.solvers.diagnosis import diagnose
-from dmoc.solvers.judge import INFEASIBLE
+from dmoc.solvers.judge import INFEASIBLE, rounded
 from dmoc.solvers.outcome import NOWHERE, Duals, Iteration, Options, Outcome, Status
 from dmoc.solving.methods import METHODS, Judged, Method
 from dmoc.solving.program import Programs
@@ -22,6 +23,10 @@ from dmoc.solving.touching import pays, pushed, suspects
 
 # A method that ends so far from a motion tells nothing of whether there is one.
 UNDECIDED = (Status.STALLED, Status.ITERATION_LIMIT)
+# Stationary points that are no minima, which a solve goes on from one after the other at most.
+MOST_SADDLES = 4
+# Relative difference of the costs of one minimum that two methods have ended in.
+SAME = 1e-5
 
 Minimise: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
 
@@ -34,9 +39,18 @@ class Attempt:
     outcome: Outcome
     conflicts: tuple[str, ...] = ()
 
+    def cost(self) -> float:
+        """The scaled cost."""
+        return self.nlp.cost(self.outcome.x)
+
     def counting(self, iterations: int) -> Attempt:
         """The same with another number of iterations."""
         return replace(self, outcome=replace(self.outcome, iterations=iterations))
+
+    def saying(self, more: str) -> Attempt:
+        """The same with something more in the detail of its message."""
+        detail = "; ".join(filter(None, (self.outcome.detail, more)))
+        return replace(self, outcome=replace(self.outcome, detail=detail))
 
 
 def attempted(
@@ -62,7 +76,7 @@ def attempted(
     lost = ended in UNDECIDED and found.outcome.left.violation > INFEASIBLE
     if ended is Status.INFEASIBLE or lost:
         left = remaining(options, begin, 0 if lost else found.outcome.iterations)
-        found = _explained(found, starts.points[0], left, minimise)
+        found = _explained(programs, found, starts.points[0], left, minimise)
     return found
 
 
@@ -111,9 +125,11 @@ def _first_success(
     tried: list[Attempt] = []
     count, begin = 0, time.perf_counter()
     for x in points:
-        found = minimised(programs, nlp, x, remaining(options, begin, count), minimise)
+        left = remaining(options, begin, count)
+        found = minimum(programs, nlp, x, left, minimise)
         count += found.outcome.iterations
-        if found.outcome.status not in NOWHERE or count >= options.iterations:
+        lost = found.outcome.status in (*NOWHERE, Status.STATIONARY)
+        if not lost or count >= options.iterations:
             return found.counting(count)
         tried.append(found)
     return min(tried, key=lambda t: t.outcome.left.violation).counting(count)
@@ -132,12 +148,14 @@ def _taken_over(
     again = _first_success(programs, programs.program(second.guided), points, options, minimise)
     count = outcome.iterations + again.outcome.iterations
     if again.outcome.status in (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED):
-        detail = f"{first.name} ended {outcome.status}, the compiled method took over"
-        return replace(again, outcome=replace(again.outcome, detail=detail, iterations=count))
+        said = f"{first.name} ended {outcome.status}, the compiled method took over"
+        return again.saying(said).counting(count)
     return before.counting(count)
 
 
-def _explained(before: Attempt, x: Array, options: Options, minimise: Minimise) -> Attempt:
+def _explained(
+    programs: Programs, before: Attempt, x: Array, options: Options, minimise: Minimise
+) -> Attempt:
     """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve
     from.  A method that came to no end is told so, unless the least violation is one."""
     begin = time.perf_counter()
@@ -148,14 +166,95 @@ def _explained(before: Attempt, x: Array, options: Options, minimise: Minimise) 
         return Attempt(nlp, replace(outcome, status=Status.INTERRUPTED))
     if diagnosis.violation <= INFEASIBLE and outcome.iterations < options.iterations:
         left = remaining(options, begin, outcome.iterations)
-        again = minimise(nlp, nlp.scaled(diagnosis.x), left)
-        if again.status is not Status.INFEASIBLE:
-            return Attempt(nlp, again).counting(outcome.iterations + again.iterations)
+        again = Attempt(nlp, minimise(nlp, nlp.scaled(diagnosis.x), left))
+        if again.outcome.status is not Status.INFEASIBLE:
+            found = ascertained(programs, again, left, minimise)
+            return found.counting(outcome.iterations + found.outcome.iterations)
     if outcome.status in UNDECIDED:
         if not diagnosis.least or diagnosis.violation <= INFEASIBLE:
             return before
         outcome = replace(outcome, status=Status.INFEASIBLE)
     return Attempt(nlp, outcome, diagnosis.sentences)
+
+
+def minimum(
+    programs: Programs, nlp: Transcription, x: Array, options: Options, minimise: Minimise
+) -> Attempt:
+    """Solve from one start to a point that is a minimum to second order, too."""
+    begin = time.perf_counter()
+    attempt = minimised(programs, nlp, x, options, minimise)
+    return ascertained(programs, attempt, remaining(options, begin), minimise)
+
+
+def ascertained(
+    programs: Programs,
+    attempt: Attempt,
+    options: Options,
+    minimise: Minimise,
+    saddles: int = MOST_SADDLES,
+) -> Attempt:
+    """A solution that is a minimum: where motions beside it cost less, the one that they lead to.
+
+    If they lead to none, or from one saddle to the next for too long, it stays what it is, and is
+    called stationary.
+    """
+    begin, nlp, outcome = time.perf_counter(), attempt.nlp, attempt.outcome
+    if outcome.status is not Status.SOLVED and not (
+        outcome.status is Status.STALLED and rounded(outcome.left)
+    ):
+        return attempt
+    plain = programs.free(nlp)
+    second = SecondOrder(plain, outcome.x, replace(outcome.duals, w=outcome.duals.w[: plain.n_in]))
+    around = second.curvature()
+    if around.shape is Shape.VALLEY:
+        name = plain.layout.names()[int(np.abs(around.direction).argmax())]
+        return attempt.saying(f"motions beside it cost the same: most of all {name} is left open")
+    beside = second.cheaper(around)
+    if not beside:
+        return attempt
+    left = remaining(options, begin, outcome.iterations)
+    lower = _lower(programs, attempt, beside if saddles else [], left, minimise)
+    lower = lower.counting(outcome.iterations + lower.outcome.iterations)
+    if lower.outcome.status is not Status.SOLVED:
+        return lower
+    cost = attempt.cost() * nlp.scale.cost
+    lower = lower.saying(f"motions beside a stationary one of cost {cost:.6g} led to it")
+    return ascertained(programs, lower, remaining(options, begin), minimise, saddles - 1)
+
+
+def _lower(
+    programs: Programs,
+    saddle: Attempt,
+    beside: Sequence[Array],
+    options: Options,
+    minimise: Minimise,
+) -> Attempt:
+    """The cheaper minimum of those that motions beside a saddle lead to: the compiled method gets
+    there, the method itself has the last word where it keeps the minimum."""
+    begin, nlp, count = time.perf_counter(), saddle.nlp, 0
+    compiled = programs.problem.kernels.backend == COMPILED
+    way = _with(METHODS["ipm"].minimise(), None) if compiled else minimise
+    ends: list[Attempt] = []
+    for z in beside:
+        start = programs.free(nlp) if compiled else nlp
+        ends.append(minimised(programs, start, z, remaining(options, begin, count), way))
+        count += ends[-1].outcome.iterations
+        if ends[-1].outcome.status is Status.INTERRUPTED:
+            return ends[-1].counting(count)
+    minima = [end for end in ends if end.outcome.status is Status.SOLVED]
+    best = min(minima, key=Attempt.cost, default=saddle)
+    if best.cost() >= saddle.cost():
+        stationary = replace(saddle, outcome=replace(saddle.outcome, status=Status.STATIONARY))
+        named = " and ".join(dict.fromkeys(str(end.outcome.status) for end in ends))
+        said = f"from there a solve ended {named}" if ends else f"the last of {MOST_SADDLES + 1}"
+        return stationary.counting(count).saying(said)
+    if not compiled:
+        return best.counting(count)
+    again = minimised(programs, nlp, best.outcome.x, remaining(options, begin, count), minimise)
+    count += again.outcome.iterations
+    ended = again.outcome.status
+    kept = ended is Status.SOLVED and again.cost() <= best.cost() + SAME * abs(best.cost())
+    return (again if kept or ended is Status.INTERRUPTED else best).counting(count)
 
 
 def minimised(

@@ -15,7 +15,7 @@ from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.transfer import pieces_of, unknowns_along
 from dmoc.solution import Solution
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving.attempts import Attempt, minimised
+from dmoc.solving.attempts import Attempt, minimum
 from dmoc.solving.basins import Basin, joined
 from dmoc.solving.meshes import finer
 from dmoc.solving.program import Programs
@@ -171,7 +171,7 @@ def _on(mesh: Problem, coarse: Attempt, options: Options, by_rates: bool) -> Att
         scale = replace(known, h=scale.h)
     programs = Programs(mesh, scale, by_rates)
     nlp = programs.program()
-    attempt = minimised(programs, nlp, nlp.scaled(x), options, compiled())
+    attempt = minimum(programs, nlp, nlp.scaled(x), options, compiled())
     if attempt.outcome.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return attempt

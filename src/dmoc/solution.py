@@ -92,8 +92,8 @@ class Solution(Shown, Moving):
     Attributes
     ----------
     status : Status
-        "solved", "grazes" (solved, but a collision has no effect), "not_verified", "infeasible",
-        "iteration_limit", "time_limit", "stalled" or "interrupted": a text and a
+        "solved", "grazes" (solved, but a collision has no effect), "not_verified", "stationary",
+        "infeasible", "iteration_limit", "time_limit", "stalled" or "interrupted": a text and a
         :class:`~dmoc.solvers.outcome.Status`.
     message : str
         What happened, and what helps.

@@ -10,7 +10,7 @@ import pytest
 
 import dmoc
 from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.compiled import factor_and_solve, interior_point, kkt_pattern
+from dmoc.solvers.compiled import Factorisation, interior_point, kkt_pattern
 from dmoc.solvers.kkt_layout import kkt_layout
 
 ARRAYS = ("size", "stretch", "x", "y", "z_lower", "z_upper")
@@ -39,7 +39,9 @@ def test_a_matrix_of_wrong_size_is_refused() -> None:
     first, start, row = (np.array(a, dtype=np.int32) for a in ([0, 1, 2], [0, 1, 2], [0, 1]))
     for rows, values, right in ((row[:1], 2, 2), (row, 1, 2), (row, 2, 3)):
         with pytest.raises(ValueError, match="expected 2"):
-            factor_and_solve(first, start, rows, np.ones(values), np.ones(right))
+            K = Factorisation(first, start, rows)
+            K.factor(np.ones(values))
+            K.solve(np.ones(right))
 
 
 def test_a_wrong_pattern_is_refused() -> None:

@@ -24,7 +24,7 @@ from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.transcription import Transcription
 from dmoc.registry import build
 from dmoc.solvers import ipm
-from dmoc.solvers.compiled import factor_and_solve
+from dmoc.solvers.compiled import Factorisation
 from dmoc.solvers.ipm import least_violation
 from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Iteration, Options, Status
@@ -393,9 +393,8 @@ def test_factorisation_solves_and_counts_signs(number: int, pivots: int, final: 
     signs = np.linalg.eigvalsh(dense)
     assume(np.abs(signs).min() >= 1e-3)
     right = rng.normal(size=n)
-    x, counts = factor_and_solve(
-        first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right
-    )
+    K = Factorisation(first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32))
+    counts, x = K.factor(upper.data), K.solve(right)
     assert counts == ((signs > 0).sum(), (signs < 0).sum(), 0)
     np.testing.assert_allclose(dense @ x, right, atol=1e-6)
 
@@ -417,9 +416,8 @@ def test_a_chain_with_a_border_is_factorised(wide: int, steps: int, border: int)
     signs = np.linalg.eigvalsh(dense)
     right = rng.normal(size=n + border)
     first = np.arange(0, n + 1, 2, dtype=np.int32)
-    x, counts = factor_and_solve(
-        first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right
-    )
+    K = Factorisation(first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32))
+    counts, x = K.factor(upper.data), K.solve(right)
     assert counts == ((signs > 0).sum(), (signs < 0).sum(), 0)
     np.testing.assert_allclose(dense @ x, right, atol=1e-8)
 
@@ -434,9 +432,8 @@ def test_a_final_group_without_diagonal_is_factorised() -> None:
     upper = scipy.sparse.csc_matrix(np.triu(dense) + 0.0)
     first = np.zeros(1, dtype=np.int32)
     right = np.arange(8.0)
-    x, counts = factor_and_solve(
-        first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32), upper.data, right
-    )
+    K = Factorisation(first, upper.indptr.astype(np.int32), upper.indices.astype(np.int32))
+    counts, x = K.factor(upper.data), K.solve(right)
     assert counts == (5, 3, 0)
     np.testing.assert_allclose(dense @ x, right, atol=1e-9)
 

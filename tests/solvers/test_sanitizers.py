@@ -27,7 +27,7 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.nlp.program import ElementData, PassData, ProgramData, strided
 from dmoc.registry import find
 from dmoc.solvers import ipm
-from dmoc.solvers.compiled import factor_and_solve
+from dmoc.solvers.compiled import Factorisation
 
 ROOT = Path(__file__).resolve().parents[2]
 WARNINGS = ("-Wall", "-Wextra", "-Werror")
@@ -276,6 +276,7 @@ def test_factorisation_of_random_matrices(seed: dmoc.Problem, linked: Link, tmp_
         content = whole(n, len(first) - 1) + b"".join(map(positions, arrays))
         content += numbers(upper.data) + numbers(right)
         found = ran(run, "factor", tmp_path / "matrix", content)
-        x, signs = factor_and_solve(*arrays, upper.data, right)
+        factorised = Factorisation(*arrays)
+        signs, x = factorised.factor(upper.data), factorised.solve(right)
         assert tuple(found[:3]) == signs
         np.testing.assert_allclose(found[3:], x, rtol=1e-10, atol=1e-12)

@@ -1,0 +1,278 @@
+"""Second-order conditions at a stationary point: whether it is a minimum.
+
+H is the Hessian of L at the multipliers, A the slopes of the equations and of the inequalities and
+bounds that hold x.  The point is a strict minimum if d'Hd > 0 for all d != 0 with A d = 0, and none
+if d'Hd < 0 for one (J. Nocedal, S. J. Wright: Numerical Optimization, 2006, theorems 12.5, 12.6).
+The signs of the pivots of::
+
+    K = [ H - s W   A'       ]        W: weights of the unknowns
+        [ A        -RELAXED  ]        s: a curvature
+
+tell it: as many are positive as there are unknowns if and only if H - s W + A'A/RELAXED is positive
+definite.  The small diagonal keeps equations harmless that follow from others.  Solving with such a
+K again and again leads to the direction of the least curvature.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.nlp.tables import Bools
+from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.compiled import Factorisation
+from dmoc.solvers.kkt import cost_size, violation
+from dmoc.solvers.kkt_layout import KKTLayout, kkt_layout
+from dmoc.solvers.outcome import Duals
+
+# Curvatures in their unit, of a direction along which all unknowns change by their sizes: below the
+# first one the cost falls; where none is larger than the second one it does not change.  What lies
+# between is so little that nobody asks.
+FALLS, LEVEL = -1e-6, 1e-9
+# The unit is the cost; where that is small, this share of the largest curvature of one unknown.
+BENT = 1e-3
+# Diagonals of K: equations, inequalities that hold x and those that do not, unknowns at a bound.
+RELAXED, HELD_ROW, IDLE, HELD = 1e-11, 1e-8, 1e14, 1e12
+# A multiplier or a distance, relative to the cost and to the sizes, that is so many times the other
+# one, and above this, tells whether a bound holds x.
+CLEARLY, NOISE = 10.0, 1e-6
+# Curvatures that are added until K has the signs: from the least one, by a factor, so many; and
+# bisections between the last two.
+RAISED, MOST_RAISES, BISECTIONS = 100.0, 12, 4
+# Iterations towards a direction, and the change of its curvature that ends them.
+ITERATIONS, SETTLED = 40, 0.02
+# Rates of what holds along a direction of size 1 that are rounding errors.
+TANGENT = 1e-4
+# Distances, in sizes of the unknowns, at which motions along a direction are looked at, the steps
+# of Newton's method that bring them onto the constraints, the violation that they may keep, and the
+# share of the expected fall of the cost that confirms it; no fall below the last one, in the unit,
+# counts.
+DISTANCES, CORRECTIONS, KEPT, CONFIRMED = (0.3, 0.1, 0.03, 0.01, 3e-3), 6, 1e-6, 0.3
+LEAST_FALL = 1e-9
+
+
+class Shape(enum.Enum):
+    """The cost of the motions around a stationary one."""
+
+    BOWL = "strict minimum"
+    VALLEY = "does not change along a direction"
+    SADDLE = "falls along a direction"
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """The shape; where it is no bowl the least curvature, in its unit, and its direction in scaled
+    unknowns, the largest of which changes by its size."""
+
+    shape: Shape
+    least: float = np.inf
+    direction: Array = field(default_factory=lambda: np.zeros(0))
+
+
+class SecondOrder:
+    """The second-order conditions at a stationary point with its multipliers, of a program without
+    minimal times."""
+
+    def __init__(self, nlp: Transcription, x: Array, duals: Duals) -> None:
+        self.nlp, self.x, self.duals = nlp, x, duals
+        self.free = nlp.lower < nlp.upper
+        self.held, self.perhaps = self._holding()
+        self.weights = _weights(nlp)
+
+    def curvature(self) -> Curvature:
+        """The shape of the cost.
+
+        Bounds that may hold x or not are left out first: a bowl without them is one.  Directions
+        that keep them are free to go; one that leaves them has to lead into the feasible set.
+        """
+        if self._bowl(-LEVEL, self.held):
+            return Curvature(Shape.BOWL)
+        without = self._least(self.held)
+        if without.shape is Shape.BOWL or not self.perhaps.any():
+            return without
+        kept = self._least(self.held | self.perhaps)
+        sided = kept.shape is not Shape.SADDLE and self._inwards(without.direction)
+        return without if sided else kept
+
+    def cheaper(self, along: Curvature) -> list[Array]:
+        """Motions on both sides of a saddle that keep the constraints and cost less, none where
+        the direction turns out to lead to no such motion."""
+        if along.shape is not Shape.SADDLE:
+            return []
+        self._signs(1.0, self.held, bent=False)
+        motions = (self._cheaper(side * along.direction, along.least) for side in (1.0, -1.0))
+        return [z for z in motions if z is not None]
+
+    def _cheaper(self, d: Array, least: float) -> Array | None:
+        nlp, x = self.nlp, self.x
+        slope = abs(float(nlp.lagrangian_gradient(x, self.duals.y, self.duals.w) @ d))
+        bend = -least * self._unit * float(d @ (self.weights * d)) / 2
+        for t in DISTANCES:
+            z = self._onto_constraints(x + t * d)
+            fall = nlp.cost(x) - nlp.cost(z) - np.abs(self.duals.y) @ np.abs(nlp.equality(z))
+            expected = slope * t + CONFIRMED * bend * t**2
+            if violation(nlp, z) <= KEPT and fall >= max(expected, LEAST_FALL * self._unit):
+                return z
+        return None
+
+    def _onto_constraints(self, z: Array) -> Array:
+        """The motion with what holds x restored, by Newton's method with the slopes at x."""
+        nlp, rows = self.nlp, self.held[self.nlp.n :]
+        for _ in range(CORRECTIONS):
+            z = np.clip(z, nlp.lower, nlp.upper)
+            missed = np.where(rows, nlp.values(z)[1:], 0.0)
+            z = z - self._solved(np.concatenate([np.zeros(nlp.n), missed]))[: nlp.n]
+        return np.clip(z, nlp.lower, nlp.upper)
+
+    def _holding(self) -> tuple[Bools, Bools]:
+        """Which unknowns are held by a bound, and which rows hold; and which may be."""
+        nlp, x, duals = self.nlp, self.x, self.duals
+        above = np.where(duals.z > 0, x - nlp.lower, np.inf)
+        below = np.where(duals.z < 0, nlp.upper - x, np.inf)
+        either = np.minimum(x - nlp.lower, nlp.upper - x)
+        distance = np.minimum(np.minimum(above, below), np.where(duals.z == 0, either, np.inf))
+        distance = np.maximum(np.concatenate([distance, nlp.inequality(x)]), 0.0)
+        force = np.concatenate([np.abs(duals.z), duals.w]) / cost_size(nlp, x)
+        held = (force > CLEARLY * distance) & (force > NOISE)
+        idle = (distance > CLEARLY * force) & (distance > NOISE)
+        free = np.append(self.free, np.ones(nlp.n_in, dtype=bool))
+
+        def every(of: Bools, equations: bool) -> Bools:
+            unknowns, rows = np.split(of & free, [nlp.n])
+            return np.concatenate([unknowns, np.full(nlp.n_eq, equations), rows])
+
+        return every(held, True), every(~held & ~idle, False)
+
+    @cached_property
+    def _layout(self) -> KKTLayout:
+        if "ipm" not in self.nlp.analyses:
+            self.nlp.analyses["ipm"] = kkt_layout(self.nlp)
+        layout: KKTLayout = self.nlp.analyses["ipm"]
+        return layout
+
+    @cached_property
+    def _factorisation(self) -> Factorisation:
+        return Factorisation(self._layout.first, self._layout.start, self._layout.row)
+
+    @cached_property
+    def _parts(self) -> tuple[Array, Array]:
+        """Entries of K that are those of H, and of A."""
+        nlp, layout = self.nlp, self._layout
+        hess = nlp.program.curvatures(np.ascontiguousarray(self.x), self.duals.rows, 1.0)
+        H, A = (
+            np.bincount(at[at >= 0], values[at >= 0], len(layout.row)).astype(float)
+            for at, values in (
+                (layout.from_hess, hess),
+                (layout.from_jac, nlp.slopes(self.x)[nlp.n :]),
+            )
+        )
+        return H, A
+
+    @cached_property
+    def _unit(self) -> float:
+        """The unit of curvatures."""
+        at = self._layout.diagonal[: self.nlp.n][self.free]
+        bent = np.abs(self._parts[0][at]) / self.weights[self.free]
+        most = BENT * float(bent.max(initial=0.0))
+        return max(cost_size(self.nlp, self.x), most if np.isfinite(most) else 0.0)
+
+    def _bowl(self, shift: float, held: Bools) -> bool:
+        """Whether a curvature, in its unit, makes a bowl; K with it is factorised."""
+        return self._signs(shift * self._unit, held)
+
+    def _signs(self, shift: float, held: Bools, bent: bool = True) -> bool:
+        """Factorise K with a shift, with H or without, and compare its signs with a bowl's."""
+        nlp, layout, (H, A) = self.nlp, self._layout, self._parts
+        K = H + A if bent else A.copy()
+        unknowns, rows = np.split(held, [nlp.n])
+        diagonal = np.concatenate(
+            [
+                np.where(unknowns, HELD, shift * self.weights),
+                np.where(
+                    rows, np.where(np.arange(len(rows)) < nlp.n_eq, -RELAXED, -HELD_ROW), -IDLE
+                ),
+            ]
+        )
+        at = layout.diagonal >= 0
+        K[layout.diagonal[at]] += diagonal[at]
+        positive, _, zero = self._factorisation.factor(K)
+        return positive == int(self.free.sum()) and not zero
+
+    def _solved(self, right: Array) -> Array:
+        """Solve with the last K, of which fixed unknowns are no part."""
+        place = self._layout.place
+        inside = place >= 0
+        ordered = np.zeros(self._layout.size)
+        ordered[place[inside]] = right[inside]
+        return np.where(inside, self._factorisation.solve(ordered)[place], 0.0)
+
+    def _bowl_from(self, held: Bools) -> float | None:
+        """About the least curvature whose addition makes a bowl; K with it is factorised."""
+        shift = LEVEL
+        while not self._bowl(shift, held):
+            shift *= RAISED
+            if shift > LEVEL * RAISED**MOST_RAISES:
+                return None
+        low = shift / RAISED
+        for _ in range(BISECTIONS if shift > LEVEL else 0):
+            middle = np.sqrt(low * shift)
+            low, shift = (low, middle) if self._bowl(middle, held) else (middle, shift)
+        self._bowl(shift, held)
+        return float(shift)
+
+    def _least(self, held: Bools) -> Curvature:
+        """The least curvature and its direction, by inverse iteration."""
+        shift = self._bowl_from(held)
+        if shift is None:  # no numbers to go by
+            return Curvature(Shape.BOWL)
+        n, least = self.nlp.n, np.inf
+        d = np.where(self.free & ~held[:n], np.random.default_rng(0).normal(size=n), 0.0)
+        for _ in range(ITERATIONS):
+            pull = self.weights * d
+            d = self._solved(np.concatenate([pull, np.zeros(len(held) - n)]))[:n]
+            length = float(d @ (self.weights * d))
+            if not length > 0:  # nothing is free to go
+                return Curvature(Shape.BOWL)
+            before, least = least, float(d @ pull) / length / self._unit - shift
+            d = np.where(held[:n], 0.0, d / np.sqrt(length))
+            if abs(least - before) <= SETTLED * abs(least):
+                break
+        shape = Shape.SADDLE if least < FALLS else Shape.VALLEY
+        if FALLS <= least < -LEVEL or least > LEVEL or not self._tangent(d, held):
+            return Curvature(Shape.BOWL)
+        return Curvature(shape, least, d / np.abs(d).max())
+
+    def _tangent(self, d: Array, held: Bools) -> bool:
+        """Whether a direction keeps what holds, which says that the numbers of K are good."""
+        nlp = self.nlp
+        rates = np.concatenate(
+            [nlp.equality_jacobian(self.x) @ d, nlp.inequality_jacobian(self.x) @ d]
+        )
+        return bool(np.abs(rates[held[nlp.n :]]).max(initial=0.0) <= TANGENT * np.abs(d).max())
+
+    def _inwards(self, d: Array) -> bool:
+        """Whether a direction or its opposite keeps the bounds that may hold x."""
+        nlp, x = self.nlp, self.x
+        unknowns, rows = np.split(self.perhaps, [nlp.n])
+        lower = x - nlp.lower <= nlp.upper - x
+        rates = np.concatenate(
+            [
+                np.where(lower, d, -d)[unknowns],
+                (nlp.inequality_jacobian(x) @ d)[rows[nlp.n_eq :]],
+            ]
+        )
+        return bool((rates >= -NOISE).all() or (rates <= NOISE).all())
+
+
+def _weights(nlp: Transcription) -> Array:
+    """Weights of the unknowns in the length of a direction: those that every node or step has count
+    as one together."""
+    weights = np.ones(nlp.n)
+    for block in nlp.layout.unknowns:
+        if block.count and len(block.index) >= nlp.layout.total:
+            weights[block.numbers] = 1 / len(block.index)
+    return weights
