@@ -16,6 +16,7 @@ from dmoc.solvers.judge import rounded
 from dmoc.solvers.outcome import NOWHERE, Residuals, Status
 from dmoc.solving.mesh_error import UNKNOWN, Errors, barrier, changes, compared, estimates
 from dmoc.solving.meshes import finer
+from dmoc.solving.undetermined import undetermined
 
 # A quarter of the steps at once where the error is this far above the tolerance, else half of them.
 FAR = 100.0
@@ -216,8 +217,8 @@ def _measured(
     """The history with a mesh that was solved.
 
     It is simulated where its cost meets the tolerance, and where the motion then does not it is
-    seen whether that is settled at all.  With a time limit every mesh is simulated, so that one is
-    confirmed when the time is up.
+    seen whether the problem determines it at all.  With a time limit every mesh is simulated, so
+    that one is confirmed when the time is up.
     """
     before = past.last.errors if past.levels else UNKNOWN
     level = Level(s, estimates((*past.solved, s), before, problem.order), past.iterations)
@@ -227,16 +228,17 @@ def _measured(
     past = replace(past, levels=(*past.levels, level))
     confirmed = level.solution.minimum and level.simulated is not None
     if settled and confirmed and level.errors.motion > tolerance >= (level.simulated or 0.0):
-        past = replace(past, leaves_open=past.leaves_open or _left_open(past))
+        past = replace(past, leaves_open=past.leaves_open or _left_open(past, problem))
     return past
 
 
-def _left_open(past: History) -> str:
-    """What the problem leaves open of a motion whose cost is settled: durations and positions that
-    finer and finer meshes do not settle."""
+def _left_open(past: History, problem: Problem) -> str:
+    """What the problem leaves open of a motion whose cost is settled; where nothing is seen to be
+    open, durations and positions that finer and finer meshes do not settle."""
     fine, coarse = past.last.solution, past.levels[-2].solution
-    if not _idle([level.errors.motion for level in past.levels]):
-        return ""
+    sentence = undetermined(problem, fine, coarse)
+    if sentence or not _idle([level.errors.motion for level in past.levels]):
+        return sentence
     return (
         "the problem hardly determines durations and positions, which change by "
         f"{changes(coarse, fine).motion:.1g} at the same cost on finer and finer meshes"

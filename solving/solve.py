@@ -33,6 +33,7 @@ from dmoc.solving.result import checked, with_proposal
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given
 from dmoc.solving.turning import naming_turns
+from dmoc.solving.undetermined import undetermined
 from dmoc.solving.ways import best_way, ways_of
 
 # The error up to which a motion that the check confirms is a solution where nobody has asked for a
@@ -215,7 +216,8 @@ def _solved(problem: Problem, guess: Given, request: Request, asked: Keywords) -
     else:
         loose = LOOSE if asked.tolerance is None else tolerance
         answer = _on_meshes(problem, guess, request, (tolerance, loose))
-    return with_proposal(_naming_turns(problem, _telling_starts(answer), request, begin))
+    answer = _telling_starts(_naming_durations(problem, answer))
+    return with_proposal(_naming_turns(problem, answer, request, begin))
 
 
 def _on_meshes(
@@ -278,6 +280,17 @@ def _from_motion(request: Request, begin: float, problem: Problem, motion: Solut
     """Solve a problem from a motion, in what is left of the time since a moment."""
     options = remaining(request.options, begin)
     return solved_on_mesh(meshed_as(problem, motion), motion, replace(request, options=options))
+
+
+def _naming_durations(problem: Problem, answer: Solution) -> Solution:
+    """The answer; durations that a problem with contacts that last does not determine are told in
+    its message, unless a refinement has told it."""
+    if not (answer.minimum and problem.lasting and problem.phases > 1):
+        return answer
+    sentence = undetermined(problem.meshed(answer.steps), answer)
+    if not sentence or sentence in answer.message:
+        return answer
+    return replace(answer, message=f"{answer.message}; {sentence}")
 
 
 def _naming_turns(problem: Problem, answer: Solution, request: Request, begin: float) -> Solution:

@@ -9,14 +9,17 @@ from math import sqrt
 import block_and_wall
 import pytest
 import sympy as sp
-from contact_problems import rail
+from contact_problems import against_wall, pushed, rail, two_masses
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system
 
 import dmoc
-from dmoc.solvers.outcome import Status
+from dmoc.nlp.readout import given_multipliers
+from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.outcome import Duals, Status
 from dmoc.solving.refinement import Solve, refined
 from dmoc.solving.result import checked
+from dmoc.solving.undetermined import curvatures
 
 pytestmark = pytest.mark.slow
 X, Y, U = dynamicsymbols("x y u")
@@ -175,3 +178,58 @@ def test_an_equal_cost_is_not_another_minimum() -> None:
 
     answer = refined(problem, 1e-3, None, solve, checked)
     assert "another minimum" not in answer.message
+
+
+def test_one_mass_that_has_time_to_spare_ends_no_refinement() -> None:
+    """Two masses in least time: the cost is settled on 200 steps a phase, what one of them does on
+    its way is not determined."""
+    solution = dmoc.solve(two_masses(), starts=8)
+    assert solution.status == "solved" and max(solution.steps) <= 200
+    assert "the problem does not determine a on the way" in solution.message
+    assert solution.error_estimate is not None and solution.error_estimate <= 1e-3
+    coarse = dmoc.solve(two_masses(50), starts=8)
+    assert solution.cost == pytest.approx(coarse.cost, rel=1e-4)
+
+
+def test_everything_is_open_where_nothing_costs() -> None:
+    x, y = dynamicsymbols("x y")
+    system = dmoc.MechanicalSystem(
+        "thrown", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2 - 9.81 * y, {}, cost=sp.Integer(0),
+        surfaces={"floor": y >= 0},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        system,
+        start={x: 0, y: 1, "x_dot": (0, 5), "y_dot": (-5, 5)},
+        goal={x: 2},
+        sequence=["floor"],
+        restitution=0.8,
+        final_time=(0.2, 3),
+    )
+    solution = dmoc.solve(problem, starts=8)
+    assert solution.status == "solved" and solution.error_estimate is not None
+    assert solution.error_estimate < 1e-9 and len(solution.meshes) <= 3
+
+
+@pytest.mark.parametrize("steps", [20, 40])
+def test_durations_that_the_problem_leaves_open_are_named(steps: int) -> None:
+    """A block waits, slides and waits: only the slide is determined."""
+    solution = dmoc.solve(pushed(steps), starts=8)
+    named = "the problem does not determine the duration of phase 0 and the duration of phase 2"
+    assert solution.solved and named in solution.message
+    against = dmoc.solve(against_wall(steps, 0.5), starts=8)
+    assert against.solved and "does not determine" not in against.message
+
+
+def test_the_curvature_of_a_duration_is_that_of_the_closed_form() -> None:
+    """J = T + 12/T^3 has T^2 J''/J = 3 at its minimum, T = sqrt(6)."""
+    system = dmoc.MechanicalSystem(
+        "timed", [X], X.diff() ** 2 / 2, {}, inputs=[U], forces={X: U}, cost=1 + U**2
+    )
+    problem = dmoc.Problem(
+        system, start={X: 0}, goal={X: 1, "x_dot": 0}, final_time=(0.1, 10), steps=40
+    )
+    s = dmoc.solve(problem, "ipm", starts=1)
+    nlp = Transcription(problem)
+    duals = Duals(*given_multipliers(nlp, s.multipliers))
+    (curvature,) = curvatures(nlp, nlp.scaled(s.unknowns), duals, nlp.layout.index_h)
+    assert curvature * (s.final_time / 40) ** 2 / s.cost == pytest.approx(3, rel=1e-2)
