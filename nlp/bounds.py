@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from dmoc.codegen.kernels import Array
@@ -12,7 +14,7 @@ from dmoc.nlp.problem import Problem
 from dmoc.nlp.rows import Goal
 from dmoc.nlp.sizes import Scale
 from dmoc.nlp.surfaces import near_surface
-from dmoc.nlp.tables import NOWHERE
+from dmoc.nlp.tables import NOWHERE, Index
 from dmoc.symbolic.names import momentum_name, velocity_name
 
 # The smallest step that is distinguishable from none, relative to the final time: shorter steps
@@ -67,7 +69,7 @@ def limits(
         box[p] = boundary.momentum
         if len(v):
             box[v] = boundary.velocity
-    for unknown, side, limit in _at_contacts(problem, lay, scale, box):
+    for unknown, side, limit in list(_at_contacts(problem, lay, scale, box)):
         box[unknown, side] = limit
     for node, places in zip(lay.collision_nodes, problem.via_bounds, strict=True):
         at = lay.index_q[node]
@@ -81,6 +83,11 @@ def limits(
     # Of a touch, the impulse of compression is zero by its equation, and no bound beside it.
     stops = touched[:, STOP]
     box[stops[stops != NOWHERE]] = 0.0
+    smooth = lay.touch.sticks & (problem.model.friction == 0)
+    if smooth.any():  # they hold nothing
+        along = np.repeat(smooth, [n + 1 for n in lay.steps], axis=0)
+        box[lay.index_T[along]] = 0.0
+        box[lay.index_T_c[smooth[1:] & lay.touch.rubs_in_impact]] = 0.0
     box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
     box[lay.index_t[:1]] = 0.0
     for goal in goals:
@@ -102,29 +109,53 @@ def _durations(problem: Problem) -> Array:
 
 def _at_contacts(
     problem: Problem, lay: Layout, scale: Scale, box: Array
-) -> list[tuple[int, int, float]]:
-    """Limits of coordinates at collision nodes that lie on the surface itself, which leaves no
-    interior.
-
-    Returns unknown, side, and a limit that gives way a little; the contact keeps the coordinate
-    where it was.
-    """
-    found = []
+) -> Iterator[tuple[int, int, float]]:
+    """Bounds of coordinates that contacts hold where the bounds are, which would leave no interior:
+    unknown, side, and a bound that gives way a little."""
     manifest = problem.kernels.manifest
-    for node, event in zip(lay.collision_nodes, problem.events, strict=True):
-        surface = event.surface
-        if not surface:
-            continue
+    for nodes, surface in _closed(problem, lay):
         involved = manifest["surface_coordinates"][surface]
         if len(involved) > 1 or surface in manifest["moving_surfaces"]:
             continue
         j = int(involved[0])
+        unknowns = lay.index_q[nodes, j]
+        unknowns = unknowns[box[unknowns, 0] < box[unknowns, 1]]
         for side, sign in enumerate((-1.0, 1.0)):
-            q = np.zeros(problem.nq)
-            q[j] = box[lay.index_q[node, j], side]
-            if np.isfinite(q[j]) and near_surface(problem, q, surface):
-                size = max(abs(q[j]), scale.q[j])
-                found.append(
-                    (int(lay.index_q[node, j]), side, float(q[j] + sign * GIVES_WAY * size))
-                )
-    return found
+            for limit in np.unique(box[unknowns, side]):
+                q = np.zeros(problem.nq)
+                q[j] = limit
+                if np.isfinite(limit) and near_surface(problem, q, surface):
+                    way = sign * GIVES_WAY * max(abs(limit), scale.q[j])
+                    for unknown in unknowns[box[unknowns, side] == limit]:
+                        yield int(unknown), side, float(limit + way)
+    yield from _where_stuck(problem, lay, box)
+
+
+def _closed(problem: Problem, lay: Layout) -> Iterator[tuple[Index, str]]:
+    """Nodes at which a surface is hit, or closed."""
+    for node, event in zip(lay.collision_nodes, problem.events, strict=True):
+        if event.surface:
+            yield np.array([node]), event.surface
+    for i, mode in enumerate(problem.modes):
+        nodes = np.arange(lay.ends[i], lay.ends[i + 1] + 1)
+        yield from ((nodes, surface) for surface in mode.closed)
+
+
+def _where_stuck(problem: Problem, lay: Layout, box: Array) -> Iterator[tuple[int, int, float]]:
+    """Bounds of a coordinate along which a contact sticks: one node of the phase says them for all,
+    and none beside one where the coordinate is fixed."""
+    if problem.explicit_time:
+        return
+    on = problem.kernels.manifest["tangent_coordinates"]
+    for i, mode in enumerate(problem.modes):
+        nodes = np.arange(lay.ends[i], lay.ends[i + 1] + 1)
+        for tangent in mode.sticking:
+            if len(on[tangent]) > 1:
+                continue
+            j = int(on[tangent][0])
+            unknowns = lay.index_q[nodes, j]
+            fixed = box[unknowns, 0] == box[unknowns, 1]
+            usual = (box[unknowns] == problem.coordinate_bounds[j]).all(axis=1) & ~fixed
+            usual[0] &= fixed.any()
+            for unknown in unknowns[usual]:
+                yield from ((int(unknown), side, way) for side, way in ((0, -np.inf), (1, np.inf)))

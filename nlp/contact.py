@@ -200,14 +200,14 @@ class ContactLaw:
         return (
             block(
                 "cone",
-                _twice(self._along(touch.sticks)),
+                _twice(self._along(self._grips)),
                 lambda r, j, _: f"friction cone of {friction[j]} {place(lay.steps, r)}",
                 lambda s: s.friction[:, None] / lay.total,
                 nodes,
             ),
             block(
                 "cone of an impact",
-                _twice(touch.rubs_in_impact & touch.sticks[1:]),
+                _twice(touch.rubs_in_impact & self._grips[1:]),
                 lambda i, j, _: f"friction cone of {friction[j]} at event {i + 1}",
                 lambda s: s.friction[:, None],
             ),
@@ -234,6 +234,12 @@ class ContactLaw:
                 lambda s: s.slide[:, None],
             ),
         )
+
+    @property
+    def _grips(self) -> Bools:
+        """Tangents that stick with friction, shape (phases, nt): the cone of those without has no
+        interior, and bounds say T = 0."""
+        return np.asarray(self.touch.sticks & (self.mu > 0))
 
     @property
     def _nodes(self) -> Index:

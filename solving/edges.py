@@ -156,9 +156,9 @@ class _Edges:
         return self.nlp.inequality(self.outcome.x)
 
     def _active(self, rows: Index) -> Bools:
-        numbers = np.where(rows == NOWHERE, self.nlp.n_eq, rows) - self.nlp.n_eq
-        held = self.outcome.duals.w[numbers] > np.maximum(self._distances[numbers], NO_FORCE)
-        return np.asarray(held & (rows != NOWHERE))
+        numbers = np.where(rows == NOWHERE, self.nlp.n_in, rows - self.nlp.n_eq)
+        d, w = (np.append(values, 0.0) for values in (self._distances, self.outcome.duals.w))
+        return np.asarray(w[numbers] > np.maximum(d[numbers], NO_FORCE))
 
     def _worth(self, held: Bools, saved: Array) -> list[range]:
         """Runs of steps in which something that counts is saved at the nodes between them."""

@@ -334,3 +334,44 @@ def test_wrong_friction_of_a_model_is_a_sentence(
     with pytest.raises(ModelError) as found:
         make()
     assert told in str(found.value) and "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"bounds": {"x": (0, 1)}},  # where it sticks in the end, and in the beginning
+        {"bounds": {"x": (0, None)}, "goal": {"x": (1, 2), "x_dot": 0}},
+    ],
+)
+def test_a_bound_where_a_contact_sticks_says_nothing_new(change: dict[str, object]) -> None:
+    free, bounded = (
+        dmoc.solve(p, "ipm", starts=1, verify=False) for p in (pushed(20), pushed(20).but(**change))
+    )
+    assert bounded.solved and bounded.cost == pytest.approx(free.cost, rel=1e-9)
+    assert bounded.iterations <= 2 * free.iterations
+    assert max(abs(v).max() for v in bounded.multipliers.values()) < 10
+
+
+def test_a_bound_on_the_surface_that_is_closed_says_nothing_new() -> None:
+    problem = dmoc.Problem(
+        floor(), start={"x": 0, "y": 0}, goal={"x": 1, "x_dot": 0}, contacts=["floor:slip+"],
+        steps=20, final_time=1,
+    )  # fmt: skip
+    free, bounded = (
+        dmoc.solve(p, "ipm", starts=1, verify=False)
+        for p in (problem, problem.but(bounds={"y": (0, 1)}))
+    )
+    assert bounded.solved and bounded.cost == pytest.approx(free.cost, rel=1e-9)
+    assert bounded.phases[0].q[:, 1] == pytest.approx(0.0, abs=1e-12)
+    assert max(abs(v).max() for v in bounded.multipliers.values()) < 1e3
+
+
+def test_what_sticks_without_friction_holds_nothing() -> None:
+    """Slide by 1 m in 2 s and stand still: 6 d^2 / T^3 = 0.75, and no force at rest."""
+    problem = pushed(20).but(
+        parameters={"f": 0.0}, contacts=["rail:slip+"], sequence=["rail:stick"], final_time=2
+    )
+    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    assert solution.solved and solution.cost == pytest.approx(0.75, rel=5e-3)
+    assert solution.phases[1].tangential == pytest.approx(0.0, abs=1e-15)
+    assert max(abs(v).max() for v in solution.multipliers.values()) < 100

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import sympy as sp
+from contact_problems import pushed
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from tests.contact_problems import pushed
 
 X, Y, A, U, V = dynamicsymbols("x y a u v")
 T = dynamicsymbols._t
