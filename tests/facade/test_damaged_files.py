@@ -260,3 +260,12 @@ def test_a_row_with_the_motion_of_another_sequence_is_refused(
             journal.add(wrong)
             with pytest.raises(SearchError, match="is damaged"):
                 journal.finished()
+
+
+def test_a_header_that_says_one_thing_twice_is_refused(content: bytes) -> None:
+    """JSON would take the last of both, another program perhaps the first."""
+    parts = members(content)
+    twice = parts["header.json"].replace(b'"status":', b'"status": "grazes", "status":', 1)
+    assert json.loads(twice)["solution"]["status"] == "solved"
+    with pytest.raises(SolutionFileError, match="a field twice"):
+        dmoc.Solution.from_bytes(archive(parts | {"header.json": twice}))

@@ -124,6 +124,16 @@ def test_several_contacts_of_an_event_are_told_apart() -> None:
     assert event["told"] == "grazes"
 
 
+def test_the_longest_arrow_is_that_of_the_largest_force_friction_of_a_rail_too() -> None:
+    phases = motion().phases
+    (pushed,) = film(motion())["motions"]
+    assert pushed["largest"] == 20.0
+    slides = {"closed": (), "rubbing": {"rail": 1}, "normal": np.zeros((len(phases[0].t), 0))}
+    railed = replace(motion(), phases=(replace(phases[0], **slides), *phases[1:]))
+    (rubbed,) = film(railed)["motions"]
+    assert rubbed["largest"] == 4.0
+
+
 def test_the_room_holds_what_moves_and_near_walls_not_far_ones() -> None:
     given = motion()
     assert given.scene is not None

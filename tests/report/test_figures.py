@@ -163,6 +163,15 @@ def test_a_bound_near_the_inputs_is_drawn_and_the_far_one_told(solution: dmoc.So
     assert legend(inputs) == [r"$F\leq 500$", "bounds"]
 
 
+def test_no_bound_is_told_where_there_is_none(solution: dmoc.Solution) -> None:
+    inf = np.inf
+    for bounds, said in (([-inf, inf], []), ([-inf, 500.0], [r"$F\leq 500$"])):
+        figure = drawn(solution, input_bounds=np.array([bounds]))
+        inputs = labelled(figure, "input $F$ [N]")
+        assert legend(inputs) == said
+        assert not [line for line in inputs.lines if line.get_gid() == "limit"]
+
+
 def test_snapshots_are_the_scene_at_seven_times_of_each_phase(
     solution: dmoc.Solution, figure: Figure
 ) -> None:
@@ -344,3 +353,18 @@ def test_a_dollar_in_a_unit_or_a_column_is_a_dollar(tmp_path: Path, unit: str) -
     batch = dmoc.sweep(problem, {"m": [1.0, 2.0]}, method="slsqp", verify=False)
     foreign = replace(batch, given={unit: batch.given["m"]})  # as a file may have it
     foreign.plot(tmp_path / "sweep.png")
+
+
+def test_what_is_small_and_no_rounding_error_is_drawn(solution: dmoc.Solution) -> None:
+    """A coordinate whose velocity times momentum is 1e-16 of the motion's: both are 1e-8 of those
+    of the first one, far above rounding errors of 1e-13."""
+
+    def little(phase: Phase) -> Phase:
+        return replace(phase, **{name: getattr(phase, name)[:, :1] * [1.0, 1e-8] for name in "qvp"})
+
+    figure = drawn(solution, phases=tuple(map(little, solution.phases)))
+    drawn_v = [phase.q[:, 0] * 1e-8 for phase in solution.phases]
+    lines = curves(labelled(figure, "$x$ [m]"))
+    assert np.ptp(np.concatenate([v[:, 1] for v in lines])) == pytest.approx(
+        np.ptp(np.concatenate(drawn_v)), rel=1e-6
+    )

@@ -75,3 +75,22 @@ def test_nodes_survive_the_journal(pair: SearchResult, weak: dmoc.Problem) -> No
     assert (
         again.to_dict() == unreachable.to_dict() and again.solution is None is unreachable.solution
     )
+
+
+def test_a_damaged_page_of_the_index_is_told(table: dmoc.Problem, tmp_path: Path) -> None:
+    """All rows can be read from the table alone, and none could be written any more."""
+    journal = tmp_path / "journal.sqlite"
+    dmoc.search(table, 1, journal=journal)
+    with closing(sqlite3.connect(journal)) as database:
+        ((size,),) = database.execute("PRAGMA page_size")
+        ((page,),) = database.execute(
+            "SELECT rootpage FROM sqlite_master WHERE name = 'sqlite_autoindex_nodes_1'"
+        )
+    content = bytearray(journal.read_bytes())
+    content[(page - 1) * size : page * size] = bytes(size)
+    journal.write_bytes(content)
+    with closing(sqlite3.connect(journal)) as database:
+        assert len(list(database.execute("SELECT summary FROM nodes NOT INDEXED"))) == 5
+    with pytest.raises(SearchError, match="is damaged: start anew with another file"):
+        dmoc.search(table, 1, journal=journal, resume=True)
+    assert journal.read_bytes() == content

@@ -344,6 +344,13 @@ def test_best_first_finds_the_best_of_the_seed_without_looking_at_all(seed: dmoc
     assert all(known[n.sequence] == n.cost for n in few.nodes)
 
 
+def test_a_tree_as_large_as_its_budget_is_complete(table: dmoc.Problem) -> None:
+    """One sequence without a collision, and one for each of the four walls."""
+    result = dmoc.search(table, 1, max_nodes=5)
+    assert result.complete and len(result.nodes) == 5
+    assert not any("limit of" in note for note in result.notes)
+
+
 def test_budgets_end_the_search_and_keep_the_best(table: dmoc.Problem) -> None:
     few = dmoc.search(table, 3, max_nodes=5)
     assert len(few.nodes) == 5 and not few.complete and "limit of 5 nodes" in few.notes[0]
