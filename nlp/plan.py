@@ -42,7 +42,7 @@ class Normal:
 class Route:
     """What plans have in common: points at the start, the collisions and the goal, shape (phases +
     1, nq), the mass matrix and the velocity at the start, the velocity at the goal if momenta fix
-    it, and the surfaces at the collisions.
+    it, the surfaces at the collisions, and the length of the reach.
 
     Where a surface of the sequence moves, points depend on the final time, and there are no
     ``normals``.
@@ -53,6 +53,7 @@ class Route:
     start: Array
     goal: Array | None
     normals: tuple[Normal, ...] | None
+    reach: float
 
 
 def route_of(problem: Problem, final_time: float) -> Route:
@@ -70,7 +71,9 @@ def route_of(problem: Problem, final_time: float) -> Route:
     if not any(surface in moving for surface in surfaces):
         normals = tuple(_normal(problem, q, i, 0.0) for i, q in enumerate(points[1:-1]))
     end = _by_momentum(problem, problem.goal_bounds, points[-1])
-    return Route(points, problem.model.mass(points[0]), start, end, normals)
+    mass = problem.model.mass(points[0])
+    reach = float(np.sqrt(problem.reach @ mass @ problem.reach))
+    return Route(points, mass, start, end, normals, reach)
 
 
 def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
@@ -102,7 +105,8 @@ def shares_of(route: Route, prescribed: tuple[int, ...], even: bool) -> Shares:
     # Between two collisions with one surface the motion leaves and returns: such a phase gets an
     # average share.
     flights = lengths <= 1e-6 * whole
-    lengths = np.where(flights, whole / max(len(flights) - flights.sum(), 1) or 1.0, lengths)
+    average = whole / max(len(flights) - flights.sum(), 1)
+    lengths = np.where(flights, average or route.reach or 1.0, lengths)
     whole = float(lengths.sum())
     shares = np.ones(len(lengths)) if even else np.maximum(lengths / whole, SHORTEST_SHARE)
     return Shares(legs, whole, shares / shares.sum())

@@ -55,6 +55,9 @@ DEFAULT_ORDER, AUTOMATIC_ORDER, FIRST_MESH = 2, 4, 100
 MOST_STEPS = (
     100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
 )
+# Newton steps to the surface where a motion may begin anywhere, and times at which a surface is
+# looked at to see how far it moves.
+NEWTON, MOVING = 30, 33
 # Unknowns of all steps; the compiled method takes some 2.5 kB for each of them, 5 GB for so many.
 MOST_UNKNOWNS = 2_000_000
 
@@ -451,8 +454,32 @@ class Problem(Shown):
     @cached_property
     def start_position(self) -> Array:
         """The position at the start: fixed values, middles of ranges, and for free ones what
-        their bounds have nearest to zero."""
-        return midpoints(self.start_bounds.position, np.zeros(self.nq))
+        their bounds have nearest to zero; where neither end says anything of a coordinate, it is
+        that of the first surface of the sequence."""
+        q = midpoints(self.start_bounds.position, np.zeros(self.nq))
+        return self._onto_first(q)
+
+    @cached_property
+    def unsaid(self) -> Array:
+        """1 for coordinates of which neither start nor goal say where they are, else 0."""
+        ends = np.hstack([self.start_bounds.position, self.goal_bounds.position])
+        return np.where(np.isinf(ends).all(axis=1), 1.0, 0.0)
+
+    def _onto_first(self, q: Array) -> Array:
+        """Move the coordinates of which nothing is said onto the first surface of the sequence, as
+        it is at the start; the point as it is where that does not lead there."""
+        surfaces = [event.surface for event in self.events if event.surface]
+        if not surfaces or not self.unsaid.any():
+            return q
+        j, at = self.kernels.surfaces.index(surfaces[0]), q.copy()
+        inertia = np.abs(np.diagonal(self.model.mass(q)))
+        with np.errstate(all="ignore"):
+            for _ in range(NEWTON):
+                gap, slope = self.model.gaps(at)[j], self.model.gap_slopes(at)[j, :-1] * self.unsaid
+                if abs(gap) <= self.model.gap_rounding(at, 0.0)[j]:
+                    return at
+                at = at - gap * (slope / inertia) / (slope @ (slope / inertia))
+        return q
 
     @property
     def start_is_known(self) -> bool:
@@ -472,9 +499,10 @@ class Problem(Shown):
         of the sequence, or, where that says nothing, what the inertias make of the reach of the
         others, shape (nq,)."""
         start, goal = self.start_position, midpoints(self.goal_bounds.position, self.start_position)
-        known = np.max(np.abs([goal - start, start, goal]), axis=0)
+        known = np.max(np.abs([goal - start, start, goal]), axis=0) * (1 - self.unsaid)
         if self.kernels.surfaces:
             slopes, gaps = self.model.gap_slopes(start), np.abs(self.model.gaps(start))
+            gaps = np.where(gaps <= self.model.gap_rounding(start), 0.0, gaps)
             for j in {self.kernels.surfaces.index(e.surface) for e in self.events if e.surface}:
                 size = np.abs(slopes[j, :-1])
                 with np.errstate(divide="ignore", invalid="ignore"):
@@ -487,7 +515,25 @@ class Problem(Shown):
         known = np.where(known > 0, known, width)
         root = np.sqrt(np.abs(self.inertia))
         known = np.where(known > 0, known, (known * root).max() / np.where(root > 0, root, 1.0))
-        return np.where(known > 0, known, 1.0)
+        return np.where(known > 0, known, self._swing)
+
+    @property
+    def _swing(self) -> Array:
+        """How far each coordinate gets in the time that a problem allows where nothing else says
+        so, shape (nq,): up and down against its forces in a phase, or as far as surfaces of the
+        sequence move; 1 where these say nothing either."""
+        low, high = self.final_time_bounds
+        time = high if np.isfinite(high) else max(low, 0.0)
+        with np.errstate(all="ignore"):
+            force = np.abs(self.model.acceleration(self.start_position, u=np.zeros(self.nu)))
+            swing = np.where(np.isfinite(force), force, 0.0) * (time / self.phases) ** 2 / 8
+            times = np.linspace(0.0, time, MOVING)
+            gaps = self.model.gaps(np.tile(self.start_position, (MOVING, 1)), times)
+            slopes = np.abs(self.model.gap_slopes(self.start_position)[:, :-1])
+            for j in {self.kernels.surfaces.index(e.surface) for e in self.events if e.surface}:
+                moved = np.ptp(gaps[:, j]) / slopes[j]
+                swing = np.where(np.isfinite(moved), np.maximum(swing, moved), swing)
+        return np.where(swing > 0, swing, 1.0)
 
     @cached_property
     def start_bounds(self) -> Boundary:

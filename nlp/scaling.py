@@ -19,6 +19,8 @@ from dmoc.nlp.sizes import Scale
 # What hardly moves counts by this share of what it could do with the kinetic energy that others
 # have.
 STILL = 0.1
+# Share of its reach below which a coordinate that moves stands still.
+ROUNDING = 1e-12
 # Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at
 # least.
 FLAT = 1e-3
@@ -88,7 +90,10 @@ def _ranges(
     width = np.where(
         np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
     )
-    for other in (np.abs(q).max(axis=0), width, force * time**2 / inertia):
+    # A motion that stands still but for rounding errors is no measure of anything.
+    spread = np.where(spread > ROUNDING * problem.reach, spread, 0.0)
+    unsaid = problem.unsaid * problem.reach
+    for other in (unsaid, np.abs(q).max(axis=0), width, force * time**2 / inertia):
         spread = np.where(spread > 0, spread, other)
     return np.where(spread > 0, spread, 1.0)
 
