@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import accumulate
 
 import numpy as np
 
@@ -201,7 +202,9 @@ class Layout:
 
     def split(self, x_k: Index) -> list[Index]:
         """Split the unknowns of steps into q_k, q_kp1, u_k, u_kp1, h, t_k and q_i."""
-        return np.split(x_k, np.cumsum([self.nq, self.nq, self.nu, self.nu, 1, 1]), axis=1)
+        sizes = (self.nq, self.nq, self.nu, self.nu, 1, 1)
+        ends = list(accumulate(sizes))  # np.split takes ten times as long
+        return [x_k[:, a:b] for a, b in zip([0, *ends], [*ends, x_k.shape[1]], strict=True)]
 
     def step_inputs(self, x: Array) -> list[Array]:
         """Return q_k, q_kp1, u_k, u_kp1, h, t_k and q_i of every step as arrays of shape (total,

@@ -8,9 +8,8 @@ Everything here works on scaled unknowns and returns scaled values (:mod:`dmoc.n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -32,12 +31,14 @@ from dmoc.nlp.impact import ImpactLaw
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.path import PathLaw
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.rows import linear_rows, rows_of, terms, unit_entries
+from dmoc.nlp.rows import LinearRow, linear_rows, rows_of, terms, unit_entries
 from dmoc.nlp.sizes import Scale
-from dmoc.nlp.tables import NOWHERE, Block, Index
+from dmoc.nlp.structures import Structures
+from dmoc.nlp.tables import Block, Index
 
-# Structures that are remembered, and the unknowns of one that is not.
-SHARED, MOST_SHARED = 32, 20_000
+# Unknowns of a program whose structure is remembered.
+MOST_SHARED = 20_000
+STRUCTURES = Structures()
 
 
 class Transcription(Evaluator):
@@ -107,14 +108,17 @@ class Transcription(Evaluator):
     @cached_property
     def structure(self) -> Structure:
         """What it has in common with the programs of all problems of its form."""
+        form = self._form()
         if self.n > MOST_SHARED:
-            return structure_of(self._form())
-        return _structure(_Key(self._key(), self._form))
+            return structure_of(form)
+        return STRUCTURES.of(
+            form, (*self.layout.unknowns, *self.rows.equalities, *self.rows.inequalities)
+        )
 
     def assemble(self) -> Assembled:
         m = self.rows.n_eq + self.rows.n_in
         constants = np.zeros(m)
-        for line in linear_rows(self.problem, self.layout, self.rows):
+        for line in self._linear_rows:
             constants[line.row] = line.constant
         numbers = Numbers(
             self.par[0], constants, self.lower, self.upper, self.unit, self.row_unit[:m],
@@ -122,34 +126,14 @@ class Transcription(Evaluator):
         )  # fmt: skip
         return assembled(self.structure, numbers)
 
-    def _key(self) -> Hashable:
-        """What the structure depends on, but for the sizes and names that follow from it."""
-        problem, lay, rows, manifest = self.problem, self.layout, self.rows, self.kernels.manifest
-        c, d = rows.c, rows.d
-        return (
-            *(manifest["fingerprint"], manifest.get("code"), self.kernels.backend),
-            *(lay.steps, lay.form.name, len(lay.index_v_B), len(lay.index_v_E)),
-            *(
-                problem.sequence,
-                problem.relations,
-                problem.ignored,
-                lay.touch,
-                self.contact.mu.tobytes(),
-            ),
-            *(c.closed.index.tobytes(), c.at_rest.index.tobytes(), c.stopped.index.tobytes()),
-            d.direction_at_ends.index.tobytes(),
-            *(self.law.e.tobytes(), self.law.touching.tobytes(), self.law.by_rates.tobytes()),
-            *(self.hits.e.tobytes(), self.path.at_ends.tobytes()),
-            *(c.final_time.count, d.earliest.count, d.latest.count),
-            (d.gap.index[[0, -1]] == NOWHERE).tobytes(),
-            tuple(goal.unknown for goal in rows.goals),
-            tuple((goal.unknown, sign) for goal, sign, _ in rows.limits),
-        )
+    @cached_property
+    def _linear_rows(self) -> list[LinearRow]:
+        return linear_rows(self.problem, self.layout, self.rows)
 
     def _form(self) -> Form:
         problem, lay, rows = self.problem, self.layout, self.rows
         parts = [(r, c, np.full(len(r), factor)) for r, c, factor in unit_entries(lay, rows)]
-        for line in linear_rows(problem, lay, rows):
+        for line in self._linear_rows:
             parts.append((np.full(len(line.unknowns), line.row), line.unknowns, line.factors))
         named = {b.name: b.index for b in (*rows.equalities, *rows.inequalities)}
         parts += self.contact.entries(named) + self.hits.entries(named)
@@ -188,16 +172,3 @@ class Transcription(Evaluator):
         """Return p at the start and at the end of every step in units of the problem, shape
         (total, nq) each."""
         return self.problem.model.step_momenta(self.layout.step_inputs(self.physical(x)))
-
-
-@dataclass(frozen=True)
-class _Key:
-    """A key of a structure, and what makes its form."""
-
-    value: Hashable
-    form: Callable[[], Form] = field(compare=False)
-
-
-@lru_cache(maxsize=SHARED)
-def _structure(key: _Key) -> Structure:
-    return structure_of(key.form())

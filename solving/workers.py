@@ -8,18 +8,19 @@ import multiprocessing.connection
 import os
 import pickle
 import signal
-import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
-from types import ModuleType
-from typing import Generic, TypeVar
+from multiprocessing import popen_spawn_posix, resource_tracker, spawn
+from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.process import BaseProcess
+from types import FunctionType, SimpleNamespace
+from typing import Any, Generic, TypeVar
 
 # A worker that is this many times over a task's limit hangs, and is stopped; seconds are added for
 # what the limit does not count.
@@ -193,11 +194,10 @@ class Processes:
     def _workers(self, task: object) -> ProcessPoolExecutor:
         """The pool; all its processes are started with it, for tasks such as this one."""
         if self.pool is None:
-            context = multiprocessing.get_context("spawn")
+            context = SpawnContext() if _names_script(task) else _Context()
             self.pool = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_prepare)
-            with nullcontext() if _names_script(task) else _without_script():
-                for _ in range(self.workers):
-                    self.pool.submit(_arrived, task)
+            for _ in range(self.workers):
+                self.pool.submit(_arrived, task)
         return self.pool
 
     def stop(self) -> None:
@@ -235,16 +235,35 @@ def _names_script(task: object) -> bool:
         return False
 
 
-@contextmanager
-def _without_script() -> Iterator[None]:
-    """Processes that are started meanwhile do not run the caller's script: it may have no
-    ``if __name__ == "__main__":``, and what it imports takes its time."""
-    script = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = script
+def _without_script(name: str) -> dict[str, Any]:
+    """What a worker is told of the process that starts it, without the caller's script: that may
+    have no ``if __name__ == "__main__":``, and what it imports takes its time."""
+    told = spawn.get_preparation_data(name)
+    return {k: v for k, v in told.items() if not k.startswith("init_main")}
+
+
+class _Popen(popen_spawn_posix.Popen):
+    """Starts a process that does not run the caller's script.
+
+    Python reads the script off ``sys.modules["__main__"]``, which all threads share, so the
+    function that starts a process is the library's, with its own view of that module alone.
+    """
+
+    _launch = FunctionType(
+        vars(popen_spawn_posix.Popen)["_launch"].__code__,
+        vars(popen_spawn_posix)
+        | {"spawn": SimpleNamespace(**vars(spawn) | {"get_preparation_data": _without_script})},
+    )
+
+
+class _Process(SpawnProcess):
+    @staticmethod
+    def _Popen(process_obj: BaseProcess) -> Any:
+        return _Popen(process_obj)
+
+
+class _Context(SpawnContext):
+    Process = _Process
 
 
 def _prepare() -> None:

@@ -386,6 +386,11 @@ class MechanicalSystem(Shown):
             check_name(name_of(symbol), role)
             if name_of(symbol) == "t":
                 raise ModelError(f"the {role} 't' has the name of the time: choose another name.")
+            if name_of(symbol) == "durations" and role in ("coordinate", "input"):
+                raise ModelError(
+                    f"the {role} 'durations' has the name of the times of the phases in a guess: "
+                    "choose another name."
+                )
         _check_distinct(
             [
                 (name_of(s), role)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 import tempfile
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,12 +62,30 @@ def movie_of(film: Film, ending: str, speed: float | None, fps: int, dark: bool)
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         path = folder / f"movie{ending}"
         writer = _writer(ending, fps, stack)
+        stack.enter_context(_told())
         with writer.saving(figure, os.fspath(path), dpi=DOTS):
             for t in times:
                 for draw in stages:
                     draw(float(t))
                 writer.grab_frame(facecolor=colours.ground)
         return path.read_bytes()
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Say that ffmpeg has failed; a Ctrl-C, which ends ffmpeg too, stays what it is."""
+    try:
+        yield
+    except (subprocess.CalledProcessError, BrokenPipeError) as error:
+        before: BaseException | None = error
+        while before is not None:
+            if isinstance(before, KeyboardInterrupt):
+                raise KeyboardInterrupt from None
+            before = before.__context__
+        raise OutputError(
+            "ffmpeg has failed to write the movie: see whether it runs and its temporary folder "
+            "has room, or write a .gif."
+        ) from None
 
 
 def _stages(figure: Figure, film: Film, colours: Colours) -> list[Drawn]:

@@ -425,6 +425,8 @@ MODEL_ERRORS = {
     "identifier",
     "s = make(forces={y: u + sp.gamma(y)})": "cannot be turned into C",
     "s = make(surfaces={'floor': y})": "is not an inequality",
+    "d = sp.Function('durations')(t); s = make(coordinates=[y, d], lagrangian="
+    "m * (y.diff(t)**2 + d.diff(t)**2))": "the coordinate 'durations' has the name of the times",
     "s = make(parameters={m: 1.0, g: 9.81, t: 1.0})": "the parameter 't' has the name of the time",
     "s = make(lagrangian=m*y.diff(t)**4/2 - m*g*y)": "not quadratic in the velocities",
     "s = make(lagrangian=m*y.diff(t, 2)**2/2 - m*g*y)": "only coordinates and their first "

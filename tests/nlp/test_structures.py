@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,10 @@ import pytest
 
 import dmoc
 from dmoc.codegen.kernels import Array
-from dmoc.nlp import layout, transcription
+from dmoc.nlp import layout, structures, transcription
 from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.scaling import scale_of
+from dmoc.nlp.structures import digest, size_of
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt_layout import kkt_layout
 
@@ -36,7 +38,7 @@ CHANGES: list[dict[str, Any]] = [
 
 
 def forget() -> None:
-    transcription._structure.cache_clear()
+    transcription.STRUCTURES.clear()
     layout._shared.cache_clear()
 
 
@@ -102,3 +104,55 @@ def test_threads_may_share(small: dmoc.Problem) -> None:
         for found, expected in zip(pool.map(numbers, problems), alone, strict=True):
             for a, b in zip(found, expected, strict=True):
                 np.testing.assert_array_equal(a, b)
+
+
+def test_whatever_a_form_holds_is_part_of_its_key(small: dmoc.Problem) -> None:
+    """A change of any single entry of any array, of a factor or of a name gives another key."""
+    nlp = Transcription(small)
+    blocks = (*nlp.layout.unknowns, *nlp.equalities, *nlp.inequalities)
+    form = nlp._form()
+    keys = {digest(form, blocks)}
+
+    def changed(array: Any) -> Any:
+        other = np.array(array)
+        if other.size:
+            other.flat[other.size // 2] += 1
+        return other
+
+    others = [
+        replace(form, n=form.n + 1),
+        replace(form, equalities=form.equalities + 1),
+        replace(form, linear=replace(form.linear, factors=changed(form.linear.factors))),
+        replace(form, linear=replace(form.linear, columns=changed(form.linear.columns))),
+    ]
+    for i, term in enumerate(form.terms):
+        terms = [
+            replace(term, kernel=f"{term.kernel}_"),
+            replace(term, factor=np.asarray(term.factor) + 1),
+            *(
+                replace(term, **{name: (*parts[:k], changed(parts[k]), *parts[k + 1 :])})
+                for name, parts in (("arguments", term.arguments), ("rows", term.rows))
+                for k in range(len(parts))
+                if parts[k].size
+            ),
+        ]
+        others += [replace(form, terms=[*form.terms[:i], t, *form.terms[i + 1 :]]) for t in terms]
+    keys |= {digest(other, blocks) for other in others}
+    assert len(keys) == 1 + len(others)
+    assert digest(Transcription(small)._form(), blocks) in keys
+
+
+def test_structures_are_forgotten_by_their_bytes(
+    small: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = transcription.STRUCTURES._kept
+    first = Transcription(small)
+    kkt_layout(first)
+    one = size_of(first.structure, set())
+    assert one > first.structure.jacobian.indices.nbytes + first.structure.hessian.indices.nbytes
+    monkeypatch.setattr(structures, "MOST_BYTES", 3 * one)
+    for steps in (11, 12, 13, 14, 15):
+        kkt_layout(Transcription(small.but(steps=steps)))
+        assert sum(size_of(s, set()) for s in kept.values()) <= 4 * one
+    assert 1 <= len(kept) < 5
+    assert Transcription(small).structure is not first.structure  # it was the oldest

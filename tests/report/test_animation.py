@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -365,3 +366,30 @@ def test_branches_and_takes_are_numbered_together() -> None:
     branch = Branch(("wall",), "wall", "optimal", 1.0, (), 0)
     document = film_of("t", [Take("wall", motion())], [branch])
     assert document["tree"][0]["motion"] == 0 and len(document["motions"]) == 1
+
+
+def fake_ffmpeg(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An ffmpeg that reads its frames and fails."""
+    program = folder / "ffmpeg"
+    program.write_text("#!/bin/sh\ncat > /dev/null\nexit 255\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(folder), prepend=os.pathsep)
+
+
+def test_an_ffmpeg_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_ffmpeg(tmp_path, monkeypatch)
+    with pytest.raises(OutputError, match="ffmpeg has failed"):
+        dmoc.animate(motion(), tmp_path / "s.mp4", fps=2)
+
+
+def test_ctrl_c_stays_what_it_is_where_it_ends_ffmpeg_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    fake_ffmpeg(tmp_path, monkeypatch)
+    monkeypatch.setattr("matplotlib.animation.FFMpegWriter.grab_frame", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        dmoc.animate(motion(), tmp_path / "s.mp4", fps=2)
+    assert not (tmp_path / "s.mp4").exists()

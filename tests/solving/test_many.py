@@ -3,7 +3,7 @@ by one that fails, by time or by Ctrl-C."""
 
 from __future__ import annotations
 
-import multiprocessing
+import multiprocessing.util
 import os
 import subprocess
 import sys
@@ -303,3 +303,20 @@ def test_the_columns_of_a_sweep_are_numbers(block: dmoc.Problem) -> None:
         "bounds u"
     ]
     np.testing.assert_array_equal(given, [-30.0, 40.0, np.nan])
+
+
+@pytest.mark.slow
+def test_the_script_stays_where_it_is_while_workers_start(
+    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Other threads look there."""
+    script, seen = sys.modules["__main__"], []
+
+    def started(*arguments: Any) -> int:
+        seen.append(sys.modules["__main__"])
+        return spawnv_passfds(*arguments)
+
+    spawnv_passfds = multiprocessing.util.spawnv_passfds
+    monkeypatch.setattr(multiprocessing.util, "spawnv_passfds", started)
+    assert set(dmoc.solve_many([block] * 2, workers=2).status) == {"solved"}
+    assert len(seen) >= 2 and all(module is script for module in seen)
