@@ -48,9 +48,9 @@ def estimates(solved: Sequence[Solution], before: Errors, order: int) -> Errors:
     order = min(order, LIMITED_ORDER) if limited else order
 
     def of(name: str) -> float:
-        known = getattr(earlier[0], name) if earlier else None
+        previous = getattr(earlier[0], name) if earlier else None
         fastest = getattr(before, name) / ratios[-1] ** order if limited else np.inf
-        left = _left(getattr(last, name), known, ratios, order)
+        left = _left(getattr(last, name), previous, ratios, order)
         return max(left, fastest) if np.isfinite(fastest) else left
 
     return Errors(max(of("cost"), barrier(solved[-1])), of("motion"))

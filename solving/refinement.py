@@ -207,8 +207,8 @@ def _dearer(past: History, s: Solution, tolerance: float) -> bool:
     than the error of the cost, and than anyone has asked for."""
     if not past.levels:
         return False
-    last, known = past.last.solution, past.last.errors.cost
-    return s.cost > last.cost and changes(last, s).cost > max(OTHER * known, tolerance)
+    last, error = past.last.solution, past.last.errors.cost
+    return s.cost > last.cost and changes(last, s).cost > max(OTHER * error, tolerance)
 
 
 def _measured(

@@ -242,13 +242,13 @@ def _on_meshes(
         if coarse is None and sharper is None and problem.phase_steps == steps:
             return unrefined
         now = wanted(base if sharper is None else max(sharper, LEAST_OPTIMALITY))
-        known = coarse or (
+        motion = coarse or (
             unrefined if on_mesh_of(problem, unrefined) and unrefined.minimum else None
         )
-        if known is None:  # many starts have led nowhere, and begin on the same coarse mesh
+        if motion is None:  # many starts have led nowhere, and begin on the same coarse mesh
             return best_on_mesh(problem, guess, replace(now, starts=1))
         few = replace(now.options, iterations=min(options.iterations, FROM_COARSE))
-        return solved_on_mesh(meshed_as(problem, known), known, replace(now, options=few))
+        return solved_on_mesh(meshed_as(problem, motion), motion, replace(now, options=few))
 
     def check(solution: Solution) -> Solution:
         return checked(solution, remaining(options, begin).seconds)

@@ -69,13 +69,13 @@ def curvatures(nlp: Transcription, x: Array, duals: Duals, at: Index) -> Array:
     curved = CURVED * size * sparse.identity(H.shape[0])
     K = sparse.bmat([[H + curved, A.T], [A, -RELAXED * sparse.identity(A.shape[0])]]).tocsc()
     factors, place = splu(K), np.cumsum(free) - 1
-    found = np.full(len(at), np.inf)
+    second = np.full(len(at), np.inf)
     for k, i in enumerate(at):
         if free[i]:
             right = np.zeros(K.shape[0])
             right[place[i]] = 1.0
-            found[k] = 1 / factors.solve(right)[place[i]]
-    return found
+            second[k] = 1 / factors.solve(right)[place[i]]
+    return second
 
 
 def _most_changed(coarse: Solution, fine: Solution) -> tuple[int, int]:
