@@ -60,6 +60,8 @@ MOST_STEPS = (
 NEWTON, MOVING = 30, 33
 # Unknowns of all steps; the compiled method takes some 2.5 kB for each of them, 5 GB for so many.
 MOST_UNKNOWNS = 2_000_000
+# Seconds of a motion; powers of the times of its steps stay within the numbers.
+LONGEST_TIME = 1e60
 
 
 @dataclass(frozen=True)
@@ -718,4 +720,10 @@ def _duration(value: Any, what: str) -> Range:
             f"{what} = {shown(value)}: expected a positive time in seconds, or a range such as "
             "(0.1, None)."
         )
+    for time in (low, high):
+        if np.isfinite(time) and time > 0 and not 1 / LONGEST_TIME <= time <= LONGEST_TIME:
+            raise ProblemError(
+                f"{what} = {shown(value)}: expected times from {1 / LONGEST_TIME:g} to "
+                f"{LONGEST_TIME:g} s; use another unit of time."
+            )
     return max(low, 0.0), high

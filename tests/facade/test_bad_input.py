@@ -240,6 +240,9 @@ def problem_cases() -> Iterator[Case]:
     for value in (0, 0.0, -1, (None, 0), (-1, 1), (-2, -1), (None, -1)):
         yield case("final_time", value)
         yield case("durations", [value], "durations of phase 0")
+    for value in (1e200, 1e308, 1e-300, 1e-320, (0, 1e200), (1e-200, None)):
+        yield case("final_time", value)
+        yield case("durations", [value], "durations of phase 0")
     for value in NO_LISTS:
         if value is not None:
             yield case("durations", value)

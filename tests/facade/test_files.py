@@ -6,13 +6,14 @@ import errno
 import os
 import secrets
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import dmoc
 from dmoc.errors import OutputError, SolutionFileError
-from dmoc.writing import write_whole
+from dmoc.writing import check_file, write_whole
 
 
 def test_a_saved_solution_comes_back_whole(solution: dmoc.Solution, tmp_path: Path) -> None:
@@ -91,3 +92,19 @@ def test_nobody_can_lay_a_trap_where_a_file_is_written(
     with pytest.raises(OutputError, match="File exists"):
         write_whole(tmp_path / "s.npz", b"new")
     assert (tmp_path / "victim").read_text() == "old" and (tmp_path / ".dmoc-foreseen").is_symlink()
+
+
+@pytest.mark.parametrize("name", ["n" * 300, "folder/" + "n" * 300, "n" * 3000])
+def test_a_name_that_the_file_system_does_not_take_is_told_before_the_work(
+    tmp_path: Path, name: str
+) -> None:
+    for refuse in (check_file, lambda path: write_whole(path, b"")):
+        with pytest.raises(OutputError, match="cannot be written") as error:
+            refuse(tmp_path / name)
+        assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize("path", [None, 5, b"a", "a\0b", "", "\ud800", Path("a\0b"), object()])
+def test_what_is_no_path_is_told(path: Any) -> None:
+    with pytest.raises(OutputError, match="expected the path of a file"):
+        write_whole(path, b"")
