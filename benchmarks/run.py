@@ -19,6 +19,7 @@ import campaign
 import contact_campaign
 import damaged_files
 import evaluating
+import invariance
 import ladder
 import robustness
 import searching
@@ -51,6 +52,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "robust": robustness.compare,
         "campaign": campaign.campaign,
         "contacts": contact_campaign.campaign,
+        "invariance": invariance.invariance,
         "warm": speed.warm,
         "search": searching.compare,
         "puck": searching.puck,

@@ -22,7 +22,6 @@ from dmoc.simulation.contact_forces import (
     ForceErrors,
     force_errors,
     left_out,
-    slide_size,
     still_held,
 )
 from dmoc.simulation.contact_location import ON_TIME
@@ -102,7 +101,7 @@ def _forces(motion: Motion) -> ForceErrors:
 
 def _slack(motion: Motion, held: ForceErrors) -> tuple[Array, Array, Array]:
     """Contact forces, friction and sliding velocities that errors of discretisation explain."""
-    sliding = np.max([slide_size(motion, i) for i in range(len(motion.modes))], axis=0)
+    sliding = motion.sizes.slide
     normal, tangential = held.sizes
     return BEARABLE * normal, BEARABLE * tangential, TURNED * sliding
 

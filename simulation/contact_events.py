@@ -11,7 +11,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.simulation.contact_forces import BEARABLE, TURNED
 from dmoc.simulation.contact_law import Event, Outcome, after_event, event_of
 from dmoc.simulation.joins import impulsive_change, planned_impulses
-from dmoc.simulation.modes import RAIL, supports
+from dmoc.simulation.modes import RAIL, columns, supports
 from dmoc.simulation.motion import Motion
 from dmoc.trajectory import Collision
 
@@ -97,13 +97,23 @@ def _own(motion: Motion, i: int, event: Event, found: Outcome) -> float:
     return float(np.abs(new - right).max() / max(float(np.abs([old, new]).max()), soft))
 
 
+def _slack(motion: Motion, c: Collision, found: Outcome) -> float:
+    """What an impulse may be off: a share of the largest of its event, or of what would change the
+    rate of a gap by a small share of its size."""
+    model = motion.model
+    normals = np.ascontiguousarray(model.gap_slopes(c.position, c.time)[:, :-1])
+    inertia = (normals * columns(model.mass(c.position, c.time)[None], normals[None])[0].T).sum(1)
+    soft = TURNED * motion.sizes.rate / np.where(inertia > 0, inertia, np.inf)
+    return BEARABLE * float(max(np.abs(found.normal).max(initial=0.0), soft.max(initial=0.0)))
+
+
 def _unbearable(motion: Motion, c: Collision, event: Event, found: Outcome) -> Iterator[str]:
     """Impulses that pull or leave the cone, by the law or by the plan, and surfaces that take one
     without a part in the event."""
     model, mode, at = motion.model, event.mode, supports(motion.model.kernels)
     normal, tangential = _given(motion, c)
     surfaces, tangents = model.kernels.surfaces, model.kernels.tangents
-    slack = BEARABLE * max(float(np.abs(found.normal).max(initial=0.0)), 1e-300)
+    slack = _slack(motion, c, found)
     for j, name in enumerate(surfaces):
         least = min(float(found.normal[0, j]), normal[j])
         if least < -slack:
@@ -119,7 +129,7 @@ def _unbearable(motion: Motion, c: Collision, event: Event, found: Outcome) -> I
                 f"where it holds {max(held, 0.0):.4g} N s"
             )
     sigma = model.slide_rates(c.position, found.velocity[0], c.time)
-    along = np.abs(model.tangent_slopes(c.position, c.time)[:, :-1]) @ motion.sizes.v
+    along = motion.sizes.slide
     for k, s in mode.sliding:
         if event.rubs is None and s * sigma[k] < -TURNED * along[k]:
             yield f"{tangents[k]} does not slide with the sign {s:+d} after {c.time:.4g} s"
@@ -130,7 +140,7 @@ def _turned(motion: Motion, i: int, event: Event, found: Outcome) -> Iterator[st
     in either direction, the law of impact does not say."""
     before, c, model = motion.modes[i], motion.trajectory.collisions[i], motion.model
     slid, at = dict(before.sliding), supports(model.kernels)
-    slack = BEARABLE * float(np.abs(found.normal).max(initial=0.0))
+    slack = _slack(motion, c, found)
     for k, s in event.mode.sliding:
         pressed = float(found.normal[0, at[k]])
         if slid.get(k) == -s and model.friction[k] * pressed > slack:
@@ -149,7 +159,7 @@ def _otherwise(motion: Motion, c: Collision, event: Event, found: Outcome) -> It
     normal, tangential = _given(motion, c)
     law = np.array([found.normal[0, event.hit], found.tangential[0, event.rubs]])
     planned = np.array([normal[event.hit], tangential[event.rubs]])
-    if np.abs(law - planned).max() > BEARABLE * max(float(law[0]), 1e-300):
+    if np.abs(law - planned).max() > _slack(motion, c, found):
         yield (
             f"by Poisson's law the hit of {c.surface} at {c.time:.4g} s goes {found.course}, not "
             f"{c.course} as planned"

@@ -11,8 +11,10 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.contact_location import ON_TIME
 from dmoc.simulation.contact_measures import Forces, forces
+from dmoc.simulation.measures import largest
 from dmoc.simulation.modes import RAIL, Mode, columns, conditions, reaction, supports
 from dmoc.simulation.motion import Motion
+from dmoc.simulation.sizes import NOTHING, pushes
 
 # What a force may pull or exceed its cone by, as a share of the largest of its contact, and what a
 # sliding velocity may turn by, as a share of its size.
@@ -22,7 +24,6 @@ PRESSED = 0.05
 # A closed contact may be off its surface, and what sticks off its place, by this share of the
 # sizes, and their rates by the second share.
 OFF, DRIFT = 1e-4, 0.02
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -39,18 +40,17 @@ def force_errors(motion: Motion) -> ForceErrors:
     """Compare the forces of all phases with the flow's."""
     found = [forces(motion, i) for i in range(len(motion.modes))]
     normal, tangential = _sizes(motion, found)
-    largest, told = 0.0, list[str]()
+    worst, told = 0.0, list[str]()
     for i, (mode, flow) in enumerate(zip(motion.modes, found, strict=True)):
         if not mode.closed and not mode.sticking and not mode.sliding:
             continue
-        largest = max(largest, _difference(motion, i, flow, (normal, tangential)))
+        worst = max(worst, _difference(motion, i, flow, (normal, tangential)))
         told += _off(motion, i)
         told += _paradoxes(motion, i)
         told += _pulling(motion, i, flow, normal)
         told += _slipping(motion, i, flow, tangential)
         told += _turning(motion, i)
-    # What underflows on the way is no error.
-    return ForceErrors(largest if largest > EPS else 0.0, tuple(told), (normal, tangential))
+    return ForceErrors(worst, tuple(told), (normal, tangential))
 
 
 def still_held(motion: Motion, sizes: tuple[Array, Array]) -> Iterator[str]:
@@ -84,7 +84,7 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
     q, v, t, u = after.q[:-1][soon], after.v[:-1][soon], after.t[:-1][soon], motion.steps[i + 1].u0
     fast = np.abs(model.slide_rates(after.q[:1], after.v[:1], after.t[:1])[0])
     for k in dict(mode.sliding):
-        if k not in motion.modes[i].sticking or fast[k] > DRIFT * slide_size(motion, i + 1)[k]:
+        if k not in motion.modes[i].sticking or fast[k] > DRIFT * motion.sizes.slide[k]:
             continue
         others = tuple(pair for pair in mode.sliding if pair[0] != k)
         kept = replace(mode, sticking=(*mode.sticking, k), sliding=others)
@@ -116,17 +116,19 @@ def left_out(motion: Motion) -> list[str]:
 
 
 def _sizes(motion: Motion, found: list[Forces]) -> tuple[Array, Array]:
-    """The largest contact forces (nc,) and friction forces that are possible (nt,) of a motion."""
-    sizes, model = motion.sizes, motion.model
-    stopping = float((sizes.p @ sizes.v) / sizes.time)  # power that could stop the motion
+    """The largest contact forces (nc,) and friction forces that are possible (nt,) of a motion; a
+    contact that carries little counts by a share of the forces of the motion."""
+    model, phases = motion.model, motion.trajectory.phases
     normal = np.max([np.abs(f.normal).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
-    normal = np.maximum(normal, BEARABLE * stopping / sizes.rate)
+    q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
+    normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
     at = supports(model.kernels)
     possible = [
         mu if j == RAIL else mu * normal[j] for j, mu in zip(at, model.friction, strict=True)
     ]
     taken = np.max([np.abs(f.tangential).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
-    return normal, np.maximum(np.array(possible).reshape(model.nt), BEARABLE * taken)
+    friction = np.maximum(np.array(possible).reshape(model.nt), BEARABLE * taken)
+    return np.maximum(normal, NOTHING), np.maximum(friction, NOTHING)
 
 
 def _difference(motion: Motion, i: int, flow: Forces, sizes: tuple[Array, Array]) -> float:
@@ -142,10 +144,7 @@ def _difference(motion: Motion, i: int, flow: Forces, sizes: tuple[Array, Array]
             j = known.index(name)
             low, high = all_found[..., j].min(axis=0), all_found[..., j].max(axis=0)
             off = np.maximum(low - given[:, column], given[:, column] - high)
-            error = (
-                np.maximum(off, 0.0) / size[j] if size[j] > 0 else np.sign(np.abs(given[:, column]))
-            )
-            worst = max(worst, float(np.nan_to_num(error, nan=np.inf).max()))
+            worst = max(worst, largest(off / size[j]))
     return worst
 
 
@@ -157,7 +156,6 @@ def _off(motion: Motion, i: int) -> Iterator[str]:
         motion.sizes,
         motion.modes[i],
     )
-    along = np.abs(model.tangent_slopes(phase.q, phase.t)).max(axis=0)
     slid = model.tangents(phase.q, phase.t)
     for names, places, off, rates, size, rate in (
         (
@@ -167,7 +165,7 @@ def _off(motion: Motion, i: int) -> Iterator[str]:
         (
             model.kernels.tangents, mode.sticking, slid - slid[0],
             model.slide_rates(phase.q, phase.v, phase.t),
-            along @ np.append(sizes.q, sizes.time), along @ np.append(sizes.v, 1.0),
+            sizes.place, sizes.slide,
         ),
     ):  # fmt: skip
         for j in places:
@@ -230,18 +228,10 @@ def _slipping(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str
             )
 
 
-def slide_size(motion: Motion, i: int) -> Array:
-    """Sizes of the sliding velocities in a phase, shape (nt,)."""
-    phase, model = motion.trajectory.phases[i], motion.model
-    along = np.abs(model.tangent_slopes(phase.q, phase.t)).max(axis=0)
-    moving = 1.0 if model.kernels.manifest["explicit_time"] else 0.0
-    return np.asarray(along @ np.append(motion.sizes.v, moving))
-
-
 def _turning(motion: Motion, i: int) -> Iterator[str]:
     """Sliding against its planned direction, or from rest into the other one."""
     phase, model = motion.trajectory.phases[i], motion.model
-    rates, size = model.slide_rates(phase.q, phase.v, phase.t), slide_size(motion, i)
+    rates, size = model.slide_rates(phase.q, phase.v, phase.t), motion.sizes.slide
     for j, s in motion.modes[i].sliding:
         forward = s * rates[:, j]
         k = int(np.argmin(forward))

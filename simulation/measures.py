@@ -10,12 +10,15 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import solved
 from dmoc.simulation.flow import PLACES, Lost
 from dmoc.simulation.motion import Motion, nodes_of_segments
 from dmoc.simulation.path_limits import Course, Excess, path_excess
+from dmoc.simulation.sizes import NOTHING
 
 # gap of a planned collision, relative to how far the coordinates move it, that a solver may leave
 OFF_SURFACE = 1e-6
+SOFT = 1e-6  # own rates of a collision count by at least this share of the largest
 SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to the largest inertias
 
 
@@ -148,7 +151,7 @@ def impact_errors(motion: Motion) -> tuple[float, float]:
         largest = float(np.nan_to_num(max(errors), nan=np.inf))
         worst = max(worst, largest / float(motion.sizes.rate[j]))
         if not c.grazes:
-            own = max(own, largest / max(abs(w[0]), abs(w[1]), 1e-300))
+            own = max(own, largest / max(abs(w[0]), abs(w[1]), SOFT * float(motion.sizes.rate[j])))
     return worst, own
 
 
@@ -173,17 +176,25 @@ def _off_surface(motion: Motion) -> Iterator[tuple[str, float]]:
 
 
 def input_excess(motion: Motion) -> float:
-    """Largest excess of an input over its bounds in any step, relative to the range of the
-    bounds."""
+    """Largest excess of an input over its bounds in any step, relative to the largest input, or to
+    one that the motion could use within them."""
     low, high = motion.trajectory.input_bounds.T
-    width = np.where(
-        np.isfinite(high - low) & (high > low),
-        high - low,
-        np.maximum(np.abs(low), np.abs(high)),
-    )
-    width = np.where(np.isfinite(width) & (width > 0), width, 1.0)
     u = np.vstack([ends for s in motion.steps for ends in (s.u0, s.u1)])
-    return largest(np.maximum(low - u, u - high) / width)
+    excess = np.maximum(low - u, u - high)
+    size = np.maximum(np.abs(u).max(axis=0, initial=0.0), np.minimum(high - low, _needed(motion)))
+    return largest(np.where(excess > 0, excess, 0.0) / np.where(size > 0, size, NOTHING))
+
+
+def _needed(motion: Motion) -> Array:
+    """Inputs that accelerate as much as the forces of the motion, shape (nu,); infinite for one
+    that does not."""
+    model, parts = motion.model, [np.zeros(motion.model.nu)]
+    for phase in motion.trajectory.phases if model.nu else ():
+        B = np.swapaxes(model.input_matrix(phase.q, phase.v, t=phase.t), 1, 2)
+        response = np.swapaxes(solved(model.mass(phase.q, phase.t), np.swapaxes(B, 1, 2)), 1, 2)
+        parts.append((B * response).sum(axis=2).max(axis=0))
+    inertia = np.sqrt(np.max(parts, axis=0))
+    return np.asarray(motion.sizes.acceleration / inertia)
 
 
 def _singular(motion: Motion) -> float | None:

@@ -18,7 +18,7 @@ from dmoc.mechanics.values import parameter_row, restitution_row
 from dmoc.simulation.arcs import allowance, arcs_of
 from dmoc.simulation.flow import Flow, Steps
 from dmoc.simulation.modes import RAIL, Mode, mode_of, supports
-from dmoc.simulation.sizes import Sizes, sizes_of, sizes_with_contacts
+from dmoc.simulation.sizes import Sizes, sizes_of
 from dmoc.trajectory import Collision, Phase, Trajectory
 
 SEGMENTS = 10  # of a phase
@@ -56,11 +56,7 @@ class Motion:
         restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
         model = Model(kernels, parameter_row(kernels, trajectory.parameters, SimulationError))
         modes = tuple(mode_of(phase, kernels) for phase in trajectory.phases)
-        sizes = (
-            sizes_with_contacts(trajectory, model)
-            if _has_modes(trajectory, model)
-            else sizes_of(trajectory, model)
-        )
+        sizes = sizes_of(trajectory, model)
         arcs = arcs_of(trajectory, model, sizes)
         steps = [
             Steps(

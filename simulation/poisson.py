@@ -97,7 +97,8 @@ class _Way:
         regimes: list[Regime] = []
         while True:
             slope = self._slope(at.t)  # dS/dP
-            n_slope, t_slope = self.response @ np.array([1.0, slope])
+            # as Python's numbers, whose division overflows to infinity in silence
+            n_slope, t_slope = (self.response @ np.array([1.0, slope])).tolist()
             left = most - at.P if most < np.inf else -at.n / n_slope if n_slope > 0 else np.inf
             stop = -at.t / t_slope if abs(at.t) > self.small and at.t * t_slope < 0 else np.inf
             regimes.append(self._name(at.t, slope, t_slope))

@@ -1,85 +1,140 @@
-"""Sizes of a motion: what its errors are compared with, in whatever units it is given."""
+"""Sizes of a motion: what its errors are compared with.
+
+They follow from the motion, its problem and its model, and from no number that has a unit, so that
+a motion told in other units or at another place has the same errors.  What moves counts by its
+range; what hardly moves by a small share of what the energy of the motion, or the forces that act
+although nothing moves, could make of it; and nothing by less than the rounding errors of its
+numbers.  Coordinates of different kinds are compared through the masses.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
 from dmoc.trajectory import Trajectory
 
-# Share of the speed that its energy could give to a coordinate by which that counts at least, where
-# contacts hold coordinates still.
-STILL = 1e-3
+# A coordinate counts by at least this share of the speed that the kinetic energy could give it,
+# and of the speed that the forces that act on something could give it in the whole time: solvers
+# leave 1e-10 of what these would do.
+STILL, HELD = 1e-4, 1e-6
+# Where no force acts and nothing moves, by this share of the way to the nearest surface or between
+# limits.
+ROOM = 1e-12
+# And by so many rounding errors of the numbers that it is told in.
+ROUNDING = 1e4 * float(np.finfo(float).eps)
+# A contact force counts by at least this share of the forces of the motion.
+WEAK = 0.05
+# Where there is nothing at all to go by, errors are either none or infinite.
+NOTHING = 1e-100
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of a motion: ranges of the coordinates, largest velocities and momenta (nq,), gaps
-    and their rates (nc,), final time, and the largest kinetic energy."""
+    """Sizes of a motion: coordinates, velocities and momenta (nq,), gaps and their rates (nc,),
+    tangential positions and sliding velocities (nt,), time, energy, and the largest acceleration
+    that its forces and its velocities say, measured by the masses."""
 
     q: Array
     v: Array
     p: Array
     gap: Array
     rate: Array
+    place: Array
+    slide: Array
     time: float
     energy: float
+    acceleration: float
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """All nodes of a motion, with the inputs of the steps that end and begin there, and their
+    masses."""
+
+    q: Array
+    v: Array
+    p: Array
+    t: Array
+    step: float
+    u: tuple[Array, Array]
+    mass: Array
+    inertia: Array
 
 
 def sizes_of(trajectory: Trajectory, model: Model) -> Sizes:
-    """Ranges of a motion; what does not move counts by a small share of what its energy could
-    make of it, so that roundings stay small."""
-    q = np.vstack([p.q for p in trajectory.phases])
-    v, p = (
-        np.abs(np.vstack([getattr(phase, name) for phase in trajectory.phases])).max(axis=0)
-        for name in "vp"
-    )
-    t = np.concatenate([phase.t for phase in trajectory.phases])
-    M = model.mass(q, t)
-    inertia = np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0)
-    speeds = np.vstack([phase.v for phase in trajectory.phases])
-    kinetic = float(np.einsum("ki,kij,kj->k", speeds, M, speeds).max()) / 2
-    time = trajectory.final_time
-    spread = np.ptp(q, axis=0)
-    little = 1e-6 * np.sqrt(2 * kinetic / inertia)
-    size_q = np.maximum(spread, little * time)
-    size_q = np.where(
-        size_q > 0, size_q, np.where(np.abs(q).max(axis=0) > 0, np.abs(q).max(axis=0), 1.0)
-    )
-    size_v = np.maximum(np.maximum(v, little), 1e-6 * size_q / time)
-    size_p = np.maximum(p, inertia * size_v * 1e-6)
-    slope = np.abs(model.gap_slopes(q, t)).max(axis=0)
-    gap, rate = slope @ np.append(size_q, time), slope @ np.append(size_v, 1.0)
-    largest = kinetic if kinetic > 0 else float(size_p @ size_v)
-    return Sizes(
-        size_q,
-        size_v,
-        np.where(size_p > 0, size_p, 1.0),
-        gap,
-        rate,
-        time,
-        largest if largest > 0 else 1.0,
-    )
+    """Read the sizes of a motion."""
+    nodes = _nodes(trajectory, model)
+    time = float(nodes.t[-1] - nodes.t[0])
+    root = np.sqrt(nodes.inertia)
+    kinetic = float(np.einsum("ki,kij,kj->k", nodes.v, nodes.mass, nodes.v).max()) / 2
+    force = _forces(model, nodes)
+    fastest = np.sqrt(2 * kinetic)
+    strongest = float((force / root).max())
+    speed = max(STILL * fastest, HELD * strongest * time)
+    speed = max(speed, ROOM * _room(trajectory, model, nodes) / time, NOTHING)
+    rounding = ROUNDING * np.abs(nodes.q).max(axis=0)
+    way, least = speed * time / root, np.maximum(speed / root, rounding / nodes.step)
+    q = np.maximum.reduce([np.ptp(nodes.q, axis=0), way, rounding])
+    v = np.maximum(np.abs(nodes.v).max(axis=0), least)
+    p = np.maximum(np.abs(nodes.p).max(axis=0), nodes.inertia * least)
+    energies = np.abs(model.energy(nodes.q, nodes.v, nodes.t))
+    energy = max(kinetic, float(force @ way), float(least @ p), ROUNDING * float(energies.max()))
+
+    def along(slopes: Array) -> tuple[Array, Array]:
+        slope = np.abs(slopes).max(axis=0)
+        place, rate = slope @ np.append(q, time), slope @ np.append(v, 1.0)
+        return np.maximum(place, NOTHING), np.maximum(rate, NOTHING)
+
+    gap, rate = along(model.gap_slopes(nodes.q, nodes.t))
+    place, slide = along(model.tangent_slopes(nodes.q, nodes.t))
+    acceleration = max(strongest, fastest / time, speed / time)
+    return Sizes(q, v, p, gap, rate, place, slide, time, energy, acceleration)
 
 
-def sizes_with_contacts(trajectory: Trajectory, model: Model) -> Sizes:
-    """Sizes of a motion whose contacts hold some coordinates still: these count by a thousandth of
-    what its energy could make of them."""
-    sizes = sizes_of(trajectory, model)
-    q = np.vstack([p.q for p in trajectory.phases])
-    t = np.concatenate([p.t for p in trajectory.phases])
-    inertia = np.abs(np.diagonal(model.mass(q, t), axis1=1, axis2=2)).max(axis=0)
-    little = STILL * np.sqrt(2 * sizes.energy / inertia)
-    size_q, size_v = np.maximum(sizes.q, little * sizes.time), np.maximum(sizes.v, little)
-    slope = np.abs(model.gap_slopes(q, t)).max(axis=0)
-    return replace(
-        sizes,
-        q=size_q,
-        v=size_v,
-        p=np.maximum(sizes.p, inertia * little),
-        gap=slope @ np.append(size_q, sizes.time),
-        rate=slope @ np.append(size_v, 1.0),
-    )
+def pushes(model: Model, sizes: Sizes, q: Array, t: Array, slopes: Array) -> Array:
+    """Forces along gradients (n, m, nq + 1) at rows of positions that accelerate as much as a
+    small share of the forces of the motion, shape (m,)."""
+    along = slopes[..., :-1]
+    response = solved(model.mass(q, t), np.ascontiguousarray(np.swapaxes(along, 1, 2)))
+    inertia = np.einsum("nmi,nim->nm", along, response).max(axis=0, initial=0.0)
+    return np.asarray(WEAK * sizes.acceleration / np.sqrt(np.where(inertia > 0, inertia, np.inf)))
+
+
+def _nodes(trajectory: Trajectory, model: Model) -> _Nodes:
+    phases = trajectory.phases
+    q, v, p = (np.vstack([getattr(phase, name) for phase in phases]) for name in "qvp")
+    t = np.concatenate([phase.t for phase in phases])
+    ends = [trajectory.input_ends(phase) for phase in phases]
+    before = np.vstack([np.vstack([u0[:1], u1]) for u0, u1 in ends])
+    after = np.vstack([np.vstack([u0, u1[-1:]]) for u0, u1 in ends])
+    mass = model.mass(q, t)
+    inertia = np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0)
+    inertia = np.where(inertia > 0, inertia, inertia.max())
+    step = min(float(np.diff(phase.t).min()) for phase in phases)
+    return _Nodes(q, v, p, t, step, (before, after), mass, inertia)
+
+
+def _forces(model: Model, nodes: _Nodes) -> Array:
+    """Largest generalised forces (nq,) that act anywhere: of the position alone, of position and
+    velocity, and of each input by itself, balanced or not."""
+    found = [np.abs(model.equations(nodes.q, v, None, nodes.t)[1]) for v in (None, nodes.v)]
+    if model.nu:
+        B = np.abs(model.input_matrix(nodes.q, nodes.v, nodes.u[0], nodes.t))
+        found += [(B @ np.abs(u)[..., None])[..., 0] for u in nodes.u]
+    return np.asarray(np.max(found, axis=(0, 1)))
+
+
+def _room(trajectory: Trajectory, model: Model, nodes: _Nodes) -> float:
+    """The shortest of the ways, measured by the masses, to a surface and between the limits of a
+    coordinate; 0 where there are none."""
+    ways = list(np.ptp(trajectory.coordinate_bounds, axis=1) * np.sqrt(nodes.inertia))
+    if model.nc:
+        q, t = nodes.q[:1], nodes.t[:1]
+        slope = np.abs(model.gap_slopes(q, t))[0, :, :-1] / np.sqrt(nodes.inertia)
+        ways += list(np.abs(model.gaps(q, t)[0]) / np.linalg.norm(slope, axis=1))
+    return float(min((way for way in ways if 0 < way < np.inf), default=0.0))

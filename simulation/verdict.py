@@ -13,10 +13,9 @@ from dmoc.simulation.flow import Contact
 from dmoc.simulation.path_limits import Excess
 from dmoc.table import Shown, Table, passed
 
-# What a motion may miss and still count as confirmed.  Errors of states are relative to the ranges
-# of coordinates and momenta, energies to the kinetic energy, penetration and excess of soft limits
-# to the ranges, the law of impact to the largest rate of the gap.  A path constraint that holds at
-# the nodes is exceeded by a share of h^2 between them.
+# What a motion may miss and still count as confirmed, relative to the sizes of the motion
+# (:mod:`dmoc.simulation.sizes`).  A path constraint that holds at the nodes is exceeded by a share
+# of h^2 between them.
 PASSING = {
     "step error": 0.01,
     "segment error": 0.01,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dmoc.simulation.poisson import Impulses, impulses
@@ -66,6 +66,7 @@ def test_a_jam_ends_where_sliding_stops() -> None:
     assert [n, t] == pytest.approx([0, 0], abs=1e-14)
 
 
+@example(-1.0, 1.0, 1.0, 1.0, 0.0, 2.2e-309, 0.0)  # a friction that stops nothing
 @given(
     st.floats(-10, -1e-3), st.floats(-10, 10), st.floats(0.01, 100), st.floats(0.01, 100),
     st.floats(-0.999, 0.999), st.floats(0, 5), st.floats(0, 1),

@@ -1,0 +1,329 @@
+"""One problem told in other units and at another place: whether the answer is the same.
+
+python benchmarks/invariance.py block ladder    every answer of the systems with these words
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+from common import Section
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.registry import find
+
+SHIFTS = (0.0, 3.0, -0.7, 1e3)  # of the places of surfaces, start and goal, in metres
+POWERS = (-6, -3, 3, 6)  # of ten: how many new units are an old one
+QUICK = (-6, 6)
+
+X, Y, A, B, U, W = dynamicsymbols("x y a b u w")
+M, LENGTH, G, MU, C, PUSH = sp.symbols("m l g mu c push")
+T = dynamicsymbols._t
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a metre, a kilogram and a second are in the units that a problem is told in, and where
+    its origin is, in metres."""
+
+    metre: float = 1.0
+    kilogram: float = 1.0
+    second: float = 1.0
+    shift: float = 0.0
+
+    def length(self, value: float) -> float:
+        return value * self.metre
+
+    def place(self, value: float) -> float:
+        return (value + self.shift) * self.metre
+
+    def time(self, value: float) -> float:
+        return value * self.second
+
+    def speed(self, value: float) -> float:
+        return value * self.metre / self.second
+
+    def acceleration(self, value: float) -> float:
+        return value * self.metre / self.second**2
+
+    def mass(self, value: float) -> float:
+        return value * self.kilogram
+
+    def force(self, value: float) -> float:
+        return self.mass(self.acceleration(value))
+
+    def torque(self, value: float) -> float:
+        return self.length(self.force(value))
+
+    def __str__(self) -> str:
+        return (
+            f"metre {self.metre:g}, kilogram {self.kilogram:g}, second {self.second:g}, "
+            f"shifted by {self.shift:g} m"
+        )
+
+
+def free_system() -> dmoc.MechanicalSystem:
+    """A mass on a line, and a wall."""
+    return dmoc.MechanicalSystem(
+        "line", [X], M * X.diff(T) ** 2 / 2, {M: 1.0, C: 1.0}, inputs=[U], forces={X: U},
+        surfaces={"wall": X <= C}, cost=U**2,
+    )  # fmt: skip
+
+
+def floor_system() -> dmoc.MechanicalSystem:
+    """A block on a floor with friction at y = c."""
+    return dmoc.MechanicalSystem(
+        "floor", [X, Y], M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
+        {M: 1.0, G: 9.81, MU: 0.3, C: 0.0}, inputs=[U], forces={X: U},
+        surfaces={"floor": Y >= C}, tangents={"floor": X}, friction={"floor": MU}, cost=U**2,
+    )  # fmt: skip
+
+
+def hopper_system() -> dmoc.MechanicalSystem:
+    """A body on a leg with a foot, moved up and down by the force of the leg."""
+    kinetic = M * X.diff(T) ** 2 / 2 + M / 5 * Y.diff(T) ** 2 / 2
+    return dmoc.MechanicalSystem(
+        "vertical_hopper", [X, Y], kinetic - M * G * X - M / 5 * G * Y,
+        {M: 1.0, G: 9.81, C: 0.0}, inputs=[U], forces={X: U, Y: -U},
+        surfaces={"ground": Y >= C}, cost=U**2,
+    )  # fmt: skip
+
+
+def pendulum_system() -> dmoc.MechanicalSystem:
+    return dmoc.MechanicalSystem(
+        "held", [A], M * LENGTH**2 * A.diff(T) ** 2 / 2 + M * G * LENGTH * sp.cos(A - C),
+        {M: 1.0, G: 9.81, LENGTH: 0.7, C: 0.0}, inputs=[U], forces={A: U}, cost=U**2,
+    )  # fmt: skip
+
+
+def ball_system() -> dmoc.MechanicalSystem:
+    return dmoc.MechanicalSystem(
+        "ball", [X, Y], M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
+        {M: 1.0, G: 9.81, C: 0.0}, inputs=[U, W], forces={X: U, Y: W},
+        surfaces={"floor": Y >= C}, cost=U**2 + W**2,
+    )  # fmt: skip
+
+
+def finger_system() -> dmoc.MechanicalSystem:
+    """A block on a floor, and a light finger that leans against its side."""
+    return dmoc.MechanicalSystem(
+        "finger", [X, Y, B],
+        M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 + M / 50 * B.diff(T) ** 2 / 2 - M * G * Y,
+        {M: 1.0, G: 9.81, MU: 0.3, C: 0.0, PUSH: 0.024}, inputs=[U], forces={B: PUSH + U},
+        surfaces={"floor": Y >= C, "side": X - B >= 0}, tangents={"floor": X},
+        friction={"floor": MU}, cost=U**2,
+    )  # fmt: skip
+
+
+def pole_system() -> dmoc.MechanicalSystem:
+    """A pole on a cart whose rail rubs."""
+    tip = sp.Matrix([X + LENGTH * sp.sin(A), -LENGTH * sp.cos(A)])
+    kinetic = M * X.diff(T) ** 2 / 2 + M / 3 * tip.diff(T).dot(tip.diff(T)) / 2
+    return dmoc.MechanicalSystem(
+        "railed_pole", [X, A], kinetic - M / 3 * G * tip[1],
+        {M: 1.0, G: 9.81, LENGTH: 0.5, PUSH: 0.5}, inputs=[U], forces={X: U},
+        tangents={"rail": X}, friction={"rail": PUSH}, cost=U**2,
+    )  # fmt: skip
+
+
+def ladder_system() -> dmoc.MechanicalSystem:
+    """A ladder that slides down a smooth wall on a smooth floor."""
+    ends = {"floor": Y - LENGTH * sp.sin(A) >= C, "wall": X - LENGTH * sp.cos(A) >= C}
+    kinetic = X.diff(T) ** 2 + Y.diff(T) ** 2 + LENGTH**2 * A.diff(T) ** 2 / 3
+    return dmoc.MechanicalSystem(
+        "ladder", [X, Y, A], M * kinetic / 2 - M * G * Y, {M: 1.0, G: 9.81, LENGTH: 1.0, C: 0.0},
+        inputs=[U], forces={X: U}, surfaces=ends, cost=U**2,
+    )  # fmt: skip
+
+
+def cart_system() -> dmoc.MechanicalSystem:
+    return find("cart_pendulum").system()
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A system, and a problem of it in any units and at any place."""
+
+    system: Callable[[], dmoc.MechanicalSystem]
+    problem: Callable[[Told], dict[str, Any]]
+
+
+def weight(told: Told, **more: float) -> dict[str, float]:
+    return {"m": told.mass(1.0), "g": told.acceleration(9.81), **more}
+
+
+def at_rest(told: Told) -> dict[str, Any]:
+    here = {"x": told.place(0), "y": told.place(0)}
+    return {
+        "start": here, "contacts": ["floor:stick"], "steps": 10, "final_time": told.time(1),
+        "parameters": weight(told, c=told.place(0)),
+    }  # fmt: skip
+
+
+def hopper_at_rest(told: Told) -> dict[str, Any]:
+    return {
+        "start": {"x": told.place(0.5), "y": told.place(0)},
+        "goal": {"x": told.place(0.5), "x_dot": 0.0}, "contacts": ["ground"], "steps": 12,
+        "final_time": told.time(0.8), "parameters": weight(told, c=told.place(0)),
+    }  # fmt: skip
+
+
+def held(told: Told) -> dict[str, Any]:
+    angle = {"a": 1.0 + told.shift}
+    return {
+        "start": angle, "goal": {**angle, "a_dot": 0.0}, "steps": 20, "final_time": told.time(1),
+        "parameters": weight(told, l=told.length(0.7), c=told.shift),
+    }  # fmt: skip
+
+
+def idle(told: Told) -> dict[str, Any]:
+    here = {"x": told.place(0.4)}
+    return {
+        "start": here, "goal": {**here, "x_dot": 0.0}, "steps": 10, "final_time": told.time(1),
+        "parameters": {"m": told.mass(1), "c": told.place(1)},
+    }  # fmt: skip
+
+
+def there_and_back(told: Told) -> dict[str, Any]:
+    return {
+        "start": {"x": told.place(0)}, "goal": {"x": told.place(0), "x_dot": 0.0},
+        "sequence": ["wall"], "steps": 20, "final_time": told.time(1), "restitution": 0.7,
+        "parameters": {"m": told.mass(1), "c": told.place(1)},
+    }  # fmt: skip
+
+
+def bounce(told: Told) -> dict[str, Any]:
+    return {
+        "start": {"x": told.place(0), "y": told.place(1), "x_dot": told.speed(1)},
+        "goal": {"x": told.place(1), "y": told.place(0.6)}, "sequence": ["floor"], "steps": 20,
+        "final_time": (told.time(0.2), told.time(2)), "restitution": 0.8,
+        "parameters": weight(told, c=told.place(0)),
+    }  # fmt: skip
+
+
+def pushed(told: Told) -> dict[str, Any]:
+    return {
+        "start": {"x": told.place(0), "y": told.place(0)},
+        "goal": {"x": told.place(0.4), "x_dot": 0.0}, "contacts": ["floor:stick"],
+        "sequence": ["floor:slip+", "floor:stick"], "steps": 16, "final_time": told.time(1),
+        "parameters": weight(told, c=told.place(0)),
+    }  # fmt: skip
+
+
+def leaning(told: Told) -> dict[str, Any]:
+    here = {"x": told.place(0), "y": told.place(0), "b": told.place(0)}
+    return {
+        "start": here, "contacts": ["floor:stick", "side"], "steps": 10, "final_time": told.time(1),
+        "parameters": weight(told, c=told.place(0), push=told.force(0.024)),
+    }  # fmt: skip
+
+
+def shoved(told: Told) -> dict[str, Any]:
+    """The finger, whose own mass changes its force, pushes the block along."""
+    return {
+        "start": {"x": told.place(0), "y": told.place(0), "b": told.place(0)},
+        "goal": {"x": told.place(0.2), "x_dot": 0.0}, "contacts": ["floor:slip+", "side"],
+        "steps": 20, "final_time": told.time(1),
+        "parameters": weight(told, c=told.place(0), push=told.force(0.024)),
+    }  # fmt: skip
+
+
+def swung(told: Told) -> dict[str, Any]:
+    return {
+        "start": {"x": told.place(0), "a": 0.0},
+        "goal": {"x": told.place(0.5), "x_dot": 0.0, "a": 0.0, "a_dot": 0.0},
+        "contacts": ["rail:slip+"], "steps": 40, "final_time": told.time(1.5),
+        "parameters": weight(told, l=told.length(0.5), push=told.force(0.5)),
+    }  # fmt: skip
+
+
+def slides_down(told: Told) -> dict[str, Any]:
+    """From 60 degrees, at rest."""
+    angle = float(sp.pi / 3)
+    place = {"x": told.place(float(sp.cos(angle))), "y": told.place(float(sp.sin(angle)))}
+    return {
+        "start": {**place, "a": angle}, "contacts": ["floor", "wall"], "steps": 30,
+        "goal": {"a": angle - 0.3}, "final_time": told.time(0.6),
+        "parameters": weight(told, l=told.length(1), c=told.place(0)),
+    }  # fmt: skip
+
+
+def seed(told: Told) -> dict[str, Any]:
+    force = told.force(200)
+    return {
+        "start": {"alpha": 0.471, "x": told.place(0)},
+        "goal": {"alpha": 1.5707, "p_alpha": 0.0, "p_x": 0.0}, "sequence": ["left"], "steps": 100,
+        "final_time": (None, told.time(1)), "bounds": {"F": (-force, force)},
+        "parameters": {
+            "m_p": told.mass(1), "m_c": told.mass(1), "l": told.length(0.5),
+            "g": told.acceleration(10),
+        },
+    }  # fmt: skip
+
+
+KINDS = {
+    "block at rest": Kind(floor_system, at_rest),
+    "hopper at rest": Kind(hopper_system, hopper_at_rest),
+    "held pendulum": Kind(pendulum_system, held),
+    "mass at rest": Kind(free_system, idle),
+    "block and wall": Kind(free_system, there_and_back),
+    "ball": Kind(ball_system, bounce),
+    "block that sticks and slides": Kind(floor_system, pushed),
+    "finger that leans": Kind(finger_system, leaning),
+    "finger that pushes": Kind(finger_system, shoved),
+    "pole on a rail": Kind(pole_system, swung),
+    "ladder": Kind(ladder_system, slides_down),
+    "seed": Kind(cart_system, seed),
+}
+
+
+def tellings(quick: bool = False) -> list[Told]:
+    """The same problem otherwise: shifted, in other units of one kind, and of all."""
+    powers = [10.0**k for k in (QUICK if quick else POWERS)]
+    told = [Told(shift=shift) for shift in SHIFTS]
+    told += [Told(**{unit: p}) for unit in ("metre", "kilogram", "second") for p in powers]
+    return [*told, Told(1e3, 1e-6, 1e4), Told(1e-3, 1e6, 1e-2, 3.0)]
+
+
+def answers(kind: Kind, told: list[Told]) -> list[tuple[Told, dmoc.Solution]]:
+    """The solutions of a problem in all its tellings."""
+    kernels = dmoc.build(kind.system())
+    problems = [dmoc.Problem(kernels, **kind.problem(t)) for t in told]
+    return [(t, dmoc.solve(p, "ipm", starts=1)) for t, p in zip(told, problems, strict=True)]
+
+
+def invariance(quick: bool) -> Section:
+    """A row for each system: its status as it is, and in how many tellings it is the same."""
+    section = Section(
+        "Other units, other places",
+        f"Each problem as it is, and told with a metre, a kilogram or a second of 1e{POWERS[0]} to "
+        f"1e{POWERS[-1]} units, all of them changed, and surfaces, start and goal shifted by up to "
+        f"{SHIFTS[-1]:g} m (`python benchmarks/invariance.py`).",
+        ("problem", "status", "same elsewhere"),
+    )
+    for name, kind in KINDS.items():
+        (_, plain), *others = answers(kind, tellings(quick))
+        same = sum(other.status == plain.status for _, other in others)
+        section.rows.append((name, str(plain.status), f"{same} of {len(others)}"))
+    return section
+
+
+def main(words: list[str]) -> int:
+    """Print every answer of systems whose names have one of these words; 1 where they differ."""
+    differ = 0
+    for name, kind in KINDS.items():
+        if words and not any(word in name for word in words):
+            continue
+        for told, solution in answers(kind, tellings()):
+            differ += not solution.solved
+            print(f"{name}: {told}: {solution.status}: {solution.message[:300]}")
+    return int(differ > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
