@@ -51,6 +51,17 @@ def response(problem: Problem, p: Passage, q: Array, t: float) -> Array:
     return np.asarray(D @ solved(problem.model.mass(q, t), D.T))
 
 
+def rates_and_response(
+    problem: Problem, p: Passage, state: tuple[Array, Array, float]
+) -> tuple[Array, Array]:
+    """Rates of separation and of sliding at a state (q, v, t) before an impact, and the matrix of
+    :func:`response`."""
+    q, v, t = state
+    gap_rates, slide_rates = problem.model.gap_rates(q, v, t), problem.model.slide_rates(q, v, t)
+    rates = np.array([-gap_rates[p.surface], slide_rates[p.tangent]])
+    return rates, response(problem, p, q, t)
+
+
 def _directions(problem: Problem, p: Passage, q: Array, t: float) -> Array:
     """The directions (-grad g, grad tau), shape (2, nq)."""
     normal = problem.model.gap_slopes(q, t)[p.surface, :-1]
@@ -61,11 +72,10 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     """Put the impulses of one impact, the velocities within it and the one after it into x."""
     model, i = problem.model, p.event
     q, v = x[lay.index_q[lay.collision_nodes[i]]], x[lay.index_v_a[i]]
-    D = _directions(problem, p, q, t)
-    pushed = solved(model.mass(q, t), D.T)
-    rates = np.array([-model.gap_rates(q, v, t)[p.surface], model.slide_rates(q, v, t)[p.tangent]])
+    pushed = solved(model.mass(q, t), _directions(problem, p, q, t).T)
+    rates, A = rates_and_response(problem, p, (q, v, t))
     e, mu = float(problem.restitution_values[p.surface]), float(model.friction[p.tangent])
-    lam = _impulses(p, rates, D @ pushed, (e, mu))
+    lam = _impulses(p, rates, A, (e, mu))
     if not np.isfinite(lam).all() or not np.isfinite(pushed).all():
         return
     moments = list(p.moments)

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from dmoc.codegen.kernels import COMPILED
+from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.nlp.problem import Problem
 from dmoc.progress import Listener, told
 from dmoc.solution import Solution
@@ -31,10 +31,10 @@ from dmoc.solving.refinement import refined
 from dmoc.solving.request import Keywords, Request, keywords
 from dmoc.solving.result import checked, with_proposal
 from dmoc.solving.sensitivity import check_problem
-from dmoc.solving.starts import Given
+from dmoc.solving.starts import Given, starts_of
 from dmoc.solving.turning import naming_turns
 from dmoc.solving.undetermined import undetermined
-from dmoc.solving.ways import best_way, ways_of
+from dmoc.solving.ways import best_way, first_way
 
 # The error up to which a motion that the check confirms is a solution where nobody has asked for a
 # tolerance and finer meshes do not lead to the usual one: the check itself allows as much.
@@ -70,9 +70,10 @@ def solve(
     """Solve an optimal control problem for its sequence of collisions.
 
     A hit with friction of which the sequence does not say how it goes ("wall" instead of
-    "wall:slip+") is tried in all ways, each from few starts on a coarse mesh, and the best that is
-    confirmed is the answer; its collisions tell the way.  The limits are those of all ways
-    together.
+    "wall:slip+") begins with the way that the law takes in the guess; then the ways of one hit
+    after the other are tried, from few starts on a coarse mesh, as long as the cost falls.  The
+    best that is confirmed is the answer; its collisions tell the way.  The limits are those of all
+    ways together.
 
     Parameters
     ----------
@@ -171,7 +172,7 @@ def solve(
             try:
                 return best_way(problem, _Ways(guess, request, asked), request.options)
             except KeyboardInterrupt:
-                return interrupted(ways_of(problem)[0], guess, request)
+                return interrupted(first_way(problem), guess, request)
         return _solved(problem, guess, request, asked)
 
 
@@ -195,6 +196,9 @@ class _Ways:
         with np.errstate(all="ignore"):
             minima = explored(coarse_of(way), effort, seed, options, points=points).ranked
         return minima[0] if minima else None
+
+    def start(self, way: Problem) -> Array:
+        return starts_of(way, self.guess).points[0]
 
     def alone(self, way: Problem, options: Options) -> Solution:
         guess = on_coarse_mesh(way, self.guess).get("given")
