@@ -280,3 +280,16 @@ def test_factorisation_of_random_matrices(seed: dmoc.Problem, linked: Link, tmp_
         signs, x = factorised.factor(upper.data), factorised.solve(right)
         assert tuple(found[:3]) == signs
         np.testing.assert_allclose(found[3:], x, rtol=1e-10, atol=1e-12)
+
+
+def test_a_filter_takes_what_is_better_and_nothing_too_far_off(
+    gcc: str, objects: list[Path], tmp_path: Path
+) -> None:
+    """Whatever the objective, no violation above the largest one (Waechter & Biegler 2006, 2.3);
+    then what has less of either than every entry."""
+    driver = str(Path(__file__).with_name("filter.c"))
+    own = [driver, *map(str, objects), "-lm", "-o", "filter"]
+    done = _run([gcc, *FLAGS, *WARNINGS, *_include(), *own], tmp_path)
+    assert done.returncode == 0, done.stderr
+    answers = [int(line) for line in _run([str(tmp_path / "filter")], tmp_path).stdout.split()]
+    assert answers == [1, 1, 0, 0, 0, 1, 1]

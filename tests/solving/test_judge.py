@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import block_and_wall
 import numpy as np
 import pytest
@@ -9,9 +12,11 @@ from methods import INSTALLED
 
 import dmoc
 from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.layout import Layout
 from dmoc.nlp.scaling import scale_of
-from dmoc.solvers.judge import INFEASIBLE, verdict
-from dmoc.solvers.outcome import Options, Outcome, Residuals, Status
+from dmoc.solvers.judge import INFEASIBLE, judged, verdict
+from dmoc.solvers.kkt import residuals
+from dmoc.solvers.outcome import Duals, Ending, Options, Outcome, Residuals, Status
 from dmoc.solving.methods import METHODS
 from dmoc.solving.program import Programs
 
@@ -35,6 +40,37 @@ NO_NUMBER = Residuals(np.inf, np.inf)
 def test_residuals_decide_whatever_a_method_claims(left: Residuals, status: Status) -> None:
     for word in (Status.SOLVED, Status.INFEASIBLE, Status.STALLED):
         assert verdict(word, left, Options()) is status
+
+
+def test_a_violation_that_is_none_but_rounding_is_told_apart_from_a_small_one() -> None:
+    for violation, status in ((1e-5, Status.INFEASIBLE), (1e-7, Status.STALLED)):
+        assert verdict(Status.STALLED, Residuals(1e-9, violation), Options()) is status
+
+
+def test_a_point_beyond_a_bound_is_no_solution() -> None:
+    """The minimum of wide bounds, judged by the program of narrow ones."""
+    problem = block_and_wall.problem(0.8, 10).but(bounds={"u": (-100, 100)})
+    found = outcome(problem, "ipm", Options())
+    u = np.abs(found.x[Layout.of(problem).index_u]).max()
+    x = initial_guesses(problem)[0].x
+    scale = scale_of(problem, x)
+    limit = 0.99 * float(u * scale.u[0])
+    narrow = Programs(problem.but(bounds={"u": (-limit, limit)}), scale).program()
+    judgement = judged(narrow, Ending(Status.SOLVED, "", found.x, found.duals, 1), Options())
+    assert found.status is Status.SOLVED and judgement.status is Status.INFEASIBLE
+    assert judgement.left.violation == pytest.approx(0.01 * u, rel=1e-9)
+
+
+def test_slopes_by_step_sizes_count_by_how_far_these_can_move() -> None:
+    """A step of 1/4 with a slope of 8, another unknown of 3 with a slope of 1."""
+    nlp: Any = SimpleNamespace(
+        n=2, n_eq=0, lower=np.full(2, -np.inf), upper=np.full(2, np.inf),
+        layout=SimpleNamespace(index_h=np.array([0])), cost=lambda x: 4.0,
+        lagrangian_gradient=lambda x, y, w: np.array([8.0, 1.0]),
+        equality=lambda x: np.zeros(0), inequality=lambda x: np.zeros(0),
+    )  # fmt: skip
+    none = Duals(np.zeros(0), np.zeros(0), np.zeros(2))
+    assert residuals(nlp, np.array([0.25, 3.0]), none) == Residuals(2.0 / 4.0, 0.0)
 
 
 def test_limits_count_where_there_is_no_solution_and_interruptions_always() -> None:

@@ -1,0 +1,116 @@
+"""What is taken of several ends: minima that starts agree on, ranks, touches and their collisions,
+minimal times that were only estimated."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.scaling import scale_of
+from dmoc.solvers.diagnosis import diagnose
+from dmoc.solvers.outcome import Duals, Options, Outcome, Residuals, Status
+from dmoc.solving import attempts
+from dmoc.solving.basins import Basin
+from dmoc.solving.exploration import Effort
+from dmoc.solving.ranking import _Ranked
+
+NONE = np.zeros(0)
+
+
+def test_starts_agree_where_most_minima_and_enough_starts_are_the_best() -> None:
+    attempt: Any = SimpleNamespace(nlp=SimpleNamespace(scale=SimpleNamespace(cost=1.0)))
+
+    def met(best: int, other: int) -> list[Basin]:
+        return [Basin(attempt, 1.0, np.ones(1), best), Basin(attempt, 2.0, np.ones(1), other)]
+
+    effort = Effort()  # three of four minima, four of ten starts
+    assert not effort.agree(met(3, 1), 16)
+    assert not effort.agree(met(7, 9), 16)
+    assert effort.agree(met(7, 1), 16)
+
+
+def test_a_collision_without_effect_ranks_behind_a_dearer_one_with_it() -> None:
+    def ranked(status: Status, cost: float) -> _Ranked:
+        solution: Any = SimpleNamespace(status=status, cost=cost)
+        minimum: Any = None
+        return _Ranked(minimum, solution, 1, cost)
+
+    best = sorted([ranked(Status.GRAZES, 1.0), ranked(Status.SOLVED, 2.0)], key=_Ranked.rank)[0]
+    assert best.solution.status is Status.SOLVED
+
+
+class Ends:
+    """A method that ends as it is told, with the cost as its only unknown, and keeps the programs
+    it was given."""
+
+    def __init__(self, *ends: tuple[float, float]) -> None:
+        self.ends, self.programs = list(ends), list[Any]()
+
+    def __call__(self, nlp: Any, x: np.ndarray, options: Options) -> Outcome:
+        cost, time = self.ends[len(self.programs)]
+        self.programs.append(nlp)
+        duals = Duals(NONE, np.array([time]), np.zeros(1))
+        left = Residuals(1e-9, 1e-12)
+        return Outcome(Status.SOLVED, "", np.array([cost]), duals, 1, left)
+
+
+def program(timed: bool = False) -> Any:
+    times = np.zeros(1 if timed else 0, dtype=np.intp)
+    return SimpleNamespace(cost=lambda x: float(x[0]), minimal_times=times)
+
+
+@pytest.mark.parametrize(("collision", "cost"), [(2.0, 1.0), (0.5, 0.5)])
+def test_the_collision_of_a_touch_is_taken_where_it_costs_less(
+    monkeypatch: pytest.MonkeyPatch, collision: float, cost: float
+) -> None:
+    monkeypatch.setattr(attempts, "suspects", lambda nlp, x: np.zeros(1, dtype=np.intp))
+    monkeypatch.setattr(attempts, "pays", lambda nlp, outcome: True)
+    monkeypatch.setattr(attempts, "pushed", lambda nlp, x, at: x)
+    nlp, programs = program(), SimpleNamespace(touches=lambda nlp, at: program())
+    method = Ends((1.0, 0.0), (1.5, 0.0), (collision, 0.0))
+    found = attempts.minimised(programs, nlp, np.ones(1), Options(), method)  # type: ignore[arg-type]
+    assert found.outcome.x == cost and found.outcome.iterations == 3
+    assert method.programs[2] is found.nlp is nlp
+
+
+def test_an_estimated_minimal_time_that_holds_a_solution_is_dropped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(attempts, "suspects", lambda nlp, x: np.zeros(0, dtype=np.intp))
+    timed, free = program(timed=True), program()
+    programs: Any = SimpleNamespace(free=lambda nlp: free)
+    method = Ends((2.0, 0.3), (1.0, 0.0))
+    found = attempts.minimised(programs, timed, np.ones(1), Options(), method)
+    assert found.nlp is free and found.outcome.x == 1.0
+    kept = attempts.minimised(programs, timed, np.ones(1), Options(), Ends((2.0, 0.0)))
+    assert kept.nlp is timed
+
+
+def test_what_is_violated_does_not_stand_against_itself() -> None:
+    """A speed of 3 where 1 is allowed, and brakes that leave 2 of it."""
+    x, u = dynamicsymbols("x u")
+    system = dmoc.MechanicalSystem(
+        "hurried",
+        coordinates=[x],
+        inputs=[u],
+        lagrangian=x.diff() ** 2 / 2,
+        forces={x: u},
+        parameters={},
+        cost=u**2 / 2,
+        path_constraints={"speed": x.diff() <= sp.Integer(1)},
+    )
+    problem = dmoc.Problem(
+        system, start={"x": 0.0, "x_dot": 3.0}, goal={"x": None, "x_dot": None}, steps=10,
+        final_time=1.0, bounds={"u": (-1.0, 1.0)},
+    )  # fmt: skip
+    guess = initial_guesses(problem)[0].x
+    diagnosis = diagnose(problem, scale_of(problem, guess), guess, Options())
+    assert any("speed" in text for text in diagnosis.missed)
+    assert diagnosis.against and not any("speed" in text for text in diagnosis.against)
