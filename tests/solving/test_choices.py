@@ -108,7 +108,7 @@ def test_what_is_violated_does_not_stand_against_itself() -> None:
     )
     problem = dmoc.Problem(
         system, start={"x": 0.0, "x_dot": 3.0}, goal={"x": None, "x_dot": None}, steps=10,
-        final_time=1.0, bounds={"u": (-1.0, 1.0)},
+        durations=[1.0], bounds={"u": (-1.0, 1.0)},
     )  # fmt: skip
     guess = initial_guesses(problem)[0].x
     diagnosis = diagnose(problem, scale_of(problem, guess), guess, Options())
