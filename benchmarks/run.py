@@ -21,6 +21,7 @@ import damaged_files
 import evaluating
 import invariance
 import ladder
+import planted
 import robustness
 import searching
 import speed
@@ -53,6 +54,7 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "campaign": campaign.campaign,
         "contacts": contact_campaign.campaign,
         "invariance": invariance.invariance,
+        "planted": planted.compare,
         "warm": speed.warm,
         "search": searching.compare,
         "puck": searching.puck,
