@@ -125,8 +125,8 @@ def limit(case: Case) -> Trajectory | None:
 
 
 def friction(case: Case) -> Trajectory | None:
-    """A friction force that is not that of its law."""
-    i = case.phase(lambda p: bool(np.abs(p.tangential).max(initial=0.0) > 0))
+    """A friction force of what slides that is not that of its law."""
+    i = case.phase(lambda p: any(p.rubbing.values()))
     if i is None:
         return None
     return case.with_phase(i, tangential=(1 + case.size) * case.motion.phases[i].tangential)
@@ -212,7 +212,7 @@ def drift(case: Case) -> Trajectory | None:
 
 def parameter(case: Case) -> Trajectory | None:
     """A parameter of another value."""
-    idle = {"at", "up", "r"}
+    idle = {"at", "up", "r", "mu", "a", "b"}  # what the motions do not feel; for mu there is a kind
     names = [n for n, value in case.motion.parameters.items() if value and n not in idle]
     name = str(case.rng.choice(names))
     value = (1 + case.size) * case.motion.parameters[name]

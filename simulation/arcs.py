@@ -10,7 +10,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
-from dmoc.simulation.sizes import Sizes
+from dmoc.simulation.sizes import Sizes, gap_sizes_at
 from dmoc.trajectory import Trajectory
 
 # Largest gap g > 0 that counts as none, relative to how far the motion's ranges move the gap.
@@ -43,6 +43,7 @@ def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
     ]
     for phase in trajectory.phases:
         on, h = model.gaps(phase.q, phase.t) >= -ON_ARC * sizes.gap, phase.step_size
+        local = gap_sizes_at(model, sizes, phase.q, phase.t)
         on[:, [model.kernels.surfaces.index(name) for name in phase.closed]] = False
         for k, j in zip(*np.nonzero(on), strict=True):
             t = float(phase.t[k])
@@ -53,7 +54,7 @@ def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
                 # What happens after the end is nobody's business.
                 ends = t >= sizes.time - h / 2
                 depth = PENETRATION if slides or ends else TOUCHING
-                found.append(Arc(int(j), t - h, t + h, depth * float(sizes.gap[j])))
+                found.append(Arc(int(j), t - h, t + h, depth * float(local[k, j])))
     return found
 
 

@@ -1,11 +1,11 @@
 """The independent check of a motion with lasting contacts or friction.
 
 It is compared with the flow of its planned modes, whose forces follow from the conditions on the
-accelerations: step by step and segment by segment, each from its own states, and from the start to
-the end through its planned events at their planned times.  What would make another mode, a contact
-that pulls, a friction that its contact cannot hold, sliding that turns, an open surface that is
-met, contradicts it, and so do events that do not obey their law.  Phases in which nothing is closed
-or rubs are also simulated through the contacts that they meet.
+accelerations: step by step and segment by segment, each from its own states.  There a contact that
+lifts off, friction that gives way and sliding that stops are located by the flow itself, and so are
+surfaces that are met in phases in which nothing is closed or rubs: another event, or one at another
+time, contradicts the motion.  The run from the start to the end is not independent in this: it goes
+through the planned events at their planned times.  Events must obey their law.
 """
 
 from __future__ import annotations

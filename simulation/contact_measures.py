@@ -22,6 +22,7 @@ from dmoc.simulation.modes import Mode, Reaction, reaction, settled
 from dmoc.simulation.motion import Motion, nodes_of_segments
 from dmoc.simulation.path_limits import Course, path_excess
 from dmoc.simulation.runs import SAME_CONTACT
+from dmoc.simulation.sizes import penetration
 
 
 def flow_of(motion: Motion) -> ModeFlow:
@@ -103,7 +104,7 @@ def _steps_of(motion: Motion, i: int, course: Course) -> StepErrors:
     y1 = course.stop
     times, between = _between(motion, course, np.concatenate([PLACES[1:], motion.nodes_inside]))
     off = inside_errors(motion, between[len(PLACES) - 1 :], [phase.q_inside])
-    gaps = motion.model.gaps(between.reshape(-1, nq), times.ravel()) / motion.sizes.gap
+    gaps = penetration(motion.model, motion.sizes, between.reshape(-1, nq), times.ravel())
     low, high = motion.trajectory.coordinate_bounds.T
     return StepErrors(
         np.maximum(motion.error(y1, *wanted(motion, i, np.arange(1, phase.steps + 1))), off),

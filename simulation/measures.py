@@ -14,7 +14,7 @@ from dmoc.mechanics.algebra import solved
 from dmoc.simulation.flow import PLACES, Lost
 from dmoc.simulation.motion import Motion, nodes_of_segments
 from dmoc.simulation.path_limits import Course, Excess, path_excess
-from dmoc.simulation.sizes import NOTHING
+from dmoc.simulation.sizes import NOTHING, penetration
 
 # gap of a planned collision, relative to how far the coordinates move it, that a solver may leave
 OFF_SURFACE = 1e-6
@@ -53,7 +53,7 @@ def step_errors(motion: Motion) -> StepErrors:
     between, nodes = np.split(between, [len(places) - len(inside)])
     off = inside_errors(motion, nodes, [p.q_inside for p in phases])
     times = (steps.t + PLACES[1:-1, None] * steps.h).ravel()
-    gaps = motion.model.gaps(between.reshape(-1, nq), times) / motion.sizes.gap
+    gaps = penetration(motion.model, motion.sizes, between.reshape(-1, nq), times)
     low, high = motion.trajectory.coordinate_bounds.T
     excess = np.maximum(low - between, between - high) / motion.sizes.q
     cuts = np.cumsum([len(s) for s in motion.steps])[:-1]

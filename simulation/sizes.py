@@ -31,6 +31,9 @@ ROUNDING = 1e4 * float(np.finfo(float).eps)
 WEAK = 0.05
 # Where there is nothing at all to go by, errors are either none or infinite.
 NOTHING = 1e-100
+# Where a gap hardly changes with the coordinates, as in the middle of a post, its size is this
+# share of the largest.
+LEVEL = 0.01
 
 
 @dataclass(frozen=True)
@@ -138,3 +141,19 @@ def _room(trajectory: Trajectory, model: Model, nodes: _Nodes) -> float:
         slope = np.abs(model.gap_slopes(q, t))[0, :, :-1] / np.sqrt(nodes.inertia)
         ways += list(np.abs(model.gaps(q, t)[0]) / np.linalg.norm(slope, axis=1))
     return float(min((way for way in ways if 0 < way < np.inf), default=0.0))
+
+
+def penetration(model: Model, sizes: Sizes, q: Array, t: Array) -> Array:
+    """Gaps (n, nc) at rows of positions, relative to how far the motion's ranges move them: where
+    they are positive by their slopes there, which in a small obstacle are far below the largest."""
+    gaps = model.gaps(q, t)
+    shares, behind = gaps / sizes.gap, np.flatnonzero((gaps > 0).any(axis=1))
+    if len(behind):
+        shares[behind] = gaps[behind] / gap_sizes_at(model, sizes, q[behind], t[behind])
+    return np.asarray(shares)
+
+
+def gap_sizes_at(model: Model, sizes: Sizes, q: Array, t: Array) -> Array:
+    """How far the motion's ranges move gaps at rows of positions, shape (n, nc)."""
+    slopes = np.abs(model.gap_slopes(q, t))
+    return np.asarray(np.maximum(slopes @ np.append(sizes.q, sizes.time), LEVEL * sizes.gap))
