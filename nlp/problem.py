@@ -517,7 +517,7 @@ class Problem(Shown):
         known = np.where(known > 0, known, width)
         root = np.sqrt(np.abs(self.inertia))
         known = np.where(known > 0, known, (known * root).max() / np.where(root > 0, root, 1.0))
-        return np.where(known > 0, known, self._swing)
+        return known if (known > 0).all() else np.where(known > 0, known, self._swing)
 
     @property
     def _swing(self) -> Array:
