@@ -375,3 +375,65 @@ def test_what_sticks_without_friction_holds_nothing() -> None:
     assert solution.solved and solution.cost == pytest.approx(0.75, rel=5e-3)
     assert solution.phases[1].tangential == pytest.approx(0.0, abs=1e-15)
     assert max(abs(v).max() for v in solution.multipliers.values()) < 100
+
+
+@pytest.mark.parametrize("push", [(1.5, 2.0), (-2.0, -1.5)])
+def test_sticking_holds_what_the_cone_does_to_either_side(push: tuple[float, float]) -> None:
+    """Friction holds 1 N."""
+    block = pushed(10).but(goal={"x": 0}, contacts=["rail:stick"], sequence=[])
+    held = dmoc.solve(block.but(bounds={"u": push}), "ipm", starts=1)
+    assert held.status == "infeasible"
+    weaker = tuple(u / 2 for u in push)
+    assert dmoc.solve(block.but(bounds={"u": weaker}), "ipm", starts=1, verify=False).solved
+
+
+def test_momenta_at_the_nodes_go_along_the_contacts() -> None:
+    """On a slope that bends, and to the last node, where the force is the weight and what the
+    curve asks for: N = m (g + y'' v^2) / sqrt(1 + y'^2) at constant v."""
+    x, y, u = dynamicsymbols("x y u")
+    bent = dmoc.MechanicalSystem(
+        "bent_slope", [x, y], (x.diff() ** 2 + y.diff() ** 2) / 2 - 9.81 * y, {}, inputs=[u],
+        forces={x: u}, cost=u**2, surfaces={"slope": y >= x**2 / 2},
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        bent, start={"x": 0, "y": 0, "x_dot": 1.0}, goal={"x": 0.8}, contacts=["slope"], steps=80,
+        final_time=0.8,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    (phase,) = solution.phases
+    slope = np.stack([phase.q[:, 0], -np.ones(len(phase.t))], axis=1)
+    assert np.abs((slope * phase.v).sum(axis=1)).max() < 1e-12
+    # The force along -grad g = (-x, 1), by Newton: y'' = x'^2 + x x''.
+    a = np.gradient(phase.v[:, 0], phase.t, edge_order=2)
+    force = 9.81 + phase.v[:, 0] ** 2 + phase.q[:, 0] * a
+    assert phase.normal[-1, 0] == pytest.approx(force[-1], rel=5e-3)
+    assert phase.normal[0, 0] == pytest.approx(force[0], rel=5e-3)
+
+
+def test_the_upper_end_of_a_periodic_range_holds() -> None:
+    """Further costs less: a motion at constant speed, no input, x(T) - x(0) = 0.4 at most."""
+    x, u = dynamicsymbols("x u")
+    system = dmoc.MechanicalSystem(
+        "further", [x], x.diff() ** 2 / 2, {}, inputs=[u], forces={x: u}, cost=u**2 - x.diff()
+    )
+    problem = dmoc.Problem(
+        system, start={"x": 0}, periodic={"x": ("x", (0.1, 0.4)), "x_dot": "x_dot"}, steps=10,
+        final_time=1,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status == "solved", solution.message
+    assert solution.phases[0].q[-1, 0] == pytest.approx(0.4, abs=1e-9)
+    assert solution.cost == pytest.approx(-0.4, rel=1e-9)
+
+
+@pytest.mark.parametrize("second", [1.0, 60.0])
+def test_the_time_that_a_statement_says_is_one_in_any_unit(second: float) -> None:
+    """A block under a constant force, at rest: sqrt(2 s / a)."""
+    from dmoc.nlp.guess import natural_time
+
+    x, g = dynamicsymbols("x"), sp.Symbol("g")
+    system = dmoc.MechanicalSystem("falls_down", [x], x.diff() ** 2 / 2 + g * x, {g: 2.0})
+    problem = dmoc.Problem(
+        system, start={"x": 0}, goal={"x": 3}, steps=5, parameters={"g": 2.0 / second**2}
+    )
+    assert natural_time(problem) == pytest.approx(second * 3**0.5, rel=1e-12)

@@ -182,8 +182,10 @@ def test_the_courses_of_three_hits_follow_from_their_motions() -> None:
     assert int(tried) <= 100
 
 
-def test_a_puck_that_turns_or_stops_while_it_lands() -> None:
-    """Sliding stops in the landing where friction can take all of it."""
+@pytest.mark.parametrize("e", [0.0, 0.6])
+def test_a_puck_that_turns_or_stops_while_it_lands(e: float) -> None:
+    """Sliding stops in the landing where friction can take all of it; a landing is plastic,
+    whatever the restitution of its surface."""
     problem = dmoc.Problem(
         landing_system(),
         start={"x": 0, "y": 0.2, "x_dot": 0.1},
@@ -192,6 +194,7 @@ def test_a_puck_that_turns_or_stops_while_it_lands() -> None:
         steps=10,
         final_time=(0.5, 2),
         bounds={"u": (-3, 3)},
+        restitution=e,
     )
     solution = dmoc.solve(problem)
     assert solution.status == "solved", solution.message
