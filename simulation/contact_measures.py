@@ -24,12 +24,16 @@ from dmoc.simulation.path_limits import Course, path_excess
 from dmoc.simulation.runs import SAME_CONTACT
 from dmoc.simulation.sizes import penetration
 
+# Of a step, in sizes of the motion: what the check allows is a million times as much, and the
+# differences of amplifications are a thousand times as large.
+ACCURACY = 1e-9
+
 
 def flow_of(motion: Motion) -> ModeFlow:
     """The flow that a motion is compared with."""
     sizes = motion.sizes
     size = np.concatenate([sizes.q, sizes.v, [sizes.energy]])
-    return ModeFlow(motion.model, size, motion.check_time)
+    return ModeFlow(motion.model, size, motion.check_time, accuracy=ACCURACY)
 
 
 def span_of(motion: Motion, i: int, which: Index | slice) -> Span:

@@ -41,12 +41,13 @@ class Span:
 @dataclass(frozen=True, eq=False)
 class ModeFlow:
     """The flow of a model; ``size`` measures a row, ``check_time`` may raise.  A step whose error
-    cannot be brought below ``astray`` sizes is refused."""
+    cannot be brought below ``astray`` sizes is refused, ``accuracy`` is what is aimed at."""
 
     model: Model
     size: Array
     check_time: Callable[[], None]
     astray: float = np.inf
+    accuracy: float = ACCURACY
 
     def advance(self, mode: Mode, y: Array, span: Span, held: Array) -> Array:
         """Rows after a span, from rows on which the mode's conditions hold; ``held`` (n, nt) are
@@ -61,7 +62,7 @@ class ModeFlow:
                 end, error = (finer, less) if less < error else (end, error)
                 break
             parts, end, error = more, finer, less
-        if error * ACCURACY > self.astray:
+        if error * self.accuracy > self.astray:
             raise SimulationError(
                 f"the motion cannot be followed over the step of {float(span.h.max()):.4g} s at "
                 f"t = {float(span.t[0]):.6g} s: reduce the step size, or stop before its mass "
@@ -105,7 +106,7 @@ class ModeFlow:
         high, low = (np.square(e).mean(axis=1) for e in (fifth, third))
         bottom = np.sqrt(high + 0.01 * low)
         error = np.where(bottom > 0, high / np.where(bottom > 0, bottom, 1.0), 0.0)
-        return end, float(error.max(initial=0.0)) / ACCURACY
+        return end, float(error.max(initial=0.0)) / self.accuracy
 
     def _slope(self, mode: Mode, y: Array, span: Span, share: float) -> Array:
         nq = self.model.nq
