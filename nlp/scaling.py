@@ -92,8 +92,9 @@ def _ranges(
     )
     # A motion that stands still but for rounding errors is no measure of anything.
     spread = np.where(spread > ROUNDING * problem.reach, spread, 0.0)
-    unsaid = problem.unsaid * problem.reach
-    for other in (unsaid, np.abs(q).max(axis=0), width, force * time**2 / inertia):
+    unsaid, place = problem.unsaid * problem.reach, np.abs(q).max(axis=0)
+    place = np.where(place > ROUNDING * problem.reach, place, 0.0)
+    for other in (unsaid, place, width, force * time**2 / inertia):
         spread = np.where(spread > 0, spread, other)
     return np.where(spread > 0, spread, 1.0)
 

@@ -139,3 +139,30 @@ def test_time_is_kept_for_doubtful_nodes_and_the_answer() -> None:
         result = dmoc.search(problem, 6, seconds=seconds)
         assert not result.complete and "was used up" in " ".join(result.notes)
         assert result.seconds < 2 * seconds + 1
+
+
+def test_a_search_around_doing_nothing_confirms_that() -> None:
+    """A block that rests on a rough floor, and shall be where it is."""
+    x, y, u = dynamicsymbols("x y u")
+    m, g, mu = sp.symbols("m g mu")
+    system = dmoc.MechanicalSystem(
+        "resting_block",
+        [x, y],
+        m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
+        {m: 1.0, g: 9.81, mu: 0.3},
+        inputs=[u],
+        forces={x: u},
+        surfaces={"floor": y >= 0},
+        tangents={"floor": x},
+        friction={"floor": mu},
+        cost=u**2 / 2,
+    )
+    for place in (0.0, 3.0):
+        problem = dmoc.Problem(
+            system, start={x: place, y: 0.0}, goal={x: place, "x_dot": 0.0}, contacts=["floor"],
+            steps=10, final_time=2.0,
+        )  # fmt: skip
+        result = dmoc.search(problem, 1, events=["-floor"])
+        assert result.best is not None and result.best.sequence == ()
+        assert result.best.cost == pytest.approx(0.0, abs=1e-12)
+        assert {n.verdict for n in result.nodes[1:]} <= {Verdict.UNREACHABLE, Verdict.INFEASIBLE}
