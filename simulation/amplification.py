@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,25 +13,57 @@ from dmoc.simulation.measures import Segment
 from dmoc.simulation.motion import Motion
 
 PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
+SMALLEST = 1e-11  # error of a segment that is not told from those of the integration
 
 
-def amplification(motion: Motion, segments: Sequence[Segment]) -> float:
-    """Largest ratio of an error at the end to one at a segment's start, by the linearised flow
-    in sizes of positions and velocities."""
+@dataclass(frozen=True)
+class Carried:
+    """What the linearised flow makes of errors on the way, in sizes of positions and velocities:
+    the largest ratio of an error at the end to one at a segment's start, and by how much an
+    open-loop run leaves the motion at the end of each segment (n, 2 nq), as the errors of the
+    segments until there predict."""
+
+    amplification: float
+    deviations: Array
+
+    @property
+    def end(self) -> float:
+        """The predicted deviation at the end of the motion."""
+        return float(np.nan_to_num(self.deviations[-1], nan=np.inf).max())
+
+
+def carried(
+    motion: Motion, segments: Sequence[Segment], through: Callable[[Motion, int, Array], Array]
+) -> Carried:
+    """Carry the errors of segments to the ends of those that follow; ``through`` is the derivative
+    of the state after an event by that before it."""
     unit = np.concatenate([motion.sizes.q, motion.sizes.v])
-    product, phase = np.eye(len(unit)), len(motion.steps) - 1
-    products = [product]
-    for segment in reversed(segments):
-        if segment.phase < phase:
-            product, phase = product @ _saltation(motion, segment.phase, unit), segment.phase
-        slope = segment.slope
-        if not np.isfinite(slope).all():  # forces with a kink where the motion is
-            slope = _differences(motion, segment, unit)
-        product = product @ (slope / unit[:, None] * unit)
-        if not np.isfinite(product).all():
-            return float("inf")
+    slopes = [_scaled(motion, segment, unit) for segment in segments]
+    deviations, errors = [], np.zeros((len(unit), 0))
+    product, products = np.eye(len(unit)), [np.eye(len(unit))]
+    events = [
+        through(motion, one.phase, unit) if one.phase < other.phase else None
+        for one, other in pairwise(segments)
+    ]
+    for segment, slope, event in zip(segments, slopes, [*events, None], strict=True):
+        own = np.maximum(np.abs(segment.defect / unit), SMALLEST)
+        errors = np.hstack([slope @ errors, own[:, None]])
+        deviations.append(np.abs(errors).sum(axis=1))
+        errors = errors if event is None else event @ errors
+    for slope, event in zip(reversed(slopes), [None, *reversed(events)], strict=True):
+        product = (product if event is None else product @ event) @ slope
         products.append(product)
-    return float(np.linalg.norm(np.array(products), 2, axis=(1, 2)).max())
+    finite = np.isfinite(products).all()
+    largest = np.linalg.norm(np.array(products), 2, axis=(1, 2)).max() if finite else np.inf
+    return Carried(float(largest), np.array(deviations))
+
+
+def _scaled(motion: Motion, segment: Segment, unit: Array) -> Array:
+    """The derivative of the end of a segment by its start, in sizes."""
+    slope = segment.slope
+    if not np.isfinite(slope).all() and not motion.has_modes:
+        slope = _differences(motion, segment, unit)  # forces with a kink where the motion is
+    return np.asarray(slope / unit[:, None] * unit)
 
 
 def _differences(motion: Motion, segment: Segment, unit: Array) -> Array:
@@ -44,7 +78,7 @@ def _differences(motion: Motion, segment: Segment, unit: Array) -> Array:
     return np.asarray((ends[:n] - ends[n:]).T / (2 * PERTURBED * unit))
 
 
-def _saltation(motion: Motion, i: int, unit: Array) -> Array:
+def saltation(motion: Motion, i: int, unit: Array) -> Array:
     """Derivative of the state after a collision, at its planned time, with respect to the state
     before it, in sizes."""
     trajectory, flow, nq = motion.trajectory, motion.flow, motion.model.nq

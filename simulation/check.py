@@ -5,7 +5,8 @@ Nothing here is shared with the discrete equations of the optimiser (:mod:`dmoc.
 A motion is compared with the flow in four ways: step by step and segment by segment, each from its
 own states; at its collisions, with the law of impact; and from the start to the end in one
 open-loop run.  An unstable motion amplifies every error on the way, so that the end of the
-open-loop run says nothing about it: it is weighed with the amplification of the linearised flow.
+open-loop run says nothing about it: it is weighed with the errors of the segments, carried there by
+the linearised flow.
 Where the motion itself lies on a surface, held there by its inputs, a simulation may enter the
 surface by a little.
 
@@ -19,7 +20,7 @@ import numpy as np
 from dmoc.arguments import positive, shown
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SimulationError
-from dmoc.simulation.amplification import amplification
+from dmoc.simulation.amplification import carried, saltation
 from dmoc.simulation.contact_check import judged_with_contacts
 from dmoc.simulation.joins import torn
 from dmoc.simulation.measures import (
@@ -31,7 +32,7 @@ from dmoc.simulation.measures import (
     wrong_places,
 )
 from dmoc.simulation.motion import Motion
-from dmoc.simulation.runs import compare, on_the_way, open_loop
+from dmoc.simulation.runs import compare, missable, on_the_way, open_loop
 from dmoc.simulation.verdict import (
     TERMINAL,
     Verification,
@@ -116,7 +117,8 @@ def _judged(motion: Motion) -> Verification:
     """Measure a motion and judge it."""
     steps, parts = step_errors(motion), segments(motion)
     energy, (law, own) = energy_error(motion, steps.work), impact_errors(motion)
-    amplified = amplification(motion, parts)
+    flowed = carried(motion, parts, saltation)
+    amplified = flowed.amplification
     terminal, contacts = open_loop(motion)
     missed, extra = compare(motion, contacts)
     defects, inputs = np.array([part.error for part in parts]), input_excess(motion)
@@ -140,7 +142,8 @@ def _judged(motion: Motion) -> Verification:
     elif missed or extra or not terminal <= TERMINAL:
         lost = lost_by(missed, extra, terminal)
         followed = not (failures or missed_on_way or extra_on_way)
-        if followed and is_unstable(worst, amplified, terminal):
+        followed = followed and missable(motion, contacts, parts, flowed.deviations)
+        if followed and is_unstable(worst, amplified, terminal, flowed.end):
             note = unstable(amplified, lost, worst)
             missed, extra = missed_on_way, extra_on_way
         else:

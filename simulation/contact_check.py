@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.simulation.amplification import carried
 from dmoc.simulation.contact_events import event_errors
 from dmoc.simulation.contact_forces import (
     BEARABLE,
@@ -26,7 +27,7 @@ from dmoc.simulation.contact_forces import (
 )
 from dmoc.simulation.contact_location import ON_TIME
 from dmoc.simulation.contact_measures import (
-    amplification,
+    event_slope,
     flow_of,
     is_free,
     is_planned,
@@ -65,7 +66,8 @@ def judged_with_contacts(motion: Motion) -> Verification:
     extra = dict.fromkeys(f"a contact with {c.surface!r} at {c.time:.4g} s" for c in met)
     defects = np.array([part.error for part in parts])
     worst = float(defects.max(initial=0.0))
-    terminal, amplified = open_loop(motion, flow), amplification(motion, parts)
+    terminal, flowed = open_loop(motion, flow), carried(motion, parts, event_slope)
+    amplified = flowed.amplification
     measured = {
         "step error": steps.worst, "segment error": worst, "energy error": events.energy,
         "error of the law of impact": events.law,
@@ -79,7 +81,7 @@ def judged_with_contacts(motion: Motion) -> Verification:
     too_far, note = exceeded(measured) + broken(steps.path), ""
     if not terminal <= TERMINAL:
         lost = lost_by((), (), terminal)
-        if is_unstable(worst, amplified, terminal) and not (told or too_far):
+        if is_unstable(worst, amplified, terminal, flowed.end) and not (told or too_far):
             note = unstable(amplified, lost, worst)
         else:
             too_far = lost + too_far

@@ -181,10 +181,13 @@ def _segments_of(
             stages.append(Stage(on, both, held[rows][one], alone, least))
     ends = y.reshape(len(places), len(changes), m + 1)[..., :m]
     errors = motion.error(np.ascontiguousarray(ends[:, 0]), *wanted(motion, i, cuts[1:]))
+    planned, _ = put(motion, i, rows_at(motion, i, cuts[1:]), phase.t[cuts[1:]])
     slopes = np.swapaxes(ends[:, 1 : 1 + m] - ends[:, 1 + m :], 1, 2) / (2 * unit)
     parts = [
-        Segment(i, a, b, float(error), slope)
-        for (a, b), error, slope in zip(places, errors, slopes, strict=True)
+        Segment(i, a, b, float(error), slope, end[0] - row[:m])
+        for (a, b), error, slope, end, row in zip(
+            places, errors, slopes, ends, planned, strict=True
+        )
     ]
     return parts, met, stages
 
@@ -240,31 +243,15 @@ def is_planned(motion: Motion, i: int, surface: str, time: float) -> bool:
 # From the start to the end ------------------------------------------------------------------------
 
 
-def amplification(motion: Motion, parts: list[Segment]) -> float:
-    """Largest ratio of an error at the end to one at a segment's start, by the linearised flow and
-    the linearised events at their planned times, in sizes of positions and velocities."""
-    unit = np.concatenate([motion.sizes.q, motion.sizes.v])
-    product, i = np.eye(len(unit)), len(motion.steps) - 1
-    products = [product]
-    for segment in reversed(parts):
-        if segment.phase < i:
-            i = segment.phase
-            product = product @ (_event_slope(motion, i, unit) / unit[:, None] * unit)
-        product = product @ (segment.slope / unit[:, None] * unit)
-        if not np.isfinite(product).all():
-            return float("inf")
-        products.append(product)
-    return float(np.linalg.norm(np.array(products), 2, axis=(1, 2)).max())
-
-
-def _event_slope(motion: Motion, i: int, unit: Array) -> Array:
-    """Derivative of the state after an event by the state before it."""
+def event_slope(motion: Motion, i: int, unit: Array) -> Array:
+    """Derivative of the state after an event, at its planned time, by the state before it, in
+    sizes."""
     phase, nq = motion.trajectory.phases[i], motion.model.nq
     start = np.concatenate([phase.q[-1], phase.v[-1]])
     rows = start + PERTURBED * np.vstack([np.diag(unit), -np.diag(unit)])
     q, v = (np.ascontiguousarray(rows[:, k * nq : (k + 1) * nq]) for k in (0, 1))
     ends = np.hstack([q, after_event(motion, event_of(motion, i), q, v, phase.t[-1]).velocity])
-    return np.asarray((ends[: 2 * nq] - ends[2 * nq :]).T / (2 * PERTURBED * unit))
+    return np.asarray((ends[: 2 * nq] - ends[2 * nq :]).T / (2 * PERTURBED * unit[:, None]))
 
 
 def open_loop(motion: Motion, flow: ModeFlow) -> float:

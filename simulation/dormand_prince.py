@@ -1,5 +1,5 @@
-"""The coefficients of the explicit Runge-Kutta method of order 8 of Dormand and Prince with 12
-stages and two error estimates, of orders 5 and 3.
+"""The coefficients of DOP853, the explicit Runge-Kutta method of order 8 of Hairer, Norsett and
+Wanner after Dormand and Prince, with 12 stages and two error estimates, of orders 5 and 3.
 
 E. Hairer, S. P. Norsett, G. Wanner: Solving Ordinary Differential Equations I, section II.10. A
 list of pairs (j, a) stands for the sum of a times the slope of stage j; the slope at the end of the

@@ -2,9 +2,9 @@
 contacts, impacts.
 
 :class:`~dmoc.simulation.integrator.Integrator` integrates M q'' = F(q, q', u, t) with the method of
-Dormand and Prince of order 8; where a step may meet a surface, the crossing is located here.  A
-state is y = (q | v).  Nothing depends on units: tolerances are shares of the sizes of the motion
-that is looked at.
+Hairer, Norsett and Wanner of order 8 (DOP853); where a step may meet a surface, the crossing is
+located here.  A state is y = (q | v).  Nothing depends on units: tolerances are shares of the sizes
+of the motion that is looked at.
 """
 
 from __future__ import annotations

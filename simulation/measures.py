@@ -81,13 +81,15 @@ def largest(a: Array) -> float:
 @dataclass(frozen=True)
 class Segment:
     """Some steps of a phase integrated from their first node without contacts: relative error at
-    the end, and the derivative (2 nq, 2 nq) of the end by the start."""
+    the end, the derivative (2 nq, 2 nq) of the end by the start, and by how much positions and
+    velocities (2 nq,) are off at the end."""
 
     phase: int
     first: int
     last: int
     error: float
     slope: Array
+    defect: Array
 
 
 def segments(motion: Motion) -> list[Segment]:
@@ -106,10 +108,11 @@ def segments(motion: Motion) -> list[Segment]:
     first, last = (np.array([offset[place[0]] + place[n] for place in places]) for n in (1, 2))
     motion.flow.advance(y, motion.all_steps, first, last)
     wanted = [(phases[i].t[b], phases[i].q[b], phases[i].p[b]) for i, _, b in places]
+    planned = np.array([np.concatenate([phases[i].q[b], phases[i].v[b]]) for i, _, b in places])
     errors = motion.error(y, *(np.array(part) for part in zip(*wanted, strict=True)))
     return [
-        Segment(*place, float(error), row[m:].reshape(m, m))
-        for place, error, row in zip(places, errors, y, strict=True)
+        Segment(*place, float(error), row[m:].reshape(m, m), row[:m] - end)
+        for place, error, row, end in zip(places, errors, y, planned, strict=True)
     ]
 
 

@@ -1,5 +1,5 @@
-"""The continuous flow within a mode: rows of states side by side, by the method of Dormand and
-Prince of order 8.
+"""The continuous flow within a mode: rows of states side by side, by the method of Hairer, Norsett
+and Wanner of order 8 (DOP853).
 
 A row is (q | v) or (q | v | work).  After every part of a step the row is moved back to where the
 conditions of the mode hold, so that errors of integration do not open a contact or let it slip.

@@ -11,6 +11,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.simulation.arcs import PENETRATION
 from dmoc.simulation.flow import Contact
 from dmoc.simulation.path_limits import Excess
+from dmoc.simulation.runs import EXPLAINED
 from dmoc.table import Shown, Table, passed
 
 # What a motion may miss and still count as confirmed, relative to the sizes of the motion
@@ -210,10 +211,13 @@ def largest_excess(paths: Sequence[Excess]) -> float:
     return max((path.counts for path in paths), default=0.0)
 
 
-def is_unstable(worst: float, amplified: float, terminal: float) -> bool:
-    """Whether the amplification explains the end of an open-loop run, while segments are right."""
-    explained = isfinite(amplified) and amplified * WEIGHED >= min(terminal, 1.0)
-    return worst <= UNSTABLE_SEGMENT and explained
+def is_unstable(worst: float, amplified: float, terminal: float, predicted: float) -> bool:
+    """Whether the errors of the segments, which are right, explain the end of an open-loop run: the
+    motion amplifies them, and what the linearised flow predicts of them is near that end or
+    leaves the motion altogether."""
+    unstable = isfinite(amplified) and amplified * WEIGHED >= min(terminal, 1.0)
+    explained = EXPLAINED * predicted >= min(terminal, 1.0)
+    return worst <= UNSTABLE_SEGMENT and unstable and explained
 
 
 def unstable(amplified: float, lost: list[str], worst: float) -> str:
