@@ -37,7 +37,8 @@ MATRICES = {
     "p_D": "momentum_jac",
     "C_d_D": "step_jac",
     "r_d_D": "path_jac",
-    "r_D": "path_point_jac",
+    "r_s_D": "path_limit_jac",
+    "s_D": "hidden_jac",
     "Phi_D": "terminal_cost_jac",
     "T_min_D": "min_time_jac",
 }
@@ -305,18 +306,32 @@ class Model:
 
     def path_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Path constraints of states, shape (..., nr)."""
-        return self._at("path_point", q, _rows(v), _rows(u), _column(t))[0]
+        return self._at("path_limit", q, _rows(v), _rows(u), _column(t))[0]
 
     def path_slopes_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Their derivatives with respect to (q, v, u, t), shape (..., nr, 2 nq + nu + 1)."""
-        return self._full("r_D", self._at("path_point_jac", q, _rows(v), _rows(u), _column(t))[0])
+        return self._full("r_s_D", self._at("path_limit_jac", q, _rows(v), _rows(u), _column(t))[0])
 
     def path_terms(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Sums of the absolute values of the terms of the path constraints, shape (..., nr)."""
         (terms,) = self._at("path_terms", q, _rows(v), _rows(u), _column(t))
-        counts = [row["terms"] for row in self.kernels.manifest["path_rows"]]
+        counts = [row["terms"] for row in self.kernels.manifest["path_limits"]]
         begins = np.cumsum([0, *counts[:-1]])
         return np.asarray(np.add.reduceat(np.abs(terms), begins, axis=-1))
+
+    # Hidden unknowns ------------------------------------------------------------------------------
+
+    def hidden(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
+        """What the hidden unknowns are at a minimum, shape (..., ns)."""
+        if not self.kernels.has("hidden"):
+            return np.zeros((*q.shape[:-1], 0))
+        return self._at("hidden", q, _rows(v), _rows(u), _column(t))[0]
+
+    def hidden_slopes(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
+        """Their derivatives with respect to (q, v, u, t), shape (..., ns, 2 nq + nu + 1)."""
+        if not self.kernels.has("hidden"):
+            return np.zeros((*q.shape[:-1], 0, 2 * self.nq + self.nu + 1))
+        return self._full("s_D", self._at("hidden_jac", q, _rows(v), _rows(u), _column(t))[0])
 
     # Minimal times --------------------------------------------------------------------------------
 

@@ -124,8 +124,9 @@ def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBoun
             continue
         kind, names = kinds[block]
         for row, column, *_ in block.places[held]:
-            place = int(block.nodes[row])
-            nodes.setdefault((kind, names[column % len(names)]), set()).add(place)
+            name = names[column % len(names)]
+            if name:  # else it is that of a hidden unknown
+                nodes.setdefault((kind, name), set()).add(int(block.nodes[row]))
     for (kind, name), where in nodes.items():
         yield ActiveBound(kind, name, places=len(where))
 
@@ -134,7 +135,8 @@ def _counted(nlp: Transcription) -> dict[Block, tuple[BoundKind, Sequence[str]]]
     """Rows of which there are some for every node or step, and the names along their second axis,
     once for each quadrature point."""
     manifest, d = nlp.problem.kernels.manifest, nlp.rows.d
-    surfaces, paths = nlp.problem.kernels.surfaces, manifest["path_constraints"]
+    surfaces = nlp.problem.kernels.surfaces
+    paths = [row["name"] or "" for row in manifest["path_rows"]]
     return {
         d.gap: (BoundKind.GAP, surfaces),
         d.gap_inside: (BoundKind.INSIDE, surfaces),

@@ -25,7 +25,7 @@ from dmoc.nlp.plan import Plan, end_velocity
 from dmoc.nlp.problem import Problem
 from dmoc.nlp.scaling import scale_of
 from dmoc.nlp.standing import standing
-from dmoc.nlp.through import through_hits
+from dmoc.nlp.through import through_hits, with_hidden
 from dmoc.nlp.transcription import Transcription
 from dmoc.nlp.transfer import on_mesh
 
@@ -267,7 +267,7 @@ def _unknowns(problem: Problem, plan: Plan, motion: March) -> Array:
         x[index_p] = problem.model.momentum(motion.q[node], v, times[node])
         if len(index_v):
             x[index_v] = v
-    return through_hits(problem, lay, x)
+    return with_hidden(problem, lay, through_hits(problem, lay, x))
 
 
 def _to_nodes(u: Array, phase_steps: tuple[int, ...]) -> Array:

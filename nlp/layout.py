@@ -1,7 +1,7 @@
 """The table of the unknowns, the only place that knows their order.
 
     x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i | P | T | P_c | T_c
-         | v_h | P_h | T_h)
+         | v_h | P_h | T_h | s)
 
 h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases;
 u: inputs, in the rows of their form (:class:`~dmoc.discretisation.InputForm`); lam: impulses, one a
@@ -10,7 +10,8 @@ needs them; v_a, v_c: velocities before and after the collisions; t: times of th
 the model depends on them; q_i: coordinates of the nodes inside the steps; P, T: normal and
 tangential impulses of the contacts that last, at the nodes of each phase; P_c, T_c: those that
 closed contacts take in an impact beside lam, T_c also that of a hit with friction; v_h, P_h, T_h:
-velocities within an impact with friction, and its impulses until then, see :mod:`dmoc.nlp.hit`.
+velocities within an impact with friction, and its impulses until then, see :mod:`dmoc.nlp.hit`;
+s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.
 """
 
 from __future__ import annotations
@@ -72,6 +73,7 @@ class Layout:
     index_v_h: Index
     index_P_h: Index
     index_T_h: Index
+    index_s: Index
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
@@ -88,6 +90,7 @@ class Layout:
         kind = Kind(
             tuple(kernels.coordinates),
             tuple(kernels.inputs),
+            tuple(kernels.manifest["hidden"]),
             problem.phase_steps,
             problem.control_form,
             problem.order,
@@ -181,13 +184,18 @@ class Layout:
             [
                 self.index_q[:-1],
                 self.index_q[1:],
-                self.index_u[self.row_u_k],
-                self.index_u[self.row_u_kp1],
+                self.of_kernels[self.row_u_k],
+                self.of_kernels[self.row_u_kp1],
                 self.index_h[self.phase_of_step][:, None],
                 self.time_columns[:-1],
                 self.index_q_i,
             ]
         )
+
+    @cached_property
+    def of_kernels(self) -> Index:
+        """Rows of u with the hidden unknowns behind them, as kernels of steps take them."""
+        return np.hstack([self.index_u, self.index_s])
 
     @cached_property
     def time_columns(self) -> Index:
@@ -202,7 +210,8 @@ class Layout:
 
     def split(self, x_k: Index) -> list[Index]:
         """Split the unknowns of steps into q_k, q_kp1, u_k, u_kp1, h, t_k and q_i."""
-        sizes = (self.nq, self.nq, self.nu, self.nu, 1, 1)
+        u = self.of_kernels.shape[1]
+        sizes = (self.nq, self.nq, u, u, 1, 1)
         ends = list(accumulate(sizes))  # np.split takes ten times as long
         return [x_k[:, a:b] for a, b in zip([0, *ends], [*ends, x_k.shape[1]], strict=True)]
 
@@ -249,6 +258,7 @@ class Kind:
 
     coordinates: tuple[str, ...]
     inputs: tuple[str, ...]
+    hidden: tuple[str, ...]
     steps: tuple[int, ...]
     form: str
     order: int
@@ -323,6 +333,12 @@ def _laid_out(kind: Kind) -> Layout:
             lambda s: np.tile(s.q, scheme.inside),
         ),
         *kind.touch.unknowns(block, steps, tuple(v)),
+        block(
+            "s",
+            (len(row_steps), len(kind.hidden)),
+            lambda k, i: f"{kind.hidden[i]} {place_of_input(k)}",
+            lambda s: s.s,
+        ),
     )
     indices = {f"index_{b.name}": b.index for b in table}
     return Layout(

@@ -34,6 +34,7 @@ class PathLaw:
     ----------
     lay : Layout
     names : tuple of str
+        Of the rows, in the user's words.
     on_inputs, on_states : arrays of bool, shape (nr,)
         Which ones contain inputs, and which ones coordinates or velocities.
     at_ends : array of bool, shape (2 phases, nr)
@@ -52,7 +53,10 @@ class PathLaw:
         rows = manifest["path_rows"]
         return cls(
             lay,
-            tuple(manifest["path_constraints"]),
+            tuple(
+                f"path constraint {row['name']}" if row["name"] else "limit of a hidden unknown"
+                for row in rows
+            ),
             np.array([row["inputs"] for row in rows], dtype=bool),
             np.array([bool(row["coordinates"]) or row["velocities"] for row in rows], dtype=bool),
             _ends(problem, lay, rows, limits[0] == limits[1]),
@@ -74,11 +78,11 @@ class PathLaw:
         by_step = self.on_inputs & lay.form.jumps
 
         def label(place: str) -> Any:
-            return lambda k, j: f"path constraint {names[j % count]} {place.format(k)}"
+            return lambda k, j: f"{names[j % count]} {place.format(k)}"
 
         def at_end(k: int, j: int) -> str:
             side = "end" if k % 2 else "start"
-            return f"path constraint {names[j]} at the {side} of phase {k // 2}"
+            return f"{names[j]} at the {side} of phase {k // 2}"
 
         return (
             block(
@@ -117,12 +121,12 @@ class PathLaw:
         k = np.flatnonzero((nodes != NOWHERE).any(axis=1))
         if len(k):
             q = lay.index_q
-            u, h = lay.index_u[lay.row_u_k[k]], lay.index_h[lay.phase_of_step[k]][:, None]
+            u, h = lay.of_kernels[lay.row_u_k[k]], lay.index_h[lay.phase_of_step[k]][:, None]
             around = (q[k - 1], q[k], q[k + 1], u, h, places.times(k))
             found.append(Term("path_node", around, (nodes[k],)))
         at = _nodes_of_ends(lay)
         inputs = np.stack([lay.row_u_k[lay.ends[:-1]], lay.row_u_kp1[lay.ends[1:] - 1]], axis=1)
-        state = (lay.index_q[at], places.known(_velocities(lay)), lay.index_u[inputs.ravel()])
+        state = (lay.index_q[at], places.known(_velocities(lay)), lay.of_kernels[inputs.ravel()])
         found.append(Term("path_point", (*state, places.times(at)), (ends,)))
         return found
 

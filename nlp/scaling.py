@@ -54,7 +54,9 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         gap, rate = _places(model.gap_slopes(q, t), moving)
         _, slide = _places(model.tangent_slopes(q, t), moving)
         energy = float(size_p @ size_v) / 2
-        path = np.ones(len(problem.kernels.manifest["path_constraints"]))
+        path = np.ones(len(problem.kernels.manifest["path_rows"]))
+        u = x[lay.index_u[lay.row_u_k]]
+        size_s = _hidden(problem, u, (middle, rates, now), (*moving, size_u))
         scale = Scale(
             time,
             1.0,
@@ -69,6 +71,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
             slide,
             energy / slide,
             path,
+            size_s,
             h.copy(),
         )
         sizes = lay.units(scale)
@@ -116,6 +119,19 @@ def _inputs(problem: Problem, u: Array, state: tuple[Array, Array, Array], force
     return np.where(size > 0, size, 1.0)
 
 
+def _hidden(
+    problem: Problem, u: Array, state: tuple[Array, Array, Array],
+    sizes: tuple[Array, Array, float, Array],
+) -> Array:  # fmt: skip
+    """Sizes of the hidden unknowns: of their values, and of what moves them."""
+    q, v, t = state
+    size_q, size_v, time, size_u = sizes
+    values = _finite(np.abs(problem.model.hidden(q, v, u, t)), 0.0).max(axis=0)
+    slopes = np.abs(_finite(problem.model.hidden_slopes(q, v, u, t), 0.0)).max(axis=0)
+    size = np.maximum(values, slopes @ np.concatenate([size_q, size_v, size_u, [time]]))
+    return np.where(size > 0, size, 1.0)
+
+
 def _places(slopes: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Array]:
     """Sizes of gaps or tangents and of their rates, from their slopes along a motion: how far
     coordinates, velocities and a time of their sizes move them."""
@@ -146,7 +162,7 @@ def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) 
 def _path(problem: Problem, lay: Layout, x: Array, sizes: Array) -> Array:
     """Sizes of the path constraints: the largest change that an unknown of its size makes in any
     step."""
-    names = problem.kernels.manifest["path_constraints"]
+    names = problem.kernels.manifest["path_rows"]
     if not names:
         return np.ones(0)
     step = lay.step_inputs(x)

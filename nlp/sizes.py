@@ -15,7 +15,7 @@ from dmoc.symbolic.names import momentum_name, velocity_name
 class Scale:
     """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
     gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
-    constraints; step sizes (phases,)."""
+    constraints; hidden unknowns; step sizes (phases,)."""
 
     time: float
     cost: float
@@ -30,6 +30,7 @@ class Scale:
     slide: Array
     friction: Array
     path: Array
+    s: Array
     h: Array
 
     @classmethod
@@ -39,9 +40,9 @@ class Scale:
         nq, nu, nc = (
             np.ones(len(names)) for names in (kernels.coordinates, kernels.inputs, kernels.surfaces)
         )
-        path = np.ones(len(kernels.manifest["path_constraints"]))
+        path, s = (np.ones(len(kernels.manifest[part])) for part in ("path_rows", "hidden"))
         nt, h = np.ones(len(kernels.tangents)), np.ones(problem.phases)
-        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, path, h)
+        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, path, s, h)
 
     def named(self, problem: Problem) -> dict[str, float]:
         """Sizes by name, as results show them."""

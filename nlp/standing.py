@@ -11,7 +11,7 @@ from dmoc.nlp.layout import Layout
 from dmoc.nlp.plan import end_velocity
 from dmoc.nlp.problem import Problem, midpoints
 from dmoc.nlp.tables import NOWHERE
-from dmoc.nlp.through import through_hits
+from dmoc.nlp.through import through_hits, with_hidden
 from dmoc.nlp.touch import phase_nodes
 
 # Gauss-Newton steps onto the contacts of a mode, and the largest of a coordinate, in its reach.
@@ -53,7 +53,7 @@ def in_contact(problem: Problem, x: Array) -> Array:
     momenta as well as they can, and with the ways through impacts with friction; those of a problem
     without either are as they were."""
     lay = Layout.of(problem)
-    x = through_hits(problem, lay, x)
+    x = with_hidden(problem, lay, through_hits(problem, lay, x))
     if lay.touch.free:
         return x
     x = x.copy()

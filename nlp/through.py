@@ -25,6 +25,18 @@ def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
     return x
 
 
+def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
+    """Unknowns with the hidden ones, that are in the place of functions with kinks, on these."""
+    if not lay.index_s.size:
+        return x
+    x, k = x.copy(), lay.step_of_input
+    q, t = x[lay.index_q], lay.times(x)
+    rates = np.diff(q, axis=0) / np.diff(t)[:, None]
+    middle, now = (q[k] + q[k + 1]) / 2, (t[k] + t[k + 1]) / 2
+    x[lay.index_s] = problem.model.hidden(middle, rates[k], x[lay.index_u], now)
+    return x
+
+
 def jams(problem: Problem, x: Array) -> tuple[str, ...]:
     """Impacts that slide to the end of compression where sliding presses the contact together
     (Painleve's paradox), in sentences."""

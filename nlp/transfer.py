@@ -11,7 +11,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.discretisation import FORMS
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
-from dmoc.nlp.through import through_hits
+from dmoc.nlp.through import through_hits, with_hidden
 from dmoc.nlp.touch import node_shares
 from dmoc.trajectory import Trajectory
 
@@ -95,7 +95,7 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
         x[index_p] = problem.model.momentum(piece.q[k], piece.v[k], piece.t[k])
         if len(index_v):
             x[index_v] = piece.v[k]
-    return through_hits(problem, lay, x)
+    return with_hidden(problem, lay, through_hits(problem, lay, x))
 
 
 def _push(lay: Layout, pieces: Sequence[Piece], x: Array) -> None:

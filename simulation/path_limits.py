@@ -97,7 +97,7 @@ class _Values:
 
     @classmethod
     def of(cls, motion: Motion, courses: Sequence[Course]) -> _Values:
-        rows = motion.model.kernels.manifest["path_rows"]
+        rows = motion.model.kernels.manifest["path_limits"]
         points = DISCRETISATIONS[motion.trajectory.order].places
         constant = motion.trajectory.input_form.width == 0
         on_inputs = np.array([bool(row["inputs"]) for row in rows])
@@ -122,7 +122,7 @@ class _Values:
         terms = model.path_terms(self.q, self.v, self.u, self.t)
         least = LEAST_SIZE * np.nan_to_num(terms).max(axis=0)
         found = np.maximum(terms, least)
-        rows = model.kernels.manifest["path_rows"]
+        rows = model.kernels.manifest["path_limits"]
         places = [j for j, row in enumerate(rows) if not (row["velocities"] or row["inputs"])]
         if places:
             slopes = np.abs(model.path_slopes_at(self.q, self.v, self.u, self.t)[:, places])

@@ -85,7 +85,7 @@ cdef class Stepper:
     par : array of shape (1, npar)
     restitution : array of shape (nc,)
     """
-    cdef readonly int nq, nu, nc, ni
+    cdef readonly int nq, nu, nc, ni, width
     cdef readonly list collisions
     cdef readonly tuple held
     cdef object names
@@ -118,9 +118,12 @@ cdef class Stepper:
             rows, columns = kernels.pattern(kernel, output)
             return np.array(rows), np.array(columns)
 
-        self.q_a, self.q_b, self.u, self.h = block(nq), block(nq), block(nu), block(1)
+        # Behind the inputs stand hidden unknowns of the cost, which move nothing.
+        self.width = nu + len(kernels.manifest["hidden"])
+        u = block(self.width)
+        self.q_a, self.q_b, self.u, self.h = block(nq), block(nq), u[:, :nu], block(1)
         self.t, self.now, self.q_i, self.r_i = block(1), block(1), block(ni), block(ni)
-        inputs = tuple(map(np.asarray, (self.q_a, self.q_b, self.u, self.u, self.h, self.t, self.q_i))) + (par,)
+        inputs = tuple(map(np.asarray, (self.q_a, self.q_b, u, u, self.h, self.t, self.q_i))) + (par,)
         self.r_minus, self.r_plus, self.C_d = block(nq), block(nq), block(1)
         self.step = Call(kernels, "step", inputs, tuple(map(np.asarray, (self.r_minus, self.r_plus, self.C_d, self.r_i))))
         self.r_row, self.r_col = stored("step_jac", "r_minus_D")
@@ -265,7 +268,7 @@ cdef class Stepper:
 
     cdef int column(self, ptrdiff_t z) noexcept nogil:
         """Position among the unknowns (q_b, q_i) of a leg of a position z in x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i); -1 for none."""
-        cdef ptrdiff_t n = self.nq, inside = 2 * (self.nq + self.nu) + 2
+        cdef ptrdiff_t n = self.nq, inside = 2 * (self.nq + self.width) + 2
         if n <= z < 2 * n:
             return <int>(z - n)
         return <int>(n + z - inside) if z >= inside else -1

@@ -81,7 +81,9 @@ class Descent:
         scale[lay.index_lam] = np.maximum(np.abs(x[lay.index_lam]), 1.0) / 3
         if lay.nu:
             q_k, _, u, _, h, t_k, _ = lay.step_inputs(nlp.physical(x))
-            curvature = nlp.problem.model.running_cost_curvatures(q_k, None, u, t_k[:, 0])
+            curvature = nlp.problem.model.running_cost_curvatures(
+                q_k, None, u[:, : lay.nu], t_k[:, 0]
+            )
             curvature = h * curvature * nlp.scale.u**2 / nlp.scale.cost
             box = nlp.problem.input_bounds / nlp.scale.u[:, None]
             width = np.where(np.isfinite(box[:, 1] - box[:, 0]), box[:, 1] - box[:, 0], 1.0) / 4

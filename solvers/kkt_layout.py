@@ -80,7 +80,8 @@ def pivots(nlp: Transcription) -> tuple[Index, Index]:
             node = block.nodes[np.nonzero(block.index != NOWHERE)[0]]
             single(n + block.numbers, key(node - 1, INEQUALITY))
     steps = np.arange(last)
-    single(lay.index_u.ravel(), np.repeat(key(lay.step_of_input, INPUT), lay.nu))
+    for index in (lay.index_s, lay.index_u):
+        single(index.ravel(), np.repeat(key(lay.step_of_input, INPUT), index.shape[1]))
     inside = c.inside.index
     pair(lay.index_q_i, c.inside.numbers, np.repeat(key(steps, INSIDE), inside.shape[1]))
     at_state = np.repeat(key(steps, STATE), lay.nq)

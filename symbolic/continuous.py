@@ -8,7 +8,7 @@ people read, and on SymEngine expressions, which become kernels.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import symengine as se
@@ -19,6 +19,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.errors import GenerationError
 from dmoc.symbolic.drawing import values_of
+from dmoc.symbolic.kinks import split
 from dmoc.symbolic.names import name_of, velocity_name
 from dmoc.symbolic.spec import FUNCTIONS
 from dmoc.symbolic.system import MechanicalSystem
@@ -56,11 +57,7 @@ class Continuous:
         par: Sequence[Any],
     ) -> Continuous:
         """Rewrite the functions of ``system`` in the given SymPy symbols."""
-        table = dict(zip(system.velocities, v, strict=True))
-        table |= dict(zip(system.coordinates, q, strict=True))
-        table |= dict(zip(system.inputs, u, strict=True))
-        table |= dict(zip(system.parameters, par, strict=True))
-        table[dynamicsymbols._t] = t
+        table = _table(system, q, v, u, t, par)
 
         def rewrite(expression: Any) -> Any:
             # All at once, from the outside: a velocity contains its coordinate, that the time, and
@@ -83,6 +80,24 @@ class Continuous:
             tuple(rewrite(system.friction[name]) for name in system.tangents),
             tuple(rewrite(e) for part in system.shapes for e in values_of(part)),
         )
+
+    def smooth(self, system: MechanicalSystem, hidden: Sequence[Any]) -> Continuous:
+        """The same system with hidden unknowns behind its inputs, and a smooth cost and smooth path
+        constraints."""
+        parts = split(system)
+        table = _table(system, self.q, self.v, self.u, self.t, self.par)
+        table |= dict(zip((s for s, _ in parts.unknowns), hidden, strict=True))
+        return replace(
+            self,
+            u=(*self.u, *hidden),
+            C=parts.cost.xreplace(table),
+            r=tuple(r.xreplace(table) for _, r in parts.rows),
+        )
+
+    def with_rows(self, system: MechanicalSystem, functions: Sequence[Any]) -> Continuous:
+        """The same system with other functions as path constraints."""
+        table = _table(system, self.q, self.v, self.u, self.t, self.par)
+        return replace(self, r=tuple(e.xreplace(table) for e in functions))
 
     def to_symengine(self) -> Continuous:
         """Return the same functions as SymEngine expressions."""
@@ -109,6 +124,19 @@ class Continuous:
             each(self.mu),
             each(self.looks),
         )
+
+
+def _table(
+    system: MechanicalSystem, q: Sequence[Any], v: Sequence[Any], u: Sequence[Any], t: Any,
+    par: Sequence[Any],
+) -> dict[Any, Any]:  # fmt: skip
+    """The symbols of a system and others in their place."""
+    table = dict(zip(system.velocities, v, strict=True))
+    table |= dict(zip(system.coordinates, q, strict=True))
+    table |= dict(zip(system.inputs, u, strict=True))
+    table |= dict(zip(system.parameters, par, strict=True))
+    table[dynamicsymbols._t] = t
+    return table
 
 
 def readable(system: MechanicalSystem) -> Continuous:

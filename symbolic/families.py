@@ -30,9 +30,11 @@ from dmoc.symbolic.continuous import (
 )
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of, values_of
+from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.family import family
+from dmoc.symbolic.kinks import split
 from dmoc.symbolic.names import name_of
-from dmoc.symbolic.path import path_kernels, path_rows
+from dmoc.symbolic.path import path_kernels, path_limits, path_rows
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 
@@ -50,12 +52,17 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
         return tuple(sp.Symbol(f"{name}_{i}", real=True) for i in range(size))
 
     t = sp.Symbol("t", real=True)
-    f = Continuous.of(
-        system, symbols("q", nq), symbols("v", nq), symbols("u", nu), t, symbols("par", npar)
-    ).to_symengine()
-    e = step_element(f, order, se.Symbol, se.sympify)
+    parts = split(system)
+    u = symbols("u", nu + len(parts.unknowns))
+    plain = Continuous.of(
+        system, symbols("q", nq), symbols("v", nq), u[:nu], t, symbols("par", npar)
+    )
+    f, smooth = plain.to_symengine(), plain.smooth(system, u[nu:]).to_symengine()
+    e = step_element(smooth, order, se.Symbol, se.sympify)
     kernels = [
-        *_step_kernels(f, e),
+        *_step_kernels(smooth, e),
+        *path_limits(f),
+        *_hidden_kernels(system, plain),
         *_state_kernels(f),
         *_surface_kernels(f),
         *_tangent_kernels(f),
@@ -64,7 +71,10 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
         *_drawing_kernels(f),
     ]
     return ModelSpec(
-        system.name, model_fingerprint(system, order), _facts(system, f, order), tuple(kernels)
+        system.name,
+        model_fingerprint(system, order),
+        _facts(system, f, smooth, order),
+        tuple(kernels),
     )
 
 
@@ -92,9 +102,12 @@ def _title(system: MechanicalSystem) -> str:
     return system.title or system.name
 
 
-def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any]:
+def _facts(
+    system: MechanicalSystem, f: Continuous, smooth: Continuous, order: int
+) -> dict[str, Any]:
     in_mass = set().union(*(e.free_symbols for row in mass_matrix(f) for e in row))
     in_forces = set().union(set(), *(e.free_symbols for row in input_matrix(f) for e in row))
+    parts = split(system)
     surface_coordinates = {
         name: [i for i, s in enumerate(f.q) if s in g.free_symbols]
         for name, g in zip(system.surfaces, f.g, strict=True)
@@ -116,7 +129,9 @@ def _facts(system: MechanicalSystem, f: Continuous, order: int) -> dict[str, Any
             name for name, g in zip(system.surfaces, f.g, strict=True) if f.t in g.free_symbols
         ],
         "path_constraints": list(system.path_constraints),
-        "path_rows": path_rows(f),
+        "path_rows": path_rows(smooth, [name for name, _ in parts.rows]),
+        "path_limits": path_rows(f, list(system.path_constraints)),
+        "hidden": [f"the unknown for {sp.sstr(_plain(kink))}" for _, kink in parts.unknowns],
         "tangents": list(system.tangents),
         "tangent_coordinates": {
             name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
@@ -192,6 +207,22 @@ def _state_kernels(f: Continuous) -> list[KernelSpec]:
             ),
         ),
     ]
+
+
+def _plain(e: Any) -> Any:
+    """An expression with names instead of functions of time and their derivatives."""
+    return e.xreplace({s: sp.Symbol(name_of(s)) for s in atoms_of(e)})
+
+
+def _hidden_kernels(system: MechanicalSystem, f: Continuous) -> list[KernelSpec]:
+    """What the hidden unknowns are at a minimum."""
+    kinks = [kink for _, kink in split(system).unknowns]
+    if not kinks:
+        return []
+    g = f.with_rows(system, kinks).to_symengine()
+    q, v, u, t, par = _inputs(g)
+    text = "What the hidden unknowns are at a minimum."
+    return family("hidden", text, (q, v, u, t), {"s": g.r}, par, second=False)
 
 
 def _inputs(f: Continuous) -> tuple[Input, Input, Input, Input, Input]:

@@ -8,6 +8,7 @@ the step's polynomial.  At the ends of phases velocities are unknowns.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import symengine as se
@@ -18,18 +19,19 @@ from dmoc.symbolic.family import family
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 
-def path_rows(f: Continuous) -> list[dict[str, Any]]:
+def path_rows(f: Continuous, names: Sequence[str | None]) -> list[dict[str, Any]]:
     """What each path constraint depends on: numbers of the coordinates, whether on velocities,
-    inputs and the time; and how many terms it has."""
+    inputs and the time; and how many terms it has.  Those of hidden unknowns have no name."""
     return [
         {
+            "name": name,
             "coordinates": [i for i, s in enumerate(f.q) if s in r.free_symbols],
             "velocities": bool(r.free_symbols & set(f.v)),
             "inputs": bool(r.free_symbols & set(f.u)),
             "time": f.t in r.free_symbols,
             "terms": len(_terms(r)),
         }
-        for r in f.r
+        for name, r in zip(names, f.r, strict=True)
     ]
 
 
@@ -39,10 +41,27 @@ def path_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list
         return []
     par = Input("par", f.par)
     state = (Input("q", f.q), Input("v", f.v), Input("u", f.u), Input("t", (f.t,)))
-    terms = [term for r in f.r for term in _terms(r)]
     kernels = [
         *_of_step("path", "Path constraints r_d >= 0 of a step.", "r_d", e, step, par),
         *family("path_point", "Path constraints r >= 0 at a state.", state, {"r": f.r}, par),
+    ]
+    if not e.inside:
+        return kernels + _at_node(f, par)
+    ends = at_ends(f, e, se.Symbol, se.sympify)
+    text = "Path constraints r_e >= 0 at the start and at the end of a step."
+    return kernels + _of_step("path_ends", text, "r_e", ends, step, par)
+
+
+def path_limits(f: Continuous) -> list[KernelSpec]:
+    """Path constraints as they were stated, for the check."""
+    if not f.r:
+        return []
+    par = Input("par", f.par)
+    state = (Input("q", f.q), Input("v", f.v), Input("u", f.u), Input("t", (f.t,)))
+    terms = [term for r in f.r for term in _terms(r)]
+    text = "Path constraints r >= 0 as they were stated."
+    return [
+        *family("path_limit", text, state, {"r_s": f.r}, par, second=False),
         KernelSpec(
             "path_terms",
             "The terms of the path constraints, those of one after those of another.",
@@ -50,11 +69,6 @@ def path_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list
             (Output.vector("terms", terms),),
         ),
     ]
-    if not e.inside:
-        return kernels + _at_node(f, par)
-    ends = at_ends(f, e, se.Symbol, se.sympify)
-    text = "Path constraints r_e >= 0 at the start and at the end of a step."
-    return kernels + _of_step("path_ends", text, "r_e", ends, step, par)
 
 
 def _of_step(

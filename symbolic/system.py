@@ -19,6 +19,7 @@ from dmoc.arguments import listed, shown
 from dmoc.errors import ModelError
 from dmoc.symbolic.drawing import Part, parts_in, values_of, with_normal
 from dmoc.symbolic.expressions import KINDS, atoms_of, expression_in, slack_of, unknown_symbol
+from dmoc.symbolic.kinks import check_smooth, split
 from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_name
 from dmoc.table import Shown, Table
 
@@ -170,6 +171,7 @@ class MechanicalSystem(Shown):
         )
         self._check_friction()
         self._check_symbols()
+        self._check_kinks()
         self._check_mass_matrix()
         self._check_relations()
 
@@ -490,6 +492,15 @@ class MechanicalSystem(Shown):
                     f"input {name_of(u)} appears in no force of model {self.name!r}: remove it or "
                     "use it."
                 )
+
+    def _check_kinks(self) -> None:
+        """Refuse functions that jump, and kinks that cannot be split into smooth functions."""
+        check_smooth(self.lagrangian, "the Lagrangian")
+        check_smooth(self.dissipation, "the dissipation")
+        check_smooth(self.terminal_cost, "the terminal cost", kinks=True)
+        for q, force in self.forces.items():
+            check_smooth(force, f"the force on {name_of(q)}")
+        split(self)
 
     def _check_mass_matrix(self) -> None:
         mass = self.mass_matrix

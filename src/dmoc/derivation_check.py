@@ -19,12 +19,15 @@ import sympy as sp
 
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.discretisation import DISCRETISATIONS
-from dmoc.symbolic.continuous import readable
+from dmoc.symbolic.continuous import Continuous, readable
+from dmoc.symbolic.kinks import split
 from dmoc.symbolic.system import MechanicalSystem
 
 # Digits of the numbers, and the step of differences: two of them leave 1e-30 of the third
 # derivative, rounding errors less.
 DIGITS, STEP = 90, mp.mpf(10) ** -15
+# Kernels of steps, which take hidden unknowns behind the inputs.
+OF_STEPS = ("step", "impact", "path", "path_node", "path_ends", "path_point")
 POINTS = 20  # random points that are tried until all functions are real there
 
 Vector = list[Any]
@@ -65,9 +68,8 @@ def _at_random(
     values = np.array(
         [rng.uniform(0.5, 1.5) if x is None else x for x in kernels.parameters.values()]
     )
-    reference = _Reference(system, kernels, values)
     found = []
-    for name, function in reference.families.items():
+    for name, function in _families(system, kernels, values).items():
         if not kernels.has(name):
             continue
         sizes = [size for _, size in kernels.manifest["kernels"][name]["inputs"]][:-1]
@@ -77,6 +79,16 @@ def _at_random(
         except (TypeError, ValueError, ZeroDivisionError):
             return ()  # a function is not real there
     return tuple(found)
+
+
+def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict[str, Function]:
+    """What the kernels compute; those of steps have hidden unknowns in the place of kinks."""
+    f, unknowns = readable(system), split(system).unknowns
+    smooth = f.smooth(system, [sp.Dummy(real=True) for _ in unknowns])
+    kinks = f.with_rows(system, [kink for _, kink in unknowns])
+    plain, of_steps, hidden = (_Reference(g, kernels, values) for g in (f, smooth, kinks))
+    found = plain.families | {name: of_steps.families[name] for name in OF_STEPS}
+    return found | {"hidden": lambda x: {"s": hidden.r(x)}}
 
 
 def _compared(
@@ -142,8 +154,7 @@ def _error(given: Array, wanted: Sequence[Any]) -> float:
 class _Reference:
     """The functions of a system at fixed parameters, in numbers of many digits."""
 
-    def __init__(self, system: MechanicalSystem, kernels: Kernels, values: Array) -> None:
-        f = readable(system)
+    def __init__(self, f: Continuous, kernels: Kernels, values: Array) -> None:
         self.nq, self.nu = len(f.q), len(f.u)
         self.nc, self.nt = len(f.g), len(f.tau)
         self.scheme = DISCRETISATIONS[int(kernels.manifest["order"])]
@@ -184,6 +195,7 @@ class _Reference:
             "impact": self._energies,
             "path": lambda x: {"r_d": [r for y, *_ in self._points(x) for r in self.r(y)]},
             "path_point": lambda x: {"r": self.r(x)},
+            "path_limit": lambda x: {"r_s": self.r(x)},
             "path_node": lambda x: {"r_k": self.r(self._node(x))},
             "path_ends": lambda x: {"r_e": [r for y in self._ends(x) for r in self.r(y)]},
             "dynamics": self._dynamics,

@@ -89,12 +89,16 @@ SYSTEMS: Mapping[str, Callable[[], dmoc.MechanicalSystem]] = {
     "stops with Min and Max": lambda: system(
         lagrangian=FREE - sp.Max(x - 1, 0) ** 2, forces={y: -sp.Min(y, vy)}
     ),
-    "friction by sign": lambda: system(
-        forces={x: -sp.sign(vx) * c}, parameters={c: 0.1}, cost=sp.Abs(vx)
+    "costs and limits with kinks": lambda: system(
+        forces={x: u - sp.Abs(vx) * vx * c},
+        inputs=[u],
+        parameters={c: 0.1},
+        cost=sp.Abs(u * vx) + sp.Max(x, vy, 0) ** 2 - sp.Min(x, u) * (1 + x**2),
+        path_constraints={"fuel": sp.Abs(u) + sp.Abs(vx) <= 9, "most": sp.Max(u, y) <= 9},
     ),
     "Piecewise that shares conditions": lambda: system(
         lagrangian=FREE - sp.Piecewise((x**2, x < y), (y**2, True)),
-        cost=sp.Piecewise((x, x < y), (y, True)) ** 2,
+        forces={x: sp.Piecewise((x, x < y), (y, True)) ** 2},
     ),
     "velocities that couple": lambda: system(
         lagrangian=FREE + vx * vy * sp.cos(x - y) / 2, parameters={}

@@ -1,0 +1,210 @@
+"""Functions with kinks in the cost and in path constraints, split into smooth ones.
+
+A cost that contains abs(a) or Max(a, b) with a positive factor gets a hidden unknown s in its
+place, with s >= a and s >= -a, or s >= b; one with Min(a, b) and a negative factor gets s <= a and
+s <= b.  The minimum puts s onto the function.  A path constraint that contains them with the other
+sign holds if it holds for each of their branches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import reduce
+from operator import mul
+from typing import TYPE_CHECKING, Any
+
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+from dmoc.errors import ModelError
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
+
+JUMPS = (sp.sign, sp.Heaviside, sp.floor, sp.ceiling, sp.frac, sp.Mod)
+SPLIT = (sp.Abs, sp.Max, sp.Min)
+KINKS = (*SPLIT, *JUMPS, sp.Piecewise)
+SMOOTH = "use a smooth function, such as sqrt(x**2 + e**2) for abs(x) or tanh(x/e) for sign(x)"
+
+
+@dataclass(frozen=True)
+class Split:
+    """The smooth cost and path constraints of a system.
+
+    Attributes
+    ----------
+    cost : Expr
+    rows : tuple of (str or None, Expr)
+        Functions >= 0 with the name of their path constraint; None for those of hidden unknowns.
+    unknowns : tuple of (Symbol, Expr)
+        Hidden unknowns, with the functions that they are at a minimum.
+    """
+
+    cost: Any
+    rows: tuple[tuple[str | None, Any], ...]
+    unknowns: tuple[tuple[Any, Any], ...]
+
+
+def split(system: MechanicalSystem) -> Split:
+    """Split the cost and the path constraints of a system; raise ModelError for what cannot be
+    split."""
+    real, back = _real(system)
+    lifted = _Lifted("the cost")
+    cost = system.cost
+    if _has_kinks(cost.xreplace(real)):
+        cost = lifted.over(cost.xreplace(real), 1).xreplace(back)
+    rows: list[tuple[str | None, Any]] = []
+    for name, r in system.path_functions.items():
+        if not _has_kinks(r.xreplace(real)):
+            rows.append((name, r))
+            continue
+        parts = _branches(r.xreplace(real), f"path constraint {name!r}")
+        rows += [(name, part.xreplace(back)) for part in parts]
+    rows += [(None, part.xreplace(back)) for part in lifted.rows]
+    unknowns = tuple((s, kink.xreplace(back)) for s, kink in lifted.unknowns)
+    return Split(cost, tuple(rows), unknowns)
+
+
+def check_smooth(expression: Any, where: str, kinks: bool = False) -> None:
+    """Refuse functions that jump, and those with kinks too."""
+    refused = KINKS if kinks else JUMPS
+    for function in sorted(expression.atoms(*refused), key=str):
+        what = "kink" if isinstance(function, (*SPLIT, sp.Piecewise)) else "jump"
+        raise ModelError(
+            f"{where} contains {sp.sstr(function)}, whose {what} no method of smooth functions "
+            f"can follow: {SMOOTH}."
+        )
+
+
+class _Lifted:
+    """Hidden unknowns for the kinks of a function that is minimised."""
+
+    def __init__(self, where: str) -> None:
+        self.where = where
+        self.rows: list[Any] = []
+        self.unknowns: list[tuple[Any, Any]] = []
+
+    def over(self, e: Any, sign: int) -> Any:
+        """The function with hidden unknowns for its kinks; ``sign`` is that with which it
+        counts."""
+        if not _has_kinks(e):
+            return e
+        if isinstance(e, sp.Add):
+            return e.func(*(self.over(part, sign) for part in e.args))
+        if isinstance(e, sp.Mul):
+            smooth, kink = _factors(e, self.where)
+            return smooth * self.over(kink, sign * _sign_of(smooth, kink, self.where))
+        power = isinstance(e, sp.Pow) and e.exp.is_number and not e.exp < 1
+        if power and sign > 0 and _is_nonnegative(e.base):
+            return self.over(e.base, 1) ** e.exp
+        if isinstance(e, sp.exp):
+            return sp.exp(self.over(e.args[0], sign))
+        if isinstance(e, (sp.Abs, sp.Max) if sign > 0 else sp.Min):
+            return self._unknown(e, sign)
+        raise _refused(e, self.where)
+
+    def _unknown(self, kink: Any, sign: int) -> Any:
+        known = [s for s, other in self.unknowns if other == kink]
+        if known:
+            return known[0]
+        s = sp.Dummy(f"s_{len(self.unknowns)}", real=True)
+        self.unknowns.append((s, kink))
+        for value in _values(kink):
+            self.rows += _branches(sign * (s - value), self.where)
+        return s
+
+
+def _branches(r: Any, where: str) -> list[Any]:
+    """Smooth functions that are all >= 0 where r is."""
+    if not _has_kinks(r):
+        return [r]
+    kink = next(_outer(r, 1, where))
+    return [part for value in _values(kink) for part in _branches(r.xreplace({kink: value}), where)]
+
+
+def _outer(e: Any, sign: int, where: str) -> Iterator[Any]:
+    """Kinks of a function that must be >= 0, in which it is monotone: Abs and Max that lower it,
+    Min that raises it."""
+    if not _has_kinks(e):
+        return
+    if isinstance(e, sp.Add):
+        for part in e.args:
+            yield from _outer(part, sign, where)
+    elif isinstance(e, sp.Mul):
+        smooth, kink = _factors(e, where)
+        yield from _outer(kink, sign * _sign_of(smooth, kink, where), where)
+    elif isinstance(e, (sp.Abs, sp.Max) if sign < 0 else sp.Min):
+        yield e
+    else:
+        raise _refused(e, where)
+
+
+def _values(kink: Any) -> tuple[Any, ...]:
+    """The functions that a kink is the largest, or the smallest, of."""
+    return (kink.args[0], -kink.args[0]) if isinstance(kink, sp.Abs) else tuple(kink.args)
+
+
+def _factors(product: Any, where: str) -> tuple[Any, Any]:
+    """The smooth factor of a product, and the one with kinks; several absolute values are one."""
+    kinks = [part for part in product.args if _has_kinks(part)]
+    smooth = reduce(mul, (part for part in product.args if part not in kinks), sp.S.One)
+    if len(kinks) > 1 and all(isinstance(part, sp.Abs) for part in kinks):
+        kinks = [sp.Abs(reduce(mul, (part.args[0] for part in kinks)), evaluate=False)]
+    if len(kinks) > 1:
+        raise _refused(product, where)
+    return smooth, kinks[0]
+
+
+def _sign_of(factor: Any, kink: Any, where: str) -> int:
+    if kink.has(*JUMPS, sp.Piecewise):
+        raise _refused(kink, where)
+    if factor.is_nonnegative:
+        return 1
+    if factor.is_nonpositive:
+        return -1
+    raise ModelError(
+        f"{where} multiplies {_shown(kink)} by {_shown(factor)}, whose sign is not known: make its "
+        "parameters as Symbol(..., positive=True), or " + SMOOTH + "."
+    )
+
+
+def _is_nonnegative(kink: Any) -> bool:
+    return isinstance(kink, sp.Abs) or (
+        isinstance(kink, sp.Max) and any(part.is_nonnegative for part in kink.args)
+    )
+
+
+def _refused(e: Any, where: str) -> ModelError:
+    hard = e.atoms(*JUMPS, sp.Piecewise) or e.atoms(*KINKS)
+    kink = min(hard, key=lambda part: (len(str(part)), str(part)))
+    if isinstance(kink, (*JUMPS, sp.Piecewise)):
+        why = "which cannot be split into smooth functions"
+    elif where == "the cost":
+        why = "where it cannot be split: abs and Max must raise a cost, Min must lower it"
+    else:
+        why = "where it cannot be split: abs and Max must be limited from above, Min from below"
+    return ModelError(f"{where} contains {_shown(kink)}, {why}; {SMOOTH}.")
+
+
+def _has_kinks(e: Any) -> bool:
+    return bool(e.has(*KINKS))
+
+
+def _shown(e: Any) -> str:
+    return str(e.xreplace({s: sp.Symbol(s.name) for s in e.atoms(sp.Dummy)}))
+
+
+def _real(system: MechanicalSystem) -> tuple[dict[Any, Any], dict[Any, Any]]:
+    """All symbols as real ones, of which SymPy knows that abs(a)**2 = a**2, and back."""
+    symbols = (*system.coordinates, *system.inputs, dynamicsymbols._t)
+    table = {s: sp.Dummy(str(s.func if s.args else s), real=True) for s in symbols}
+    table |= {
+        v: sp.Dummy(f"{q.func}'", real=True)
+        for q, v in zip(system.coordinates, system.velocities, strict=True)
+    }
+    for s in system.parameters:
+        signs = {name: True for name in ("positive", "negative") if getattr(s, f"is_{name}")}
+        nonnegative = {"nonnegative": True} if s.is_nonnegative and not signs else {}
+        table[s] = sp.Dummy(s.name, real=True, **signs, **nonnegative)
+    return table, {dummy: s for s, dummy in table.items()}

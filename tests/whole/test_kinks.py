@@ -1,0 +1,183 @@
+"""Costs and path constraints with kinks: answers in closed form, and what is refused."""
+
+from __future__ import annotations
+
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.derivation_check import checked
+from dmoc.discretisation import DISCRETISATIONS
+from dmoc.errors import ModelError
+
+X, U = dynamicsymbols("x u")
+v = X.diff()
+K = sp.Symbol("k", positive=True)
+FORMS = [(order, form) for order, d in DISCRETISATIONS.items() for form in d.controls]
+# Of a motion of 1 m from rest to rest in 4 s with forces of 1 N: it is pushed for tau, coasts and
+# is braked for tau, tau (4 - tau) = 1.
+TAU = 2 - sqrt(3)
+
+
+def system(**fields: Any) -> dmoc.MechanicalSystem:
+    given: dict[str, Any] = {
+        "name": "kinked", "coordinates": [X], "lagrangian": v**2 / 2, "parameters": {},
+        "inputs": [U], "forces": {X: U},
+    }  # fmt: skip
+    return dmoc.MechanicalSystem(**(given | fields))
+
+
+def across(order: int = 2, form: str | None = None, steps: int = 40, **fields: Any) -> dmoc.Problem:
+    kernels = dmoc.build(system(**fields), order=order)
+    return dmoc.Problem(
+        kernels, {"x": 0.0}, {"x": 1.0, "x_dot": 0.0}, final_time=4.0, steps=steps, controls=form,
+        bounds={"u": (-1.0, 1.0)},
+    )  # fmt: skip
+
+
+COSTS = {
+    "fuel": (sp.Abs(U), {}, 2 * TAU),
+    "square root": (sp.sqrt(U**2), {}, 2 * TAU),
+    "pushing alone": (sp.Max(U, 0), {}, TAU),
+    "by Min": (-sp.Min(U, 0), {}, TAU),
+    "nested": (sp.Max(sp.Abs(U), U / 2, 0), {}, 2 * TAU),
+    "with a price": (
+        K * sp.Abs(U) * (1 + sp.cos(X) ** 2) / (1 + sp.cos(X) ** 2),
+        {K: 3.0},
+        6 * TAU,
+    ),
+    # Work of pushing and of braking, half the square of the largest speed each.
+    "work": (sp.Abs(U) * sp.Abs(v), {}, TAU**2),
+}
+
+
+@pytest.mark.parametrize("name", COSTS)
+def test_a_cost_with_a_kink_is_minimised(name: str) -> None:
+    cost, parameters, exact = COSTS[name]
+    solution = dmoc.solve(across(cost=cost, parameters=parameters, steps=80), "ipm", starts=1)
+    assert solution.status == "solved", solution.message
+    assert solution.cost == pytest.approx(exact, rel=5e-3)
+
+
+@pytest.mark.parametrize(("order", "form"), [*FORMS, (2, "linear")])
+def test_fuel_in_all_discretisations(order: int, form: str) -> None:
+    """T - sqrt(T^2 - 4 d)."""
+    solution = dmoc.solve(across(order, form, cost=sp.Abs(U)), "ipm", starts=1)
+    assert solution.status == "solved" and solution.cost == pytest.approx(2 * TAU, rel=3e-3)
+
+
+def test_fuel_with_other_methods_and_from_many_starts() -> None:
+    for method in ("slsqp", "ipm"):
+        solution = dmoc.solve(across(cost=sp.Abs(U), steps=20), method)
+        assert solution.status == "solved" and solution.cost == pytest.approx(2 * TAU, rel=0.015)
+
+
+def test_the_hidden_unknown_is_nowhere_to_be_seen(tmp_path: Path) -> None:
+    problem = across(cost=sp.Abs(U))
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert problem.kernels.inputs == ["u"] == list(solution.trajectory.inputs)
+    assert solution.trajectory.phases[0].u.shape == (40, 1)
+    assert set(solution.scale) == {"time", "cost", "x", "x_dot", "p_x", "u"}
+    assert all(bound.startswith("u ") for bound in solution.active_bounds)
+    assert "s_0" not in str(solution) and "hidden" not in str(solution)
+    again = dmoc.Solution.load(solution.save(tmp_path / "fuel.dmoc"))
+    assert dmoc.solve(problem, "ipm", guess=again).iterations <= 10
+    with pytest.raises(dmoc.DmocError):
+        problem.but(bounds={"s_0": (0, 1)})
+
+
+def test_a_wall_and_fuel() -> None:
+    """To the wall at 1 m and back in 6 s: v (3 - v/2) = 1, and v is paid for twice."""
+    walled = system(cost=sp.Abs(U), surfaces={"wall": X <= 1})
+    problem = dmoc.Problem(
+        walled, {"x": 0.0}, {"x": 0.0, "x_dot": 0.0}, sequence=["wall"], steps=60, final_time=6.0,
+        bounds={"u": (-1.0, 1.0)}, restitution=1.0,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status == "solved"
+    assert solution.cost == pytest.approx(2 * (3 - sqrt(7)), rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "limit",
+    [sp.Abs(U) <= 1, sp.Max(U, -U) <= 1, sp.Min(-U, U) >= -1, sp.Abs(U) + sp.Abs(U) <= 2],
+)
+def test_a_limit_with_a_kink_is_two_limits(limit: Any) -> None:
+    """|u| <= 1 for 1 s from rest: v = 1."""
+    pushed = system(path_constraints={"most": limit}, terminal_cost=-v)
+    problem = dmoc.Problem(pushed, {"x": 0.0}, steps=10, final_time=1.0)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status == "solved" and solution.cost == pytest.approx(-1, rel=1e-9)
+    assert np.abs(solution.trajectory.phases[0].u).max() <= 1 + 1e-9
+    assert solution.active_bounds == ("path constraint most in 10 steps",)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_all_kernels_are_those_of_the_formulas(order: int) -> None:
+    made = system(
+        cost=sp.Abs(U * v) + sp.Max(X, 0) ** 2,
+        path_constraints={"most": sp.Abs(U) + v**2 <= 9 + X},
+    )
+    errors = checked(made, dmoc.build(made, order=order))
+    assert {"step_hess", "path_point_hess", "path_limit_jac", "hidden"} <= {
+        c.kernel for c in errors
+    }
+    assert max(c.error for c in errors) < 1e-9
+
+
+SPLIT = "where it cannot be split: abs and Max must raise a cost, Min must lower it; use a smooth"
+REFUSED = [
+    ({"cost": sp.Min(U, 0)}, f"the cost contains Min(0, u), {SPLIT}"),
+    ({"cost": -sp.Abs(U)}, f"the cost contains Abs(u), {SPLIT}"),
+    ({"cost": sp.sin(sp.Abs(U))}, f"the cost contains Abs(u), {SPLIT}"),
+    ({"cost": X * sp.Abs(U)}, "the cost multiplies Abs(u) by x, whose sign is not known: make its"),
+    ({"cost": U * sp.sign(U)}, "the cost contains sign(u), which cannot be split into smooth"),
+    ({"cost": sp.floor(U)}, "the cost contains floor(u), which cannot be split into smooth"),
+    (
+        {"cost": sp.Piecewise((U, U > 0), (0, True))},
+        "the cost contains Piecewise((u, u > 0), (0, True)), which cannot be split into smooth",
+    ),
+    (
+        {"path_constraints": {"a": sp.Abs(U) >= 1}},
+        "path constraint 'a' contains Abs(u), where it cannot be split: abs and Max must be "
+        "limited from above, Min from below; use a smooth",
+    ),
+    (
+        {"forces": {X: U - sp.sign(v)}},
+        "the force on x contains sign(Derivative(x(t), t)), whose jump no method of smooth",
+    ),
+    (
+        {"forces": {X: U - sp.Heaviside(v)}},
+        "the force on x contains Heaviside(Derivative(x(t), t)), whose jump no method of smooth",
+    ),
+    (
+        {"lagrangian": v**2 / 2 - sp.floor(X)},
+        "the Lagrangian contains floor(x(t)), whose jump no method of smooth",
+    ),
+    (
+        {"terminal_cost": sp.Abs(X)},
+        "the terminal cost contains Abs(x(t)), whose kink no method of smooth",
+    ),
+]
+
+
+@pytest.mark.parametrize(("fields", "sentence"), REFUSED)
+def test_what_cannot_be_split_is_refused_by_name(fields: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ModelError) as error:
+        system(**fields)
+    assert str(error.value).startswith(sentence) and str(error.value).count(". ") == 0
+
+
+def test_drag_is_no_kink_that_matters() -> None:
+    """x'' = u - v |v|: a body held at 1 m/s for 1 s with u = 1."""
+    made = system(forces={X: U - v * sp.Abs(v)}, cost=(U - 1) ** 2)
+    problem = dmoc.Problem(made, {"x": 0.0, "x_dot": 1.0}, steps=20, final_time=1.0)
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.status == "solved" and abs(solution.cost) < 1e-9
+    assert solution.trajectory.phases[0].q[-1, 0] == pytest.approx(1.0, abs=1e-6)
