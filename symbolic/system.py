@@ -68,7 +68,8 @@ class MechanicalSystem(Shown):
         joint.  mu is the ratio of the forces along grad tau and grad g, hence Coulomb's where the
         gap and the tangent are lengths.
     cost : Expr, optional
-        Integrand C(q, q', u, t) of the cost.
+        Integrand C(q, q', u, t) of the cost.  Abs and Max with a positive factor and Min with a
+        negative one are split into smooth functions, equation :eq:`kink` of the theory.
     terminal_cost : Expr, optional
         Phi(q, q', t) at the final time, which is added to the cost.
     path_constraints : mapping of str to relation, optional
