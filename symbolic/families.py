@@ -38,7 +38,7 @@ from dmoc.symbolic.path import path_kernels, path_limits, path_rows
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 
-FORMAT = 8  # of the facts and the kernel list
+FORMAT = 9  # of the facts and the kernel list
 EQUATIONS = 6  # of what the kernels compute: solutions of other equations are refused
 
 
