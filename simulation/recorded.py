@@ -166,9 +166,9 @@ def _collision(model: Model, event: _Event, before: Phase, after: Phase) -> Coll
     lands = tuple(name for name in after.closed if name not in before.closed)
     leaves = tuple(name for name in before.closed if name not in after.closed)
     changed = {n: s for n, s in after.rubbing.items() if before.rubbing.get(n) != s}
-    hit = [c for c in event.collisions if c.surface not in lands]
+    stays = [*lands, *(name for name in before.closed if name in after.closed)]
+    hit = [c for c in event.collisions if c.surface not in stays]
     surface = hit[0].surface if hit else (lands[0] if lands else "")
-    first = event.collisions[0] if event.collisions else None
     impulses = {c.surface: float(c.impulse) for c in event.collisions}
     tractions = {name: v for c in event.collisions for name, v in c.tractions.items()}
     q, t = np.array([event.before.q]), np.array([event.t])
@@ -179,7 +179,7 @@ def _collision(model: Model, event: _Event, before: Phase, after: Phase) -> Coll
         before_it, after_it = model.gap_rates(np.repeat(q, 2, 0), v, np.repeat(t, 2))[:, j]
         rates = (float(before_it), float(after_it))
     return Collision(
-        surface, event.t, event.before.q, 0.0 if first is None else float(first.impulse),
+        surface, event.t, event.before.q, impulses.get(surface, 0.0),
         event.before.p, event.after.p, *rates, lands=lands, leaves=leaves, friction=changed,
         impulses=impulses, tractions=tractions,
     )  # fmt: skip
