@@ -48,11 +48,11 @@ def step_errors(motion: Motion) -> StepErrors:
     y, first = np.hstack([start, np.zeros((len(start), 1))]), np.arange(len(start))
     ends = motion.flow.advance(y, steps, first, first + 1)
     inside = motion.nodes_inside
-    places = np.concatenate([PLACES[1:-1], inside])
+    places = np.concatenate([PLACES[1:], inside])
     between = motion.flow.integrator.between(start, ends, y, steps.h, places)
     between, nodes = np.split(between, [len(places) - len(inside)])
     off = inside_errors(motion, nodes, [p.q_inside for p in phases])
-    times = (steps.t + PLACES[1:-1, None] * steps.h).ravel()
+    times = (steps.t + PLACES[1:, None] * steps.h).ravel()
     gaps = penetration(motion.model, motion.sizes, between.reshape(-1, nq), times)
     low, high = motion.trajectory.coordinate_bounds.T
     excess = np.maximum(low - between, between - high) / motion.sizes.q

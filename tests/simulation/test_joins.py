@@ -3,13 +3,12 @@ in a sentence that names it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import motions
 import numpy as np
 import pytest
-from sympy.physics.mechanics import dynamicsymbols
+from flights import Change, cube_system, flight, one, phase_changed
 from systems import block_system, there_and_back
 
 import dmoc
@@ -17,18 +16,10 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SimulationError
 from dmoc.trajectory import Trajectory
 
-Change = Callable[[Trajectory], Trajectory]
-T = dynamicsymbols._t
 
-
-def phase_changed(i: int, **changes: object) -> Change:
-    def change(motion: Trajectory) -> Trajectory:
-        phases = list(motion.phases)
-        values = {k: f(phases[i]) if callable(f) else f for k, f in changes.items()}
-        phases[i] = replace(phases[i], **values)
-        return replace(motion, phases=tuple(phases))
-
-    return change
+@pytest.fixture(scope="module")
+def cube() -> Kernels:
+    return dmoc.build(cube_system())
 
 
 def event_changed(**changes: object) -> Change:
@@ -39,41 +30,11 @@ def event_changed(**changes: object) -> Change:
 
 def both(*changes: Change) -> Change:
     def change(motion: Trajectory) -> Trajectory:
-        for one in changes:
-            motion = one(motion)
+        for change_one in changes:
+            motion = change_one(motion)
         return motion
 
     return change
-
-
-@pytest.fixture(scope="module")
-def cube() -> Kernels:
-    """A free unit mass in space, and a wall that it hits."""
-    x, y, z = q = dynamicsymbols("x y z")
-    kinetic = sum(c.diff(T) ** 2 for c in q) / 2
-    system = dmoc.MechanicalSystem("cube", [x, y, z], kinetic, {}, surfaces={"wall": x <= 1})
-    return dmoc.build(system)
-
-
-def flight(
-    kernels: Kernels, after: tuple[float, ...] = (-1, 0.5, 0.5), jump: float = 0.0
-) -> Trajectory:
-    """From the origin with (1, 0.5, 0.5) m/s to the wall, and back with a velocity and from a
-    place beside."""
-
-    def before(t: np.ndarray) -> np.ndarray:
-        return motions.columns(t, t / 2, t / 2, 1, 0.5, 0.5)
-
-    def back(t: np.ndarray) -> np.ndarray:
-        (a, b, c), s = after, t - 1
-        return motions.columns(1 + a * s, 0.5 + jump + b * s, 0.5 + c * s, a, b, c)
-
-    def idle(t: np.ndarray) -> np.ndarray:
-        return np.zeros((len(t), 0))
-
-    pieces = [motions.Piece(1.0, before, idle), motions.Piece(2.0, back, idle)]
-    hit = {"surface": "wall", "impulse": 2.0}
-    return motions.trajectory(kernels, pieces, [hit], 20, {"wall": 1.0})
 
 
 def test_a_hit_keeps_position_and_tangential_momentum(cube: Kernels) -> None:
@@ -97,17 +58,6 @@ def test_jumps_are_measured_by_the_sizes_of_the_motion(cube: Kernels, share: flo
     jump = dmoc.verify(flight(cube, jump=share * 1e-6), cube)
     turned = dmoc.verify(flight(cube, (-1, 0.5, 0.5 * (1 + share * 1e-4))), cube)
     assert jump.passed is turned.passed is (share < 1)
-
-
-def one(i: int, k: int, by: float, name: str = "q", column: int = 0) -> Change:
-    """A node of a phase moved in one column."""
-
-    def moved(phase: object) -> np.ndarray:
-        values = getattr(phase, name).copy()
-        values[(k, column) if values.ndim > 1 else k] += by
-        return values
-
-    return phase_changed(i, **{name: moved})
 
 
 @pytest.mark.parametrize(
