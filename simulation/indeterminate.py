@@ -10,7 +10,6 @@ are borne.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linprog
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
@@ -104,6 +103,8 @@ def _margins(model: Model, mode: Mode, found: Reaction) -> Array:
 def _furthest(model: Model, mode: Mode, found: Reaction, changes: tuple[Array, Array]) -> Array:
     """How much of each change makes the least margin largest: a linear program; nothing where it
     has no solution."""
+    from scipy.optimize import linprog  # here, because the check does without SciPy
+
     least = _margins(model, mode, found)[0]
     none = Reaction(found.acceleration, 0 * changes[0], 0 * changes[1])
     changed = Reaction(found.acceleration, *changes)
