@@ -13,8 +13,9 @@ A list (``tools/mutations.toml``) has one entry for each change::
 
 Without ``tests`` the nearest are the files in ``tests`` that import the module, then the folder of
 its layer, then all, without those that are slow.  Changes are made in a copy of the checkout;
-compiled sources are compiled again there.  The exit status is 1 if a change survives without a
-reason, dies in spite of one, or does not fit the sources any more.
+compiled sources are compiled again there.  A test that fails without the change too tells nothing.
+The exit status is 1 if a change survives without a reason, dies in spite of one, or does not fit
+the sources any more.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LIST = ROOT / "tools" / "mutations.toml"
 COMPILED = {".pyx", ".pxd", ".pxi", ".c", ".h"}
 SECONDS = 600  # a change may also make a test hang, which is noticed
-NO_TESTS = 5  # pytest's exit status where nothing was collected
+NO_TESTS, NO_FILE = 5, 4  # pytest's exit status where nothing was collected, or is not there
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             survivors += fate.word == "survived"
             mark = " " if fate.expected else "!"
             reason = f" ({fate.change.survives})" if fate.change.survives else ""
-            print(f"{mark} {fate.word:9}{fate.change}{reason}: {fate.told}", flush=True)
+            print(f"{mark} {fate.word:9}{fate.change}{reason}: {fate.told[:160]}", flush=True)
     print(f"{len(changes)} changes, {survivors} survived, {unexpected} not as expected")
     return 1 if unexpected else 0
 
@@ -109,6 +110,8 @@ def copied(to: Path) -> Path:
     """A copy of the checkout with what was compiled in it."""
     left_out = (".git", ".venv", "dist", "docs/_build", "*.egg-info", "__pycache__", ".hypothesis")
     shutil.copytree(ROOT, to, symlinks=True, ignore=shutil.ignore_patterns(*left_out))
+    if not built(to):
+        sys.exit("the unchanged sources do not compile: `make mutations` installs what it takes")
     return to
 
 
@@ -120,11 +123,15 @@ def fate(change: Change, copy: Path) -> Fate:
         return Fate(change, "unfit", f"the old text stands there {text.count(change.old)} times")
     path.write_text(text.replace(change.old, change.new), encoding="utf-8")
     try:
-        return noticed(change, copy)
+        seen = noticed(change, copy)
     finally:
         path.write_text(text, encoding="utf-8")
         if path.suffix in COMPILED:
             built(copy)
+    test = seen.told.removeprefix("FAILED ").removeprefix("ERROR ").split(" - ")[0]
+    if test != seen.told and run((test,), copy) is not None:
+        return Fate(change, "unfit", f"without the change it fails too: {seen.told}")
+    return seen
 
 
 def noticed(change: Change, copy: Path) -> Fate:
@@ -133,19 +140,30 @@ def noticed(change: Change, copy: Path) -> Fate:
         return Fate(change, "died", "it does not compile")
     groups = [change.tests] if change.tests else list(nearest(change.file))
     for group in groups:
-        slow = () if change.tests else ("-m", "not slow")
-        words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", *slow, *group]
-        try:
-            run = subprocess.run(
-                words, cwd=copy, env=_environment(copy), capture_output=True, text=True,
-                timeout=SECONDS, check=False,
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return Fate(change, "died", f"{' '.join(group)} took more than {SECONDS} s")
-        if run.returncode not in (0, NO_TESTS):
-            lines = [x for x in run.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))]
-            return Fate(change, "died", lines[0][:160] if lines else run.stdout[-160:])
+        told = run(group if change.tests else ("-m", "not slow", *group), copy)
+        if told == str(NO_FILE):
+            return Fate(change, "unfit", f"{' '.join(group)}: no such tests")
+        if told is not None:
+            return Fate(change, "died", told)
     return Fate(change, "survived", "in " + ", ".join(" ".join(group) for group in groups))
+
+
+def run(tests: Sequence[str], copy: Path) -> str | None:
+    """Run tests in a copy; the first that fails, or why none can say so; None where all pass."""
+    words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", *tests]
+    try:
+        ended = subprocess.run(
+            words, cwd=copy, env=_environment(copy), capture_output=True, text=True,
+            timeout=SECONDS, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return f"{' '.join(tests)} took more than {SECONDS} s"
+    if ended.returncode in (0, NO_TESTS):
+        return None
+    if ended.returncode == NO_FILE:
+        return str(NO_FILE)
+    lines = [x for x in ended.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))]
+    return lines[0] if lines else ended.stdout[-160:]
 
 
 def nearest(file: str) -> Iterator[tuple[str, ...]]:
