@@ -34,6 +34,7 @@ def main() -> None:
         # Threads of stopped workers may never end, and Python would wait for them.
         if threading.active_count() > 1:
             _flush()
+            _release()
             os._exit(end.code if isinstance(end.code, int) else end.code is not None)
         raise
     finally:
@@ -45,6 +46,13 @@ def _flush() -> None:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
+
+
+def _release() -> None:
+    """Give back the semaphores of workers, which are kept by name, as Python does at its end."""
+    util = sys.modules.get("multiprocessing.util")
+    if util is not None:
+        util._run_finalizers(0)
 
 
 def _leave(*_: object) -> None:
