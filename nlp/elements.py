@@ -154,6 +154,11 @@ class Structure:
     hessian: SparsePattern
     _kept: dict[Hashable, Any] = field(default_factory=dict)
 
+    @property
+    def additions(self) -> int:
+        """How many things follow from it that were made once."""
+        return len(self._kept)
+
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
         """What follows from the structure and a key, made once; threads that ask at the same time
         may make it twice, and get one."""

@@ -25,6 +25,8 @@ class Structures:
     def __init__(self) -> None:
         self._lock = Lock()
         self._kept: OrderedDict[bytes, Structure] = OrderedDict()
+        # Bytes, with the number of things that methods had added when they were counted.
+        self._counted: dict[bytes, tuple[int, int]] = {}
 
     def of(self, form: Form, blocks: Iterable[Block]) -> Structure:
         """The structure of a form whose unknowns and rows stand in some blocks."""
@@ -44,14 +46,19 @@ class Structures:
     def clear(self) -> None:
         with self._lock:
             self._kept.clear()
+            self._counted.clear()
 
     def _forget(self) -> None:
         """Leave out those that were not asked for the longest, until the others have room; what
         methods have added to them in the meantime counts."""
-        sizes = {key: size_of(structure, set()) for key, structure in self._kept.items()}
-        while len(sizes) > 1 and (len(sizes) > MOST or sum(sizes.values()) > MOST_BYTES):
+        for key, structure in self._kept.items():
+            added = structure.additions
+            if self._counted.get(key, (0, -1))[1] != added:
+                self._counted[key] = size_of(structure, set()), added
+        total = sum(size for size, _ in self._counted.values())
+        while len(self._kept) > 1 and (len(self._kept) > MOST or total > MOST_BYTES):
             oldest, _ = self._kept.popitem(last=False)
-            del sizes[oldest]
+            total -= self._counted.pop(oldest)[0]
 
 
 def digest(form: Form, blocks: Iterable[Block]) -> bytes:

@@ -46,8 +46,6 @@ FROM_COARSE = 300
 # A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
 # may be driven further down.
 BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
-# Starts of each way through hits with friction, at most.
-WAY_STARTS = 16
 
 
 def solve(
@@ -187,11 +185,11 @@ class _Ways:
     def thorough(self, way: Problem, options: Options) -> Solution:
         return _solved(way, self.guess, replace(self.request, options=options), self.asked)
 
-    def rough(self, way: Problem, options: Options) -> Solution | None:
+    def rough(self, way: Problem, options: Options, starts: int) -> Solution | None:
         if way.kernels.backend != COMPILED:
             s = self.alone(way, options)
             return s if s.minimum else None
-        effort = Effort.of(min(self.request.starts or WAY_STARTS, WAY_STARTS))
+        effort = Effort.of(min(self.request.starts or starts, starts))
         points, seed = on_coarse_mesh(way, self.guess), self.request.seed
         with np.errstate(all="ignore"):
             minima = explored(coarse_of(way), effort, seed, options, points=points).ranked

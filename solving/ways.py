@@ -26,6 +26,8 @@ from dmoc.solving.attempts import remaining
 # Courses of all hits together that are tried at most, and those that follow each other's motions
 # before it is settled that these lead nowhere.
 MOST_WAYS, LAPS = 100, 4
+# Starts of a course that the law takes, at most, and of any other one.
+STARTS, FEW = 16, 4
 # Share of the time that the tries may take, and of what is left of it which one may take.
 SHARE = 0.5
 CONFIRMED = (Status.SOLVED, Status.GRAZES)
@@ -41,7 +43,7 @@ class Solving(Protocol):
 
     def thorough(self, way: Problem, options: Options) -> Solution: ...
 
-    def rough(self, way: Problem, options: Options) -> Solution | None: ...
+    def rough(self, way: Problem, options: Options, starts: int) -> Solution | None: ...
 
     def alone(self, way: Problem, options: Options) -> Solution: ...
 
@@ -114,7 +116,7 @@ class _Tries:
         way = first_way(self.problem)
         words = _said(self.problem, courses_at(way, states_before(way, self.solving.start(way))))
         for _ in range(LAPS):
-            if words in self.tried or self._try(words) is not None or not self._goes_on:
+            if words in self.tried or self._try(words, STARTS) is not None or not self._goes_on:
                 return
             way, end = self.problem.but(sequence=words), self._alone(words)
             states = [(p.q[-1], p.v[-1], float(p.t[-1])) for p in end.phases[:-1]]
@@ -160,10 +162,10 @@ class _Tries:
         seconds = None if left.seconds is None else SHARE * left.seconds
         return replace(left, seconds=seconds)
 
-    def _try(self, words: Words) -> Solution | None:
+    def _try(self, words: Words, starts: int = FEW) -> Solution | None:
         # A start has its own limit of iterations.
         limits = replace(self._limits(), iterations=self.options.iterations)
-        self.tried[words] = self.solving.rough(self.problem.but(sequence=words), limits)
+        self.tried[words] = self.solving.rough(self.problem.but(sequence=words), limits, starts)
         return self.tried[words]
 
     def _alone(self, words: Words) -> Solution:
