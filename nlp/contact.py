@@ -37,11 +37,11 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.problem import Problem
+from dmoc.nlp.settled import Settled, settled
 from dmoc.nlp.sizes import Scale
 from dmoc.nlp.tables import NOWHERE, Block, Bools, Entries, Index, Numbering
 from dmoc.nlp.terms import Places, Term
 from dmoc.nlp.touch import Touch, phase_nodes, place
-from dmoc.symbolic.names import momentum_name, velocity_name
 from dmoc.trajectory import FRICTION_WORDS
 
 
@@ -54,58 +54,24 @@ class ContactLaw:
     lay : Layout
     mu : array, shape (nt,)
         Coefficients of friction of surfaces, largest forces of rails.
-    known_start, known_end : pairs of arrays of bool, shapes (nc,) and (nt,)
-        Contacts whose places and rates at the start, and at the end, are fixed by the problem.
-    known_places : array of bool, shape (2, nc)
-        Surfaces whose gap at the start and at the end is fixed.
+    settled : Settled
+        Rows that the fixed values of the problem settle.
     """
 
     lay: Layout
     mu: Array
-    known_start: tuple[Bools, Bools]
-    known_end: tuple[Bools, Bools]
-    known_places: Bools
+    settled: Settled
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> ContactLaw:
         if lay.touch.free:
             return cls.of_none(lay, problem.model.friction)
-        manifest = problem.kernels.manifest
-        on = (manifest["surface_coordinates"], manifest["tangent_coordinates"])
-        fixed = limits[0] == limits[1]
-        turning = {r.start for r in problem.relations}
-        names = problem.kernels.coordinates
-
-        def all_of(where: dict[str, list[int]], known: Bools) -> Bools:
-            return np.array([bool(known[list(i)].all()) for i in where.values()], dtype=bool)
-
-        def rates(p: Index, v: Index, also: Bools) -> tuple[Bools, Bools]:
-            known = fixed[p].all() or (fixed[v] if len(v) else np.zeros(lay.nq, dtype=bool))
-            known = np.broadcast_to(np.asarray(known), (lay.nq,)) | also
-            return all_of(on[0], known), all_of(on[1], known)
-
-        # A start that is the end of a periodic motion has the contacts of the end.
-        returned = np.array([name in turning for name in names])
-        moving = np.array([{velocity_name(n), momentum_name(n)} & turning != set() for n in names])
-        return cls(
-            lay,
-            problem.model.friction,
-            rates(lay.index_p_B, lay.index_v_B, moving),
-            rates(lay.index_p_E, lay.index_v_E, np.zeros(lay.nq, dtype=bool)),
-            np.array(
-                [
-                    all_of(on[0], fixed[lay.index_q[0]] | returned),
-                    all_of(on[0], fixed[lay.index_q[-1]]),
-                ]
-            ).reshape(2, len(on[0])),
-        )
+        return cls(lay, problem.model.friction, settled(problem, lay, limits))
 
     @classmethod
     def of_none(cls, lay: Layout, mu: Array) -> ContactLaw:
-        """That of a layout where no contact lasts, so that nothing is known of any."""
-        nc, nt = len(lay.touch.surfaces), len(lay.touch.tangents)
-        none = (np.zeros(nc, dtype=bool), np.zeros(nt, dtype=bool))
-        return cls(lay, mu, none, none, np.zeros((2, nc), dtype=bool))
+        """That of a layout where no contact lasts, so that nothing is settled of any."""
+        return cls(lay, mu, Settled.nothing(lay))
 
     @property
     def touch(self) -> Touch:
@@ -120,10 +86,11 @@ class ContactLaw:
         names, friction = touch.surfaces, touch.tangents
         first = self._is_first
         closed = self._along(touch.is_closed) & ~first[:, None]
-        if len(closed):
-            closed[0] = touch.is_closed[0] & ~self.known_places[0]
-            closed[-1] &= ~self.known_places[1]
         stuck = self._along(touch.sticks) & ~first[:, None]
+        if len(closed):
+            closed[0] = touch.is_closed[0] & ~self.settled.places[0]
+            closed[self._is_last] &= ~self.settled.places[1:]
+            stuck[self._is_last] &= ~self.settled.stuck
         landing = np.zeros_like(touch.beside)
         for i, surfaces in enumerate(touch.landings):
             landing[i, list(surfaces[1:])] = True
@@ -155,13 +122,13 @@ class ContactLaw:
             ),
             block(
                 "at rest",
-                self._ends(touch.is_closed, self.known_start[0], self.known_end[0]),
+                self._ends(touch.is_closed, self.settled.rates),
                 lambda i, j: f"rate of contact {names[j]} {_end(i)}",
                 lambda s: s.rate,
             ),
             block(
                 "stopped",
-                self._ends(touch.sticks, self.known_start[1], self.known_end[1], self._stops),
+                self._ends(touch.sticks, self.settled.slides, self._stops),
                 lambda i, j: f"sliding velocity of {friction[j]} {_end(i)}",
                 lambda s: s.slide,
             ),
@@ -280,17 +247,15 @@ class ContactLaw:
         not fixed, shape (2, nt)."""
         lay, signs = self.lay, self.touch.signs
         unknown = np.array([len(lay.index_v_B) > 0, len(lay.index_v_E) > 0]) & (not lay.touch.free)
-        known = np.stack([self.known_start[1], self.known_end[1]])
-        return np.asarray((signs[[0, -1]] != 0) & ~known & unknown[:, None])
+        slides = (signs[[0, -1]] != 0) & ~self.settled.slides
+        return np.asarray(slides & unknown[:, None])
 
-    def _ends(
-        self, held: Bools, known_start: Bools, known_end: Bools, more: Bools | None = None
-    ) -> Bools:
+    def _ends(self, held: Bools, settled: Bools, more: Bools | None = None) -> Bools:
         """Where rates vanish: at the start and at the end of each phase, shape (phases + 1,
         size)."""
-        found = np.vstack([held[:1] & ~known_start, held if more is None else held | more])
-        found[-1] &= ~known_end
-        return found
+        ends = np.vstack([held[:1] & ~settled[0], held if more is None else held | more])
+        ends[-1] &= ~settled[1]
+        return ends
 
     # Terms ----------------------------------------------------------------------------------------
 
