@@ -23,27 +23,17 @@ from dmoc.errors import SimulationError
 from dmoc.simulation.amplification import carried, saltation
 from dmoc.simulation.contact_check import judged_with_contacts
 from dmoc.simulation.joins import torn
+from dmoc.simulation.judgement import Evidence, judged, measured
 from dmoc.simulation.measures import (
     energy_error,
     impact_errors,
-    input_excess,
     segments,
     step_errors,
     wrong_places,
 )
 from dmoc.simulation.motion import Motion
-from dmoc.simulation.runs import compare, missable, on_the_way, open_loop
-from dmoc.simulation.verdict import (
-    TERMINAL,
-    Verification,
-    broken,
-    exceeded,
-    is_unstable,
-    largest_excess,
-    lost_by,
-    too_coarse,
-    unstable,
-)
+from dmoc.simulation.runs import departures, on_the_way, open_loop
+from dmoc.simulation.verdict import Verification
 from dmoc.trajectory import Trajectory
 
 __all__ = ["Verification", "verify"]
@@ -116,52 +106,13 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
 def _judged(motion: Motion) -> Verification:
     """Measure a motion and judge it."""
     steps, parts = step_errors(motion), segments(motion)
-    energy, (law, own) = energy_error(motion, steps.work), impact_errors(motion)
-    flowed = carried(motion, parts, saltation)
-    amplified = flowed.amplification
     terminal, contacts = open_loop(motion)
-    missed, extra = compare(motion, contacts)
-    defects, inputs = np.array([part.error for part in parts]), input_excess(motion)
-    worst = float(defects.max(initial=0.0))
-    measured = {
-        "step error": steps.worst, "segment error": worst, "energy error": energy,
-        "error of the law of impact": law,
-        "error of the law of impact relative to its own rates": own,
-        "penetration": steps.penetration, "excess of a limit": steps.excess,
-        "excess of an input": inputs,
-    }  # fmt: skip
-    told, note = torn(motion) + wrong_places(motion, "collision"), ""
-    failures = [*told, *exceeded(measured), *broken(steps.path)]
-    # From the motion's own nodes no segment may meet what was not planned, wherever an open-loop
-    # run passes by.
-    missed_on_way, extra_on_way = (
-        (missed, extra) if failures else compare(motion, on_the_way(motion))
+    errors = measured(
+        motion, steps, parts, (energy_error(motion, steps.work), *impact_errors(motion))
     )
-    if not (failures or missed or extra) and extra_on_way:
-        failures, extra = lost_by((), extra_on_way, 0.0), extra_on_way
-    elif missed or extra or not terminal <= TERMINAL:
-        lost = lost_by(missed, extra, terminal)
-        followed = not (failures or missed_on_way or extra_on_way)
-        followed = followed and missable(motion, contacts, parts, flowed.deviations)
-        if followed and is_unstable(worst, amplified, terminal, flowed.end):
-            note = unstable(amplified, lost, worst)
-            missed, extra = missed_on_way, extra_on_way
-        else:
-            failures = lost + failures
-    message = too_coarse(failures, amplified) if failures and not told else "; ".join(failures)
-    return Verification(
-        not failures,
-        message or note,
-        terminal,
-        amplified,
-        steps.worst,
-        defects,
-        energy,
-        law,
-        missed,
-        extra,
-        steps.penetration,
-        max(steps.excess, inputs),
-        tuple(contacts),
-        path_excess=largest_excess(steps.path),
-    )
+    told = torn(motion) + wrong_places(motion, "collision")
+    flowed = carried(motion, parts, saltation)
+    found = Evidence(told, errors, steps.path, parts, flowed, terminal, contacts)
+    run = departures(motion, contacts)
+    way = run if found.failures else departures(motion, on_the_way(motion))
+    return judged(motion, found, run, way)

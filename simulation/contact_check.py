@@ -10,9 +10,7 @@ through the planned events at their planned times.  Events must obey their law.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
+from dataclasses import dataclass, replace
 
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.amplification import carried
@@ -37,63 +35,30 @@ from dmoc.simulation.contact_measures import (
 )
 from dmoc.simulation.flow import Contact
 from dmoc.simulation.joins import torn
-from dmoc.simulation.measures import input_excess, wrong_places
+from dmoc.simulation.judgement import Evidence, judged, measured
+from dmoc.simulation.measures import wrong_places
 from dmoc.simulation.motion import Motion
-from dmoc.simulation.runs import contacts_of_phase
-from dmoc.simulation.verdict import (
-    PASSING,
-    TERMINAL,
-    Verification,
-    broken,
-    exceeded,
-    is_unstable,
-    largest_excess,
-    lost_by,
-    too_coarse,
-    unstable,
-)
-from dmoc.trajectory import GRAZING
+from dmoc.simulation.runs import Departures, contacts_of_phase
+from dmoc.simulation.verdict import PASSING, Verification
+from dmoc.trajectory import GRAZING, Collision
 
 
 def judged_with_contacts(motion: Motion) -> Verification:
     """Measure a motion and judge it."""
     flow, held = flow_of(motion), _forces(motion)
     steps, on_the_way = step_errors(motion, flow), segments(motion, flow, _slack(motion, held))
-    parts = on_the_way.parts
-    events, inputs = event_errors(motion, steps.work), input_excess(motion)
-    missed, in_flight, early = _in_flight(motion)
-    met = [c for c in (*on_the_way.met, *in_flight) if c.jump > GRAZING]
-    extra = dict.fromkeys(f"a contact with {c.surface!r} at {c.time:.4g} s" for c in met)
-    defects = np.array([part.error for part in parts])
-    worst = float(defects.max(initial=0.0))
-    terminal, flowed = open_loop(motion, flow), carried(motion, parts, event_slope)
-    amplified = flowed.amplification
-    measured = {
-        "step error": steps.worst, "segment error": worst, "energy error": events.energy,
-        "error of the law of impact": events.law,
-        "error of the law of impact relative to its own rates": events.own,
-        "penetration": steps.penetration, "excess of a limit": steps.excess,
-        "excess of an input": inputs, "error of a contact force": held.largest,
-    }  # fmt: skip
+    parts, in_flight = on_the_way.parts, _in_flight(motion)
+    events = event_errors(motion, steps.work)
+    errors = measured(motion, steps, parts, (events.energy, events.law, events.own))
+    errors["error of a contact force"] = held.largest
     told = [*torn(motion), *wrong_places(motion, "contact"), *held.told, *events.told]
-    told += [*on_the_way.told, *early, *still_held(motion, held.sizes)]
-    told += lost_by(missed, tuple(extra), 0.0)
-    too_far, note = exceeded(measured) + broken(steps.path), ""
-    if not terminal <= TERMINAL:
-        lost = lost_by((), (), terminal)
-        if is_unstable(worst, amplified, terminal, flowed.end) and not (told or too_far):
-            note = unstable(amplified, lost, worst)
-        else:
-            too_far = lost + too_far
-    message = "; ".join(told + too_far)
-    if too_far and not told:
-        message = too_coarse(too_far, amplified)
-    return Verification(
-        not (told or too_far), message or note, terminal, amplified,
-        steps.worst, defects, events.energy, events.law, missed,
-        tuple(extra), steps.penetration, max(steps.excess, inputs), tuple(met), held.largest,
-        largest_excess(steps.path),
-    )  # fmt: skip
+    told += [*on_the_way.told, *in_flight.early, *still_held(motion, held.sizes)]
+    flowed, terminal = carried(motion, parts, event_slope), open_loop(motion, flow)
+    met = tuple(c for c in (*on_the_way.met, *in_flight.met) if c.jump > GRAZING)
+    found = Evidence(told, errors, steps.path, parts, flowed, terminal, met)
+    # The open-loop run goes through the planned events: what the segments meet counts for both.
+    way = Departures(in_flight.missed, met)
+    return judged(motion, found, way, way)
 
 
 def _forces(motion: Motion) -> ForceErrors:
@@ -117,10 +82,18 @@ def _softly(motion: Motion, i: int) -> bool:
     return bool(rate <= TURNED * motion.sizes.rate[j])
 
 
-def _in_flight(motion: Motion) -> tuple[tuple[str, ...], list[Contact], list[str]]:
+@dataclass(frozen=True)
+class _InFlight:
     """Planned contacts at the ends of free phases that are missed, contacts on the way there that
-    were not planned, and those that are met before their time."""
-    missed, met, early = list[str](), list[Contact](), list[str]()
+    were not planned, and, in sentences, those that are met before their time."""
+
+    missed: tuple[Collision, ...]
+    met: tuple[Contact, ...]
+    early: tuple[str, ...]
+
+
+def _in_flight(motion: Motion) -> _InFlight:
+    missed, met, early = list[Collision](), list[Contact](), list[str]()
     for i, phase in enumerate(motion.trajectory.phases):
         if not is_free(motion, i):
             continue
@@ -134,7 +107,7 @@ def _in_flight(motion: Motion) -> tuple[tuple[str, ...], list[Contact], list[str
             if _too_early(motion, i, c)
         ]
         missed += [
-            f"the contact with {c.surface!r} at {phase.t[-1]:.4g} s"
+            c
             for c in motion.trajectory.collisions[i : i + 1]
             if c.surface
             and c.surface not in motion.trajectory.ignored
@@ -142,7 +115,7 @@ def _in_flight(motion: Motion) -> tuple[tuple[str, ...], list[Contact], list[str
             and not planned
             and not _softly(motion, i)
         ]
-    return tuple(missed), met, early
+    return _InFlight(tuple(missed), tuple(met), tuple(early))
 
 
 def _too_early(motion: Motion, i: int, contact: Contact) -> bool:

@@ -5,9 +5,9 @@ A row is (q | v), (q | v | work) or (q | v | X), of 2 nq, 2 nq + 1 or 2 nq + (2 
 work is the integral of the power Q . v - dL/dt; X, row by row, is the derivative of (q | v) with
 respect to what a row starts from, X' = J X with the derivative J of (v, M^-1 F) by (q, v).
 
-The method is that of Dormand and Prince of order 8 (dormand_prince.py), in as many equal parts as
-its error estimate asks for.  Kernels in C run without the GIL; kernels on NumPy take the same way.
-An integrator belongs to one thread.
+The method is DOP853, that of Hairer, Norsett and Wanner of order 8 (dormand_prince.py), in as many
+equal parts as its error estimate asks for.  Kernels in C run without the GIL; kernels on NumPy take
+the same way.  An integrator belongs to one thread.
 """
 from libc.math cimport NAN, fabs, fmax, isfinite, pow, sqrt
 

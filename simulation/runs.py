@@ -4,12 +4,14 @@ segment."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.flow import Contact, Lost
+from dmoc.simulation.joins import JOINED
 from dmoc.simulation.measures import Segment
 from dmoc.simulation.motion import Motion, nodes_of_segments
 from dmoc.trajectory import GRAZING, Collision
@@ -114,25 +116,37 @@ def _late(motion: Motion, i: int, y: Array, t: float, met: list[Contact]) -> lis
     return []
 
 
-def missable(
-    motion: Motion, contacts: Sequence[Contact], parts: Sequence[Segment], deviations: Array
-) -> bool:
-    """Whether the first planned collision that an open-loop run does not meet, if any, is predicted
-    to be missed: by the deviations at the ends of segments, in sizes, which move its gap by what
-    its rate makes up for in the time in which it would count."""
-    missed = [
-        (i, c) for i, c in enumerate(motion.trajectory.collisions)
-        if not c.grazes and not any(_same(motion, c, contact) for contact in contacts)
-    ]  # fmt: skip
-    if not missed:
-        return True
-    (i, c), nq = missed[0], motion.model.nq
-    j, phase = motion.model.kernels.surfaces.index(c.surface), motion.trajectory.phases[i]
-    k = max(n for n, part in enumerate(parts) if part.phase == i)
-    slope = np.abs(motion.model.gap_slopes(phase.q[-1], c.time)[j, :nq])
-    rate = motion.flow.rate(np.concatenate([phase.q[-1], phase.v[-1]]), c.time, j)
-    off = float(slope @ (deviations[k, :nq] * motion.sizes.q))
-    return EXPLAINED * off >= SAME_CONTACT * motion.sizes.time * abs(rate)
+@dataclass(frozen=True)
+class Departures:
+    """Planned collisions that a simulation misses, and other contacts that it meets."""
+
+    missed: tuple[Collision, ...] = ()
+    extra: tuple[Contact, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.missed or self.extra)
+
+    @property
+    def missed_texts(self) -> tuple[str, ...]:
+        return tuple(f"the collision with {c.surface!r} at {c.time:.4g} s" for c in self.missed)
+
+    @property
+    def extra_texts(self) -> tuple[str, ...]:
+        texts = (f"a contact with {c.surface!r} at {c.time:.4g} s" for c in self.extra)
+        return tuple(dict.fromkeys(texts))
+
+
+def departures(motion: Motion, contacts: Sequence[Contact]) -> Departures:
+    """Match contacts with planned collisions by surface and time: those that are missed, and of
+    the other contacts those that do not merely graze."""
+    left, missed = list(contacts), list[Collision]()
+    for planned in motion.trajectory.collisions:
+        match = next((c for c in left if _same(motion, planned, c)), None)
+        if match is not None:
+            left.remove(match)
+        elif not planned.grazes:
+            missed.append(planned)
+    return Departures(tuple(missed), tuple(c for c in left if c.jump > GRAZING))
 
 
 def _same(motion: Motion, planned: Collision, contact: Contact) -> bool:
@@ -141,16 +155,50 @@ def _same(motion: Motion, planned: Collision, contact: Contact) -> bool:
     return contact.surface == planned.surface and near
 
 
-def compare(motion: Motion, contacts: Sequence[Contact]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Match contacts with planned collisions by surface and time: those that are missed, and of
-    the other contacts those that do not merely graze."""
-    left, missed = list(contacts), []
-    for planned in motion.trajectory.collisions:
-        match = next((c for c in left if _same(motion, planned, c)), None)
-        if match is not None:
-            left.remove(match)
-        elif not planned.grazes:
-            missed.append(f"the collision with {planned.surface!r} at {planned.time:.4g} s")
-    return tuple(missed), tuple(
-        f"a contact with {c.surface!r} at {c.time:.4g} s" for c in left if c.jump > GRAZING
+def predicted(motion: Motion, run: Departures, parts: Sequence[Segment], deviations: Array) -> bool:
+    """Whether an open-loop run first departs from the motion where the deviations at the ends of
+    segments, in sizes, say that it may: they move the gap of the first collision that it misses by
+    what its rate makes up for in the time in which it would count, and close the gap to a surface
+    that it meets before.  What follows is elsewhere."""
+    missed = run.missed[:1]
+    before = [c for c in run.extra if not missed or c.time < missed[0].time]
+
+    def explained(c: Collision | Contact, gap: float) -> bool:
+        return EXPLAINED * _moved(motion, c, parts, deviations) >= gap
+
+    return all(explained(c, _made_up(motion, c)) for c in missed) and all(
+        explained(c, _clearance(motion, c)) for c in before[:1]
     )
+
+
+def _moved(
+    motion: Motion, c: Collision | Contact, parts: Sequence[Segment], deviations: Array
+) -> float:
+    """How far deviations move the gap of a contact at its time."""
+    phases, q = motion.trajectory.phases, _state(motion, c.time)[: motion.model.nq]
+    ends = [phases[part.phase].t[part.last] for part in parts[:-1]]
+    k = np.searchsorted(ends, c.time - JOINED * motion.sizes.time)
+    j = motion.model.kernels.surfaces.index(c.surface)
+    slope = np.abs(motion.model.gap_slopes(q, c.time)[j, :-1])
+    return float(slope @ (deviations[k, : len(q)] * motion.sizes.q))
+
+
+def _made_up(motion: Motion, c: Collision) -> float:
+    """How far the gap of a collision moves, by its rate, in the time in which it counts."""
+    j = motion.model.kernels.surfaces.index(c.surface)
+    rate = motion.flow.rate(_state(motion, c.time), c.time, j)
+    return SAME_CONTACT * motion.sizes.time * abs(rate)
+
+
+def _clearance(motion: Motion, c: Contact) -> float:
+    """How far the motion itself is from a surface that a run meets."""
+    q = _state(motion, c.time)[: motion.model.nq]
+    return -float(motion.model.gaps(q, c.time)[motion.model.kernels.surfaces.index(c.surface)])
+
+
+def _state(motion: Motion, t: float) -> Array:
+    """The motion's own state at a time: at an event the one before it."""
+    phases = motion.trajectory.phases
+    ends = [phase.t[-1] for phase in phases[:-1]]
+    phase = phases[int(np.searchsorted(ends, t - JOINED * motion.sizes.time))]
+    return np.array([np.interp(t, phase.t, x) for x in np.hstack([phase.q, phase.v]).T])

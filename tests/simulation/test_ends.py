@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from flights import cube_system, flight
 
 import dmoc
-from dmoc.simulation.amplification import carried, saltation
-from dmoc.simulation.measures import segments
+from dmoc.codegen.kernels import Kernels
+from dmoc.simulation.amplification import Carried, carried, saltation
+from dmoc.simulation.flow import Contact
+from dmoc.simulation.judgement import Evidence, judged, measured
+from dmoc.simulation.measures import segments, step_errors
 from dmoc.simulation.motion import Motion
-from dmoc.simulation.runs import missable
+from dmoc.simulation.runs import Departures, departures, predicted
 from dmoc.simulation.verdict import is_unstable
 
 
@@ -42,5 +46,68 @@ def test_the_prediction_is_near_the_end_and_misses_no_collision(seed: dmoc.Probl
         parts = segments(motion)
         flowed, check = carried(motion, parts, saltation), solution.verify()
         assert check.terminal_error / 3 < flowed.end < 10 * check.terminal_error
-        assert missable(motion, check.contacts, parts, flowed.deviations)
-        assert not missable(motion, (), parts, flowed.deviations)
+        followed, stray = (departures(motion, contacts) for contacts in (check.contacts, ()))
+        assert not followed and predicted(motion, followed, parts, flowed.deviations)
+        assert not predicted(motion, stray, parts, flowed.deviations)
+
+
+@pytest.fixture(scope="module")
+def cube() -> Kernels:
+    return dmoc.build(cube_system())
+
+
+HIT, EARLY, LATE = (Contact("wall", t, 1.0) for t in (1.0, 0.5, 1.5))
+
+
+@pytest.mark.parametrize(
+    ("contacts", "needed"),
+    [
+        ((HIT,), 0.0),
+        ((), 0.02),  # 1 m/s for 5 % of 2 s
+        ((LATE,), 0.02),
+        ((EARLY, HIT), 0.1),  # the wall is half a metre away
+        ((HIT, LATE), 0.1),
+        ((EARLY,), 0.1),
+    ],
+)
+def test_a_departure_is_predicted_up_to_a_fifth_of_its_gap(
+    cube: Kernels, contacts: tuple[Contact, ...], needed: float
+) -> None:
+    """To a wall at 1 m with 1 m/s, in 2 s there and back, off by a share of the range of 1 m."""
+    motion = Motion.of(flight(cube), cube, None)
+    parts, run = segments(motion), departures(motion, contacts)
+    for share, right in ((0.99, needed == 0.0), (1.01, True)):
+        off = np.full((len(parts), 6), share * needed)
+        assert predicted(motion, run, parts, off) is right
+
+
+def test_contacts_count_as_planned_within_a_twentieth_of_the_time(cube: Kernels) -> None:
+    motion = Motion.of(flight(cube), cube, None)
+    assert not departures(motion, [Contact("wall", 1.099, 1.0)])
+    run = departures(motion, [Contact("wall", 1.101, 1.0), Contact("wall", 1.2, 0.009)])
+    assert run.missed_texts == ("the collision with 'wall' at 1 s",)
+    assert run.extra_texts == ("a contact with 'wall' at 1.101 s",)
+
+
+def test_one_judgement_excuses_the_end_of_a_run_alone(cube: Kernels) -> None:
+    """The end of an open-loop run counts above 25 %, unless the errors on the way explain it; what
+    the motion's own segments meet is never excused."""
+    motion = Motion.of(flight(cube), cube, None)
+    parts = segments(motion)
+    errors = measured(motion, step_errors(motion), parts, (0.0, 0.0, 0.0))
+    calm, none = carried(motion, parts, saltation), Departures()
+    wild = Carried(1000.0, np.full((len(parts), 6), 0.11))
+    stray = Departures(extra=(EARLY,))
+
+    def check(end: float, flowed: Carried, run: Departures, way: Departures) -> dmoc.Verification:
+        return judged(motion, Evidence([], errors, (), parts, flowed, end, ()), run, way)
+
+    assert check(0.249, calm, none, none).passed
+    assert "terminal error 0.251 exceeds 0.25: too coarse" in check(0.251, calm, none, none).message
+    excused = check(0.5, wild, stray, none)
+    assert excused.passed and "unstable" in excused.message and not excused.extra_contacts
+    for end, run in ((0.5, none), (0.5, stray), (0.0, none)):
+        assert not check(end, wild, run, stray).passed
+    told = check(0.0, wild, stray, stray)
+    assert told.extra_contacts == ("a contact with 'wall' at 0.5 s",)
+    assert told.message.startswith("the simulation meets a contact with 'wall' at 0.5 s: too")
