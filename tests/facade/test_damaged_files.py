@@ -21,6 +21,7 @@ from dmoc.scene import Scene, Shape
 from dmoc.schema import Either, Listed, Mapped, Number, Numbers, Record, Refused
 from dmoc.sequences import nodes
 from dmoc.sequences.journal import Journal
+from dmoc.solution_file import FORMAT
 from dmoc.trajectory import Collision, Phase, Trajectory
 
 
@@ -108,9 +109,10 @@ def test_declared_sizes_are_refused_before_anything_is_unpacked(
 
 def test_a_file_of_another_format_says_so(content: bytes) -> None:
     parts = members(content)
-    parts["header.json"] = parts["header.json"].replace(b'"format": 9', b'"format": 5', 1)
+    written = f'"format": {FORMAT}'.encode()
+    parts["header.json"] = parts["header.json"].replace(written, b'"format": 5', 1)
     with pytest.raises(
-        SolutionFileError, match="has format 5, expected 9: solve the problem again"
+        SolutionFileError, match=f"has format 5, expected {FORMAT}: solve the problem again"
     ):
         dmoc.Solution.from_bytes(archive(parts))
 

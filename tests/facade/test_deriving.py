@@ -33,7 +33,8 @@ def test_kernels_agree_with_an_evaluation_in_many_digits(make: Any, order: int) 
     names = {c.kernel for c in found}
     assert max(c.error for c in found) < 1e-11
     left_out = set(kernels.manifest["kernels"]) - names
-    assert left_out <= {"min_time", "min_time_jac", "drawing"}
+    # Estimates, pictures and sizes, in which nothing is derived.
+    assert left_out <= {"min_time", "min_time_jac", "drawing", "path_terms"}
 
 
 @pytest.mark.parametrize("wrong", ["step", "step_jac", "step_hess", "dynamics", "surface_jac"])
