@@ -1,0 +1,51 @@
+"""Multipliers and gaps of points of a program whose slopes are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from systems import double_integrator
+
+from dmoc.nlp.guess import initial_guesses
+from dmoc.nlp.scaling import scale_of
+from dmoc.nlp.transcription import Transcription
+from dmoc.solvers.kkt import duality_gap, with_bounds
+from dmoc.solvers.outcome import Duals
+
+
+def program(**fields: object) -> Transcription:
+    problem = double_integrator(4).but(**fields)
+    return Transcription(problem, scale_of(problem, initial_guesses(problem)[0].x))
+
+
+@pytest.mark.parametrize(
+    ("bounds", "u", "held"),
+    [((2, 5), 2, True), ((2, 5), 5, False), ((-5, -2), -2, True), ((-5, -2), -5, False)],
+)
+def test_a_bound_holds_what_would_cost_less_beyond_it(
+    bounds: tuple[float, float], u: float, held: bool
+) -> None:
+    """int u^2 has the slope 2 h u in the input of a step."""
+    nlp = program(bounds={"u": bounds}, controls="constant")
+    y, at = np.zeros(nlp.n), nlp.layout.index_u[:, 0]
+    y[nlp.layout.index_h], y[at] = 0.25, u
+    duals = with_bounds(nlp, nlp.scaled(y), np.zeros(nlp.n_eq), np.zeros(nlp.n_in))
+    slope = 2 * 0.25 * u * nlp.unit[at] / nlp.scale.cost
+    assert duals.z[at] == pytest.approx(slope if held else 0.0, rel=1e-9)
+
+
+def test_the_gap_has_inequalities_and_bounds_in_it() -> None:
+    """Products of distances and multipliers, in units of the cost."""
+    nlp = program(bounds={"u": (-3, 5)}, final_time=(0.5, 2.0), controls="constant")
+    y, at = np.zeros(nlp.n), nlp.layout.index_u[:, 0]
+    y[nlp.layout.index_h], y[at] = 0.25, 1.0
+    x = nlp.scaled(y)
+    z, w = np.zeros(nlp.n), np.zeros(nlp.n_in)
+    z[at[0]], z[at[1]] = 0.5, -0.25
+    bounds = nlp.scale.cost * (0.5 * 4 + 0.25 * 4) / nlp.unit[at[0]]
+    assert duality_gap(nlp, x, Duals(np.zeros(nlp.n_eq), w, z)) == pytest.approx(bounds, rel=1e-9)
+    w[:] = 2.0
+    rows = nlp.scale.cost * 2.0 * np.abs(nlp.inequality(x)).sum()
+    assert rows > 0
+    found = duality_gap(nlp, x, Duals(np.zeros(nlp.n_eq), w, z))
+    assert found == pytest.approx(bounds + rows, rel=1e-9)

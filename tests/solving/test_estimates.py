@@ -1,0 +1,103 @@
+"""The error of a mesh from changes whose law is known, and what ends a refinement."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dmoc.nlp.active import ActiveBound, BoundKind
+from dmoc.solvers.outcome import Status
+from dmoc.solving import refinement
+from dmoc.solving.basins import Basin
+from dmoc.solving.mesh_error import UNKNOWN, Errors, estimates
+from dmoc.solving.refinement import History, Level
+
+LIMITED = (ActiveBound(BoundKind.INPUT, "u", "<=", 1.0, 3),)
+
+
+def meshed(n: int, order: float, error: float = 1e-3, **fields: Any) -> Any:
+    """A solution with n steps, whose cost is wrong by error/n^order."""
+    stated = {
+        "phases": (SimpleNamespace(steps=n, duration=2.0, q=np.linspace(0, 1, n + 1)[:, None]),),
+        "cost": 1 + error / n**order, "final_time": 2.0, "scale": {"cost": 1.0, "x": 1.0},
+        "trajectory": SimpleNamespace(coordinates=("x",)), "active_bounds": (),
+        "duality_gap": 0.0, "minimum": True,
+    }  # fmt: skip
+    return SimpleNamespace(**(stated | fields))
+
+
+@pytest.mark.parametrize("order", [1.0, 1.5, 2.0, 4.0])
+def test_three_meshes_show_their_order(order: float) -> None:
+    solved = [meshed(n, order) for n in (10, 20, 40)]
+    found = estimates(solved, UNKNOWN, 4)
+    assert found.cost == pytest.approx(1e-3 / 40**order, rel=1e-2)
+    assert found.motion == 0
+
+
+def test_two_meshes_show_none_and_half_of_it_is_assumed() -> None:
+    change = 1e-3 * (1 / 100 - 1 / 400)
+    found = estimates([meshed(n, 2) for n in (10, 20)], UNKNOWN, 4)
+    assert found.cost == pytest.approx(change / (2**2 - 1), rel=1e-2)
+    assert estimates([meshed(10, 2)], UNKNOWN, 4) == UNKNOWN
+
+
+def test_where_limits_hold_an_order_of_two_counts_at_most() -> None:
+    solved = [meshed(n, 4, active_bounds=LIMITED) for n in (10, 20, 40)]
+    change = 1e-3 * (1 / 20**4 - 1 / 40**4)
+    assert estimates(solved, UNKNOWN, 4).cost == pytest.approx(change / 3, rel=1e-2)
+    assert estimates(solved, Errors(1.0, 1.0), 4).cost == pytest.approx(0.25)
+
+
+def test_no_estimate_is_below_what_the_barrier_has_left() -> None:
+    solved = [meshed(n, 4, duality_gap=1e-3) for n in (10, 20, 40)]
+    assert estimates(solved, UNKNOWN, 4).cost == pytest.approx(1e-3, rel=1e-5)
+
+
+@pytest.mark.parametrize(("gap", "solves"), [(0.2e-4, 1), (0.3e-4, 2)])
+def test_a_barrier_that_takes_a_quarter_of_the_tolerance_is_made_smaller(
+    gap: float, solves: int
+) -> None:
+    """Of 1e-4."""
+    asked: list[float | None] = []
+    s = SimpleNamespace(
+        minimum=True, solved=True, status=Status.SOLVED, optimality=1e-6, max_violation=0.0,
+        cost=1.0, duality_gap=gap, scale={"cost": 1.0}, iterations=5, seconds={},
+    )  # fmt: skip
+
+    def solve(problem: Any, guess: Any, optimality: float | None) -> Any:
+        asked.append(optimality)
+        return s
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(refinement, "replace", lambda s, **fields: s)
+        refinement._solved(None, History(), 1e-4, solve)  # type: ignore[arg-type]
+    assert len(asked) == solves and asked[0] is None
+    if solves == 2:
+        assert asked[1] == pytest.approx(0.25e-4 / gap / 2 * 1e-6)
+
+
+@pytest.mark.parametrize(("cost", "other"), [(1.09, False), (1.12, True), (0.5, False)])
+def test_a_cost_ten_errors_higher_is_that_of_another_minimum(cost: float, other: bool) -> None:
+    """An error of 0.01 of a cost of 1; relative to the new cost."""
+    before = Level(meshed(10, 2, 0.0), Errors(0.01, 0.01), 1)
+    after = meshed(20, 2, cost=cost)
+    assert refinement._dearer(History((before,)), after, 1e-6) is other
+    assert not refinement._dearer(History(), after, 1e-6)
+    assert not refinement._dearer(History((before,)), after, 0.9)
+
+
+def test_errors_that_have_not_become_smaller_for_two_meshes_are_idle() -> None:
+    assert not refinement._idle([1.0, 0.5, 0.3, 0.4])
+    assert refinement._idle([1.0, 0.5, 0.3, 0.5])
+    assert not refinement._idle([1.0, 2.0])
+
+
+def test_minima_of_one_cost_and_other_durations_are_two() -> None:
+    attempt: Any = SimpleNamespace(nlp=SimpleNamespace(scale=SimpleNamespace(cost=1.0)))
+    one = Basin(attempt, 1.0, np.array([1.0, 1.0]))
+    assert one.same(Basin(attempt, 1.0 + 0.9e-5, np.array([1.001, 0.999])))
+    assert not one.same(Basin(attempt, 1.0, np.array([1.01, 0.99])))
+    assert not one.same(Basin(attempt, 1.0 + 3e-5, np.array([1.0, 1.0])))
