@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # setuptools warns of the folders beside setup.py in every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
-.PHONY: demo test test-fast test-browser test-wheels check docs docs-check linkcheck bench ladder release clean
+.PHONY: demo test test-fast test-browser test-wheels mutations check docs docs-check linkcheck bench ladder release clean
 
 demo: $(VENV)/.installed-plot
 	@$(BIN)/python examples/seed.py demo
@@ -21,6 +21,12 @@ test-fast: $(VENV)/.installed-test
 # The page that plays motions, in a real browser: chromium and chromedriver have to be there.
 test-browser: $(VENV)/.installed-browser
 	$(BIN)/python -m pytest tests/browser/*.py
+
+# Lines of the sources changed one at a time, each under the tests that ought to notice it; changed C
+# is compiled in place, for which pip installs setuptools in an environment of its own alone.
+mutations: $(VENV)/.installed-test
+	$(BIN)/python -m pip install --quiet 'setuptools>=77'
+	$(BIN)/python tools/mutations.py
 
 check: $(VENV)/.installed-test $(VENV)/.installed-check
 	$(BIN)/ruff check .

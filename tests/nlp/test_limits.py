@@ -90,8 +90,8 @@ def test_a_surface_that_comes_nearer_limits_the_time_of_a_fixed_goal() -> None:
 def test_a_surface_that_is_ignored_holds_nothing_back(block: Kernels) -> None:
     """From rest to rest through the wall at 1: 6 d^2/T^3."""
     problem = dmoc.Problem(
-        block, start={"x": 0, "x_dot": 0}, goal={"x": (2, 3), "x_dot": 0}, ignored=["wall"], steps=20,
-        final_time=1.0,
+        block, start={"x": 0, "x_dot": 0}, goal={"x": (2, 3), "x_dot": 0}, ignored=["wall"],
+        steps=20, final_time=1.0,
     )  # fmt: skip
     solution = dmoc.solve(problem, "ipm", starts=1)
     assert solution.status == "solved", solution.message

@@ -76,6 +76,16 @@ def test_a_mass_that_grows_slows_down() -> None:
     assert model.acceleration(q, v, np.zeros((1, 0)), t)[0, 0] == pytest.approx(-2.0, rel=1e-12)
 
 
+def test_a_momentum_at_rest_is_no_velocity() -> None:
+    """L = v^2 + v cos t: p = 2 v + cos t."""
+    x = dynamicsymbols("x")
+    carried = dmoc.MechanicalSystem("carried", [x], x.diff(T) ** 2 + x.diff(T) * sp.cos(T), {})
+    kernels = dmoc.build(carried)
+    model = Model(kernels, parameter_row(kernels, {}))
+    q, p, t = np.zeros((1, 1)), np.array([[3.0]]), np.array([0.5])
+    assert model.velocity(q, p, t)[0, 0] == pytest.approx((3 - np.cos(0.5)) / 2, rel=1e-12)
+
+
 def test_rates_and_works_of_a_surface_that_moves() -> None:
     """g = x - w - 2 t: gamma = v - 2, W_t = -2 lam, W_gamma = lam (v - 2)."""
     x = dynamicsymbols("x")
