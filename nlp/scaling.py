@@ -21,6 +21,9 @@ from dmoc.nlp.sizes import Scale
 STILL = 0.1
 # Share of its reach below which a coordinate that moves stands still.
 ROUNDING = 1e-12
+# The same of the way that its forces would move it in the time: solvers leave 1e-10 of it to what
+# they balance.
+BALANCED = 1e-8
 # Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at
 # least.
 FLAT = 1e-3
@@ -93,11 +96,13 @@ def _ranges(
     width = np.where(
         np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
     )
-    # A motion that stands still but for rounding errors is no measure of anything.
-    spread = np.where(spread > ROUNDING * problem.reach, spread, 0.0)
+    # A motion that stands still but for what solvers leave is no measure of anything.
+    way = force * time**2 / inertia
+    least = np.maximum(ROUNDING * problem.reach, BALANCED * way)
+    spread = np.where(spread > least, spread, 0.0)
     unsaid, place = problem.unsaid * problem.reach, np.abs(q).max(axis=0)
     place = np.where(place > ROUNDING * problem.reach, place, 0.0)
-    for other in (unsaid, place, width, force * time**2 / inertia):
+    for other in (unsaid, place, width, way):
         spread = np.where(spread > 0, spread, other)
     return np.where(spread > 0, spread, 1.0)
 

@@ -207,3 +207,26 @@ def test_minima_that_finer_meshes_lose_are_told(
     found = dmoc.solve(dmoc.Problem(block, **task, steps=40, final_time=1.0), "ipm")
     assert found.solved and found.found == 0 and found.others[0].status is None
     assert "starts led to one minimum on a coarse mesh alone" in found.message
+
+
+@pytest.mark.parametrize("shift", [0.0, 3.0])
+@pytest.mark.parametrize("method", ["ipm", "slsqp"])
+def test_a_motion_at_rest_is_no_measure_of_what_its_next_start_is(
+    method: str, shift: float
+) -> None:
+    """A body held on its leg by its weight: what the first solves leave of a motion is no size."""
+    x, y, u = dynamicsymbols("x y u")
+    t, ground = dynamicsymbols._t, sp.Symbol("ground")
+    weight = x + y / 5
+    hopper = dmoc.MechanicalSystem(
+        "standing_hopper", [x, y], x.diff(t) ** 2 / 2 + y.diff(t) ** 2 / 10 - 9.81 * weight,
+        {ground: 0.0}, inputs=[u], forces={x: u, y: -u}, surfaces={"ground": y >= ground},
+        cost=u**2,
+    )  # fmt: skip
+    problem = dmoc.Problem(
+        hopper, start={"x": 0.5 + shift, "y": shift}, goal={"x": 0.5 + shift, "x_dot": 0.0},
+        contacts=["ground"], steps=12, final_time=0.8, parameters={"ground": shift},
+    )  # fmt: skip
+    solution = dmoc.solve(problem, method, starts=4)
+    assert solution.solved, solution.message
+    assert solution.cost == pytest.approx(0.8 * 9.81**2, rel=1e-9)
