@@ -19,6 +19,9 @@ from dmoc.simulation.sizes import NOTHING, pushes
 # What a force may pull or exceed its cone by, as a share of the largest of its contact, and what a
 # sliding velocity may turn by, as a share of its size.
 BEARABLE, TURNED = 0.01, 1e-3
+# A friction force counts by at least this share of a weak contact force: solvers leave 1e-10 of the
+# forces of a motion, and friction whose coefficient is zero holds nothing.
+SMOOTH = 1e-5
 # What a contact may still push with where it leaves, as a share of its largest force.
 PRESSED = 0.05
 # A closed contact may be off its surface, and what sticks off its place, by this share of the
@@ -116,18 +119,19 @@ def left_out(motion: Motion) -> list[str]:
 
 
 def _sizes(motion: Motion, found: list[Forces]) -> tuple[Array, Array]:
-    """The largest contact forces (nc,) and friction forces that are possible (nt,) of a motion; a
-    contact that carries little counts by a share of the forces of the motion."""
+    """The largest contact forces (nc,) and friction forces that are possible (nt,) of a motion;
+    what carries little counts by a share of the forces of the motion."""
     model, phases = motion.model, motion.trajectory.phases
     normal = np.max([np.abs(f.normal).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
     q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
     normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
+    smooth = SMOOTH * pushes(model, motion.sizes, q, t, model.tangent_slopes(q, t))
     at = supports(model.kernels)
     possible = [
         mu if j == RAIL else mu * normal[j] for j, mu in zip(at, model.friction, strict=True)
     ]
     taken = np.max([np.abs(f.tangential).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
-    friction = np.maximum(np.array(possible).reshape(model.nt), BEARABLE * taken)
+    friction = np.maximum.reduce([np.array(possible).reshape(model.nt), BEARABLE * taken, smooth])
     return np.maximum(normal, NOTHING), np.maximum(friction, NOTHING)
 
 
