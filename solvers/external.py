@@ -222,21 +222,31 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
 
 class _Silence:
     """Keep what Uno's subproblem solver prints, which no option stops, away from standard
-    output."""
+    output.
+
+    Standard output is the whole process's: where other threads live, which may write to it, it is
+    left alone, and shows what the subproblem solver prints."""
 
     def __enter__(self) -> None:
+        self.alone = threading.active_count() == 1
+        if not self.alone:
+            return
         sys.stdout.flush()
         self.kept, self.nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
         os.dup2(self.nowhere, 1)
 
     def __exit__(self, *error: object) -> None:
-        os.dup2(self.kept, 1)
-        os.close(self.kept)
-        os.close(self.nowhere)
+        if self.alone:
+            os.dup2(self.kept, 1)
+            os.close(self.kept)
+            os.close(self.nowhere)
 
     @contextmanager
     def restored(self) -> Iterator[None]:
         """Standard output as the caller knows it."""
+        if not self.alone:
+            yield
+            return
         os.dup2(self.kept, 1)
         try:
             yield

@@ -3,9 +3,12 @@ infeasible problem is told."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -242,6 +245,29 @@ def test_two_threads_may_use_uno(block: Kernels) -> None:
             )
         )
     assert [s.status for s in solutions] == ["solved"] * 4
+
+
+def test_what_other_threads_write_while_uno_solves_is_not_lost(
+    block: Kernels, capfd: pytest.CaptureFixture[str]
+) -> None:
+    # It goes past Python's own stream, as what compiled libraries and child processes write.
+    written, solved = 0, threading.Event()
+
+    def write() -> None:
+        nonlocal written
+        while not solved.is_set():
+            written += os.write(1, b"line of a thread\n") // len(b"line of a thread\n")
+            time.sleep(1e-4)
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    try:
+        solution = dmoc.solve(block_problem(block), method="uno", starts=1, verify=False)
+    finally:
+        solved.set()
+        thread.join()
+    assert solution.status == "solved"
+    assert written > 1 and capfd.readouterr().out.count("line of a thread") == written
 
 
 @pytest.mark.parametrize("method", SPARSE)
