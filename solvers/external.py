@@ -17,6 +17,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt import violation
 from dmoc.solvers.outcome import Duals, Ending, Iteration, Options, Status
+from dmoc.solvers.threads import WAITS
 
 # IPOPT measures optimality after scaling the cost by its steepest slope, which is that of a step
 # size, 1e4 times the others.
@@ -228,7 +229,8 @@ class _Silence:
     left alone, and shows what the subproblem solver prints."""
 
     def __enter__(self) -> None:
-        self.alone = threading.active_count() == 1
+        others = [t for t in threading.enumerate() if t.name != WAITS]
+        self.alone = others == [threading.current_thread()]
         if not self.alone:
             return
         sys.stdout.flush()

@@ -11,6 +11,9 @@ from threadpoolctl import OpenBLASController, ThreadpoolController
 
 Library: TypeAlias = Any  # threadpoolctl ships no type information
 
+# The name of threads that only wait, beside which a solve has standard output to itself.
+WAITS = "dmoc-waits"
+
 
 class OneThread:
     """A context that limits linear algebra to one thread, also when contexts of several threads

@@ -22,6 +22,8 @@ from multiprocessing.process import BaseProcess
 from types import FunctionType, SimpleNamespace
 from typing import Any, Generic, TypeVar
 
+from dmoc.solvers.threads import WAITS
+
 # A worker that is this many times over a task's limit hangs, and is stopped; seconds are added for
 # what the limit does not count.
 HANGS_AFTER, GRACE = 3.0, 30.0
@@ -269,7 +271,7 @@ class _Context(SpawnContext):
 def _prepare() -> None:
     """In a worker: Ctrl-C is the caller's business, and a worker does not outlive it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with_parent, name=WAITS, daemon=True).start()
 
 
 def _end_with_parent() -> None:
