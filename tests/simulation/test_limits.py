@@ -3,16 +3,22 @@ the worse one is refused by the name of its measure."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
+import motions
 import numpy as np
 import pytest
+import sympy as sp
 from flights import Change, cube_system, flight, one, phase_changed
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.simulation.verdict import exceeded, is_unstable
 from dmoc.trajectory import Trajectory
+
+T = dynamicsymbols._t
 
 
 @pytest.fixture(scope="module")
@@ -93,3 +99,138 @@ def test_a_motion_is_refused_beyond_a_limit(
     good, bad = (dmoc.verify(change(flight(cube)), cube) for change in (inside, outside))
     assert good.passed, good.message
     assert not bad.passed and told in bad.message, bad.message
+
+
+# Motions along a surface, exact with an acceleration in each step ---------------------------------
+
+
+@pytest.fixture(scope="module")
+def lift() -> Kernels:
+    y, u = dynamicsymbols("y u")
+    return dmoc.build(
+        dmoc.MechanicalSystem(
+            "lift", [y], y.diff(T) ** 2 / 2, {}, [u], {y: u}, surfaces={"roof": y <= 0}
+        )
+    )
+
+
+def driven(kernels: Kernels, y: float, v: float, h: float, forces: np.ndarray) -> Trajectory:
+    """A unit mass from a place with a velocity, under a force in each step."""
+    states = [(y, v)]
+    for a in forces:
+        y, v = y + h * v + a * h**2 / 2, v + h * a
+        states.append((y, v))
+    steps = len(forces)
+    piece = motions.Piece(
+        steps * h, lambda t: np.array(states), lambda t: np.append(forces, 0.0)[:, None]
+    )
+    motion = motions.trajectory(kernels, [piece], [], steps, {"roof": 1.0})
+    constant = replace(motion.phases[0], u=forces[:, None])
+    return replace(motion, phases=(constant,), controls="constant")
+
+
+def weaving(kernels: Kernels, depth: float, below: float = 0.0) -> Trajectory:
+    """One metre up in a second to nodes at or a little below the roof, which the path enters in
+    every other step, by a depth less what it is below."""
+    h = 0.05
+    b = 4 * depth / h  # the rate at the nodes, in turn up and down
+    up = np.repeat([4 - b, 3 * b - 4], 10)
+    return driven(kernels, -1 - below, 0.0, h, np.append(up, np.tile([-2 * b / h, 2 * b / h], 10)))
+
+
+def thrown(kernels: Kernels, steps: int) -> Trajectory:
+    """A throw with the two nodes in the middle at the roof: of its range it enters it by
+    1 / (N^2 - 1)."""
+    h, a = 1 / steps, -1.0
+    return driven(kernels, a * h**2 * (steps**2 - 1) / 8, 0.5, h, np.full(steps, a))
+
+
+@pytest.mark.parametrize(
+    ("inside", "outside", "told"),
+    [
+        (lambda k: weaving(k, 0.0019), lambda k: weaving(k, 0.0021), "penetration 0.0021 exceeds"),
+        (
+            lambda k: weaving(k, 0.0015, 0.9e-4),
+            lambda k: weaving(k, 0.0015, 1.1e-4),
+            "the simulation meets a contact with 'roof' at 1.0",
+        ),
+        (
+            lambda k: thrown(k, 59),  # 2.9e-4
+            lambda k: thrown(k, 55),  # 3.3e-4, with a rate of 1 % where it is that deep
+            "the simulation meets a contact with 'roof' at 0.49",
+        ),
+    ],
+)
+def test_a_simulation_may_enter_a_surface_that_a_motion_lies_on(
+    lift: Kernels,
+    inside: Callable[[Kernels], Trajectory],
+    outside: Callable[[Kernels], Trajectory],
+    told: str,
+) -> None:
+    """By 0.2 % where three nodes in a row lie on it, up to 0.01 %, and by 0.03 % where it only
+    touches."""
+    good, bad = (dmoc.verify(make(lift), lift) for make in (inside, outside))
+    assert good.passed, good.message
+    assert not bad.passed and told in bad.message, bad.message
+
+
+# Rates, forces, path constraints ------------------------------------------------------------------
+
+
+def test_a_slow_hit_counts_by_its_own_rates() -> None:
+    """A wall that is met at 0.2 m/s by something at 1.3 m/s: 5 % of the one are below 2 % of the
+    other."""
+    x, y = dynamicsymbols("x y")
+    kernels = dmoc.build(
+        dmoc.MechanicalSystem(
+            "inclined", [x, y], (x.diff(T) ** 2 + y.diff(T) ** 2) / 2, {},
+            surfaces={"wall": x - y <= sp.Rational(1, 5)},
+        )
+    )  # fmt: skip
+
+    def idle(t: np.ndarray) -> np.ndarray:
+        return np.zeros((len(t), 0))
+
+    pieces = [
+        motions.Piece(1.0, lambda t: motions.columns(t, 0.8 * t, 1, 0.8), idle),
+        motions.Piece(
+            2.0,
+            lambda t: motions.columns(1 + 0.8 * (t - 1), 0.8 + (t - 1), 0.8, 1),
+            idle,
+        ),
+    ]
+    hit = {"surface": "wall", "impulse": 0.2}
+    motion = motions.trajectory(kernels, pieces, [hit], 20, {"wall": 1.0})
+    good, bad = (dmoc.verify(bouncing(e)(motion), kernels) for e in (0.951, 0.949))
+    assert good.passed, good.message
+    assert bad.message.startswith("error of the law of impact relative to its own rates 0.051")
+
+
+def test_a_contact_force_is_right_to_a_twentieth() -> None:
+    floor = dmoc.build(motions.floor_system())
+    motion = motions.pushed_block(floor, 20, True)
+
+    def pressed(by: float) -> Trajectory:
+        phases = [replace(phase, normal=by * phase.normal) for phase in motion.phases]
+        return replace(motion, phases=tuple(phases))
+
+    good, bad = (dmoc.verify(pressed(by), floor) for by in (1.049, 1.051))
+    assert good.passed and good.force_error == pytest.approx(0.049), good.message
+    assert bad.message.startswith("error of a contact force 0.051 exceeds")
+
+
+def test_a_path_constraint_holds_to_half_a_percent_of_its_terms() -> None:
+    """v <= c at 1 m/s: 1 - c of 1 + c."""
+    x, c = dynamicsymbols("x"), sp.Symbol("c")
+    system = dmoc.MechanicalSystem(
+        "fast", [x], x.diff(T) ** 2 / 2, {c: 1.0}, path_constraints={"speed": x.diff(T) <= c}
+    )
+    kernels = dmoc.build(system)
+    piece = motions.Piece(1.0, lambda t: motions.columns(t, 1), lambda t: np.zeros((len(t), 0)))
+    motion = motions.trajectory(kernels, [piece], [], 20)
+    good, bad = (
+        dmoc.verify(replace(motion, parameters={"c": (1 - s) / (1 + s)}), kernels)
+        for s in (0.0049, 0.0051)
+    )
+    assert good.passed, good.message
+    assert "path constraint 'speed' is exceeded by 0.51 % of its size" in bad.message
