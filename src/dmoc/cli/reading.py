@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -101,7 +101,7 @@ def _start_and_difference(part: str, start: str, sign: str | None, by: str | Non
 def read_via(text: str) -> list[dict[str, Any] | None]:
     """Read coordinates at the events, NAME=VALUE with commas between them, ';' between events."""
     return [
-        dict(read_pair(part, "--via") for part in read_names(event)) or None
+        by_name((read_pair(part, "--via") for part in read_names(event)), "--via") or None
         for event in text.split(";")
     ]
 
@@ -154,7 +154,17 @@ def separate(given: list[str] | None) -> list[str]:
 
 def read_pairs(given: list[str] | None, option: str) -> dict[str, Any]:
     """Read NAME=VALUE of an option that may be repeated, also with commas between them."""
-    return dict(read_pair(text, option) for text in separate(given))
+    return by_name((read_pair(text, option) for text in separate(given)), option)
+
+
+def by_name(pairs: Iterable[tuple[str, Any]], option: str) -> dict[str, Any]:
+    """Pairs as a mapping; two of one name are refused."""
+    values: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in values:
+            raise ProblemError(f"{option} {name} is given twice: expected one value for each name.")
+        values[name] = value
+    return values
 
 
 def read_pair(text: str, option: str) -> tuple[str, Any]:

@@ -10,7 +10,7 @@ import typer
 
 from dmoc.cli import completion
 from dmoc.cli.options import DarkOption, OrderOption, RestitutionOption, SetOption, out_option
-from dmoc.cli.reading import read_pair, read_pairs, read_restitution, separate
+from dmoc.cli.reading import read_pairs, read_restitution
 from dmoc.cli.writing import draw, in_turn, out, prepare, written
 from dmoc.errors import SimulationError
 from dmoc.table import print_table
@@ -127,14 +127,13 @@ def _values(given: list[str] | None, option: str, kernels: Kernels) -> dict[str,
     if option == "--start":
         known = [*kernels.coordinates, *(f"{name}_dot" for name in kernels.coordinates)]
     values: dict[str, Any] = dict.fromkeys(known, 0.0)
-    for text in separate(given):
-        name, value = read_pair(text, option)
+    for name, value in read_pairs(given, option).items():
         if name not in values:
             raise SimulationError(
-                f"{option} {text}: expected one of {', '.join(known) or 'no inputs'}."
+                f"{option} {name}: expected one of {', '.join(known) or 'no inputs'}."
             )
         if not isinstance(value, float):
-            raise SimulationError(f"{option} {text}: expected a number.")
+            raise SimulationError(f"{option} {name}: expected a number.")
         values[name] = value
     return values
 

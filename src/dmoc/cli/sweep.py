@@ -25,6 +25,7 @@ from dmoc.cli.options import (
     out_option,
 )
 from dmoc.cli.reading import (
+    by_name,
     problem_fields,
     read_guess,
     read_range,
@@ -143,16 +144,17 @@ def _ranges(given: Values) -> tuple[dict[str, dict[str, list[Any]]], Values]:
     firsts: dict[str, list[str]] = {}
     for field, option, texts in given.by_field():
         ranges[field], firsts[field] = {}, []
-        for text in separate(texts):
-            name, _, value = text.partition("=")
-            values = read_range(value, f"{option} {name.strip()}")
+        named = by_name(((t.partition("=")[0].strip(), t) for t in separate(texts)), option)
+        for name, text in named.items():
+            value = text.partition("=")[2]
+            values = read_range(value, f"{option} {name}")
             if values is None:
                 firsts[field].append(text)
             elif field == "bounds":
-                ranges[field][name.strip()] = [(-abs(v), abs(v)) for v in values]
+                ranges[field][name] = [(-abs(v), abs(v)) for v in values]
                 firsts[field].append(f"{name}={-abs(values[0])!r}:{abs(values[0])!r}")
             else:
-                ranges[field][name.strip()] = values
+                ranges[field][name] = values
                 firsts[field].append(f"{name}={values[0]!r}")
     if not any(ranges.values()):
         raise ProblemError(
