@@ -44,7 +44,7 @@ class MechanicalSystem(Shown):
         Generalised coordinates q, ``nq`` of them.
     lagrangian : Expr
         L(q, q', t), quadratic in the velocities.  The time is ``dynamicsymbols._t`` here and below.
-    parameters : mapping of Symbol to float or None
+    parameters : mapping of Symbol to float or None, optional
         Every other symbol of the model with its default value; None if a problem must give it.
     inputs : sequence of dynamicsymbols or Symbols, optional
         Inputs u, ``nu`` of them.
@@ -120,7 +120,7 @@ class MechanicalSystem(Shown):
     name: str
     coordinates: Sequence[Any]
     lagrangian: Any
-    parameters: Mapping[Any, float | None]
+    parameters: Mapping[Any, float | None] = field(default_factory=dict)
     inputs: Sequence[Any] = ()
     forces: Mapping[Any, Any] = field(default_factory=dict)
     surfaces: Mapping[str, Any] = field(default_factory=dict)
