@@ -156,3 +156,8 @@ def test_structures_are_forgotten_by_their_bytes(
         assert sum(size_of(s, set()) for s in kept.values()) <= 4 * one
     assert 1 <= len(kept) < 5
     assert Transcription(small).structure is not first.structure  # it was the oldest
+
+
+def test_what_is_shared_counts_once() -> None:
+    shared, other = np.zeros(10), np.zeros(5)
+    assert size_of((shared, {"again": [shared, other]}), set()) == 8 * 15
