@@ -27,8 +27,9 @@ from sympy.physics.mechanics import dynamicsymbols
 
 Array = np.ndarray
 OPEN, CLOSED, STICK = "open", "closed", 0  # beside the signs +1 and -1 of sliding
-# Of the motion's sizes: what is so near is closed, what moves so slowly does not.
-NEAR, SLOW = 1e-5, 1e-4
+# Of the motion's sizes: what is so near is closed; what moves as slowly as the discretisation errs
+# does not.
+NEAR, SLOW = 1e-5, 2e-3
 SLACK = 1e-6  # of the largest force or impulse, by which a sign may be missed
 MOST_EVENTS = 100
 SHORTEST = 1e-12
