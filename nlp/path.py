@@ -7,9 +7,11 @@ phase, which no point reaches.  One with inputs stands where the inputs have val
     linear between nodes     at every node, those at the ends of phases with the inputs of each side
     linear in a step         at both ends of every step, and at the quadrature points
 
-A limit of inputs alone that holds at both ends of a step holds in between, and has no other rows.
-At the ends of phases velocities are those before and after the collision; what the problem fixes
-there has no row, which could not move.
+Of steps with nodes inside, a constraint that contains velocities and no inputs stands at both ends
+too: a polynomial that keeps it at its points may exceed it beside them.  A limit of inputs alone
+that holds at both ends of a step holds in between, and has no other rows.  At the ends of phases
+velocities are those before and after the collision; what the problem fixes there has no row, which
+could not move.
 """
 
 from __future__ import annotations
@@ -35,8 +37,9 @@ class PathLaw:
     lay : Layout
     names : tuple of str
         Of the rows, in the user's words.
-    on_inputs, on_states : arrays of bool, shape (nr,)
-        Which ones contain inputs, and which ones coordinates or velocities.
+    on_inputs, on_states, on_rates : arrays of bool, shape (nr,)
+        Which ones contain inputs, which ones coordinates or velocities, and which ones velocities
+        and no inputs.
     at_ends : array of bool, shape (2 phases, nr)
         Which ones stand at the start and at the end of each phase.
     """
@@ -45,6 +48,7 @@ class PathLaw:
     names: tuple[str, ...]
     on_inputs: Bools
     on_states: Bools
+    on_rates: Bools
     at_ends: Bools
 
     @classmethod
@@ -59,6 +63,7 @@ class PathLaw:
             ),
             np.array([row["inputs"] for row in rows], dtype=bool),
             np.array([bool(row["coordinates"]) or row["velocities"] for row in rows], dtype=bool),
+            np.array([row["velocities"] and not row["inputs"] for row in rows], dtype=bool),
             _ends(problem, lay, rows, limits[0] == limits[1]),
         )
 
@@ -75,7 +80,16 @@ class PathLaw:
         steps, points = np.arange(lay.total), lay.scheme.points
         inner, ends = ~np.isin(np.arange(lay.total + 1), lay.ends), _nodes_of_ends(lay)
         by_node = self.on_inputs & bool(lay.form.shared)
-        by_step = self.on_inputs & lay.form.jumps
+        by_step = np.tile(self.on_inputs & lay.form.jumps, (lay.total, 2))
+        if (
+            lay.inside
+        ):  # a velocity that keeps its limit between its points may exceed it beside them
+            rates = np.tile(self.on_rates, (lay.total, 2))
+            rates[lay.ends[:-1], :count] = (
+                False  # of the ends of phases, where velocities are known
+            )
+            rates[lay.ends[1:] - 1, count:] = False
+            by_step |= rates
 
         def label(place: str) -> Any:
             return lambda k, j: f"{names[j % count]} {place.format(k)}"
@@ -102,7 +116,7 @@ class PathLaw:
             ),
             block(
                 "path at ends of steps",
-                np.tile(by_step, (lay.total, 2)),
+                by_step,
                 label("in step {}"),
                 lambda s: np.tile(s.path, 2),
                 steps,
