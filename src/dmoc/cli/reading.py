@@ -158,10 +158,10 @@ def read_pairs(given: list[str] | None, option: str) -> dict[str, Any]:
 
 
 def by_name(pairs: Iterable[tuple[str, Any]], option: str) -> dict[str, Any]:
-    """Pairs as a mapping; two of one name are refused."""
+    """Pairs as a mapping; two of one name that differ are refused."""
     values: dict[str, Any] = {}
     for name, value in pairs:
-        if name in values:
+        if values.get(name, value) != value:
             raise ProblemError(f"{option} {name} is given twice: expected one value for each name.")
         values[name] = value
     return values
