@@ -112,3 +112,9 @@ def test_all_ways_through_a_hit_share_the_iterations(open_hit: dmoc.Problem) -> 
         )
         assert not solution.minimum
         assert len(numbers) <= limit + 10 and solution.iterations <= limit + 10, limit
+
+
+def test_two_phases_must_fit_into_the_final_time() -> None:
+    problem = dmoc.Problem(block_system(), start={"x": 0.0}, steps=4, final_time=1.0)
+    with pytest.raises(SearchError, match="two phases of it do not fit"):
+        dmoc.search(problem, 1, shortest_phase=0.51)

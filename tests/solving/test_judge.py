@@ -14,7 +14,7 @@ import dmoc
 from dmoc.nlp.guess import initial_guesses
 from dmoc.nlp.layout import Layout
 from dmoc.nlp.scaling import scale_of
-from dmoc.solvers.judge import INFEASIBLE, judged, verdict
+from dmoc.solvers.judge import INFEASIBLE, judged, rounded, verdict
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals, Ending, Options, Outcome, Residuals, Status
 from dmoc.solving.methods import METHODS
@@ -99,3 +99,13 @@ def test_a_problem_without_a_feasible_motion_is_infeasible_to_every_method(metho
 def test_a_tolerance_below_rounding_stalls_every_method(method: str) -> None:
     found = outcome(block_and_wall.problem(0.8, 10), method, Options(optimality=1e-16))
     assert found.status is Status.STALLED and found.left.violation < 1e-10 and found.detail
+
+
+@pytest.mark.parametrize(
+    ("optimality", "violation", "sharp"),
+    [(9e-6, 9e-10, True), (1.1e-5, 9e-10, False), (9e-6, 1.1e-9, False)],
+)
+def test_what_rounding_leaves_is_told_from_what_is_unfinished(
+    optimality: float, violation: float, sharp: bool
+) -> None:
+    assert rounded(Residuals(optimality, violation)) is sharp
