@@ -161,7 +161,7 @@ def by_name(pairs: Iterable[tuple[str, Any]], option: str) -> dict[str, Any]:
     """Pairs as a mapping; two of one name that differ are refused."""
     values: dict[str, Any] = {}
     for name, value in pairs:
-        if values.get(name, value) != value:
+        if name in values and values[name] != value:
             raise ProblemError(f"{option} {name} is given twice: expected one value for each name.")
         values[name] = value
     return values
