@@ -58,6 +58,8 @@ MOST_STEPS = (
 # Newton steps to the surface where a motion may begin anywhere, and times at which a surface is
 # looked at to see how far it moves.
 NEWTON, MOVING = 30, 33
+# Share of what inertias make of the ways of others below which a coordinate's forces balance.
+BALANCED = 1e-8
 # Unknowns of all steps; the compiled method takes some 2.5 kB for each of them, 5 GB for so many.
 MOST_UNKNOWNS = 2_000_000
 # Seconds of a motion; powers of the times of its steps stay within the numbers.
@@ -523,7 +525,8 @@ class Problem(Shown):
     def _swing(self) -> Array:
         """How far each coordinate gets in the time that a problem allows where nothing else says
         so, shape (nq,): up and down against its forces in a phase, or as far as surfaces of the
-        sequence move; 1 where these say nothing either."""
+        sequence move; where these balance, what the inertias make of the others; 1 where these
+        say nothing either."""
         low, high = self.final_time_bounds
         time = high if np.isfinite(high) else max(low, 0.0)
         with np.errstate(all="ignore"):
@@ -535,6 +538,9 @@ class Problem(Shown):
             for j in {self.kernels.surfaces.index(e.surface) for e in self.events if e.surface}:
                 moved = np.ptp(gaps[:, j]) / slopes[j]
                 swing = np.where(np.isfinite(moved), np.maximum(swing, moved), swing)
+        root = np.sqrt(np.abs(self.inertia))
+        share = (swing * root).max() / np.where(root > 0, root, 1.0)
+        swing = np.where(swing > BALANCED * share, swing, share)
         return np.where(swing > 0, swing, 1.0)
 
     @cached_property

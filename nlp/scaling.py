@@ -98,6 +98,8 @@ def _ranges(
     )
     # A motion that stands still but for what solvers leave is no measure of anything.
     way = force * time**2 / inertia
+    # One whose forces balance counts by its share of what those of the others do.
+    way = np.maximum(way, STILL * np.sqrt((inertia * way**2).max() / inertia))
     least = np.maximum(ROUNDING * problem.reach, BALANCED * way)
     spread = np.where(spread > least, spread, 0.0)
     unsaid, place = problem.unsaid * problem.reach, np.abs(q).max(axis=0)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from campaign import Result, system_of
 from campaign_kinds import Instance
-from contact_campaign import judge
+from contact_campaign import draw, judge
 from contact_driven import ContactMechanism, Run, Sizes
 from contact_kinds import bar, block_on
 from hit_problems import RODS
@@ -128,3 +128,17 @@ def test_a_wrong_motion_is_contradicted(
     instance, solution, mechanism = pushed
     told: list[Any] = judged(instance, wrong(solution), mechanism)
     assert any(reason in said for said in told), told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [8, 18])
+def test_a_leg_that_hangs_still_at_the_start_has_a_size(number: int) -> None:
+    """A passive gait starts where nothing is said of the free leg, whose forces balance."""
+    result, instance = Result("compass", number, 2, "ipm", ""), draw(number)[1]
+    problem = dmoc.Problem(dmoc.build(system_of(instance)), steps=40, **instance.problem)
+    inertia = problem.inertia * problem.reach**2
+    assert inertia.min() > 1e-8 * inertia.max()
+    solution = dmoc.solve(problem, "ipm")
+    assert solution.solved, solution.message
+    judge(result, instance, solution, ContactMechanism(instance.description))
+    assert result.against == []
