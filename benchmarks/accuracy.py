@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import sys
+import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -289,6 +290,16 @@ def per_digit(work: dict[int, dict[str, list[tuple[float, float]]]]) -> list[str
     return lines
 
 
+def page_of(parts: list[str]) -> str:
+    """Tables as they are, paragraphs and items at the width of the other pages."""
+    lines = []
+    for part in parts:
+        indent = "  " if part.startswith("- ") else ""
+        table = part.startswith("|")
+        lines += [part] if table else textwrap.wrap(part, 100, subsequent_indent=indent) or [""]
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     tables, work = {}, {}
     for order in ORDERS:
@@ -299,9 +310,8 @@ def main() -> None:
         "# Known answers",
         "",
         "Relative errors of the quantity (the cost, if nothing else is named) against the number "
-        "of steps of each phase, by method `ipm`, from",
-        "the first automatic guess, without any other start (but for the cart-pole). `python "
-        "benchmarks/accuracy.py` writes this file.",
+        "of steps of each phase, by method `ipm`, from the first automatic guess, without any "
+        "other start (but for the cart-pole). `python benchmarks/accuracy.py` writes this file.",
         "",
         *(
             line
@@ -310,15 +320,14 @@ def main() -> None:
         ),
         "## Contacts that last, and friction (order 2)",
         "",
-        "The first mesh from the exploration, each further one from the motion on the one before; "
-        "inputs are linear between the nodes (constant there and back).",
+        "The first mesh from the exploration, each further one from the motion on the one "
+        "before; inputs are linear between the nodes (constant there and back).",
         "",
         *contacts_lines,
         "",
-        "With inputs that are linear in a step the cost of an optimum has the order 4 at most; the "
-        "motion between has the order of the discretisation.",
-        "Inputs that jump or limits that become active between nodes keep the order of the cost at "
-        "2 or below (Bryson-Denham).",
+        "With inputs that are linear in a step the cost of an optimum has the order 4 at most; "
+        "the motion between has the order of the discretisation. Inputs that jump or limits that "
+        "become active between nodes keep the order of the cost at 2 or below (Bryson-Denham).",
         "",
         "## Time for an error",
         "",
@@ -332,13 +341,12 @@ def main() -> None:
         *sources,
         "",
         "The cart-pole has a cheaper minimum, 57.9448, which the automatic guesses lead to; "
-        "Kelly's motion is found from the straight guess of",
-        "the paper, which stands in `examples/cart_pole.py`. CasADi with RK4 steps and IPOPT from "
-        "the straight guess gives",
+        "Kelly's motion is found from the straight guess of the paper, which stands in "
+        "`examples/cart_pole.py`. CasADi with RK4 steps and IPOPT from the straight guess gives "
         "59.13, 58.888 and 58.828 with 50, 100 and 200 steps of constant input, towards the same "
         "58.808.",
     ]
-    (ROOT / "docs" / "known_answers.md").write_text("\n".join(text) + "\n", encoding="utf-8")
+    (ROOT / "docs" / "known_answers.md").write_text(page_of(text), encoding="utf-8")
 
 
 if __name__ == "__main__":

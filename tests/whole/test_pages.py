@@ -9,7 +9,7 @@ from pathlib import Path
 
 import matplotlib
 import pytest
-from pages import DOCS, ROOT, agrees, commands_of, run, updated, write_shared
+from pages import DOCS, ROOT, TROUBLESHOOTING, agrees, commands_of, run, updated, write_shared
 
 from dmoc import errors
 from dmoc.cli.app import app
@@ -18,7 +18,6 @@ from dmoc.solvers.outcome import Status
 
 pytestmark = pytest.mark.slow
 
-TROUBLESHOOTING = ROOT / "src/dmoc/cli/troubleshooting.md"
 PAGES = sorted(
     page
     for page in (*DOCS.rglob("*.md"), ROOT / "README.md", TROUBLESHOOTING)

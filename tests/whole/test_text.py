@@ -1,0 +1,69 @@
+"""What is written for people: lines that an editor shows whole, links that lead somewhere."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pages import DOCS, ROOT, TROUBLESHOOTING
+
+COLUMNS = 100
+BUILT = ("_build", "examples", "names")
+PAGES = (
+    *sorted(p for p in ROOT.glob("*.md") if p.stem != "README"),
+    *sorted(p for p in DOCS.rglob("*.md") if not set(BUILT) & set(p.relative_to(DOCS).parts)),
+    TROUBLESHOOTING,
+)
+LINK = re.compile(r"(?<!\\)\]\(([^)\s]+)\)|<img[^>]* src=\"([^\"]+)\"|<a[^>]* href=\"([^\"]+)\"")
+
+
+def name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_lines_of_a_page_have_100_columns(page: Path) -> None:
+    long = [line for line in _breakable(page.read_text()) if len(line) > COLUMNS]
+    assert not long, long
+
+
+def _breakable(text: str) -> Iterator[str]:
+    """The lines that can be broken: neither rows of tables, nor what a program prints, nor one
+    word."""
+    printed = False
+    for line in text.splitlines():
+        if line.startswith("```"):
+            printed = line == "```output"
+        if not printed and not line.startswith("|") and " " in line.strip():
+            yield line
+
+
+def test_lines_that_cannot_be_broken_are_told_from_others() -> None:
+    row, word = f"| {'a ' * 60} |", "a" * 120
+    page = f"{row}\n{word}\n```output\n{word} {word}\n```\n{word} {word}\n"
+    assert [line for line in _breakable(page) if len(line) > COLUMNS] == [f"{word} {word}"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_links_of_a_page_lead_to_files(page: Path) -> None:
+    targets = [next(filter(None, match)) for match in LINK.findall(page.read_text())]
+    here = {t.partition("#")[0] for t in targets if not re.match(r"\w+:|#", t)}
+    folder = DOCS if page == TROUBLESHOOTING else page.parent  # which the manual includes
+    lost = [t for t in here if not _leads(folder, t)]
+    assert not lost, lost
+
+
+def _leads(folder: Path, target: str) -> bool:
+    """Whether a file is there, or a page of the manual is made under this name."""
+    path = (folder / target).resolve()
+    if path.is_relative_to(DOCS / "examples"):  # the gallery, from the scripts
+        script = ROOT / "examples" / f"{path.stem}.py"
+        return path.stem == "index" or script.exists()
+    return path.exists() or any(path.with_suffix(s).exists() for s in (".md", ".rst"))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_no_page_has_the_markers_of_a_merge(page: Path) -> None:
+    assert not re.findall("^(?:<{7}|={7}|>{7})(?: .*)?$", page.read_text(), re.MULTILINE)
