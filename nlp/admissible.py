@@ -47,6 +47,19 @@ def check_mass_matrix(problem: Problem) -> None:
         )
 
 
+def check_kinks(problem: Problem) -> None:
+    """Refuse parameters for which the functions in the place of kinks are others."""
+    values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
+    for name, sign in problem.kernels.manifest["kink_signs"].items():
+        if sign * values[name] < 0:
+            expected = "positive" if sign > 0 else "negative"
+            raise ProblemError(
+                f"parameter {name} = {values[name]:g}: expected 0 or a {expected} number, the sign "
+                "that its symbol is made with and on which the smooth form of abs, Max or Min in "
+                "the model depends."
+            )
+
+
 def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     """Check the gaps at a fixed position; a gap that contains a coordinate left free is the
     solver's business."""

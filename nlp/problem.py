@@ -38,7 +38,7 @@ from dmoc.mechanics.modes import (
     words_along,
 )
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
-from dmoc.nlp.admissible import check_admissible, check_contacts, check_mass_matrix
+from dmoc.nlp.admissible import check_admissible, check_contacts, check_kinks, check_mass_matrix
 from dmoc.nlp.statement import statement_in_short, table_of
 from dmoc.symbolic.names import momentum_name, name_of, velocity_name
 from dmoc.table import Shown, Table
@@ -272,6 +272,7 @@ class Problem(Shown):
             self.duration_bounds,
         )
         _ = self.start_bounds, self.goal_bounds
+        check_kinks(self)
         check_mass_matrix(self)
         check_admissible(self, "start", self.start_bounds)
         check_admissible(self, "goal", self.goal_bounds)

@@ -38,7 +38,7 @@ from dmoc.symbolic.path import path_kernels, path_limits, path_rows
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 
-FORMAT = 9  # of the facts and the kernel list
+FORMAT = 10  # of the facts and the kernel list
 EQUATIONS = 6  # of what the kernels compute: solutions of other equations are refused
 
 
@@ -131,6 +131,7 @@ def _facts(
         "path_constraints": list(system.path_constraints),
         "path_rows": path_rows(smooth, [name for name, _ in parts.rows]),
         "path_limits": path_rows(f, list(system.path_constraints)),
+        "kink_signs": {name_of(s): parts.signs[s] for s in system.parameters if s in parts.signs},
         "hidden": [f"the unknown for {sp.sstr(_plain(kink))}" for _, kink in parts.unknowns],
         "tangents": list(system.tangents),
         "tangent_coordinates": {

@@ -3,12 +3,13 @@
 A cost that contains abs(a) or Max(a, b) with a positive factor gets a hidden unknown s in its
 place, with s >= a and s >= -a, or s >= b; one with Min(a, b) and a negative factor gets s <= a and
 s <= b.  The minimum puts s onto the function.  A path constraint that contains them with the other
-sign holds if it holds for each of their branches.
+sign holds if it holds for each of their branches.  Where the sign is that of a parameter, made as
+Symbol(..., positive=True), the split is right for values of that sign alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from operator import mul
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 JUMPS = (sp.sign, sp.Heaviside, sp.floor, sp.ceiling, sp.frac, sp.Mod)
 SPLIT = (sp.Abs, sp.Max, sp.Min)
+SIGNS = ("positive", "negative", "nonnegative", "nonpositive")  # that symbols are made with
 KINKS = (*SPLIT, *JUMPS, sp.Piecewise)
 SMOOTH = "use a smooth function, such as sqrt(x**2 + e**2) for abs(x) or tanh(x/e) for sign(x)"
 
@@ -39,18 +41,23 @@ class Split:
         Functions >= 0 with the name of their path constraint; None for those of hidden unknowns.
     unknowns : tuple of (Symbol, Expr)
         Hidden unknowns, with the functions that they are at a minimum.
+    signs : mapping from Symbol to int
+        Parameters whose values must not be negative (1), or not positive (-1), for the split to be
+        right.
     """
 
     cost: Any
     rows: tuple[tuple[str | None, Any], ...]
     unknowns: tuple[tuple[Any, Any], ...]
+    signs: Mapping[Any, int]
 
 
 def split(system: MechanicalSystem) -> Split:
     """Split the cost and the path constraints of a system; raise ModelError for what cannot be
     split."""
     real, back = _real(system)
-    lifted = _Lifted("the cost")
+    signs: dict[Any, int] = {}
+    lifted = _Lifted("the cost", signs)
     cost = system.cost
     if _has_kinks(cost.xreplace(real)):
         cost = lifted.over(cost.xreplace(real), 1).xreplace(back)
@@ -59,11 +66,11 @@ def split(system: MechanicalSystem) -> Split:
         if not _has_kinks(r.xreplace(real)):
             rows.append((name, r))
             continue
-        parts = _branches(r.xreplace(real), f"path constraint {name!r}")
+        parts = _branches(r.xreplace(real), f"path constraint {name!r}", signs)
         rows += [(name, part.xreplace(back)) for part in parts]
     rows += [(None, part.xreplace(back)) for part in lifted.rows]
     unknowns = tuple((s, kink.xreplace(back)) for s, kink in lifted.unknowns)
-    return Split(cost, tuple(rows), unknowns)
+    return Split(cost, tuple(rows), unknowns, {back[s]: sign for s, sign in signs.items()})
 
 
 def check_smooth(expression: Any, where: str, kinks: bool = False) -> None:
@@ -80,8 +87,8 @@ def check_smooth(expression: Any, where: str, kinks: bool = False) -> None:
 class _Lifted:
     """Hidden unknowns for the kinks of a function that is minimised."""
 
-    def __init__(self, where: str) -> None:
-        self.where = where
+    def __init__(self, where: str, signs: dict[Any, int]) -> None:
+        self.where, self.signs = where, signs
         self.rows: list[Any] = []
         self.unknowns: list[tuple[Any, Any]] = []
 
@@ -94,9 +101,10 @@ class _Lifted:
             return e.func(*(self.over(part, sign) for part in e.args))
         if isinstance(e, sp.Mul):
             smooth, kink = _factors(e, self.where)
-            return smooth * self.over(kink, sign * _sign_of(smooth, kink, self.where))
+            own = _sign_of(smooth, kink, self.where, self.signs)
+            return smooth * self.over(kink, sign * own)
         power = isinstance(e, sp.Pow) and e.exp.is_number and not e.exp < 1
-        if power and sign > 0 and _is_nonnegative(e.base):
+        if power and sign > 0 and _is_nonnegative(e.base, self.signs):
             return self.over(e.base, 1) ** e.exp
         if isinstance(e, sp.exp):
             return sp.exp(self.over(e.args[0], sign))
@@ -111,29 +119,30 @@ class _Lifted:
         s = sp.Dummy(f"s_{len(self.unknowns)}", real=True)
         self.unknowns.append((s, kink))
         for value in _values(kink):
-            self.rows += _branches(sign * (s - value), self.where)
+            self.rows += _branches(sign * (s - value), self.where, self.signs)
         return s
 
 
-def _branches(r: Any, where: str) -> list[Any]:
+def _branches(r: Any, where: str, signs: dict[Any, int]) -> list[Any]:
     """Smooth functions that are all >= 0 where r is."""
     if not _has_kinks(r):
         return [r]
-    kink = next(_outer(r, 1, where))
-    return [part for value in _values(kink) for part in _branches(r.xreplace({kink: value}), where)]
+    kink = next(_outer(r, 1, where, signs))
+    parts = (r.xreplace({kink: value}) for value in _values(kink))
+    return [smooth for part in parts for smooth in _branches(part, where, signs)]
 
 
-def _outer(e: Any, sign: int, where: str) -> Iterator[Any]:
+def _outer(e: Any, sign: int, where: str, signs: dict[Any, int]) -> Iterator[Any]:
     """Kinks of a function that must be >= 0, in which it is monotone: Abs and Max that lower it,
     Min that raises it."""
     if not _has_kinks(e):
         return
     if isinstance(e, sp.Add):
         for part in e.args:
-            yield from _outer(part, sign, where)
+            yield from _outer(part, sign, where, signs)
     elif isinstance(e, sp.Mul):
         smooth, kink = _factors(e, where)
-        yield from _outer(kink, sign * _sign_of(smooth, kink, where), where)
+        yield from _outer(kink, sign * _sign_of(smooth, kink, where, signs), where, signs)
     elif isinstance(e, (sp.Abs, sp.Max) if sign < 0 else sp.Min):
         yield e
     else:
@@ -156,23 +165,36 @@ def _factors(product: Any, where: str) -> tuple[Any, Any]:
     return smooth, kinks[0]
 
 
-def _sign_of(factor: Any, kink: Any, where: str) -> int:
+def _sign_of(factor: Any, kink: Any, where: str, signs: dict[Any, int]) -> int:
+    """The sign of a factor; ``signs`` gets the parameters that it stands and falls with."""
     if kink.has(*JUMPS, sp.Piecewise):
         raise _refused(kink, where)
-    if factor.is_nonnegative:
-        return 1
-    if factor.is_nonpositive:
-        return -1
+    for sign in (1, -1):
+        if (sign * factor).is_nonnegative:
+            signs |= _needed(sign * factor)
+            return sign
     raise ModelError(
         f"{where} multiplies {_shown(kink)} by {_shown(factor)}, whose sign is not known: make its "
         "parameters as Symbol(..., positive=True), or " + SMOOTH + "."
     )
 
 
-def _is_nonnegative(kink: Any) -> bool:
-    return isinstance(kink, sp.Abs) or (
-        isinstance(kink, sp.Max) and any(part.is_nonnegative for part in kink.args)
-    )
+def _is_nonnegative(kink: Any, signs: dict[Any, int]) -> bool:
+    if isinstance(kink, sp.Abs):
+        return True
+    parts = kink.args if isinstance(kink, sp.Max) else ()
+    needed = [_needed(part) for part in parts if part.is_nonnegative]
+    signs |= min(needed, key=len, default={})
+    return bool(needed)
+
+
+def _needed(nonnegative: Any) -> dict[Any, int]:
+    """Signs of parameters without which an expression might be negative."""
+    return {
+        s: 1 if s.is_nonnegative else -1
+        for s in nonnegative.free_symbols
+        if not nonnegative.xreplace({s: sp.Dummy(s.name, real=True)}).is_nonnegative
+    }
 
 
 def _refused(e: Any, where: str) -> ModelError:
@@ -204,7 +226,6 @@ def _real(system: MechanicalSystem) -> tuple[dict[Any, Any], dict[Any, Any]]:
         for q, v in zip(system.coordinates, system.velocities, strict=True)
     }
     for s in system.parameters:
-        signs = {name: True for name in ("positive", "negative") if getattr(s, f"is_{name}")}
-        nonnegative = {"nonnegative": True} if s.is_nonnegative and not signs else {}
-        table[s] = sp.Dummy(s.name, real=True, **signs, **nonnegative)
+        sign = next((name for name in SIGNS if getattr(s, f"is_{name}")), None)
+        table[s] = sp.Dummy(s.name, real=True, **({sign: True} if sign else {}))
     return table, {dummy: s for s, dummy in table.items()}

@@ -14,7 +14,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.derivation_check import checked
 from dmoc.discretisation import DISCRETISATIONS
-from dmoc.errors import ModelError
+from dmoc.errors import ModelError, ProblemError
+from dmoc.symbolic.kinks import split
 
 X, U = dynamicsymbols("x u")
 v = X.diff()
@@ -124,6 +125,50 @@ def test_all_kernels_are_those_of_the_formulas(order: int) -> None:
     names = {c.kernel for c in errors}
     assert {"step_hess", "path_point_hess", "path_limit_jac", "hidden"} <= names
     assert max(c.error for c in errors) < 1e-9
+
+
+C = sp.Symbol("c", nonnegative=True)
+N = sp.Symbol("n", negative=True)
+SIGNED = {  # cost, path constraint: the signs that the values of the parameters need
+    "price": (K * sp.Abs(U), None, {"k": 1}),
+    "dearer to push": (-N * sp.Max(U, 0) - K * sp.Min(U, 0), None, {"k": 1, "n": -1}),
+    "two factors": ((1 + C) * sp.Abs(U) / K, None, {"k": 1, "c": 1}),
+    "square of a price": (K**2 * sp.Abs(U), None, {}),
+    "at least": (sp.Max(C, sp.Abs(U)) ** 2, None, {}),
+    "beyond a dead band": (sp.Max(C, U) ** 2, None, {"c": 1}),
+    "nested": (sp.Max(sp.Abs(U), K * sp.Abs(v), U / 2), None, {"k": 1}),
+    "limit": (U**2, K * sp.Abs(U) + C * sp.Max(v, 0) <= 4, {"k": 1, "c": 1}),
+    "limit of any sign": (U**2, sp.Abs(U) <= K, {}),
+}
+
+
+@pytest.mark.parametrize("name", SIGNED)
+def test_a_split_knows_the_signs_that_it_needs(name: str) -> None:
+    cost, limit, signs = SIGNED[name]
+    used = [s for s in (K, C, N) if cost.has(s) or (limit is not None and limit.has(s))]
+    made = system(
+        cost=cost, parameters={s: -1.0 if s is N else 1.0 for s in used},
+        path_constraints={"most": limit} if limit is not None else {},
+    )  # fmt: skip
+    assert {str(s): sign for s, sign in split(made).signs.items()} == signs
+
+
+def test_a_price_of_the_other_sign_is_refused() -> None:
+    """With a negative price effort would have to be as large as it can: no split says so."""
+    said = r"^parameter k = -2: expected 0 or a positive number, the sign that its symbol is made"
+    problem = across(cost=K * sp.Abs(U), parameters={K: 3.0}, steps=10)
+    with pytest.raises(ProblemError, match=said):
+        problem.but(parameters={"k": -2.0})
+    free = dmoc.solve(problem.but(parameters={"k": 0.0}), "ipm", starts=1)
+    assert free.status == "solved" and free.cost == pytest.approx(0, abs=1e-9)
+    table = dmoc.sweep(problem, {"k": [3.0, -2.0]}, method="ipm", starts=1)
+    assert table.status == ("solved", "refused") and "parameter k = -2" in table.message[1]
+
+
+def test_a_negative_symbol_takes_no_positive_value() -> None:
+    problem = across(cost=-N * sp.Abs(U), parameters={N: -3.0}, steps=10)
+    with pytest.raises(ProblemError, match=r"^parameter n = 2: expected 0 or a negative number"):
+        problem.but(parameters={N: 2.0})
 
 
 SPLIT = "where it cannot be split: abs and Max must raise a cost, Min must lower it; use a smooth"
