@@ -6,13 +6,13 @@ a column of a scene does not change, it is one number.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
 import numpy as np
 
-from dmoc.report.animation.numbers import short
+from dmoc.report.animation.numbers import rounded, short
 from dmoc.report.animation.panels import Panel, panels_of
 from dmoc.report.animation.places import Bounds, Part, Place, bounds_of, parts_of, place_at
 from dmoc.report.fallback import scene_for
@@ -68,10 +68,12 @@ class Branch:
 
 
 class Mark(TypedDict):
-    """A contact that takes part in an event: where it is, and what is told of it."""
+    """A contact that takes part in an event: where it is, its impulse there as a share of the
+    largest of the motion, and what is told of it."""
 
     contact: str
     at: Place
+    impulse: list[float]
     told: str
 
 
@@ -191,7 +193,7 @@ def _motion(take: Take) -> Motion:
         "shapes": [_drawn(shape, which) for shape in scene.shapes],
         "parts": parts,
         "bounds": bounds_of(scene),
-        "events": [_event(scene, i, event) for i, event in enumerate(motion.collisions)],
+        "events": [_event(scene, motion, i) for i in range(len(motion.collisions))],
         "panels": panels,
         "arrows": list(_arrows(scene, panels)),
         "largest": _largest_force(motion),
@@ -203,19 +205,45 @@ def _drawn(shape: Shape, which: list[int]) -> Drawn:
     return {"kind": shape.kind, "name": shape.name, "columns": columns}
 
 
-def _event(scene: Scene, phase: int, event: Collision) -> Event:
+def _event(scene: Scene, motion: Trajectory, phase: int) -> Event:
     """What happens at the end of a phase, where its contacts are then."""
+    event, largest = motion.collisions[phase], _largest_impulse(motion)
     several = event.word != event.surface
     return {
         "time": event.time,
         "word": event.word,
         "told": ", ".join(_impulses(event, name, several) for name in _contacts(event)).strip(", "),
         "marks": [
-            {"contact": name, "at": place, "told": _told(event, name)}
+            {
+                "contact": name,
+                "at": place,
+                "impulse": _along(place, event, name, largest),
+                "told": _told(event, name),
+            }
             for name in _contacts(event)
             if (place := place_at(scene, phase, name)) is not None
         ],
     }
+
+
+def _along(place: Place, event: Collision, name: str, largest: float) -> list[float]:
+    """The impulse of a contact in the plane, as a share of the largest: P along the normal, T along
+    the normal turned clockwise."""
+    nx, ny = place[2:]
+    normal, friction = (of.get(name, 0.0) / largest for of in (_normal(event), event.tractions))
+    return rounded(np.array([normal * nx + friction * ny, normal * ny - friction * nx]))
+
+
+def _largest_impulse(motion: Trajectory) -> float:
+    """What the longest arrow of an impulse stands for; 1 where there is none."""
+    events = motion.collisions
+    sizes = [abs(p) for e in events for of in (_normal(e), e.tractions) for p in of.values()]
+    return max(sizes, default=0.0) or 1.0
+
+
+def _normal(event: Collision) -> Mapping[str, float]:
+    """The normal impulse of each surface."""
+    return event.impulses or {event.surface: event.impulse}
 
 
 def _contacts(event: Collision) -> list[str]:
@@ -235,9 +263,8 @@ def _impulses(event: Collision, name: str, named: bool) -> str:
     """The impulses of a contact in words."""
     if event.grazes:
         return "grazes" if name == event.surface else ""
-    normal = {event.surface: event.impulse} if not event.impulses else event.impulses
     whose = f" of {name}" if named else ""
-    parts = (("impulse", normal), ("friction", event.tractions))
+    parts = (("impulse", _normal(event)), ("friction", event.tractions))
     words = [f"{what} {short(of[name])}{whose}" for what, of in parts if of.get(name)]
     return ", ".join(words)
 

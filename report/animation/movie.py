@@ -8,6 +8,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,8 +29,9 @@ SHORTEST, LONGEST = 3.0, 30.0  # seconds that a movie takes unless its speed is 
 HOLD = 0.6  # seconds for which its end stands
 MOST_FRAMES = 5000
 DOTS = 100  # in an inch; a column has an even number of them, as mp4 wants
-WIDTH, HEIGHT = 5.2, 4.2  # inches of a column
-ABOVE, BELOW = 0.09, 0.08  # of the height, beside the mechanism
+WIDTH = 6.4  # inches of a column
+LOWEST, HIGHEST = 2.4, 5.2  # inches of a mechanism, which has the shape of its room between them
+ABOVE, BELOW = 0.38, 0.34  # inches of the lines over and under it
 
 
 def movie_of(film: Film, ending: str, speed: float | None, fps: int, dark: bool) -> bytes:
@@ -54,10 +56,7 @@ def movie_of(film: Film, ending: str, speed: float | None, fps: int, dark: bool)
     """
     times = _times(max(motion["duration"] for motion in film["motions"]), speed, fps)
     colours = DARK if dark else LIGHT
-    figure = new_figure(WIDTH * len(film["motions"]), HEIGHT)
-    figure.set_layout_engine("none")
-    figure.set_facecolor(colours.ground)
-    stages = _stages(figure, film, colours)
+    figure, stages = _set(film, colours)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         path = folder / f"movie{ending}"
@@ -88,22 +87,28 @@ def _told() -> Iterator[None]:
         ) from None
 
 
-def _stages(figure: Figure, film: Film, colours: Colours) -> list[Drawn]:
-    """The mechanisms beside each other, at one scale."""
+def _set(film: Film, colours: Colours) -> tuple[Figure, list[Drawn]]:
+    """A figure with the mechanisms beside each other, at one scale."""
     motions = film["motions"]
     rooms = np.array([motion["bounds"] for motion in motions])
-    room = _fitted(*rooms[:, ::2].min(axis=0), *rooms[:, 1::2].max(axis=0))
+    left, bottom = rooms[:, ::2].min(axis=0)
+    right, top = rooms[:, 1::2].max(axis=0)
+    high = min(max(WIDTH * (top - bottom) / (right - left), LOWEST), HIGHEST)
+    height = 2 * ceil((high + ABOVE + BELOW) * DOTS / 2) / DOTS
+    figure = new_figure(WIDTH * len(motions), height)
+    figure.set_layout_engine("none")
+    figure.set_facecolor(colours.ground)
+    room = _fitted(left, bottom, right, top, WIDTH / high)
     share = 1.0 / len(motions)
     stages: list[Drawn] = []
     for i, motion in enumerate(motions):
-        axes = figure.add_axes((i * share, BELOW, share, 1 - BELOW - ABOVE))
+        axes = figure.add_axes((i * share, BELOW / height, share, high / height))
         stages.append(stage_of(axes, motion, room, colours))
-    return stages
+    return figure, stages
 
 
-def _fitted(left: float, bottom: float, right: float, top: float) -> Room:
+def _fitted(left: float, bottom: float, right: float, top: float, ratio: float) -> Room:
     """The room of the mechanisms, widened to the shape of its axes."""
-    ratio = WIDTH / (HEIGHT * (1 - BELOW - ABOVE))
     width = max(right - left, ratio * (top - bottom)) / 2
     x, y = (left + right) / 2, (bottom + top) / 2
     return Room(x - width, x + width, y - width / ratio, y + width / ratio)

@@ -58,7 +58,7 @@ def stage_of(axes: Axes, motion: Motion, room: Room, colours: Colours) -> Drawn:
         0.02, 0.94, "", color=colours.hit, fontsize=10, transform=axes.transAxes, parse_math=False
     )
     for line in _traces(motion):
-        axes.plot(*line, color=colours.mass, linestyle=":", linewidth=0.9, alpha=0.5, zorder=1)
+        axes.plot(*line, color=colours.mass, linestyle=":", linewidth=1.2, alpha=0.7, zorder=1)
     makers = {"link": _link, "point": _point, "disc": _disc, "box": _box, "spring": _spring,
               "wall": _wall}  # fmt: skip
     drawn = [shape for shape in motion["shapes"] if shape["kind"] in makers]
@@ -247,32 +247,40 @@ def _arrow(axes: Axes, motion: Motion, arrow: Arrow, room: Room, colours: Colour
 
 
 def _hit(axes: Axes, motion: Motion, i: int, room: Room, colours: Colours) -> Drawn:
-    """A hit: a ring that fades, what is told for a while, and a cross with its number."""
+    """A hit: a ring that fades, its impulse, what is told for a while on the side of the surface,
+    and a cross with its number on the other side."""
+    from matplotlib.patches import FancyArrowPatch
     from matplotlib.patheffects import withStroke
 
     event: Event = motion["events"][i]
     halo = [withStroke(linewidth=3, foreground=colours.ground)]
     artists = []
-    for mark in event["marks"]:
+    for k, mark in enumerate(event["marks"]):
         x, y, nx, ny = mark["at"]
         (cross,) = axes.plot([x], [y], "x", color=colours.hit, markersize=7, zorder=5)
         (ring,) = axes.plot([x], [y], "o", color=colours.hit, fillstyle="none", zorder=5)
-        # On the side that the surface is on.
         side = "center" if abs(nx) < 0.5 else ("right" if nx > 0 else "left")
-        label = axes.annotate(
-            "", (x, y), (-12 * nx, -16 * ny), textcoords="offset points", color=colours.hit,
-            ha=side, va="center", fontsize=9, zorder=6, parse_math=False, path_effects=halo,
-        )  # fmt: skip
-        artists.append((mark, cross, ring, label))
+        text: dict[str, Any] = {"textcoords": "offset points", "color": colours.hit, "va": "center",
+                                "fontsize": 9, "zorder": 6, "path_effects": halo}  # fmt: skip
+        down = 16 * ny + 12 * k  # a line of its own for each contact
+        label = axes.annotate(f"{i + 1} {mark['told']}", (x, y), (-12 * nx, -down), ha=side,
+                              parse_math=False, **text)  # fmt: skip
+        number = axes.annotate(str(i + 1), (x, y), (12 * nx, 13 * ny), ha="center", **text)
+        # The direction and the size of the impulse; one that would hardly be seen is not drawn.
+        way = ARROW * room.sides[0] * np.array(mark["impulse"])
+        long = float(np.hypot(*way) > SHORT * room.sides[0])
+        push = FancyArrowPatch((x, y), (x + way[0], y + way[1]), arrowstyle="-|>", alpha=long,
+                               mutation_scale=13, color=colours.hit, linewidth=2.2, shrinkA=0,
+                               shrinkB=0, zorder=5)  # fmt: skip
+        axes.add_patch(push)
+        artists.append((ring, cross, label, push, number))
 
     def draw(t: float) -> None:
         since = (t - event["time"]) / (TOLD * motion["duration"])
-        for k, (mark, cross, ring, label) in enumerate(artists):
-            for artist in (cross, ring, label):
-                artist.set_visible(since >= 0)
+        for ring, cross, label, push, number in artists:
+            for artist, seen in ((ring, since >= 0), (cross, since >= 0), (number, since >= 1),
+                                 (label, 0 <= since < 1), (push, 0 <= since < 1)):  # fmt: skip
+                artist.set_visible(seen)
             ring.set(alpha=min(max(1.0 - since, 0.0), 1.0), markersize=14 + 18 * min(since, 1.0))
-            label.set_text(f"{i + 1} {mark['told']}" if since < 1 else str(i + 1))
-            down = 12 * k if since < 1 else 0  # a line of its own for each contact
-            label.xyann = (label.xyann[0], -16 * mark["at"][3] - down)
 
     return draw

@@ -98,7 +98,14 @@ def test_events_are_told_at_their_places() -> None:
         "time": TURN,
         "word": "wall",
         "told": "impulse 9",
-        "marks": [{"contact": "wall", "at": [1.0, HIGH, -1.0, 0.0], "told": "wall impulse 9"}],
+        "marks": [
+            {
+                "contact": "wall",
+                "at": [1.0, HIGH, -1.0, 0.0],
+                "impulse": [-1.0, 0.0],
+                "told": "wall impulse 9",
+            }
+        ],
     }
 
 
@@ -120,6 +127,9 @@ def test_several_contacts_of_an_event_are_told_apart() -> None:
         "floor": "+floor impulse 2.5, friction \N{MINUS SIGN}0.75",
         "wall": "-wall",
     }
+    # Shares of the largest: upwards by the floor, and friction against its tangent to the right.
+    floor, wall = (mark["impulse"] for mark in event["marks"])
+    assert floor == [-0.3, 1.0] and wall == [0.0, 0.0]
     grazing = replace(hit, grazes=True, impulse=1e-9)
     ((event,),) = (m["events"] for m in film(replace(given, collisions=(grazing,)))["motions"])
     assert event["told"] == "grazes"
@@ -244,7 +254,9 @@ def test_a_search_has_its_tree_and_its_motions(solution: dmoc.Solution, tmp_path
     assert document["tree"][1]["evidence"] == ["the goal is missed"]
     assert [m["name"] for m in document["motions"]] == ["no event", "floor"]
     with Image.open(animate_tree("s", given, tmp_path / "best.gif", fps=5)) as best:
-        assert best.size == (2 * 520, 420)  # both confirmed motions
+        left, right, bottom, top = document["motions"][0]["bounds"]
+        assert best.width == 2 * 640  # both confirmed motions
+        assert best.height == pytest.approx(640 * (top - bottom) / (right - left) + 72, abs=2)
     with pytest.raises(ProblemError, match="has no confirmed motion"):
         animate_tree("shuttle", given[1:2], tmp_path / "best.gif")
 

@@ -196,6 +196,14 @@ function wall() {
   return { element: svg("g", {}, strokes, line), place };
 }
 
+// An arrow from a place on the picture along a way on it.
+function arrow([x, y], [wx, wy]) {
+  const length = Math.hypot(wx, wy) || 1;
+  const [ex, ey] = [wx / length, wy / length];
+  const barb = (side) => [x + wx - 8 * ex - side * 4.5 * ey, y + wy - 8 * ey + side * 4.5 * ex];
+  return path([[x, y], [x + wx, y + wy]]) + path([barb(1), [x + wx, y + wy], barb(-1)]);
+}
+
 // A contact force: N along the normal, T along the normal turned clockwise by 90 degrees.
 function makeArrow({ panel, curve, shape, kind }) {
   const line = svg("path", { class: `force ${kind}` });
@@ -209,41 +217,45 @@ function makeArrow({ panel, curve, shape, kind }) {
     const [x, y, nx, ny] = motion.shapes[shape].columns.map((k) => columns[k]);
     const [dx, dy] = kind === "N" ? [nx, -ny] : [ny, nx];
     const [ax, ay] = to(x, y);
-    const [bx, by] = [ax + length * dx, ay + length * dy];
-    const sign = Math.sign(length);
-    const barb = (side) => [bx - sign * 8 * dx - side * 4.5 * dy, by - sign * 8 * dy + side * 4.5 * dx];
-    set(line, { d: path([[ax, ay], [bx, by]]) + path([barb(1), [bx, by], barb(-1)]) });
-    set(label, { x: bx + sign * 11 * dx, y: by + sign * 11 * dy + 4 });
+    const beyond = length + Math.sign(length) * 11;
+    set(line, { d: arrow([ax, ay], [length * dx, length * dy]) });
+    set(label, { x: ax + beyond * dx, y: ay + beyond * dy + 4 });
   };
   return { element, draw };
 }
 
-// A hit: it flashes at its places, is told there for a while, and leaves a cross with its number.
+// A hit: it flashes at its places, its impulse is drawn and told there for a while, and a cross with
+// its number stays, which stands on the side away from the surface.
 function makeHit(event, i) {
   const spots = event.marks.map((mark) => ({
     mark,
     ring: svg("circle", { class: "flash" }),
     cross: svg("path", { class: "mark" }),
+    push: svg("path", { class: "push" }),
     label: svg("text", { class: "told halo" }),
   }));
-  const element = svg("g", {}, ...spots.flatMap(({ ring, cross, label }) => [ring, cross, label]));
+  const element = svg("g", {}, ...spots.flatMap(({ ring, cross, push, label }) => [ring, cross, push, label]));
   const draw = (t, duration, to, view) => {
     const since = (t - event.time) / duration;
     element.style.display = since < 0 ? "none" : "";
-    spots.forEach(({ mark, ring, cross, label }, k) => {
+    const told = since < TOLD;
+    spots.forEach(({ mark, ring, cross, push, label }, k) => {
       const [x, y] = to(mark.at[0], mark.at[1]);
+      const [px, py] = mark.impulse.map((share) => share * ARROW * view.side);
       const fading = Math.min(Math.max(since / FLASH, 0), 1);
       set(ring, { cx: x, cy: y, r: 10 + 16 * fading, opacity: 1 - fading });
       set(cross, { d: `M${x - 5} ${y - 5}l10 10m0 -10l-10 10` });
-      label.textContent = since < TOLD ? `${i + 1} ${mark.told}` : String(i + 1);
-      set(label, beside(x, y, mark.at, k * (since < TOLD), WIDE * label.textContent.length, view));
+      set(push, { d: told && Math.hypot(px, py) >= SHORT ? arrow([x, y], [px, -py]) : "" });
+      label.textContent = told ? `${i + 1} ${mark.told}` : String(i + 1);
+      const [nx, ny] = mark.at.slice(2).map((part) => (told ? part : -part));
+      set(label, beside(x, y, [nx, ny], k * told, WIDE * label.textContent.length, view));
     });
   };
   return { element, draw };
 }
 
 // Where a text of a width stands beside a contact, on the side that the surface is on, within the picture.
-function beside(x, y, [, , nx, ny], line, width, view) {
+function beside(x, y, [nx, ny], line, width, view) {
   const shift = Math.abs(nx) > 0.5 ? (-Math.sign(nx) * width) / 2 : 0;
   const room = (value, low, high) => Math.max(Math.min(value, high), low);
   const half = Math.min(width, view.width - 8) / 2;
