@@ -20,6 +20,8 @@ from systems import landing_system
 import dmoc
 from dmoc.errors import ProblemError
 from dmoc.nlp.course import course_of
+from dmoc.nlp.passage import END, STOP
+from dmoc.nlp.transcription import Transcription
 from dmoc.simulation.poisson import Impulses, impulses
 
 COURSES = [
@@ -83,6 +85,40 @@ def test_the_way_through_a_hit_is_poissons_and_no_other_is_possible(number: int)
             continue
         other = dmoc.solve(problem.but(sequence=[f"floor:{course}"]), starts=1, iterations=200)
         assert not other.minimum, course
+
+
+@pytest.mark.parametrize(
+    ("course", "order", "signs"),
+    [
+        ("slip+", (END,), (1, 1)),
+        ("stick", (END,), (0, 0)),
+        ("slip+:stick", (STOP, END), (1, 0, 0)),
+        ("slip-:stick:late", (END, STOP), (-1, -1, 0)),
+        ("slip+:slip-", (STOP, END), (1, -1, -1)),
+    ],
+)
+def test_the_rows_of_a_hit_are_those_of_poisson_and_coulomb(
+    course: str, order: tuple[int, ...], signs: tuple[int, ...]
+) -> None:
+    """At any unknowns: with e = 0.8, mu = 0.3 and the sliding velocity x_dot + 0.1 a_dot."""
+    nlp = Transcription(back(sequence=[f"floor:{course}"]))
+    lay, scaled = nlp.layout, np.random.default_rng(1).uniform(0.5, 2.0, nlp.n)
+    x = nlp.physical(scaled)
+    values = np.concatenate([nlp.equality(scaled), nlp.inequality(scaled)]) * nlp.row_unit
+    index = {b.name: b.index for b in (*nlp.equalities, *nlp.inequalities)}
+    dP = np.diff([0.0, *x[lay.index_P_h[0, list(order)]], x[lay.index_lam[0]]])
+    dT = np.diff([0.0, *x[lay.index_T_h[0, list(order)]], x[lay.index_T_c[0, 0]]])
+    slides = [x[v[0, 0]] + 0.1 * x[v[0, 2]] for v in (lay.index_v_a, lay.index_v_c)]
+    expected = {"restitution": {(0,): 1.8 * x[lay.index_P_h[0, END]] - x[lay.index_lam[0]]}}
+    expected["slips"] = {(0, k): dT[k] + s * 0.3 * dP[k] for k, s in enumerate(signs) if s}
+    ends = enumerate((signs[0], signs[-1]))
+    expected["heads"] = {(0, side): s * slides[side] for side, s in ends if s}
+    last = len(order)
+    cone = {(0, last, side): 0.3 * dP[-1] + way * dT[-1] for side, way in enumerate((-1, 1))}
+    expected["bears"] = {} if signs[-1] else cone
+    for name, rows in expected.items():
+        stated = {at: values[row] for at, row in np.ndenumerate(index[name]) if row >= 0}
+        assert stated == pytest.approx(rows, abs=1e-12), name
 
 
 @pytest.mark.parametrize("e", [0.0, 0.8])
@@ -270,7 +306,5 @@ def test_the_figure_names_the_way(tmp_path: Path) -> None:
 
 
 def test_a_program_needs_the_way_through_a_hit() -> None:
-    from dmoc.nlp.transcription import Transcription
-
     with pytest.raises(ProblemError, match="by one of 'floor:slip\\+', 'floor:slip-', "):
         Transcription(back(sequence=["floor"]))

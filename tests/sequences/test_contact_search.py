@@ -85,6 +85,15 @@ def test_only_what_a_shorter_sequence_does_as_well_collapses() -> None:
     }
 
 
+@pytest.mark.parametrize(("more", "collapses"), [(0.0, True), (0.9e-5, True), (1.1e-5, False)])
+def test_a_shorter_sequence_of_the_same_cost_does_as_well(more: float, collapses: bool) -> None:
+    """To 1e-5 of the cost; here the best is another one."""
+    held = node("a", "c", cost=3.0, held=True, verdict=Verdict.UNVERIFIED)
+    nodes = [node("b", cost=1.0), node("a", cost=3 * (1 + more)), held]
+    verdicts = {n.sequence: n.verdict for n in judged({n.sequence: n for n in nodes})}
+    assert verdicts["a", "c"] is (Verdict.COLLAPSES if collapses else Verdict.UNVERIFIED)
+
+
 def test_contacts_that_cannot_be_closed_together_are_left_out_and_told() -> None:
     """A ball in a corner of two rough walls has three coordinates, and both contacts that stick
     hold four."""

@@ -3,6 +3,7 @@ lost."""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,7 +12,9 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.registry import find
-from dmoc.sequences.nodes import Verdict
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.tree import FINER, FINEST, Tree
+from dmoc.sequences.walk import _looked_at
 
 
 def shipped(name: str, **changes: Any) -> dmoc.Problem:
@@ -93,6 +96,46 @@ def test_nothing_is_refined_that_costs_more_than_the_best() -> None:
     assert right.verdict is Verdict.UNVERIFIED and len(right.evidence) == 1
     assert right.cost is not None and result.best.cost is not None
     assert right.cost > result.best.cost
+
+
+@pytest.mark.parametrize(
+    ("best", "doubtful", "meshes"),
+    [(None, [0.8, 0.9, 1.1], [FINER, FINEST]), (1.0, [0.8, 0.9], [FINER]), (0.7, [], [FINER])],
+)
+def test_what_may_be_the_best_is_looked_at_again_and_on_the_finest_meshes_where_there_is_none(
+    monkeypatch: pytest.MonkeyPatch, best: float | None, doubtful: list[float], meshes: list[Any]
+) -> None:
+    none: Any = SimpleNamespace(surfaces=())
+    tree, asked = Tree(none, none), list[Any]()
+    for name, cost in (("a", 1.1), ("b", 0.9), ("c", 0.8), ("d", None)):
+        tree.nodes[name,] = Node((name,), Verdict.UNVERIFIED, cost)
+    if best is not None:
+        tree.nodes["e",] = Node(("e",), Verdict.FEASIBLE, best)
+    monkeypatch.setattr(Tree, "_refined", lambda self, finer, *_: asked.append(finer) or ())
+    assert list(tree.refine(lambda *_: (), 0.0)) == [] and asked == meshes
+    assert [n.cost for n in tree.doubtful()] == doubtful
+
+
+@pytest.mark.parametrize(
+    ("seconds", "most", "waiting", "told"),
+    [
+        (None, 2, 1, "the limit of 2 nodes was reached"),
+        (None, 2, 0, ""),
+        (None, 3, 1, ""),
+        (9.0, None, 1, "the time of 9 s was used up"),
+        (9.0, None, 0, ""),
+    ],
+)
+def test_a_budget_that_is_used_up_by_the_last_node_has_stopped_nothing(
+    seconds: float | None, most: int | None, waiting: int, told: str
+) -> None:
+    settings = SimpleNamespace(seconds=seconds, max_nodes=most)
+    tree: Any = SimpleNamespace(
+        settings=settings, nodes={1: 0, 2: 0}, waiting=waiting, rounds=lambda: [[]],
+        solve=lambda *_: [],
+    )  # fmt: skip
+    until = 0.0 if seconds else float("inf")  # in the past
+    assert _looked_at(tree, lambda *_: (), until, until, lambda: None) == told
 
 
 def swing_up(steps: int) -> dmoc.Problem:

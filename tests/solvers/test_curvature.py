@@ -184,8 +184,48 @@ def test_bounds_without_multipliers_limit_directions_to_one_side() -> None:
     assert Quadratic.of(-off, np.zeros(2), **corner).curvature().shape is Shape.SADDLE
     assert Quadratic.of(off, np.zeros(2), **corner).curvature().shape is Shape.BOWL
     rows = {"G": np.eye(2), "h": np.zeros(2), "w": np.zeros(2)}
-    assert Quadratic.of(-off, np.zeros(2), **rows).curvature().shape is Shape.SADDLE
-    assert Quadratic.of(off, np.zeros(2), **rows).curvature().shape is Shape.BOWL
+    for upper in (np.inf, 9.0):  # a bound of one and a row of the other
+        mixed = {"lower": [0.0, -9.0], "upper": [upper, 9.0]}
+        mixed |= {name: a[1:] for name, a in rows.items()}
+        for sides in (rows, mixed):
+            assert Quadratic.of(-off, np.zeros(2), **sides).curvature().shape is Shape.SADDLE
+            assert Quadratic.of(off, np.zeros(2), **sides).curvature().shape is Shape.BOWL
+    mirrored = {"upper": [0.0, 9.0]} | {name: a[1:] for name, a in rows.items()}
+    assert Quadratic.of(off, np.zeros(2), **mirrored).curvature().shape is Shape.SADDLE
+    assert Quadratic.of(-off, np.zeros(2), **mirrored).curvature().shape is Shape.BOWL
+
+
+@pytest.mark.parametrize(
+    ("distance", "force", "idle"),
+    [(0.9e-6, 0.0, False), (1.1e-6, 0.0, True), (0.9e-4, 1e-5, False), (1.1e-4, 1e-5, True)],
+)
+def test_a_bound_is_idle_that_is_far_beside_its_multiplier(
+    distance: float, force: float, idle: bool
+) -> None:
+    """x y falls along (1, -1), out of the corner x, y >= 0, as long as that may hold it."""
+    corner = {"lower": np.zeros(2), "z": np.full(2, force)}
+    p = Quadratic.of([[0.0, 1.0], [1.0, 0.0]], np.full(2, distance), **corner)
+    assert p.curvature().shape is (Shape.SADDLE if idle else Shape.BOWL)
+
+
+@pytest.mark.parametrize(
+    ("bend", "off", "y", "cheaper"),
+    [
+        (1e-7, 0.0, 0.0, True),
+        (1e-8, 0.0, 0.0, False),  # at most 0.09 bend
+        (0.0, 1e-6, 1.0, False),  # y times the violation
+        (1e-7, 1e-6, 1.0, True),
+    ],
+)
+def test_a_fall_counts_beyond_rounding_errors_and_what_a_violation_gives(
+    monkeypatch: pytest.MonkeyPatch, bend: float, off: float, y: float, cheaper: bool
+) -> None:
+    """1 - bend b^2 - y a with a = 0, along b, where a stays violated by a share of b."""
+    p = Quadratic.of(np.diag([0.0, -2 * bend]), np.zeros(2), A=[[1.0, 0.0]], y=[y])
+    second = p.second()
+    monkeypatch.setattr(second, "_onto_constraints", lambda z: z)
+    z = second._cheaper(np.array([off, 1.0]), -2 * bend)
+    assert (z is not None) is cheaper
 
 
 def test_numbers_of_a_barrier_tell_what_holds() -> None:
