@@ -37,6 +37,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.errors import ModelError, ProblemError
+from dmoc.nlp.readout import _forces
 
 
 @pytest.mark.parametrize(
@@ -408,6 +409,25 @@ def test_momenta_at_the_nodes_go_along_the_contacts() -> None:
     force = 9.81 + phase.v[:, 0] ** 2 + phase.q[:, 0] * a
     assert phase.normal[-1, 0] == pytest.approx(force[-1], rel=5e-3)
     assert phase.normal[0, 0] == pytest.approx(force[0], rel=5e-3)
+
+
+def test_a_block_that_slides_to_rest_has_its_speed_at_every_node() -> None:
+    """From 1 m/s under 1 N of friction: v = 1 - t, at both ends too."""
+    block = pushed(5).but(
+        start={"x": 0, "x_dot": 1.0}, goal={"x": 0.5}, contacts=["rail:slip+"], sequence=[],
+        final_time=1.0,
+    )  # fmt: skip
+    (phase,) = dmoc.solve(block, "ipm", starts=1, verify=False).phases
+    np.testing.assert_allclose(phase.v[:, 0], 1 - phase.t, atol=1e-9)
+
+
+@pytest.mark.parametrize(("nodes", "ends"), [(4, (9.0, 9.0)), (5, (1.0, 5.0)), (7, (1.0, 7.0))])
+def test_forces_at_the_ends_of_a_phase_are_those_beside_them_continued(
+    nodes: int, ends: tuple[float, float]
+) -> None:
+    forces = np.arange(1.0, nodes + 1)[:, None]
+    forces[[0, -1]] = 9.0  # impulses by half the time
+    assert tuple(_forces(forces)[[0, -1], 0]) == ends
 
 
 def test_the_upper_end_of_a_periodic_range_holds() -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from dmoc.nlp.active import ActiveBound, BoundKind
 from dmoc.solvers.outcome import Status
+from dmoc.solving import endless as endless_costs
 from dmoc.solving import refinement
 from dmoc.solving.basins import Basin
 from dmoc.solving.mesh_error import UNKNOWN, Errors, estimates
@@ -93,6 +94,38 @@ def test_errors_that_have_not_become_smaller_for_two_meshes_are_idle() -> None:
     assert not refinement._idle([1.0, 0.5, 0.3, 0.4])
     assert refinement._idle([1.0, 0.5, 0.3, 0.5])
     assert not refinement._idle([1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("cost", "falls", "open_ended", "endless"),
+    [
+        (1e-6, 0.011, True, True),
+        (1e-6, 0.009, True, False),
+        (0.9e-2, 0.5, True, True),  # from a share of 1e-2 on residuals are compared with the cost
+        (1.1e-2, 0.5, True, False),
+        (1.1e-17, 0.5, True, True),
+        (0.9e-17, 0.5, True, False),  # what rounding leaves
+        (1e-6, 0.5, False, False),
+    ],
+)
+def test_a_small_cost_that_falls_by_a_hundredth_in_twice_the_time_has_no_minimum(
+    cost: float, falls: float, open_ended: bool, endless: bool
+) -> None:
+    def answer(cost: float, time: float) -> Any:
+        return SimpleNamespace(cost=cost, final_time=time, minimum=True, scale={"cost": 1.0})
+
+    limits = (1.0, np.inf if open_ended else 9.0)
+    problem: Any = SimpleNamespace(final_time_bounds=limits, but=lambda final_time: final_time)
+    first = answer(cost, 3.0)
+
+    def solve(times: Any, guess: Any) -> Any:
+        assert times == (6.0, None) and guess is first
+        return answer(cost * (1 - falls), 6.0)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(endless_costs, "replace", lambda s, **fields: fields["status"])
+        found: Any = endless_costs.bounded(problem, first, solve)
+    assert found is (Status.STALLED if endless else first)
 
 
 def test_minima_of_one_cost_and_other_durations_are_two() -> None:
