@@ -282,14 +282,35 @@ def test_factorisation_of_random_matrices(seed: dmoc.Problem, linked: Link, tmp_
         np.testing.assert_allclose(found[3:], x, rtol=1e-10, atol=1e-12)
 
 
-def test_a_filter_takes_what_is_better_and_nothing_too_far_off(
-    gcc: str, objects: list[Path], tmp_path: Path
-) -> None:
+@pytest.fixture(scope="module")
+def parts(gcc: str, objects: list[Path], tmp_path_factory: pytest.TempPathFactory) -> list[float]:
+    """What parts.c prints."""
+    folder, driver = tmp_path_factory.mktemp("parts"), Path(__file__).with_name("parts.c")
+    inside = ("interior_search", "interior_system")
+    own = [str(driver), *(str(o) for o in objects if o.stem not in inside)]
+    done = _run([gcc, *FLAGS, *WARNINGS, *_include(), *own, "-lm", "-o", "parts"], folder)
+    assert done.returncode == 0, done.stderr
+    done = _run([str(folder / "parts")], folder)
+    assert done.returncode == 0, done.stderr
+    return [float(line) for line in done.stdout.split()]
+
+
+def test_a_filter_takes_what_is_better_and_nothing_too_far_off(parts: list[float]) -> None:
     """Whatever the objective, no violation above the largest one (Waechter & Biegler 2006, 2.3);
     then what has less of either than every entry."""
-    driver = str(Path(__file__).with_name("filter.c"))
-    own = [driver, *map(str, objects), "-lm", "-o", "filter"]
-    done = _run([gcc, *FLAGS, *WARNINGS, *_include(), *own], tmp_path)
-    assert done.returncode == 0, done.stderr
-    answers = [int(line) for line in _run([str(tmp_path / "filter")], tmp_path).stdout.split()]
-    assert answers == [1, 1, 0, 0, 0, 1, 1]
+    assert parts[:7] == [1, 1, 0, 0, 0, 1, 1]
+
+
+def test_steps_keep_a_share_of_the_distance_from_bounds(parts: list[float]) -> None:
+    """A quarter of 1: unknowns by -3 and a slack by -6; the same steps of the multipliers of lower
+    bounds, and that of an upper bound (Waechter & Biegler 2006, (15))."""
+    assert parts[7:10] == [0.75 / 6, 0.75 / 6, 0.75 / 3]
+    assert parts[10:13] == [0.75 / 3, 1, 1]
+
+
+def test_a_newton_step_solves_the_equations_of_slacks_too(parts: list[float]) -> None:
+    assert parts[13:16] == pytest.approx([0, 0, 0], abs=1e-14)
+
+
+def test_a_refinement_that_makes_a_solution_worse_is_taken_back(parts: list[float]) -> None:
+    assert parts[16:] == [1, 1]
