@@ -184,8 +184,8 @@ def _is_nonnegative(kink: Any, signs: dict[Any, int]) -> bool:
         return True
     parts = kink.args if isinstance(kink, sp.Max) else ()
     needed = [_needed(part) for part in parts if part.is_nonnegative]
-    if needed:
-        signs |= min(needed, key=len)
+    fewest = sorted(needed, key=len)[:1]
+    signs.update(*fewest)
     return bool(needed)
 
 
