@@ -71,8 +71,8 @@ class Diagnosis:
             []
             if self.least
             else [
-                "the search for the least violation did not come to an end: what follows is of the "
-                "best motion that was found"
+                "the search for the least violation came to no end, so that there may be a motion: "
+                "what follows is of the best that was found"
             ]
         )
         parts += [*self.missed[:MOST_LINES], *self.times]

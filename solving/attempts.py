@@ -20,6 +20,7 @@ from dmoc.solving.methods import METHODS, Judged, Method
 from dmoc.solving.program import Programs
 from dmoc.solving.starts import Starts
 from dmoc.solving.touching import pays, pushed, suspects
+from dmoc.solving.undetermined import along
 
 # A method that ends so far from a motion tells nothing of whether there is one.
 UNDECIDED = (Status.STALLED, Status.ITERATION_LIMIT)
@@ -157,7 +158,8 @@ def _explained(
     programs: Programs, before: Attempt, x: Array, options: Options, minimise: Minimise
 ) -> Attempt:
     """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve
-    from.  A method that came to no end is told so, unless the least violation is one."""
+    from, and an end without a minimum is none of an infeasible problem.  A method that came to no
+    end is told so, unless the least violation is one."""
     begin = time.perf_counter()
     nlp, outcome = before.nlp, before.outcome
     try:
@@ -170,8 +172,12 @@ def _explained(
         if again.outcome.status is not Status.INFEASIBLE:
             found = ascertained(programs, again, left, minimise)
             return found.counting(outcome.iterations + found.outcome.iterations)
+    if diagnosis.violation <= INFEASIBLE:
+        stalled = Attempt(nlp, replace(outcome, status=Status.STALLED))
+        said = "there is a motion that keeps all constraints, from which no minimum was reached"
+        return before if outcome.status in UNDECIDED else stalled.saying(said)
     if outcome.status in UNDECIDED:
-        if not diagnosis.least or diagnosis.violation <= INFEASIBLE:
+        if not diagnosis.least:
             return before
         outcome = replace(outcome, status=Status.INFEASIBLE)
     return Attempt(nlp, outcome, diagnosis.sentences)
@@ -207,8 +213,7 @@ def ascertained(
     second = SecondOrder(plain, outcome.x, replace(outcome.duals, w=outcome.duals.w[: plain.n_in]))
     around = second.curvature()
     if around.shape is Shape.VALLEY:
-        name = plain.layout.names()[int(np.abs(around.direction).argmax())]
-        return attempt.saying(f"motions beside it cost the same: most of all {name} is left open")
+        return attempt.saying(along(plain, around.direction))
     beside = second.cheaper(around)
     if not beside:
         return attempt

@@ -16,7 +16,7 @@ from dmoc.solvers.judge import rounded
 from dmoc.solvers.outcome import NOWHERE, Residuals, Status
 from dmoc.solving.mesh_error import UNKNOWN, Errors, barrier, changes, compared, estimates
 from dmoc.solving.meshes import finer
-from dmoc.solving.undetermined import undetermined
+from dmoc.solving.undetermined import telling, undetermined
 
 # A quarter of the steps at once where the error is this far above the tolerance, else half of them.
 FAR = 100.0
@@ -301,7 +301,7 @@ def _result(past: History) -> Solution:
     s = past.last.solution
     return replace(
         s,
-        message=f"{s.message}; {past.leaves_open}" if past.leaves_open else s.message,
+        message=telling(s.message, past.leaves_open),
         meshes=compared(meshes, past.solved, not past.leaves_open),
         error_estimate=past.error(past.last),
         iterations=past.iterations,

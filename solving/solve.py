@@ -33,7 +33,7 @@ from dmoc.solving.result import checked, with_proposal
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given, starts_of
 from dmoc.solving.turning import naming_turns
-from dmoc.solving.undetermined import undetermined
+from dmoc.solving.undetermined import telling, undetermined
 from dmoc.solving.ways import best_way, first_way
 
 # The error up to which a motion that the check confirms is a solution where nobody has asked for a
@@ -290,9 +290,7 @@ def _naming_durations(problem: Problem, answer: Solution) -> Solution:
     if not (answer.minimum and problem.lasting and problem.phases > 1):
         return answer
     sentence = undetermined(problem.meshed(answer.steps), answer)
-    if not sentence or sentence in answer.message:
-        return answer
-    return replace(answer, message=f"{answer.message}; {sentence}")
+    return replace(answer, message=telling(answer.message, sentence))
 
 
 def _naming_turns(problem: Problem, answer: Solution, request: Request, begin: float) -> Solution:

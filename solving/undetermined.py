@@ -1,6 +1,8 @@
-"""Durations and positions that a minimum does not determine: others of them cost the same."""
+"""What a minimum does not determine: others of it cost the same."""
 
 from __future__ import annotations
+
+import re
 
 import numpy as np
 
@@ -18,6 +20,14 @@ from dmoc.solving.program import Programs
 # What is not determined: changed by a tenth of the final time, or of the range of a coordinate, it
 # changes the cost by less than a millionth, half of the square times this.
 FLAT = 2e-4
+# A coordinate with a range below this, in its size, does not move.
+STILL = 1e-9
+# What moves along a direction of size 1 without a change of cost: durations, inputs and the like
+# that move by this share are named.
+MOVES = 0.5
+# Where no more moves than an unknown by so many times 1/N, or the inputs of so many nodes, it
+# vanishes with the size of the steps: the discretisation's own error, which a problem cannot help.
+RESOLVED = 5.0
 # Diagonal of the linear system: a curvature of all unknowns, relative to the cost, and what keeps
 # equations harmless that follow from others.
 CURVED, RELAXED = 1e-10, 1e-11
@@ -31,17 +41,52 @@ def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = Non
     nlp, duals = _program(problem, fine)
     names = [f"the duration of phase {i}" for i in range(len(fine.phases))]
     at, reach = nlp.layout.index_h, fine.final_time / np.array(fine.steps)
+    x, units = nlp.scaled(fine.unknowns), nlp.physical(np.ones(nlp.n))
     if coarse is not None:
         node, j = _most_changed(coarse, fine)
         places = nlp.layout.index_q[:, j]
-        names.append(f"{fine.trajectory.coordinates[j]} on the way")
-        at, reach = np.append(at, places[node]), np.append(reach, np.ptp(fine.unknowns[places]))
-    x, units = nlp.scaled(fine.unknowns), nlp.physical(np.ones(nlp.n))[at]
-    curvature = curvatures(nlp, x, duals, at) * (reach / units) ** 2 / cost_size(nlp, x)
+        width = np.ptp(fine.unknowns[places])
+        if width > STILL * units[places[node]]:
+            names.append(f"{fine.trajectory.coordinates[j]} on the way")
+            at, reach = np.append(at, places[node]), np.append(reach, width)
+    curvature = curvatures(nlp, x, duals, at) * (reach / units[at]) ** 2 / cost_size(nlp, x)
     left_open = [name for name, c in zip(names, curvature, strict=True) if 0 <= c < FLAT]
     if not left_open:
         return ""
-    return f"the problem does not determine {' and '.join(left_open)}: others cost the same"
+    return _sentence(left_open)
+
+
+def along(nlp: Transcription, direction: Array) -> str:
+    """A sentence on what a direction without curvature leaves open: the durations that move, else
+    what moves most; empty where that is not seen or no more than the mesh resolves."""
+    lay, size, most = nlp.layout, np.abs(direction), ("", 0.0)
+    if (size[lay.index_h] >= MOVES).any():
+        phases = np.flatnonzero(size[lay.index_h] >= MOVES)
+        return _sentence([f"the duration of phase {i}" for i in phases])
+    resolved = min(RESOLVED / min(lay.steps), MOVES)
+    for block in lay.unknowns:
+        if not block.count or block.name == "s":  # no result shows the hidden ones
+            continue
+        moved = size[block.numbers]
+        at_nodes = len(block.index) >= lay.total
+        open_share = moved.sum() / lay.total if at_nodes else moved.max()
+        if open_share > resolved and moved.max() > most[1]:
+            most = block.name_of(int(moved.argmax())), float(moved.max())
+    return _sentence([most[0]]) if most[0] else ""
+
+
+def _sentence(names: list[str]) -> str:
+    return f"the problem does not determine {' and '.join(names)}: others cost the same"
+
+
+def telling(message: str, sentence: str) -> str:
+    """A message with one sentence on what is left open, in the place of that which it has."""
+    had = re.search(_sentence([".*?"]), message)
+    if had is None:
+        return f"{message}; {sentence}" if sentence else message
+    if not re.fullmatch(_sentence([".*"]), sentence):
+        return message
+    return message[: had.start()] + sentence + message[had.end() :]
 
 
 def _program(problem: Problem, s: Solution) -> tuple[Transcription, Duals]:

@@ -6,12 +6,17 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 import sympy as sp
 from contact_problems import F, G, M, T, U, X, Y, floor
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.solvers import diagnosis
+from dmoc.solvers.judge import judged
+from dmoc.solvers.outcome import Duals, Ending, Options, Status
+from dmoc.solving.methods import Method
 
 W = dynamicsymbols("w")
 SPEED = sp.Symbol("speed")
@@ -117,3 +122,32 @@ def test_a_periodic_motion_that_leaves_its_contact_begins_on_it() -> None:
     solution = answer("flyer", {"x": 0}, {"x": 1}, sequence=["-floor"], periodic=["y"])
     assert solution.solved, solution.message
     assert solution.phases[0].q[:, 1] == pytest.approx(0, abs=1e-9)
+
+
+def test_a_search_for_the_least_violation_without_end_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A metre in a second needs 4 N at least; what three iterations find is not what conflicts."""
+    weak = {"bounds": {"u": (-1, 1)}, "start": AT, "goal": {"x": 1, "x_dot": 0}}
+    said = "the search for the least violation came to no end, so that there may be a motion"
+    ended = answer("flyer", **weak, contacts=[])
+    assert ended.status == "infeasible" and said not in ended.message
+    monkeypatch.setattr(diagnosis, "ITERATIONS", 3)
+    broken_off = answer("flyer", **weak, contacts=[])
+    assert broken_off.status == "infeasible" and said in broken_off.message
+
+
+def test_what_has_a_motion_is_not_infeasible(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The method loses its way from every start, the search for the least violation finds one."""
+
+    def losing(self: Method, form: str = "") -> Any:
+        def driver(nlp: Any, x: Any, options: Options, duals: Any) -> Any:
+            none = Duals(np.zeros(nlp.n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
+            return judged(nlp, Ending(Status.STALLED, "", x + 0.01, none, 1), options)
+
+        return driver
+
+    monkeypatch.setattr(Method, "minimise", losing)
+    lost = answer("flyer", {"x": 0, "y": 1}, {"x": 1, "x_dot": 0}, contacts=[])
+    assert lost.status == "stalled" and not lost.conflicts
+    assert "there is a motion that keeps all constraints" in lost.message

@@ -185,10 +185,46 @@ def test_one_minimum_among_others_is_said_to_be_so(method: str, cost: Any, state
         line("left_open", cost), **{"start": REST} | stated, steps=20, bounds={"u": (-9.0, 9.0)}
     )
     solution = dmoc.solve(problem, method, starts=1)
-    assert solution.solved and "motions beside it cost the same" in solution.message
+    assert solution.solved and solution.message.count("others cost the same") == 1
     sharp = problem.but(final_time=1.0, start=REST, goal={"x": 0.5, "x_dot": 0.0})
     if cost != 0:
         assert "cost the same" not in dmoc.solve(sharp, method, starts=1).message
+
+
+@pytest.mark.parametrize("steps", [10, 25])
+def test_what_vanishes_with_the_steps_is_not_called_open(steps: int) -> None:
+    """Full thrust to the wall and full thrust back: what the two inputs beside the hit are, is
+    left open by the discretisation alone."""
+    kernels = line("bang_bang", sp.Integer(1), surfaces={"wall": x <= 1})
+    problem = dmoc.Problem(
+        kernels, start=REST, goal=REST, sequence=["wall"], steps=steps, final_time=(0.1, 9.0),
+        bounds={"u": (-1.0, 1.0)}, controls="linear",
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.solved and solution.cost == pytest.approx(2 * np.sqrt(2), rel=1e-3)
+    assert "others cost the same" not in solution.message
+
+
+def test_what_is_left_open_is_said_once() -> None:
+    """A refinement looks at durations and positions, the conditions of second order at all."""
+    waiting = dmoc.Problem(
+        line("waits", u**2 / 2), start=REST, goal=REST, final_time=(0.5, 2.0),
+        bounds={"u": (-9.0, 9.0)},
+    )  # fmt: skip
+    solution = dmoc.solve(waiting, starts=2)
+    assert solution.solved and solution.message.count("others cost the same") == 1
+    assert "the problem does not determine the duration of phase 0: others" in solution.message
+
+
+def test_hidden_unknowns_are_not_called_open() -> None:
+    k = sp.Symbol("k", positive=True)
+    kernels = line("for_nothing", k * sp.Abs(u), parameters={k: 1.0})
+    problem = dmoc.Problem(
+        kernels, start=REST, goal={"x": 0.5, "x_dot": 0.0}, steps=10, final_time=2.0,
+        bounds={"u": (-1.0, 1.0)}, parameters={"k": 0.0},
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", starts=1)
+    assert solution.solved and "unknown for" not in solution.message
 
 
 def test_what_a_method_calls_stalled_is_no_minimum_at_a_saddle(
