@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # setuptools warns of the folders beside setup.py in every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
-.PHONY: demo test test-fast test-browser test-wheels mutations check docs docs-check linkcheck bench ladder release clean
+.PHONY: demo test test-fast test-browser test-wheels mutations check docs docs-check pictures linkcheck bench ladder release clean
 
 demo: $(VENV)/.installed-plot
 	@$(BIN)/python examples/seed.py demo
@@ -48,6 +48,10 @@ docs-check: $(VENV)/.installed-docs
 	@cp --parents src/dmoc/cli/troubleshooting.md $(MANUAL)
 	@cp -r $(filter-out docs/_build docs/examples,$(wildcard docs/*)) $(MANUAL)/docs && rm -rf $(MANUAL)/docs/reference/names
 	$(BIN)/sphinx-build -W --keep-going -n -q -D plot_gallery=0 -b html $(MANUAL)/docs $(MANUAL)/html
+
+# The pictures of the first pages, which are committed: docs/pictures.
+pictures: $(VENV)/.installed-docs
+	$(BIN)/python docs/_ext/pictures.py
 
 # Links to other sites, which needs the network.
 linkcheck: $(VENV)/.installed-docs

@@ -48,7 +48,8 @@ def blocks_of(text: str) -> list[Block]:
 
 
 def write_shared(folder: Path) -> None:
-    """Write the files that pages share."""
+    """Write the files that pages share, beside the examples."""
+    (folder / "examples").symlink_to(ROOT / "examples")
     for name, page in SHARED.items():
         (block,) = (b for b in blocks_of(page.read_text()) if b.file == name)
         (folder / name).write_text(block.content)

@@ -31,7 +31,7 @@ MOST_FRAMES = 5000
 DOTS = 100  # in an inch; a column has an even number of them, as mp4 wants
 WIDTH = 6.4  # inches of a column
 LOWEST, HIGHEST = 2.4, 5.2  # inches of a mechanism, which has the shape of its room between them
-ABOVE, BELOW = 0.38, 0.34  # inches of the lines over and under it
+ABOVE, BELOW = 0.38, 0.34  # inches of the names over several of them, and of the times under it
 
 
 def movie_of(film: Film, ending: str, speed: float | None, fps: int, dark: bool) -> bytes:
@@ -94,7 +94,8 @@ def _set(film: Film, colours: Colours) -> tuple[Figure, list[Drawn]]:
     left, bottom = rooms[:, ::2].min(axis=0)
     right, top = rooms[:, 1::2].max(axis=0)
     high = min(max(WIDTH * (top - bottom) / (right - left), LOWEST), HIGHEST)
-    height = 2 * ceil((high + ABOVE + BELOW) * DOTS / 2) / DOTS
+    above = ABOVE if len(motions) > 1 else 0.0  # one motion needs no name
+    height = 2 * ceil((high + above + BELOW) * DOTS / 2) / DOTS
     figure = new_figure(WIDTH * len(motions), height)
     figure.set_layout_engine("none")
     figure.set_facecolor(colours.ground)
@@ -104,6 +105,8 @@ def _set(film: Film, colours: Colours) -> tuple[Figure, list[Drawn]]:
     for i, motion in enumerate(motions):
         axes = figure.add_axes((i * share, BELOW / height, share, high / height))
         stages.append(stage_of(axes, motion, room, colours))
+        if above:
+            axes.set_title(motion["name"], color=colours.text, fontsize=11, parse_math=False)
     return figure, stages
 
 

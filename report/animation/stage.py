@@ -46,7 +46,6 @@ def stage_of(axes: Axes, motion: Motion, room: Room, colours: Colours) -> Drawn:
     """Draw a mechanism into axes; return what places it for a time."""
     axes.set_axis_off()
     axes.set(xlim=(room.left, room.right), ylim=(room.bottom, room.top))
-    axes.set_title(motion["name"], color=colours.text, fontsize=11, parse_math=False)
     below: dict[str, Any] = {"y": -0.01, "transform": axes.transAxes, "va": "top", "fontsize": 10}
     clock = axes.text(0.02, s="", color=colours.text, **below)
     axes.text(

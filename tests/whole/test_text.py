@@ -12,7 +12,7 @@ from pages import DOCS, ROOT, TROUBLESHOOTING
 COLUMNS = 100
 BUILT = ("_build", "examples", "names")
 PAGES = (
-    *sorted(p for p in ROOT.glob("*.md") if p.stem != "README"),
+    *sorted(ROOT.glob("*.md")),
     *sorted(p for p in DOCS.rglob("*.md") if not set(BUILT) & set(p.relative_to(DOCS).parts)),
     TROUBLESHOOTING,
 )

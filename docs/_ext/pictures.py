@@ -1,0 +1,138 @@
+"""The pictures of the first pages: ``make pictures`` writes them into docs/pictures.
+
+The swing-up is what two commands of the README write; the others show a motion of an example at
+equal intervals of time, the later the stronger.
+"""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+import dmoc
+from dmoc.report.snapshots import draw_shape
+from dmoc.report.style import DARK
+from dmoc.scene import Array, Scene, Shape
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "docs" / "pictures"
+DOTS, WIDTH, HEIGHT = 200, 4.8, 3.6  # in an inch, and inches
+COLOURS = 128  # of a picture, which are enough for its shades
+FAINT = 0.12  # strength of the first time
+ROOM = 0.05  # of the larger side, around everything
+BELOW = 0.06  # of the width, for the strokes of a floor
+# Shapes that move, and those of which all columns are points.
+MOVING, POLYLINES = ("link", "point", "disc", "box", "spring"), ("link", "spring", "wall")
+
+
+@dataclass(frozen=True)
+class Strobe:
+    """An example, the times at which it is drawn, and how often its motion is repeated."""
+
+    name: str
+    shots: int
+    repeat: int = 1
+
+
+STROBES = (Strobe("walker", 7, 4), Strobe("finger_puck", 16), Strobe("hopper", 10, 2))
+
+
+def main() -> None:
+    FOLDER.mkdir(exist_ok=True)
+    dmoc_command = [sys.executable, "-m", "dmoc"]
+    with tempfile.TemporaryDirectory() as folder:
+        for arguments in (
+            ["search", "cart_pendulum", "--max-collisions", "2", "--out", "result"],
+            ["animate", "result/solution.npz", "--out", str(FOLDER / "swing_up.gif")],
+        ):
+            subprocess.run([*dmoc_command, *arguments], cwd=folder, check=True)
+        for strobe in STROBES:
+            script = ROOT / "examples" / f"{strobe.name}.py"
+            subprocess.run([sys.executable, str(script), folder], check=True)
+            solution = dmoc.Solution.load(Path(folder) / f"{strobe.name}.npz")
+            draw(solution, strobe, FOLDER / f"{strobe.name}.png")
+
+
+def draw(solution: dmoc.Solution, strobe: Strobe, path: Path) -> None:
+    """Write the picture of a motion."""
+    scene = solution.trajectory.scene
+    assert scene is not None
+    figure = Figure(figsize=(WIDTH, HEIGHT), facecolor=DARK.paper)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    seen = [
+        (shape, values, k / (strobe.repeat * strobe.shots))
+        for k in range(strobe.repeat * strobe.shots + 1)
+        for shape, values in _at(scene, k * solution.final_time / strobe.shots, strobe.repeat)
+    ]
+    left, right, bottom, top = _window([_ends(shape, values) for shape, values, _ in seen], scene)
+    for shape, values, share in seen:
+        strength = FAINT + (1 - FAINT) * share**1.6
+        draw_shape(axes, shape, values, DARK, right - left, strength)
+    for wall in _walls(scene):
+        level = scene.of(wall, 0)[0][1]
+        draw_shape(axes, wall, np.array([left, level, right, level]), DARK, 0.7 * (right - left))
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+    content = io.BytesIO()
+    figure.savefig(content, dpi=DOTS)
+    Image.open(content).convert("RGB").quantize(COLOURS).save(path, optimize=True)
+
+
+def _at(scene: Scene, t: float, repeat: int) -> Iterator[tuple[Shape, Array]]:
+    """The moving shapes at a time, each with its values, of a motion that repeats."""
+    duration = float(scene.times[-1][-1])
+    step = min(int(t / duration * (1 + 1e-12)), repeat - 1)
+    within = t - step * duration
+    phase = max(i for i, times in enumerate(scene.times) if i == 0 or times[0] <= within)
+    # What repeats goes on by what its first moving shape has gone.
+    first = next(shape for shape in scene.shapes if shape.kind in MOVING)
+    ahead = scene.of(first, -1)[-1][0] - scene.of(first, 0)[0][0]
+    for shape in scene.shapes:
+        if shape.kind in MOVING:
+            columns = scene.of(shape, phase).T
+            values = np.array([np.interp(within, scene.times[phase], c) for c in columns])
+            values[: None if shape.kind in POLYLINES else 1 : 2] += step * ahead
+            yield shape, values
+
+
+def _walls(scene: Scene) -> list[Shape]:
+    """Floors, which are drawn over the whole width."""
+    walls = [shape for shape in scene.shapes if shape.kind == "wall"]
+    return [wall for wall in walls if np.ptp(scene.of(wall, 0)[:, 1::2]) == 0]
+
+
+def _window(places: list[Array], scene: Scene) -> tuple[float, float, float, float]:
+    """What is seen: all places with some room around them, in the shape of the picture."""
+    points = np.vstack([*places])
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = ROOM * max(high - low)
+    (left, bottom), (right, top) = low - room, high + room
+    for wall in _walls(scene):
+        bottom = scene.of(wall, 0)[0][1] - BELOW * (right - left)
+    wide = max(right - left, (top - bottom) * WIDTH / HEIGHT)
+    tall = wide * HEIGHT / WIDTH
+    left, right = (left + right - wide) / 2, (left + right + wide) / 2
+    if not _walls(scene):
+        bottom -= (tall - (top - bottom)) / 2
+    return left, right, bottom, bottom + tall
+
+
+def _ends(shape: Shape, values: Array) -> Array:
+    """Points that bound a shape."""
+    if shape.kind in POLYLINES:
+        return values.reshape(-1, 2)
+    half = {"disc": values[2:3], "box": values[2:4] / 2}.get(shape.kind, np.zeros(1))
+    return np.stack([values[:2] - half, values[:2] + half])
+
+
+if __name__ == "__main__":
+    main()
