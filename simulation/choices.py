@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -20,13 +21,13 @@ from dmoc.errors import SimulationError
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
 from dmoc.simulation.indeterminate import borne
+from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.modes import (
     RAIL,
     Mode,
     Reaction,
     answers,
     conditions,
-    reaction,
     spread,
     supports,
     without_rails,
@@ -39,6 +40,21 @@ SAME = 1e-9
 MOST_COMBINATIONS = 20_000
 OPEN = 2  # beside the signs 0, 1 and -1 of friction: a contact that opens
 SMOOTH = 3  # a contact that is closed without friction
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What a simulation goes by: model, coefficients of restitution (nc,), step size."""
+
+    model: Model
+    restitution: Array
+    h: float
+
+    @cached_property
+    def integrator(self) -> Integrator:
+        """That of the model, for motions of the size 1 and without a limit of time."""
+        model = self.model
+        return Integrator(model.kernels, model.par, np.ones(2 * model.nq + 1), lambda: None)
 
 
 @dataclass(frozen=True)
@@ -70,7 +86,7 @@ def touched(model: Model, at: Place) -> list[int]:
     return [int(j) for j in np.flatnonzero(near & still)]
 
 
-def mode_at(model: Model, at: Place, hints: Hints) -> Mode:
+def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
     """The mode that a motion goes on in.  A contact that slides without getting anywhere sticks,
     if there are forces that hold it (:mod:`dmoc.simulation.indeterminate`).
 
@@ -79,8 +95,8 @@ def mode_at(model: Model, at: Place, hints: Hints) -> Mode:
     SimulationError
         If none obeys the laws of contact and friction.
     """
+    model, integrator, nq = setting.model, setting.integrator, setting.model.nq
     on = touched(model, at)
-    nq = model.nq
     q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
     bends = model.gap_accelerations(q, v, t)[0], model.slide_accelerations(q, v, t)[0]
     slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]
@@ -88,7 +104,7 @@ def mode_at(model: Model, at: Place, hints: Hints) -> Mode:
     held: dict[Mode, Array] = {}  # by other forces than the smallest
 
     def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
-        found = reaction(model, mode, q, v, at.u[None], t)
+        found = integrator.reaction(mode, at.y[None], at.u[None], t)
         gap_bend, skid = (s @ found.acceleration[0] + b for s, b in zip(slopes, bends, strict=True))
         starting = [(k, s) for k, s in mode.sliding if abs(sigma[k]) <= at.small.slide[k]]
         if not (
@@ -108,11 +124,8 @@ def mode_at(model: Model, at: Place, hints: Hints) -> Mode:
 
     mode = _first(model, on, sigma, at.small.slide, hints, holds, rails=True)
     if held:
-        mode = _at_rest(model, at, mode, held)
-    if (
-        mode is None
-        and not np.isfinite(reaction(model, Mode(), q, v, at.u[None], t).acceleration).all()
-    ):
+        mode = _at_rest(setting, at, mode, held)
+    if mode is None and not np.isfinite(model.acceleration(q, v, at.u[None], t)).all():
         raise SimulationError(
             f"the mass matrix or a force at t = {at.t:.6g} s is singular or not finite: check the "
             "parameters, and stop before the motion gets there."
@@ -126,16 +139,16 @@ def mode_at(model: Model, at: Place, hints: Hints) -> Mode:
     return mode
 
 
-def _at_rest(model: Model, at: Place, mode: Mode | None, held: dict[Mode, Array]) -> Mode:
+def _at_rest(setting: Setting, at: Place, mode: Mode | None, held: dict[Mode, Array]) -> Mode:
     """The first mode that is held if a motion goes on as in the one that was chosen, or if none
     was."""
     first, acceleration = next(iter(held.items()))
     if mode is None:
         return first
-    nq = model.nq
-    q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
-    M, F = (part[0] for part in model.equations(q, v, at.u[None], t))
-    off = reaction(model, mode, q, v, at.u[None], t).acceleration[0] - acceleration
+    nq, t = setting.model.nq, np.array([at.t])
+    M, F = setting.model.equations(at.y[:nq], at.y[nq : 2 * nq], at.u, at.t)
+    off = setting.integrator.reaction(mode, at.y[None], at.u[None], t).acceleration[0]
+    off = off - acceleration
     return first if off @ M @ off <= SAME**2 * (F @ solved(M, F)) else mode
 
 
@@ -237,11 +250,14 @@ def _signs(k: int, sigma: Array, small: Array, hints: Hints) -> tuple[int, ...]:
     return tuple(dict.fromkeys([*first, 0, 1, -1]))
 
 
-def limits(model: Model, mode: Mode, y: Array, u: Array, t: Array) -> Array:
-    """What a mode keeps from falling below zero at rows of states, as in :func:`kept`."""
-    nq = model.nq
+def limits(
+    model: Model, integrator: Integrator, mode: Mode, rows: tuple[Array, Array, Array]
+) -> Array:
+    """What a mode keeps from falling below zero at rows of states, inputs and times, as in
+    :func:`kept`."""
+    nq, (y, u, t) = model.nq, rows
     q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
-    found = reaction(model, mode, q, v, np.broadcast_to(u, (len(q), u.shape[-1])), t)
+    found = integrator.reaction(mode, y, u, t)
     return kept(model, mode, borne(model, mode, found, q, t), q, v, t)
 
 

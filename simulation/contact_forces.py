@@ -12,7 +12,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.simulation.contact_location import ON_TIME
 from dmoc.simulation.contact_measures import Forces, forces
 from dmoc.simulation.measures import largest
-from dmoc.simulation.modes import RAIL, Mode, columns, conditions, reaction, supports
+from dmoc.simulation.modes import RAIL, Mode, columns, conditions, supports
 from dmoc.simulation.motion import Motion
 from dmoc.simulation.sizes import NOTHING, pushes
 
@@ -73,7 +73,8 @@ def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
         if rates[j] < -DRIFT * motion.sizes.rate[j]:
             continue  # it opens with a velocity
         kept = replace(motion.modes[i + 1], closed=(*motion.modes[i + 1].closed, j))
-        force = reaction(model, kept, q, v, motion.steps[i + 1].u0[:1], t).normal[0, j]
+        y, u = np.hstack([q, v]), motion.steps[i + 1].u0[:1]
+        force = motion.flow.integrator.reaction(kept, y, u, t).normal[0, j]
         if force > PRESSED * size[j]:
             yield f"{surfaces[j]} leaves at {c.time:.4g} s, pressed with {force:.4g} N"
 
@@ -91,7 +92,7 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
             continue
         others = tuple(pair for pair in mode.sliding if pair[0] != k)
         kept = replace(mode, sticking=(*mode.sticking, k), sliding=others)
-        found = reaction(model, kept, q, v, u[: len(t)], t)
+        found = motion.flow.integrator.reaction(kept, np.hstack([q, v]), u[: len(t)], t)
         bears = model.friction[k] * (1.0 if at[k] == RAIL else found.normal[:, at[k]])
         spare = bears - np.abs(found.tangential[:, k])
         if (spare > PRESSED * size[k]).all():

@@ -13,7 +13,7 @@ from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
 from dmoc.simulation.choices import Blow, Place, plastic_blow
 from dmoc.simulation.contacts import NOISE, simultaneous
-from dmoc.simulation.modes import RAIL, Mode, Reaction, conditions, reaction, supports
+from dmoc.simulation.modes import RAIL, Mode, Reaction, conditions, supports
 from dmoc.simulation.poisson import impulses
 
 # A rebound whose flight, with all that follow it, takes less than this share of a step is none.
@@ -34,9 +34,9 @@ class Struck:
     impulses: tuple[tuple[int, float, float], ...]
 
 
-def struck(model: Model, at: Place, mode: Mode, restitution: Array, h: float) -> Struck:
+def struck(model: Model, at: Place, found: Reaction, restitution: Array, h: float) -> Struck:
     """The impacts on the surfaces that a state touches and approaches; closed contacts that carry
-    a force stay closed through them.
+    a force in its reaction stay closed through them.
 
     Raises
     ------
@@ -49,7 +49,6 @@ def struck(model: Model, at: Place, mode: Mode, restitution: Array, h: float) ->
     rates = model.gap_rates(q, v, at.t)
     on = [int(j) for j in np.flatnonzero(model.gaps(q, at.t) >= -at.small.gap)]
     hit = [j for j in on if rates[j] > at.small.rate[j]]
-    found = reaction(model, mode, q[None], v[None], at.u[None], np.array([at.t]))
     e = _effective(model, at, found, restitution, h)
     tangent = {
         j: k for k, j in enumerate(supports(model.kernels)) if j != RAIL and model.friction[k] > 0

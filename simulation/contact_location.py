@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.choices import kept, limits
+from dmoc.simulation.flow import FIRST, LAST, Steps
 from dmoc.simulation.indeterminate import borne
-from dmoc.simulation.mode_flow import ModeFlow, Span
 from dmoc.simulation.modes import Mode, Reaction
 from dmoc.simulation.motion import Motion
 from dmoc.simulation.roots import crossing
@@ -36,18 +36,22 @@ class Stage:
     segments: NDArray[np.intp]
     y: tuple[Array, Array]
     held: Array
-    span: Span
+    steps: Steps
     kept: Array
 
 
 def kept_at_ends(
-    motion: Motion, mode: Mode, y: tuple[Array, Array], span: Span, ends: tuple[Reaction, Reaction]
+    motion: Motion,
+    mode: Mode,
+    y: tuple[Array, Array],
+    steps: Steps,
+    ends: tuple[Reaction, Reaction],
 ) -> Array:
     """What a mode keeps above zero at both ends of steps, shape (2, n, nc + 2 nt); infinite for
     surfaces that are open."""
     nq, nc = motion.model.nq, motion.model.nc
     found = []
-    for rows, reaction, t in zip(y, ends, (span.t, span.t + span.h), strict=True):
+    for rows, reaction, t in zip(y, ends, (steps.t, steps.t + steps.h), strict=True):
         q, v = (np.ascontiguousarray(rows[:, k * nq : (k + 1) * nq]) for k in (0, 1))
         held = borne(motion.model, mode, reaction, q, t)
         found.append(kept(motion.model, mode, held, q, v, t))
@@ -56,14 +60,12 @@ def kept_at_ends(
     return least
 
 
-def passed_limits(
-    motion: Motion, flow: ModeFlow, i: int, stages: list[Stage], slack: Array
-) -> Iterator[str]:
+def passed_limits(motion: Motion, i: int, stages: list[Stage], slack: Array) -> Iterator[str]:
     """What ends the mode of a phase elsewhere than planned, in sentences with its time."""
     first: dict[int, float] = {}
     for number, stage in enumerate(stages):
         for n, j in zip(*np.nonzero((stage.kept < -slack).any(axis=0)), strict=True):
-            time = _passing(motion, flow, i, stages[: number + 1], (int(n), int(j)))
+            time = _passing(motion, i, stages[: number + 1], (int(n), int(j)))
             first[int(j)] = min(time, first.get(int(j), np.inf))
     for j, time in first.items():
         sentence = _told(motion, i, j, time)
@@ -71,35 +73,33 @@ def passed_limits(
             yield sentence
 
 
-def _passing(
-    motion: Motion, flow: ModeFlow, i: int, stages: list[Stage], where: tuple[int, int]
-) -> float:
+def _passing(motion: Motion, i: int, stages: list[Stage], where: tuple[int, int]) -> float:
     """When the limit that is passed in the last stage passes zero."""
     n, j = where
     segment = stages[-1].segments[n]
     for stage in reversed(stages):
         row = int(np.flatnonzero(stage.segments == segment)[0])
         low, high = stage.kept[:, row, j]
-        t, h = float(stage.span.t[row]), float(stage.span.h[row])
+        t, h = float(stage.steps.t[row]), float(stage.steps.h[row])
         if low > 0 >= high:
-            return _crossing(motion, flow, i, stage, (row, j))
+            return _crossing(motion, i, stage, (row, j))
         if low > 0:
             return t + h  # between two steps whose inputs differ
     return t
 
 
-def _crossing(
-    motion: Motion, flow: ModeFlow, i: int, stage: Stage, where: tuple[int, int]
-) -> float:
+def _crossing(motion: Motion, i: int, stage: Stage, where: tuple[int, int]) -> float:
     row, j = where
-    one, mode, span = slice(row, row + 1), motion.modes[i], stage.span
-    t, h = float(span.t[row]), float(span.h[row])
+    one, mode, flow = slice(row, row + 1), motion.modes[i], motion.flow
+    step = stage.steps.part(one)
+    t, h = float(step.t[0]), float(step.h[0])
 
     def limit(share: float) -> float:
-        u = span.inputs(share)[one]
-        part = Span(span.t[one], share * span.h[one], span.u0[one], u)
-        y = flow.advance(mode, stage.y[0][one], part, stage.held[one])
-        return float(limits(motion.model, mode, y, u, np.array([t + share * h]))[0, j])
+        u, y = step.inputs(share), stage.y[0][one].copy()
+        part = Steps(step.t, share * step.h, step.u0, u)
+        flow.advance(y, part, FIRST, LAST, mode, stage.held[one])
+        at = np.array([t + share * h])
+        return float(limits(motion.model, flow.integrator, mode, (y, u, at))[0, j])
 
     low, high = stage.kept[:, row, j]
     return t + h * crossing(limit, (0.0, float(low)), (1.0, float(high)), LOCATED)

@@ -14,32 +14,14 @@ from dmoc.mechanics.model import Index
 from dmoc.simulation.amplification import PERTURBED
 from dmoc.simulation.contact_law import after_event, event_of
 from dmoc.simulation.contact_location import Stage, kept_at_ends, passed_limits
-from dmoc.simulation.flow import PLACES, TOUCH, Contact, Steps
+from dmoc.simulation.flow import FIRST, PLACES, TOUCH, Contact, Steps
 from dmoc.simulation.indeterminate import nearest
 from dmoc.simulation.measures import Segment, StepErrors, inside_errors, largest
-from dmoc.simulation.mode_flow import ModeFlow, Span
-from dmoc.simulation.modes import Mode, Reaction, reaction, settled
+from dmoc.simulation.modes import Mode, Reaction
 from dmoc.simulation.motion import Motion, nodes_of_segments
 from dmoc.simulation.path_limits import Course, path_excess
 from dmoc.simulation.runs import SAME_CONTACT
 from dmoc.simulation.sizes import penetration
-
-# Of a step, in sizes of the motion: what the check allows is a million times as much, and the
-# differences of amplifications are a thousand times as large.
-ACCURACY = 1e-9
-
-
-def flow_of(motion: Motion) -> ModeFlow:
-    """The flow that a motion is compared with."""
-    sizes = motion.sizes
-    size = np.concatenate([sizes.q, sizes.v, [sizes.energy]])
-    return ModeFlow(motion.model, size, motion.check_time, accuracy=ACCURACY)
-
-
-def span_of(motion: Motion, i: int, which: Index | slice) -> Span:
-    """Some steps of a phase."""
-    s = motion.steps[i]
-    return Span(s.t[which], s.h[which], s.u0[which], s.u1[which])
 
 
 def rows_at(motion: Motion, i: int, nodes: Index) -> Array:
@@ -51,8 +33,9 @@ def rows_at(motion: Motion, i: int, nodes: Index) -> Array:
 def put(motion: Motion, i: int, y: Array, t: Array) -> tuple[Array, Array]:
     """Rows moved to where the conditions of a phase's mode hold, and the tangential positions that
     they keep."""
-    held = motion.model.tangents(np.ascontiguousarray(y[:, : motion.model.nq]), t)
-    return settled(motion.model, motion.modes[i], y, t, held), held
+    held, y = motion.model.tangents(np.ascontiguousarray(y[:, : motion.model.nq]), t), y.copy()
+    motion.flow.integrator.settle(motion.modes[i], y, t, held)
+    return y, held
 
 
 def wanted(motion: Motion, i: int, nodes: Index) -> tuple[Array, Array, Array]:
@@ -75,9 +58,9 @@ def _open(motion: Motion, mode: Mode) -> NDArray[np.bool_]:
     return found
 
 
-def step_errors(motion: Motion, flow: ModeFlow) -> StepErrors:
+def step_errors(motion: Motion) -> StepErrors:
     """Integrate every step from its first node, in the mode of its phase."""
-    courses = [_course(motion, flow, i) for i in range(len(motion.steps))]
+    courses = [_course(motion, i) for i in range(len(motion.steps))]
     parts = [_steps_of(motion, i, course) for i, course in enumerate(courses)]
     return StepErrors(
         np.concatenate([p.defects for p in parts]),
@@ -88,19 +71,13 @@ def step_errors(motion: Motion, flow: ModeFlow) -> StepErrors:
     )
 
 
-def _course(motion: Motion, flow: ModeFlow, i: int) -> Course:
+def _course(motion: Motion, i: int) -> Course:
     """The steps of a phase in its mode."""
-    span = span_of(motion, i, slice(None))
-    nodes = np.arange(motion.trajectory.phases[i].steps)
-    y0, held = put(motion, i, rows_at(motion, i, nodes), span.t)
-    y1 = flow.advance(motion.modes[i], y0, span, held)
-    ends = flow.ends(motion.modes[i], y0, y1, span)
-    return Course(motion.steps[i], y0, _accelerations(ends), y1)
-
-
-def _accelerations(ends: tuple[Reaction, Reaction]) -> Array:
-    """Accelerations at both ends of steps, shape (n, 2, nq)."""
-    return np.stack([end.acceleration for end in ends], axis=1)
+    steps, first = motion.steps[i], np.arange(motion.trajectory.phases[i].steps)
+    start, held = put(motion, i, rows_at(motion, i, first), steps.t)
+    stop = start.copy()
+    ends = motion.flow.advance(stop, steps, first, first + 1, motion.modes[i], held)
+    return Course(steps, start, ends, stop)
 
 
 def _steps_of(motion: Motion, i: int, course: Course) -> StepErrors:
@@ -141,22 +118,20 @@ class Segments:
     told: list[str]
 
 
-def segments(motion: Motion, flow: ModeFlow, sizes: tuple[Array, Array, Array]) -> Segments:
+def segments(motion: Motion, sizes: tuple[Array, Array, Array]) -> Segments:
     """Simulate the segments of all phases; ``sizes`` are those of contact forces, of friction and
     of sliding velocities that errors of discretisation explain."""
     found = Segments([], [], [])
     for i in range(len(motion.steps)):
-        parts, contacts, stages = _segments_of(motion, flow, i)
+        parts, contacts, stages = _segments_of(motion, i)
         found.parts.extend(parts)
         found.met.extend(contacts)
-        found.told.extend(passed_limits(motion, flow, i, stages, np.concatenate(sizes)))
+        found.told.extend(passed_limits(motion, i, stages, np.concatenate(sizes)))
     return found
 
 
-def _segments_of(
-    motion: Motion, flow: ModeFlow, i: int
-) -> tuple[list[Segment], list[Contact], list[Stage]]:
-    phase, m = motion.trajectory.phases[i], 2 * motion.model.nq
+def _segments_of(motion: Motion, i: int) -> tuple[list[Segment], list[Contact], list[Stage]]:
+    phase, steps, m = motion.trajectory.phases[i], motion.steps[i], 2 * motion.model.nq
     cuts = nodes_of_segments(phase.steps)
     places = list(pairwise(map(int, cuts)))
     unit = PERTURBED * np.concatenate([motion.sizes.q, motion.sizes.v])
@@ -168,17 +143,17 @@ def _segments_of(
     for k in range(int(np.diff(cuts).max())):
         on = np.flatnonzero(cuts[:-1] + k < cuts[1:])
         rows = (on[:, None] * len(changes) + np.arange(len(changes))).ravel()
-        span = span_of(motion, i, np.repeat(cuts[on] + k, len(changes)))
-        y0 = y[rows]
-        y[rows] = y1 = flow.advance(motion.modes[i], y0, span, held[rows])
-        one = slice(None, None, len(changes))
-        alone = Span(span.t[one], span.h[one], span.u0[one], span.u1[one])
+        step = np.repeat(cuts[on] + k, len(changes))
+        y0, y1 = y[rows], y[rows]
+        motion.flow.advance(y1, steps, step, step + 1, motion.modes[i], held[rows])
+        y[rows], one = y1, slice(None, None, len(changes))
+        alone = steps.part(cuts[on] + k)
         if not is_free(motion, i):
-            both = y0[one], y1[one]
-            forced = flow.ends(motion.modes[i], *both, alone)
+            both = np.ascontiguousarray(y0[one]), np.ascontiguousarray(y1[one])
+            forced = _reactions(motion, i, both, alone)
             met += _met(motion, i, both, forced, alone)
             least = kept_at_ends(motion, motion.modes[i], both, alone, forced)
-            stages.append(Stage(on, both, held[rows][one], alone, least))
+            stages.append(Stage(on, both, np.ascontiguousarray(held[rows][one]), alone, least))
     ends = y.reshape(len(places), len(changes), m + 1)[..., :m]
     errors = motion.error(np.ascontiguousarray(ends[:, 0]), *wanted(motion, i, cuts[1:]))
     planned, _ = put(motion, i, rows_at(motion, i, cuts[1:]), phase.t[cuts[1:]])
@@ -192,14 +167,22 @@ def _segments_of(
     return parts, met, stages
 
 
+def _reactions(
+    motion: Motion, i: int, y: tuple[Array, Array], steps: Steps
+) -> tuple[Reaction, Reaction]:
+    """Accelerations and forces at both ends of steps of a phase."""
+    mode, integrator = motion.modes[i], motion.flow.integrator
+    first = integrator.reaction(mode, y[0], steps.u0, steps.t)
+    return first, integrator.reaction(mode, y[1], steps.u1, steps.t + steps.h)
+
+
 def _met(
-    motion: Motion, i: int, y: tuple[Array, Array], ends: tuple[Reaction, Reaction], span: Span
+    motion: Motion, i: int, y: tuple[Array, Array], ends: tuple[Reaction, Reaction], steps: Steps
 ) -> list[Contact]:
     """Contacts in steps of a phase that its plan does not have; a phase without closed contacts
     and friction is simulated through its contacts elsewhere."""
     mode, model, nq = motion.modes[i], motion.model, motion.model.nq
-    steps = Steps(span.t, span.h, span.u0, span.u1)
-    course = Course(steps, y[0], _accelerations(ends), y[1])
+    course = Course(steps, y[0], np.stack([end.acceleration for end in ends], axis=1), y[1])
     times, path = _between(motion, course, PLACES[1:])
     gaps = model.gaps(path.reshape(-1, nq), times.ravel()).reshape(*times.shape, model.nc)
     allowed = motion.flow.allowance(times.ravel()).reshape(gaps.shape)
@@ -254,15 +237,16 @@ def event_slope(motion: Motion, i: int, unit: Array) -> Array:
     return np.asarray((ends[: 2 * nq] - ends[2 * nq :]).T / (2 * PERTURBED * unit[:, None]))
 
 
-def open_loop(motion: Motion, flow: ModeFlow) -> float:
+def open_loop(motion: Motion) -> float:
     """The error at the end of a simulation from the start, which goes through the planned modes and
     events at their planned times."""
     nq, phases = motion.model.nq, motion.trajectory.phases
     y = rows_at(motion, 0, np.array([0]))
     for i, phase in enumerate(phases):
         y, held = put(motion, i, y, phase.t[:1])
-        for k in range(phase.steps):
-            y = flow.advance(motion.modes[i], y, span_of(motion, i, slice(k, k + 1)), held)
+        motion.flow.advance(
+            y, motion.steps[i], FIRST, np.array([phase.steps]), motion.modes[i], held
+        )
         if i + 1 < len(phases):
             q, v = (np.ascontiguousarray(y[:, k * nq : (k + 1) * nq]) for k in (0, 1))
             y[:, nq : 2 * nq] = after_event(
@@ -289,13 +273,17 @@ def forces(motion: Motion, i: int) -> Forces:
     the planned ones."""
     phase, mode, steps = motion.trajectory.phases[i], motion.modes[i], motion.steps[i]
     y, _ = put(motion, i, rows_at(motion, i, np.arange(phase.steps + 1)), phase.t)
-    nq = motion.model.nq
-    q, v = (np.ascontiguousarray(y[:, k * nq : (k + 1) * nq]) for k in (0, 1))
+    q = np.ascontiguousarray(y[:, : motion.model.nq])
     inputs = (np.vstack([steps.u0[:1], steps.u1]), np.vstack([steps.u0, steps.u1[-1:]]))
     planned = np.hstack([_closed(motion, i), _sticking(motion, i)])
     found = [
         nearest(
-            motion.model, mode, reaction(motion.model, mode, q, v, u, phase.t), q, phase.t, planned
+            motion.model,
+            mode,
+            motion.flow.integrator.reaction(mode, y, u, phase.t),
+            q,
+            phase.t,
+            planned,
         )
         for u in inputs
     ]

@@ -13,15 +13,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
-from dmoc.simulation.choices import Hints, Place, limits, mode_at, names_of, slack
+from dmoc.simulation.choices import Hints, Place, Setting, limits, mode_at, names_of, slack
 from dmoc.simulation.contact_impacts import struck
 from dmoc.simulation.indeterminate import borne
-from dmoc.simulation.mode_flow import ModeFlow, Span
-from dmoc.simulation.modes import Mode, placed, reaction, settled
+from dmoc.simulation.modes import Mode
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.tolerances import Reach, reached, tolerances
 from dmoc.trajectory import FRICTION_WORDS, Collision
@@ -46,29 +46,6 @@ class Stretch:
     begin: float
     end: float
     friction: int | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Setting:
-    """What a simulation goes by: model, coefficients of restitution (nc,), step size."""
-
-    model: Model
-    restitution: Array
-    h: float
-
-
-@dataclass(frozen=True)
-class Ramp:
-    """Inputs of a step: linear in time from u0 at its begin to u1 at its end."""
-
-    begin: float
-    end: float
-    u0: Array
-    u1: Array
-
-    def __call__(self, time: float) -> Array:
-        share = (time - self.begin) / (self.end - self.begin)
-        return np.asarray(self.u0 + share * (self.u1 - self.u0))
 
 
 @dataclass(frozen=True)
@@ -123,30 +100,37 @@ def nodes(setting: Setting, y: Array, u: Array, first: int, journal: Journal) ->
     for k in range(first, len(u)):
         t, end = k * setting.h, (k + 1) * setting.h
         reach = reached(setting.model, y, u[k], t, setting.h, reach)
-        y, mode = through_step(setting, y, Ramp(t, end, u[k], u[k]), (reach, journal))
-        journal.last = node(setting.model, mode, y, u[k], (k + 1) * setting.h)
+        y, mode = through_step(setting, y, u[k], (t, end), (reach, journal))
+        journal.last = node(setting, mode, y, u[k], end)
         yield journal.last
 
 
-def node(model: Model, mode: Mode, y: Array, u: Array, t: float) -> Node:
+def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> Node:
     """A state with the forces of its mode."""
-    q, v = y[None, : model.nq], y[None, model.nq : 2 * model.nq]
-    found = reaction(model, mode, q, v, u[None], np.array([t]))
-    found = borne(model, mode, found, q, np.array([t]))
+    model, times = setting.model, np.array([t])
+    found = setting.integrator.reaction(mode, y[None], u[None], times)
+    found = borne(model, mode, found, y[None, : model.nq], times)
     return Node(t, y, found.normal[0], found.tangential[0])
 
 
 def start(setting: Setting, y: Array, u: Array, t: float) -> Mode:
     """The mode of a state that approaches nothing."""
     place = _place(setting, y, u, t, reached(setting.model, y, u, t, setting.h, Reach()))
-    return mode_at(setting.model, place, Hints())
+    return mode_at(setting, place, Hints())
 
 
-def on_surfaces(model: Model, y: Array, t: float) -> Array:
-    """A state moved onto the surfaces that it lies on up to rounding."""
-    near = np.abs(model.gaps(y[: model.nq], t)) <= model.gap_rounding(y[: model.nq], t)
-    mode, times = Mode(tuple(map(int, np.flatnonzero(near)))), np.array([t])
-    return np.asarray(placed(model, mode, y[None], times, np.zeros((1, model.nt)))[0])
+def on_surfaces(setting: Setting, y: Array, t: float, share: float) -> Array:
+    """A state moved onto the surfaces that it lies on up to a share of the sizes of their gaps."""
+    model, q = setting.model, y[: setting.model.nq]
+    near = np.abs(model.gaps(q, t)) <= share * model.gap_sizes(q, t)
+    return _placed(setting, near, y, t)
+
+
+def _placed(setting: Setting, on: NDArray[np.bool_], y: Array, t: float) -> Array:
+    """A state whose position is moved onto some surfaces."""
+    mode, rows = Mode(tuple(map(int, np.flatnonzero(on)))), y[None].copy()
+    setting.integrator.settle(mode, rows, np.array([t]), np.zeros((1, 0)), False)
+    return np.asarray(rows[0])
 
 
 def _place(setting: Setting, y: Array, u: Array, t: float, reach: Reach) -> Place:
@@ -155,11 +139,11 @@ def _place(setting: Setting, y: Array, u: Array, t: float, reach: Reach) -> Plac
 
 
 def through_step(
-    setting: Setting, y: Array, inputs: Ramp, known: tuple[Reach, Journal]
+    setting: Setting, y: Array, u: Array, span: tuple[float, float], known: tuple[Reach, Journal]
 ) -> tuple[Array, Mode]:
-    """The state after a step, and its mode there."""
-    model, (reach, journal), end = setting.model, known, inputs.end
-    place, hints = _place(setting, y, inputs.u0, inputs.begin, reach), Hints()
+    """The state after a step with constant inputs, and its mode there."""
+    model, (reach, journal), (begin, end) = setting.model, known, span
+    place, hints = _place(setting, y, u, begin, reach), Hints()
     mode, modes, times = Mode(), list[Mode](), list[float]()
     before = journal.last
     for _ in range(MOST_EVENTS):
@@ -167,10 +151,10 @@ def through_step(
         place, mode = _resolved(setting, place, (mode, hints), reach, journal)
         changed = journal.note(model, mode, place.t)
         if before is not None and (changed or len(journal.collisions) > struck_before):
-            journal.marks.append(Mark(before, node(model, mode, place.y, place.u, place.t), mode))
+            journal.marks.append(Mark(before, node(setting, mode, place.y, u, place.t), mode))
         if end - place.t <= SHORTEST * setting.h:
             return place.y, mode
-        way = _Way.of(setting, place, mode, inputs)
+        way = _Way.of(setting, place, mode)
         rows = way.rows(place.t + PLACES * (end - place.t))
         event = way.first(end, rows)
         if event is None:
@@ -180,12 +164,12 @@ def through_step(
         times.append(at)
         if at - times[-MOST_AT_ONCE:][0] < MOMENT * setting.h and len(times) >= MOST_AT_ONCE:
             break
-        y, u = way(at) if at > place.t else place.y, inputs(at)
-        before = node(model, mode, y, u, at)
+        y = way.rows(np.array([at]))[0] if at > place.t else place.y
+        before = node(setting, mode, y, u, at)
         reach = reached(model, y, u, at, setting.h, reach)
         place = _place(setting, y, u, at, reach)
-        hints = _hints(model, place, mode, which)
-        place = replace(place, y=_on_limit(model, place, mode, which))
+        hints = _hints(setting, place, mode, which)
+        place = replace(place, y=_on_limit(setting, place, mode, which))
     shown = ", ".join(_events_shown(model, modes, journal))
     raise SimulationError(
         f"collisions or changes of contact come to no end at t = {place.t:.6g} s, {len(modes)} in "
@@ -217,16 +201,16 @@ def _resolved(
         model.gap_rates(q, v, place.t) > place.small.rate
     )
     if not hit.any():
-        return place, mode_at(model, place, hints)
-    met, t = Mode(tuple(map(int, np.flatnonzero(hit)))), np.array([place.t])
-    none = np.zeros((1, model.nt))  # errors of location would add up from bounce to bounce
-    place = replace(place, y=placed(model, met, place.y[None], t, none)[0])
-    found = struck(model, place, mode, setting.restitution, setting.h)
+        return place, mode_at(setting, place, hints)
+    # Errors of location would add up from bounce to bounce.
+    place = replace(place, y=_placed(setting, hit, place.y, place.t))
+    resting = setting.integrator.reaction(mode, place.y[None], place.u[None], np.array([place.t]))
+    found = struck(model, place, resting, setting.restitution, setting.h)
     after = place.y.copy()
     after[nq : 2 * nq] = found.velocity
     reach = reached(model, after, place.u, place.t, setting.h, reach)
     place = _place(setting, after, place.u, place.t, reach)
-    mode = mode_at(model, place, Hints())
+    mode = mode_at(setting, place, Hints())
     journal.collisions += _records(model, place, (v, mode), found.impulses)
     return place, mode
 
@@ -252,26 +236,27 @@ def _records(
         p = p + change
 
 
-def _hints(model: Model, place: Place, mode: Mode, which: int) -> Hints:
+def _hints(setting: Setting, place: Place, mode: Mode, which: int) -> Hints:
     """What the limit that is reached means for the mode that follows."""
-    nc, nt, nq = model.nc, model.nt, model.nq
+    nc, nt = setting.model.nc, setting.model.nt
     if which < nc:
         return Hints(opening=(which,) if which in mode.closed else ())
     if which < nc + nt:
-        q, v = place.y[None, :nq], place.y[None, nq : 2 * nq]
-        held = reaction(model, mode, q, v, place.u[None], np.array([place.t])).tangential
-        return Hints(slipping=((which - nc, -1 if held[0, which - nc] > 0 else 1),))
+        rows = place.y[None], place.u[None], np.array([place.t])
+        held = setting.integrator.reaction(mode, *rows).tangential[0, which - nc]
+        return Hints(slipping=((which - nc, -1 if held > 0 else 1),))
     return Hints()
 
 
-def _on_limit(model: Model, place: Place, mode: Mode, which: int) -> Array:
+def _on_limit(setting: Setting, place: Place, mode: Mode, which: int) -> Array:
     """The state moved to where the mode's conditions hold, and a sliding that has stopped rests."""
+    model = setting.model
     stopped = (which - model.nc - model.nt,) if which >= model.nc + model.nt else ()
     sliding = tuple((k, s) for k, s in mode.sliding if k not in stopped)
     resting = Mode(mode.closed, (*mode.sticking, *stopped), sliding)
-    t = np.array([place.t])
-    held = model.tangents(place.y[None, : model.nq], t)
-    return np.asarray(settled(model, resting, place.y[None], t, held)[0])
+    t, y = np.array([place.t]), place.y[None].copy()
+    setting.integrator.settle(resting, y, t, model.tangents(y[:, : model.nq], t))
+    return np.asarray(y[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,42 +266,38 @@ class _Way:
     setting: Setting
     place: Place
     mode: Mode
-    inputs: Ramp
-    flow: ModeFlow
     held: Array
 
     @classmethod
-    def of(cls, setting: Setting, place: Place, mode: Mode, inputs: Ramp) -> _Way:
-        model = setting.model
-        flow = ModeFlow(model, place.small.size, _nothing, ASTRAY)
-        held = model.tangents(place.y[None, : model.nq], np.array([place.t]))
-        return cls(setting, place, mode, inputs, flow, held)
+    def of(cls, setting: Setting, place: Place, mode: Mode) -> _Way:
+        q = place.y[None, : setting.model.nq]
+        return cls(setting, place, mode, setting.model.tangents(q, np.array([place.t])))
 
     def rows(self, times: Array) -> Array:
         """Rows of states at later times."""
-        n, u = len(times), self.place.u[None]
-        then = np.array([self.inputs(time) for time in times])
-        span = Span(np.full(n, self.place.t), times - self.place.t, np.repeat(u, n, 0), then)
-        rows = self.flow.advance(
-            self.mode, np.repeat(self.place.y[None], n, 0), span, np.repeat(self.held, n, 0)
-        )
-        if not np.isfinite(rows).all():
+        n, integrator, at = len(times), self.setting.integrator, self.place
+        y, u, held = (np.repeat(a, n, axis=0) for a in (at.y[None], at.u[None], self.held))
+        number, t = np.arange(n), np.full(n, at.t)
+        integrator.sizes = np.append(at.small.size, 1.0)
+        integrator.advance(y, number, number + 1, t, times - t, u, u, self.mode, held)
+        if integrator.worst > ASTRAY:
             raise SimulationError(
-                f"the motion cannot be followed from t = {self.place.t:.6g} s on: its mass matrix "
+                f"the motion cannot be followed over the step of {times[-1] - at.t:.4g} s at "
+                f"t = {at.t:.6g} s: reduce the step size, or stop before its mass matrix is "
+                "singular."
+            )
+        if not np.isfinite(y).all():
+            raise SimulationError(
+                f"the motion cannot be followed from t = {at.t:.6g} s on: its mass matrix "
                 "is singular, or its forces are not finite there; stop before it."
             )
-        return rows
-
-    def __call__(self, time: float) -> Array:
-        return np.asarray(self.rows(np.array([time]))[0])
-
-    def kept(self, times: Array) -> Array:
-        """The limits of the mode at later times."""
-        return self._limits(self.rows(times), times)
+        return y
 
     def _limits(self, rows: Array, times: Array) -> Array:
-        inputs = np.array([self.inputs(time) for time in times])
-        return limits(self.setting.model, self.mode, rows, inputs, times)
+        """The limits of the mode at states at later times."""
+        setting = self.setting
+        u = np.repeat(self.place.u[None], len(times), axis=0)
+        return limits(setting.model, setting.integrator, self.mode, (rows, u, times))
 
     def first(self, end: float, rows: Array) -> tuple[float, int] | None:
         """The first time at which a limit is passed, and which; None if there is none until the
@@ -332,7 +313,7 @@ class _Way:
             times = t + NEAR * (times[0] - t)
             times, kept = (
                 np.append(times, t + PLACES[0] * (end - t)),
-                np.vstack([self.kept(times), kept[:1]]),
+                np.vstack([self._limits(self.rows(times), times), kept[:1]]),
             )
             over = kept < least
             row = int(np.argmax(over.any(axis=1)))
@@ -348,12 +329,9 @@ class _Way:
         low, high = int(inside[-1]), row
 
         def limit(time: float) -> float:
-            return float(self.kept(np.array([time]))[0, j])
+            at = np.array([time])
+            return float(self._limits(self.rows(at), at)[0, j])
 
         ends = [(float(times[k]), float(kept[k, j])) for k in (low, high)]
         near = max(LOCATED * self.setting.h, 4 * np.finfo(float).eps * abs(ends[1][0]))
         return crossing(limit, ends[0], ends[1], near), j
-
-
-def _nothing() -> None:
-    """There is no limit of time."""

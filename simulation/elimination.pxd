@@ -1,6 +1,6 @@
 # cython: language_level=3
-"""Gaussian elimination of small dense matrices in place."""
-from libc.math cimport fabs, isfinite
+"""Small dense linear systems in place: elimination, and the shortest solution where that fails."""
+from libc.math cimport NAN, copysign, fabs, isfinite, sqrt
 
 
 cdef inline bint factor(double *A, ptrdiff_t *pivot, ptrdiff_t n, ptrdiff_t stride) noexcept nogil:
@@ -49,3 +49,65 @@ cdef inline void solve(
                 B[k * columns + c] -= LU[k * stride + i] * B[i * columns + c]
         for c in range(columns):
             B[k * columns + c] /= LU[k * stride + k]
+
+
+cdef inline void shortest(
+    double *A, double *V, double *b, double *x, ptrdiff_t n, double least
+) noexcept nogil:
+    """The shortest solution of least |A x - b|, into b, for A (n, n): columns are turned until they
+    are orthogonal (Jacobi's rotations, Hestenes 1958); singular values below the share ``least`` of
+    the largest count as zero.  V (n, n) and x (n,) are room; not a number where A or b is none."""
+    cdef ptrdiff_t i, j, k, sweep
+    cdef double p, q, r, t, c, s, total = 0.0, largest = 0.0
+    cdef bint turned = True
+    for i in range(n * n):
+        V[i] = 1.0 if i % (n + 1) == 0 else 0.0
+        total += A[i] * A[i]
+    for i in range(n):
+        if not (isfinite(b[i]) and isfinite(total)):
+            total = NAN
+    if not isfinite(total):
+        for i in range(n):
+            b[i] = NAN
+        return
+    for sweep in range(30):
+        if not turned:
+            break
+        turned = False
+        for i in range(n):
+            for j in range(i + 1, n):
+                p = q = r = 0.0
+                for k in range(n):
+                    p += A[k * n + i] * A[k * n + i]
+                    q += A[k * n + j] * A[k * n + j]
+                    r += A[k * n + i] * A[k * n + j]
+                # Columns that rounding leaves of nothing are orthogonal to all.
+                if fabs(r) <= 1e-15 * sqrt(p * q) or p <= 1e-31 * total or q <= 1e-31 * total:
+                    continue
+                turned = True
+                t = (q - p) / (2 * r)
+                t = copysign(1 / (fabs(t) + sqrt(1 + t * t)), t)
+                c = 1 / sqrt(1 + t * t)
+                s = c * t
+                for k in range(n):
+                    p, q = A[k * n + i], A[k * n + j]
+                    A[k * n + i], A[k * n + j] = c * p - s * q, s * p + c * q
+                    p, q = V[k * n + i], V[k * n + j]
+                    V[k * n + i], V[k * n + j] = c * p - s * q, s * p + c * q
+    for k in range(n):
+        x[k] = 0.0
+    for j in range(n):
+        p = 0.0
+        for k in range(n):
+            p += A[k * n + j] * A[k * n + j]
+        largest = p if p > largest else largest
+    for j in range(n):
+        p = r = 0.0
+        for k in range(n):
+            p += A[k * n + j] * A[k * n + j]
+            r += A[k * n + j] * b[k]
+        if p > least * least * largest:
+            for k in range(n):
+                x[k] += V[k * n + j] * r / p
+    for k in range(n):
+        b[k] = x[k]

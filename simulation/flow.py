@@ -18,6 +18,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Index, Model
 from dmoc.simulation.integrator import Integrator
+from dmoc.simulation.modes import FREE, Mode
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.sizes import Sizes
 from dmoc.trajectory import Collision
@@ -30,9 +31,7 @@ RESTING = 10
 # Where in a step crossings are looked for.
 PLACES = np.linspace(0.0, 1.0, 9)
 MOST_IMPACTS = 100  # within one step
-# Time that shows how the slopes of a gap change, and to which a crossing is located, as shares of
-# the final time.
-TURNING, LOCATED = 1e-6, 1e-14
+LOCATED = 1e-14  # share of the final time to which a crossing is located
 FIRST, LAST = np.array([0]), np.array([1])  # the step of a list of one
 
 
@@ -62,6 +61,14 @@ class Steps:
     def __len__(self) -> int:
         return len(self.t)
 
+    def part(self, which: Index | slice) -> Steps:
+        """Some of them."""
+        return Steps(self.t[which], self.h[which], self.u0[which], self.u1[which])
+
+    def inputs(self, share: float) -> Array:
+        """Inputs at a share of every step."""
+        return np.asarray((1 - share) * self.u0 + share * self.u1)
+
 
 class Flow:
     """Equations of motion with fixed parameters, for one thread.
@@ -77,9 +84,7 @@ class Flow:
         self.model, self.sizes, self.restitution = model, sizes, restitution
         self.allowance, self.nq = allowance, model.nq
         size = np.concatenate([sizes.q, sizes.v, [sizes.energy]])
-        self.integrator = Integrator(
-            model.kernels, model.par, size, TURNING * sizes.time, check_time
-        )
+        self.integrator = Integrator(model.kernels, model.par, size, check_time)
         near = RESTING * TOUCH * sizes.gap
         self.near = np.where(restitution == 0, near, -1.0)  # none is negative
 
@@ -121,10 +126,15 @@ class Flow:
 
     # Steps ----------------------------------------------------------------------------------------
 
-    def advance(self, y: Array, steps: Steps, first: Index, last: Index) -> Array:
-        """Integrate rows in place, each over some steps without contacts; return the accelerations
-        (n, 2, nq) at both ends of the last ones."""
-        return self.integrator.advance(y, first, last, steps.t, steps.h, steps.u0, steps.u1)
+    def advance(
+        self, y: Array, steps: Steps, first: Index, last: Index,
+        mode: Mode = FREE, held: Array | None = None,
+    ) -> Array:  # fmt: skip
+        """Integrate rows in place, each over some steps in a mode, where what sticks keeps the
+        places ``held`` (n, nt); return the accelerations (n, 2, nq) at both ends of the last
+        ones."""
+        inputs = steps.t, steps.h, steps.u0, steps.u1
+        return self.integrator.advance(y, first, last, *inputs, mode, held)
 
     def freely(self, y: Array, steps: Steps, first: int, last: int) -> Array:
         """The state after some steps without contacts."""
@@ -191,21 +201,19 @@ class Flow:
         jump = self.model.momentum(q, after, t) - self.model.momentum(q, before, t)
         return float((np.abs(jump) / self.sizes.p).max())
 
-    def _resting(self, y: Array, t: float, u: Array) -> int:
-        """A plastic surface that the state touches without approaching it, while the
-        acceleration pushes into it; -1 for none."""
+    def _resting(self, y: Array, t: float, u: Array) -> Mode:
+        """The mode in which the state goes on: on a plastic surface that it touches without
+        approaching it, while the acceleration pushes into it, or on none."""
         q, v = y[: self.nq], y[self.nq :]
         near = np.flatnonzero(np.abs(self.model.gaps(q, t)) <= self.near)
         if not len(near):
-            return -1
-        a = self.model.acceleration(q, v, u, t)
+            return FREE
+        pushed = self.model.gap_slopes(q, t)[:, :-1] @ self.model.acceleration(q, v, u, t)
+        pushed += self.model.gap_accelerations(q, v, t)
         for j in map(int, near):
-            if (
-                abs(self.rate(y, t, j)) < RELEASED * self.sizes.rate[j]
-                and self.integrator.gap_acceleration(y, a, t, j) > 0
-            ):
-                return j
-        return -1
+            if abs(self.rate(y, t, j)) < RELEASED * self.sizes.rate[j] and pushed[j] > 0:
+                return Mode((j,))
+        return FREE
 
     def _first_hit(
         self, until: _Until, y1: Array, ends: Array, t1: float
@@ -235,7 +243,7 @@ class Flow:
             )
             over = np.flatnonzero(gaps[:, j] > touch[j])
             over = over[over > outside] if leaving else over
-            if j == until.held or not len(over) or (leaving and not outside):
+            if j in until.mode.closed or not len(over) or (leaving and not outside):
                 continue
             k = int(over[0])
             # Starts on the surface: look for the last moment inside.
@@ -266,19 +274,17 @@ class Flow:
 
 @dataclass(frozen=True)
 class _Until:
-    """The motion from a state y at the time t on, on the surface ``held`` if that is not -1: its
-    state at a later time, and the accelerations (1, 2, nq) at both ends."""
+    """The motion from a state y at the time t on, in a mode: its state at a later time, and the
+    accelerations (1, 2, nq) at both ends."""
 
     flow: Flow
     y: Array
     t: float
     inputs: Callable[[float], Array]
-    held: int
+    mode: Mode
 
     def __call__(self, end: float) -> tuple[Array, Array]:
         y = self.y[None].copy()
         t, h = np.array([self.t]), np.array([end - self.t])
-        ends = self.flow.integrator.advance(
-            y, FIRST, LAST, t, h, self.inputs(self.t), self.inputs(end), self.held
-        )
-        return y[0], ends
+        steps = Steps(t, h, self.inputs(self.t), self.inputs(end))
+        return y[0], self.flow.advance(y, steps, FIRST, LAST, self.mode)

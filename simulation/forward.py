@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 from dmoc.arguments import array, check_known, function, positive, shown, whole
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.errors import SimulationError
-from dmoc.mechanics.model import Model
+from dmoc.mechanics.model import ROUNDING, Model
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
+from dmoc.simulation.choices import Setting
 from dmoc.simulation.contact_motion import (
     Journal,
     Mark,
     Node,
-    Setting,
     Stretch,
     node,
     nodes,
@@ -240,11 +240,11 @@ def _through_contacts(
     """The motion from the step ``first`` on by the continuous equations of its modes."""
     setting, journal = Setting(run.model, e, run.h), Journal()
     t = first * run.h
-    y = on_surfaces(run.model, np.concatenate([q, v]), t)
+    y = on_surfaces(setting, np.concatenate([q, v]), t, ROUNDING)
     journal.last = Node(t, y, np.zeros(run.model.nc), np.zeros(run.model.nt))
     if first % run.every == 0:
         mode = start(setting, y, run.u[first], t)
-        found.put(first // run.every, run.model, node(run.model, mode, y, run.u[first], t))
+        found.put(first // run.every, run.model, node(setting, mode, y, run.u[first], t))
     for k, at in enumerate(nodes(setting, y, run.u, first, journal), start=first + 1):
         if k % run.every == 0:
             found.put(k // run.every, run.model, at)

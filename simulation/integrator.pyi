@@ -4,14 +4,16 @@ from collections.abc import Callable
 
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import Index
+from dmoc.simulation.modes import Mode, Reaction
 
 class Integrator:
+    sizes: Array
+    worst: float
     def __init__(
         self,
         kernels: Kernels,
         par: Array,
         size: Array,
-        small_time: float,
         check_time: Callable[[], None],
     ) -> None: ...
     def advance(
@@ -23,9 +25,11 @@ class Integrator:
         h: Array,
         u0: Array,
         u1: Array,
-        held: int = -1,
+        mode: Mode | None = None,
+        held: Array | None = None,
     ) -> Array: ...
-    def gap_acceleration(self, y: Array, a: Array, t: float, j: int) -> float: ...
+    def settle(self, mode: Mode, y: Array, t: Array, held: Array, rates: bool = True) -> None: ...
+    def reaction(self, mode: Mode, y: Array, u: Array, t: Array) -> Reaction: ...
     def between(self, y0: Array, ends: Array, y1: Array, h: Array, shares: Array) -> Array: ...
     def quiet(
         self,

@@ -2,21 +2,32 @@
 """The continuous equations of motion M q'' = F, integrated for many rows of states side by side.
 
 A row is (q | v), (q | v | work) or (q | v | X), of 2 nq, 2 nq + 1 or 2 nq + (2 nq)^2 numbers.  The
-work is the integral of the power Q . v - dL/dt; X, row by row, is the derivative of (q | v) with
-respect to what a row starts from, X' = J X with the derivative J of (v, M^-1 F) by (q, v).
+work is the integral of the power Q . v - dL/dt and of that of the contacts; X, row by row, is the
+derivative of (q | v) with respect to what a row starts from, X' = J X with the derivative J of
+(v, M^-1 F) by (q, v), where nothing is closed or rubs.
+
+In a mode the motion obeys (equation :eq:`dae` of the theory)
+
+    M a = F(q, v, u, t) - sum_j N_j grad g_j + sum_k T_k grad tau_k
+
+with g_j'' = 0 of closed surfaces and tau_k'' = 0 of what sticks; T_k = -s mu N_j of a contact that
+slides with the sign s of tau_k', -s F of a rail.  After every part of a step the rows are moved
+back, the shortest way by the masses, to where the conditions of the mode hold: errors of
+integration do not open a contact or let it slip.  Free flight is the empty mode.
 
 The method is DOP853, that of Hairer, Norsett and Wanner of order 8 (dormand_prince.py), in as many
 equal parts as its error estimate asks for.  Kernels in C run without the GIL; kernels on NumPy take
 the same way.  An integrator belongs to one thread.
 """
-from libc.math cimport NAN, fabs, fmax, isfinite, pow, sqrt
+from libc.math cimport INFINITY, NAN, fabs, fmax, isfinite, pow, sqrt
 
 from dmoc_kernel cimport DMOC_MOST, dmoc_entry, find_kernel
-from elimination cimport factor, solve
+from elimination cimport factor, shortest, solve
 
 import numpy as np
 
 from dmoc.simulation.dormand_prince import ERROR_3, ERROR_5, STAGES, WEIGHTS
+from dmoc.simulation.modes import Reaction
 
 cdef enum:
     STAGE = 12       # stages of the method; the slope at the end is one more
@@ -33,6 +44,11 @@ cdef enum:
 # Error of an integration over a step, as a share of the sizes, far below the discretisation errors
 # that are to be seen.
 cdef double ACCURACY = 1e-11
+# An error below the first that more parts do not bring below this share of it is one of rounding.
+cdef double ROUNDED = 1e-6, FALLING = 0.5
+# Determinant, measured by the sizes of its rows and columns, of conditions that are far from saying
+# the same twice, and singular values, as shares of the largest, of those that do.
+cdef double REGULAR = 1e-6, REDUNDANT = 1e-11
 
 
 cdef class Rows:
@@ -95,28 +111,36 @@ cdef class Integrator:
     par : array of shape (1, npar)
     size : array of shape (2 nq + 1,)
         Sizes of positions, velocities and energy: integration errors are shares of them.
-    small_time : float
-        Time by which slopes of gaps are moved to see them turn.
     check_time : callable
         Called now and then; it may raise.
     """
-    cdef ptrdiff_t nq, nu, nc, capacity, parts
+    cdef ptrdiff_t nq, nu, nc, nt, capacity, parts
     cdef object check_time
-    cdef double small_time
-    cdef Rows dynamics, force, dynamics_jac, surface, surface_jac
-    cdef double[::1] par, sizes, start, y, at, slopes, u, t, mass, f, Q, power, M_D, F_D, G, n0, n1
-    cdef double[::1] now, u0, u1, begin, span, error, path, moments, gaps, stored
-    cdef ptrdiff_t[::1] row, which, step, pivot, M_row, M_column, F_row, F_column, g_row, g_column
+    cdef readonly double worst  # error of the last rows
+    cdef Rows dynamics, force, dynamics_jac, surface, tangent, gap_rate, slide_rate
+    cdef Rows gap_rate_jac, slide_rate_jac
+    cdef public double[::1] sizes
+    cdef double[::1] par, start, y, at, slopes, u, t, mass, f, Q, power, M_D, F_D, G
+    cdef double[::1] u0, u1, begin, span, error, before, path, moments, gaps
+    cdef ptrdiff_t[::1] row, which, step, pivot, M_row, M_column, F_row, F_column
+    # Conditions of the mode: their number, their gradients C and the directions B of their pushes
+    # at one state, what sliding tangents push by, and the places of surfaces and tangents.
+    cdef ptrdiff_t m, closed, sticking, sliding
+    cdef ptrdiff_t[::1] closed_at, sticks_at, slides_at, presses, support, exchange
+    cdef ptrdiff_t[::1] gamma_row, gamma_column, sigma_row, sigma_column
+    cdef double[::1] mu, push, gamma_D, sigma_D, g, tau, C, B, along, bent, lam, change
+    cdef double[::1] responses, A, scaled, V, unit, wanted, spare
+    cdef const double[:, ::1] held
     cdef ptrdiff_t sum_start[SUMS + 1]
     cdef ptrdiff_t sum_index[TERMS]
     cdef double sum_factor[TERMS]
     cdef double share[STAGE]
 
-    def __init__(self, kernels, par, size, double small_time, check_time):
+    def __init__(self, kernels, par, size, check_time):
         cdef ptrdiff_t nq = len(kernels.coordinates), rows, widest = 2 * nq * (2 * nq + 1)
         self.nq, self.nu, self.nc = nq, len(kernels.inputs), len(kernels.surfaces)
         self.par = np.append(par[0], 0.0)
-        self.sizes, self.small_time, self.check_time = np.array(size), small_time, check_time
+        self.sizes, self.check_time = np.array(size), check_time
         if self.sizes.shape[0] != 2 * nq + 1:
             raise ValueError(f"expected {2 * nq + 1} sizes")
         compiled = kernels.backend == "compiled"
@@ -125,24 +149,79 @@ cdef class Integrator:
         self.dynamics_jac = Rows(kernels, "dynamics_jac")
         self.M_row, self.M_column = map(np.array, kernels.pattern("dynamics_jac", "M_D"))
         self.F_row, self.F_column = map(np.array, kernels.pattern("dynamics_jac", "F_D"))
-        if self.nc:
-            self.surface = Rows(kernels, "surface")
-            self.surface_jac = Rows(kernels, "surface_jac")
-            self.g_row, self.g_column = map(np.array, kernels.pattern("surface_jac", "g_D"))
-            self.stored = _space(self.surface_jac.size(0))
         self.start, self.y, self.at = (_space(rows * widest) for _ in range(3))
         self.slopes = _space((STAGE + 1) * rows * widest)
         self.u, self.u0, self.u1 = (_space(rows * self.nu) for _ in range(3))
-        self.t, self.begin, self.span, self.error = (_space(rows) for _ in range(4))
+        self.t, self.begin, self.span = (_space(rows) for _ in range(3))
+        self.error, self.before = _space(rows), _space(rows)
         self.mass, self.f, self.Q = _space(rows * nq * nq), _space(rows * nq), _space(rows * nq)
         self.power = _space(rows)
         self.M_D = _space(rows * self.M_row.shape[0])
         self.F_D = _space(rows * self.F_row.shape[0])
-        self.G, self.now = _space(2 * nq * nq), _space(2 * nq)
-        self.n0, self.n1 = _space(nq + 1), _space(nq + 1)
+        self.G = _space(2 * nq * nq)
         self.row, self.which, self.step = (np.zeros(rows, dtype=np.intp) for _ in range(3))
         self.pivot = np.zeros(nq, dtype=np.intp)
         self._sums()
+        self._contacts(kernels, par)
+
+    def _contacts(self, kernels, par):
+        """What modes need of surfaces and tangents."""
+        cdef ptrdiff_t nq = self.nq, rows = self.capacity, most
+        surfaces = kernels.surfaces
+        self.nt = len(kernels.tangents)
+        most = self.nc + self.nt
+        places = [surfaces.index(n) if n in surfaces else -1 for n in kernels.tangents]
+        self.support = np.array([*places, -1], dtype=np.intp)
+        none = np.zeros(0, dtype=np.intp)
+        self.gamma_row = self.gamma_column = self.sigma_row = self.sigma_column = none
+        if self.nc:
+            self.surface, self.gap_rate = Rows(kernels, "surface"), Rows(kernels, "gap_rate")
+            self.gap_rate_jac = Rows(kernels, "gap_rate_jac")
+            places = kernels.pattern("gap_rate_jac", "gamma_D")
+            self.gamma_row, self.gamma_column = map(np.array, places)
+        if self.nt:
+            self.tangent, self.slide_rate = Rows(kernels, "tangent"), Rows(kernels, "slide_rate")
+            self.slide_rate_jac = Rows(kernels, "slide_rate_jac")
+            places = kernels.pattern("slide_rate_jac", "sigma_D")
+            self.sigma_row, self.sigma_column = map(np.array, places)
+            self.mu = np.array(kernels.call("friction", par)[0][0])
+        self.gamma_D = _space(rows * self.gamma_row.shape[0])
+        self.sigma_D = _space(rows * self.sigma_row.shape[0])
+        self.g, self.tau = _space(rows * self.nc), _space(rows * self.nt)
+        self.lam = _space(rows * most)
+        self.C, self.B, self.along = _space(most * nq), _space(most * nq), _space(self.nt * nq)
+        self.responses = _space(2 * most * nq)
+        self.A, self.scaled, self.V = (_space(most * most) for _ in range(3))
+        self.bent, self.wanted, self.unit, self.spare = (_space(most) for _ in range(4))
+        self.change, self.push = _space(nq), _space(self.nt)
+        self.closed_at, self.sticks_at, self.slides_at, self.presses, self.exchange = (
+            np.zeros(n + 1, dtype=np.intp) for n in (self.nc, self.nt, self.nt, self.nt, most)
+        )
+        self.held = np.zeros((1, max(self.nt, 1)))
+        self._enter(None)
+
+    def _enter(self, mode):
+        """Go by the conditions of a mode; without one, by none."""
+        cdef ptrdiff_t i, k
+        closed, sticking, sliding = ((), (), ()) if mode is None else (
+            mode.closed, mode.sticking, mode.sliding
+        )
+        if not all(0 <= j < self.nc for j in closed) or not all(
+            0 <= k < self.nt for k in (*sticking, *(k for k, _ in sliding))
+        ):
+            raise ValueError(f"expected some of {self.nc} surfaces and of {self.nt} tangents")
+        self.closed, self.sticking, self.sliding = len(closed), len(sticking), len(sliding)
+        self.m = self.closed + self.sticking
+        self.closed_at[:], self.sticks_at[:], self.slides_at[:] = -1, -1, -1
+        for i, j in enumerate(closed):
+            self.closed_at[<ptrdiff_t>j] = i
+        for i, k in enumerate(sticking):
+            self.sticks_at[k] = self.closed + i
+        for i, (k, s) in enumerate(sliding):
+            self.slides_at[k], self.push[i] = i, -s * self.mu[k]
+            self.presses[i] = self.closed_at[self.support[k]] if self.support[k] >= 0 else -1
+            if self.presses[i] < 0 <= self.support[k]:
+                raise ValueError("expected closed surfaces under what slides")
 
     def _sums(self):
         """Read the coefficients of the method."""
@@ -160,9 +239,9 @@ cdef class Integrator:
     # One slope ------------------------------------------------------------------------------------
 
     cdef int slope(
-        self, ptrdiff_t n, ptrdiff_t width, const double *y, ptrdiff_t held, double *out
+        self, ptrdiff_t n, ptrdiff_t width, const double *y, double *out
     ) except -1 nogil:
-        """Slopes of n rows at the times t and with the inputs u; a surface may hold them."""
+        """Slopes of n rows at the times t and with the inputs u, in the mode."""
         cdef ptrdiff_t nq = self.nq, i, j
         cdef const double *args[DMOC_MOST]
         cdef ptrdiff_t stride[DMOC_MOST]
@@ -170,7 +249,7 @@ cdef class Integrator:
         cdef const double *state
         cdef double *M
         cdef double *rate
-        cdef double second = 0.0
+        cdef bint free = not (self.m or self.sliding)
         args[0], args[1], args[2] = y, y + nq, &self.u[0]
         args[3], args[4] = &self.t[0], &self.par[0]
         stride[0] = stride[1] = width
@@ -183,20 +262,27 @@ cdef class Integrator:
         elif width > 2 * nq:
             results[0], results[1] = &self.M_D[0], &self.F_D[0]
             self.dynamics_jac.run(n, args, stride, results)
+        if not free:
+            self.gradients(n, width, y)
         for i in range(n):
             state, rate, M = y + i * width, out + i * width, &self.mass[i * nq * nq]
             for j in range(nq):
                 rate[j], rate[nq + j] = state[nq + j], self.f[i * nq + j]
+            if not free:
+                self.conditions(i, state + nq, rate + nq)
             if not factor(M, &self.pivot[0], nq, nq):
                 for j in range(nq, width):
                     rate[j] = NAN
+                for j in range(self.m):
+                    self.lam[i * self.m + j] = NAN
                 continue
             solve(M, &self.pivot[0], rate + nq, nq, nq, 1)
-            if held >= 0:
-                self.bend(state, rate + nq, self.t[i], held, &second)
-                self.hold(M, rate + nq, second)
+            if self.m:
+                self.react(i, M, rate + nq)
             if width == 2 * nq + 1:
                 rate[2 * nq] = self.power[i]
+                if not free:
+                    rate[2 * nq] += self.contact_power(i, state + nq)
             elif width > 2 * nq:
                 self.carry(i, M, rate + nq, state + 2 * nq, rate + 2 * nq)
         return 0
@@ -228,56 +314,269 @@ cdef class Integrator:
                 for c in range(m):
                     X_dot[(nq + r) * m + c] += G[r * m + k] * X[k * m + c]
 
-    # Surfaces -------------------------------------------------------------------------------------
+    # Contacts -------------------------------------------------------------------------------------
 
-    cdef int gap_slope(self, const double *q, double t, ptrdiff_t j, double *n) except -1 nogil:
-        """Slopes of gap j with respect to (q, t)."""
+    cdef int gradients(self, ptrdiff_t n, ptrdiff_t width, const double *y) except -1 nogil:
+        """Evaluate what the conditions of n rows are made of."""
         cdef const double *args[DMOC_MOST]
         cdef ptrdiff_t stride[DMOC_MOST]
         cdef double *results[DMOC_MOST]
-        cdef ptrdiff_t e
-        args[0], args[1], args[2] = q, &t, &self.par[0]
-        stride[0], stride[1], stride[2] = self.nq, 1, 0
-        results[0] = &self.stored[0]
-        self.surface_jac.run(1, args, stride, results)
-        for e in range(self.nq + 1):
-            n[e] = 0.0
-        for e in range(self.g_row.shape[0]):
-            if self.g_row[e] == j:
-                n[self.g_column[e]] = self.stored[e]
+        args[0], args[1], args[2], args[3] = y, y + self.nq, &self.t[0], &self.par[0]
+        stride[0], stride[1], stride[2], stride[3] = width, width, 1, 0
+        if self.closed:
+            results[0] = &self.gamma_D[0]
+            self.gap_rate_jac.run(n, args, stride, results)
+        if self.sticking or self.sliding:
+            results[0] = &self.sigma_D[0]
+            self.slide_rate_jac.run(n, args, stride, results)
         return 0
 
-    cdef int bend(
-        self, const double *y, const double *a, double t, ptrdiff_t j, double *second
+    cdef void conditions(self, ptrdiff_t i, const double *v, double *F) noexcept nogil:
+        """Gradients C of the conditions of row i, their second derivatives without acceleration,
+        and the directions B of their pushes; the friction of rails is added to F."""
+        cdef ptrdiff_t nq = self.nq, e, p, c
+        for e in range(self.m * nq):
+            self.C[e] = 0.0
+        for p in range(self.m):
+            self.bent[p] = 0.0
+        for e in range(self.sliding * nq):
+            self.along[e] = 0.0
+        for e in range(self.gamma_row.shape[0] if self.closed else 0):
+            p = self.closed_at[self.gamma_row[e]]
+            if p >= 0:
+                self.enter(p, self.gamma_column[e], self.gamma_D[i * self.gamma_row.shape[0] + e], v)
+        for e in range(self.sigma_row.shape[0] if self.sticking or self.sliding else 0):
+            c = self.sigma_column[e]
+            p = self.sticks_at[self.sigma_row[e]]
+            if p >= 0:
+                self.enter(p, c, self.sigma_D[i * self.sigma_row.shape[0] + e], v)
+            p = self.slides_at[self.sigma_row[e]]
+            if p >= 0 and nq <= c < 2 * nq:
+                self.along[p * nq + c - nq] = self.sigma_D[i * self.sigma_row.shape[0] + e]
+        for e in range(self.m * nq):
+            self.B[e] = -self.C[e] if e < self.closed * nq else self.C[e]
+        for p in range(self.sliding):
+            for c in range(nq):
+                if self.presses[p] >= 0:
+                    self.B[self.presses[p] * nq + c] += self.push[p] * self.along[p * nq + c]
+                elif F != NULL:
+                    F[c] += self.push[p] * self.along[p * nq + c]
+
+    cdef void enter(self, ptrdiff_t p, ptrdiff_t c, double x, const double *v) noexcept nogil:
+        """A derivative of the rate of condition p by entry c of (q, v, t)."""
+        if c < self.nq:
+            self.bent[p] += x * v[c]
+        elif c < 2 * self.nq:
+            self.C[p * self.nq + c - self.nq] = x
+        else:
+            self.bent[p] += x
+
+    cdef void react(self, ptrdiff_t i, const double *LU, double *a) noexcept nogil:
+        """Add to a = M^-1 F of row i what its multipliers make of it."""
+        cdef ptrdiff_t p, c
+        for p in range(self.m):
+            self.wanted[p] = -self.bent[p]
+            for c in range(self.nq):
+                self.wanted[p] -= self.C[p * self.nq + c] * a[c]
+        self.answer(LU, &self.B[0], &self.lam[i * self.m])
+        for c in range(self.nq):
+            a[c] += self.change[c]
+
+    cdef void answer(self, const double *LU, const double *B, double *lam) noexcept nogil:
+        """The change M^-1 B^T lam of an acceleration, a velocity or a position that changes the
+        conditions by what is wanted, and its multipliers: the smallest where several would do."""
+        cdef ptrdiff_t nq = self.nq, m = self.m, columns = m if m == 1 else 2 * m, p, k, c
+        cdef double determinant = 1.0
+        for c in range(nq):
+            for p in range(m):
+                self.responses[c * columns + p] = B[p * nq + c]
+                if m > 1:
+                    self.responses[c * columns + m + p] = self.C[p * nq + c]
+        solve(LU, &self.pivot[0], &self.responses[0], nq, nq, columns)
+        for p in range(m):
+            self.unit[p] = 0.0
+            for c in range(nq):
+                self.unit[p] += self.C[p * nq + c] * self.responses[c * columns + columns - m + p]
+            self.unit[p] = sqrt(fabs(self.unit[p])) if self.unit[p] > 0 and m > 1 else 1.0
+        for p in range(m):
+            lam[p] = self.wanted[p] / self.unit[p]
+            for k in range(m):
+                self.A[p * m + k] = 0.0
+                for c in range(nq):
+                    self.A[p * m + k] += self.C[p * nq + c] * self.responses[c * columns + k]
+                self.A[p * m + k] /= self.unit[p] * self.unit[k]
+                self.scaled[p * m + k] = self.A[p * m + k]
+        if m == 1:
+            lam[0] /= self.A[0]
+        else:
+            if factor(&self.A[0], &self.exchange[0], m, m):
+                for p in range(m):
+                    determinant *= self.A[p * m + p]
+            else:
+                determinant = 0.0
+            if fabs(determinant) > REGULAR:
+                solve(&self.A[0], &self.exchange[0], lam, m, m, 1)
+            else:
+                shortest(&self.scaled[0], &self.V[0], lam, &self.A[0], m, REDUNDANT)
+        for p in range(m):
+            lam[p] /= self.unit[p]
+        for c in range(nq):
+            self.change[c] = 0.0
+            for p in range(m):
+                self.change[c] += self.responses[c * columns + p] * lam[p]
+
+    cdef double contact_power(self, ptrdiff_t i, const double *v) noexcept nogil:
+        """Power of contact and friction forces of row i, whose conditions were the last."""
+        cdef ptrdiff_t p, c
+        cdef double power = 0.0
+        for c in range(self.nq):
+            for p in range(self.m):
+                power += self.lam[i * self.m + p] * self.B[p * self.nq + c] * v[c]
+            for p in range(self.sliding):
+                if self.presses[p] < 0:
+                    power += self.push[p] * self.along[p * self.nq + c] * v[c]
+        return power
+
+    cdef int settle_rows(
+        self, ptrdiff_t n, ptrdiff_t width, double *y, ptrdiff_t turns
     ) except -1 nogil:
-        """Second derivative of gap j along a motion with the acceleration a; leaves the slopes of
-        the gap in n0."""
-        cdef ptrdiff_t nq = self.nq, i
-        cdef double s = self.small_time
-        for i in range(nq):
-            self.now[i], self.now[nq + i] = y[i] + s * y[nq + i], y[i] - s * y[nq + i]
-        self.gap_slope(&self.now[0], t + s, j, &self.n0[0])
-        self.gap_slope(&self.now[nq], t - s, j, &self.n1[0])
-        second[0] = (self.n0[nq] - self.n1[nq]) / (2 * s)
-        for i in range(nq):
-            second[0] += (self.n0[i] - self.n1[i]) / (2 * s) * y[nq + i]
-        self.gap_slope(y, t, j, &self.n0[0])
-        for i in range(nq):
-            second[0] += self.n0[i] * a[i]
+        """Move n rows at the times t to where closed gaps are zero and what sticks is at its place,
+        and, in the third turn, to where neither has a rate."""
+        cdef ptrdiff_t nq = self.nq, turn, i, j, c
+        cdef double *state
+        for turn in range(turns):  # Newton's method, from errors of integration
+            self.values(n, width, y, turn == 2)
+            for i in range(n):
+                state = y + i * width
+                self.conditions(i, state + nq, NULL)
+                for j in range(self.nc):
+                    if self.closed_at[j] >= 0:
+                        self.wanted[self.closed_at[j]] = -self.g[i * self.nc + j]
+                for j in range(self.nt):
+                    if self.sticks_at[j] >= 0:
+                        self.wanted[self.sticks_at[j]] = -self.tau[i * self.nt + j]
+                        if turn < 2:
+                            self.wanted[self.sticks_at[j]] += self.held[self.which[self.row[i]], j]
+                if turn == 2:
+                    state += nq
+                if factor(&self.mass[i * nq * nq], &self.pivot[0], nq, nq):
+                    self.answer(&self.mass[i * nq * nq], &self.C[0], &self.spare[0])
+                else:
+                    self.change[:] = NAN
+                for c in range(nq):
+                    state[c] += self.change[c]
         return 0
 
-    cdef void hold(self, const double *LU, double *a, double second) noexcept nogil:
-        """Take M^-1 n times a force from a, so that the rate of the gap with the slopes n0
-        stays."""
-        cdef ptrdiff_t i
-        cdef double inertia = 0.0
-        for i in range(self.nq):
-            self.G[i] = self.n0[i]
-        solve(LU, &self.pivot[0], &self.G[0], self.nq, self.nq, 1)
-        for i in range(self.nq):
-            inertia += self.n0[i] * self.G[i]
-        for i in range(self.nq):
-            a[i] -= second / inertia * self.G[i]
+    cdef int values(
+        self, ptrdiff_t n, ptrdiff_t width, const double *y, bint rates
+    ) except -1 nogil:
+        """Masses, gradients, and gaps and tangential positions, or their rates, of n rows."""
+        cdef const double *args[DMOC_MOST]
+        cdef ptrdiff_t stride[DMOC_MOST]
+        cdef double *results[DMOC_MOST]
+        cdef ptrdiff_t at = 1
+        args[0], args[1], args[2] = y, y + self.nq, &self.u[0]
+        args[3], args[4] = &self.t[0], &self.par[0]
+        stride[0] = stride[1] = width
+        stride[2], stride[3], stride[4] = self.nu, 1, 0
+        results[0], results[1] = &self.mass[0], &self.f[0]
+        self.dynamics.run(n, args, stride, results)
+        self.gradients(n, width, y)
+        if rates:
+            at = 2
+        args[at], args[at + 1] = &self.t[0], &self.par[0]
+        stride[at], stride[at + 1] = 1, 0
+        if self.closed:
+            results[0] = &self.g[0]
+            if rates:
+                self.gap_rate.run(n, args, stride, results)
+            else:
+                self.surface.run(n, args, stride, results)
+        if self.sticking:
+            results[0] = &self.tau[0]
+            if rates:
+                self.slide_rate.run(n, args, stride, results)
+            else:
+                self.tangent.run(n, args, stride, results)
+        return 0
+
+    def settle(
+        self, mode, double[:, ::1] y, const double[::1] t, held, bint rates=True
+    ):
+        """Move rows y = (q | v ...) at the times t (n,), in place, the shortest way by the masses
+        to where the conditions of a mode hold: closed gaps are zero, what sticks is at its place
+        ``held`` (n, nt), and, if ``rates``, neither has a rate."""
+        cdef ptrdiff_t n = y.shape[0], begin = 0, i, count, turns = 3 if rates else 2
+        self._enter(mode)
+        self._rows(n, y.shape[1], t.shape[0])
+        self._hold(n, held)
+        if not self.m:
+            return
+        with nogil:
+            while begin < n:
+                count = min(self.capacity, n - begin)
+                for i in range(count):
+                    self.row[i], self.which[i], self.t[i] = i, begin + i, t[begin + i]
+                self.settle_rows(count, y.shape[1], &y[begin, 0], turns)
+                begin += count
+
+    def reaction(
+        self, mode, const double[:, ::1] y, const double[:, ::1] u, const double[::1] t
+    ):
+        """Accelerations and forces of rows of states (q | v ...) in a mode, with inputs u (n, nu)
+        at times t (n,)."""
+        cdef ptrdiff_t n = y.shape[0], nq = self.nq, begin = 0, i, j, k, count
+        self._enter(mode)
+        self._rows(n, y.shape[1], t.shape[0])
+        if u.shape[0] != n or u.shape[1] != self.nu:
+            raise ValueError(f"expected {self.nu} inputs of {n} rows")
+        accelerations, normals, tangentials = (
+            np.zeros((n, max(size, 1))) for size in (nq, self.nc, self.nt)
+        )
+        cdef double[:, ::1] a = accelerations, normal = normals, tangential = tangentials
+        with nogil:
+            while begin < n:
+                count = min(self.capacity, n - begin)
+                for i in range(count):
+                    self.t[i] = t[begin + i]
+                    for j in range(self.nu):
+                        self.u[i * self.nu + j] = u[begin + i, j]
+                    for j in range(2 * nq):
+                        self.at[i * 2 * nq + j] = y[begin + i, j]
+                self.slope(count, 2 * nq, &self.at[0], &self.slopes[0])
+                for i in range(count):
+                    for j in range(nq):
+                        a[begin + i, j] = self.slopes[i * 2 * nq + nq + j]
+                    self.spread(i, &normal[begin + i, 0], &tangential[begin + i, 0])
+                begin += count
+        return Reaction(accelerations, normals[:, : self.nc], tangentials[:, : self.nt])
+
+    cdef void spread(self, ptrdiff_t i, double *normal, double *tangential) noexcept nogil:
+        """The multipliers of row i as forces of surfaces and tangents."""
+        cdef ptrdiff_t j, p
+        cdef const double *lam = &self.lam[i * self.m]
+        for j in range(self.nc):
+            p = self.closed_at[j]
+            normal[j] = lam[p] if p >= 0 else 0.0
+        for j in range(self.nt):
+            tangential[j] = 0.0
+            if self.sticks_at[j] >= 0:
+                tangential[j] = lam[self.sticks_at[j]]
+            elif self.slides_at[j] >= 0:
+                p = self.presses[self.slides_at[j]]
+                tangential[j] = self.push[self.slides_at[j]] * (lam[p] if p >= 0 else 1.0)
+
+    def _rows(self, n, width, times):
+        """Refuse rows that do not fit together."""
+        if width < 2 * self.nq or times != n:
+            raise ValueError(f"expected {self.nq} coordinates and their rates at {n} times")
+
+    def _hold(self, n, held):
+        """Keep what sticks at its places."""
+        if self.sticking:
+            if held is None or held.shape != (n, self.nt):
+                raise ValueError(f"expected places of {self.nt} tangents in {n} rows")
+            self.held = held
 
     # One step -------------------------------------------------------------------------------------
 
@@ -321,7 +620,7 @@ cdef class Integrator:
         return found
 
     cdef int integrate(
-        self, ptrdiff_t n, ptrdiff_t width, ptrdiff_t count, ptrdiff_t held, double *ends
+        self, ptrdiff_t n, ptrdiff_t width, ptrdiff_t count, double *ends
     ) except -1 nogil:
         """Integrate n rows from ``start`` in ``count`` parts to ``y``, with the estimates of the
         largest ``error`` of a part (Hairer, Norsett, Wanner, II.10); accelerations at both ends."""
@@ -332,7 +631,7 @@ cdef class Integrator:
         for i in range(n):
             self.error[i] = 0.0
         self.moment(n, 0.0)
-        self.slope(n, width, &self.y[0], held, &self.slopes[0])
+        self.slope(n, width, &self.y[0], &self.slopes[0])
         if ends != NULL:
             for i in range(n):
                 for c in range(nq):
@@ -341,7 +640,7 @@ cdef class Integrator:
             for s in range(1, STAGE):
                 self.add(n, width, s, count, &self.at[0])
                 self.moment(n, (k + self.share[s]) / count)
-                self.slope(n, width, &self.at[0], held, &self.slopes[s * total])
+                self.slope(n, width, &self.at[0], &self.slopes[s * total])
             self.add(n, width, END, count, &self.at[0])
             for c in range(total):
                 self.y[c] = self.at[c]
@@ -353,13 +652,19 @@ cdef class Integrator:
                 self.error[i] = fmax(
                     self.error[i], fifth**2 / sqrt(fifth**2 + 0.01 * third**2 + 1e-300)
                 )
-            if k + 1 < count or ends != NULL:
+            if k + 1 < count or ends != NULL or self.m:
                 self.moment(n, (k + 1.0) / count)
-                self.slope(n, width, &self.y[0], held, &self.slopes[0])
+            if self.m:
+                self.settle_rows(n, width, &self.y[0], 3)
+            if k + 1 < count or ends != NULL:
+                self.slope(n, width, &self.y[0], &self.slopes[0])
         if ends != NULL:
             for i in range(n):
                 for c in range(nq):
                     ends[2 * nq * self.which[self.row[i]] + nq + c] = self.slopes[i * width + nq + c]
+        for i in range(n):
+            if not finite(width, &self.y[i * width]) and finite(width, &self.start[i * width]):
+                self.error[i] = INFINITY
         self.parts += n * count
         if self.parts >= ATTENTION:
             self.parts = 0
@@ -381,7 +686,7 @@ cdef class Integrator:
 
     cdef int advance_rows(
         self, ptrdiff_t n, ptrdiff_t width, double *y, const double *t, const double *h,
-        const double *u0, const double *u1, ptrdiff_t held, double *ends
+        const double *u0, const double *u1, double *ends
     ) except -1 nogil:
         """Integrate the rows ``which`` of y, at most ``capacity``, over the steps ``step``."""
         cdef ptrdiff_t i, c, left = n, again, count = 1
@@ -389,15 +694,20 @@ cdef class Integrator:
         cdef double *row
         for i in range(n):
             self.put(i, i, width, y, t, h, u0, u1)
+            self.before[i] = INFINITY
         while left:
-            self.integrate(left, width, count, held, ends)
+            self.integrate(left, width, count, ends)
             again, worst = 0, 0.0
             for i in range(left):
-                if self.error[i] > ACCURACY and count < MOST_PARTS:
+                if count < MOST_PARTS and ACCURACY < self.error[i] and not (
+                    FALLING * self.before[self.row[i]] < self.error[i] < ROUNDED
+                ):
                     worst = fmax(worst, self.error[i])
+                    self.before[self.row[i]] = self.error[i]
                     self.put(again, self.row[i], width, y, t, h, u0, u1)
                     again += 1
                 else:
+                    self.worst = fmax(self.worst, self.error[i])
                     row = y + self.which[self.row[i]] * width
                     for c in range(width):
                         row[c] = self.y[i * width + c]
@@ -410,7 +720,7 @@ cdef class Integrator:
     def advance(
         self, double[:, ::1] y, const ptrdiff_t[::1] first, const ptrdiff_t[::1] last,
         const double[::1] t, const double[::1] h, const double[:, ::1] u0,
-        const double[:, ::1] u1, ptrdiff_t held=-1
+        const double[:, ::1] u1, mode=None, held=None
     ):
         """Integrate rows in place, each over the steps first to last - 1 of a list; in a step
         inputs are linear from u0 to u1.
@@ -422,8 +732,11 @@ cdef class Integrator:
         t, h : arrays of shape (N,)
             Begin and duration of the steps.
         u0, u1 : arrays of shape (N, nu)
-        held : int
-            Surface that holds the motion, or -1.
+        mode : Mode, optional
+            What is closed or rubs (:class:`dmoc.simulation.modes.Mode`); nothing, if left out.
+            Rows begin where its conditions hold.
+        held : array of shape (n, nt), optional
+            Places that what sticks keeps.
 
         Returns
         -------
@@ -436,8 +749,12 @@ cdef class Integrator:
             raise ValueError(f"rows of {width} numbers: expected (q | v), and work or X")
         if not (h.shape[0] == u0.shape[0] == u1.shape[0] == N):
             raise ValueError(f"expected {N} steps")
-        if not (u0.shape[1] == u1.shape[1] == self.nu and -1 <= held < self.nc):
-            raise ValueError(f"expected {self.nu} inputs and one of {self.nc} surfaces")
+        if not u0.shape[1] == u1.shape[1] == self.nu:
+            raise ValueError(f"expected {self.nu} inputs")
+        self._enter(mode)
+        self._hold(n, held)
+        if width > 2 * nq + 1 and (self.m or self.sliding):
+            raise ValueError("expected (q | v), and work, of rows in a mode")
         if not (first.shape[0] == last.shape[0] == n):
             raise ValueError(f"expected {n} rows")
         for i in range(n):
@@ -445,6 +762,7 @@ cdef class Integrator:
                 raise ValueError(f"steps {first[i]} to {last[i]}: expected 0 to {N}")
         found = np.empty((n, 2, nq))
         cdef double[:, :, ::1] ends = found
+        self.worst = 0.0
         with nogil:
             while begin < n:
                 j, m = 0, 1
@@ -455,22 +773,11 @@ cdef class Integrator:
                             self.which[m], self.step[m] = i, first[i] + j
                             m += 1
                     self.advance_rows(
-                        m, width, &y[0, 0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], held,
-                        &ends[0, 0, 0]
+                        m, width, &y[0, 0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], &ends[0, 0, 0]
                     )
                     j += 1
                 begin += self.capacity
         return found
-
-    def gap_acceleration(
-        self, const double[::1] y, const double[::1] a, double t, ptrdiff_t j
-    ):
-        """Second derivative of gap j along a motion with the state y and the acceleration a."""
-        cdef double second = 0.0
-        if not (y.shape[0] == 2 * self.nq and a.shape[0] == self.nq and 0 <= j < self.nc):
-            raise ValueError(f"expected {self.nq} coordinates and one of {self.nc} surfaces")
-        self.bend(&y[0], &a[0], t, j, &second)
-        return second
 
     # Without contacts -----------------------------------------------------------------------------
 
@@ -535,12 +842,13 @@ cdef class Integrator:
             raise ValueError(f"expected {places} places and {nc} surfaces")
         if not (q_wanted.shape[0] == N + 1 and q_wanted.shape[1] == astray.shape[0] == nq):
             raise ValueError(f"expected {N + 1} positions of {nq} coordinates")
+        self._enter(None)
         with nogil:
             while k < end and not lost:
                 y1[:] = y
                 self.which[0], self.step[0] = 0, k
                 self.advance_rows(
-                    1, 2 * nq, &y1[0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], -1, &ends[0]
+                    1, 2 * nq, &y1[0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], &ends[0]
                 )
                 for i in range(2 * nq):
                     if not isfinite(y1[i]):
@@ -575,6 +883,14 @@ cdef class Integrator:
         results[0] = &gaps[0]
         self.surface.run(shares.shape[0], args, stride, results)
         return 0
+
+
+cdef bint finite(ptrdiff_t n, const double *x) noexcept nogil:
+    cdef ptrdiff_t i
+    for i in range(n):
+        if not isfinite(x[i]):
+            return False
+    return True
 
 
 cdef bint meets(

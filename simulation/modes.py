@@ -1,13 +1,7 @@
-"""The modes of a motion: which contacts are closed and what sticks or slides, with the
-accelerations and the forces that belong to them.
+"""The modes of a motion: which contacts are closed and what sticks or slides.
 
-In a mode the motion obeys (equation :eq:`dae` of the theory)
-
-    M a = F(q, v, u, t) - sum_j N_j grad g_j + sum_j T_j grad tau_j
-
-with g_j'' = 0 of closed contacts and tau_j'' = 0 of what sticks; T_j = -s mu N_j of a contact that
-slides with the sign s of tau_j', -s F of a rail.  An impact obeys the same relations with
-impulses for forces and rates for second derivatives.
+What a mode makes of accelerations and forces says :mod:`dmoc.simulation.integrator`.  An impact
+obeys the same relations with impulses for forces and rates for second derivatives.
 """
 
 from __future__ import annotations
@@ -38,6 +32,9 @@ class Mode:
     closed: tuple[int, ...] = ()
     sticking: tuple[int, ...] = ()
     sliding: tuple[tuple[int, int], ...] = ()
+
+
+FREE = Mode()
 
 
 @dataclass(frozen=True)
@@ -119,25 +116,6 @@ def conditions(model: Model, mode: Mode, q: Array, t: Array) -> Conditions:
     )
 
 
-def reaction(model: Model, mode: Mode, q: Array, v: Array, u: Array, t: Array) -> Reaction:
-    """Accelerations and forces of a mode at rows of states, from the conditions on the second
-    derivatives."""
-    M, F = model.equations(q, v, u, t)
-    F = F + rail_forces(model, mode, q, t)
-    if not mode.closed and not mode.sticking:
-        return Reaction(solved(M, F), *spread(model, mode, np.zeros((len(q), 0))))
-    c = conditions(model, mode, q, t)
-    bent = np.hstack(
-        [
-            model.gap_accelerations(q, v, t)[:, list(mode.closed)],
-            model.slide_accelerations(q, v, t)[:, list(mode.sticking)],
-        ]
-    )
-    a = solved(M, F)
-    change, found = answers(M, c, -bent - (c.C @ a[..., None])[..., 0])
-    return Reaction(a + change, *spread(model, mode, found))
-
-
 def answers(M: Array, c: Conditions, wanted: Array) -> tuple[Array, Array]:
     """The change M^-1 B^T lam of an acceleration or a velocity (n, nq) that changes C a by what is
     wanted (n, m), and its multipliers lam (n, m): the smallest where several would do."""
@@ -161,60 +139,6 @@ def spread(model: Model, mode: Mode, lam: Array) -> tuple[Array, Array]:
         held = 1.0 if at[k] == RAIL else normal[:, at[k]]
         tangential[:, k] = -s * model.friction[k] * held
     return normal, tangential
-
-
-def rail_forces(model: Model, mode: Mode, q: Array, t: Array) -> Array:
-    """Generalised friction forces of the rails that slide, at rows of positions."""
-    at = supports(model.kernels)
-    force = np.zeros_like(q)
-    for k, s in mode.sliding:
-        if at[k] == RAIL:
-            force -= s * model.friction[k] * model.tangent_slopes(q, t)[:, k, :-1]
-    return force
-
-
-def contact_power(model: Model, found: Reaction, q: Array, v: Array, t: Array) -> Array:
-    """Power of contact and friction forces at rows of states, shape (n,)."""
-    normals, along = model.gap_slopes(q, t)[..., :-1], model.tangent_slopes(q, t)[..., :-1]
-    force = np.einsum("nk,nki->ni", found.tangential, along)
-    force -= np.einsum("nj,nji->ni", found.normal, normals)
-    return np.asarray((force * v).sum(axis=1))
-
-
-def settled(model: Model, mode: Mode, y: Array, t: Array, held: Array) -> Array:
-    """Rows of states y = (q | v ...) moved the shortest way, measured by the masses, to where the
-    closed gaps are zero and what sticks is at its place ``held`` (n, nt), both without rates."""
-    nq = model.nq
-    if not mode.closed and not mode.sticking:
-        return y
-    y = placed(model, mode, y, t, held)
-    closed, sticking = list(mode.closed), list(mode.sticking)
-    q, v = np.ascontiguousarray(y[:, :nq]), np.ascontiguousarray(y[:, nq : 2 * nq])
-    rates = np.hstack(
-        [model.gap_rates(q, v, t)[:, closed], model.slide_rates(q, v, t)[:, sticking]]
-    )
-    y[:, nq : 2 * nq] += _moved(model, mode, q, t, -rates)
-    return y
-
-
-def placed(model: Model, mode: Mode, y: Array, t: Array, held: Array) -> Array:
-    """Rows of states with their positions alone moved as in :func:`settled`."""
-    nq, y = model.nq, y.copy()
-    if not mode.closed and not mode.sticking:
-        return y
-    closed, sticking = list(mode.closed), list(mode.sticking)
-    for _ in range(2):  # Newton's method, from errors of integration
-        q = np.ascontiguousarray(y[:, :nq])
-        off = np.hstack([model.gaps(q, t)[:, closed], (model.tangents(q, t) - held)[:, sticking]])
-        y[:, :nq] += _moved(model, mode, q, t, -off)
-    return y
-
-
-def _moved(model: Model, mode: Mode, q: Array, t: Array, wanted: Array) -> Array:
-    """The least change of a position or velocity, measured by the masses, that changes the
-    conditions by what is wanted."""
-    C = conditions(model, mode, q, t).C
-    return answers(model.mass(q, t), Conditions(C, C), wanted)[0]
 
 
 def columns(M: Array, B: Array) -> Array:

@@ -20,8 +20,8 @@ from dmoc.mechanics.values import by_name, parameter_row
 from dmoc.moving import Moving
 from dmoc.scene import Scene
 from dmoc.simulation import forward
-from dmoc.simulation.contact_motion import Stretch
-from dmoc.simulation.modes import Mode, placed
+from dmoc.simulation.choices import Setting
+from dmoc.simulation.contact_motion import Stretch, on_surfaces
 from dmoc.simulation.recorded import motion_of
 from dmoc.solution import Solution, check_same_model, kernels_for
 from dmoc.table import Shown, Table
@@ -346,10 +346,8 @@ def _start_velocity(motion: Trajectory) -> Array:
 def _on_surfaces(kernels: Kernels, parameters: Mapping[str, float], q: Array) -> Array:
     """A start that lies on surfaces up to the solver's tolerance, moved onto them."""
     model = Model(kernels, parameter_row(kernels, parameters, SimulationError))
-    near = np.abs(model.gaps(q)) <= ON_SURFACE * model.gap_sizes(q)
-    touching = Mode(tuple(map(int, np.flatnonzero(near))))
-    y, none = np.concatenate([q, np.zeros(model.nq)]), np.zeros((1, model.nt))
-    return np.asarray(placed(model, touching, y[None], np.zeros(1), none)[0, : model.nq])
+    setting = Setting(model, np.zeros(model.nc), 1.0)
+    return on_surfaces(setting, np.concatenate([q, 0 * q]), 0.0, ON_SURFACE)[: model.nq]
 
 
 def mean_inputs(motion: Trajectory, steps: int) -> Array:

@@ -25,6 +25,7 @@ from dmoc.simulation import dormand_prince
 from dmoc.simulation.amplification import carried, saltation
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.measures import segments
+from dmoc.simulation.modes import Mode
 from dmoc.simulation.motion import Motion, OutOfTimeError
 from dmoc.simulation.roots import crossing
 
@@ -39,7 +40,7 @@ def driven(request: pytest.FixtureRequest) -> Kernels:
 def integrator(kernels: Kernels, check_time: Callable[[], None] = lambda: None) -> Integrator:
     par = parameter_row(kernels, {})
     size = np.ones(2 * len(kernels.coordinates) + 1)
-    return Integrator(kernels, par, size, 1e-6, check_time)
+    return Integrator(kernels, par, size, check_time)
 
 
 def random_rows(kernels: Kernels, n: int, more: int = 0) -> tuple[np.ndarray, ...]:
@@ -126,17 +127,117 @@ def test_rows_go_over_lists_of_steps_of_different_lengths(driven: Kernels) -> No
         assert found[k] == pytest.approx(row[0], rel=1e-9, abs=1e-9)
 
 
-def test_a_held_surface_keeps_its_rate(driven: Kernels) -> None:
-    """On the moving floor and on the side, whatever pushes."""
+def test_a_closed_surface_holds_the_motion(driven: Kernels) -> None:
+    """On the moving floor and on the side, whatever pushes: the motion is that of Lagrange's
+    equations of the first kind, the work that of the surfaces too."""
     model, nq = Model(driven, parameter_row(driven, {})), 2
-    y, t, h, u0, u1 = random_rows(driven, 10)
-    for j in range(2):
-        found = y.copy()
-        integrator(driven).advance(found, *once(len(y)), t, h, u0, u1, j)
-        rates = [
-            model.gap_rates(*np.hsplit(s, [nq]), at)[:, j] for s, at in ((y, t), (found, t + h))
-        ]
-        assert rates[1] == pytest.approx(rates[0], abs=1e-7)
+    y, t, h, u0, u1 = random_rows(driven, 10, more=1)
+    flow, none = integrator(driven), np.zeros((10, 0))
+    on_floor, on_side = y.copy(), y.copy()
+    on_floor[:, 1] = 0.8 * np.cos(y[:, 0]) + 0.3 * np.sin(t) - 2
+    on_side[:, 0] = 1.5
+    for j, found in enumerate((on_floor, on_side)):
+        mode = Mode((j,))
+        flow.settle(mode, found, t, none)
+        start = found.copy()
+        flow.advance(found, *once(len(y)), t, h, u0, u1, mode)
+        for rows, at in ((start, t), (found, t + h)):
+            q, v = (np.ascontiguousarray(rows[:, k * nq : (k + 1) * nq]) for k in (0, 1))
+            assert np.abs(model.gaps(q, at)[:, j]).max() < 1e-12
+            assert np.abs(model.gap_rates(q, v, at)[:, j]).max() < 1e-12
+        for k in range(len(y)):
+
+            def slope(s: float, z: np.ndarray, k: int = k, j: int = j) -> np.ndarray:
+                share, v, at = (s - t[k]) / h[k], z[None, nq : 2 * nq], np.array([s])
+                u = ((1 - share) * u0[k] + share * u1[k])[None]
+                M, F, power = (a[0] for a in model.balance(z[None, :nq], v, u, at))
+                n = model.gap_slopes(z[None, :nq], at)[0, j, :-1]
+                bend = model.gap_accelerations(z[None, :nq], v, at)[0, j]
+                rows = np.block([[M, n[:, None]], [n[None], np.zeros((1, 1))]])
+                *a, force = np.linalg.solve(rows, [*F, -bend])
+                return np.array([*v[0], *a, power - force * (n @ v[0])])
+
+            known = solve_ivp(
+                slope, (t[k], t[k] + h[k]), start[k], "DOP853", rtol=1e-12, atol=1e-12
+            )
+            assert found[k] == pytest.approx(known.y[:, -1], rel=1e-8, abs=1e-9)
+
+
+def test_rows_begin_where_a_mode_may_hold_them(driven: Kernels) -> None:
+    """Moved there the shortest way by the masses: what is left of the way is along M^-1 grad g."""
+    model, nq = Model(driven, parameter_row(driven, {})), 2
+    y, t, *_ = random_rows(driven, 10)
+    y[:, 1] = 0.8 * np.cos(y[:, 0]) + 0.3 * np.sin(t) - 2 + 1e-3  # just above the moving floor
+    found = y.copy()
+    integrator(driven).settle(Mode((0,)), found, t, np.zeros((10, 0)), False)
+    assert np.abs(model.gaps(found[:, :nq].copy(), t)[:, 0]).max() < 1e-12
+    assert (found[:, nq:] == y[:, nq:]).all()
+    n = model.gap_slopes(found[:, :nq].copy(), t)[:, 0, :-1]
+    pushed = (model.mass(found[:, :nq].copy(), t) @ (found - y)[:, :nq, None])[..., 0]
+    turned = pushed[:, 0] * n[:, 1] - pushed[:, 1] * n[:, 0]
+    assert np.abs(turned).max() < 1e-3 * np.abs(pushed).max()
+
+
+@pytest.fixture(scope="module", params=["compiled", "numpy"])
+def bar(request: pytest.FixtureRequest) -> Kernels:
+    """A bar on two feet, with friction under both, and a rail that holds it along."""
+    x, y, a, f = dynamicsymbols("x y a f")
+    m, g, mu, hold = sp.symbols("m g mu hold")
+    speed = x.diff(T) ** 2 + y.diff(T) ** 2
+    system = dmoc.MechanicalSystem(
+        "bar", [x, y, a], m * speed / 2 + m * a.diff(T) ** 2 / 24 - m * g * y,
+        {m: 2.0, g: 10.0, mu: 0.5, hold: 3.0}, [f], {x: f},
+        surfaces={"left": y - sp.sin(a) / 2 >= 0, "right": y + sp.sin(a) / 2 >= 0},
+        tangents={"left": x - sp.cos(a) / 2, "right": x + sp.cos(a) / 2, "rail": x},
+        friction={"left": mu, "right": mu, "rail": hold},
+    )  # fmt: skip
+    return dmoc.build(system, backend=request.param)
+
+
+@pytest.mark.parametrize(
+    ("mode", "push", "acceleration", "normal", "tangential"),
+    [
+        # Both feet stick: of the frictions only the sum is determined, the smallest are equal.
+        (Mode((0, 1), (0, 1)), 6.0, [0, 0, 0], [10, 10], [-3, -3, 0]),
+        # Feet and rail: three frictions, of which the smallest are equal.
+        (Mode((0, 1), (0, 1, 2)), 6.0, [0, 0, 0], [10, 10], [-2, -2, -2]),
+        # Both slide, and the rail: 0.5 (10 + 10) + 3 against 20.
+        (Mode((0, 1), (), ((0, 1), (1, 1), (2, 1))), 20.0, [3.5, 0, 0], [10, 10], [-5, -5, -3]),
+        # Backwards.
+        (Mode((0, 1), (), ((0, -1), (1, -1), (2, -1))), -20.0, [-3.5, 0, 0], [10, 10], [5, 5, 3]),
+        # Nothing rubs.
+        (Mode((0, 1)), 6.0, [3, 0, 0], [10, 10], [0, 0, 0]),
+        # One foot alone: m g / (1 + 3) of a bar that tips, and it turns with 12 N (l / 2) / m.
+        (Mode((0,)), 0.0, [0, -7.5, -15], [5, 0], [0, 0, 0]),
+        (Mode((), (), ((2, 1),)), 6.0, [1.5, -10, 0], [0, 0], [0, 0, -3]),
+    ],
+)
+def test_forces_of_a_mode_are_those_of_statics(
+    bar: Kernels, mode: Mode, push: float, acceleration: list[float], normal: list[float],
+    tangential: list[float],
+) -> None:  # fmt: skip
+    y, u = np.zeros((3, 6)), np.full((3, 1), push)
+    y[:, 3] = np.sign(push)
+    found = integrator(bar).reaction(mode, y, u, np.zeros(3))
+    for rows, known in (
+        (found.acceleration, acceleration),
+        (found.normal, normal),
+        (found.tangential, tangential),
+    ):
+        assert rows == pytest.approx(np.tile(known, (3, 1)), abs=1e-12)
+
+
+def test_what_sticks_stays_at_its_place(bar: Kernels) -> None:
+    """For as long as one likes, while the push is below the friction."""
+    r, flow = np.random.default_rng(3), integrator(bar)
+    y, n = np.zeros((20, 7)), 20
+    y[:, 0] = r.uniform(-1, 1, n)
+    held = np.stack([y[:, 0] - 0.5, y[:, 0] + 0.5, y[:, 0]], axis=1)
+    found, u = y.copy(), r.uniform(-9, 9, (n + 1, 1))
+    steps = np.arange(n, dtype=float), np.ones(n), u[:-1].copy(), u[1:].copy()
+    first, last = np.zeros(n, dtype=np.intp), np.full(n, n)
+    flow.advance(found, first, last, *steps, Mode((0, 1), (0, 1)), held)
+    assert found == pytest.approx(y, abs=1e-13)
 
 
 def test_positions_between_nodes_are_those_of_the_motion(driven: Kernels) -> None:
@@ -173,12 +274,27 @@ def test_shapes_are_checked_before_c_sees_them(driven: Kernels) -> None:
         (y, *rows, t[:2], h, u0, u1),
         (y, *rows, t, h, u0[:2], u1),
         (y, *rows, t, h, np.hstack([u0, u0]), u1),
-        (y, *rows, t, h, u0, u1, 2),
+        (y, *rows, t, h, u0, u1, Mode((2,))),
+        (y, *rows, t, h, u0, u1, Mode((), (0,))),
+        (np.hstack([y, np.ones((3, 16))]), *rows, t, h, u0, u1, Mode((0,))),
     ):
         with pytest.raises(ValueError, match="expected"):
             flow.advance(*wrong)
+    for rows_, u, times in ((y[:, :3].copy(), u0, t), (y, u0[:2], t), (y, u0, t[:2])):
+        with pytest.raises(ValueError, match="expected"):
+            flow.reaction(Mode((0,)), rows_, u, times)
     with pytest.raises(ValueError, match="expected"):
-        flow.gap_acceleration(y[0], y[0], 0.0, 0)
+        flow.settle(Mode((0,)), y, t[:2], np.zeros((3, 0)))
+
+
+def test_places_of_what_sticks_are_checked_before_c_sees_them(bar: Kernels) -> None:
+    y, t, h, u0, u1 = random_rows(bar, 3)
+    flow, sticks = integrator(bar), Mode((0,), (0,))
+    for held in (None, np.zeros((2, 3)), np.zeros((3, 2))):
+        with pytest.raises(ValueError, match="expected places"):
+            flow.advance(y, *once(3), t, h, u0, u1, sticks, held)
+    with pytest.raises(ValueError, match="expected closed surfaces"):
+        flow.reaction(Mode((), (), ((0, 1),)), y, u0, t)
 
 
 # Both executors, many threads, little time --------------------------------------------------------
