@@ -16,6 +16,8 @@ PAGES = (
     *sorted(p for p in DOCS.rglob("*.md") if not set(BUILT) & set(p.relative_to(DOCS).parts)),
     TROUBLESHOOTING,
 )
+LONGEST = 35  # words of a sentence that is read once
+EXPLAINING = (DOCS / "theory.md", DOCS / "methods.md")
 LINK = re.compile(r"(?<!\\)\]\(([^)\s]+)\)|<img[^>]* src=\"([^\"]+)\"|<a[^>]* href=\"([^\"]+)\"")
 
 
@@ -67,3 +69,32 @@ def _leads(folder: Path, target: str) -> bool:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_no_page_has_the_markers_of_a_merge(page: Path) -> None:
     assert not re.findall("^(?:<{7}|={7}|>{7})(?: .*)?$", page.read_text(), re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", EXPLAINING, ids=name)
+def test_sentences_that_explain_are_short(page: Path) -> None:
+    long = [s for s in _sentences(page.read_text()) if len(s.split()) > LONGEST]
+    assert not long, long
+
+
+def _sentences(text: str) -> Iterator[str]:
+    """The sentences of the paragraphs of a page, without formulas; code is one word."""
+    text = text.partition("\n## References")[0]
+    for left_out, instead in (
+        (r"^```.*?^```$", ""),  # blocks
+        (r"^\$\$.*?^\$\$.*?$", ""),
+        (r"\$[^$]+\$|\{eq\}`[^`]+`", ""),  # formulas and their numbers
+        (r"`[^`]+`", "Code"),
+        (r"\[([^]]*)\]\([^)]*\)", r"\1"),  # links
+    ):
+        text = re.sub(left_out, instead, text, flags=re.MULTILINE | re.DOTALL)
+    for paragraph in re.split(r"\n\s*\n|\n(?=- )", text):
+        if not paragraph.lstrip().startswith(("#", "|")):
+            yield from re.split(r"(?<=[.?!])\s+(?=[A-Z*])", paragraph.strip())
+
+
+def test_a_sentence_is_counted_without_its_formulas() -> None:
+    formula = "$$\nx = y\n$$ (label)"
+    page = f"# No\n\nIt is $a + b$ here, `x = y`.\nThen\n\n{formula}\n\nin {{eq}}`a` it is.\n"
+    words = [s.split() for s in _sentences(page)]
+    assert words == [["It", "is", "here,", "Code."], ["Then"], ["in", "it", "is."]]
