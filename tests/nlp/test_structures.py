@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
+import contact_problems
 import numpy as np
 import pytest
 
@@ -19,6 +20,8 @@ from dmoc.nlp.structures import digest, size_of
 from dmoc.nlp.transcription import Transcription
 from dmoc.solvers.kkt_layout import kkt_layout
 
+# Of a problem with one hit, and of one with contacts that last and friction: the first three change
+# numbers alone, the others the form.
 CHANGES: list[dict[str, Any]] = [
     {"parameters": {"l": 0.45, "m_p": 1.2}},
     {"bounds": {"F": (-150.0, 150.0)}},
@@ -35,6 +38,31 @@ CHANGES: list[dict[str, Any]] = [
     {"goal": {"alpha": 1.5, "alpha_dot": (0.0, 1.0), "x": (-1.0, None)}},
     {"start": {"alpha": (0.4, 0.5), "x": 0.0}},
 ]
+CONTACTS: list[dict[str, Any]] = [
+    {"parameters": {"m": 1.5, "g": 4.0}},
+    {"start": {"x": 0.1, "y": 0.0}, "goal": {"x": 1.2, "x_dot": 0.0}},
+    {"via": [{"x": 0.5}], "bounds": {"u": (-9.0, 9.0)}},
+    {"parameters": {"mu": 0.15}},  # a factor of the forces
+    {"contacts": ["floor"]},
+    {"contacts": ["floor:slip-"]},
+    {"contacts": ["floor"], "sequence": ["floor:slip+"]},
+    {"sequence": ["floor:slip-"]},
+    {"sequence": []},
+    {"sequence": ["-floor"]},
+    {"sequence": ["floor:stick", "floor:slip+"]},
+    {"sequence": ["side floor:slip-"]},
+    {"sequence": ["side floor:slip-"], "restitution": 0.5},
+    {"sequence": ["side floor:stick"]},
+    {"ignored": ["side"]},
+    *(
+        {"contacts": [], "start": {"x": 0.0, "y": 0.2}, "restitution": 0.5, "sequence": [word]}
+        for word in (
+            "floor:slip+", "floor:slip-", "floor:stick", "floor:slip+:stick",
+            "floor:slip+:stick:late", "+floor:slip+", "+floor:stick",
+        )
+    ),
+]  # fmt: skip
+Family = tuple[dmoc.Problem, list[dict[str, Any]]]
 
 
 def forget() -> None:
@@ -55,6 +83,18 @@ def small(seed: dmoc.Problem) -> dmoc.Problem:
     return seed.but(steps=10)
 
 
+@pytest.fixture(params=["a hit", "contacts"])
+def family(request: pytest.FixtureRequest, small: dmoc.Problem) -> Family:
+    """A problem and changes of it."""
+    if request.param == "a hit":
+        return small, CHANGES
+    block = contact_problems.floor("beside")
+    system = replace(block, surfaces={**block.surfaces, "side": contact_problems.X <= 9})
+    task: dict[str, Any] = {"start": {"x": 0, "y": 0}, "goal": {"x": 1, "x_dot": 0}}
+    words: dict[str, Any] = {"contacts": ["floor:slip+"], "sequence": ["floor:stick"]}
+    return dmoc.Problem(dmoc.build(system), **task, **words, steps=6, final_time=4), CONTACTS
+
+
 def numbers(problem: dmoc.Problem, goal_as_rows: bool = False) -> list[Array]:
     """Values, derivatives, patterns and names of a program at a start."""
     x = initial_guesses(problem)[0].x
@@ -70,8 +110,9 @@ def numbers(problem: dmoc.Problem, goal_as_rows: bool = False) -> list[Array]:
 
 
 @pytest.mark.parametrize("goal_as_rows", [False, True])
-def test_sharing_changes_no_number(small: dmoc.Problem, goal_as_rows: bool) -> None:
-    problems = [small, *(small.but(**change) for change in CHANGES)]
+def test_sharing_changes_no_number(family: Family, goal_as_rows: bool) -> None:
+    problem, changes = family
+    problems = [problem, *(problem.but(**change) for change in changes)]
     alone = []
     for problem in problems:
         forget()
@@ -83,11 +124,14 @@ def test_sharing_changes_no_number(small: dmoc.Problem, goal_as_rows: bool) -> N
                 np.testing.assert_array_equal(a, b)
 
 
-def test_other_numbers_share_a_structure_and_other_forms_do_not(small: dmoc.Problem) -> None:
-    first = Transcription(small).structure
-    shared = [Transcription(small.but(**change)).structure is first for change in CHANGES]
-    assert shared == [True] * 3 + [False] * (len(CHANGES) - 3)
-    assert Transcription(small, by_rates=True).structure is not first
+def test_other_numbers_share_a_structure_and_other_forms_do_not(family: Family) -> None:
+    problem, changes = family
+    structures = [Transcription(problem.but(**change)).structure for change in ({}, *changes)]
+    first, *others = structures
+    assert [s is first for s in others] == [True] * 3 + [False] * (len(changes) - 3)
+    assert len({id(s) for s in others[2:]}) == len(changes) - 2  # no two forms are one
+    hits = problem.sequence == ("left",)  # whose law may be that of the rates
+    assert (Transcription(problem, by_rates=True).structure is not first) == hits
 
 
 def test_names_are_those_of_the_problem_not_of_the_one_that_was_first(small: dmoc.Problem) -> None:
