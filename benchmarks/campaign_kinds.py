@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
-from event_driven import Description
+from equations import Description
 from scipy.optimize import minimize
 from sympy.physics.mechanics import dynamicsymbols
 

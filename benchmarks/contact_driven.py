@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
-from event_driven import ABSOLUTE, RELATIVE, Description, Inputs, Mechanism, _numeric
+from equations import Description, Inputs, Mechanism, _numeric
 from scipy.integrate import solve_ivp
 from sympy.physics.mechanics import dynamicsymbols
 
@@ -33,6 +33,7 @@ NEAR, SLOW = 1e-5, 2e-3
 SLACK = 1e-6  # of the largest force or impulse, by which a sign may be missed
 MOST_EVENTS = 100
 SHORTEST = 1e-12
+RELATIVE, ABSOLUTE = 1e-9, 1e-11  # of the integrator: far below the errors of the discretisation
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 from campaign_kinds import Draw, G, Instance, T, uniform
-from event_driven import Description
+from equations import Description
 from sympy.physics.mechanics import dynamicsymbols
 
 X, Y, U = dynamicsymbols("x y u")

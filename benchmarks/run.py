@@ -12,12 +12,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import building
 import campaign
-import contact_campaign
-import damaged_files
 import evaluating
 import invariance
 import ladder
@@ -51,14 +50,13 @@ def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
         "kernels": evaluating.compare,
         "build": building.compare,
         "robust": robustness.compare,
-        "campaign": campaign.campaign,
-        "contacts": contact_campaign.campaign,
+        "campaign": partial(campaign.campaign, campaign.FREE),
+        "contacts": partial(campaign.campaign, campaign.HELD),
         "invariance": invariance.invariance,
         "planted": planted.compare,
         "warm": speed.warm,
         "search": searching.compare,
         "puck": searching.puck,
-        "files": damaged_files.reading,
     }
 
 
