@@ -12,7 +12,7 @@ import block_and_wall
 import numpy as np
 import pytest
 import sympy as sp
-from damaged_files import SOLUTIONS
+from damage import SOLUTIONS
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from damaged_files import archive, members
+from damage import archive, members
 
 import dmoc
 from dmoc.errors import SolutionFileError
