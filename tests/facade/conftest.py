@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 
 import pytest
-from commands import Run
+from commands import FALLING, Model, Run
 
 from dmoc.cli import main
 
@@ -15,8 +16,8 @@ from dmoc.cli import main
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["dmoc", *arguments])
+    def call(words: str = "", *more: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["dmoc", *shlex.split(words), *more])
         with pytest.raises(SystemExit) as end:
             main()
         out, err = capsys.readouterr()
@@ -24,3 +25,14 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp
         return (code if isinstance(code, int) else 0), out, err
 
     return call
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Model:
+    """Writes a file of models with a line that makes `s`, and names that."""
+
+    def write(line: str) -> str:
+        (tmp_path / "system.py").write_text(FALLING + line)
+        return "system.py:s"
+
+    return write

@@ -55,21 +55,7 @@ def test_two_values_of_one_name_are_refused(
 ) -> None:
     given = [word for value in values for word in (option, value)]
     more = ("--set", "g=9:10:2") if command == "sweep" else ()
-    code, _, err = run(command, "cart_pendulum", *given, *more)
+    code, _, err = run(f"{command} cart_pendulum", *given, *more)
     is_range = values[0].count(":") == 2
     assert code == 2 and err.count("error:") == 1
     assert "is given twice" in err or (is_range and "expected a number" in err), err
-
-
-@pytest.mark.parametrize("option", ["--start", "--input", "--set"])
-def test_a_simulation_refuses_two_values_of_one_name(run: Run, option: str) -> None:
-    name = {"--start": "x", "--input": "F", "--set": "l"}[option]
-    code, _, err = run(
-        "simulate", "cart_pendulum", "--final-time", "1", f"{option}={name}=1", option, f"{name}=2"
-    )
-    assert code == 2 and f"{option} {name} is given twice" in err
-
-
-def test_two_places_of_one_name_are_refused(run: Run) -> None:
-    code, _, err = run("solve", "cart_pendulum", "--sequence", "left", "--via", "x=1,x=2")
-    assert code == 2 and "--via x is given twice" in err

@@ -6,16 +6,15 @@ import json
 import signal
 import sqlite3
 import subprocess
-import sys
 import time
 from functools import partial
 from pathlib import Path
 
 import pytest
+from commands import Run
 from searches import command, seconds_of
 
 import dmoc
-from dmoc.cli import main
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node
 
@@ -30,12 +29,9 @@ def test_ctrl_c_ends_the_command_with_the_best_so_far(tmp_path: Path) -> None:
         )
         # A shell that starts the tests in the background has its children ignore the signal.
         listening = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+        pipe = subprocess.PIPE
         running = subprocess.Popen(
-            arguments,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            preexec_fn=listening,
+            arguments, stdout=pipe, stderr=pipe, text=True, preexec_fn=listening
         )
         while running.poll() is None and len(seconds_of(journal)) < 4:
             time.sleep(0.02)
@@ -43,11 +39,8 @@ def test_ctrl_c_ends_the_command_with_the_best_so_far(tmp_path: Path) -> None:
         out, err = running.communicate(timeout=60)
         result = json.loads(out)
         assert running.returncode == 0, err
-        assert (
-            not result["complete"]
-            and "interrupted" in result["notes"][0]
-            and 4 <= len(result["nodes"]) < 200
-        )
+        assert not result["complete"] and "interrupted" in result["notes"][0]
+        assert 4 <= len(result["nodes"]) < 200
 
 
 def test_the_command_writes_and_tells(tmp_path: Path) -> None:
@@ -56,54 +49,29 @@ def test_the_command_writes_and_tells(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert "best: east, west" in done.stdout and "optimal" in done.stdout
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {
-        "solution.npz",
-        "tree.png",
-        "best.png",
-        "tree.html",
-    }
+    written = {p.name for p in (tmp_path / "out").iterdir()}
+    assert written == {"solution.npz", "tree.png", "best.png", "tree.html"}
     assert dmoc.Solution.load(tmp_path / "out" / "solution.npz").verify().passed
 
 
-def in_process(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(
-        sys,
-        "argv",
-        ["dmoc", "search", "puck_table", "--steps", "20", "--max-collisions", "1", *arguments],
-    )
-    with pytest.raises(SystemExit) as end:
-        main()
-    return int(end.value.code or 0)
-
-
-def test_wrong_options_are_one_sentence(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert in_process(monkeypatch, "--strategy", "beam", "--beam", "0") == 2
-    out, err = capsys.readouterr()
-    assert not out and "beam = 0" in err and err.count("\n") == 1
+SEARCH = "search puck_table --steps 20 --max-collisions 1"
 
 
 def test_a_search_keeps_its_result_where_a_figure_fails(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def fail(*_: object, **__: object) -> None:
         raise ValueError("no [room]")
 
     monkeypatch.setattr("dmoc.report.tree.plot_motions", fail)
-    assert in_process(monkeypatch, "--out", str(tmp_path / "o")) == 0
-    out, err = capsys.readouterr()
-    assert "best: " in out and "written: " in out
+    code, out, err = run(f"{SEARCH} --out o")
+    assert code == 0 and "best: " in out and "written: " in out
     assert err.endswith("best.png was not drawn: ValueError: no [room]\n") and err.count("\n") == 1
-    assert {p.name for p in (tmp_path / "o").iterdir()} == {
-        "solution.npz",
-        "tree.png",
-        "tree.html",
-    }
+    assert {p.name for p in (tmp_path / "o").iterdir()} == {"solution.npz", "tree.png", "tree.html"}
 
 
 def test_a_search_that_a_full_disk_breaks_off_is_no_success(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What was found is told and written, the node whose row had no room included."""
     add, added = Journal.add, []
@@ -114,28 +82,14 @@ def test_a_search_that_a_full_disk_breaks_off_is_no_success(
         added.append(node)
         add(journal, node)
 
-    monkeypatch.setattr(Journal, "add", full)
-    journal = tmp_path / "journal"
-    assert (
-        in_process(
-            monkeypatch,
-            "--journal",
-            str(journal),
-            "--out",
-            str(tmp_path / "o"),
-            "--json",
-            str(tmp_path / "j.json"),
-        )
-        == 2
+    with monkeypatch.context() as patch:
+        patch.setattr(Journal, "add", full)
+        code, out, err = run(f"{SEARCH} --journal journal --out o --json j.json")
+    assert code == 2 and "best: " in out and "2 sequences" in out and "note: journal" in out
+    said = (
+        "could not be written (database or disk is full): the result is that of a search that was"
     )
-    out, err = capsys.readouterr()
-    assert "best: " in out and "2 sequences" in out and "note: journal" in out
-    assert (
-        err
-        == f"error: journal {journal} could not be written (database or disk is full): the result "
-        "is that of a search that was broken off. (dmoc explain SearchError)\n"
-    )
-    assert len(json.loads((tmp_path / "j.json").read_text())["nodes"]) == 2
-    assert (tmp_path / "o" / "solution.npz").exists()
-    monkeypatch.undo()
-    assert in_process(monkeypatch, "--journal", str(journal), "--resume") == 0
+    assert err == f"error: journal journal {said} broken off. (dmoc explain SearchError)\n"
+    assert len(json.loads(Path("j.json").read_text())["nodes"]) == 2
+    assert Path("o/solution.npz").exists()
+    assert run(f"{SEARCH} --journal journal --resume")[0] == 0
