@@ -31,15 +31,10 @@ def cart_with_links(links: int) -> dmoc.MechanicalSystem:
         kinetic += m * (px.diff(t) ** 2 + py.diff(t) ** 2) / 2
         potential += m * g * py
     return dmoc.MechanicalSystem(
-        f"cart_{links}_links",
-        [x, *angles],
-        kinetic - potential,
-        {m_c: 1.0, m: 0.5, l: 0.5, g: 9.81, stop: 0.3},
-        inputs=[force],
-        forces={x: force},
-        surfaces={"stop": angles[0] >= stop},
-        cost=force**2 / 2,
-    )
+        f"cart_{links}_links", [x, *angles], kinetic - potential,
+        {m_c: 1.0, m: 0.5, l: 0.5, g: 9.81, stop: 0.3}, inputs=[force], forces={x: force},
+        surfaces={"stop": angles[0] >= stop}, cost=force**2 / 2,
+    )  # fmt: skip
 
 
 def compare(quick: bool) -> Section:

@@ -51,14 +51,10 @@ def arm(links: int) -> Description:
         kinetic += m * tip.diff(T).dot(tip.diff(T)) / 2
         potential += m * g * tip[1]
     return Description(
-        f"arm_{links}",
-        angles,
-        torques,
-        sp.expand(kinetic) - potential,
-        dict(zip(angles, torques, strict=True)),
-        {"stop": angles[1] <= stop},
+        f"arm_{links}", angles, torques, sp.expand(kinetic) - potential,
+        dict(zip(angles, torques, strict=True)), {"stop": angles[1] <= stop},
         {m: 1.0, l: 0.5, g: G, stop: 1.0},
-    )
+    )  # fmt: skip
 
 
 def arms(rng: Draw) -> Instance:
@@ -91,14 +87,9 @@ def two_discs() -> Description:
     )
     gap = sp.sqrt((x1 - x2) ** 2 + (y1 - y2) ** 2) >= 2 * r
     return Description(
-        "discs",
-        [x1, y1, x2, y2],
-        [f_x, f_y],
-        kinetic,
-        {x1: f_x, y1: f_y},
-        {"contact": gap},
+        "discs", [x1, y1, x2, y2], [f_x, f_y], kinetic, {x1: f_x, y1: f_y}, {"contact": gap},
         {m1: 1.0, m2: 1.0, r: 0.2},
-    )
+    )  # fmt: skip
 
 
 def discs(rng: Draw) -> Instance:
@@ -109,19 +100,15 @@ def discs(rng: Draw) -> Instance:
     return Instance(
         two_discs(),
         {
-            "start": start,
-            "goal": {"x2": 0.0, "y2": 0.0},
-            "sequence": ["contact"],
+            "start": start, "goal": {"x2": 0.0, "y2": 0.0}, "sequence": ["contact"],
             "final_time": uniform(rng, 0.8, 2.0),
-            "bounds": {"f_x": (-60.0, 60.0), "f_y": (-60.0, 60.0)},
-            "restitution": restitution(rng),
+            "bounds": {"f_x": (-60.0, 60.0), "f_y": (-60.0, 60.0)}, "restitution": restitution(rng),
             "parameters": {
-                "m1": uniform(rng, 0.5, 2.0),
-                "m2": uniform(rng, 0.5, 2.0),
+                "m1": uniform(rng, 0.5, 2.0), "m2": uniform(rng, 0.5, 2.0),
                 "r": uniform(rng, 0.1, 0.25),
             },
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -130,14 +117,9 @@ def moving_block() -> Description:
     m, wall, swing, omega = sp.symbols("m wall swing omega")
     surface = x <= wall + swing * sp.sin(omega * T)
     return Description(
-        "moving_wall",
-        [x],
-        [u],
-        m * x.diff(T) ** 2 / 2,
-        {x: u},
-        {"wall": surface},
+        "moving_wall", [x], [u], m * x.diff(T) ** 2 / 2, {x: u}, {"wall": surface},
         {m: 1.0, wall: 1.0, swing: 0.1, omega: 3.0},
-    )
+    )  # fmt: skip
 
 
 def moving_walls(rng: Draw) -> Instance:
@@ -146,19 +128,14 @@ def moving_walls(rng: Draw) -> Instance:
         moving_block(),
         {
             "start": {"x": 0.0, "x_dot": uniform(rng, -0.5, 1.0)},
-            "goal": {"x": uniform(rng, -0.5, 0.5), "x_dot": 0.0},
-            "sequence": ["wall"],
-            "final_time": final,
-            "restitution": restitution(rng),
-            "bounds": {"u": (-80.0, 80.0)},
+            "goal": {"x": uniform(rng, -0.5, 0.5), "x_dot": 0.0}, "sequence": ["wall"],
+            "final_time": final, "restitution": restitution(rng), "bounds": {"u": (-80.0, 80.0)},
             "parameters": {
-                "m": uniform(rng, 0.5, 2.0),
-                "wall": uniform(rng, 0.9, 1.5),
-                "swing": uniform(rng, 0.0, 0.3),
-                "omega": uniform(rng, 1.0, 8.0),
+                "m": uniform(rng, 0.5, 2.0), "wall": uniform(rng, 0.9, 1.5),
+                "swing": uniform(rng, 0.0, 0.3), "omega": uniform(rng, 1.0, 8.0),
             },
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -168,14 +145,9 @@ def rod() -> Description:
     kinetic = m * (x.diff(T) ** 2 + y.diff(T) ** 2) / 2 + J * th.diff(T) ** 2 / 2
     floor = {"left": y - l * sp.sin(th) >= 0, "right": y + l * sp.sin(th) >= 0}
     return Description(
-        "rod",
-        [x, y, th],
-        [f_x, f_y, tau],
-        kinetic - m * g * y,
-        {x: f_x, y: f_y, th: tau},
-        floor,
+        "rod", [x, y, th], [f_x, f_y, tau], kinetic - m * g * y, {x: f_x, y: f_y, th: tau}, floor,
         {m: 1.0, J: 0.05, l: 0.4, g: G},
-    )
+    )  # fmt: skip
 
 
 def rods(rng: Draw) -> Instance:
@@ -186,30 +158,22 @@ def rods(rng: Draw) -> Instance:
         rod(),
         {
             "start": {
-                "x": 0.0,
-                "y": uniform(rng, 0.7, 1.2),
-                "th": uniform(rng, -0.6, 0.6),
+                "x": 0.0, "y": uniform(rng, 0.7, 1.2), "th": uniform(rng, -0.6, 0.6),
                 "y_dot": uniform(rng, -2.0, 0.0),
             },
             "goal": {
-                "x": uniform(rng, 0.0, 1.0),
-                "y": uniform(rng, 0.6, 1.2),
-                "th": uniform(rng, -0.5, 0.5),
-                "x_dot": 0.0,
-                "y_dot": 0.0,
-                "th_dot": 0.0,
+                "x": uniform(rng, 0.0, 1.0), "y": uniform(rng, 0.6, 1.2),
+                "th": uniform(rng, -0.5, 0.5), "x_dot": 0.0, "y_dot": 0.0, "th_dot": 0.0,
             },
-            "sequence": sequence,
-            "final_time": uniform(rng, 0.9, 1.5),
+            "sequence": sequence, "final_time": uniform(rng, 0.9, 1.5),
             "restitution": restitution(rng),
             "bounds": {"f_x": (-60.0, 60.0), "f_y": (-60.0, 60.0), "tau": (-20.0, 20.0)},
             "parameters": {
-                "m": uniform(rng, 0.5, 2.0),
-                "J": uniform(rng, 0.02, 0.1),
+                "m": uniform(rng, 0.5, 2.0), "J": uniform(rng, 0.02, 0.1),
                 "l": uniform(rng, 0.2, 0.5),
             },
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -233,18 +197,15 @@ def hoppers(rng: Draw) -> Instance:
         hopper(),
         {
             "start": {"y": height, "r": 0.5},
-            "goal": {"y": height + uniform(rng, -0.1, 0.1), "y_dot": 0.0},
-            "sequence": ["ground"],
-            "final_time": (0.4, 1.2),
-            "restitution": restitution(rng),
+            "goal": {"y": height + uniform(rng, -0.1, 0.1), "y_dot": 0.0}, "sequence": ["ground"],
+            "final_time": (0.4, 1.2), "restitution": restitution(rng),
             "bounds": {"F": (-150.0, 150.0), "r": (0.25, 0.75)},
             "parameters": {
-                "M": uniform(rng, 0.8, 1.5),
-                "m": uniform(rng, 0.2, 0.6),
+                "M": uniform(rng, 0.8, 1.5), "m": uniform(rng, 0.2, 0.6),
                 "k": uniform(rng, 30.0, 120.0),
             },
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -252,14 +213,9 @@ def block() -> Description:
     x, u = dynamicsymbols("x u")
     m, wall = sp.symbols("m wall")
     return Description(
-        "wall_mm",
-        [x],
-        [u],
-        m * x.diff(T) ** 2 / 2,
-        {x: u},
-        {"wall": x <= wall},
+        "wall_mm", [x], [u], m * x.diff(T) ** 2 / 2, {x: u}, {"wall": x <= wall},
         {m: 1.0, wall: 1000.0},
-    )
+    )  # fmt: skip
 
 
 def block_cost(mass: float, wall: float, goal: float, final: float, e: float) -> float:
@@ -295,15 +251,11 @@ def walls_in_mm(rng: Draw) -> Instance:
     return Instance(
         block(),
         {
-            "start": {"x": 0.0},
-            "goal": {"x": goal, "x_dot": 0.0},
-            "sequence": ["wall"],
-            "final_time": final,
-            "restitution": e,
-            "parameters": {"m": mass, "wall": wall},
+            "start": {"x": 0.0}, "goal": {"x": goal, "x_dot": 0.0}, "sequence": ["wall"],
+            "final_time": final, "restitution": e, "parameters": {"m": mass, "wall": wall},
         },
         block_cost(mass, wall, goal, final, e),
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -326,22 +278,17 @@ def cart_pendulums(rng: Draw) -> Instance:
         {
             "start": {"alpha": uniform(rng, 0.4, 1.2), "x": 0.0},
             "goal": {
-                "alpha": np.pi / 2,
-                "alpha_dot": 0.0,
-                "x": uniform(rng, -0.5, 0.5),
-                "x_dot": 0.0,
+                "alpha": np.pi / 2, "alpha_dot": 0.0, "x": uniform(rng, -0.5, 0.5), "x_dot": 0.0,
             },
             "sequence": [str(rng.choice(["left", "right"]))],
-            "final_time": (None, uniform(rng, 0.7, 1.2)),
-            "bounds": {"F": (-force, force)},
+            "final_time": (None, uniform(rng, 0.7, 1.2)), "bounds": {"F": (-force, force)},
             "restitution": restitution(rng),
             "parameters": {
-                "m_p": uniform(rng, 0.5, 2.0),
-                "m_c": uniform(rng, 0.5, 2.0),
+                "m_p": uniform(rng, 0.5, 2.0), "m_c": uniform(rng, 0.5, 2.0),
                 "l": uniform(rng, 0.4, 0.8),
             },
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -350,14 +297,9 @@ def pendulum() -> Description:
     m, l, g, reach = sp.symbols("m l g reach")
     lagrangian = m * l**2 * a.diff(T) ** 2 / 2 + m * g * l * sp.cos(a)
     return Description(
-        "curved",
-        [a],
-        [u],
-        lagrangian,
-        {a: u},
-        {"wall": sp.sin(a) <= reach},
+        "curved", [a], [u], lagrangian, {a: u}, {"wall": sp.sin(a) <= reach},
         {m: 1.0, l: 1.0, g: G, reach: 0.5},
-    )
+    )  # fmt: skip
 
 
 def curved_walls(rng: Draw) -> Instance:
@@ -367,19 +309,14 @@ def curved_walls(rng: Draw) -> Instance:
     return Instance(
         pendulum(),
         {
-            "start": {"a": 0.0},
-            "goal": {"a": uniform(rng, -np.pi, 0.2), "a_dot": 0.0},
-            "sequence": ["wall"],
-            "final_time": uniform(rng, 1.5, 3.5),
-            "restitution": restitution(rng),
-            "bounds": {"u": (-40.0, 40.0)},
+            "start": {"a": 0.0}, "goal": {"a": uniform(rng, -np.pi, 0.2), "a_dot": 0.0},
+            "sequence": ["wall"], "final_time": uniform(rng, 1.5, 3.5),
+            "restitution": restitution(rng), "bounds": {"u": (-40.0, 40.0)},
             "parameters": {
-                "m": uniform(rng, 0.5, 2.0),
-                "l": uniform(rng, 0.5, 1.2),
-                "reach": reach,
+                "m": uniform(rng, 0.5, 2.0), "l": uniform(rng, 0.5, 1.2), "reach": reach,
             },
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -390,14 +327,9 @@ def chain() -> Description:
     kinetic = m * sum(x.diff(T) ** 2 for x in masses) / 2
     springs = k * sum((b - a) ** 2 for a, b in pairwise(masses)) / 2
     return Description(
-        "chain",
-        masses,
-        [u],
-        kinetic - springs,
-        {masses[0]: u},
-        {"wall": masses[-1] <= wall},
+        "chain", masses, [u], kinetic - springs, {masses[0]: u}, {"wall": masses[-1] <= wall},
         {m: 1.0, k: 20.0, wall: 0.5},
-    )
+    )  # fmt: skip
 
 
 def chains(rng: Draw) -> Instance:
@@ -410,27 +342,18 @@ def chains(rng: Draw) -> Instance:
         {
             "start": dict.fromkeys(names, 0.0),
             "goal": dict.fromkeys(names, goal) | {f"{n}_dot": 0.0 for n in names},
-            "sequence": ["wall"],
-            "final_time": uniform(rng, 2.0, 4.0),
-            "restitution": restitution(rng),
-            "bounds": {"u": (-60.0, 60.0)},
+            "sequence": ["wall"], "final_time": uniform(rng, 2.0, 4.0),
+            "restitution": restitution(rng), "bounds": {"u": (-60.0, 60.0)},
             "parameters": {
-                "m": uniform(rng, 0.5, 1.5),
-                "k": uniform(rng, 10.0, 60.0),
+                "m": uniform(rng, 0.5, 1.5), "k": uniform(rng, 10.0, 60.0),
                 "wall": uniform(rng, 0.3, 0.8),
             },
         },
-    )
+    )  # fmt: skip
 
 
 KINDS: Mapping[str, Callable[[Draw], Instance]] = {
-    "arms": arms,
-    "discs": discs,
-    "moving walls": moving_walls,
-    "rods": rods,
-    "hoppers": hoppers,
-    "walls in mm": walls_in_mm,
-    "cart-pendulums": cart_pendulums,
-    "curved walls": curved_walls,
+    "arms": arms, "discs": discs, "moving walls": moving_walls, "rods": rods, "hoppers": hoppers,
+    "walls in mm": walls_in_mm, "cart-pendulums": cart_pendulums, "curved walls": curved_walls,
     "chains": chains,
-}
+}  # fmt: skip

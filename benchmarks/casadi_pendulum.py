@@ -73,13 +73,9 @@ class Program:
         b = self.bounds
         excess = [b["lbg"] - g, g - b["ubg"], b["lbx"] - x, x - b["ubx"]]
         return (
-            seconds,
-            float(found["f"]),
-            int(stats["iter_count"]),
-            str(stats["return_status"]),
-            float(np.max(np.concatenate(excess))),
-            x,
-        )
+            seconds, float(found["f"]), int(stats["iter_count"]), str(stats["return_status"]),
+            float(np.max(np.concatenate(excess))), x,
+        )  # fmt: skip
 
 
 def program(case: Case, compiled: bool = False, unrolled: bool = True, **ipopt: Any) -> Program:

@@ -54,14 +54,10 @@ class Task:
 def seed(dmoc: Any, steps: int = 100, order: int = 2) -> Any:
     """The problem of Kern & Gross (2018): one collision on the left limiter."""
     return dmoc.Problem(
-        dmoc.load("cart_pendulum", order=order),
-        start={"alpha": 0.15 * pi, "x": 0.0},
-        goal={"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0},
-        sequence=["left"],
-        steps=steps,
-        final_time=(None, 1.0),
-        bounds={"F": (-200, 200), "x": (-10, 10)},
-    )
+        dmoc.load("cart_pendulum", order=order), start={"alpha": 0.15 * pi, "x": 0.0},
+        goal={"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0}, sequence=["left"], steps=steps,
+        final_time=(None, 1.0), bounds={"F": (-200, 200), "x": (-10, 10)},
+    )  # fmt: skip
 
 
 def solved(method: str, part: str = "solve", **changes: Any) -> Callable[[Any], Callable[[], Once]]:
@@ -194,16 +190,9 @@ def compare(this: Path, other: Path, rounds: int) -> list[Task]:
 
 def table(compared: list[Task]) -> str:
     head = [
-        "task",
-        "runs",
-        "this, ms",
-        "other, ms",
-        "this / other",
-        "quartiles",
-        "failed: this",
-        "other",
-        "answers differ by",
-    ]
+        "task", "runs", "this, ms", "other, ms", "this / other", "quartiles", "failed: this",
+        "other", "answers differ by",
+    ]  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for task in compared:
         times = np.array([[a.seconds, b.seconds] for a, b in task.runs])
@@ -212,15 +201,9 @@ def table(compared: list[Task]) -> str:
         failed = [sum(not pair[side].good for pair in task.runs) for side in (0, 1)]
         apart = max(abs(a.answer - b.answer) / max(abs(b.answer), 1e-300) for a, b in task.runs)
         cells = (
-            task.name,
-            len(task.runs),
-            f"{1e3 * this:.4g}",
-            f"{1e3 * other:.4g}",
-            f"{this / other:.3f}",
-            f"{low:.3f} to {high:.3f}",
-            *failed,
-            f"{apart:.1e}",
-        )
+            task.name, len(task.runs), f"{1e3 * this:.4g}", f"{1e3 * other:.4g}",
+            f"{this / other:.3f}", f"{low:.3f} to {high:.3f}", *failed, f"{apart:.1e}",
+        )  # fmt: skip
         lines.append("| " + " | ".join(map(str, cells)) + " |")
     return "\n".join(lines)
 

@@ -63,18 +63,14 @@ def belts(rng: Draw) -> Instance:
     return Instance(
         block_on(True),
         {
-            "start": {"x": 0.0, "y": 0.0},
-            "goal": {"x": uniform(rng, 0.5, 2.0), "x_dot": speed},
-            "contacts": ["floor:slip-"],
-            "sequence": ["floor:stick"],
+            "start": {"x": 0.0, "y": 0.0}, "goal": {"x": uniform(rng, 0.5, 2.0), "x_dot": speed},
+            "contacts": ["floor:slip-"], "sequence": ["floor:stick"],
             "final_time": uniform(rng, 1.5, 3.0),
             "parameters": {
-                "m": uniform(rng, 0.5, 3.0),
-                "mu": uniform(rng, 0.1, 0.5),
-                "belt": speed,
+                "m": uniform(rng, 0.5, 3.0), "mu": uniform(rng, 0.1, 0.5), "belt": speed,
             },
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -97,14 +93,11 @@ def stacked(rng: Draw) -> Instance:
     return Instance(
         two_blocks(),
         {
-            "start": {"low": 0.0, "high": 0.0},
-            "goal": goal,
-            "contacts": [first],
-            "sequence": rest,
+            "start": {"low": 0.0, "high": 0.0}, "goal": goal, "contacts": [first], "sequence": rest,
             "final_time": uniform(rng, 0.8, 2.0),
             "parameters": {"grip": uniform(rng, 0.5, 2.0), "m_low": uniform(rng, 1.0, 3.0)},
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -162,16 +155,12 @@ def hoppers(rng: Draw) -> Instance:
     return Instance(
         leg(),
         {
-            "start": {"z": standing, "f": 0.0},
-            "goal": {"z": standing, "z_dot": 0.0, "f_dot": 0.0},
-            "contacts": ["floor"],
-            "sequence": ["-floor", "+floor"],
-            "final_time": (0.5, 3.0),
-            "durations": [None, (flight, flight), None],
-            "bounds": {"z": (0.2, 2.0)},
+            "start": {"z": standing, "f": 0.0}, "goal": {"z": standing, "z_dot": 0.0, "f_dot": 0.0},
+            "contacts": ["floor"], "sequence": ["-floor", "+floor"], "final_time": (0.5, 3.0),
+            "durations": [None, (flight, flight), None], "bounds": {"z": (0.2, 2.0)},
             "parameters": {"m": mass, "k": k, "foot": uniform(rng, 0.2, 0.5)},
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -191,18 +180,13 @@ def balls(rng: Draw) -> Instance:
         ball(),
         {
             "start": {
-                "x": 0.0,
-                "y": uniform(rng, 0.6, 1.2),
-                "a": 0.0,
-                "x_dot": uniform(rng, 0.2, 1),
+                "x": 0.0, "y": uniform(rng, 0.6, 1.2), "a": 0.0, "x_dot": uniform(rng, 0.2, 1),
             },
-            "goal": {"x": uniform(rng, 0.2, 0.9), "y": (0.2, None)},
-            "sequence": ["floor"],
-            "restitution": float(rng.choice([0.9, 0.7, 0.5])),
-            "final_time": (0.5, 1.0),
+            "goal": {"x": uniform(rng, 0.2, 0.9), "y": (0.2, None)}, "sequence": ["floor"],
+            "restitution": float(rng.choice([0.9, 0.7, 0.5])), "final_time": (0.5, 1.0),
             "parameters": {"mu": uniform(rng, 0.1, 0.6)},
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -340,27 +324,17 @@ def walkers(rng: Draw) -> Instance:
     return Instance(
         five_links(),
         {
-            "start": {"x": 0.0},
-            "goal": {},
-            "contacts": ["left"],
-            "sequence": ["+right -left"],
+            "start": {"x": 0.0}, "goal": {}, "contacts": ["left"], "sequence": ["+right -left"],
             "periodic": exchanged({"y": "y", "torso": "torso"} | pairs, uniform(rng, 0.35, 0.55)),
             "durations": [(time / 2, time / 2)] * 2,
             "bounds": {"torso": (-0.6, 0.6)} | dict.fromkeys(pairs, (-1.8, 1.2)),
             "parameters": {"mu": uniform(rng, 0.5, 0.9)},
         },
-    )
+    )  # fmt: skip
 
 
 KINDS: dict[str, Callable[[Draw], Instance]] = {
-    "pushed": pushed,
-    "belt": belts,
-    "stacked": stacked,
-    "ladder": ladders,
-    "hopper": hoppers,
-    "spinning ball": balls,
-    "rod": bars,
-    "cart-pole on a rail": cart_poles,
-    "compass": compasses,
+    "pushed": pushed, "belt": belts, "stacked": stacked, "ladder": ladders, "hopper": hoppers,
+    "spinning ball": balls, "rod": bars, "cart-pole on a rail": cart_poles, "compass": compasses,
     "five links": walkers,
-}
+}  # fmt: skip

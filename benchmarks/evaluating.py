@@ -153,14 +153,7 @@ def _generated(function: ca.Function, inputs: list[np.ndarray], repeats: int) ->
         ]
         entry = ctypes.cast(getattr(c, function.name()), ctypes.c_void_p)
         call = (
-            entry,
-            ctypes.c_longlong(STEPS),
-            len(args),
-            pointers(args),
-            lengths(args),
-            len(outputs),
-            pointers(outputs),
-            lengths(outputs),
-            *(ctypes.c_void_p(s.ctypes.data) for s in scratch),
-        )
+            entry, ctypes.c_longlong(STEPS), len(args), pointers(args), lengths(args), len(outputs),
+            pointers(outputs), lengths(outputs), *(ctypes.c_void_p(s.ctypes.data) for s in scratch),
+        )  # fmt: skip
         return timed(lambda: c.loop(*call), repeats)[0]

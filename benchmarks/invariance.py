@@ -269,17 +269,13 @@ def seed(told: Told) -> dict[str, Any]:
 KINDS = {
     "block at rest": Kind(floor_system, at_rest),
     "hopper at rest": Kind(hopper_system, hopper_at_rest),
-    "held pendulum": Kind(pendulum_system, held),
-    "mass at rest": Kind(free_system, idle),
-    "block and wall": Kind(free_system, there_and_back),
-    "ball": Kind(ball_system, bounce),
+    "held pendulum": Kind(pendulum_system, held), "mass at rest": Kind(free_system, idle),
+    "block and wall": Kind(free_system, there_and_back), "ball": Kind(ball_system, bounce),
     "block that sticks and slides": Kind(floor_system, pushed),
     "finger that leans": Kind(finger_system, leaning),
-    "finger that pushes": Kind(finger_system, shoved),
-    "pole on a rail": Kind(pole_system, swung),
-    "ladder": Kind(ladder_system, slides_down),
-    "seed": Kind(cart_system, seed),
-}
+    "finger that pushes": Kind(finger_system, shoved), "pole on a rail": Kind(pole_system, swung),
+    "ladder": Kind(ladder_system, slides_down), "seed": Kind(cart_system, seed),
+}  # fmt: skip
 
 
 def tellings(quick: bool = False) -> list[Told]:

@@ -36,19 +36,9 @@ ABOUT_PEER = (
     "known cost does not count, and its time is that of the solve alone, without building."
 )
 HEADER = (
-    "problem",
-    "order",
-    "N",
-    "method",
-    "result",
-    "cost",
-    "against the known one",
-    "explore, ms",
-    "guess, ms",
-    "solve, ms",
-    "check, ms",
-    "total, ms",
-)
+    "problem", "order", "N", "method", "result", "cost", "against the known one", "explore, ms",
+    "guess, ms", "solve, ms", "check, ms", "total, ms",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -80,15 +70,11 @@ class Try:
         known = self.rung.known
         ended = np.isfinite(self.cost)
         return (
-            self.rung.name,
-            self.order,
-            self.steps,
-            self.method,
-            self.result if self.met else f"**{self.result}**",
-            f"{self.cost:.6g}" if ended else "-",
+            self.rung.name, self.order, self.steps, self.method,
+            self.result if self.met else f"**{self.result}**", f"{self.cost:.6g}" if ended else "-",
             f"{(self.cost - known) / abs(known):+.1e}" if ended else "-",
             *(ms(part) for part in self.parts),
-        )
+        )  # fmt: skip
 
 
 def own(rung: Rung, order: int, steps: int, method: str) -> Try:

@@ -74,15 +74,10 @@ def against_wall(wall: float = 0.5, goal: float = -pi) -> Statement:
     a, u = dynamicsymbols("a u")
     distance = sp.Symbol("distance")
     system = dmoc.MechanicalSystem(
-        "against_wall",
-        coordinates=[a],
-        inputs=[u],
-        lagrangian=a.diff(t) ** 2 / 2 + GRAVITY * sp.cos(a),
-        forces={a: u},
-        surfaces={"wall": sp.sin(a) <= distance},
-        parameters={distance: 0.5},
-        cost=u**2,
-    )
+        "against_wall", coordinates=[a], inputs=[u],
+        lagrangian=a.diff(t) ** 2 / 2 + GRAVITY * sp.cos(a), forces={a: u},
+        surfaces={"wall": sp.sin(a) <= distance}, parameters={distance: 0.5}, cost=u**2,
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -99,16 +94,10 @@ def hammer_and_nail() -> Statement:
     """A hammer drives a nail on a spring and a damper 2 cm deep, where it is to be at rest."""
     x, s, u = dynamicsymbols("x s u")
     system = dmoc.MechanicalSystem(
-        "hammer_and_nail",
-        coordinates=[x, s],
-        inputs=[u],
-        lagrangian=x.diff(t) ** 2 / 2 + 0.1 * s.diff(t) ** 2 / 2 - 250 * s**2,
-        forces={x: u},
-        dissipation=5 * s.diff(t) ** 2 / 2,
-        surfaces={"contact": x <= s},
-        parameters={},
-        cost=u**2,
-    )
+        "hammer_and_nail", coordinates=[x, s], inputs=[u],
+        lagrangian=x.diff(t) ** 2 / 2 + 0.1 * s.diff(t) ** 2 / 2 - 250 * s**2, forces={x: u},
+        dissipation=5 * s.diff(t) ** 2 / 2, surfaces={"contact": x <= s}, parameters={}, cost=u**2,
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -125,15 +114,10 @@ def two_carts() -> Statement:
     """A cart from 0 knocks another one from 1, so that this rolls through 5 at 3 s."""
     a, b, u = dynamicsymbols("a b u")
     system = dmoc.MechanicalSystem(
-        "two_carts",
-        coordinates=[a, b],
-        inputs=[u],
-        lagrangian=(a.diff(t) ** 2 + b.diff(t) ** 2) / 2,
-        forces={a: u},
-        surfaces={"contact": a <= b},
-        parameters={},
-        cost=u**2 / 2,
-    )
+        "two_carts", coordinates=[a, b], inputs=[u],
+        lagrangian=(a.diff(t) ** 2 + b.diff(t) ** 2) / 2, forces={a: u},
+        surfaces={"contact": a <= b}, parameters={}, cost=u**2 / 2,
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -175,15 +159,10 @@ def acrobot() -> Statement:
         kinetic += velocity.dot(velocity) / 2
         height += centre[1]
     system = dmoc.MechanicalSystem(
-        "acrobot",
-        coordinates=[a, b],
-        inputs=[u],
-        lagrangian=sp.trigsimp(sp.expand(kinetic)) - GRAVITY * height,
-        forces={a: -u, b: u},
-        surfaces={"wall": joint[0] + along[0] <= wall},
-        parameters={wall: 1.0},
-        cost=u**2,
-    )
+        "acrobot", coordinates=[a, b], inputs=[u],
+        lagrangian=sp.trigsimp(sp.expand(kinetic)) - GRAVITY * height, forces={a: -u, b: u},
+        surfaces={"wall": joint[0] + along[0] <= wall}, parameters={wall: 1.0}, cost=u**2,
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -205,19 +184,13 @@ def hanging() -> Statement:
 # smaller, of motions that the simulation confirms.
 RUNGS = (
     Rung(
-        "pendulum with little torque, least time",
-        little_torque,
-        5.7007,
-        1.5e-2,
+        "pendulum with little torque, least time", little_torque, 5.7007, 1.5e-2,
         "both orders, N = 400",
     ),
     Rung("two-link arm, least time", two_links, 2.98228, 1e-3, "PSOPT `twolinkarm`: 2.988662"),
     Rung("robot arm, least time", robot_arm, 9.14092, 1e-3, "COPS 3: 9.14138 at N = 200"),
     Rung(
-        "robot arm with its Lagrangian",
-        partial(robot_arm, lagrangian=True),
-        7.84472,
-        1e-3,
+        "robot arm with its Lagrangian", partial(robot_arm, lagrangian=True), 7.84472, 1e-3,
         "both orders, N = 400",
     ),
     Rung("brachistochrone", brachistochrone, 1.8016031, 1e-3, "closed form"),
@@ -229,28 +202,19 @@ RUNGS = (
     Rung("around a disc", around_disc, 65.28, 2e-3, "both orders, N = 200"),
     Rung("pendulum and wall, goal -pi", against_wall, 31.22854, 2e-3, "both orders, N = 200"),
     Rung(
-        "pendulum and wall, goal -3",
-        partial(against_wall, goal=-3.0),
-        29.38332,
-        2e-3,
+        "pendulum and wall, goal -3", partial(against_wall, goal=-3.0), 29.38332, 2e-3,
         "both orders, N = 200",
     ),
     Rung(
-        "pendulum and wall, goal -2",
-        partial(against_wall, goal=-2.0),
-        18.11182,
-        1e-2,
+        "pendulum and wall, goal -2", partial(against_wall, goal=-2.0), 18.11182, 1e-2,
         "both orders, N = 200",
     ),
     Rung(
-        "pendulum and nearer wall, goal -2.6",
-        partial(against_wall, wall=0.4, goal=-2.6),
-        26.73732,
-        1e-2,
-        "both orders, N = 200",
+        "pendulum and nearer wall, goal -2.6", partial(against_wall, wall=0.4, goal=-2.6), 26.73732,
+        1e-2, "both orders, N = 200",
     ),
     Rung("hammer and nail", hammer_and_nail, 62.49558, 1e-2, "both orders, N = 200"),
     Rung("two carts, e = 0.5", two_carts, two_carts_cost(), 1e-3, "closed form"),
     Rung("acrobot and wall", acrobot, 46.694, 5e-3, "both orders, N = 200"),
     Rung("cart-pendulum from hanging", hanging, 37.38486, 5e-3, "both orders, N = 200"),
-)
+)  # fmt: skip

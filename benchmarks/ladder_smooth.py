@@ -28,14 +28,9 @@ def little_torque() -> Statement:
     """A pendulum is swung up in minimum time by a torque that cannot hold it up."""
     a, u = dynamicsymbols("a u")
     system = dmoc.MechanicalSystem(
-        "little_torque",
-        coordinates=[a],
-        inputs=[u],
-        lagrangian=a.diff(t) ** 2 / 2 + GRAVITY * sp.cos(a),
-        forces={a: u},
-        parameters={},
-        cost=1,
-    )
+        "little_torque", coordinates=[a], inputs=[u],
+        lagrangian=a.diff(t) ** 2 / 2 + GRAVITY * sp.cos(a), forces={a: u}, parameters={}, cost=1,
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -53,14 +48,10 @@ def two_links() -> Statement:
     v, w = a.diff(t), b.diff(t)
     inertias = sp.Rational(7, 3) * v**2 + sp.Rational(4, 3) * w**2
     system = dmoc.MechanicalSystem(
-        "two_links",
-        coordinates=[a, b],
-        inputs=[u1, u2],
-        lagrangian=(inertias + 3 * sp.cos(b - a) * v * w) / 2,
-        forces={a: u1 - u2, b: u2},
-        parameters={},
-        cost=1,
-    )
+        "two_links", coordinates=[a, b], inputs=[u1, u2],
+        lagrangian=(inertias + 3 * sp.cos(b - a) * v * w) / 2, forces={a: u1 - u2, b: u2},
+        parameters={}, cost=1,
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -90,14 +81,10 @@ def robot_arm(lagrangian: bool = False) -> Statement:
         name, masses = "robot_arm", dict.fromkeys(inputs, 1)
         forces = {q: inputs[q] / inertias[q] for q in inputs}
     system = dmoc.MechanicalSystem(
-        name,
-        coordinates=list(inputs),
-        inputs=list(inputs.values()),
-        lagrangian=sum(masses[q] * q.diff(t) ** 2 for q in inputs) / 2,
-        forces=forces,
-        parameters={},
-        cost=1,
-    )
+        name, coordinates=list(inputs), inputs=list(inputs.values()),
+        lagrangian=sum(masses[q] * q.diff(t) ** 2 for q in inputs) / 2, forces=forces,
+        parameters={}, cost=1,
+    )  # fmt: skip
     ends = {"rho": 4.5, "phi": pi / 4}
     return Statement(
         system,
@@ -123,14 +110,10 @@ def brachistochrone() -> Statement:
     x, y, u = dynamicsymbols("x y u")
     v, w = x.diff(t), y.diff(t)
     system = dmoc.MechanicalSystem(
-        "brachistochrone",
-        coordinates=[x, y],
-        inputs=[u],
-        lagrangian=(v**2 + w**2) / 2 - 9.80665 * y,
-        forces={x: -u * w, y: u * v},
-        parameters={},
+        "brachistochrone", coordinates=[x, y], inputs=[u],
+        lagrangian=(v**2 + w**2) / 2 - 9.80665 * y, forces={x: -u * w, y: u * v}, parameters={},
         cost=1,
-    )
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -145,15 +128,9 @@ def furthest() -> Statement:
     """How far a unit mass can get in a second from rest to rest, with a limited force."""
     x, u = dynamicsymbols("x u")
     system = dmoc.MechanicalSystem(
-        "furthest",
-        coordinates=[x],
-        inputs=[u],
-        lagrangian=x.diff(t) ** 2 / 2,
-        forces={x: u},
-        parameters={},
-        cost=0,
-        terminal_cost=-x,
-    )
+        "furthest", coordinates=[x], inputs=[u], lagrangian=x.diff(t) ** 2 / 2, forces={x: u},
+        parameters={}, cost=0, terminal_cost=-x,
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -169,14 +146,10 @@ def flying_robot() -> Statement:
     """Two double integrators, both limited, to a corner of a square in minimum time."""
     x, y, u, w = dynamicsymbols("x y u w")
     system = dmoc.MechanicalSystem(
-        "flying_robot",
-        coordinates=[x, y],
-        inputs=[u, w],
-        lagrangian=(x.diff(t) ** 2 + y.diff(t) ** 2) / 2,
-        forces={x: u, y: w},
-        parameters={},
+        "flying_robot", coordinates=[x, y], inputs=[u, w],
+        lagrangian=(x.diff(t) ** 2 + y.diff(t) ** 2) / 2, forces={x: u, y: w}, parameters={},
         cost=1,
-    )
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -196,24 +169,14 @@ def container_crane() -> Statement:
     x, l, a, u1, u2 = dynamicsymbols("x l a u1 u2")
     speed, hoist, swing = (q.diff(t) for q in (x, l, a))
     system = dmoc.MechanicalSystem(
-        "container_crane",
-        coordinates=[x, l, a],
-        inputs=[u1, u2],
+        "container_crane", coordinates=[x, l, a], inputs=[u1, u2],
         lagrangian=(speed**2 + hoist**2 + swing**2) / 2,
-        forces={
-            x: u1 + 17.2656 * a,
-            l: u2,
-            a: -(u1 + 27.0756 * a + 2 * hoist * swing) / l,
-        },
+        forces={x: u1 + 17.2656 * a, l: u2, a: -(u1 + 27.0756 * a + 2 * hoist * swing) / l},
         path_constraints={
-            "forward": speed <= 2.5,
-            "back": speed >= -2.5,
-            "down": hoist <= 1,
-            "up": hoist >= -1,
+            "forward": speed <= 2.5, "back": speed >= -2.5, "down": hoist <= 1, "up": hoist >= -1,
         },
-        parameters={},
-        cost=(a**2 + swing**2) / 2,
-    )
+        parameters={}, cost=(a**2 + swing**2) / 2,
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -232,14 +195,10 @@ def hanging_load() -> Statement:
     rope, cart, load = 5, 1, 10
     speed = (x + rope * sp.sin(a)).diff(t) ** 2 + (rope * sp.cos(a)).diff(t) ** 2
     system = dmoc.MechanicalSystem(
-        "hanging_load",
-        coordinates=[x, a],
-        inputs=[F],
+        "hanging_load", coordinates=[x, a], inputs=[F],
         lagrangian=(cart * x.diff(t) ** 2 + load * speed) / 2 + load * GRAVITY * rope * sp.cos(a),
-        forces={x: F},
-        parameters={},
-        cost=1,
-    )
+        forces={x: F}, parameters={}, cost=1,
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -261,19 +220,14 @@ def quadrotor() -> Statement:
     y, z, tilt, thrust, torque = dynamicsymbols("y z tilt thrust torque")
     rate = tilt.diff(t)
     system = dmoc.MechanicalSystem(
-        "quadrotor",
-        coordinates=[y, z, tilt],
-        inputs=[thrust, torque],
+        "quadrotor", coordinates=[y, z, tilt], inputs=[thrust, torque],
         lagrangian=(y.diff(t) ** 2 + z.diff(t) ** 2 + rate**2) / 2 - GRAVITY * z,
         forces={y: thrust * sp.sin(tilt), z: thrust * sp.cos(tilt), tilt: torque},
         path_constraints={
-            "rate_up": rate <= 3,
-            "rate_down": rate >= -3,
-            "upright": sp.cos(tilt) >= sp.cos(0.55),
+            "rate_up": rate <= 3, "rate_down": rate >= -3, "upright": sp.cos(tilt) >= sp.cos(0.55),
         },
-        parameters={},
-        cost=1 + 1e-8 * (thrust**2 + torque**2),
-    )
+        parameters={}, cost=1 + 1e-8 * (thrust**2 + torque**2),
+    )  # fmt: skip
     return Statement(
         system,
         {
@@ -289,15 +243,10 @@ def around_disc() -> Statement:
     """A point mass around a disc that stands in the middle of its straight way."""
     x, y, f_x, f_y = dynamicsymbols("x y f_x f_y")
     system = dmoc.MechanicalSystem(
-        "around_disc",
-        coordinates=[x, y],
-        inputs=[f_x, f_y],
-        lagrangian=(x.diff(t) ** 2 + y.diff(t) ** 2) / 2,
-        forces={x: f_x, y: f_y},
-        surfaces={"disc": x**2 + y**2 >= 0.09},
-        parameters={},
-        cost=f_x**2 + f_y**2,
-    )
+        "around_disc", coordinates=[x, y], inputs=[f_x, f_y],
+        lagrangian=(x.diff(t) ** 2 + y.diff(t) ** 2) / 2, forces={x: f_x, y: f_y},
+        surfaces={"disc": x**2 + y**2 >= 0.09}, parameters={}, cost=f_x**2 + f_y**2,
+    )  # fmt: skip
     return Statement(
         system,
         {

@@ -60,15 +60,10 @@ def run(stages: int) -> dict[str, Any]:
     ends = states[:: len(found["x_list"]) // stages]
     inputs = np.array(found["u_list"])
     return {
-        "stages": stages,
-        "status": found["status"].name.lower(),
-        "cost": float(states[-1, 5]),
-        "walls": _walls(found["theta_list"]),
-        "missed": missed(data, np.diff(ends[:, 4]), inputs),
-        "build": build,
-        "seconds": seconds,
-        "version": version(),
-    }
+        "stages": stages, "status": found["status"].name.lower(), "cost": float(states[-1, 5]),
+        "walls": _walls(found["theta_list"]), "missed": missed(data, np.diff(ends[:, 4]), inputs),
+        "build": build, "seconds": seconds, "version": version(),
+    }  # fmt: skip
 
 
 def _solver(nosnoc: Any, data: Mapping[str, Any], stages: int) -> Any:

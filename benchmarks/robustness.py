@@ -37,13 +37,9 @@ INSTANCES = 200
 SECONDS = 20.0
 # Uniformly drawn: masses, length, start angle (rad), force bound (N), bound of the final time (s).
 RANGES = {
-    "m_p": (0.5, 2.0),
-    "m_c": (0.5, 2.0),
-    "l": (0.4, 0.8),
-    "alpha": (0.4, 1.2),
-    "F": (60.0, 200.0),
+    "m_p": (0.5, 2.0), "m_c": (0.5, 2.0), "l": (0.4, 0.8), "alpha": (0.4, 1.2), "F": (60.0, 200.0),
     "T": (0.7, 1.2),
-}
+}  # fmt: skip
 METHODS = {
     "ipm": INSTANCES,
     "ipopt": INSTANCES,

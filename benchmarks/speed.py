@@ -412,15 +412,10 @@ def warm(quick: bool) -> Section:
                 dearer = own_cost(near, again.outcome) / own_cost(far, cold.outcome) - 1
                 ends = "same" if abs(dearer) < SAME_COST else f"{dearer:+.1e}"
                 cells = [
-                    cold.share,
-                    ms(cold.seconds),
-                    cold.outcome.iterations,
-                    again.share,
-                    ms(again.seconds),
-                    again.outcome.iterations,
-                    ratio(cold.seconds, again.seconds),
+                    cold.share, ms(cold.seconds), cold.outcome.iterations, again.share,
+                    ms(again.seconds), again.outcome.iterations, ratio(cold.seconds, again.seconds),
                     ends,
-                ]
+                ]  # fmt: skip
             else:
                 cells += [
                     cold.share,

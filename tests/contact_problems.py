@@ -18,57 +18,33 @@ T = dynamicsymbols._t
 def rail(cost: object, wall: bool = False, name: str = "railed") -> dmoc.MechanicalSystem:
     """A block on a rail with dry friction, and a wall at 1."""
     return dmoc.MechanicalSystem(
-        name,
-        [X],
-        M * X.diff(T) ** 2 / 2,
-        {M: 1.0, F: 1.0},
-        inputs=[U],
-        forces={X: U},
-        cost=cost,
-        tangents={"rail": X},
-        friction={"rail": F},
-        surfaces={"wall": X <= 1} if wall else {},
-    )
+        name, [X], M * X.diff(T) ** 2 / 2, {M: 1.0, F: 1.0}, inputs=[U], forces={X: U}, cost=cost,
+        tangents={"rail": X}, friction={"rail": F}, surfaces={"wall": X <= 1} if wall else {},
+    )  # fmt: skip
 
 
 def floor(name: str = "floored") -> dmoc.MechanicalSystem:
     """A block on a floor with friction."""
     return dmoc.MechanicalSystem(
-        name,
-        [X, Y],
-        M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
-        {M: 2.0, G: 5.0, MU: 0.1},
-        inputs=[U],
-        forces={X: U},
-        cost=U**2 / 2,
-        surfaces={"floor": Y >= 0},
-        tangents={"floor": X},
-        friction={"floor": MU},
-    )
+        name, [X, Y], M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
+        {M: 2.0, G: 5.0, MU: 0.1}, inputs=[U], forces={X: U}, cost=U**2 / 2,
+        surfaces={"floor": Y >= 0}, tangents={"floor": X}, friction={"floor": MU},
+    )  # fmt: skip
 
 
 def pushed(steps: int) -> dmoc.Problem:
     return dmoc.Problem(
-        rail(U**2 / 2),
-        start={"x": 0},
-        goal={"x": 1, "x_dot": 0},
-        sequence=["rail:slip+", "rail:stick"],
-        steps=steps,
-        final_time=4,
-    )
+        rail(U**2 / 2), start={"x": 0}, goal={"x": 1, "x_dot": 0},
+        sequence=["rail:slip+", "rail:stick"], steps=steps, final_time=4,
+    )  # fmt: skip
 
 
 def against_wall(steps: int, e: float) -> dmoc.Problem:
     return dmoc.Problem(
-        rail(U**2 / 2, wall=True, name="railed_wall"),
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        contacts=["rail:slip+"],
-        sequence=["wall rail:slip-"],
-        restitution=e,
-        steps=steps,
+        rail(U**2 / 2, wall=True, name="railed_wall"), start={"x": 0}, goal={"x": 0, "x_dot": 0},
+        contacts=["rail:slip+"], sequence=["wall rail:slip-"], restitution=e, steps=steps,
         final_time=1,
-    )
+    )  # fmt: skip
 
 
 def against_wall_on_floor(steps: int, slope: float) -> dmoc.Problem:
@@ -81,44 +57,26 @@ def against_wall_on_floor(steps: int, slope: float) -> dmoc.Problem:
         surfaces={"floor": Y >= 0, "wall": X + lean * Y <= 1},
     )
     return dmoc.Problem(
-        block,
-        start={"x": 0, "y": 0},
-        goal={"x": 0, "x_dot": 0},
-        contacts=["floor:slip+"],
-        sequence=["wall floor:slip-"],
-        restitution=0.7,
-        steps=steps,
-        final_time=1,
-    )
+        block, start={"x": 0, "y": 0}, goal={"x": 0, "x_dot": 0}, contacts=["floor:slip+"],
+        sequence=["wall floor:slip-"], restitution=0.7, steps=steps, final_time=1,
+    )  # fmt: skip
 
 
 def there_and_back(steps: int) -> dmoc.Problem:
     return dmoc.Problem(
-        rail(1, name="railed_time"),
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        contacts=["rail:slip+"],
-        sequence=["rail:slip-"],
-        via=[{"x": 10}],
-        parameters={"f": 0.6 * 9.81},
-        bounds={"u": (-400, 400)},
-        controls="constant",
-        steps=steps,
+        rail(1, name="railed_time"), start={"x": 0}, goal={"x": 0, "x_dot": 0},
+        contacts=["rail:slip+"], sequence=["rail:slip-"], via=[{"x": 10}],
+        parameters={"f": 0.6 * 9.81}, bounds={"u": (-400, 400)}, controls="constant", steps=steps,
         final_time=(0.1, 2),
-    )
+    )  # fmt: skip
 
 
 def turned(steps: int) -> dmoc.Problem:
     return dmoc.Problem(
-        rail(1, name="railed_time"),
-        start={"x": 0, "x_dot": 1},
-        goal={"x": -1, "x_dot": 0},
-        contacts=["rail:slip+"],
-        sequence=["rail:slip-"],
-        bounds={"u": (-2, 2)},
-        steps=steps,
+        rail(1, name="railed_time"), start={"x": 0, "x_dot": 1}, goal={"x": -1, "x_dot": 0},
+        contacts=["rail:slip+"], sequence=["rail:slip-"], bounds={"u": (-2, 2)}, steps=steps,
         final_time=(0.1, 10),
-    )
+    )  # fmt: skip
 
 
 def two_masses(steps: int | None = None) -> dmoc.Problem:
@@ -126,26 +84,17 @@ def two_masses(steps: int | None = None) -> dmoc.Problem:
     problem of Driessen and Sadegh (2000): one of them has time to spare."""
     a, b, w = dynamicsymbols("a b w")
     system = dmoc.MechanicalSystem(
-        "two_masses",
-        [a, b],
-        0.55 * a.diff() ** 2 + 0.6 * b.diff() ** 2 - 0.475 * a**2 - 0.425 * (b - a) ** 2,
-        {F: 1.0},
-        inputs=[U, w],
-        forces={a: U, b: w},
-        cost=sp.Integer(1),
-        tangents={"first": a, "second": b},
+        "two_masses", [a, b],
+        0.55 * a.diff() ** 2 + 0.6 * b.diff() ** 2 - 0.475 * a**2 - 0.425 * (b - a) ** 2, {F: 1.0},
+        inputs=[U, w], forces={a: U, b: w}, cost=sp.Integer(1), tangents={"first": a, "second": b},
         friction={"first": F, "second": F},
-    )
+    )  # fmt: skip
     return dmoc.Problem(
-        system,
-        start={a: 0, b: 0, "a_dot": -1, "b_dot": -2},
-        goal={a: 1, b: 2, "a_dot": 0, "b_dot": 0},
-        contacts=["first:slip-", "second:slip-"],
-        sequence=["first:slip+", "second:slip+"],
-        bounds={U: (-4, 4), w: (-4, 4)},
-        final_time=(0.1, 10),
-        steps=steps,
-    )
+        system, start={a: 0, b: 0, "a_dot": -1, "b_dot": -2},
+        goal={a: 1, b: 2, "a_dot": 0, "b_dot": 0}, contacts=["first:slip-", "second:slip-"],
+        sequence=["first:slip+", "second:slip+"], bounds={U: (-4, 4), w: (-4, 4)},
+        final_time=(0.1, 10), steps=steps,
+    )  # fmt: skip
 
 
 PUSHED = 2 / 3 * sqrt(6)  # the slide lasts sqrt(6) of the 4 s
@@ -184,23 +133,13 @@ def pushers(steps: int) -> dmoc.Problem:
     """A driven mass lands on one at rest and pushes it."""
     s = dynamicsymbols("s")
     system = dmoc.MechanicalSystem(
-        "pushers",
-        [X, s],
-        (X.diff(T) ** 2 + 3 * s.diff(T) ** 2) / 2,
-        {},
-        inputs=[U],
-        forces={X: U},
-        cost=U**2,
-        surfaces={"pad": s >= X},
-    )
+        "pushers", [X, s], (X.diff(T) ** 2 + 3 * s.diff(T) ** 2) / 2, {}, inputs=[U], forces={X: U},
+        cost=U**2, surfaces={"pad": s >= X},
+    )  # fmt: skip
     return dmoc.Problem(
-        system,
-        start={"x": 0, "s": 1, "x_dot": 2},
-        goal={"s": 2, "s_dot": 1},
-        sequence=["+pad"],
-        steps=steps,
-        final_time=(0.5, 4),
-    )
+        system, start={"x": 0, "s": 1, "x_dot": 2}, goal={"s": 2, "s_dot": 1}, sequence=["+pad"],
+        steps=steps, final_time=(0.5, 4),
+    )  # fmt: skip
 
 
 def pushed_together() -> float:
@@ -243,22 +182,13 @@ def rimless(steps: int) -> dmoc.Problem:
         cost=1,
     )
     return dmoc.Problem(
-        system,
-        start={"x": 0, "c": 0},
-        contacts=["this"],
-        sequence=["+next -this"],
+        system, start={"x": 0, "c": 0}, contacts=["this"], sequence=["+next -this"],
         periodic={
-            "x": ("x", None),
-            "y": "y",
-            "c": ("c", -2 * HALF_ANGLE),
-            "x_dot": "x_dot",
-            "y_dot": "y_dot",
-            "c_dot": "c_dot",
+            "x": ("x", None), "y": "y", "c": ("c", -2 * HALF_ANGLE), "x_dot": "x_dot",
+            "y_dot": "y_dot", "c_dot": "c_dot",
         },
-        steps=steps,
-        final_time=(0.1, 2),
-        durations=[(0.02, None)] * 2,
-    )
+        steps=steps, final_time=(0.1, 2), durations=[(0.02, None)] * 2,
+    )  # fmt: skip
 
 
 def rimless_rate() -> float:

@@ -18,59 +18,39 @@ T = dynamicsymbols._t
 def rod() -> dmoc.MechanicalSystem:
     """A uniform rod of length 1 whose lower left end meets a floor."""
     return dmoc.MechanicalSystem(
-        "fallen_rod",
-        [X, Y, A],
-        (X.diff(T) ** 2 + Y.diff(T) ** 2 + A.diff(T) ** 2 / 12) / 2,
-        {MU: 0.2},
-        surfaces={"floor": Y - sp.sin(A) / 2 >= 0},
-        tangents={"floor": X - sp.cos(A) / 2},
-        friction={"floor": MU},
-        cost=1,
-    )
+        "fallen_rod", [X, Y, A], (X.diff(T) ** 2 + Y.diff(T) ** 2 + A.diff(T) ** 2 / 12) / 2,
+        {MU: 0.2}, surfaces={"floor": Y - sp.sin(A) / 2 >= 0},
+        tangents={"floor": X - sp.cos(A) / 2}, friction={"floor": MU}, cost=1,
+    )  # fmt: skip
 
 
 def coupled() -> dmoc.MechanicalSystem:
     """Two coordinates whose masses couple the normal and the tangent."""
     x, y = X.diff(T), Y.diff(T)
     return dmoc.MechanicalSystem(
-        "coupled_hit",
-        [X, Y],
-        (M_X * x**2 + 2 * M_XY * x * y + M_Y * y**2) / 2,
-        {MU: 0.2, M_X: 1.0, M_XY: 0.1, M_Y: 1.0},
-        surfaces={"floor": Y >= 0},
-        tangents={"floor": X},
-        friction={"floor": MU},
-        cost=1,
-    )
+        "coupled_hit", [X, Y], (M_X * x**2 + 2 * M_XY * x * y + M_Y * y**2) / 2,
+        {MU: 0.2, M_X: 1.0, M_XY: 0.1, M_Y: 1.0}, surfaces={"floor": Y >= 0}, tangents={"floor": X},
+        friction={"floor": MU}, cost=1,
+    )  # fmt: skip
 
 
 def ball() -> dmoc.MechanicalSystem:
     """A ball with k = I / (m r^2), whose spin is driven."""
     speeds = X.diff(T) ** 2 + Y.diff(T) ** 2 + K * R**2 * A.diff(T) ** 2
     return dmoc.MechanicalSystem(
-        "spinning_ball",
-        [X, Y, A],
-        speeds / 2 - G * Y,
-        {R: 0.1, K: 0.4, G: 9.81, MU: 0.3},
-        inputs=[U],
-        forces={A: U},
-        surfaces={"floor": Y >= R},
-        tangents={"floor": X + R * A},
-        friction={"floor": MU},
-        cost=U**2 / 2,
-    )
+        "spinning_ball", [X, Y, A], speeds / 2 - G * Y, {R: 0.1, K: 0.4, G: 9.81, MU: 0.3},
+        inputs=[U], forces={A: U}, surfaces={"floor": Y >= R}, tangents={"floor": X + R * A},
+        friction={"floor": MU}, cost=U**2 / 2,
+    )  # fmt: skip
 
 
 def back(**changes: object) -> dmoc.Problem:
     """The ball is dropped while it moves ahead, and comes back to half a metre above its start."""
     given: dict[str, object] = {
-        "start": {"x": 0, "y": 1, "a": 0, "x_dot": 1.0},
-        "goal": {"x": 0, "y": 0.5},
-        "sequence": ["floor:slip+:stick:late"],
-        "steps": 20,
-        "final_time": (0.2, 2),
+        "start": {"x": 0, "y": 1, "a": 0, "x_dot": 1.0}, "goal": {"x": 0, "y": 0.5},
+        "sequence": ["floor:slip+:stick:late"], "steps": 20, "final_time": (0.2, 2),
         "restitution": 0.8,
-    }
+    }  # fmt: skip
     return dmoc.Problem(ball(), **{**given, **changes})  # type: ignore[arg-type]
 
 

@@ -18,15 +18,9 @@ def block_system(name: str = "block") -> dmoc.MechanicalSystem:
     m, wall = sp.symbols("m wall")
     rate = x.diff(dynamicsymbols._t)
     return dmoc.MechanicalSystem(
-        name,
-        coordinates=[x],
-        inputs=[u],
-        lagrangian=m * rate**2 / 2,
-        forces={x: u},
-        surfaces={"wall": x <= wall},
-        parameters={m: 1.0, wall: 1.0},
-        cost=u**2 / 2,
-    )
+        name, coordinates=[x], inputs=[u], lagrangian=m * rate**2 / 2, forces={x: u},
+        surfaces={"wall": x <= wall}, parameters={m: 1.0, wall: 1.0}, cost=u**2 / 2,
+    )  # fmt: skip
 
 
 def there_and_back(kernels: Kernels, **fields: Any) -> dmoc.Problem:
@@ -46,16 +40,12 @@ def puck_system() -> dmoc.MechanicalSystem:
     m, rim, post = sp.symbols("m rim post")
     t = dynamicsymbols._t
     return dmoc.MechanicalSystem(
-        "puck",
-        coordinates=[x, y],
-        inputs=[f_x, f_y],
-        lagrangian=m * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2,
-        forces={x: f_x, y: f_y},
+        "puck", coordinates=[x, y], inputs=[f_x, f_y],
+        lagrangian=m * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2, forces={x: f_x, y: f_y},
         surfaces={"rim": x**2 + y**2 <= rim**2, "post": (x - 1) ** 2 + y**2 >= post**2},
-        parameters={m: 1.0, rim: 3.0, post: 0.2},
-        cost=(f_x**2 + f_y**2) / 2,
+        parameters={m: 1.0, rim: 3.0, post: 0.2}, cost=(f_x**2 + f_y**2) / 2,
         path_constraints={"speed": x.diff(t) ** 2 + y.diff(t) ** 2 <= 100},
-    )
+    )  # fmt: skip
 
 
 def driven_system() -> dmoc.MechanicalSystem:
@@ -90,26 +80,18 @@ def double_integrator(steps: int = 40, order: int = 2) -> dmoc.Problem:
     system = replace(block_system("double_integrator"), cost=dynamicsymbols("u") ** 2)
     kernels = dmoc.build(system, order=order)
     return dmoc.Problem(
-        kernels,
-        start={"x": 0},
-        goal={"x": 1, "x_dot": 0},
-        steps=steps,
-        final_time=1.0,
+        kernels, start={"x": 0}, goal={"x": 1, "x_dot": 0}, steps=steps, final_time=1.0,
         parameters={"wall": 2.0},
-    )
+    )  # fmt: skip
 
 
 def bryson_denham(steps: int = 40, order: int = 2) -> dmoc.Problem:
     """Turn round in 1 s without passing x = l = 1/9, with the least int u^2 / 2: 4 / (9 l)."""
     kernels = dmoc.build(block_system(), order=order)
     return dmoc.Problem(
-        kernels,
-        start={"x": 0, "x_dot": 1},
-        goal={"x": 0, "x_dot": -1},
-        steps=steps,
-        final_time=1.0,
-        bounds={"x": (None, 1 / 9)},
-    )
+        kernels, start={"x": 0, "x_dot": 1}, goal={"x": 0, "x_dot": -1}, steps=steps,
+        final_time=1.0, bounds={"x": (None, 1 / 9)},
+    )  # fmt: skip
 
 
 def bouncer_problem(
@@ -124,15 +106,10 @@ def bouncer_problem(
     y, u = dynamicsymbols("y u")
     g = sp.Symbol("g")
     system = dmoc.MechanicalSystem(
-        "bouncer",
-        coordinates=[y],
-        inputs=[u],
-        lagrangian=y.diff(dynamicsymbols._t) ** 2 / 2 - g * y,
-        forces={y: u},
-        surfaces={"floor": y >= 0},
-        parameters={g: 9.81},
-        cost=u**2 / 2,
-    )
+        "bouncer", coordinates=[y], inputs=[u],
+        lagrangian=y.diff(dynamicsymbols._t) ** 2 / 2 - g * y, forces={y: u},
+        surfaces={"floor": y >= 0}, parameters={g: 9.81}, cost=u**2 / 2,
+    )  # fmt: skip
     problem = dmoc.Problem(
         dmoc.build(system, order=order),
         start={"y": 0.2},
@@ -184,26 +161,17 @@ def landing_system() -> dmoc.MechanicalSystem:
     m, g, mu = sp.symbols("m g mu")
     t = dynamicsymbols._t
     return dmoc.MechanicalSystem(
-        "landing",
-        coordinates=[x, y],
-        inputs=[u],
-        lagrangian=m * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2 - m * g * y,
-        forces={x: u},
-        parameters={m: 1.0, g: 10.0, mu: 0.1},
-        cost=u**2 / 2,
-        surfaces={"floor": y >= 0},
-        tangents={"floor": x},
-        friction={"floor": mu},
-    )
+        "landing", coordinates=[x, y], inputs=[u],
+        lagrangian=m * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2 - m * g * y, forces={x: u},
+        parameters={m: 1.0, g: 10.0, mu: 0.1}, cost=u**2 / 2, surfaces={"floor": y >= 0},
+        tangents={"floor": x}, friction={"floor": mu},
+    )  # fmt: skip
 
 
 def landing_problem(steps: int = 8) -> dmoc.Problem:
     """It falls for 0.2 s, lands with 2 N s, slides under 10 N and 1 N of friction, and sticks."""
     return dmoc.Problem(
-        dmoc.build(landing_system()),
-        start={"x": 0, "y": 0.2, "x_dot": 1.0},
-        goal={"x": 0.5, "x_dot": 0},
-        sequence=["+floor:slip+", "floor:stick"],
-        steps=steps,
+        dmoc.build(landing_system()), start={"x": 0, "y": 0.2, "x_dot": 1.0},
+        goal={"x": 0.5, "x_dot": 0}, sequence=["+floor:slip+", "floor:stick"], steps=steps,
         final_time=1.5,
-    )
+    )  # fmt: skip

@@ -64,15 +64,9 @@ def test_another_model_of_the_same_name_gets_an_entry_of_its_own(own_cache: Path
     system = block_system("cached")
     dmoc.build(system)
     other = dmoc.MechanicalSystem(
-        "cached",
-        system.coordinates,
-        2 * system.lagrangian,
-        system.parameters,
-        system.inputs,
-        system.forces,
-        system.surfaces,
-        system.cost,
-    )
+        "cached", system.coordinates, 2 * system.lagrangian, system.parameters, system.inputs,
+        system.forces, system.surfaces, system.cost,
+    )  # fmt: skip
     one = np.ones((1, 1))
     assert (
         dmoc.build(other).call("dynamics", one, one, one, one, np.array([[3.0, 1.0]]))[0][0, 0]

@@ -29,54 +29,16 @@ from dmoc.symbolic.spec import FUNCTIONS
 
 T = dynamicsymbols._t
 AWKWARD = [
-    "q**2",
-    "q**3",
-    "q**4",
-    "q**7",
-    "1/q",
-    "1/q**2",
-    "q**-3",
-    "sqrt(q)",
-    "1/sqrt(q)",
-    "q**(3/2)",
-    "q**(-5/2)",
-    "q**p",
-    "p**q",
-    "2**q",
-    "exp(q)",
-    "exp(-q**2)",
-    "log(q)",
-    "-q",
-    "-(q - p)",
-    "q - (p - q)",
-    "q/(p/q)",
-    "(q/p)/q",
-    "-q**2",
-    "(-q)**2",
-    "q*(p + 1)*(p - 1)",
-    "1/(q*p)",
-    "q/(p + q)**2",
-    "Rational(1, 3)*q",
-    "-Rational(1, 3)*q + 1e-30",
-    "-2*(-q**2 - p)",
-    "-(-q - p)/3",
-    "1 - (-(q - p))",
-    "1e22*q",
-    "pi*q",
-    "E*q",
-    "sin(q)/q",
-    "sin(cos(tan(q)))",
-    "asin(q/9) + acos(q/9) + atan(q)",
-    "atan2(q, p)",
-    "sinh(q) + cosh(q) + tanh(q)",
-    "asinh(q) + acosh(q + 1) + atanh(q/9)",
-    "Abs(q - p)",
-    "Max(q, p)",
-    "Min(q, p, 1)",
+    "q**2", "q**3", "q**4", "q**7", "1/q", "1/q**2", "q**-3", "sqrt(q)", "1/sqrt(q)", "q**(3/2)",
+    "q**(-5/2)", "q**p", "p**q", "2**q", "exp(q)", "exp(-q**2)", "log(q)", "-q", "-(q - p)",
+    "q - (p - q)", "q/(p/q)", "(q/p)/q", "-q**2", "(-q)**2", "q*(p + 1)*(p - 1)", "1/(q*p)",
+    "q/(p + q)**2", "Rational(1, 3)*q", "-Rational(1, 3)*q + 1e-30", "-2*(-q**2 - p)",
+    "-(-q - p)/3", "1 - (-(q - p))", "1e22*q", "pi*q", "E*q", "sin(q)/q", "sin(cos(tan(q)))",
+    "asin(q/9) + acos(q/9) + atan(q)", "atan2(q, p)", "sinh(q) + cosh(q) + tanh(q)",
+    "asinh(q) + acosh(q + 1) + atanh(q/9)", "Abs(q - p)", "Max(q, p)", "Min(q, p, 1)",
     "Piecewise((q, q < p), (p**2, q < 2*p), (1, True))",
-    "Piecewise((q, (q < p) & (q > 0)), (1, True))",
-    "Piecewise((q, (q > p) | (q < 0)), (1, True))",
-]
+    "Piecewise((q, (q < p) & (q > 0)), (1, True))", "Piecewise((q, (q > p) | (q < 0)), (1, True))",
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -86,13 +48,10 @@ def awkward() -> tuple[Model, Model, list[sp.Expr]]:
     p = sp.Symbol("p")
     expressions = [sp.sympify(text, locals={"q": q, "p": p}) for text in AWKWARD]
     system = dmoc.MechanicalSystem(
-        "awkward",
-        coordinates=[q],
-        inputs=inputs,
-        lagrangian=q.diff(T) ** 2 / 2,
+        "awkward", coordinates=[q], inputs=inputs, lagrangian=q.diff(T) ** 2 / 2,
         forces={q: sum(u * e for u, e in zip(inputs, expressions, strict=True))},
         parameters={p: 1.3},
-    )
+    )  # fmt: skip
     compiled, numpy = (
         Model(kernels, np.array([[1.3]]))
         for kernels in (dmoc.build(system), dmoc.build(system, backend="numpy"))
@@ -157,14 +116,10 @@ def test_an_expression_that_cannot_be_printed_is_refused(
     with pytest.raises(error, match=message) as told:
         dmoc.build(
             dmoc.MechanicalSystem(
-                "odd",
-                coordinates=[q],
-                inputs=[u],
-                lagrangian=q.diff(T) ** 2 / 2,
-                forces={q: u + force},
-                parameters={},
+                "odd", coordinates=[q], inputs=[u], lagrangian=q.diff(T) ** 2 / 2,
+                forces={q: u + force}, parameters={},
             )
-        )
+        )  # fmt: skip
     assert "\n" not in str(told.value)
 
 
@@ -172,13 +127,9 @@ def test_c_hostile_parameter_names_work() -> None:
     q, u = dynamicsymbols("i j")
     names = sp.symbols("I h q_k par w0 sin M_PI n")
     system = dmoc.MechanicalSystem(
-        "hostile",
-        coordinates=[q],
-        inputs=[u],
-        lagrangian=sum(names) * q.diff(T) ** 2 / 2,
-        forces={q: u},
-        parameters=dict.fromkeys(names, 1.0),
-    )
+        "hostile", coordinates=[q], inputs=[u], lagrangian=sum(names) * q.diff(T) ** 2 / 2,
+        forces={q: u}, parameters=dict.fromkeys(names, 1.0),
+    )  # fmt: skip
     one = np.ones((1, 1))
     mass = dmoc.build(system).call("dynamics", one, one, one, one, np.ones((1, 8)))[0]
     assert mass[0, 0] == 8.0
@@ -278,15 +229,9 @@ def test_every_kernel_runs_under_sanitizers(tmp_path: Path, order: int) -> None:
         lines.append(f"      driven_{k.name}(3, in, s, out); }}")
     (tmp_path / "main.c").write_text("\n".join([*lines, "    return 0; }"]))
     flags = [
-        "-std=c11",
-        "-g",
-        "-O1",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        "-fsanitize=address,undefined",
+        "-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined",
         "-fno-sanitize-recover=all",
-    ]
+    ]  # fmt: skip
     subprocess.run(
         [*compiler(), *flags, f"-I{HEADERS}", "kernels.c", "main.c", "-lm", "-o", "run"],
         cwd=tmp_path,

@@ -396,16 +396,10 @@ def losing() -> Kernels:
     m = sp.Symbol("m")
     return dmoc.build(
         dmoc.MechanicalSystem(
-            "losing",
-            [X],
-            m * (1 - X) * X.diff(T) ** 2 / 2,
-            {m: 1.0},
-            inputs=[U],
-            forces={X: U},
-            surfaces={"wall": X <= 3},
-            cost=U**2 / 2,
+            "losing", [X], m * (1 - X) * X.diff(T) ** 2 / 2, {m: 1.0}, inputs=[U], forces={X: U},
+            surfaces={"wall": X <= 3}, cost=U**2 / 2,
         )
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("method", ["slsqp", "ipm"])
@@ -431,14 +425,9 @@ def test_a_mass_that_vanishes_on_the_way_is_no_solution_and_is_told(
 
 def test_a_cost_that_is_no_number_is_told() -> None:
     system = dmoc.MechanicalSystem(
-        "undefined",
-        [X],
-        X.diff(T) ** 2 / 2,
-        {},
-        inputs=[U],
-        forces={X: U},
+        "undefined", [X], X.diff(T) ** 2 / 2, {}, inputs=[U], forces={X: U},
         cost=U**2 + sp.sqrt(-1 - X**2),
-    )
+    )  # fmt: skip
     problem = dmoc.Problem(system, start={X: 0.0}, final_time=1.0, steps=5)
     solution = dmoc.solve(problem, "ipm", starts=1)
     assert not solution.solved and "the cost is not a finite number" in solution.message

@@ -100,16 +100,11 @@ def test_a_parameter_may_be_called_like_a_result(tmp_path: Path) -> None:
     cost, time_1 = sp.symbols("cost time_1")
     kernels = dmoc.build(
         dmoc.MechanicalSystem(
-            "reserved",
-            coordinates=[x],
-            inputs=[u],
-            lagrangian=cost * x.diff(dynamicsymbols._t) ** 2 / 2,
-            forces={x: u},
-            surfaces={"wall": x <= time_1},
-            parameters={cost: 1.0, time_1: 1.0},
-            cost=u**2 / 2,
+            "reserved", coordinates=[x], inputs=[u],
+            lagrangian=cost * x.diff(dynamicsymbols._t) ** 2 / 2, forces={x: u},
+            surfaces={"wall": x <= time_1}, parameters={cost: 1.0, time_1: 1.0}, cost=u**2 / 2,
         )
-    )
+    )  # fmt: skip
     problem = dmoc.Problem(kernels, start={"x": 0.0}, goal={"x": 0.5}, steps=4, final_time=1.0)
     batch = dmoc.sweep(problem, {"cost": [1.0, 2.0], "time_1": [1.0]})
     assert list(batch.given["cost"]) == [1.0, 2.0]

@@ -42,11 +42,7 @@ WRONG: tuple[Any, ...] = (
     *(1j, Decimal(1), Decimal("sNaN"), Fraction(1, 3), sp.Symbol("x"), sp.I),
     *(np.int8(1), np.float32("nan"), np.longdouble("1e4000"), np.datetime64("2020-01-01")),
     *(
-        np.array(1.0),
-        np.array(None),
-        np.array("x"),
-        np.ma.masked,
-        np.zeros(0),
+        np.array(1.0), np.array(None), np.array("x"), np.ma.masked, np.zeros(0),
         np.array([1.5, 2.5]),
     ),
     *(np.ones((2, 2), int), np.array([object(), None]), np.array(["x", "u"])),
@@ -54,7 +50,7 @@ WRONG: tuple[Any, ...] = (
     *((0, 1e200), (0, math.inf), range(3), slice(3), (i for i in [1])),
     *({"x": []}, {"x": np.array(0.5)}, {"x": object()}, {"x": 1e200}),
     *(object(), Foreign(), int, type, np, lambda: 1, lambda _: object(), Path("a\0b")),
-)
+)  # fmt: skip
 # Arguments whose entries are wrong in turn too.
 LISTS = {
     *("durations", "periodic", "sequence", "problems", "via", "contacts", "ignored", "surfaces"),

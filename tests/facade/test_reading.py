@@ -17,19 +17,12 @@ import dmoc
 from dmoc.errors import DmocError, ProblemError, SearchError, SimulationError
 
 WRONG: dict[str, tuple[Any, ...]] = {
-    "tolerance": ("a", 0, -1, math.nan, True),
-    "optimality": (None, "a", 0, math.inf),
-    "violation": (None, "a", 0, math.inf),
-    "seconds": ("a", -1, 0, math.nan, True, [1]),
-    "starts": ("many", 0, 1.5, True),
-    "iterations": ("many", 0, 1.5, None),
-    "seed": ("a", -1, 0.5, None),
-    "method": ("newton", 5, ["ipm"]),
-    "form": ("dense", None, 5),
-    "verify": ("no", None, 1),
-    "reference": (None, 5),
-    "progress": (5, "print"),
-}
+    "tolerance": ("a", 0, -1, math.nan, True), "optimality": (None, "a", 0, math.inf),
+    "violation": (None, "a", 0, math.inf), "seconds": ("a", -1, 0, math.nan, True, [1]),
+    "starts": ("many", 0, 1.5, True), "iterations": ("many", 0, 1.5, None),
+    "seed": ("a", -1, 0.5, None), "method": ("newton", 5, ["ipm"]), "form": ("dense", None, 5),
+    "verify": ("no", None, 1), "reference": (None, 5), "progress": (5, "print"),
+}  # fmt: skip
 OF_ALL = {name: WRONG[name] for name in ("method", "seconds", "progress")}
 
 

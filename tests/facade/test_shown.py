@@ -29,29 +29,22 @@ def objects() -> dict[str, Any]:
     problem = there_and_back(dmoc.build(block_system()), steps=20, bounds={"u": (-100, 100)})
     solution = dmoc.solve(problem, "ipm", starts=1)
     return {
-        "system": block_system(),
-        "derivation": dmoc.derive(block_system()),
-        "kernels": problem.kernels,
-        "problem": problem,
-        "solution": solution,
-        "verification": solution.verification,
-        "simulation": dmoc.simulate(solution),
+        "system": block_system(), "derivation": dmoc.derive(block_system()),
+        "kernels": problem.kernels, "problem": problem, "solution": solution,
+        "verification": solution.verification, "simulation": dmoc.simulate(solution),
         "batch": dmoc.sweep(problem, {"m": [1.0, 2.0]}, method="ipm"),
         "result": dmoc.search(problem.but(steps=10), max_collisions=1, starts=1),
-    }
+    }  # fmt: skip
 
 
 EXPECTED = {
     "system": ["coordinates", "m = 1, wall = 1", "g_wall"],
-    "derivation": ["Discrete Euler-Lagrange equations"],
-    "kernels": ["order 2", "m = 1, wall = 1"],
+    "derivation": ["Discrete Euler-Lagrange equations"], "kernels": ["order 2", "m = 1, wall = 1"],
     "problem": ["x = 0, x_dot = 0", "20 + 20 steps, order 2, constant inputs", "u: -100 to 100"],
     "solution": ["solved: a local minimum was found", "collision wall", "optimality"],
-    "verification": ["passed", "amplification"],
-    "simulation": ["final time", "collision wall"],
-    "batch": ["status", "2 solved"],
-    "result": ["verdict", "best: no collision"],
-}
+    "verification": ["passed", "amplification"], "simulation": ["final time", "collision wall"],
+    "batch": ["status", "2 solved"], "result": ["verdict", "best: no collision"],
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", EXPECTED)

@@ -171,13 +171,9 @@ def test_replays_converge_to_the_solution() -> None:
     errors = []
     for steps in (4, 8):
         problem = dmoc.Problem(
-            dmoc.build(block_system(), order=4),
-            start={"x": 0},
-            goal={"x": 0, "x_dot": 0},
-            sequence=["wall"],
-            steps=steps,
-            final_time=1.0,
-        )
+            dmoc.build(block_system(), order=4), start={"x": 0}, goal={"x": 0, "x_dot": 0},
+            sequence=["wall"], steps=steps, final_time=1.0,
+        )  # fmt: skip
         solution = dmoc.solve(problem, "ipm", starts=1)
         t = np.linspace(0, 1, 51)
         errors.append(np.abs(dmoc.simulate(solution).at(t)["x"] - solution.at(t)["x"]).max())

@@ -32,14 +32,9 @@ BETWEEN = {2: (2, 2, 2), 4: (4, 3, 3), 6: (5, 4, 4)}
 
 def bounce(**fields: Any) -> dmoc.Solution:
     problem = dmoc.Problem(
-        dmoc.build(block_system(), order=fields.pop("order", 2)),
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        sequence=["wall"],
-        steps=6,
-        final_time=1.0,
-        **fields,
-    )
+        dmoc.build(block_system(), order=fields.pop("order", 2)), start={"x": 0},
+        goal={"x": 0, "x_dot": 0}, sequence=["wall"], steps=6, final_time=1.0, **fields,
+    )  # fmt: skip
     return dmoc.solve(problem, "ipm", starts=1)
 
 
@@ -53,21 +48,14 @@ def falling(order: int, steps: int) -> dmoc.Solution:
     a, u = dynamicsymbols("a u")
     g = sp.Symbol("g")
     system = dmoc.MechanicalSystem(
-        "falling",
-        coordinates=[a],
-        inputs=[u],
-        lagrangian=(1 + sp.cos(a) ** 2 / 2) * a.diff() ** 2 / 2 + g * sp.cos(a),
-        forces={a: u},
-        parameters={g: G},
-        cost=u**2 / 2,
-    )
+        "falling", coordinates=[a], inputs=[u],
+        lagrangian=(1 + sp.cos(a) ** 2 / 2) * a.diff() ** 2 / 2 + g * sp.cos(a), forces={a: u},
+        parameters={g: G}, cost=u**2 / 2,
+    )  # fmt: skip
     problem = dmoc.Problem(
-        dmoc.build(system, order=order),
-        start={"a": 0.3, "a_dot": 2.0},
-        bounds={"u": (-1e-9, 1e-9)},
-        steps=steps,
-        final_time=1.0,
-    )
+        dmoc.build(system, order=order), start={"a": 0.3, "a_dot": 2.0},
+        bounds={"u": (-1e-9, 1e-9)}, steps=steps, final_time=1.0,
+    )  # fmt: skip
     return dmoc.solve(problem, "ipm", starts=1)
 
 

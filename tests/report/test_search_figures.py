@@ -176,13 +176,9 @@ def test_a_search_draws_its_nodes_and_its_best_motions(
 
 def test_a_search_without_a_motion_says_so(block: dmoc.codegen.kernels.Kernels) -> None:
     unreachable = dmoc.Problem(
-        block,
-        start={"x": 0.0},
-        goal={"x": -5.0},
-        steps=10,
-        bounds={"u": (-1, 1)},
+        block, start={"x": 0.0}, goal={"x": -5.0}, steps=10, bounds={"u": (-1, 1)},
         final_time=(None, 1.0),
-    )
+    )  # fmt: skip
     (axes,) = dmoc.search(unreachable, 0).plot_best().axes
     assert [t.get_text() for t in axes.texts] == ["no confirmed motion"] and not axes.lines
 

@@ -142,13 +142,9 @@ def test_lengths_are_sliders_and_angles_hands(solution: dmoc.Solution) -> None:
 
 def test_x_and_y_are_a_point_that_is_pushed_as_its_momentum_jumps(puck: Kernels) -> None:
     problem = dmoc.Problem(
-        puck,
-        start={"x": -2.0, "y": 0.5},
-        goal={"x": -2.0, "y": -0.5},
-        sequence=["post"],
-        steps=12,
+        puck, start={"x": -2.0, "y": 0.5}, goal={"x": -2.0, "y": -0.5}, sequence=["post"], steps=12,
         final_time=2.0,
-    )
+    )  # fmt: skip
     motion = dmoc.solve(problem, "ipm", verify=False, starts=1).trajectory
     assert motion.scene is None
     scene = scene_for(motion)

@@ -30,10 +30,6 @@ def pair(table: dmoc.Problem) -> SearchResult:
 def weak(block: Kernels) -> dmoc.Problem:
     """The block comes to 1/2 in the time there is: the wall is out of reach."""
     return dmoc.Problem(
-        block,
-        start={"x": 0.0},
-        goal={"x": 0.2},
-        steps=20,
-        bounds={"u": (-1, 1)},
+        block, start={"x": 0.0}, goal={"x": 0.2}, steps=20, bounds={"u": (-1, 1)},
         final_time=(None, 1.0),
-    )
+    )  # fmt: skip

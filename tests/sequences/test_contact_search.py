@@ -100,15 +100,10 @@ def test_contacts_that_cannot_be_closed_together_are_left_out_and_told() -> None
     x, y, a = dynamicsymbols("x y a")
     mu = sp.Symbol("mu")
     ball = dmoc.MechanicalSystem(
-        "ball_in_a_corner",
-        [x, y, a],
-        (x.diff() ** 2 + y.diff() ** 2 + 0.4 * a.diff() ** 2) / 2,
-        {mu: 0.5},
-        surfaces={"floor": y >= 1, "wall": x <= 3},
-        tangents={"floor": x + a, "wall": y - a},
-        friction={"floor": mu, "wall": mu},
-        cost=1,
-    )
+        "ball_in_a_corner", [x, y, a], (x.diff() ** 2 + y.diff() ** 2 + 0.4 * a.diff() ** 2) / 2,
+        {mu: 0.5}, surfaces={"floor": y >= 1, "wall": x <= 3},
+        tangents={"floor": x + a, "wall": y - a}, friction={"floor": mu, "wall": mu}, cost=1,
+    )  # fmt: skip
     start = {"x": 0, "y": 2, "a": 0, "x_dot": 1, "y_dot": -1}
     problem = dmoc.Problem(ball, start=start, goal={"x": 2}, steps=4, final_time=(0.1, 4))
     result = dmoc.search(problem, 2, events=["+floor", "+wall", "+wall:slip+"])

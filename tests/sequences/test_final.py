@@ -146,16 +146,10 @@ def swing_up(steps: int) -> dmoc.Problem:
     place = x + length * sp.sin(a), -length * sp.cos(a)
     speed = place[0].diff(t) ** 2 + place[1].diff(t) ** 2
     system = dmoc.MechanicalSystem(
-        "swing_up_on_a_rail",
-        [x, a],
-        (M * x.diff(t) ** 2 + m * speed) / 2 - m * g * place[1],
-        {M: 1.0, m: 0.1, length: 1.0, g: 9.81, friction: 2.0},
-        inputs=[u],
-        forces={x: u},
-        tangents={"rail": x},
-        friction={"rail": friction},
-        cost=u**2,
-    )
+        "swing_up_on_a_rail", [x, a], (M * x.diff(t) ** 2 + m * speed) / 2 - m * g * place[1],
+        {M: 1.0, m: 0.1, length: 1.0, g: 9.81, friction: 2.0}, inputs=[u], forces={x: u},
+        tangents={"rail": x}, friction={"rail": friction}, cost=u**2,
+    )  # fmt: skip
     end = {"x": 0.0, "a": float(sp.pi), "x_dot": 0.0, "a_dot": 0.0}
     return dmoc.Problem(system, start={"x": 0.0, "a": 0.0}, goal=end, steps=steps, final_time=3.0)
 
@@ -189,17 +183,10 @@ def test_a_search_around_doing_nothing_confirms_that() -> None:
     x, y, u = dynamicsymbols("x y u")
     m, g, mu = sp.symbols("m g mu")
     system = dmoc.MechanicalSystem(
-        "resting_block",
-        [x, y],
-        m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
-        {m: 1.0, g: 9.81, mu: 0.3},
-        inputs=[u],
-        forces={x: u},
-        surfaces={"floor": y >= 0},
-        tangents={"floor": x},
-        friction={"floor": mu},
-        cost=u**2 / 2,
-    )
+        "resting_block", [x, y], m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
+        {m: 1.0, g: 9.81, mu: 0.3}, inputs=[u], forces={x: u}, surfaces={"floor": y >= 0},
+        tangents={"floor": x}, friction={"floor": mu}, cost=u**2 / 2,
+    )  # fmt: skip
     for place in (0.0, 3.0):
         problem = dmoc.Problem(
             system, start={x: place, y: 0.0}, goal={x: place, "x_dot": 0.0}, contacts=["floor"],

@@ -32,28 +32,15 @@ SETTINGS = Settings(
     progress=None,
 )
 OTHER_FIELDS: dict[str, Any] = {
-    "start": {"x": 0.1},
-    "goal": {"x": 0.2},
-    "steps": 21,
-    "final_time": (None, 2.0),
-    "bounds": {"F": (-26, 26)},
-    "parameters": {"m_c": 1.1},
-    "controls": "linear",
-    "restitution": 0.5,
-    "periodic": ("p_x",),
-    "minimal_times": False,
-    "contacts": ("left",),
-    "via": (),
-    "ignored": ("left",),
-}
+    "start": {"x": 0.1}, "goal": {"x": 0.2}, "steps": 21, "final_time": (None, 2.0),
+    "bounds": {"F": (-26, 26)}, "parameters": {"m_c": 1.1}, "controls": "linear",
+    "restitution": 0.5, "periodic": ("p_x",), "minimal_times": False, "contacts": ("left",),
+    "via": (), "ignored": ("left",),
+}  # fmt: skip
 OTHER_SETTINGS: dict[str, Any] = {
-    "surfaces": ("left",),
-    "events": ("left",),
-    "starts": 1,
-    "seed": 1,
-    "method": "slsqp",
+    "surfaces": ("left",), "events": ("left",), "starts": 1, "seed": 1, "method": "slsqp",
     "shortest_phase": 0.02,
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

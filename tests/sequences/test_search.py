@@ -171,13 +171,9 @@ def test_unreachable_prunes_and_says_why(weak: dmoc.Problem) -> None:
 def test_infeasible_is_not_unreachable(block: Kernels) -> None:
     """The wall can be hit, and the goal cannot be reached after it: the children are looked at."""
     problem = dmoc.Problem(
-        block,
-        start={"x": 0.0},
-        goal={"x": -5.0},
-        steps=20,
-        bounds={"u": (-3, 3)},
+        block, start={"x": 0.0}, goal={"x": -5.0}, steps=20, bounds={"u": (-3, 3)},
         final_time=(None, 1.0),
-    )
+    )  # fmt: skip
     result = dmoc.search(problem, 2)
     # 2 * 0.82 s and more.
     assert [n.verdict for n in result.nodes] == [
@@ -229,23 +225,13 @@ def test_a_surface_that_moves_is_met_where_it_is_at_that_time() -> None:
     """A wall at 1 - 0.3 t, and a block that comes closest to it at the end of its motion."""
     (x, u), t = dynamicsymbols("x u"), dynamicsymbols._t
     system = dmoc.MechanicalSystem(
-        "moving_wall",
-        [x],
-        x.diff(t) ** 2 / 2,
-        {},
-        [u],
-        {x: u},
-        {"wall": x <= 1 - sp.Rational(3, 10) * t},
-        u**2 / 2,
-    )
+        "moving_wall", [x], x.diff(t) ** 2 / 2, {}, [u], {x: u},
+        {"wall": x <= 1 - sp.Rational(3, 10) * t}, u**2 / 2,
+    )  # fmt: skip
     child = dmoc.Problem(
-        dmoc.build(system),
-        start={"x": 0},
-        goal={"x": 0.5, "x_dot": 0},
-        sequence=["wall"],
-        steps=20,
-        final_time=1.0,
-    )
+        dmoc.build(system), start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, sequence=["wall"],
+        steps=20, final_time=1.0,
+    )  # fmt: skip
     parent = dmoc.solve(child.but(sequence=[]), "ipm", verify=False)
     start, lay = extended(parent, child), Layout.of(child)
     met = lay.times(start)[20]

@@ -97,15 +97,9 @@ def test_what_is_violated_does_not_stand_against_itself() -> None:
     """A speed of 3 where 1 is allowed, and brakes that leave 2 of it."""
     x, u = dynamicsymbols("x u")
     system = dmoc.MechanicalSystem(
-        "hurried",
-        coordinates=[x],
-        inputs=[u],
-        lagrangian=x.diff() ** 2 / 2,
-        forces={x: u},
-        parameters={},
-        cost=u**2 / 2,
-        path_constraints={"speed": x.diff() <= sp.Integer(1)},
-    )
+        "hurried", coordinates=[x], inputs=[u], lagrangian=x.diff() ** 2 / 2, forces={x: u},
+        parameters={}, cost=u**2 / 2, path_constraints={"speed": x.diff() <= sp.Integer(1)},
+    )  # fmt: skip
     problem = dmoc.Problem(
         system, start={"x": 0.0, "x_dot": 3.0}, goal={"x": None, "x_dot": None}, steps=10,
         durations=[1.0], bounds={"u": (-1.0, 1.0)},

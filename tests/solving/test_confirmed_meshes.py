@@ -30,28 +30,16 @@ def sliding_back(cost: sp.Expr, sequence: list[str], steps: int | None = None) -
     """A block slides 1 m to a wall and 0.3 m back, where it rests; the speed of its start is
     free."""
     system = dmoc.MechanicalSystem(
-        "sliding_back",
-        [X, Y],
-        M * (X.diff() ** 2 + Y.diff() ** 2) / 2 - M * G * Y,
-        {M: 1.0, MU: 0.3, G: 9.81},
-        inputs=[U],
-        forces={X: U},
-        surfaces={"floor": Y >= 0, "wall": X <= 1},
-        tangents={"floor": X},
-        friction={"floor": MU},
+        "sliding_back", [X, Y], M * (X.diff() ** 2 + Y.diff() ** 2) / 2 - M * G * Y,
+        {M: 1.0, MU: 0.3, G: 9.81}, inputs=[U], forces={X: U},
+        surfaces={"floor": Y >= 0, "wall": X <= 1}, tangents={"floor": X}, friction={"floor": MU},
         cost=cost,
-    )
+    )  # fmt: skip
     return dmoc.Problem(
-        system,
-        start={X: 0, Y: 0, "x_dot": (0.1, 10)},
-        goal={X: 0.7, "x_dot": 0},
-        contacts=["floor:slip+"],
-        sequence=sequence,
-        restitution={"wall": 0.6},
-        bounds={"u": (0, 0)},
-        final_time=(0.1, 5),
-        steps=steps,
-    )
+        system, start={X: 0, Y: 0, "x_dot": (0.1, 10)}, goal={X: 0.7, "x_dot": 0},
+        contacts=["floor:slip+"], sequence=sequence, restitution={"wall": 0.6},
+        bounds={"u": (0, 0)}, final_time=(0.1, 5), steps=steps,
+    )  # fmt: skip
 
 
 SPEED = sqrt(2 * 0.3 * 9.81 * (1 + 0.3 / 0.6**2))  # 3.2849657532
@@ -78,15 +66,9 @@ def test_what_turns_is_named_at_the_hit_where_it_does() -> None:
         rail(U**2 / 2, name="between_walls"), surfaces={"right": X <= 1, "left": X >= -1}
     )
     problem = dmoc.Problem(
-        system,
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        contacts=["rail:slip+"],
-        sequence=["right", "left"],
-        restitution=0.8,
-        steps=20,
-        final_time=3,
-    )
+        system, start={"x": 0}, goal={"x": 0, "x_dot": 0}, contacts=["rail:slip+"],
+        sequence=["right", "left"], restitution=0.8, steps=20, final_time=3,
+    )  # fmt: skip
     told = dmoc.solve(problem, starts=16)
     assert told.status == "infeasible"
     assert "sequence = ['right rail:slip-', 'left rail:slip+'] leads to a motion" in told.message
@@ -97,13 +79,9 @@ def test_what_turns_is_named_at_the_hit_where_it_does() -> None:
 def test_a_cost_that_falls_for_ever_is_no_minimum(steps: int | None, wall: bool) -> None:
     """Unit mass from rest to rest, int u^2/2 falls as T^-3."""
     problem = dmoc.Problem(
-        block_system(),
-        start={"x": 0},
-        goal={"x": 0 if wall else 0.5, "x_dot": 0},
-        sequence=["wall"] if wall else [],
-        final_time=(None, None),
-        steps=steps,
-    )
+        block_system(), start={"x": 0}, goal={"x": 0 if wall else 0.5, "x_dot": 0},
+        sequence=["wall"] if wall else [], final_time=(None, None), steps=steps,
+    )  # fmt: skip
     solution = dmoc.solve(problem, "ipm", starts=8)
     assert solution.status == "stalled" and not solution.converged
     assert (
@@ -198,13 +176,9 @@ def test_everything_is_open_where_nothing_costs() -> None:
         surfaces={"floor": y >= 0},
     )  # fmt: skip
     problem = dmoc.Problem(
-        system,
-        start={x: 0, y: 1, "x_dot": (0, 5), "y_dot": (-5, 5)},
-        goal={x: 2},
-        sequence=["floor"],
-        restitution=0.8,
-        final_time=(0.2, 3),
-    )
+        system, start={x: 0, y: 1, "x_dot": (0, 5), "y_dot": (-5, 5)}, goal={x: 2},
+        sequence=["floor"], restitution=0.8, final_time=(0.2, 3),
+    )  # fmt: skip
     solution = dmoc.solve(problem, starts=8)
     assert solution.status == "solved" and solution.error_estimate is not None
     assert solution.error_estimate < 1e-9 and len(solution.meshes) <= 3

@@ -36,18 +36,12 @@ def kernels(kind: str) -> Any:
     parameters = {M: 1.0, G: 5.0} | ({} if kind == "flyer" else {SPEED: 1.0})
     return dmoc.build(
         dmoc.MechanicalSystem(
-            f"contradicted_{kind}",
-            [X, Y],
-            M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
-            parameters | ({F: 0.3} if rubs else {}),
-            inputs=[U, W],
-            forces={X: U, Y: W} if kind == "flyer" else {X: U + W},
-            surfaces={"floor": gap},
-            tangents=rubs,
-            friction=dict.fromkeys(rubs, F),
-            cost=U**2 + W**2,
+            f"contradicted_{kind}", [X, Y], M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
+            parameters | ({F: 0.3} if rubs else {}), inputs=[U, W],
+            forces={X: U, Y: W} if kind == "flyer" else {X: U + W}, surfaces={"floor": gap},
+            tangents=rubs, friction=dict.fromkeys(rubs, F), cost=U**2 + W**2,
         )
-    )
+    )  # fmt: skip
 
 
 def answer(kind: str, start: dict[str, Any], goal: dict[str, Any], **more: Any) -> dmoc.Solution:

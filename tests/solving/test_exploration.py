@@ -39,49 +39,30 @@ def pendulum_and_torque() -> dmoc.MechanicalSystem:
     a, u = dynamicsymbols("a u")
     t = dynamicsymbols._t
     return dmoc.MechanicalSystem(
-        "little_torque",
-        coordinates=[a],
-        inputs=[u],
-        lagrangian=a.diff(t) ** 2 / 2 + 9.81 * sp.cos(a),
-        forces={a: u},
-        parameters={},
-        cost=1,
-    )
+        "little_torque", coordinates=[a], inputs=[u],
+        lagrangian=a.diff(t) ** 2 / 2 + 9.81 * sp.cos(a), forces={a: u}, parameters={}, cost=1,
+    )  # fmt: skip
 
 
 def little_torque(system: dmoc.MechanicalSystem, limit: float, steps: int) -> dmoc.Problem:
     return dmoc.Problem(
-        system,
-        start={"a": 0.0},
-        goal={"a": pi, "a_dot": 0.0},
-        steps=steps,
-        final_time=(0.5, 10.0),
+        system, start={"a": 0.0}, goal={"a": pi, "a_dot": 0.0}, steps=steps, final_time=(0.5, 10.0),
         bounds={"u": (-limit, limit)},
-    )
+    )  # fmt: skip
 
 
 def test_a_motion_is_found_where_the_guess_alone_leads_nowhere() -> None:
     """A hammer drives a nail on a spring 2 cm deep, which takes it 26 ms of at least 0.2 s."""
     x, s, u = dynamicsymbols("x s u")
     system = dmoc.MechanicalSystem(
-        "hammer",
-        coordinates=[x, s],
-        inputs=[u],
+        "hammer", coordinates=[x, s], inputs=[u],
         lagrangian=x.diff() ** 2 / 2 + s.diff() ** 2 / 20 - 250 * s**2,
-        forces={x: u, s: -5 * s.diff()},
-        surfaces={"nail": x <= s},
-        parameters={},
-        cost=u**2,
-    )
+        forces={x: u, s: -5 * s.diff()}, surfaces={"nail": x <= s}, parameters={}, cost=u**2,
+    )  # fmt: skip
     problem = dmoc.Problem(
-        system,
-        start={"x": -0.3, "s": 0},
-        goal={"s": 0.02, "s_dot": 0},
-        sequence=["nail"],
-        steps=100,
-        final_time=(0.2, 1.0),
-        restitution=0.3,
-    )
+        system, start={"x": -0.3, "s": 0}, goal={"s": 0.02, "s_dot": 0}, sequence=["nail"],
+        steps=100, final_time=(0.2, 1.0), restitution=0.3,
+    )  # fmt: skip
     alone = dmoc.solve(problem, "ipm", starts=1)
     assert alone.status == "infeasible"
     assert alone.starts == 0 and alone.others == ()

@@ -25,15 +25,11 @@ def line(name: str, cost: Any, lagrangian: Any = None, **given: Any) -> Kernels:
     """A mass on a line, or what else has one coordinate and one input."""
     return dmoc.build(
         dmoc.MechanicalSystem(
-            name,
-            coordinates=[x],
-            inputs=[u],
-            lagrangian=x.diff() ** 2 / 2 if lagrangian is None else lagrangian,
-            forces={x: u},
-            cost=cost,
-            **{"parameters": {}} | given,
+            name, coordinates=[x], inputs=[u],
+            lagrangian=x.diff() ** 2 / 2 if lagrangian is None else lagrangian, forces={x: u},
+            cost=cost, **{"parameters": {}} | given,
         )
-    )
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -41,14 +37,9 @@ def hill() -> dmoc.Problem:
     """A point mass that has to get past a hill, which it may go around on both sides."""
     around = (x - sp.Rational(1, 2)) ** 2 + y**2
     system = dmoc.MechanicalSystem(
-        "hill",
-        coordinates=[x, y],
-        inputs=[u, v],
-        lagrangian=(x.diff() ** 2 + y.diff() ** 2) / 2,
-        forces={x: u, y: v},
-        parameters={},
-        cost=(u**2 + v**2) / 2 + 60 * sp.exp(-20 * around),
-    )
+        "hill", coordinates=[x, y], inputs=[u, v], lagrangian=(x.diff() ** 2 + y.diff() ** 2) / 2,
+        forces={x: u, y: v}, parameters={}, cost=(u**2 + v**2) / 2 + 60 * sp.exp(-20 * around),
+    )  # fmt: skip
     rest = {"y": 0.0, "x_dot": 0.0, "y_dot": 0.0}
     ends = {"start": {"x": 0.0} | rest, "goal": {"x": 1.0} | rest}
     return dmoc.Problem(system, **ends, steps=40, final_time=1)

@@ -22,14 +22,11 @@ def table() -> Kernels:
     g, size, rate, height = sp.symbols("g size rate height")
     return dmoc.build(
         dmoc.MechanicalSystem(
-            "shaken",
-            coordinates=[y],
-            lagrangian=y.diff() ** 2 / 2 - g * y,
+            "shaken", coordinates=[y], lagrangian=y.diff() ** 2 / 2 - g * y,
             surfaces={"table": y >= height + size * sp.sin(rate * t)},
-            parameters={g: G, size: SIZE, rate: RATE, height: 0.0},
-            cost=0,
+            parameters={g: G, size: SIZE, rate: RATE, height: 0.0}, cost=0,
         )
-    )
+    )  # fmt: skip
 
 
 def over(table: Kernels, period: float, hits: int, e: float, **parameters: float) -> dmoc.Problem:

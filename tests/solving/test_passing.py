@@ -23,44 +23,26 @@ Q, X, U = dynamicsymbols("q x u")
 def swing_up(steps: int) -> dmoc.Problem:
     """A pendulum of 1 kg and 1 m with a torque of 2 N m in least time."""
     system = dmoc.MechanicalSystem(
-        "weak_swing_up",
-        [Q],
-        Q.diff() ** 2 / 2 + 9.81 * sp.cos(Q),
-        {},
-        inputs=[U],
-        forces={Q: U},
+        "weak_swing_up", [Q], Q.diff() ** 2 / 2 + 9.81 * sp.cos(Q), {}, inputs=[U], forces={Q: U},
         cost=sp.Integer(1),
-    )
+    )  # fmt: skip
     return dmoc.Problem(
-        system,
-        start={Q: 0},
-        goal={Q: sp.pi, "q_dot": 0},
-        bounds={U: (-2, 2)},
-        final_time=(0.5, 10),
-        steps=steps,
-    )
+        system, start={Q: 0}, goal={Q: sp.pi, "q_dot": 0}, bounds={U: (-2, 2)},
+        final_time=(0.5, 10), steps=steps,
+    )  # fmt: skip
 
 
 def crane(steps: int) -> dmoc.Problem:
     """A cart of 1 kg carries 10 kg on a rope of 5 m over 15 m in least time."""
     speeds = X.diff() ** 2 + 25 * Q.diff() ** 2 + 10 * X.diff() * Q.diff() * sp.cos(Q)
     system = dmoc.MechanicalSystem(
-        "hanging_load",
-        [X, Q],
-        X.diff() ** 2 / 2 + 5 * speeds + 490.5 * sp.cos(Q),
-        {},
-        inputs=[U],
-        forces={X: U},
-        cost=sp.Integer(1),
-    )
+        "hanging_load", [X, Q], X.diff() ** 2 / 2 + 5 * speeds + 490.5 * sp.cos(Q), {}, inputs=[U],
+        forces={X: U}, cost=sp.Integer(1),
+    )  # fmt: skip
     return dmoc.Problem(
-        system,
-        start={X: 0, Q: 0},
-        goal={X: 15, Q: 0, "x_dot": 0, "q_dot": 0},
-        bounds={U: (-20, 20)},
-        final_time=(0.5, 20),
-        steps=steps,
-    )
+        system, start={X: 0, Q: 0}, goal={X: 15, Q: 0, "x_dot": 0, "q_dot": 0},
+        bounds={U: (-20, 20)}, final_time=(0.5, 20), steps=steps,
+    )  # fmt: skip
 
 
 PROBLEMS = {"swing_up": swing_up, "crane": crane, "two_masses": two_masses}

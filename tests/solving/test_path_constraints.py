@@ -34,17 +34,10 @@ def kernels(name: str, order: int) -> Any:
         "block": {"most": U <= 1, "least": U >= -1},
     }
     system = dmoc.MechanicalSystem(
-        name,
-        [X],
-        v**2 / 2,
-        {P: 1.0} if name in ("power", "both") else {},
-        [U],
-        {X: U},
-        surfaces={"wall": X <= 1} if name == "block" else {},
-        cost=1 if name == "block" else 0,
-        terminal_cost=0 if name == "block" else -v,
-        path_constraints=limits[name],
-    )
+        name, [X], v**2 / 2, {P: 1.0} if name in ("power", "both") else {}, [U], {X: U},
+        surfaces={"wall": X <= 1} if name == "block" else {}, cost=1 if name == "block" else 0,
+        terminal_cost=0 if name == "block" else -v, path_constraints=limits[name],
+    )  # fmt: skip
     return dmoc.build(system, order=order)
 
 

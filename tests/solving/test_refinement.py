@@ -83,26 +83,14 @@ def test_the_estimate_is_honest_where_inputs_switch(order: int) -> None:
     x, u = dynamicsymbols("x u")
     T = dynamicsymbols._t
     system = dmoc.MechanicalSystem(
-        "fast_block",
-        [x],
-        x.diff(T) ** 2 / 2,
-        {},
-        [u],
-        {x: u},
-        surfaces={"wall": x <= 1},
+        "fast_block", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, surfaces={"wall": x <= 1},
         cost=sp.Integer(1),
-    )
+    )  # fmt: skip
     exact = 2**0.5 + 2 * 1.25**0.5 - 2**0.5 / 2
     problem = dmoc.Problem(
-        dmoc.build(system, order=order),
-        start={"x": 0},
-        goal={"x": 0, "x_dot": 0},
-        sequence=["wall"],
-        steps=10,
-        final_time=(None, 10),
-        bounds={"u": (-1, 1)},
-        restitution=0.5,
-    )
+        dmoc.build(system, order=order), start={"x": 0}, goal={"x": 0, "x_dot": 0},
+        sequence=["wall"], steps=10, final_time=(None, 10), bounds={"u": (-1, 1)}, restitution=0.5,
+    )  # fmt: skip
     for tolerance in (1e-4, 1e-5):
         solution = dmoc.solve(problem, tolerance=tolerance)
         assert solution.solved and solution.error_estimate is not None
@@ -114,17 +102,10 @@ def floored(name: str) -> dmoc.MechanicalSystem:
     x, y, u = dynamicsymbols("x y u")
     m, mu, g = sp.symbols("m mu g")
     return dmoc.MechanicalSystem(
-        name,
-        [x, y],
-        m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
-        {m: 1.0, mu: 0.5, g: 10.0},
-        inputs=[u],
-        forces={x: u},
-        cost=u**2 / 2,
-        surfaces={"floor": y >= 0},
-        tangents={"floor": x},
-        friction={"floor": mu},
-    )
+        name, [x, y], m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
+        {m: 1.0, mu: 0.5, g: 10.0}, inputs=[u], forces={x: u}, cost=u**2 / 2,
+        surfaces={"floor": y >= 0}, tangents={"floor": x}, friction={"floor": mu},
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -138,15 +119,11 @@ def test_a_phase_that_shrinks_to_nothing_is_refined_to_the_closed_form(
     way = "slip+" if distance > 0 else "slip-"
     solution = dmoc.solve(
         dmoc.Problem(
-            floored("shrinking"),
-            start={"x": 0, "y": 0},
-            goal={"x": distance, "x_dot": 0},
-            contacts=["floor"],
-            sequence=[f"floor:{way}"],
-            final_time=1,
+            floored("shrinking"), start={"x": 0, "y": 0}, goal={"x": distance, "x_dot": 0},
+            contacts=["floor"], sequence=[f"floor:{way}"], final_time=1,
             parameters={"mu": mu, "m": mass},
         )
-    )
+    )  # fmt: skip
     time = 0.999
     exact = mass**2 * (6 * distance**2 / time**3 + (10 * mu) ** 2 * time / 2)
     assert solution.solved and solution.error_estimate is not None
@@ -170,14 +147,9 @@ def test_the_first_mesh_alone_is_no_checked_answer() -> None:
 
 def test_a_motion_that_costs_nothing_needs_no_finest_mesh() -> None:
     problem = dmoc.Problem(
-        block_system(),
-        start={"x": 0, "x_dot": 1},
-        goal={"x": 0.3},
-        sequence=["wall"],
-        restitution=0.8,
-        bounds={"u": (-5, 5)},
-        final_time=(0.1, 3),
-    )
+        block_system(), start={"x": 0, "x_dot": 1}, goal={"x": 0.3}, sequence=["wall"],
+        restitution=0.8, bounds={"u": (-5, 5)}, final_time=(0.1, 3),
+    )  # fmt: skip
     solution = dmoc.solve(problem, "ipm")
     assert solution.status == "solved" and "exceeds" not in solution.message
     assert solution.cost < 1e-12 and len(solution.meshes) <= 3

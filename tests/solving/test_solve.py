@@ -130,22 +130,13 @@ def test_bouncing_mass_needs_no_force_where_gravity_suffices() -> None:
     y, u = dynamicsymbols("y u")
     m, g = sp.symbols("m g")
     system = dmoc.MechanicalSystem(
-        "mass",
-        [y],
-        m * y.diff(dynamicsymbols._t) ** 2 / 2 - m * g * y,
-        {m: 1.0, g: 9.81},
-        [u],
-        {y: u},
-        {"floor": y >= 0},
-        u**2 / 2,
-    )
+        "mass", [y], m * y.diff(dynamicsymbols._t) ** 2 / 2 - m * g * y, {m: 1.0, g: 9.81}, [u],
+        {y: u}, {"floor": y >= 0}, u**2 / 2,
+    )  # fmt: skip
     problem = dmoc.Problem(
-        dmoc.build(system),
-        start={"y": 0.5},
-        goal={"y": 0.5, "y_dot": 0.0},
-        sequence=["floor"],
+        dmoc.build(system), start={"y": 0.5}, goal={"y": 0.5, "y_dot": 0.0}, sequence=["floor"],
         final_time=(None, 2.0),
-    )
+    )  # fmt: skip
     solution = dmoc.solve(problem)
     assert solution.solved and solution.cost < 1e-12
     assert [p.duration for p in solution.phases] == pytest.approx(
@@ -157,13 +148,9 @@ def test_puck_bounces_off_bent_surfaces(puck: Kernels) -> None:
     """By symmetry the straight line through the centre hits the rim at (3, 0) after bouncing
     back; energy and normal are checked by simulation."""
     problem = dmoc.Problem(
-        puck,
-        start={"x": 1.5, "y": 0.0},
-        goal={"x": 1.5, "y": 1.0},
-        sequence=["rim"],
-        final_time=1.0,
-        steps=60,
-    )
+        puck, start={"x": 1.5, "y": 0.0}, goal={"x": 1.5, "y": 1.0}, sequence=["rim"],
+        final_time=1.0, steps=60,
+    )  # fmt: skip
     solution = dmoc.solve(problem)
     assert solution.solved
     (collision,) = solution.collisions
@@ -241,13 +228,9 @@ def test_a_motion_without_inputs_is_found_by_its_start(capfd: pytest.CaptureFixt
         )
     )
     problem = dmoc.Problem(
-        kernels,
-        start={"y": 0.0, "y_dot": None},
-        goal={"y": 0.5, "y_dot": 0.0},
-        sequence=["floor", "floor"],
-        steps=100,
-        final_time=(None, 5),
-    )
+        kernels, start={"y": 0.0, "y_dot": None}, goal={"y": 0.5, "y_dot": 0.0},
+        sequence=["floor", "floor"], steps=100, final_time=(None, 5),
+    )  # fmt: skip
     solution = dmoc.solve(problem)
     assert solution.solved
     assert solution.phases[0].v[0, 0] == pytest.approx(sqrt(2 * 9.81 * 0.5), rel=1e-4)
@@ -258,13 +241,9 @@ def test_merging_collisions_are_not_called_infeasible_nor_solved(block: Kernels)
     """Two hits of one wall cost least when they merge: the phase between them shrinks to its
     bound."""
     problem = dmoc.Problem(
-        block,
-        start={"x": 0.0},
-        goal={"x": 0.0, "x_dot": 0.0},
-        sequence=["wall", "wall"],
-        final_time=2.0,
-        steps=40,
-    )
+        block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, sequence=["wall", "wall"],
+        final_time=2.0, steps=40,
+    )  # fmt: skip
     free = dmoc.solve(problem)
     assert free.status == "not_verified" and free.max_violation < 1e-6
     assert [b for b in free.active_bounds if b.startswith("duration of phase 1 >= 0.002")]

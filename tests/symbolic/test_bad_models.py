@@ -36,48 +36,18 @@ class Hostile:
 
 def make(**fields: Any) -> dmoc.MechanicalSystem:
     given = {
-        "name": "bad",
-        "coordinates": [x],
-        "inputs": [u],
-        "lagrangian": m * x.diff(T) ** 2 / 2,
-        "forces": {x: u},
-        "parameters": {m: 1.0},
-        "cost": u**2,
-        **fields,
-    }
+        "name": "bad", "coordinates": [x], "inputs": [u], "lagrangian": m * x.diff(T) ** 2 / 2,
+        "forces": {x: u}, "parameters": {m: 1.0}, "cost": u**2, **fields,
+    }  # fmt: skip
     return dmoc.MechanicalSystem(**given)
 
 
 WRONG = [
-    CODE,
-    "",
-    b"x",
-    None,
-    True,
-    HUGE,
-    ENDLESS,
-    -HUGE,
-    1j,
-    complex("nan"),
-    float("nan"),
-    float("inf"),
-    [],
-    {},
-    object(),
-    Hostile(),
-    Hostile,
-    np.ones(2),
-    sp.I,
-    sp.oo,
-    sp.nan,
-    sp.zoo,
-    sp.Matrix([x]),
-    sp.true,
-    x <= 1,
-    sp.Float("1e-400"),
-    sp.Rational(1, HUGE),
+    CODE, "", b"x", None, True, HUGE, ENDLESS, -HUGE, 1j, complex("nan"), float("nan"),
+    float("inf"), [], {}, object(), Hostile(), Hostile, np.ones(2), sp.I, sp.oo, sp.nan, sp.zoo,
+    sp.Matrix([x]), sp.true, x <= 1, sp.Float("1e-400"), sp.Rational(1, HUGE),
     sp.Symbol("A", commutative=False) * sp.Symbol("B", commutative=False),
-]
+]  # fmt: skip
 SCALARS = ("lagrangian", "cost", "dissipation", "terminal_cost")
 CASES: list[dict[str, Any]] = [{field: value} for field in SCALARS for value in WRONG]
 CASES += [{"forces": {x: value}} for value in WRONG]

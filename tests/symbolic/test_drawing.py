@@ -33,23 +33,17 @@ def drawn(*parts: Any, **fields: Any) -> dmoc.MechanicalSystem:
         "parameters": {l: 0.7, r: 0.2, speed: 0.1},
     }
     return dmoc.MechanicalSystem(
-        "drawn",
-        [x, y, a],
-        sum(q.diff(T) ** 2 for q in (x, y, a)) / 2 - (r + l) * y,
-        **(given | fields),
-        drawing=parts,
-    )
+        "drawn", [x, y, a], sum(q.diff(T) ** 2 for q in (x, y, a)) / 2 - (r + l) * y,
+        **(given | fields), drawing=parts,
+    )  # fmt: skip
 
 
 PARTS = (
     dmoc.Link((x, y), sp.Matrix([x + l * sp.cos(a), y + l * sp.sin(a)]), (0, 1.5)),
-    dmoc.Point([x, y]),
-    dmoc.Disc((x, y), r, a),
-    dmoc.Box((x, sp.Rational(1, 2)), 2 * r, l, -a),
-    dmoc.Spring((0, 0), (x, y)),
-    dmoc.Wall((-1, speed * T), (1, speed * T)),
+    dmoc.Point([x, y]), dmoc.Disc((x, y), r, a), dmoc.Box((x, sp.Rational(1, 2)), 2 * r, l, -a),
+    dmoc.Spring((0, 0), (x, y)), dmoc.Wall((-1, speed * T), (1, speed * T)),
     dmoc.Contact("floor", (x, speed * T), (3, 4)),
-)
+)  # fmt: skip
 
 
 def by_hand(q: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -50,17 +50,11 @@ def model(parameters: list[Any]) -> dmoc.MechanicalSystem:
     values = dict(zip(parameters, VALUES, strict=False))
     p = sum(value * s for s, value in zip(parameters, VALUES[::-1], strict=False)) / len(parameters)
     return dmoc.MechanicalSystem(
-        "named",
-        coordinates=[x],
-        inputs=[u],
+        "named", coordinates=[x], inputs=[u],
         lagrangian=(1 + p * x**2) * rate**2 / 2 - p * x**2 * (1 + T) / 2,
-        forces={x: u * p - rate * T},
-        surfaces={"wall": x <= p},
-        parameters=values,
-        cost=p * u**2 + x,
-        terminal_cost=p * rate**2,
-        path_constraints={"limit": u * rate <= p},
-    )
+        forces={x: u * p - rate * T}, surfaces={"wall": x <= p}, parameters=values,
+        cost=p * u**2 + x, terminal_cost=p * rate**2, path_constraints={"limit": u * rate <= p},
+    )  # fmt: skip
 
 
 def values(kernels: Kernels) -> dict[str, list[np.ndarray]]:
@@ -179,12 +173,9 @@ def test_a_marked_name_is_explained_and_has_its_own_latex() -> None:
 def test_no_two_symbols_of_a_derivation_look_the_same(pair: tuple[str, str], order: int) -> None:
     a, b = (dynamicsymbols(name) for name in pair)
     system = dmoc.MechanicalSystem(
-        "pair",
-        [a, b],
-        a.diff(T) ** 2 + b.diff(T) ** 2 - a * b**2,
-        {},
+        "pair", [a, b], a.diff(T) ** 2 + b.diff(T) ** 2 - a * b**2, {},
         surfaces={"plus": a + b <= 1, "x": a <= 1},
-    )
+    )  # fmt: skip
     derivation = dmoc.derive(system, order)
     symbols = {
         s

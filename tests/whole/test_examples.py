@@ -13,22 +13,10 @@ pytestmark = pytest.mark.slow
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 NAMES = (
-    "seed",
-    "block_and_wall",
-    "two_bounces",
-    "two_discs",
-    "cart_pole",
-    "hanging",
-    "cart_links",
-    "hopper",
-    "puck",
-    "pushed_block",
-    "compass_gait",
-    "stance_hopper",
-    "finger_puck",
-    "walker",
+    "seed", "block_and_wall", "two_bounces", "two_discs", "cart_pole", "hanging", "cart_links",
+    "hopper", "puck", "pushed_block", "compass_gait", "stance_hopper", "finger_puck", "walker",
     "push_or_flick",
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

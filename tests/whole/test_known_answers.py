@@ -85,15 +85,9 @@ def test_wall_that_moves() -> None:
     drift, e = 0.3, 0.8
     x, u = dynamicsymbols("x u")
     system = dmoc.MechanicalSystem(
-        "moving_wall",
-        [x],
-        x.diff(T) ** 2 / 2,
-        {},
-        [u],
-        {x: u},
-        {"wall": x <= 1 - sp.Rational(3, 10) * T},
-        u**2 / 2,
-    )
+        "moving_wall", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u},
+        {"wall": x <= 1 - sp.Rational(3, 10) * T}, u**2 / 2,
+    )  # fmt: skip
 
     def leg(distance: float, before: float, after: float, time: float) -> float:
         d, w = distance - before * time, after - before
@@ -110,16 +104,11 @@ def test_wall_that_moves() -> None:
     def solved(steps: int, order: int) -> dmoc.Solution:
         return dmoc.solve(
             dmoc.Problem(
-                dmoc.build(system, order=order),
-                start={"x": 0},
-                goal={"x": 0, "x_dot": 0},
-                sequence=["wall"],
-                steps=steps,
-                final_time=1.0,
-                restitution=e,
+                dmoc.build(system, order=order), start={"x": 0}, goal={"x": 0, "x_dot": 0},
+                sequence=["wall"], steps=steps, final_time=1.0, restitution=e,
             ),
             "ipm",
-        )
+        )  # fmt: skip
 
     fine = solved(40, 4)
     assert fine.solved and fine.cost == pytest.approx(best.fun, rel=1e-8)
@@ -185,24 +174,14 @@ def test_minimum_time(kind: str) -> None:
     x, u = dynamicsymbols("x u")
     integral, terminal = (sp.Integer(1), 0) if kind == "integral" else (0, T)
     system = dmoc.MechanicalSystem(
-        f"fast_{kind}",
-        [x],
-        x.diff(T) ** 2 / 2,
-        {},
-        [u],
-        {x: u},
-        cost=integral,
+        f"fast_{kind}", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=integral,
         terminal_cost=terminal,
-    )
+    )  # fmt: skip
     for order, steps in ((2, 20), (4, 20)):
         problem = dmoc.Problem(
-            dmoc.build(system, order=order),
-            start={"x": 0},
-            goal={"x": 1, "x_dot": 0},
-            steps=steps,
-            final_time=(0.5, 5),
-            bounds={"u": (-1, 1)},
-        )
+            dmoc.build(system, order=order), start={"x": 0}, goal={"x": 1, "x_dot": 0}, steps=steps,
+            final_time=(0.5, 5), bounds={"u": (-1, 1)},
+        )  # fmt: skip
         assert cost(problem) == pytest.approx(2.0, rel=2e-3)
 
 
@@ -211,24 +190,14 @@ def test_minimum_time_under_a_speed_limit() -> None:
     to stop."""
     x, u = dynamicsymbols("x u")
     system = dmoc.MechanicalSystem(
-        "limited",
-        [x],
-        x.diff(T) ** 2 / 2,
-        {},
-        [u],
-        {x: u},
-        cost=sp.Integer(1),
+        "limited", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=sp.Integer(1),
         path_constraints={"speed": x.diff(T) <= sp.Rational(1, 2)},
-    )
+    )  # fmt: skip
     for order in (2, 4):
         problem = dmoc.Problem(
-            dmoc.build(system, order=order),
-            start={"x": 0},
-            goal={"x": 1, "x_dot": 0},
-            steps=40,
-            final_time=(0.5, 5),
-            bounds={"u": (-1, 1)},
-        )
+            dmoc.build(system, order=order), start={"x": 0}, goal={"x": 1, "x_dot": 0}, steps=40,
+            final_time=(0.5, 5), bounds={"u": (-1, 1)},
+        )  # fmt: skip
         assert cost(problem) == pytest.approx(2.5, rel=2e-3)
 
 
@@ -238,15 +207,9 @@ def test_terminal_cost_in_position_and_velocity() -> None:
     x, u = dynamicsymbols("x u")
     s, r = 50, 3
     system = dmoc.MechanicalSystem(
-        "soft_goal",
-        [x],
-        x.diff(T) ** 2 / 2,
-        {},
-        [u],
-        {x: u},
-        cost=u**2 / 2,
+        "soft_goal", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=u**2 / 2,
         terminal_cost=(s * (x - 1) ** 2 + r * x.diff(T) ** 2) / 2,
-    )
+    )  # fmt: skip
     # u = a (1 - t) + b with a = -s (x_E - 1), b = -r v_E.
     A = np.array([[1 + s / 3, s / 2], [r / 2, 1 + r]])
     a, b = np.linalg.solve(A, [s, 0.0])

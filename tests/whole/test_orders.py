@@ -64,13 +64,9 @@ def test_optima_of_every_order_agree(swinging: Kernels) -> None:
     """Inputs are at most linear in a step, so that costs differ by h^2 at order 2 and h^4 above."""
     order = swinging.manifest["order"]
     problem = dmoc.Problem(
-        swinging,
-        start={"a": 0.3, "a_dot": 5.0},
-        goal={"a": -0.5, "a_dot": 0.0},
-        sequence=["wall"],
-        steps=20,
-        final_time=1.0,
-    )
+        swinging, start={"a": 0.3, "a_dot": 5.0}, goal={"a": -0.5, "a_dot": 0.0}, sequence=["wall"],
+        steps=20, final_time=1.0,
+    )  # fmt: skip
     solution = dmoc.solve(problem, "ipm")
     assert solution.status == "solved"
     assert solution.cost == pytest.approx(9.8639525, rel={2: 5e-3, 4: 5e-6, 6: 5e-7}[order])

@@ -44,18 +44,14 @@ def systems(draw: Any) -> dmoc.MechanicalSystem:
     potential = c[2] * q[0] ** 2 + shape(c[3] * q[1]) + c[4] * sp.cos(q[0] - q[1])
     time = int(draw(st.booleans())) * T / 3
     return dmoc.MechanicalSystem(
-        "random",
-        coordinates=q,
-        inputs=[u],
+        "random", coordinates=q, inputs=[u],
         lagrangian=kinetic * (1 + time / 5) - potential + c[5] * shape(time) * v[0],
-        forces={q[0]: u * (1 + c[6] * q[1]), q[1]: c[7] * u**2 / 4},
-        parameters={},
+        forces={q[0]: u * (1 + c[6] * q[1]), q[1]: c[7] * u**2 / 4}, parameters={},
         dissipation=abs(c[8]) * v[0] ** 2 / 2,
         surfaces={"wall": q[0] + c[9] * q[1] ** 2 / 2 <= 1 + time},
-        cost=u**2 + c[2] * q[1] ** 2 + time,
-        terminal_cost=c[3] * q[0] * v[1],
+        cost=u**2 + c[2] * q[1] ** 2 + time, terminal_cost=c[3] * q[0] * v[1],
         path_constraints={"path": u + v[0] <= 9},
-    )
+    )  # fmt: skip
 
 
 @SOME
@@ -66,13 +62,9 @@ def test_derivatives_equal_differences(
     rng = np.random.default_rng(seed)
     problem = dmoc.Problem(
         build(system, order=order, backend="numpy"),
-        start={"a": 0.0, "b": (-1, 1), "a_dot": (-1, 1)},
-        sequence=["wall"],
-        steps=[2, 2],
-        final_time=(0.1, 1.0),
-        restitution=rng.uniform(),
-        periodic=["b_dot"],
-    )
+        start={"a": 0.0, "b": (-1, 1), "a_dot": (-1, 1)}, sequence=["wall"], steps=[2, 2],
+        final_time=(0.1, 1.0), restitution=rng.uniform(), periodic=["b_dot"],
+    )  # fmt: skip
     nlp = Transcription(problem)
     lay = nlp.layout
     x = rng.uniform(-0.4, 0.4, nlp.n)
@@ -187,16 +179,11 @@ def test_forward_and_optimal_control_answers_agree(
     h, before = 0.025, round(share * 40)
     kernels = dmoc.build(block_system(), order=order)
     problem = dmoc.Problem(
-        kernels,
-        start={"x": 0.0, "x_dot": speed},
-        goal={"x": goal / 2, "x_dot": -speed},
-        sequence=["wall"],
-        steps=[before, 40 - before],
-        durations=[(before * h, before * h), ((40 - before) * h,) * 2],
-        final_time=1.0,
-        restitution=e,
-        controls="constant",
-    )
+        kernels, start={"x": 0.0, "x_dot": speed}, goal={"x": goal / 2, "x_dot": -speed},
+        sequence=["wall"], steps=[before, 40 - before],
+        durations=[(before * h, before * h), ((40 - before) * h,) * 2], final_time=1.0,
+        restitution=e, controls="constant",
+    )  # fmt: skip
     solution = dmoc.solve(problem, "ipm")
     assert solution.solved, solution.message
     u = np.vstack([p.u for p in solution.phases])

@@ -44,16 +44,11 @@ def block_problem(kernels: Kernels, u: Units, e: float) -> dmoc.Problem:
     limits and a terminal speed beside it)."""
     force = 40 * u.of(length=1, mass=1, time=-2)
     return dmoc.Problem(
-        kernels,
-        start={"x": 0.0},
-        goal={"x": 0.0, "x_dot": (-u.of(length=1, time=-1), 0.0)},
-        sequence=["wall"],
-        steps=12,
-        final_time=u.of(time=1),
-        parameters={"m": u.of(mass=1), "wall": u.of(length=1)},
-        restitution=e,
+        kernels, start={"x": 0.0}, goal={"x": 0.0, "x_dot": (-u.of(length=1, time=-1), 0.0)},
+        sequence=["wall"], steps=12, final_time=u.of(time=1),
+        parameters={"m": u.of(mass=1), "wall": u.of(length=1)}, restitution=e,
         bounds={"u": (-force, force)},
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("method", INSTALLED)
@@ -83,20 +78,15 @@ def cart_problem(kernels: Kernels, u: Units) -> dmoc.Problem:
     """The seed with fewer steps: an angle, which has no unit, beside a length."""
     length, force = u.of(length=1), u.of(length=1, mass=1, time=-2)
     return dmoc.Problem(
-        kernels,
-        start={"alpha": 0.471, "x": 0.0},
-        goal={"alpha": 1.5707, "p_alpha": 0.0, "p_x": 0.0},
-        sequence=["left"],
-        steps=30 if kernels.manifest["order"] == 2 else 16,
-        final_time=(None, u.of(time=1)),
+        kernels, start={"alpha": 0.471, "x": 0.0},
+        goal={"alpha": 1.5707, "p_alpha": 0.0, "p_x": 0.0}, sequence=["left"],
+        steps=30 if kernels.manifest["order"] == 2 else 16, final_time=(None, u.of(time=1)),
         bounds={"F": (-200 * force, 200 * force), "x": (-10 * length, 10 * length)},
         parameters={
-            "m_p": u.of(mass=1),
-            "m_c": u.of(mass=1),
-            "l": 0.5 * length,
+            "m_p": u.of(mass=1), "m_c": u.of(mass=1), "l": 0.5 * length,
             "g": 10 * u.of(length=1, time=-2),
         },
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("method", INSTALLED)
@@ -159,23 +149,15 @@ def test_minimum_time_and_an_unbounded_final_time_know_no_second() -> None:
     x, u = dynamicsymbols("x u")
     m, weight, push = sp.symbols("m weight push")
     system = dmoc.MechanicalSystem(
-        "hurried",
-        [x],
-        m * x.diff(dynamicsymbols._t) ** 2 / 2,
-        {m: 1.0, weight: 1.0, push: 1.0},
-        [u],
-        {x: u},
-        cost=weight + push * u**2,
-    )
+        "hurried", [x], m * x.diff(dynamicsymbols._t) ** 2 / 2, {m: 1.0, weight: 1.0, push: 1.0},
+        [u], {x: u}, cost=weight + push * u**2,
+    )  # fmt: skip
     costs = []
     for second in (1.0, 1e-6, 1e6):
         problem = dmoc.Problem(
-            dmoc.build(system),
-            start={"x": 0.0},
-            goal={"x": 1.0, "x_dot": 0.0},
-            steps=20,
+            dmoc.build(system), start={"x": 0.0}, goal={"x": 1.0, "x_dot": 0.0}, steps=20,
             parameters={"weight": 1 / second, "push": second**3},
-        )
+        )  # fmt: skip
         solution = dmoc.solve(problem, "ipm")
         assert solution.solved, solution.message
         costs.append(solution.cost)

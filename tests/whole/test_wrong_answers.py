@@ -32,15 +32,10 @@ def arm_system(name: str = "arm_with_stop") -> dmoc.MechanicalSystem:
         m1 * (x1.diff(T) ** 2 + y1.diff(T) ** 2) / 2 + m2 * (x2.diff(T) ** 2 + y2.diff(T) ** 2) / 2
     )
     return dmoc.MechanicalSystem(
-        name,
-        [a, b],
-        sp.simplify(kinetic) - g * (m1 * y1 + m2 * y2),
-        {m1: 1.0, m2: 1.0, l1: 1.0, l2: 1.0, g: 9.81, stop: 1.0},
-        [u1, u2],
-        {a: u1 - u2, b: u2},
-        {"stop": a <= stop},
-        u1**2 + u2**2,
-    )
+        name, [a, b], sp.simplify(kinetic) - g * (m1 * y1 + m2 * y2),
+        {m1: 1.0, m2: 1.0, l1: 1.0, l2: 1.0, g: 9.81, stop: 1.0}, [u1, u2], {a: u1 - u2, b: u2},
+        {"stop": a <= stop}, u1**2 + u2**2,
+    )  # fmt: skip
 
 
 def random_arm(seed: int, order: int, steps: int) -> dmoc.Problem:
@@ -59,12 +54,9 @@ def random_arm(seed: int, order: int, steps: int) -> dmoc.Problem:
         dmoc.build(arm_system(), order=order),
         start={"a": r.uniform(-1, 0.3), "b": r.uniform(-1, 1)},
         goal={"a": r.uniform(-1, 0.3), "b": r.uniform(-1, 1), "a_dot": 0, "b_dot": 0},
-        sequence=["stop"],
-        steps=steps,
-        final_time=r.uniform(0.7, 2),
-        parameters=parameters,
+        sequence=["stop"], steps=steps, final_time=r.uniform(0.7, 2), parameters=parameters,
         restitution=r.choice([1, 0.8, 0.5, 0.0]),
-    )
+    )  # fmt: skip
 
 
 # Collisions that are none -------------------------------------------------------------------------
@@ -148,13 +140,9 @@ def test_order_4_keeps_the_limits_of_inputs_everywhere(steps: int) -> None:
         "far", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, terminal_cost=-x
     )
     problem = dmoc.Problem(
-        dmoc.build(system, order=4),
-        start={"x": 0},
-        goal={"x_dot": 0},
-        steps=steps,
-        final_time=1.0,
+        dmoc.build(system, order=4), start={"x": 0}, goal={"x_dot": 0}, steps=steps, final_time=1.0,
         bounds={"u": (-1, 1)},
-    )
+    )  # fmt: skip
     for method in ("ipm", "slsqp") if steps < 20 else ("ipm",):
         solution = dmoc.solve(problem, method)
         assert solution.solved, solution.message
@@ -168,13 +156,9 @@ def test_the_check_sees_inputs_beyond_their_limits() -> None:
 
     kernels = dmoc.build(block_system(), order=4)
     problem = dmoc.Problem(
-        kernels,
-        start={"x": 0},
-        goal={"x": 0.5, "x_dot": 0},
-        steps=10,
-        final_time=1.0,
+        kernels, start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, steps=10, final_time=1.0,
         bounds={"u": (-4, 4)},
-    )
+    )  # fmt: skip
     solution = dmoc.solve(problem, "ipm")
     assert solution.solved
     wrong = dmoc.verify(replace(solution.trajectory, input_bounds=np.array([[-2.0, 2.0]])), kernels)
@@ -187,15 +171,9 @@ def test_the_check_sees_inputs_beyond_their_limits() -> None:
 def pendulum_system(name: str, wall: sp.Basic) -> dmoc.MechanicalSystem:
     a, u = dynamicsymbols("a u")
     return dmoc.MechanicalSystem(
-        name,
-        [a],
-        a.diff(T) ** 2 / 2 + sp.Float(9.81) * sp.cos(a),
-        {},
-        [u],
-        {a: u},
-        {"wall": wall(a)},
-        u**2,
-    )
+        name, [a], a.diff(T) ** 2 / 2 + sp.Float(9.81) * sp.cos(a), {}, [u], {a: u},
+        {"wall": wall(a)}, u**2,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -211,13 +189,9 @@ def test_a_wall_whose_gradient_vanishes_is_as_good_as_a_plain_one(
         ("plain_wall", lambda a: a <= sp.pi / 6),
     ):
         problem = dmoc.Problem(
-            dmoc.build(pendulum_system(name, wall), order=order),
-            start={"a": 0.0},
-            goal={"a": goal, "a_dot": 0},
-            sequence=["wall"],
-            steps=steps,
-            final_time=3.0,
-        )
+            dmoc.build(pendulum_system(name, wall), order=order), start={"a": 0.0},
+            goal={"a": goal, "a_dot": 0}, sequence=["wall"], steps=steps, final_time=3.0,
+        )  # fmt: skip
         solution = dmoc.solve(problem, "ipm")
         assert solution.solved, solution.message
         assert solution.cost <= known * 1.002
@@ -271,22 +245,13 @@ def test_a_motion_that_slides_along_a_surface_is_confirmed_on_every_mesh(steps: 
     by its inputs."""
     x, y, f_x, f_y = dynamicsymbols("x y f_x f_y")
     system = dmoc.MechanicalSystem(
-        "around",
-        [x, y],
-        (x.diff(T) ** 2 + y.diff(T) ** 2) / 2,
-        {},
-        [f_x, f_y],
-        {x: f_x, y: f_y},
-        {"post": x**2 + y**2 >= 1},
-        f_x**2 + f_y**2,
-    )
+        "around", [x, y], (x.diff(T) ** 2 + y.diff(T) ** 2) / 2, {}, [f_x, f_y], {x: f_x, y: f_y},
+        {"post": x**2 + y**2 >= 1}, f_x**2 + f_y**2,
+    )  # fmt: skip
     problem = dmoc.Problem(
-        dmoc.build(system),
-        start={"x": -1.2, "y": 0.1},
-        goal={"x": 1.2, "y": 0.1, "x_dot": 0, "y_dot": 0},
-        steps=steps,
-        final_time=1.0,
-    )
+        dmoc.build(system), start={"x": -1.2, "y": 0.1},
+        goal={"x": 1.2, "y": 0.1, "x_dot": 0, "y_dot": 0}, steps=steps, final_time=1.0,
+    )  # fmt: skip
     solution = dmoc.solve(problem, "ipm")
     assert solution.solved, solution.message
     assert any(b.startswith("gap to post") for b in solution.active_bounds)
@@ -299,21 +264,13 @@ def acrobot(steps: int) -> dmoc.Problem:
     x2, y2 = x1 + sp.sin(a + b), y1 - sp.cos(a + b)
     kinetic = (x1.diff(T) ** 2 + y1.diff(T) ** 2) / 2 + (x2.diff(T) ** 2 + y2.diff(T) ** 2) / 2
     system = dmoc.MechanicalSystem(
-        "acrobot",
-        [a, b],
-        sp.simplify(kinetic) - sp.Float(9.81) * (y1 + y2),
-        {},
-        [u],
-        {b: u},
+        "acrobot", [a, b], sp.simplify(kinetic) - sp.Float(9.81) * (y1 + y2), {}, [u], {b: u},
         cost=u**2,
-    )
+    )  # fmt: skip
     return dmoc.Problem(
-        dmoc.build(system),
-        start={"a": 0, "b": 0},
-        goal={"a": pi, "b": 0, "a_dot": 0, "b_dot": 0},
-        steps=steps,
-        final_time=4.0,
-    )
+        dmoc.build(system), start={"a": 0, "b": 0}, goal={"a": pi, "b": 0, "a_dot": 0, "b_dot": 0},
+        steps=steps, final_time=4.0,
+    )  # fmt: skip
 
 
 def test_an_unstable_motion_is_weighed_with_its_amplification_and_a_coarse_one_is_not_excused() -> (
@@ -377,14 +334,9 @@ def test_infeasible_by_a_little_is_infeasible_early(method: str, order: int, lim
     """6.664 m/s and |u| <= 50 need 0.4441 m to stop, and there are 0.443 m."""
     wall, box = (0.443, {}) if limit == "wall" else (9.0, {"x": (-1.0, 0.443)})
     problem = dmoc.Problem(
-        dmoc.build(block_system(), order=order),
-        start={"x": 0, "x_dot": 6.664},
-        goal={"x_dot": 0},
-        steps=40,
-        final_time=0.2,
-        parameters={"wall": wall},
-        bounds={"u": (-50, 50), **box},
-    )
+        dmoc.build(block_system(), order=order), start={"x": 0, "x_dot": 6.664}, goal={"x_dot": 0},
+        steps=40, final_time=0.2, parameters={"wall": wall}, bounds={"u": (-50, 50), **box},
+    )  # fmt: skip
     solution = dmoc.solve(problem, method)
     assert solution.status == "infeasible" and solution.iterations < 300 and solution.conflicts
 

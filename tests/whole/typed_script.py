@@ -24,15 +24,10 @@ from dmoc.states import State
 def stated(system: dmoc.MechanicalSystem) -> dmoc.Problem:
     assert_type(dmoc.build(system), Kernels)
     problem = dmoc.Problem(
-        system,
-        start={"x": 0.0},
-        goal={"x": 0.0, "y": (0.5, None)},
-        sequence=["wall"],
-        final_time=(0.5, None),
-        durations=[None, (0.1, 0.6)],
-        bounds={"u": (-5, 5)},
+        system, start={"x": 0.0}, goal={"x": 0.0, "y": (0.5, None)}, sequence=["wall"],
+        final_time=(0.5, None), durations=[None, (0.1, 0.6)], bounds={"u": (-5, 5)},
         restitution={"wall": 0.8},
-    )
+    )  # fmt: skip
     return assert_type(problem.but(final_time=1.0, restitution=0.5), dmoc.Problem)
 
 
