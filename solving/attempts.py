@@ -129,6 +129,13 @@ def _first_success(
         left = remaining(options, begin, count)
         found = minimum(programs, nlp, x, left, minimise)
         count += found.outcome.iterations
+        end = found.outcome
+        if end.status is Status.STALLED and end.left.violation <= options.violation:
+            # What holds the motion is known there: a fresh barrier often gets on from it.
+            left = remaining(options, begin, count)
+            again = minimum(programs, found.nlp, end.x, left, minimise)
+            count += again.outcome.iterations
+            found = again if again.outcome.status is Status.SOLVED else found
         lost = found.outcome.status in (*NOWHERE, Status.STATIONARY)
         if not lost or count >= options.iterations:
             return found.counting(count)
