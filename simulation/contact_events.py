@@ -11,6 +11,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.simulation.contact_forces import BEARABLE, TURNED
 from dmoc.simulation.contact_law import Event, Outcome, after_event, event_of
 from dmoc.simulation.joins import impulsive_change, planned_impulses
+from dmoc.simulation.measures import imbalance
 from dmoc.simulation.modes import RAIL, columns, supports
 from dmoc.simulation.motion import Motion
 from dmoc.trajectory import Collision
@@ -18,9 +19,9 @@ from dmoc.trajectory import Collision
 
 @dataclass(frozen=True)
 class EventErrors:
-    """Largest imbalance of energy, relative to the kinetic energy; errors of the law of impact,
-    relative to the largest momenta and rates and to the rates of the event itself; and what
-    contradicts the motion, in sentences."""
+    """Largest imbalance of energy, of a phase relative to what the motion exchanges, of an event to
+    its kinetic energy; errors of the law of impact, relative to the largest momenta and rates and
+    to the rates of the event itself; and what contradicts the motion, in sentences."""
 
     energy: float
     law: float
@@ -30,7 +31,7 @@ class EventErrors:
 
 def event_errors(motion: Motion, work: tuple[float, ...]) -> EventErrors:
     """Compare the energies of phases with their work, and the events with their laws."""
-    energy, law, own, told = _imbalance(motion, work), 0.0, 0.0, list[str]()
+    energy, law, own, told = imbalance(motion, work), 0.0, 0.0, list[str]()
     for i, c in enumerate(motion.trajectory.collisions):
         event = event_of(motion, i)
         if event.wrong:
@@ -50,15 +51,6 @@ def event_errors(motion: Motion, work: tuple[float, ...]) -> EventErrors:
         told += _approached(motion, i, event)
     energy, law, own = (float(np.nan_to_num(x, nan=np.inf)) for x in (energy, law, own))
     return EventErrors(energy, law, own, tuple(told))
-
-
-def _imbalance(motion: Motion, work: tuple[float, ...]) -> float:
-    """Largest difference of the change of energy in a phase and the work, friction's too."""
-    found, ends = [], [0, -1]
-    for phase, done in zip(motion.trajectory.phases, work, strict=True):
-        first, last = motion.model.energy(phase.q[ends], phase.v[ends], phase.t[ends])
-        found.append(abs(last - first - done))
-    return float(np.nan_to_num(max(found), nan=np.inf)) / motion.sizes.energy
 
 
 def _given(motion: Motion, c: Collision) -> tuple[Array, Array]:

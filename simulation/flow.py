@@ -83,7 +83,7 @@ class Flow:
     ) -> None:  # fmt: skip
         self.model, self.sizes, self.restitution = model, sizes, restitution
         self.allowance, self.nq = allowance, model.nq
-        size = np.concatenate([sizes.q, sizes.v, [sizes.energy]])
+        size = np.concatenate([sizes.q, sizes.v, [sizes.exchanged]])
         self.integrator = Integrator(model.kernels, model.par, size, check_time)
         near = RESTING * TOUCH * sizes.gap
         self.near = np.where(restitution == 0, near, -1.0)  # none is negative

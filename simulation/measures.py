@@ -116,17 +116,25 @@ def segments(motion: Motion) -> list[Segment]:
     ]
 
 
+def imbalance(motion: Motion, work: tuple[float, ...]) -> float:
+    """Largest difference of the change of energy in a phase and the work, friction's too, relative
+    to the energy that the motion exchanges."""
+    differences, ends = [], [0, -1]
+    for phase, done in zip(motion.trajectory.phases, work, strict=True):
+        first, last = motion.model.energy(phase.q[ends], phase.v[ends], phase.t[ends])
+        differences.append(abs(last - first - done))
+    return float(np.nan_to_num(max(differences), nan=np.inf)) / motion.sizes.exchanged
+
+
 def energy_error(motion: Motion, work: tuple[float, ...]) -> float:
-    """Largest imbalance of a phase or jump at a collision, relative to the largest kinetic
+    """Largest imbalance of a phase, or jump at a collision relative to the largest kinetic
     energy."""
-    phases, energy = motion.trajectory.phases, motion.model.energy
-    ends = [-1, 0]
-    energies = [energy(p.q[ends], p.v[ends], p.t[ends]) for p in phases]
-    found = [abs(last - first - w) for (last, first), w in zip(energies, work, strict=True)]
-    for (collision, before, _), (_, after) in zip(motion.joints, energies[1:], strict=True):
+    worst, energy = imbalance(motion, work), motion.model.energy
+    for collision, before, after in motion.joints:
         v = motion.flow.planned_impact(collision, before.q[-1], before.v[-1])[0]
-        found.append(abs(after - energy(before.q[-1], v, before.t[-1])))
-    return float(np.nan_to_num(max(found), nan=np.inf)) / motion.sizes.energy
+        jump = energy(after.q[0], after.v[0], after.t[0]) - energy(before.q[-1], v, before.t[-1])
+        worst = max(worst, float(np.nan_to_num(abs(jump), nan=np.inf)) / motion.sizes.energy)
+    return worst
 
 
 def impact_errors(motion: Motion) -> tuple[float, float]:

@@ -39,8 +39,9 @@ LEVEL = 0.01
 @dataclass(frozen=True)
 class Sizes:
     """Sizes of a motion: coordinates, velocities and momenta (nq,), gaps and their rates (nc,),
-    tangential positions and sliding velocities (nt,), time, energy, and the largest acceleration
-    that its forces and its velocities say, measured by the masses."""
+    tangential positions and sliding velocities (nt,), time, kinetic energy, the energy that moves
+    between forms, and the largest acceleration that its forces and its velocities say, measured by
+    the masses."""
 
     q: Array
     v: Array
@@ -51,6 +52,7 @@ class Sizes:
     slide: Array
     time: float
     energy: float
+    exchanged: float
     acceleration: float
 
 
@@ -96,7 +98,8 @@ def sizes_of(trajectory: Trajectory, model: Model) -> Sizes:
     gap, rate = along(model.gap_slopes(nodes.q, nodes.t))
     place, slide = along(model.tangent_slopes(nodes.q, nodes.t))
     acceleration = max(strongest, fastest / time, speed / time)
-    return Sizes(q, v, p, gap, rate, place, slide, time, energy, acceleration)
+    exchanged = max(energy, _lifted(model, nodes))
+    return Sizes(q, v, p, gap, rate, place, slide, time, energy, exchanged, acceleration)
 
 
 def pushes(model: Model, sizes: Sizes, q: Array, t: Array, slopes: Array) -> Array:
@@ -130,6 +133,15 @@ def _forces(model: Model, nodes: _Nodes) -> Array:
         B = np.abs(model.input_matrix(nodes.q, nodes.v, nodes.u[0], nodes.t))
         found += [(B @ np.abs(u)[..., None])[..., 0] for u in nodes.u]
     return np.asarray(np.max(found, axis=(0, 1)))
+
+
+def _lifted(model: Model, nodes: _Nodes) -> float:
+    """The largest work that the forces of the position alone do on the way of one coordinate
+    between any two nodes: a motion that inputs lift slowly exchanges far more energy than it has
+    in its velocities."""
+    force = model.equations(nodes.q, None, None, nodes.t)[1]
+    work = np.cumsum((force[1:] + force[:-1]) / 2 * np.diff(nodes.q, axis=0), axis=0)
+    return float(np.ptp(np.vstack([np.zeros(model.nq), work]), axis=0).max())
 
 
 def _room(trajectory: Trajectory, model: Model, nodes: _Nodes) -> float:

@@ -54,8 +54,9 @@ class Verification(Shown):
     segment_defects : array
         Error over each of ten segments a phase, started at its first node.
     energy_error : float
-        Largest abs(E(end) - E(start) - work) of a phase, or jump of the energy at a collision,
-        relative to the largest kinetic energy.
+        Largest abs(E(end) - E(start) - work) of a phase, relative to the largest kinetic energy or
+        to what the forces of the position exchange with one coordinate, whichever is larger; or
+        jump of the energy at a collision, relative to the largest kinetic energy.
     impact_error : float
         Largest error of the law of impact: of the rate of the gap after a collision, and of its
         impulse, both relative to the largest rate.
