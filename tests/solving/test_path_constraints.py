@@ -8,12 +8,14 @@ from functools import cache
 from math import sqrt
 from typing import Any
 
+import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.discretisation import DISCRETISATIONS
+from dmoc.nlp.transcription import Transcription
 
 X, U = dynamicsymbols("x u")
 v = X.diff()
@@ -32,10 +34,12 @@ def kernels(name: str, order: int) -> Any:
         "both": {"power": U * v <= P, "speed": v <= sp.Rational(5, 4), "place": X <= 2},
         "slow": {"speed": v <= sp.Rational(1, 2)},
         "block": {"most": U <= 1, "least": U >= -1},
+        "ends": {"power": U * v <= 1, "speed": v <= 2, "place": X >= -1},
     }
     system = dmoc.MechanicalSystem(
         name, [X], v**2 / 2, {P: 1.0} if name in ("power", "both") else {}, [U], {X: U},
-        surfaces={"wall": X <= 1} if name == "block" else {}, cost=1 if name == "block" else 0,
+        surfaces={"wall": X <= 1} if name in ("block", "ends") else {},
+        cost=1 if name == "block" else 0,
         terminal_cost=0 if name == "block" else -v, path_constraints=limits[name],
     )  # fmt: skip
     return dmoc.build(system, order=order)
@@ -97,6 +101,39 @@ def test_power_is_limited_to_second_order() -> None:
     assert coarse.verification is not None and fine.verification is not None
     ratio = coarse.verification.path_excess / fine.verification.path_excess
     assert ratio == pytest.approx(4, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "form", "standing"),
+    [
+        ({"x": 0.0, "x_dot": 0.5}, {"x": 0.0}, "linear", ("p", "ps", "ps", "ps")),
+        ({"x": 0.0, "x_dot": (0, 1)}, {}, "linear", ("ps", "ps", "ps", "psx")),
+        ({"x": (0, 0.5), "x_dot": 0.5}, {"x": (0, 0.5)}, "linear", ("px", "ps", "ps", "psx")),
+        ({"x": 0.0}, {"x": 0.0, "x_dot": 0.0}, "constant", ("", "s", "s", "")),
+    ],
+)
+def test_a_row_stands_at_the_end_of_a_phase_where_it_can_move(
+    start: dict[str, Any], goal: dict[str, Any], form: str, standing: tuple[str, ...]
+) -> None:
+    """1 - u v, 2 - v and x + 1 at any unknowns, before and after a wall; there x is known."""
+    problem = dmoc.Problem(
+        kernels("ends", 2), start, goal, sequence=["wall"], steps=3, final_time=1.0, controls=form,
+        restitution=0.5,
+    )  # fmt: skip
+    nlp = Transcription(problem)
+    lay, scaled = nlp.layout, np.random.default_rng(2).uniform(0.5, 2.0, nlp.n)
+    x, rows = nlp.physical(scaled), np.append(nlp.inequality(scaled), np.nan)
+    rows *= np.append(nlp.row_unit[nlp.n_eq :], 1.0)
+    places = ((lay.index_v_B, 0, 0), (lay.index_v_a, 3, 3), (lay.index_v_c, 3, 4))
+    (block,) = (b for b in nlp.inequalities if b.name == "path at ends")
+    for (v, node, input_), index, stands in zip(
+        (*places, (lay.index_v_E, 6, 7)), block.index, standing, strict=True
+    ):
+        found = {name: rows[k - nlp.n_eq] for name, k in zip("psx", index, strict=True) if k >= 0}
+        rate = x[v[..., 0]].item() if len(v) else np.nan
+        u = x[lay.index_u[input_, 0]] if form == "linear" else np.nan
+        values = {"p": 1 - u * rate, "s": 2 - rate, "x": x[lay.index_q[node, 0]] + 1}
+        assert found == pytest.approx({name: values[name] for name in stands})
 
 
 @pytest.mark.parametrize(("order", "form"), FORMS)
