@@ -174,6 +174,26 @@ def test_a_block_thrown_on_a_floor(floor: Kernels, e: float) -> None:
     assert max(check.terminal_error, check.energy_error, check.impact_error) < 1e-12
 
 
+def test_a_landing_is_plastic_whatever_the_restitution_of_its_surface(floor: Kernels) -> None:
+    """It arrives with 0.3 m/s along the floor and stops there: friction could take 0.4."""
+    still = np.zeros((1, 1))
+    pieces = [
+        motions.Piece(
+            0.4, lambda t: motions.columns(0.3 * t, 0.8 - 5 * t**2, 0.3, -10 * t),
+            lambda t: still + 0 * t[:, None],
+        ),
+        motions.Piece(
+            1.0, lambda t: motions.columns(0.12 + 0 * t, 0, 0, 0), lambda t: still + 0 * t[:, None],
+            ("floor",), {"floor": 0}, lambda t: still + 10 + 0 * t[:, None],
+            lambda t: still + 0 * t[:, None],
+        ),
+    ]  # fmt: skip
+    lands = {"surface": "floor", "impulse": 4.0, "tractions": {"floor": -0.3}, "lands": ("floor",)}
+    lands |= {"friction": {"floor": 0}, "course": "slip+:stick"}
+    motion = motions.trajectory(floor, pieces, [lands], 20, {"floor": 0.8})
+    assert confirmed(motion, floor).impact_error < 1e-12
+
+
 def test_a_soft_landing() -> None:
     """A mass that is let down arrives without a rate, and slides on."""
     kernels = dmoc.build(motions.hoist_system())

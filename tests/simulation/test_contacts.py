@@ -4,6 +4,8 @@ answers of the simulation."""
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +15,10 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SimulationError
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.values import parameter_row
 from dmoc.simulating import Simulation
+from dmoc.simulation.choices import Place, plastic_blow
 from dmoc.simulation.contacts import simultaneous
 
 T = dynamicsymbols._t
@@ -86,6 +91,18 @@ def test_the_coefficients_of_a_corner_may_differ(corner: Kernels) -> None:
         corner, [0, 0], [1, 1], step_size=0.1, steps=15, restitution={"right": 0.0, "top": 0.5}
     )
     assert run.p[-1] == pytest.approx([0, -0.5], abs=1e-12)
+
+
+def test_a_blow_releases_what_is_approached(corner: Kernels) -> None:
+    """With e = 0.5 on the right, plastic at the top: m e v beyond what stops; what is left already
+    gets nothing."""
+    model, small = Model(corner, parameter_row(corner, {})), np.full(2, 1e-9)
+    tolerances: Any = SimpleNamespace(rate=small, slide=np.zeros(0))
+    for right, impulse in ((2.0, 3.0), (-2.0, 0.0)):
+        at = Place(0.0, np.array([1.0, 1.0, right, 0.4]), np.zeros(0), tolerances)
+        blow = plastic_blow(model, at, [0, 1], np.array([0.5, 0.0]))
+        assert blow is not None and blow.normal == pytest.approx([impulse, 0.4], abs=1e-12)
+        assert blow.velocity == pytest.approx([right - impulse, 0.0], abs=1e-12)
 
 
 @pytest.mark.parametrize("e", [1.0, 0.8, 0.1, 0.0])

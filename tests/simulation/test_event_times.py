@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import motions
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.simulation.contact_location import _told
 from dmoc.trajectory import Trajectory
 
 
@@ -144,3 +147,34 @@ def test_a_landing_after_the_gap_has_closed_is_located(floor: Kernels, late: flo
     phases = (replace(falls, t=t, q=q, v=v, p=v), *right.phases[1:])
     told = message(replace(right, phases=phases), floor)
     assert f"meets 'floor' at 0.4 s, not at {0.4 * (1 + late):.4g} s as planned" in told
+
+
+LIFTS, SLIDES, STOPS = "lifts 'floor' off", "lets 'way' slide", "ends the sliding of 'way'"
+
+
+@pytest.mark.parametrize(
+    ("j", "planned", "time", "told"),
+    [
+        (0, {"leaves": ("floor",)}, 1.979, f"{LIFTS} at 1.979 s, not at 2 s as planned"),
+        (0, {"leaves": ("floor",)}, 1.981, ""),
+        (0, {"leaves": ("wall",)}, 2.0, f"{LIFTS} at 2 s, which is not planned"),
+        (0, {"friction": {"way": 0}}, 2.0, f"{LIFTS} at 2 s, which is not planned"),
+        (2, {"friction": {"way": 1}}, 2.019, ""),
+        (2, {"friction": {"way": 1}}, 2.021, f"{SLIDES} at 2.021 s, not at 2 s as planned"),
+        (2, {"leaves": ("way",)}, 2.0, ""),
+        (3, {"friction": {"way": 0}}, 2.0, ""),
+        (3, {"leaves": ("floor",)}, 2.0, f"{STOPS} at 2 s, which is not planned"),
+        (3, None, 2.0, f"{STOPS} at 2 s, which is not planned"),
+    ],
+)
+def test_an_event_is_planned_that_its_phase_ends_with_to_a_hundredth_of_it(
+    j: int, planned: dict[str, Any] | None, time: float, told: str
+) -> None:
+    """Of a phase from 0 to 2 s; two surfaces, one tangent."""
+    kernels = SimpleNamespace(surfaces=("floor", "wall"), tangents=("way",))
+    event = planned and SimpleNamespace(**({"leaves": (), "friction": {}} | planned))
+    phase = SimpleNamespace(t=np.array([0.0, 2.0]), duration=2.0)
+    trajectory = SimpleNamespace(collisions=[event] if event else [], phases=[phase])
+    model = SimpleNamespace(nc=2, nt=1, kernels=kernels)
+    motion: Any = SimpleNamespace(model=model, trajectory=trajectory)
+    assert _told(motion, 0, j, time) == (told and f"the simulation {told}")

@@ -11,6 +11,10 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.errors import SimulationError
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.values import parameter_row
+from dmoc.simulation.choices import _borne
+from dmoc.simulation.modes import Mode
 
 T = dynamicsymbols._t
 x, y, a = dynamicsymbols("x y a")
@@ -42,6 +46,25 @@ def test_a_push_below_the_friction_moves_nothing(rail: Kernels) -> None:
     assert not held.q.any() and held.tangential[-1, 0] == pytest.approx(0.99)
     pushed = dmoc.simulate(rail, [0.0], step_size=0.1, steps=10, inputs=[-1.5])
     assert pushed.q[-1, 0] == pytest.approx(-0.25, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("pushes", "holds", "borne"),
+    [
+        (10.0, 0.99, True),
+        (10.0, 1.01, False),
+        (10.0, -0.99, True),
+        (10.0, -1.01, False),
+        (-1e-3, 0.0, False),
+    ],
+)
+def test_a_contact_bears_what_its_cone_does(
+    floor: Kernels, pushes: float, holds: float, borne: bool
+) -> None:
+    """mu = 0.1."""
+    model = Model(floor, parameter_row(floor, {}))
+    forces, least = (np.array([pushes]), np.array([holds])), np.full(1, 1e-6)
+    assert _borne(model, Mode((0,), (0,)), forces, least, least) is borne
 
 
 def test_a_block_on_a_floor_slides_to_rest(floor: Kernels) -> None:

@@ -90,6 +90,15 @@ def test_a_cost_ten_errors_higher_is_that_of_another_minimum(cost: float, other:
     assert not refinement._dearer(History((before,)), after, 0.9)
 
 
+@pytest.mark.parametrize(("seen", "error"), [(None, 1e-3), (1e-4, 1e-3), (3e-3, 3e-3)])
+def test_what_the_simulation_has_seen_counts_beside_the_estimate(
+    seen: float | None, error: float
+) -> None:
+    check = seen and SimpleNamespace(max_segment_defect=seen)
+    level = Level(meshed(10, 2, verification=check), Errors(1e-3, 2e-4), 1)
+    assert History().error(level) == error
+
+
 def test_errors_that_have_not_become_smaller_for_two_meshes_are_idle() -> None:
     assert not refinement._idle([1.0, 0.5, 0.3, 0.4])
     assert refinement._idle([1.0, 0.5, 0.3, 0.5])
