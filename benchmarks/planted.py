@@ -250,6 +250,7 @@ class Planted:
     size: float
     passed: bool
     message: str
+    phase_error: float
 
 
 def plant(names: tuple[str, ...], number: int, seed: int = 1) -> list[Planted]:
@@ -270,7 +271,11 @@ def plant(names: tuple[str, ...], number: int, seed: int = 1) -> list[Planted]:
                     wrong = KINDS[kind](Case(motion, kernels, size, rng))
                     if wrong is not None:
                         check = dmoc.verify(wrong, kernels)
-                        done.append(Planted(kind, name, size, check.passed, check.message))
+                        done.append(
+                            Planted(
+                                kind, name, size, check.passed, check.message, check.phase_error
+                            )
+                        )
     return done
 
 
@@ -309,7 +314,10 @@ def main() -> int:
     sys.stdout.write(section(planted).markdown())
     for p in planted:
         if p.passed and p.size >= LARGE:
-            sys.stdout.write(f"passes: {p.kind} of {p.size:.0%} in {p.system}; {p.message}\n")
+            sys.stdout.write(
+                f"passes: {p.kind} of {p.size:.0%} in {p.system}, whose phases are off by "
+                f"{p.phase_error:.1%}; {p.message}\n"
+            )
     return 0
 
 

@@ -48,11 +48,11 @@ def judged_with_contacts(motion: Motion) -> Verification:
     steps, on_the_way = step_errors(motion), segments(motion, _slack(motion, held))
     parts, in_flight = on_the_way.parts, _in_flight(motion)
     events = event_errors(motion, steps.work)
-    errors = measured(motion, steps, parts, (events.energy, events.law, events.own))
+    flowed, terminal = carried(motion, parts, event_slope), open_loop(motion)
+    errors = measured(motion, steps, parts, flowed, (events.energy, events.law, events.own))
     errors["error of a contact force"] = held.largest
     told = [*torn(motion), *wrong_places(motion, "contact"), *held.told, *events.told]
     told += [*on_the_way.told, *in_flight.early, *still_held(motion, held.sizes)]
-    flowed, terminal = carried(motion, parts, event_slope), open_loop(motion)
     met = tuple(c for c in (*on_the_way.met, *in_flight.met) if c.jump > GRAZING)
     found = Evidence(told, errors, steps.path, parts, flowed, terminal, met)
     # The open-loop run goes through the planned events: what the segments meet counts for both.

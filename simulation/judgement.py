@@ -29,8 +29,9 @@ from dmoc.simulation.verdict import (
 
 
 def measured(
-    motion: Motion, steps: StepErrors, parts: Sequence[Segment], events: tuple[float, float, float]
-) -> dict[str, float]:
+    motion: Motion, steps: StepErrors, parts: Sequence[Segment], flowed: Carried,
+    events: tuple[float, float, float],
+) -> dict[str, float]:  # fmt: skip
     """The errors of a motion by the names of what passes; those of its events are of the energy, of
     the law of impact, and of that relative to its own rates."""
     energy, law, own = events
@@ -43,6 +44,7 @@ def measured(
         "penetration": steps.penetration,
         "excess of a limit": steps.excess,
         "excess of an input": input_excess(motion),
+        "phase error": flowed.phase_error,
     }
 
 
@@ -105,4 +107,5 @@ def judged(motion: Motion, found: Evidence, run: Departures, way: Departures) ->
         tuple(found.contacts),
         errors.get("error of a contact force", 0.0),
         largest_excess(found.paths),
+        errors["phase error"],
     )

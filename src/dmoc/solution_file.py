@@ -36,7 +36,7 @@ from dmoc.solution import Mesh, Minimum, Solution
 from dmoc.solvers.outcome import Status
 from dmoc.trajectory import COURSES, Collision, Phase, Trajectory
 
-FORMAT, OLDEST = 10, 6  # the format that is written, and the oldest that is read
+FORMAT, OLDEST = 11, 6  # the format that is written, and the oldest that is read
 # What files of older formats lack, with the values there: of a solution, of its motion, of phases
 # and collisions.
 LACKING_BESIDE: Mapping[str, Any] = {"proposal": None}
@@ -70,7 +70,9 @@ def _check_as_now(check: Any) -> Any:
     match check:
         case {"max_segment_defect": worst, **rest}:
             check = {**rest, "segment_defects": [worst], "contacts": []}
-    return {"path_excess": "nan", **check} if isinstance(check, dict) else check
+    return (
+        {"path_excess": "nan", "phase_error": "nan", **check} if isinstance(check, dict) else check
+    )
 
 
 @np.errstate(all="ignore")
@@ -283,6 +285,7 @@ VERIFICATION = Record(
         "contacts": Listed(CONTACT),
         "force_error": Number(special=True),
         "path_excess": Number(special=True),
+        "phase_error": Number(special=True),
     },
 )
 SOLUTION = Record(

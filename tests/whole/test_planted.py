@@ -43,3 +43,18 @@ def test_a_post_between_two_nodes_is_seen_by_its_own_size(motions: Motions, size
     check = dmoc.verify(wrong, kernels)
     assert not check.passed
     assert "'post'" in check.message or "penetration" in check.message
+
+
+@pytest.mark.parametrize(("name", "kind", "size"), [
+    ("ball", "late", 0.03), ("ball", "scaled", 0.1), ("wheel", "late", 0.03),
+])  # fmt: skip
+def test_small_errors_that_add_up_over_a_phase_are_refused(
+    motions: Motions, name: str, kind: str, size: float
+) -> None:
+    """No tenth of the phase is off by 1 %."""
+    motion, kernels = motions[name]
+    wrong = KINDS[kind](Case(motion, kernels, size, np.random.default_rng([1, 1, 0])))
+    assert wrong is not None
+    check = dmoc.verify(wrong, kernels)
+    assert check.max_segment_defect < 0.01 and check.message.startswith("phase error")
+    assert dmoc.verify(motion, kernels).phase_error < 0.01
