@@ -94,9 +94,9 @@ def test_one_judgement_excuses_the_end_of_a_run_alone(cube: Kernels) -> None:
     the motion's own segments meet is never excused."""
     motion = Motion.of(flight(cube), cube, None)
     parts = segments(motion)
-    errors = measured(motion, step_errors(motion), parts, (0.0, 0.0, 0.0))
     calm, none = carried(motion, parts, saltation), Departures()
-    wild = Carried(1000.0, np.full((len(parts), 6), 0.11))
+    errors = measured(motion, step_errors(motion), parts, calm, (0.0, 0.0, 0.0))
+    wild = Carried(1000.0, np.full((len(parts), 6), 0.11), 0.0)
     stray = Departures(extra=(EARLY,))
 
     def check(end: float, flowed: Carried, run: Departures, way: Departures) -> dmoc.Verification:
