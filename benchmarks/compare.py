@@ -102,6 +102,51 @@ def checked(dmoc: Any) -> Callable[[], Once]:
     return run
 
 
+def block(dmoc: Any) -> Any:
+    """A block on a floor with friction, pushed along."""
+    from sympy import symbols
+    from sympy.physics.mechanics import dynamicsymbols
+
+    (x, y, u), (m, g, mu) = dynamicsymbols("x y u"), symbols("m g mu")
+    t = dynamicsymbols._t
+    return dmoc.build(
+        dmoc.MechanicalSystem(
+            "compared_block", [x, y], m * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2 - m * g * y,
+            {m: 1.0, g: 10.0, mu: 0.1}, [u], {x: u}, {"floor": y >= 0}, cost=u**2,
+            tangents={"floor": x}, friction={"floor": mu},
+        )
+    )  # fmt: skip
+
+
+def checked_with_contacts(dmoc: Any) -> Callable[[], Once]:
+    problem = dmoc.Problem(
+        block(dmoc), start={"x": 0.0, "y": 0.0}, goal={"x": 1.0, "x_dot": 0.0}, steps=50,
+        contacts=["floor"], sequence=["floor:slip+", "floor:stick"], final_time=4.0,
+    )  # fmt: skip
+    solution = dmoc.solve(problem, "ipm", verify=False)
+
+    def run() -> Once:
+        begin = time.perf_counter()
+        check = solution.verify()
+        return Once(time.perf_counter() - begin, bool(check.passed), float(check.terminal_error))
+
+    return run
+
+
+def simulated(dmoc: Any) -> Callable[[], Once]:
+    kernels, inputs = block(dmoc), np.sin(np.linspace(0, 9, 500))[:, None]
+
+    def run() -> Once:
+        begin = time.perf_counter()
+        motion = dmoc.simulate(
+            kernels, [0.0, 0.2], [1.0, 0.0], step_size=0.01, steps=500, inputs=2 * inputs,
+            restitution=0.5,
+        )  # fmt: skip
+        return Once(time.perf_counter() - begin, True, float(motion.q[-1, 0]))
+
+    return run
+
+
 def searched(dmoc: Any) -> Callable[[], Once]:
     problem = seed(dmoc)
 
@@ -124,6 +169,8 @@ def tasks() -> list[Task]:
         Task("ipm, N = 1000 + 1000", solved("ipm", steps=1000)),
         Task("slsqp, N = 100 + 100", solved("slsqp"), 3),
         Task("check, N = 100 + 100", checked),
+        Task("check with friction, 3 phases, N = 50", checked_with_contacts),
+        Task("simulation with friction, 500 steps", simulated),
         Task("search, at most 3 collisions", searched, 5),
     ]
 

@@ -4,13 +4,14 @@ the other, from event to event.
 Within a step of the simulation the inputs are constant.  What a mode keeps above zero is looked at
 in several places of the way (gaps, contact forces, what friction still bears, sliding velocities);
 where something falls below, the moment is located, impacts are resolved, and the laws of contact
-and friction choose the mode that follows.
+and friction choose the mode that follows.  Steps that clearly keep their mode are gone in compiled
+code (:meth:`dmoc.simulation.integrator.Integrator.stay`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,8 @@ MOMENT = 1e-4  # of a step: flights of bounces that do not settle are longer
 MOST_SHOWN = 3  # of the events that come to no end
 LOCATED = 1e-12  # of a step, to which events are located
 SHORTEST = 1e-13  # share of a step that is not gone any more
+# Steps that are gone in compiled code between two looks for Ctrl-C.
+AT_ONCE = 256
 # Error of a step, in sizes, that shows that it is too long to be followed.
 ASTRAY = 1e-6
 
@@ -96,13 +99,21 @@ class Journal:
 
 def nodes(setting: Setting, y: Array, u: Array, first: int, journal: Journal) -> Iterator[Node]:
     """States at the end of the steps from ``first`` on, each with its inputs u (steps, nu)."""
-    reach = Reach()
-    for k in range(first, len(u)):
+    reach, k = Reach(), first
+    while k < len(u):
         t, end = k * setting.h, (k + 1) * setting.h
         reach = reached(setting.model, y, u[k], t, setting.h, reach)
         y, mode = through_step(setting, y, u[k], (t, end), (reach, journal))
-        journal.last = node(setting, mode, y, u[k], end)
+        journal.last, k = node(setting, mode, y, u[k], end), k + 1
         yield journal.last
+        inputs, so_far = np.ascontiguousarray(u[k : k + AT_ONCE]), np.array(astuple(reach))
+        y = y.copy()
+        rows = setting.integrator.stay(mode, y, inputs, setting.h, k, PLACES, so_far)
+        reach = Reach(*map(float, so_far))
+        for state, normal, tangential in zip(*rows, strict=True):
+            k += 1
+            journal.last = Node(k * setting.h, state, normal, tangential)
+            yield journal.last
 
 
 def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> Node:

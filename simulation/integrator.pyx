@@ -44,6 +44,8 @@ cdef enum:
 # Error of an integration over a step, as a share of the sizes, far below the discretisation errors
 # that are to be seen.
 cdef double ACCURACY = 1e-11
+# Error that shows that a step is too long to be followed.
+cdef double ASTRAY = 1e-6
 # An error below the first that more parts do not bring below this share of it is one of rounding.
 cdef double ROUNDED = 1e-6, FALLING = 0.5
 # Determinant, measured by the sizes of its rows and columns, of conditions that are far from saying
@@ -778,6 +780,126 @@ cdef class Integrator:
                     j += 1
                 begin += self.capacity
         return found
+
+    # Simulation -----------------------------------------------------------------------------------
+
+    def stay(
+        self, mode, double[::1] y, const double[:, ::1] u, double h, ptrdiff_t first,
+        const double[::1] shares, double[::1] reach
+    ):
+        """Simulate a state y = (q | v), in place, over steps of the size h with constant inputs, as
+        long as it clearly keeps its mode: closed contacts push, friction holds what sticks, what
+        slides goes on, and no other surface is touched.
+
+        Parameters
+        ----------
+        u : array of shape (n, nu)
+            Inputs of the steps, of which the first is number ``first`` of a simulation from zero.
+        shares : array of shape (places,)
+            Where in a step that is looked at beside its start, up to 1.
+        reach : array of shape (3,)
+            Largest coordinate, velocity and acceleration so far, measured by the masses, of which
+            the sizes follow; made larger by what is met.
+
+        Returns
+        -------
+        arrays of shapes (steps, 2 nq), (steps, nc) and (steps, nt)
+            States, contact forces and friction forces at the ends of the steps that are done.
+        """
+        cdef ptrdiff_t nq = self.nq, n = u.shape[0], places = shares.shape[0], k = 0, i
+        if not (y.shape[0] == 2 * nq and u.shape[1] == self.nu and reach.shape[0] == 3):
+            raise ValueError(f"expected {nq} coordinates and {self.nu} inputs")
+        if not 0 < places <= self.capacity:
+            raise ValueError(f"expected 1 to {self.capacity} places")
+        self._enter(mode)
+        self.held = held = np.zeros((places, max(self.nt, 1)))
+        states, normals, tangentials = (
+            np.zeros((n, max(size, 1))) for size in (2 * nq, self.nc, self.nt)
+        )
+        cdef double[:, ::1] keep = held, ends = states, normal = normals, tangential = tangentials
+        cdef double[:, ::1] rows = np.empty((places, 2 * nq))
+        cdef double[:, ::1] inputs = np.empty((places, max(self.nu, 1)))
+        cdef double[::1] begin = np.empty(places), span = np.empty(places)
+        with nogil:
+            while k < n:
+                self.t[0] = (first + k) * h
+                self.u[: self.nu] = u[k]
+                self.values(1, 2 * nq, &y[0], False)
+                self.measure(&y[0], h, reach)
+                for i in range(places):
+                    begin[i], span[i] = self.t[0], shares[i] * h
+                    rows[i], inputs[i, : self.nu] = y, u[k]
+                    keep[i, : self.nt] = self.tau[: self.nt]
+                    self.which[i] = self.step[i] = i
+                if not self.keeps(1, &y[0]):
+                    break
+                self.worst = 0.0
+                self.advance_rows(
+                    places, 2 * nq, &rows[0, 0], &begin[0], &span[0], &inputs[0, 0],
+                    &inputs[0, 0], NULL
+                )
+                for i in range(places):
+                    self.t[i] = begin[i] + span[i]
+                    self.u[i * self.nu : (i + 1) * self.nu] = u[k]
+                if self.worst > ASTRAY or not self.keeps(places, &rows[0, 0]):
+                    break
+                y[:] = rows[places - 1]
+                ends[k] = y
+                self.spread(places - 1, &normal[k, 0], &tangential[k, 0])
+                k += 1
+        return states[:k], normals[:k, : self.nc], tangentials[:k, : self.nt]
+
+    cdef void measure(self, const double *y, double h, double[::1] reach) noexcept nogil:
+        """Read the sizes of a motion off what it has reached, with the masses and forces of a
+        state."""
+        cdef ptrdiff_t nq = self.nq, i
+        cdef double root
+        for i in range(nq):
+            root = sqrt(self.mass[i * nq + i])
+            reach[2] = fmax(reach[2], fabs(self.f[i] / root))
+            reach[1] = fmax(reach[1], fabs(root * y[nq + i]))
+            reach[0] = fmax(reach[0], fabs(root * y[i]))
+        reach[1] = fmax(reach[1], h * reach[2])
+        reach[0] = fmax(reach[0], h * reach[1])
+        for i in range(nq):
+            root = sqrt(self.mass[i * nq + i])
+            self.sizes[i] = reach[0] / root if reach[0] > 0 else 1.0
+            self.sizes[nq + i] = reach[1] / root if reach[1] > 0 else 1.0
+
+    cdef bint keeps(self, ptrdiff_t n, const double *y) except -1 nogil:
+        """Whether n rows (q | v), at the times t and with the inputs u, clearly keep the mode."""
+        cdef const double *args[DMOC_MOST]
+        cdef ptrdiff_t stride[DMOC_MOST]
+        cdef double *results[DMOC_MOST]
+        cdef ptrdiff_t nq = self.nq, i, j, p
+        cdef double rest
+        args[0], args[1], args[2] = y, &self.t[0], &self.par[0]
+        stride[0], stride[1], stride[2] = 2 * nq, 1, 0
+        if self.nc:
+            results[0] = &self.g[0]
+            self.surface.run(n, args, stride, results)
+        args[1], args[2], args[3] = y + nq, &self.t[0], &self.par[0]
+        stride[1], stride[2], stride[3] = 2 * nq, 1, 0
+        if self.sliding:
+            results[0] = &self.tau[0]
+            self.slide_rate.run(n, args, stride, results)
+        self.slope(n, 2 * nq, y, &self.slopes[0])
+        for i in range(n):
+            for j in range(self.nc):
+                p = self.closed_at[j]
+                if not (self.lam[i * self.m + p] if p >= 0 else -self.g[i * self.nc + j]) > 0:
+                    return False
+            for j in range(self.nt):
+                rest = 1.0
+                if self.sticks_at[j] >= 0:
+                    p = self.closed_at[self.support[j]] if self.support[j] >= 0 else -1
+                    rest = self.mu[j] * (self.lam[i * self.m + p] if p >= 0 else 1.0)
+                    rest -= fabs(self.lam[i * self.m + self.sticks_at[j]])
+                elif self.slides_at[j] >= 0:
+                    rest = -self.push[self.slides_at[j]] * self.tau[i * self.nt + j]
+                if not rest > 0:
+                    return False
+        return True
 
     # Without contacts -----------------------------------------------------------------------------
 
