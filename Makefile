@@ -45,7 +45,7 @@ docs: $(VENV)/.installed-docs
 MANUAL := build/manual
 docs-check: $(VENV)/.installed-docs
 	@rm -rf $(MANUAL) && mkdir -p $(MANUAL)/docs && cp -r examples CHANGELOG.md CONTRIBUTING.md $(MANUAL)
-	@cp --parents src/dmoc/cli/troubleshooting.md $(MANUAL)
+	@cp --parents cli/troubleshooting.md $(MANUAL)
 	@cp -r $(filter-out docs/_build docs/examples,$(wildcard docs/*)) $(MANUAL)/docs && rm -rf $(MANUAL)/docs/reference/names
 	$(BIN)/sphinx-build -W --keep-going -n -q -D plot_gallery=0 -b html $(MANUAL)/docs $(MANUAL)/html
 
@@ -74,7 +74,7 @@ test-wheels: $(VENV)/.installed-release
 	$(BIN)/python tools/wheels.py
 
 # The folders of sources are part of what is installed: a changed extension is compiled again.
-SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx simulation/*.pxd nlp/*.pyx nlp/*.pxd nlp/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
+SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx simulation/*.pxd program/*.pyx program/*.pxd program/*.[ch] guess/*.pyx guess/*.pxd guess/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

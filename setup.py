@@ -5,17 +5,32 @@ from pathlib import Path
 from setuptools import Extension, setup
 
 LAYERS = (
+    "base",
+    "motion",
     "symbolic",
     "codegen",
     "generated",
     "mechanics",
-    "models",
-    "nlp",
+    "problem",
+    "program",
+    "guess",
     "solvers",
     "simulation",
+    "check",
+    "models",
     "report",
+    "results",
+    "inspection",
     "solving",
     "sequences",
+    "cli",
+)
+INNER = (
+    "symbolic.derivation",
+    "program.laws",
+    "report.animation",
+    "solving.mesh",
+    "solving.multistart",
 )
 KERNEL = "codegen/dmoc_kernel.h"
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off"]
@@ -28,9 +43,8 @@ SOLVER_FLAGS = [
 ]  # unrolls the loops of the factorisation: an eighth less time in all
 
 models = sorted(p.parent.name for p in Path("generated").glob("*/manifest.json"))
-package_dir = {"dmoc": "src/dmoc", "dmoc.cli": "src/dmoc/cli"}
-package_dir |= {f"dmoc.{layer}": layer for layer in LAYERS}
-package_dir["dmoc.report.animation"] = "report/animation"
+package_dir = {"dmoc": "src/dmoc"}
+package_dir |= {f"dmoc.{name}": name.replace(".", "/") for name in (*LAYERS, *INNER)}
 package_dir |= {f"dmoc.generated.{model}": f"generated/{model}" for model in models}
 
 extensions = [
@@ -66,24 +80,28 @@ extensions += [
         extra_compile_args=SOLVER_FLAGS,
     ),
     Extension(
-        "dmoc.nlp.assembly",
-        ["nlp/assembly.pyx", "nlp/passes.c"],
-        depends=["nlp/passes.h", KERNEL],
-        include_dirs=["codegen", "nlp"],
+        "dmoc.program.assembly",
+        ["program/assembly.pyx", "program/passes.c"],
+        depends=["program/passes.h", KERNEL],
+        include_dirs=["codegen", "program"],
         extra_compile_args=FLAGS,
     ),
     Extension(
-        "dmoc.nlp.marching",
-        ["nlp/marching.pyx", "nlp/least_squares.c"],
-        depends=["nlp/least_squares.h", "codegen/call.pxi", KERNEL],
-        include_dirs=["codegen", "nlp"],
+        "dmoc.guess.tracker",
+        ["guess/tracker.pyx", "guess/least_squares.c"],
+        depends=["guess/least_squares.h", "codegen/call.pxi", KERNEL],
+        include_dirs=["codegen", "guess"],
         extra_compile_args=FLAGS,
     ),
     Extension(
         "dmoc.solvers.compiled",
-        ["solvers/compiled.pyx", *sorted(map(str, Path("solvers").glob("*.c"))), "nlp/passes.c"],
-        depends=[*sorted(map(str, Path("solvers").glob("*.h"))), "nlp/passes.h", KERNEL],
-        include_dirs=["codegen", "nlp", "solvers"],
+        [
+            "solvers/compiled.pyx",
+            *sorted(map(str, Path("solvers").glob("*.c"))),
+            "program/passes.c",
+        ],
+        depends=[*sorted(map(str, Path("solvers").glob("*.h"))), "program/passes.h", KERNEL],
+        include_dirs=["codegen", "program", "solvers"],
         extra_compile_args=SOLVER_FLAGS,
     ),
 ]
@@ -94,7 +112,7 @@ def cythonized() -> list[Extension]:
 
     return cythonize(
         extensions,
-        include_path=["codegen", "nlp", "simulation"],
+        include_path=["codegen", "guess", "program", "simulation"],
         build_dir="build/cython",
         language_level=3,
         quiet=True,
@@ -111,7 +129,7 @@ setup(
         "dmoc.report.animation": ["player/*"],
         **{
             f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pyi", "*.c", "*.h"]
-            for layer in ("nlp", "solvers", "simulation")
+            for layer in ("guess", "program", "solvers", "simulation")
         },
         **{
             f"dmoc.generated.{model}": ["*.c", "*.h", "*.pyx", "*.pyi", "manifest.json"]

@@ -32,7 +32,7 @@ from common import guess, timed  # noqa: E402
 from systems import bouncer_problem, bryson_denham, double_integrator  # noqa: E402
 
 import dmoc  # noqa: E402
-from dmoc.discretisation import ORDERS  # noqa: E402
+from dmoc.base.discretisation import ORDERS  # noqa: E402
 
 STEPS = (10, 20, 40, 80, 160)
 REPEATS = 5

@@ -16,15 +16,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import dmoc
+from dmoc.check.check import verify
 from dmoc.codegen.text import c_files
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.minimal_times import WithMinimalTimes
-from dmoc.nlp.readout import given_multipliers, named_multipliers, trajectory
-from dmoc.nlp.scaling import scale_of
-from dmoc.nlp.transcription import Transcription
-from dmoc.nlp.transfer import pieces_of, unknowns_along
-from dmoc.registry import find
-from dmoc.simulation.check import verify
+from dmoc.guess.automatic import initial_guesses
+from dmoc.guess.transfer import pieces_of, unknowns_along
+from dmoc.models.registry import find
+from dmoc.program.extraction import given_multipliers, named_multipliers, trajectory
+from dmoc.program.minimal_times import WithMinimalTimes
+from dmoc.program.scaling import scale_of
+from dmoc.program.transcription import Transcription
 from dmoc.solvers import ipm
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.kkt_layout import kkt_layout

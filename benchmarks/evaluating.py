@@ -16,7 +16,7 @@ from common import Section, ratio, timed
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.models import catalogue
-from dmoc.registry import build
+from dmoc.models.registry import build
 
 STEPS = 1000
 FLAGS = "-O2"

@@ -15,7 +15,7 @@ from common import Section
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 SHIFTS = (0.0, 3.0, -0.7, 1e3)  # of the places of surfaces, start and goal, in metres
 POWERS = (-6, -3, 3, 6)  # of ten: how many new units are an old one

@@ -32,7 +32,7 @@ from scipy.optimize import minimize_scalar
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 SOLVED, BETTER, DEARER, BELOW = "solved", "better", "dearer", "below"
 

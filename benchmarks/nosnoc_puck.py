@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from common import clocked
 
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 STIFFNESS = 10.0  # of the spring behind a wall, per mass: stiffer ones lead to dearer motions
 WALLS = ("west", "east", "south", "north")

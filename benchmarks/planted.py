@@ -19,11 +19,11 @@ from common import Section
 from planted_motions import PROBLEMS, true_motions
 
 import dmoc
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row
-from dmoc.trajectory import Collision, Phase, Trajectory
+from dmoc.motion.trajectory import Collision, Phase, Trajectory
 
 SIZES = (0.001, 0.003, 0.01, 0.03, 0.1)
 LARGE = 0.03  # from here on none should pass

@@ -10,7 +10,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 X, Y, A, U, W = dynamicsymbols("x y a u w")
 T = dynamicsymbols._t

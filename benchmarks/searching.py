@@ -10,7 +10,7 @@ import numpy as np
 from common import Section, seed
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 STAGES = (15, 20, 30)  # of nosnoc
 

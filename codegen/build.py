@@ -27,7 +27,9 @@ from importlib import import_module, resources
 from pathlib import Path
 from typing import Any
 
-from dmoc.codegen.compiling import (
+from dmoc.base.errors import BuildError, warn
+from dmoc.base.names import check_name
+from dmoc.codegen.compiler import (
     FLAGS,
     HEADER,
     HEADERS,
@@ -36,9 +38,7 @@ from dmoc.codegen.compiling import (
     compiler,
 )
 from dmoc.codegen.kernels import COMPILED, NUMPY, Kernels
-from dmoc.codegen.private import is_private, make_folder, remove, safe_folder, write_whole
-from dmoc.errors import BuildError, warn
-from dmoc.symbolic.names import check_name
+from dmoc.codegen.private_files import is_private, make_folder, remove, safe_folder, write_whole
 
 BUILD_RECORD = "build.json"
 SOURCES = ("__init__.py", "kernels.c", "kernels.h", "manifest.json", "wrapper.pyi", "wrapper.pyx")

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.errors import BuildError
+from dmoc.base.table import Shown, Table
 from dmoc.codegen.border import functions
-from dmoc.errors import BuildError
-from dmoc.table import Shown, Table
 
 Array = NDArray[np.float64]
 COMPILED = "compiled"

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import symengine as se
 
-from dmoc.errors import GenerationError
+from dmoc.base.errors import GenerationError
 from dmoc.symbolic.spec import KernelSpec
 
 _SUM, _PRODUCT, _ATOM = 1, 2, 3  # how tightly a text binds

@@ -15,8 +15,8 @@ from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.layout import Layout
+from dmoc.guess.automatic import initial_guesses
+from dmoc.program.layout import Layout
 
 KNOWN = 58.88  # of Dymos' test, on its mesh
 LIMIT = 58.80767  # the same motion as the steps get smaller, from both discretisations

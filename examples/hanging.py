@@ -13,7 +13,7 @@ Run:  ``python examples/hanging.py [FOLDER]``
 from showing import show
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 
 def problem(steps: int = 100, order: int = 2) -> dmoc.Problem:

@@ -14,7 +14,7 @@ Run:  ``python examples/puck.py [FOLDER]``
 from showing import show
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 SEQUENCE = ("east", "north", "west")
 

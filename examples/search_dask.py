@@ -14,7 +14,7 @@ import sys
 from distributed import Client, LocalCluster
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 
 def main(address: str | None) -> int:

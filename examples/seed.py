@@ -12,7 +12,7 @@ Run:  ``python examples/seed.py [FOLDER]``
 from showing import show
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 KNOWN = {"cost": 129.6024, "phases": (0.09640, 0.90360)}
 LIMIT = 129.98434  # as the steps get smaller, from both discretisations

@@ -1,7 +1,7 @@
 """A model with its parameter values: the kernels as functions of states and steps.
 
 This is the one place that knows the names of the kernels and of their outputs beside the terms of
-the program (:mod:`dmoc.nlp.rows`, :mod:`dmoc.nlp.impact`) and the integrators of
+the program (:mod:`dmoc.program.rows`, :mod:`dmoc.program.laws.impact`) and the integrators of
 :mod:`dmoc.simulation`.
 
 Shapes

@@ -27,9 +27,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
-from dmoc.arguments import check_known, shown
-from dmoc.errors import ProblemError
-from dmoc.trajectory import FRICTION_WORDS, event_word, mode_word
+from dmoc.base.arguments import check_known, shown
+from dmoc.base.errors import ProblemError
+from dmoc.motion.trajectory import FRICTION_WORDS, event_word, mode_word
 
 STICK = 0
 LATE = "late"

@@ -8,7 +8,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
-from dmoc.scene import Scene, resampled, shapes_in
+from dmoc.motion.scene import Scene, resampled, shapes_in
 
 
 def scene_of(model: Model, phases: Iterable[tuple[Array, Array, Array]]) -> Scene | None:

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import Kind, check_known, is_number, number, shown
+from dmoc.base.arguments import Kind, check_known, is_number, number, shown
+from dmoc.base.errors import ProblemError
+from dmoc.base.names import name_of
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.errors import ProblemError
-from dmoc.symbolic.names import name_of
 
 
 def parameter_row(

@@ -10,11 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dmoc.arguments import path as path_of
-from dmoc.arguments import place
-from dmoc.errors import MissingExtraError, OutputError
+from dmoc.base.arguments import path as path_of
+from dmoc.base.arguments import place
+from dmoc.base.errors import MissingExtraError, OutputError
+from dmoc.base.files import write_whole
 from dmoc.report.style import Style, style_of
-from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -59,7 +59,7 @@ def new_figure(width: float, height: float) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    from dmoc.report.shown_figure import ShownFigure
+    from dmoc.report.notebook import ShownFigure
 
     figure = ShownFigure(
         figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD)

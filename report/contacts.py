@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dmoc.motion.trajectory import Array, Phase, Trajectory
 from dmoc.report.canvas import LENGTH, SMALL, legend_beside, symbol
 from dmoc.report.style import DOTS, Style
-from dmoc.trajectory import Array, Phase, Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

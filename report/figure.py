@@ -7,16 +7,16 @@ import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from dmoc.arguments import flag
-from dmoc.errors import OutputError
+from dmoc.base.arguments import flag
+from dmoc.base.errors import OutputError
+from dmoc.motion.trajectory import Trajectory
 from dmoc.report import contacts
 from dmoc.report.canvas import WIDTH, new_figure, painted, plain_axes, written
-from dmoc.report.fallback import scene_for
+from dmoc.report.default_drawing import scene_for
 from dmoc.report.panels import panels_of
 from dmoc.report.rounding import without_rounding
 from dmoc.report.snapshots import draw_snapshots, layout_of
 from dmoc.report.style import Style
-from dmoc.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from dmoc.motion.scene import resampled
+from dmoc.motion.trajectory import Array, Phase, Trajectory
 from dmoc.report import contacts
 from dmoc.report.canvas import legend_beside, plain, symbol
 from dmoc.report.style import DOTS, Style
-from dmoc.scene import resampled
-from dmoc.trajectory import Array, Phase, Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dmoc.trajectory import Array, Phase, Trajectory
+from dmoc.motion.trajectory import Array, Phase, Trajectory
 
 # A coordinate that moves less than this share of its value stands still.
 STILL = 1e-12

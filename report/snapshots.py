@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dmoc.motion.scene import Array, Scene, Shape
+from dmoc.motion.trajectory import Trajectory
 from dmoc.report.canvas import SMALL, inked, symbol
 from dmoc.report.style import Style
-from dmoc.scene import Array, Scene, Shape
-from dmoc.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from dmoc.arguments import choice
-from dmoc.errors import OutputError
+from dmoc.base.arguments import choice
+from dmoc.base.errors import OutputError
 
 # Line styles of the curves of a panel, as Matplotlib takes them; limits and jumps are dotted.
 DASHES: tuple[Any, ...] = (

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.errors import ProblemError
+from dmoc.base.errors import ProblemError
+from dmoc.motion.trajectory import Array
 from dmoc.report.canvas import (
     SMALL,
     WIDTH,
@@ -24,7 +25,6 @@ from dmoc.report.canvas import (
     written,
 )
 from dmoc.report.style import DASHES, Style
-from dmoc.trajectory import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from importlib import metadata
 
-from dmoc.nlp.problem import Boundary, Problem
+from dmoc.problem.problem import Boundary, Problem
 from dmoc.sequences.settings import Settings
 
 # Fields of a problem that the search sets itself, node by node.

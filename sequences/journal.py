@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 
-from dmoc.arguments import place
-from dmoc.errors import SearchError, SolutionFileError
-from dmoc.schema import Refused
+from dmoc.base.arguments import place
+from dmoc.base.errors import SearchError, SolutionFileError
+from dmoc.results.schema import Refused
 from dmoc.sequences.nodes import Node
 
 FORMAT = "4"

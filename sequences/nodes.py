@@ -7,7 +7,8 @@ import json
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dmoc.schema import (
+from dmoc.base.table import Shown, Table
+from dmoc.results.schema import (
     Choice,
     Context,
     Either,
@@ -21,11 +22,10 @@ from dmoc.schema import (
     dumped,
     plain,
 )
+from dmoc.results.solution import Solution
 from dmoc.sequences.result import table_of_node
-from dmoc.solution import Solution
 from dmoc.solvers.outcome import Status
-from dmoc.solving.exploration import Start
-from dmoc.table import Shown, Table
+from dmoc.solving.multistart.exploration import Start
 
 Sequence = tuple[str, ...]
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dmoc.sequences.judgement import CONFIRMED
+from dmoc.motion.trajectory import noun_of
+from dmoc.sequences.comparison import CONFIRMED
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.tree import Tree
-from dmoc.trajectory import noun_of
 
 
 def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dmoc.sequences.inner import Task, lost, solve_node
+from dmoc.sequences.node_solve import Task, lost, solve_node
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.solvers.outcome import Status
 from dmoc.solving import workers

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dmoc.table import Table, toned
+from dmoc.base.table import Table, toned
 
 if TYPE_CHECKING:
-    from dmoc.sequences.engine import SearchResult
     from dmoc.sequences.nodes import Node
+    from dmoc.sequences.search import SearchResult
 
 TONES = {
     "optimal": "best",

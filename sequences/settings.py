@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import choice, executor, flag, names, number, path, positive, shown, whole
-from dmoc.errors import ProblemError, SearchError
+from dmoc.base.arguments import choice, executor, flag, names, number, path, positive, shown, whole
+from dmoc.base.errors import ProblemError, SearchError
 from dmoc.mechanics.modes import (
     Contacts,
     event_of,
@@ -20,8 +20,8 @@ from dmoc.mechanics.modes import (
     word_between,
     words_after,
 )
-from dmoc.nlp.problem import Problem
-from dmoc.solution import Solution
+from dmoc.problem.problem import Problem
+from dmoc.results.solution import Solution
 from dmoc.solving.methods import METHODS
 
 STRATEGIES = ("exhaustive", "best-first", "beam")

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.nlp.problem import Problem
-from dmoc.sequences.inner import Task
+from dmoc.problem.problem import Problem
+from dmoc.results.solution import Solution
+from dmoc.sequences.comparison import best_of
 from dmoc.sequences.journal import Journal
-from dmoc.sequences.judgement import best_of
+from dmoc.sequences.node_solve import Task
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.pool import Workers
 from dmoc.sequences.settings import Settings, children, hits_alone, proposed, refusal
-from dmoc.solution import Solution
 
 # Nodes that best-first looks at before it chooses again: a fixed number, so that the answer does
 # not depend on the number of workers.

@@ -1,2 +1,2 @@
-"""Motion forward in time: the variational integrator with collisions, lasting contact and friction,
-and the independent check of solutions."""
+"""Motion forward in time: the variational integrator with collisions, the continuous flow, lasting
+contact and friction."""

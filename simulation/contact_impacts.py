@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
-from dmoc.errors import SimulationError
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
-from dmoc.simulation.choices import Blow, Place, plastic_blow
-from dmoc.simulation.contacts import NOISE, simultaneous
+from dmoc.simulation.mode_choice import Blow, Place, plastic_blow
 from dmoc.simulation.modes import RAIL, Mode, Reaction, conditions, supports
 from dmoc.simulation.poisson import impulses
+from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
 
 # A rebound whose flight, with all that follow it, takes less than this share of a step is none.
 SETTLED = 1e-4

@@ -16,16 +16,16 @@ from dataclasses import astuple, dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
-from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
-from dmoc.simulation.choices import Hints, Place, Setting, limits, mode_at, names_of, slack
+from dmoc.motion.trajectory import FRICTION_WORDS, Collision
 from dmoc.simulation.contact_impacts import struck
-from dmoc.simulation.indeterminate import borne
+from dmoc.simulation.indeterminate_forces import borne
+from dmoc.simulation.mode_choice import Hints, Place, Setting, limits, mode_at, names_of, slack
 from dmoc.simulation.modes import Mode
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.tolerances import Reach, reached, tolerances
-from dmoc.trajectory import FRICTION_WORDS, Collision
 
 # Where in a way limits are looked at, and, where one falls at once, how near to its start.
 PLACES, NEAR = np.linspace(0.0, 1.0, 9)[1:], 0.5 ** np.arange(50, 0, -1)

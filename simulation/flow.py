@@ -17,11 +17,11 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Index, Model
+from dmoc.motion.trajectory import Collision
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.modes import FREE, Mode
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.sizes import Sizes
-from dmoc.trajectory import Collision
 
 # Gap that the integration's errors leave where it touches, and approach speed below which a contact
 # has no impact, as shares of the sizes of gap and rate.

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dmoc.arguments import array, check_known, function, positive, shown, whole
+from dmoc.base.arguments import array, check_known, function, positive, shown, whole
+from dmoc.base.errors import SimulationError
+from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.errors import SimulationError
 from dmoc.mechanics.model import ROUNDING, Model
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
-from dmoc.simulation.choices import Setting
+from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_motion import (
     Journal,
     Mark,
@@ -25,11 +26,10 @@ from dmoc.simulation.contact_motion import (
     on_surfaces,
     start,
 )
-from dmoc.simulation.contacts import Lasting
-from dmoc.simulation.indeterminate import names_without_effect
+from dmoc.simulation.indeterminate_forces import names_without_effect
+from dmoc.simulation.mode_choice import Setting
+from dmoc.simulation.simultaneous_impacts import Lasting
 from dmoc.simulation.stepper import Stepper
-from dmoc.symbolic.names import velocity_name
-from dmoc.trajectory import Collision
 
 # Steps of a run: more take weeks.
 MOST_STEPS = 10**12

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dmoc.arguments import check_known
+from dmoc.base.arguments import check_known
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.errors import SimulationError
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
-from dmoc.trajectory import Phase
+from dmoc.motion.trajectory import Phase
 
 # Singular values below this share of the largest are those of conditions that say the same twice.
 REDUNDANT = 1e-11

@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.trajectory import FRICTION_WORDS
+from dmoc.motion.trajectory import FRICTION_WORDS
 
 Regime = Literal["slides forward", "slides backward", "sticks"]
 # What the regimes are called in a sequence.

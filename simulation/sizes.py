@@ -16,7 +16,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 # A coordinate counts by at least this share of the speed that the kinetic energy could give it,
 # and of the speed that the forces that act on something could give it in the whole time: solvers

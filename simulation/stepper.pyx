@@ -24,9 +24,9 @@ from elimination cimport factor, solve
 
 import numpy as np
 
-from dmoc.discretisation import DISCRETISATIONS
-from dmoc.errors import SimulationError
-from dmoc.simulation.contacts import NOISE, Lasting, simultaneous
+from dmoc.base.discretisation import DISCRETISATIONS
+from dmoc.base.errors import SimulationError
+from dmoc.simulation.simultaneous_impacts import NOISE, Lasting, simultaneous
 
 cdef enum:
     NEWTON_LIMIT = 50

@@ -6,7 +6,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.assembly import Program
+from dmoc.program.assembly import Program
 from dmoc.solvers.kkt_layout import KKTLayout
 
 Ints = NDArray[Any]

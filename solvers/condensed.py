@@ -21,9 +21,9 @@ import numpy as np
 from scipy.linalg import lapack
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.evaluator import Matrix
-from dmoc.nlp.tables import Index
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.blocks import Index
+from dmoc.program.evaluator import Matrix
+from dmoc.program.transcription import Transcription
 
 # Residual of the eliminated equations relative to the momenta: a few roundings.
 NEWTON_TOLERANCE = 1e-13

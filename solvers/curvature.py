@@ -22,8 +22,8 @@ from functools import cached_property
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.tables import Bools
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.blocks import Bools
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.compiled import Factorisation
 from dmoc.solvers.kkt import cost_size, violation
 from dmoc.solvers.kkt_layout import KKTLayout, kkt_layout

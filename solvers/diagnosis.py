@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.active import active_bounds
-from dmoc.nlp.minimal_times import phase_minimal_time
-from dmoc.nlp.problem import Problem
-from dmoc.nlp.sizes import Scale
-from dmoc.nlp.tables import NOWHERE, Block, Index
-from dmoc.nlp.through import jams
-from dmoc.nlp.touch import node_shares
-from dmoc.nlp.transcription import Transcription
+from dmoc.guess.hits import jams
+from dmoc.problem.problem import Problem
+from dmoc.program.active_constraints import active_bounds
+from dmoc.program.blocks import NOWHERE, Block, Index
+from dmoc.program.contact_table import node_shares
+from dmoc.program.minimal_times import phase_minimal_time
+from dmoc.program.scale import Scale
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.ipm import least_violation, solve
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.transcription import Transcription
+from dmoc.solvers.blas import WAITS
 from dmoc.solvers.kkt import violation
 from dmoc.solvers.outcome import Duals, Ending, Iteration, Options, Status
-from dmoc.solvers.threads import WAITS
 
 # IPOPT measures optimality after scaling the cost by its steepest slope, which is that of a step
 # size, 1e4 times the others.

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.compiled import interior_point
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.kkt import LEAST_COST

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt import LEAST_COST, residuals
 from dmoc.solvers.outcome import Duals, Ending, Options, Outcome, Residuals, Status
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import Duals, Residuals
 
 # Multipliers of this size and smaller leave the residuals unscaled (Waechter & Biegler 2006,

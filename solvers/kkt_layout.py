@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.mechanics.modes import STICK
-from dmoc.nlp.hit import AFTER
-from dmoc.nlp.passage import STOP
-from dmoc.nlp.tables import NOWHERE, Index
-from dmoc.nlp.touch import phase_nodes
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.blocks import NOWHERE, Index
+from dmoc.program.contact_table import phase_nodes
+from dmoc.program.hit_stages import STOP
+from dmoc.program.laws.hit import AFTER
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.compiled import kkt_pattern
 
 # Ranks within the time of one node.

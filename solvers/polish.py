@@ -15,8 +15,8 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.tables import Index
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.blocks import Index
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt import ACTIVE, residuals, with_bounds
 from dmoc.solvers.outcome import Residuals
 

@@ -22,14 +22,14 @@ import numpy as np
 import scipy.optimize
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.transcription import Transcription
-from dmoc.solvers.descent import Descent
+from dmoc.program.transcription import Transcription
+from dmoc.solvers.iterations import HELD, Stop, Tally, Watch
 from dmoc.solvers.judge import INFEASIBLE, meets
 from dmoc.solvers.kkt import residuals, violation, with_bounds, worst_constraints
 from dmoc.solvers.outcome import Duals, Ending, Options, Residuals, Status
 from dmoc.solvers.polish import polish
-from dmoc.solvers.runs import REFUSED, FollowingRun, Run
-from dmoc.solvers.tally import HELD, Stop, Tally, Watch
+from dmoc.solvers.slsqp_runs import REFUSED, FollowingRun, Run
+from dmoc.solvers.slsqp_state import Descent
 
 # SLSQP iterations between two metrics: enough to settle the active set, few enough to profit from
 # the exact Hessian.

@@ -13,12 +13,12 @@ import numpy as np
 import scipy.optimize
 
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.transcription import Transcription
+from dmoc.solvers.iterations import Stop, Tally, Watch
 from dmoc.solvers.judge import meets
 from dmoc.solvers.kkt import violation, with_bounds
 from dmoc.solvers.outcome import Duals, Ending, Options, Status
 from dmoc.solvers.polish import polish
-from dmoc.solvers.tally import Stop, Tally, Watch
 
 # Accuracy asked of SLSQP: it stands for optimality, step and violation at once, relative to the
 # cost.

@@ -11,16 +11,16 @@ from typing import TypeAlias
 import numpy as np
 
 from dmoc.codegen.kernels import COMPILED, Array
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.curvature import SecondOrder, Shape
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.judge import INFEASIBLE, rounded
 from dmoc.solvers.outcome import NOWHERE, Duals, Iteration, Options, Outcome, Status
+from dmoc.solving.indeterminacy import along
 from dmoc.solving.methods import METHODS, Judged, Method
-from dmoc.solving.program import Programs
+from dmoc.solving.programs import Programs
 from dmoc.solving.starts import Starts
-from dmoc.solving.touching import pays, pushed, suspects
-from dmoc.solving.undetermined import along
+from dmoc.solving.touches import pays, pushed, suspects
 
 # A method that ends so far from a motion tells nothing of whether there is one.
 UNDECIDED = (Status.STALLED, Status.ITERATION_LIMIT)

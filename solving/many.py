@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import executor as executor_of
-from dmoc.arguments import flag, listed, positive, shown, whole
-from dmoc.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
+from dmoc.base.arguments import executor as executor_of
+from dmoc.base.arguments import flag, listed, positive, shown, whole
+from dmoc.base.errors import DmocError, ProblemError
+from dmoc.base.progress import Listener, told
 from dmoc.codegen.kernels import COMPILED, Array
-from dmoc.errors import DmocError, ProblemError
-from dmoc.nlp.problem import Problem
-from dmoc.progress import Listener, told
-from dmoc.solution import Solution
+from dmoc.problem.problem import Problem
+from dmoc.results.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
+from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Status
 from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.request import keywords
@@ -158,7 +158,7 @@ def solve_many(
     Examples
     --------
     >>> import dmoc
-    >>> from dmoc.registry import find
+    >>> from dmoc.models.registry import find
     >>> reference = find("puck_table")
     >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
     >>> problem = problem.but(sequence=["east"])

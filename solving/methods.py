@@ -11,11 +11,11 @@ from enum import StrEnum
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from dmoc.errors import DmocError, MissingExtraError, ProblemError
+from dmoc.base.errors import DmocError, MissingExtraError, ProblemError
 
 if TYPE_CHECKING:
     from dmoc.codegen.kernels import Array
-    from dmoc.nlp.transcription import Transcription
+    from dmoc.program.transcription import Transcription
     from dmoc.solvers.outcome import Duals, Ending, Options, Outcome
 
 Driver: TypeAlias = "Callable[[Transcription, Array, Options, Duals | None], Ending]"
@@ -79,7 +79,7 @@ class Method:
         driver: Driver = getattr(import_module(module), name)
         limit: AbstractContextManager[None] = nullcontext()
         if self.uses_blas:
-            from dmoc.solvers.threads import ONE_THREAD
+            from dmoc.solvers.blas import ONE_THREAD
 
             limit = ONE_THREAD
 

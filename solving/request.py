@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from dmoc.arguments import choice, flag, positive, text, whole
+from dmoc.base.arguments import choice, flag, positive, text, whole
 from dmoc.codegen.kernels import COMPILED
-from dmoc.nlp.problem import Problem
+from dmoc.problem.problem import Problem
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Options
 from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Form, Method, usual
 

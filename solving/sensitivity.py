@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from dmoc.arguments import shown
-from dmoc.errors import ProblemError
-from dmoc.nlp.layout import Layout
-from dmoc.nlp.problem import Problem
-from dmoc.nlp.readout import given_multipliers, stated_in_rates
-from dmoc.nlp.scaling import scale_of
-from dmoc.nlp.sensitivity import Sensitivities
-from dmoc.nlp.sensitivity import sensitivities as find_sensitivities
-from dmoc.solution import Solution, check_same_model
+from dmoc.base.arguments import shown
+from dmoc.base.errors import ProblemError
+from dmoc.problem.problem import Problem
+from dmoc.program.cost_derivatives import Sensitivities
+from dmoc.program.cost_derivatives import sensitivities as find_sensitivities
+from dmoc.program.extraction import given_multipliers, stated_in_rates
+from dmoc.program.layout import Layout
+from dmoc.program.scaling import scale_of
+from dmoc.results.solution import Solution, check_same_model
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals
-from dmoc.solving.program import Programs
+from dmoc.solving.programs import Programs
 
 # Residuals above this are those of another problem.
 OTHER_PROBLEM = 1e-4
@@ -24,7 +24,7 @@ OTHER_PROBLEM = 1e-4
 def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     """Derivatives of the optimal cost with respect to parameters, coefficients of restitution,
     positions of surfaces, final time, boundary values and bounds, from the multipliers of a
-    solution; see :class:`~dmoc.nlp.sensitivity.Sensitivities`.
+    solution; see :class:`~dmoc.program.cost_derivatives.Sensitivities`.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     Examples
     --------
     >>> import dmoc
-    >>> from dmoc.registry import find
+    >>> from dmoc.models.registry import find
     >>> reference = find("puck_table")
     >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
     >>> problem = problem.but(sequence=["east"])

@@ -9,16 +9,17 @@ from functools import partial
 
 import numpy as np
 
+from dmoc.base.progress import Listener, told
 from dmoc.codegen.kernels import COMPILED, Array
-from dmoc.nlp.problem import Problem
-from dmoc.progress import Listener, told
-from dmoc.solution import Solution
+from dmoc.problem.problem import Problem
+from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
 from dmoc.solving.attempts import remaining
-from dmoc.solving.endless import bounded
-from dmoc.solving.exploration import Effort, coarse_of, explored
-from dmoc.solving.methods import METHODS, REFINING, usual
-from dmoc.solving.one_mesh import (
+from dmoc.solving.checked_solution import checked, with_proposal
+from dmoc.solving.hit_words import best_way, first_way
+from dmoc.solving.indeterminacy import telling, undetermined
+from dmoc.solving.mesh.confirmation import naming_steps
+from dmoc.solving.mesh.one_mesh import (
     best_on_mesh,
     interrupted,
     meshed_as,
@@ -26,15 +27,14 @@ from dmoc.solving.one_mesh import (
     on_mesh_of,
     solved_on_mesh,
 )
-from dmoc.solving.passing import naming_steps
-from dmoc.solving.refinement import refined
+from dmoc.solving.mesh.refinement import refined
+from dmoc.solving.methods import METHODS, REFINING, usual
+from dmoc.solving.multistart.exploration import Effort, coarse_of, explored
 from dmoc.solving.request import Keywords, Request, keywords
-from dmoc.solving.result import checked, with_proposal
 from dmoc.solving.sensitivity import check_problem
+from dmoc.solving.sliding_reversals import naming_turns
 from dmoc.solving.starts import Given, starts_of
-from dmoc.solving.turning import naming_turns
-from dmoc.solving.undetermined import telling, undetermined
-from dmoc.solving.ways import best_way, first_way
+from dmoc.solving.unbounded_cost import bounded
 
 # The error up to which a motion that the check confirms is a solution where nobody has asked for a
 # tolerance and finer meshes do not lead to the usual one: the check itself allows as much.
@@ -140,7 +140,7 @@ def solve(
     Examples
     --------
     >>> import dmoc
-    >>> from dmoc.registry import find
+    >>> from dmoc.models.registry import find
     >>> reference = find("puck_table")
     >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
     >>> solution = dmoc.solve(problem.but(sequence=["east"]), "ipm")

@@ -9,19 +9,19 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from dmoc.arguments import array, shown
+from dmoc.base.arguments import array, shown
+from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
-from dmoc.errors import ProblemError
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.keyframes import along, courses_of, is_given_by_name
-from dmoc.nlp.layout import Layout
-from dmoc.nlp.problem import Problem
-from dmoc.nlp.readout import given_multipliers
-from dmoc.nlp.transcription import Transcription
-from dmoc.nlp.transfer import pieces_of, unknowns_along
-from dmoc.solution import Solution
+from dmoc.guess.automatic import initial_guesses
+from dmoc.guess.keyframes import along, courses_of, is_given_by_name
+from dmoc.guess.transfer import pieces_of, unknowns_along
+from dmoc.problem.problem import Problem
+from dmoc.program.extraction import given_multipliers
+from dmoc.program.layout import Layout
+from dmoc.program.transcription import Transcription
+from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Duals
-from dmoc.solving.edges import restated
+from dmoc.solving.mode_edges import restated
 
 Given: TypeAlias = (
     Solution

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.arguments import check_known, is_number, listed
-from dmoc.batch import Batch
-from dmoc.errors import DmocError, ProblemError
+from dmoc.base.arguments import check_known, is_number, listed
+from dmoc.base.errors import DmocError, ProblemError
+from dmoc.base.progress import Listener
 from dmoc.mechanics.values import by_name
-from dmoc.nlp.problem import Problem
-from dmoc.progress import Listener
+from dmoc.problem.problem import Problem
+from dmoc.results.batch import Batch
 from dmoc.solving.many import MOST_PROBLEMS, STARTS, BatchProgress, Setting, batch_of, method_for
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given
@@ -81,7 +81,7 @@ def sweep(
     Examples
     --------
     >>> import dmoc
-    >>> from dmoc.registry import find
+    >>> from dmoc.models.registry import find
     >>> reference = find("puck_table")
     >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
     >>> batch = dmoc.sweep(problem.but(sequence=["east"]), {"m": [0.5, 1.0]})

@@ -22,7 +22,7 @@ from multiprocessing.process import BaseProcess
 from types import FunctionType, SimpleNamespace
 from typing import Any, Generic, TypeVar
 
-from dmoc.solvers.threads import WAITS
+from dmoc.solvers.blas import WAITS
 
 # A worker that is this many times over a task's limit hangs, and is stopped; seconds are added for
 # what the limit does not count.

@@ -17,10 +17,10 @@ from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import Boolean
 from sympy.physics.mechanics import dynamicsymbols
 
-from dmoc.errors import GenerationError
+from dmoc.base.errors import GenerationError
+from dmoc.base.names import name_of, velocity_name
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.kinks import split
-from dmoc.symbolic.names import name_of, velocity_name
 from dmoc.symbolic.spec import FUNCTIONS
 from dmoc.symbolic.system import MechanicalSystem
 

@@ -29,7 +29,7 @@ from typing import Any
 
 import sympy as sp
 
-from dmoc.discretisation import DISCRETISATIONS, known_order
+from dmoc.base.discretisation import DISCRETISATIONS, known_order
 from dmoc.symbolic.continuous import Continuous, dot
 
 

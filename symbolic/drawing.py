@@ -12,8 +12,8 @@ from typing import Any, TypeAlias
 
 import sympy as sp
 
-from dmoc.arguments import listed, shown
-from dmoc.errors import ModelError
+from dmoc.base.arguments import listed, shown
+from dmoc.base.errors import ModelError
 from dmoc.symbolic.expressions import expression_in
 
 Place: TypeAlias = tuple[Any, Any]  # x and y, as SymPy expressions

@@ -9,8 +9,8 @@ import sympy as sp
 from sympy.core.function import AppliedUndef, UndefinedFunction
 from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
 
-from dmoc.arguments import shown
-from dmoc.errors import ModelError
+from dmoc.base.arguments import shown
+from dmoc.base.errors import ModelError
 
 # Constants of an expression must be numbers of C.
 LARGEST = sp.Integer(10) ** 307

@@ -14,7 +14,8 @@ from typing import Any
 import symengine as se
 import sympy as sp
 
-from dmoc.discretisation import known_order
+from dmoc.base.discretisation import known_order
+from dmoc.base.names import name_of
 from dmoc.symbolic.continuous import (
     Continuous,
     dot,
@@ -31,10 +32,9 @@ from dmoc.symbolic.continuous import (
 from dmoc.symbolic.discrete import StepElement, step_element
 from dmoc.symbolic.drawing import table_of, values_of
 from dmoc.symbolic.expressions import atoms_of
-from dmoc.symbolic.family import family
+from dmoc.symbolic.kernel_family import family
 from dmoc.symbolic.kinks import split
-from dmoc.symbolic.names import name_of
-from dmoc.symbolic.path import path_kernels, path_limits, path_rows
+from dmoc.symbolic.path_constraints import path_kernels, path_limits, path_rows
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 

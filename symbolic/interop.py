@@ -22,8 +22,8 @@ from sympy.physics.mechanics import (
     dynamicsymbols,
 )
 
-from dmoc.arguments import shown
-from dmoc.errors import ModelError
+from dmoc.base.arguments import shown
+from dmoc.base.errors import ModelError
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from dmoc.errors import ModelError
+from dmoc.base.errors import ModelError
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem

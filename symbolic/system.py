@@ -15,13 +15,13 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
-from dmoc.arguments import listed, shown
-from dmoc.errors import ModelError
+from dmoc.base.arguments import listed, shown
+from dmoc.base.errors import ModelError
+from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
+from dmoc.base.table import Shown, Table
 from dmoc.symbolic.drawing import Part, parts_in, values_of, with_normal
 from dmoc.symbolic.expressions import KINDS, atoms_of, expression_in, slack_of, unknown_symbol
 from dmoc.symbolic.kinks import check_smooth, split
-from dmoc.symbolic.names import check_name, momentum_name, name_of, velocity_name
-from dmoc.table import Shown, Table
 
 if TYPE_CHECKING:
     from dmoc.symbolic.interop import Imported
@@ -182,19 +182,19 @@ class MechanicalSystem(Shown):
 
     def summary(self) -> Table:
         """What ``print`` shows."""
-        from dmoc.symbolic.showing import system_table
+        from dmoc.symbolic.derivation.notebook import system_table
 
         return system_table(self)
 
     def _repr_html_(self) -> str:
         """Display in a notebook, with formulas."""
-        from dmoc.symbolic.showing import system_html
+        from dmoc.symbolic.derivation.notebook import system_html
 
         return system_html(self)
 
     def _repr_latex_(self) -> str:
         """Display where formulas are LaTeX."""
-        from dmoc.symbolic.showing import system_latex
+        from dmoc.symbolic.derivation.notebook import system_latex
 
         return system_latex(self)
 

@@ -12,7 +12,7 @@ from systems import block_system, puck_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

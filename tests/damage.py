@@ -21,7 +21,7 @@ import numpy as np
 
 import dmoc
 from dmoc.cli import main
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 Members = dict[str, bytes]
 Rng = np.random.Generator
@@ -319,7 +319,7 @@ def example(folder: Path) -> tuple[dmoc.Problem, bytes, Path]:
     reference = find("cart_pendulum")
     problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 10})
     solution = dmoc.solve(problem, "ipm", reference="cart_pendulum")
-    mesh = dmoc.solution.Mesh((10, 10), solution.cost, 20, np.inf, None)
+    mesh = dmoc.results.solution.Mesh((10, 10), solution.cost, 20, np.inf, None)
     journal = folder / "journal.sqlite"
     dmoc.search(problem.but(sequence=()), 1, journal=journal, max_nodes=2)
     return problem, replace(solution, meshes=(mesh,), error_estimate=1e-3).to_bytes(), journal

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 import dmoc
-from dmoc.scene import Scene, Shape
-from dmoc.trajectory import Collision, Phase, Trajectory
+from dmoc.motion.scene import Scene, Shape
+from dmoc.motion.trajectory import Collision, Phase, Trajectory
 
 # A mass goes from x = 0 to a wall at x = 1 in 0.5 s and back in 1 s; the rod behind it has the
 # length 0.25, both are 0.7 above the ground, which pushes with 10 N to 20 N and rubs with -4 N.

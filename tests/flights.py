@@ -11,7 +11,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 Change = Callable[[Trajectory], Trajectory]
 T = dynamicsymbols._t

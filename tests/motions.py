@@ -14,7 +14,7 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row
-from dmoc.trajectory import Collision, Phase, Trajectory
+from dmoc.motion.trajectory import Collision, Phase, Trajectory
 
 T = dynamicsymbols._t
 Function = Callable[[np.ndarray], np.ndarray]

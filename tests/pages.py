@@ -20,7 +20,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
-TROUBLESHOOTING = ROOT / "src/dmoc/cli/troubleshooting.md"
+TROUBLESHOOTING = ROOT / "cli/troubleshooting.md"
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"# (\w+\.py)\n")
 # What the pages take from others: page and file.

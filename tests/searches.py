@@ -9,7 +9,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from dmoc.sequences.engine import SearchResult
+from dmoc.sequences.search import SearchResult
 
 
 def outline(result: SearchResult) -> list[tuple[Any, ...]]:
@@ -28,7 +28,7 @@ def suicidal(journal: Path, nodes: int, workers: int = 1) -> list[str]:
     """A process with the same search that kills itself after so many nodes, without tidying up."""
     program = f"""
 import os, signal, dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 def stop(p):
     if sum(p.counts.values()) == {nodes}:
         os.kill(os.getpid(), signal.SIGKILL)

@@ -5,7 +5,7 @@ Run:  .venv/bin/python tools/mutations.py [--only WORDS] [--list FILE] [--jobs N
 A list (``tools/mutations.toml``) has one entry for each change::
 
     [[change]]
-    file = "simulation/verdict.py"
+    file = "check/verdict.py"
     old = '"energy error": 0.02'     # stands there once
     new = '"energy error": 0.2'
     tests = ["tests/simulation/test_limits.py"]     # optional: those nearest to it

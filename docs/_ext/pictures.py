@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import dmoc
+from dmoc.motion.scene import Array, Scene, Shape
 from dmoc.report.snapshots import draw_shape
 from dmoc.report.style import DARK
-from dmoc.scene import Array, Scene, Shape
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "pictures"

@@ -10,7 +10,7 @@ from sphinx.application import Sphinx
 from sphinx_gallery.scrapers import figure_rst
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 # Where examples write that are told nothing else.
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "figures"

@@ -12,13 +12,13 @@ from typing import TypedDict
 
 import numpy as np
 
+from dmoc.motion.scene import Scene, Shape
+from dmoc.motion.trajectory import Collision, Trajectory
+from dmoc.report.animation.curves import Panel, panels_of
 from dmoc.report.animation.numbers import rounded, short
-from dmoc.report.animation.panels import Panel, panels_of
 from dmoc.report.animation.places import Bounds, Part, Place, bounds_of, parts_of, place_at
-from dmoc.report.fallback import scene_for
+from dmoc.report.default_drawing import scene_for
 from dmoc.report.rounding import without_rounding
-from dmoc.scene import Scene, Shape
-from dmoc.trajectory import Collision, Trajectory
 
 FORMAT = 1
 

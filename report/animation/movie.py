@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dmoc.errors import MissingExtraError, OutputError
+from dmoc.base.errors import MissingExtraError, OutputError
+from dmoc.motion.trajectory import Array
 from dmoc.report.animation.colours import DARK, LIGHT, Colours
 from dmoc.report.animation.film import Film
 from dmoc.report.animation.stage import Drawn, Room, stage_of
 from dmoc.report.canvas import new_figure
-from dmoc.trajectory import Array
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter

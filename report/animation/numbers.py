@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dmoc.trajectory import Array
+from dmoc.motion.trajectory import Array
 
 Column: TypeAlias = float | list[float]
 # Digits that are kept of the largest number of an array: finer than a pixel, finer than what is

@@ -8,14 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from dmoc.arguments import choice, listed, place, positive, shown, whole
-from dmoc.arguments import path as path_of
-from dmoc.errors import OutputError, ProblemError
+from dmoc.base.arguments import choice, listed, place, positive, shown, whole
+from dmoc.base.arguments import path as path_of
+from dmoc.base.errors import OutputError, ProblemError
+from dmoc.base.files import write_whole
+from dmoc.motion.trajectory import Trajectory
 from dmoc.report.animation.film import Branch, Film, Take, film_of
 from dmoc.report.animation.movie import movie_of
 from dmoc.report.animation.page import page_of
-from dmoc.trajectory import Trajectory
-from dmoc.writing import write_whole
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -81,7 +81,7 @@ def animate(
     Examples
     --------
     >>> import dmoc
-    >>> from dmoc.registry import find
+    >>> from dmoc.models.registry import find
     >>> problem = dmoc.Problem(dmoc.load("cart_pendulum"), **find("cart_pendulum").defaults)
     >>> fast = dmoc.solve(problem, "ipm", starts=1)
     >>> slow = dmoc.solve(problem.but(final_time=1.2), "ipm", starts=1)

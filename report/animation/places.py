@@ -6,8 +6,8 @@ from typing import TypeAlias, TypedDict
 
 import numpy as np
 
+from dmoc.motion.scene import Array, Scene, Shape
 from dmoc.report.animation.numbers import Column, column, rounded
-from dmoc.scene import Array, Scene, Shape
 
 Place: TypeAlias = list[float]  # x, y, and the direction in which the surface pushes
 Bounds: TypeAlias = list[float]  # left, right, bottom, top

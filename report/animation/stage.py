@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from dmoc.motion.trajectory import Array
 from dmoc.report.animation.colours import Colours
 from dmoc.report.animation.film import Arrow, Event, Motion
 from dmoc.report.animation.numbers import Column, short
 from dmoc.report.animation.places import Part
-from dmoc.trajectory import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

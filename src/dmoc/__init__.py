@@ -10,16 +10,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dmoc.batch import Batch
-    from dmoc.deriving import derive
-    from dmoc.errors import DmocError
-    from dmoc.nlp.problem import Problem
-    from dmoc.registry import build, load
+    from dmoc.base.errors import DmocError
+    from dmoc.check.check import verify
+    from dmoc.inspection.derivation import derive
+    from dmoc.models.registry import build, load
+    from dmoc.problem.problem import Problem
     from dmoc.report.animation import animate
-    from dmoc.sequences.engine import search
-    from dmoc.simulating import Simulation, simulate
-    from dmoc.simulation.check import verify
-    from dmoc.solution import Solution
+    from dmoc.results.batch import Batch
+    from dmoc.results.simulation import Simulation, simulate
+    from dmoc.results.solution import Solution
+    from dmoc.sequences.search import search
     from dmoc.solving.many import solve_many
     from dmoc.solving.sensitivity import sensitivities
     from dmoc.solving.solve import solve
@@ -57,30 +57,30 @@ __all__ = [
 ]
 
 _PLACES = {
-    "Batch": "dmoc.batch",
+    "Batch": "dmoc.results.batch",
     "Box": "dmoc.symbolic.drawing",
     "Contact": "dmoc.symbolic.drawing",
     "Disc": "dmoc.symbolic.drawing",
-    "DmocError": "dmoc.errors",
+    "DmocError": "dmoc.base.errors",
     "Link": "dmoc.symbolic.drawing",
     "MechanicalSystem": "dmoc.symbolic.system",
     "Point": "dmoc.symbolic.drawing",
-    "Problem": "dmoc.nlp.problem",
-    "Simulation": "dmoc.simulating",
-    "Solution": "dmoc.solution",
+    "Problem": "dmoc.problem.problem",
+    "Simulation": "dmoc.results.simulation",
+    "Solution": "dmoc.results.solution",
     "Spring": "dmoc.symbolic.drawing",
     "Wall": "dmoc.symbolic.drawing",
     "animate": "dmoc.report.animation",
-    "build": "dmoc.registry",
-    "derive": "dmoc.deriving",
-    "load": "dmoc.registry",
-    "search": "dmoc.sequences.engine",
+    "build": "dmoc.models.registry",
+    "derive": "dmoc.inspection.derivation",
+    "load": "dmoc.models.registry",
+    "search": "dmoc.sequences.search",
     "sensitivities": "dmoc.solving.sensitivity",
-    "simulate": "dmoc.simulating",
+    "simulate": "dmoc.results.simulation",
     "solve": "dmoc.solving.solve",
     "solve_many": "dmoc.solving.many",
     "sweep": "dmoc.solving.sweep",
-    "verify": "dmoc.simulation.check",
+    "verify": "dmoc.check.check",
 }
 
 

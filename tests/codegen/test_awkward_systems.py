@@ -15,7 +15,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.build import numpy_kernels, write_files
-from dmoc.codegen.compiling import HEADERS, compiler
+from dmoc.codegen.compiler import HEADERS, compiler
 from dmoc.codegen.text import c_files, manifest, numpy_text
 from dmoc.symbolic.families import model_spec
 from dmoc.symbolic.spec import KernelSpec

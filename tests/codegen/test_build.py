@@ -14,7 +14,7 @@ import pytest
 from systems import block_system
 
 import dmoc
-from dmoc.errors import BuildError
+from dmoc.base.errors import BuildError
 
 pytestmark = pytest.mark.slow
 

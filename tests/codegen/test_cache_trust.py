@@ -16,10 +16,10 @@ import pytest
 from systems import block_system
 
 import dmoc
+from dmoc.base.errors import BuildError, DmocError
 from dmoc.codegen.build import arrived, load_installed, sources, write_files
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.text import c_files
-from dmoc.errors import BuildError, DmocError
 from dmoc.symbolic.families import model_key, model_spec
 
 SYSTEM = block_system("trusted")

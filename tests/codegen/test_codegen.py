@@ -16,12 +16,12 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system, puck_system
 
 import dmoc
+from dmoc.base.errors import GenerationError, ModelError
 from dmoc.codegen.build import write_files
-from dmoc.codegen.compiling import HEADERS, compiler
+from dmoc.codegen.compiler import HEADERS, compiler
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.printer import CPrinter, NumPyPrinter
 from dmoc.codegen.text import c_files
-from dmoc.errors import GenerationError, ModelError
 from dmoc.mechanics.model import Model
 from dmoc.symbolic.continuous import readable
 from dmoc.symbolic.families import model_spec

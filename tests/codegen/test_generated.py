@@ -40,7 +40,7 @@ def test_committed_sources_are_what_is_generated(name: str, request: pytest.Fixt
 
 def test_solving_with_built_kernels_imports_no_sympy() -> None:
     program = (
-        "import sys, dmoc; from dmoc.registry import find; r = find('cart_pendulum');s = "
+        "import sys, dmoc; from dmoc.models.registry import find; r = find('cart_pendulum');s = "
         "dmoc.solve(dmoc.Problem(r.kernels(), **{**r.defaults, 'steps': 10})); assert s.cost > "
         "0;assert 'sympy' not in sys.modules and 'symengine' not in sys.modules"
     )

@@ -19,8 +19,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system
 
 import dmoc
-from dmoc.codegen.kernels import Kernels
-from dmoc.errors import (
+from dmoc.base.errors import (
     BuildError,
     ModelError,
     ProblemError,
@@ -28,7 +27,8 @@ from dmoc.errors import (
     SimulationError,
     SolutionFileError,
 )
-from dmoc.trajectory import Phase, Trajectory
+from dmoc.codegen.kernels import Kernels
+from dmoc.motion.trajectory import Phase, Trajectory
 
 X, U = dynamicsymbols("x u")
 T = dynamicsymbols._t

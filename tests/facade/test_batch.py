@@ -16,9 +16,9 @@ from damage import SOLUTIONS
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.batch_file import BATCH, FILE
-from dmoc.errors import MissingExtraError, OutputError, SolutionFileError
-from dmoc.result_file import content_of, result_in
+from dmoc.base.errors import MissingExtraError, OutputError, SolutionFileError
+from dmoc.results.batch_file import BATCH, FILE
+from dmoc.results.result_file import content_of, result_in
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import pytest
 from commands import CONTACT_MODELS, Run
 
 import dmoc
-from dmoc.cli.reading import read_names, read_periodic, read_via
-from dmoc.errors import ProblemError
+from dmoc.base.errors import ProblemError
+from dmoc.cli.values import read_names, read_periodic, read_via
 
 HELD = "--start x=0 --final-time 4 --steps 8"
 PUSHED = f"{HELD} --goal x=1,x_dot=0"

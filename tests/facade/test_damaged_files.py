@@ -14,15 +14,15 @@ import pytest
 from damage import SOLUTIONS, archive, damaged, members
 
 import dmoc
-from dmoc import archive as archives
-from dmoc import solution_file
-from dmoc.errors import ModelError, SearchError, SolutionFileError
-from dmoc.scene import Scene, Shape
-from dmoc.schema import Either, Listed, Mapped, Number, Numbers, Record, Refused
+from dmoc.base.errors import ModelError, SearchError, SolutionFileError
+from dmoc.motion.scene import Scene, Shape
+from dmoc.motion.trajectory import Collision, Phase, Trajectory
+from dmoc.results import archive as archives
+from dmoc.results import solution_file
+from dmoc.results.schema import Either, Listed, Mapped, Number, Numbers, Record, Refused
+from dmoc.results.solution_file import FORMAT
 from dmoc.sequences import nodes
 from dmoc.sequences.journal import Journal
-from dmoc.solution_file import FORMAT
-from dmoc.trajectory import Collision, Phase, Trajectory
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_every_damage_to_a_solution_file_is_a_sentence(content: bytes) -> None:
         (solution_file.SCENE, Scene),
         (solution_file.SHAPE, Shape),
         (solution_file.COLLISION, Collision),
-        (solution_file.MESH, dmoc.solution.Mesh),
+        (solution_file.MESH, dmoc.results.solution.Mesh),
         (nodes.NODE, nodes.Node),
         (nodes.START, nodes.Start),
     ],

@@ -15,13 +15,13 @@ from systems import block_system, driven_system, puck_system, rod_system
 from typer.testing import CliRunner
 
 import dmoc
+from dmoc.base.discretisation import ORDERS
+from dmoc.base.errors import OutputError
 from dmoc.cli.app import app
-from dmoc.codegen.counts import count_of
 from dmoc.codegen.kernels import Kernels
-from dmoc.derivation_check import checked
-from dmoc.deriving import small_problem
-from dmoc.discretisation import ORDERS
-from dmoc.errors import OutputError
+from dmoc.codegen.operation_counts import count_of
+from dmoc.inspection.derivation import small_problem
+from dmoc.inspection.kernel_check import checked
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 

@@ -8,9 +8,9 @@ import pytest
 import typer
 from commands import Run
 
+from dmoc.base.errors import DmocError
 from dmoc.cli.app import app
-from dmoc.errors import DmocError
-from dmoc.nlp.layout import Layout
+from dmoc.program.layout import Layout
 
 VALUES = ("", "nonsense", "-1", "nan", "1e999", "=", "l=", "l=1,l=2", "::", "ü;,", "9" * 20)
 # What else a command needs before it looks at its options.

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import dmoc
-from dmoc.errors import OutputError, SolutionFileError
-from dmoc.writing import check_file, write_whole
+from dmoc.base.errors import OutputError, SolutionFileError
+from dmoc.base.files import check_file, write_whole
 
 
 def test_a_saved_solution_comes_back_whole(solution: dmoc.Solution, tmp_path: Path) -> None:

@@ -18,9 +18,9 @@ from commands import Run
 from matplotlib.image import imread
 
 import dmoc
-from dmoc import errors
+from dmoc.base import errors
+from dmoc.base.errors import BuildError
 from dmoc.cli.new import Kind
-from dmoc.errors import BuildError
 from dmoc.solvers.outcome import Status
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -86,7 +86,7 @@ def test_the_doctor_tries_the_compiler(run: Run, monkeypatch: pytest.MonkeyPatch
 def test_missing_headers_of_python_are_named(
     run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from dmoc.codegen.compiling import compiler
+    from dmoc.codegen.compiler import compiler
 
     monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
     with pytest.raises(BuildError, match=r"Python\.h is missing, .* apt install python3-dev"):

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import dmoc
-from dmoc.cli.reading import read_guess
-from dmoc.errors import ProblemError
+from dmoc.base.errors import ProblemError
+from dmoc.cli.values import read_guess
 
 
 def test_keyframes_by_name() -> None:

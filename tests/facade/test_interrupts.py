@@ -17,9 +17,9 @@ import pytest
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import dmoc
-from dmoc.solvers import threads
+from dmoc.solvers import blas
+from dmoc.solvers.blas import ONE_THREAD
 from dmoc.solvers.outcome import Iteration
-from dmoc.solvers.threads import ONE_THREAD
 
 pytestmark = pytest.mark.slow
 
@@ -98,7 +98,7 @@ def test_a_limit_that_each_thread_has_is_restored_in_each(monkeypatch: pytest.Mo
 
     library, inside, left = PerThread(), threading.Event(), threading.Event()
     found = SimpleNamespace(lib_controllers=[library])
-    monkeypatch.setattr(threads, "ThreadpoolController", lambda: found)
+    monkeypatch.setattr(blas, "ThreadpoolController", lambda: found)
     seen: list[int] = []
 
     def late() -> None:
@@ -123,7 +123,7 @@ def test_a_limit_that_is_set_meanwhile_stays(monkeypatch: pytest.MonkeyPatch) ->
     library = SimpleNamespace(internal_api="blis", num_threads=8)
     library.set_num_threads = lambda number: setattr(library, "num_threads", number)
     found = SimpleNamespace(lib_controllers=[library])
-    monkeypatch.setattr(threads, "ThreadpoolController", lambda: found)
+    monkeypatch.setattr(blas, "ThreadpoolController", lambda: found)
     with ONE_THREAD:
         library.set_num_threads(3)
     assert library.num_threads == 3

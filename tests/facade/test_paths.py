@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from dmoc.errors import OutputError
-from dmoc.messages import path
+from dmoc.base.errors import OutputError
+from dmoc.base.messages import path
 
 
 def test_a_path_has_at_most_4096_bytes() -> None:

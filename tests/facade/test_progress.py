@@ -13,8 +13,8 @@ import block_and_wall
 import pytest
 
 import dmoc
-from dmoc.errors import BuildError, DmocError, ProblemError, SearchError
-from dmoc.progress import told
+from dmoc.base.errors import BuildError, DmocError, ProblemError, SearchError
+from dmoc.base.progress import told
 
 
 def problem() -> dmoc.Problem:

@@ -14,7 +14,7 @@ from hit_problems import back
 from systems import block_system
 
 import dmoc
-from dmoc.errors import DmocError, ProblemError, SearchError, SimulationError
+from dmoc.base.errors import DmocError, ProblemError, SearchError, SimulationError
 
 WRONG: dict[str, tuple[Any, ...]] = {
     "tolerance": ("a", 0, -1, math.nan, True), "optimality": (None, "a", 0, math.inf),
@@ -41,8 +41,8 @@ def lazy(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for place in (
         "dmoc.solving.solve.explored", "dmoc.solving.solve.solved_on_mesh",
-        "dmoc.solving.solve.starts_of", "dmoc.sequences.engine._searched",
-        "dmoc.simulation.check.Motion.of",
+        "dmoc.solving.solve.starts_of", "dmoc.sequences.search._searched",
+        "dmoc.check.check.Motion.of",
     ):  # fmt: skip
         monkeypatch.setattr(place, never)
 

@@ -14,13 +14,13 @@ import pytest
 from typer.testing import CliRunner
 
 import dmoc
+from dmoc.base.errors import OutputError
+from dmoc.base.table import plain
 from dmoc.cli.app import app
-from dmoc.errors import OutputError
-from dmoc.nlp.problem import Problem
-from dmoc.solution import Mesh, Minimum
-from dmoc.solution_report import tables
+from dmoc.problem.problem import Problem
+from dmoc.results.solution import Mesh, Minimum
+from dmoc.results.solution_report import tables
 from dmoc.solvers.outcome import Status
-from dmoc.table import plain
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 from damage import archive, members
 
 import dmoc
-from dmoc.errors import SolutionFileError
+from dmoc.base.errors import SolutionFileError
 
 
 def test_scene_and_units_come_back_as_they_were(solution: dmoc.Solution) -> None:

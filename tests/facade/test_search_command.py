@@ -63,7 +63,7 @@ def test_a_search_keeps_its_result_where_a_figure_fails(
     def fail(*_: object, **__: object) -> None:
         raise ValueError("no [room]")
 
-    monkeypatch.setattr("dmoc.report.tree.plot_motions", fail)
+    monkeypatch.setattr("dmoc.report.search_tree.plot_motions", fail)
     code, out, err = run(f"{SEARCH} --out o")
     assert code == 0 and "best: " in out and "written: " in out
     assert err.endswith("best.png was not drawn: ValueError: no [room]\n") and err.count("\n") == 1

@@ -16,12 +16,12 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system, landing_problem, rod_system, there_and_back
 
 import dmoc
-from dmoc.registry import find
-from dmoc.sequences.engine import SearchResult
+from dmoc.base.table import TONES, Table, html_of, print_table, text_of, toned
+from dmoc.models.registry import find
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.result import table_of
-from dmoc.symbolic import mathml
-from dmoc.table import TONES, Table, html_of, print_table, text_of, toned
+from dmoc.sequences.search import SearchResult
+from dmoc.symbolic.derivation import mathml
 
 
 @pytest.fixture(scope="module")

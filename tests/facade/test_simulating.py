@@ -14,12 +14,12 @@ from systems import block_system, landing_system, there_and_back
 from typer.testing import CliRunner
 
 import dmoc
+from dmoc.base.errors import DmocError, ModelError, MotionError, SimulationError, SolutionFileError
 from dmoc.cli.app import app
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import DmocError, ModelError, MotionError, SimulationError, SolutionFileError
-from dmoc.registry import find
-from dmoc.simulating import mean_inputs
-from dmoc.tabulated import columns
+from dmoc.models.registry import find
+from dmoc.motion.export import columns
+from dmoc.results.simulation import mean_inputs
 
 G = 10.0
 X, T = dynamicsymbols("x"), dynamicsymbols._t

@@ -18,12 +18,12 @@ from systems import block_system, landing_problem
 from typer.testing import CliRunner
 
 import dmoc
+from dmoc.base.discretisation import ORDERS
+from dmoc.base.errors import MissingExtraError, MotionError
 from dmoc.cli.app import app
-from dmoc.discretisation import ORDERS
-from dmoc.errors import MissingExtraError, MotionError
-from dmoc.registry import find
-from dmoc.states import Names, state_at
-from dmoc.tabulated import columns
+from dmoc.models.registry import find
+from dmoc.motion.export import columns
+from dmoc.motion.states import Names, state_at
 
 G = 9.81
 # Orders of position, velocity and momentum between the nodes.

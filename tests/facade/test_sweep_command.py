@@ -11,8 +11,8 @@ import pytest
 from commands import Run
 
 import dmoc
-from dmoc.cli.reading import read_range
-from dmoc.registry import find
+from dmoc.cli.values import read_range
+from dmoc.models.registry import find
 from dmoc.solving import many
 
 SEED = ("cart_pendulum", "--steps", "12")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import dmoc
+from dmoc.base.errors import ProblemError, SimulationError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import ProblemError, SimulationError
 from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row, restitution_row

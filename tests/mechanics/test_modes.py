@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dmoc.errors import ProblemError
+from dmoc.base.errors import ProblemError
 from dmoc.mechanics import modes
 from dmoc.mechanics.modes import (
     Contacts,
@@ -16,7 +16,7 @@ from dmoc.mechanics.modes import (
     words_after,
     words_along,
 )
-from dmoc.trajectory import COURSES
+from dmoc.motion.trajectory import COURSES
 
 FEET = Contacts(("left", "right", "wall"), ("left", "right", "rail"), (), ("left", "right"))
 

@@ -11,7 +11,7 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.scenes import scene_of
-from dmoc.scene import FINE, FINEST, Scene, Shape, resampled, wrong_scene
+from dmoc.motion.scene import FINE, FINEST, Scene, Shape, resampled, wrong_scene
 
 
 def places(scene: Scene, kind: str, phase: int) -> np.ndarray:
@@ -93,7 +93,7 @@ def test_a_simulation_has_a_scene_from_one_event_to_the_next(every: int) -> None
 
 
 def test_a_simulation_with_too_many_events_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dmoc.simulation.recorded.MOST_DRAWN", 3)
+    monkeypatch.setattr("dmoc.simulation.recording.MOST_DRAWN", 3)
     kernels = dmoc.load("bouncing_pendulum")
     found = dmoc.simulate(kernels, {"theta": 1.0}, step_size=0.01, steps=420)
     assert len(found.collisions) == 4 and found.scene is None

@@ -9,9 +9,9 @@ import pytest
 from systems import landing_problem
 
 import dmoc
-from dmoc.errors import ProblemError
-from dmoc.nlp.problem import Problem
-from dmoc.trajectory import Collision, Phase, largest_forces
+from dmoc.base.errors import ProblemError
+from dmoc.motion.trajectory import Collision, Phase, largest_forces
+from dmoc.problem.problem import Problem
 
 
 def collision(surface: str = "", **parts: object) -> Collision:

@@ -36,8 +36,8 @@ from contact_problems import (
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.errors import ModelError, ProblemError
-from dmoc.nlp.readout import _forces
+from dmoc.base.errors import ModelError, ProblemError
+from dmoc.program.extraction import _forces
 
 
 @pytest.mark.parametrize(
@@ -449,7 +449,7 @@ def test_the_upper_end_of_a_periodic_range_holds() -> None:
 @pytest.mark.parametrize("second", [1.0, 60.0])
 def test_the_time_that_a_statement_says_is_one_in_any_unit(second: float) -> None:
     """A block under a constant force, at rest: sqrt(2 s / a)."""
-    from dmoc.nlp.guess import natural_time
+    from dmoc.guess.automatic import natural_time
 
     x, g = dynamicsymbols("x"), sp.Symbol("g")
     system = dmoc.MechanicalSystem("falls_down", [x], x.diff() ** 2 / 2 + g * x, {g: 2.0})

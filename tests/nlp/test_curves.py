@@ -10,8 +10,8 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
-from dmoc.nlp.surfaces import _root
-from dmoc.nlp.transfer import Piece, equally_long
+from dmoc.guess.transfer import Piece, equally_long
+from dmoc.problem.surfaces import _root
 
 
 @pytest.mark.parametrize(

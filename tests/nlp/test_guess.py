@@ -11,13 +11,13 @@ from scipy.integrate import solve_ivp
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.guess.automatic import initial_guesses
+from dmoc.guess.tracker import WINDOW
 from dmoc.mechanics.model import Model
-from dmoc.nlp.feasibility import minimal_time
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.marching import WINDOW
-from dmoc.nlp.minimal_times import WithMinimalTimes, phase_minimal_time
-from dmoc.nlp.transcription import Transcription
-from dmoc.registry import find
+from dmoc.models.registry import find
+from dmoc.program.collision_times import minimal_time
+from dmoc.program.minimal_times import WithMinimalTimes, phase_minimal_time
+from dmoc.program.transcription import Transcription
 
 L, G, M_P, M_C = 0.5, 10.0, 1.0, 1.0
 

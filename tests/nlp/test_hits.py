@@ -18,10 +18,10 @@ from hit_problems import (
 from systems import landing_system
 
 import dmoc
-from dmoc.errors import ProblemError
-from dmoc.nlp.course import course_of
-from dmoc.nlp.passage import END, STOP
-from dmoc.nlp.transcription import Transcription
+from dmoc.base.errors import ProblemError
+from dmoc.guess.hit_course import course_of
+from dmoc.program.hit_stages import END, STOP
+from dmoc.program.transcription import Transcription
 from dmoc.simulation.poisson import Impulses, impulses
 
 COURSES = [
@@ -245,7 +245,7 @@ def test_a_puck_that_turns_or_stops_while_it_lands(e: float) -> None:
 def test_a_way_that_the_law_does_not_go_is_contradicted_by_the_check() -> None:
     from dataclasses import replace
 
-    from dmoc.simulation.check import verify
+    from dmoc.check.check import verify
 
     solution = dmoc.solve(back())
     assert solution.kernels is not None

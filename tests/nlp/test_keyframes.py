@@ -12,11 +12,11 @@ import sympy as sp
 from systems import driven_system, landing_problem
 
 import dmoc
+from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
-from dmoc.errors import ProblemError
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.keyframes import along, courses_of
-from dmoc.nlp.layout import Layout
+from dmoc.guess.automatic import initial_guesses
+from dmoc.guess.keyframes import along, courses_of
+from dmoc.program.layout import Layout
 
 
 @pytest.fixture

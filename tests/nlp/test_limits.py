@@ -16,10 +16,10 @@ from systems import block_system, double_integrator, there_and_back
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.nlp.guess import _best_time, initial_guesses
-from dmoc.nlp.scaling import scale_of
-from dmoc.nlp.transcription import Transcription
-from dmoc.nlp.transfer import times_of_inputs
+from dmoc.guess.automatic import _best_time, initial_guesses
+from dmoc.guess.transfer import times_of_inputs
+from dmoc.program.scaling import scale_of
+from dmoc.program.transcription import Transcription
 
 T = dynamicsymbols._t
 

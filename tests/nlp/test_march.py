@@ -16,9 +16,9 @@ from systems import driven_system
 
 import dmoc
 from dmoc.codegen.kernels import Array
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.marching import Marcher
-from dmoc.nlp.plan import Plan
+from dmoc.guess.automatic import initial_guesses
+from dmoc.guess.tracker import Marcher
+from dmoc.guess.waypoints import Plan
 
 ROOT = Path(__file__).resolve().parents[2]
 FLAGS = (
@@ -81,8 +81,8 @@ def test_small_least_squares_are_those_of_lapack(tmp_path: Path) -> None:
     gcc = shutil.which("gcc")
     if gcc is None:
         pytest.fail("the sanitizers need gcc: install it, with libasan and libubsan.")
-    parts = [str(Path(__file__).with_name("least_squares.c")), str(ROOT / "nlp/least_squares.c")]
-    command = [gcc, *FLAGS, f"-I{ROOT / 'nlp'}", *parts, "-lm", "-o", "run"]
+    parts = [str(Path(__file__).with_name("least_squares.c")), str(ROOT / "guess/least_squares.c")]
+    command = [gcc, *FLAGS, f"-I{ROOT / 'guess'}", *parts, "-lm", "-o", "run"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     text = "".join(

@@ -7,10 +7,10 @@ import pytest
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.layout import Layout
-from dmoc.nlp.motions import DRIVEN, IDLE, KINDS, LOOSE, SHAKEN, random_motions
-from dmoc.nlp.problem import Problem
+from dmoc.guess.automatic import initial_guesses
+from dmoc.guess.random_motions import DRIVEN, IDLE, KINDS, LOOSE, SHAKEN, random_motions
+from dmoc.problem.problem import Problem
+from dmoc.program.layout import Layout
 
 
 def motions(problem: Problem, count: int = 40, seed: int = 0) -> tuple[Layout, np.ndarray]:

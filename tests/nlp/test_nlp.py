@@ -11,9 +11,9 @@ from systems import driven_system, landing_system, rod_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.nlp.layout import Layout
-from dmoc.nlp.readout import trajectory
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.extraction import trajectory
+from dmoc.program.layout import Layout
+from dmoc.program.transcription import Transcription
 
 
 def small(kernels: Kernels, controls: str | None = "constant") -> dmoc.Problem:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import dmoc
-from dmoc.nlp.assembly import Program
-from dmoc.nlp.program import ProgramData, strided
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.arrays import ProgramData, strided
+from dmoc.program.assembly import Program
+from dmoc.program.transcription import Transcription
 
 
 @pytest.fixture(scope="module")

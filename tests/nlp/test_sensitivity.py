@@ -9,8 +9,8 @@ import pytest
 from systems import driven_system
 
 import dmoc
-from dmoc.errors import ProblemError
-from dmoc.registry import find
+from dmoc.base.errors import ProblemError
+from dmoc.models.registry import find
 
 STEP = 1e-4
 

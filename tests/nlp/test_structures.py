@@ -13,11 +13,11 @@ import pytest
 
 import dmoc
 from dmoc.codegen.kernels import Array
-from dmoc.nlp import layout, structures, transcription
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.scaling import scale_of
-from dmoc.nlp.structures import digest, size_of
-from dmoc.nlp.transcription import Transcription
+from dmoc.guess.automatic import initial_guesses
+from dmoc.program import layout, structure_cache, transcription
+from dmoc.program.scaling import scale_of
+from dmoc.program.structure_cache import digest, size_of
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt_layout import kkt_layout
 
 # Of a problem with one hit, and of one with contacts that last and friction: the first three change
@@ -194,7 +194,7 @@ def test_structures_are_forgotten_by_their_bytes(
     kkt_layout(first)
     one = size_of(first.structure, set())
     assert one > first.structure.jacobian.indices.nbytes + first.structure.hessian.indices.nbytes
-    monkeypatch.setattr(structures, "MOST_BYTES", 3 * one)
+    monkeypatch.setattr(structure_cache, "MOST_BYTES", 3 * one)
     for steps in (11, 12, 13, 14, 15):
         kkt_layout(Transcription(small.but(steps=steps)))
         assert sum(size_of(s, set()) for s in kept.values()) <= 4 * one

@@ -8,8 +8,8 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.nlp.transcription import Transcription
-from dmoc.nlp.undefined import undefined_at
+from dmoc.program.transcription import Transcription
+from dmoc.program.undefined_values import undefined_at
 
 X, U = dynamicsymbols("x u")
 

@@ -18,15 +18,15 @@ from films import END, EVIL, HIGH, ROD, TURN, motion, place
 from PIL import Image
 
 import dmoc
-from dmoc.errors import MissingExtraError, OutputError, ProblemError
+from dmoc.base.errors import MissingExtraError, OutputError, ProblemError
+from dmoc.motion.trajectory import Trajectory
 from dmoc.report.animation import animate_tree
+from dmoc.report.animation.curves import MOST, label
 from dmoc.report.animation.film import Branch, Film, Take, film_of
 from dmoc.report.animation.numbers import rounded
 from dmoc.report.animation.page import page_of
-from dmoc.report.animation.panels import MOST, label
 from dmoc.report.animation.stage import columns_at
 from dmoc.sequences.nodes import Verdict
-from dmoc.trajectory import Trajectory
 
 DATA = re.compile(r'<script type="application/json" id="film">(.*?)</script>', re.S)
 

@@ -14,8 +14,8 @@ from matplotlib.text import Annotation
 from systems import landing_problem
 
 import dmoc
+from dmoc.motion.trajectory import Trajectory
 from dmoc.report.style import LIGHT
-from dmoc.trajectory import Trajectory
 
 FLOOR = LIGHT.colours[0]
 

@@ -14,11 +14,11 @@ from matplotlib.transforms import Bbox
 from systems import block_system
 
 import dmoc
+from dmoc.base.errors import OutputError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import OutputError
-from dmoc.registry import find
+from dmoc.models.registry import find
+from dmoc.motion.trajectory import Phase, Trajectory
 from dmoc.report.style import DARK, LIGHT
-from dmoc.trajectory import Phase, Trajectory
 
 
 def labelled(figure: Figure, label: str) -> Axes:

@@ -11,8 +11,8 @@ from matplotlib.colors import to_hex
 from systems import block_system
 
 import dmoc
+from dmoc.report.search_tree import MOST_LABELS, plot_motions, plot_tree
 from dmoc.report.style import DARK, VERDICTS
-from dmoc.report.tree import MOST_LABELS, plot_motions, plot_tree
 
 NODES = [
     ((), "feasible", 5.3408),

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.report.fallback import scene_for
+from dmoc.motion.scene import Scene, Shape, wrong_scene
+from dmoc.report.default_drawing import scene_for
 from dmoc.report.snapshots import draw_shape, extent_of, height_of, layout_of, window_of
 from dmoc.report.style import LIGHT
-from dmoc.scene import Scene, Shape, wrong_scene
 
 
 def axes_with(kind: str, *values: float) -> Axes:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dmoc.errors import ProblemError
+from dmoc.base.errors import ProblemError
 from dmoc.report.sweep import plot_sweep
 
 

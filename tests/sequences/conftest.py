@@ -6,8 +6,8 @@ import pytest
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.registry import find
-from dmoc.sequences.engine import SearchResult
+from dmoc.models.registry import find
+from dmoc.sequences.search import SearchResult
 
 
 @pytest.fixture(scope="session")

@@ -10,8 +10,8 @@ from contact_problems import pushed
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.errors import SearchError
-from dmoc.sequences.judgement import best_of, judged
+from dmoc.base.errors import SearchError
+from dmoc.sequences.comparison import best_of, judged
 from dmoc.sequences.nodes import Node, Verdict
 
 

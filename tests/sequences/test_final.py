@@ -11,10 +11,10 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.traversal import _looked_at
 from dmoc.sequences.tree import FINER, FINEST, Tree
-from dmoc.sequences.walk import _looked_at
 
 
 def shipped(name: str, **changes: Any) -> dmoc.Problem:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 from dmoc.sequences.identity import ELSEWHERE, SEARCHED, facts, identity
 from dmoc.sequences.settings import Settings
 

@@ -13,9 +13,9 @@ import pytest
 from searches import seconds_of, suicidal
 
 import dmoc
-from dmoc.errors import SearchError
-from dmoc.sequences.engine import SearchResult
+from dmoc.base.errors import SearchError
 from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.search import SearchResult
 
 
 @pytest.mark.slow

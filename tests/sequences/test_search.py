@@ -14,19 +14,19 @@ from searches import outline
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.errors import SearchError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import SearchError
-from dmoc.nlp.layout import Layout
-from dmoc.sequences.engine import Progress, SearchResult
-from dmoc.sequences.inner import extended
+from dmoc.program.layout import Layout
+from dmoc.sequences.node_solve import extended
 from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.search import Progress, SearchResult
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving import exploration
 from dmoc.solving.attempts import Attempt
+from dmoc.solving.mesh.one_mesh import solved_on_mesh
 from dmoc.solving.methods import METHODS
-from dmoc.solving.one_mesh import solved_on_mesh
+from dmoc.solving.multistart import exploration
+from dmoc.solving.multistart.parallel import attempts_from
 from dmoc.solving.request import Request
-from dmoc.solving.side_by_side import attempts_from
 
 pytestmark = pytest.mark.slow
 

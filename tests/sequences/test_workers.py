@@ -20,15 +20,15 @@ import pytest
 from searches import outline, suicidal
 
 import dmoc
-from dmoc.registry import find
-from dmoc.sequences import inner
-from dmoc.sequences.engine import Progress, SearchResult
+from dmoc.models.registry import find
+from dmoc.sequences import node_solve
 from dmoc.sequences.nodes import Verdict
+from dmoc.sequences.search import Progress, SearchResult
 from dmoc.solvers.diagnosis import Diagnosis
 from dmoc.solvers.outcome import Status
-from dmoc.solving.exploration import Exploration, Start
+from dmoc.solving.multistart.exploration import Exploration, Start
+from dmoc.solving.multistart.parallel import MOST_THREADS, free_threads
 from dmoc.solving.request import Request
-from dmoc.solving.side_by_side import MOST_THREADS, free_threads
 
 pytestmark = pytest.mark.slow
 
@@ -129,7 +129,7 @@ def test_an_error_in_a_node_is_its_answer(
     def fail(*_: Any, **__: Any) -> Any:
         raise ZeroDivisionError("by chance")
 
-    monkeypatch.setattr(inner, "explored", fail)
+    monkeypatch.setattr(node_solve, "explored", fail)
     result = dmoc.search(table, 1)
     assert {n.verdict for n in result.nodes} == {Verdict.FAILED} and len(result.nodes) == 5
     assert {n.evidence for n in result.nodes} == {("ZeroDivisionError: by chance",)}
@@ -192,10 +192,10 @@ def test_the_limit_of_a_node_holds_for_the_search_for_the_reason_too(
         return replace(unsolved, status=Status.TIME_LIMIT)
 
     unsolved = dmoc.solve(problem, "ipm", starts=1, verify=False)
-    monkeypatch.setattr(inner, "explored", lambda *_, **__: NOTHING)
-    monkeypatch.setattr(inner, "diagnose", no_violation)
-    monkeypatch.setattr(inner, "solved_on_mesh", slow)
-    node = inner.solve_node(inner.Task(problem, None, "ipm", 0, 0, seconds))
+    monkeypatch.setattr(node_solve, "explored", lambda *_, **__: NOTHING)
+    monkeypatch.setattr(node_solve, "diagnose", no_violation)
+    monkeypatch.setattr(node_solve, "solved_on_mesh", slow)
+    node = node_solve.solve_node(node_solve.Task(problem, None, "ipm", 0, 0, seconds))
     assert len(limits) == 2 and 0 < limits[0] < seconds and 0 < limits[1] <= seconds / 100
     assert node.verdict is Verdict.FAILED
     assert node.evidence == (f"the limit of {seconds:g} s was reached",)
@@ -227,11 +227,11 @@ def test_ctrl_c_in_the_solve_after_a_diagnosis_ends_the_search(
         solves.append(1)
         return replace(failed, status=Status.INTERRUPTED) if len(solves) == at else failed
 
-    monkeypatch.setattr(inner, "explored", lambda *_, **__: NOTHING)
-    monkeypatch.setattr(inner, "diagnose", no_violation)
-    monkeypatch.setattr(inner, "solved_on_mesh", interrupted)
+    monkeypatch.setattr(node_solve, "explored", lambda *_, **__: NOTHING)
+    monkeypatch.setattr(node_solve, "diagnose", no_violation)
+    monkeypatch.setattr(node_solve, "solved_on_mesh", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        inner.solve_node(inner.Task(problem, None, "ipm", 0, 0, 10.0))
+        node_solve.solve_node(node_solve.Task(problem, None, "ipm", 0, 0, 10.0))
     assert len(solves) == at
 
 
@@ -244,6 +244,6 @@ def test_ctrl_c_in_the_solve_by_another_method_ends_the_search(
     problem = table.but(kernels=dmoc.build(system, backend=backend), sequence=["east"], steps=10)
     solved = dmoc.solve(problem, "slsqp", starts=1, verify=False)
     interrupted = replace(solved, status=Status.INTERRUPTED)
-    monkeypatch.setattr(inner, "solved_on_mesh", lambda *_, **__: interrupted)
+    monkeypatch.setattr(node_solve, "solved_on_mesh", lambda *_, **__: interrupted)
     with pytest.raises(KeyboardInterrupt):
-        inner.solve_node(inner.Task(problem, None, "slsqp", 0, 0, None))
+        node_solve.solve_node(node_solve.Task(problem, None, "slsqp", 0, 0, None))

@@ -12,9 +12,9 @@ import pytest
 from systems import there_and_back
 
 import dmoc
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import SimulationError
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 
 def test_errors_fall_as_the_square_of_the_step(seed: dmoc.Problem) -> None:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import dmoc
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import SimulationError
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 Change = Callable[[Trajectory], Trajectory]
 
@@ -58,7 +58,7 @@ def event_changed(i: int, **changes: object) -> Change:
     return change
 
 
-def confirmed(motion: Trajectory, kernels: Kernels) -> dmoc.simulation.verdict.Verification:
+def confirmed(motion: Trajectory, kernels: Kernels) -> dmoc.check.verdict.Verification:
     check = dmoc.verify(motion, kernels)
     assert check.passed and not check.message, check.message
     return check

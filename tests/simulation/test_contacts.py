@@ -13,13 +13,13 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row
-from dmoc.simulating import Simulation
-from dmoc.simulation.choices import Place, plastic_blow
-from dmoc.simulation.contacts import simultaneous
+from dmoc.results.simulation import Simulation
+from dmoc.simulation.mode_choice import Place, plastic_blow
+from dmoc.simulation.simultaneous_impacts import simultaneous
 
 T = dynamicsymbols._t
 x, y, z, a, b = dynamicsymbols("x y z a b")
@@ -123,7 +123,9 @@ def test_an_acute_corner_with_coupled_masses_is_left(e: float) -> None:
     assert all(c.impulse > 0 for c in run.collisions)
 
 
-def energies_of(collisions: tuple[dmoc.trajectory.Collision, ...], mass: np.ndarray) -> list[float]:
+def energies_of(
+    collisions: tuple[dmoc.motion.trajectory.Collision, ...], mass: np.ndarray
+) -> list[float]:
     """Kinetic energy before the first and after every collision."""
     momenta = [collisions[0].momentum_before, *(c.momentum_after for c in collisions)]
     return [float(p @ np.linalg.solve(mass, p)) / 2 for p in momenta]

@@ -12,8 +12,8 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.check.path_limits import Course
 from dmoc.simulation.flow import Steps
-from dmoc.simulation.path_limits import Course
 
 T = dynamicsymbols._t
 
@@ -36,7 +36,9 @@ def test_a_course_is_the_polynomial_of_degree_five() -> None:
         assert u[0, 0] == pytest.approx(1 + 2 * share)
 
 
-def straight(kernels: dmoc.codegen.kernels.Kernels, steps: int) -> dmoc.trajectory.Trajectory:
+def straight(
+    kernels: dmoc.codegen.kernels.Kernels, steps: int
+) -> dmoc.motion.trajectory.Trajectory:
     """From the origin with (1, 1) m/s for a second."""
 
     def goes(t: np.ndarray) -> np.ndarray:

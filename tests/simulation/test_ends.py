@@ -8,14 +8,14 @@ import pytest
 from flights import cube_system, flight
 
 import dmoc
+from dmoc.check.amplification import Carried, carried, saltation
+from dmoc.check.checked_motion import Motion
+from dmoc.check.judgement import Evidence, judged, measured
+from dmoc.check.measures import segments, step_errors
+from dmoc.check.runs import Departures, departures, predicted
+from dmoc.check.verdict import is_unstable
 from dmoc.codegen.kernels import Kernels
-from dmoc.simulation.amplification import Carried, carried, saltation
 from dmoc.simulation.flow import Contact
-from dmoc.simulation.judgement import Evidence, judged, measured
-from dmoc.simulation.measures import segments, step_errors
-from dmoc.simulation.motion import Motion
-from dmoc.simulation.runs import Departures, departures, predicted
-from dmoc.simulation.verdict import is_unstable
 
 
 @pytest.mark.parametrize(

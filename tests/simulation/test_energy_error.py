@@ -13,7 +13,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 T = dynamicsymbols._t
 WEIGHT, TIME = 9.81, 20.0

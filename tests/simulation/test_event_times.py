@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import dmoc
+from dmoc.check.contact_location import _told
 from dmoc.codegen.kernels import Kernels
-from dmoc.simulation.contact_location import _told
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import SimulationError
 from dmoc.simulation import contact_motion
 from dmoc.simulation.modes import Mode
 from dmoc.simulation.poisson import impulses

@@ -9,11 +9,11 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import SimulationError
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row
-from dmoc.simulation.choices import _borne
+from dmoc.simulation.mode_choice import _borne
 from dmoc.simulation.modes import Mode
 
 T = dynamicsymbols._t

@@ -18,15 +18,15 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system
 
 import dmoc
+from dmoc.check.amplification import carried, saltation
+from dmoc.check.checked_motion import Motion, OutOfTimeError
+from dmoc.check.measures import segments
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row
 from dmoc.simulation import dormand_prince
-from dmoc.simulation.amplification import carried, saltation
 from dmoc.simulation.integrator import Integrator
-from dmoc.simulation.measures import segments
 from dmoc.simulation.modes import Mode
-from dmoc.simulation.motion import Motion, OutOfTimeError
 from dmoc.simulation.roots import crossing
 
 T = dynamicsymbols._t
@@ -335,7 +335,7 @@ def test_a_check_hears_of_its_time_limit(solution: dmoc.Solution, reads: list[in
 
 def test_the_check_needs_no_scipy() -> None:
     """It takes longer to import than the check takes."""
-    code = "import sys, dmoc.simulation.check; print({'scipy', 'sympy'} & set(sys.modules))"
+    code = "import sys, dmoc.check.check; print({'scipy', 'sympy'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 

@@ -13,8 +13,8 @@ import pytest
 import dmoc
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.values import parameter_row
+from dmoc.motion.trajectory import Trajectory
 from dmoc.simulation.sizes import sizes_of
-from dmoc.trajectory import Trajectory
 
 TELLINGS = [
     invariance.Told(),

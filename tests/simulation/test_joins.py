@@ -12,9 +12,9 @@ from flights import Change, cube_system, flight, one, phase_changed
 from systems import block_system, there_and_back
 
 import dmoc
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import SimulationError
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ from flights import Change, cube_system, flight, one, phase_changed
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.check.verdict import exceeded, is_unstable
 from dmoc.codegen.kernels import Kernels
-from dmoc.simulation.verdict import exceeded, is_unstable
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 T = dynamicsymbols._t
 

@@ -9,8 +9,8 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import SimulationError
 
 T = dynamicsymbols._t
 

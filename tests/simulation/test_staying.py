@@ -13,7 +13,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.simulating import Simulation
+from dmoc.results.simulation import Simulation
 from dmoc.simulation import contact_motion
 
 T = dynamicsymbols._t

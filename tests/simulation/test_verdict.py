@@ -9,10 +9,10 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.check.path_limits import Excess
+from dmoc.check.verdict import broken, lost_by
 from dmoc.codegen.kernels import Kernels
-from dmoc.simulation.path_limits import Excess
-from dmoc.simulation.verdict import broken, lost_by
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 T = dynamicsymbols._t
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dmoc
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.compiled import Factorisation, interior_point, kkt_pattern
 from dmoc.solvers.kkt_layout import kkt_layout
 

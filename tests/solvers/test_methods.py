@@ -21,11 +21,11 @@ from methods import SPARSE
 from systems import block_system, there_and_back
 
 import dmoc
+from dmoc.base.errors import MissingExtraError, ProblemError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import MissingExtraError, ProblemError
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.transcription import Transcription
-from dmoc.registry import build
+from dmoc.guess.automatic import initial_guesses
+from dmoc.models.registry import build
+from dmoc.program.transcription import Transcription
 from dmoc.solvers import ipm
 from dmoc.solvers.compiled import Factorisation
 from dmoc.solvers.ipm import least_violation
@@ -466,13 +466,13 @@ def test_a_final_group_without_diagonal_is_factorised() -> None:
 
 @pytest.mark.parametrize(
     "source",
-    ["nlp/passes.c", *(f"solvers/{p.name}" for p in sorted((ROOT / "solvers").glob("*.c")))],
+    ["program/passes.c", *(f"solvers/{p.name}" for p in sorted((ROOT / "solvers").glob("*.c")))],
 )
 def test_sources_compile_without_warnings(tmp_path: Path, source: str) -> None:
     compiler = shutil.which("gcc") or shutil.which("cc")
     assert compiler is not None
     flags = ["-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
-    flags += [f"-I{ROOT / folder}" for folder in ("codegen", "nlp", "solvers")]
+    flags += [f"-I{ROOT / folder}" for folder in ("codegen", "program", "solvers")]
     subprocess.run(
         [compiler, *flags, "-c", str(ROOT / source), "-o", str(tmp_path / "x.o")], check=True
     )

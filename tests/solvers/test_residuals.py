@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from systems import double_integrator
 
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.scaling import scale_of
-from dmoc.nlp.transcription import Transcription
+from dmoc.guess.automatic import initial_guesses
+from dmoc.program.scaling import scale_of
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt import duality_gap, with_bounds
 from dmoc.solvers.outcome import Duals
 

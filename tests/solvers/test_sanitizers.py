@@ -24,8 +24,8 @@ from systems import bryson_denham, driven_system
 import dmoc
 from dmoc.codegen.build import sources
 from dmoc.codegen.kernels import Kernels
-from dmoc.nlp.program import ElementData, PassData, ProgramData, strided
-from dmoc.registry import find
+from dmoc.models.registry import find
+from dmoc.program.arrays import ElementData, PassData, ProgramData, strided
 from dmoc.solvers import ipm
 from dmoc.solvers.compiled import Factorisation
 
@@ -140,7 +140,7 @@ def gcc(tmp_path_factory: pytest.TempPathFactory) -> str:
 def objects(gcc: str, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The hand-written C, compiled."""
     folder = tmp_path_factory.mktemp("objects")
-    parts = [ROOT / "nlp" / "passes.c", *sorted((ROOT / "solvers").glob("*.c"))]
+    parts = [ROOT / "program" / "passes.c", *sorted((ROOT / "solvers").glob("*.c"))]
     done = _run([gcc, *FLAGS, *WARNINGS, *_include(), "-c", *map(str, parts)], folder)
     assert done.returncode == 0, done.stderr
     return sorted(folder.glob("*.o"))
@@ -175,7 +175,7 @@ def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 def _include() -> list[str]:
-    return [f"-I{ROOT / folder}" for folder in ("codegen", "nlp", "solvers")]
+    return [f"-I{ROOT / folder}" for folder in ("codegen", "program", "solvers")]
 
 
 def ran(run: Path, what: str, file: Path, content: bytes) -> list[float]:

@@ -10,7 +10,7 @@ import pytest
 from systems import block_system
 
 import dmoc
-from dmoc.nlp.active import ActiveBound, BoundKind
+from dmoc.program.active_constraints import ActiveBound, BoundKind
 from dmoc.solvers.outcome import SENTENCES, Status
 
 BOUNDS = {

@@ -12,14 +12,14 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.scaling import scale_of
+from dmoc.guess.automatic import initial_guesses
+from dmoc.program.scaling import scale_of
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.outcome import Duals, Options, Outcome, Residuals, Status
 from dmoc.solving import attempts
-from dmoc.solving.basins import Basin
-from dmoc.solving.exploration import Effort
-from dmoc.solving.ranking import _Ranked
+from dmoc.solving.multistart.exploration import Effort
+from dmoc.solving.multistart.minima import Basin
+from dmoc.solving.multistart.ranking import _Ranked
 
 NONE = np.zeros(0)
 

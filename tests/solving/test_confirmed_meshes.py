@@ -14,12 +14,12 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system
 
 import dmoc
-from dmoc.nlp.readout import given_multipliers
-from dmoc.nlp.transcription import Transcription
+from dmoc.program.extraction import given_multipliers
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import Duals, Status
-from dmoc.solving.refinement import Solve, refined
-from dmoc.solving.result import checked
-from dmoc.solving.undetermined import curvatures
+from dmoc.solving.checked_solution import checked
+from dmoc.solving.indeterminacy import curvatures
+from dmoc.solving.mesh.refinement import Solve, refined
 
 pytestmark = pytest.mark.slow
 X, Y, U = dynamicsymbols("x y u")

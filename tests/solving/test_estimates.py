@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dmoc.nlp.active import ActiveBound, BoundKind
+from dmoc.program.active_constraints import ActiveBound, BoundKind
 from dmoc.solvers.outcome import Status
-from dmoc.solving import endless as endless_costs
-from dmoc.solving import refinement
-from dmoc.solving.basins import Basin
-from dmoc.solving.mesh_error import UNKNOWN, Errors, estimates
-from dmoc.solving.refinement import History, Level
+from dmoc.solving import unbounded_cost
+from dmoc.solving.mesh import refinement
+from dmoc.solving.mesh.error import UNKNOWN, Errors, estimates
+from dmoc.solving.mesh.refinement import History, Level
+from dmoc.solving.multistart.minima import Basin
 
 LIMITED = (ActiveBound(BoundKind.INPUT, "u", "<=", 1.0, 3),)
 
@@ -132,8 +132,8 @@ def test_a_small_cost_that_falls_by_a_hundredth_in_twice_the_time_has_no_minimum
         return answer(cost * (1 - falls), 6.0)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(endless_costs, "replace", lambda s, **fields: fields["status"])
-        found: Any = endless_costs.bounded(problem, first, solve)
+        patch.setattr(unbounded_cost, "replace", lambda s, **fields: fields["status"])
+        found: Any = unbounded_cost.bounded(problem, first, solve)
     assert found is (Status.STALLED if endless else first)
 
 

@@ -14,12 +14,12 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import double_integrator
 
 import dmoc
+from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import ProblemError
-from dmoc.registry import find
+from dmoc.models.registry import find
 from dmoc.solvers.outcome import Status
-from dmoc.solving import ranking
 from dmoc.solving.attempts import Attempt
+from dmoc.solving.multistart import ranking
 
 
 @pytest.fixture(scope="module")

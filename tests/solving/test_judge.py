@@ -11,14 +11,14 @@ import pytest
 from methods import INSTALLED
 
 import dmoc
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.layout import Layout
-from dmoc.nlp.scaling import scale_of
+from dmoc.guess.automatic import initial_guesses
+from dmoc.program.layout import Layout
+from dmoc.program.scaling import scale_of
 from dmoc.solvers.judge import INFEASIBLE, judged, rounded, verdict
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals, Ending, Options, Outcome, Residuals, Status
 from dmoc.solving.methods import METHODS
-from dmoc.solving.program import Programs
+from dmoc.solving.programs import Programs
 
 SHARP, LOOSE, BROKEN = (
     Residuals(1e-9, 1e-12),

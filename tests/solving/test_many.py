@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 
 import dmoc
-from dmoc.errors import ProblemError
+from dmoc.base.errors import ProblemError
+from dmoc.motion.trajectory import Array
 from dmoc.solving import many
 from dmoc.solving.many import BatchProgress
-from dmoc.trajectory import Array
 
 MASSES = (0.5, 1.0, 2.0)
 
@@ -223,7 +223,7 @@ SCRIPT = r"""
 import os
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 reference = find("puck_table")
 problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 10})

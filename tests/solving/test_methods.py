@@ -12,7 +12,7 @@ import pytest
 from systems import landing_problem, landing_system
 
 import dmoc
-from dmoc.errors import ProblemError, SearchError
+from dmoc.base.errors import ProblemError, SearchError
 from dmoc.solving.methods import FORMS, METHODS, listed
 
 
@@ -38,7 +38,7 @@ def test_the_list_is_read_without_loading_a_solver() -> None:
 
 def test_a_checked_solve_with_the_compiled_method_imports_no_scipy() -> None:
     code = (
-        "import sys, dmoc; from dmoc.registry import find; r = find('cart_pendulum'); s = "
+        "import sys, dmoc; from dmoc.models.registry import find; r = find('cart_pendulum'); s = "
         "dmoc.solve(dmoc.Problem(r.kernels(), **r.defaults), 'ipm'); assert s.solved;"
         "print(sorted({'scipy', 'sympy', 'matplotlib', 'sqlite3', 'rich', 'typer', "
         "'multiprocessing'} & set(sys.modules)))"

@@ -15,7 +15,7 @@ from systems import block_system
 
 import dmoc
 from dmoc.solvers.outcome import Status
-from dmoc.solving.passing import naming_steps, passing_steps
+from dmoc.solving.mesh.confirmation import naming_steps, passing_steps
 
 Q, X, U = dynamicsymbols("q x u")
 

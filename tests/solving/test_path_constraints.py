@@ -14,8 +14,8 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.discretisation import DISCRETISATIONS
-from dmoc.nlp.transcription import Transcription
+from dmoc.base.discretisation import DISCRETISATIONS
+from dmoc.program.transcription import Transcription
 
 X, U = dynamicsymbols("x u")
 v = X.diff()

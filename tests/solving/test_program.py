@@ -8,10 +8,10 @@ import block_and_wall
 import pytest
 
 import dmoc
-from dmoc.nlp.guess import initial_guesses
-from dmoc.nlp.scaling import scale_of
-from dmoc.nlp.transcription import Transcription
-from dmoc.solving.program import Programs
+from dmoc.guess.automatic import initial_guesses
+from dmoc.program.scaling import scale_of
+from dmoc.program.transcription import Transcription
+from dmoc.solving.programs import Programs
 
 
 def test_programs_are_kept() -> None:

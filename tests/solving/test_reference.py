@@ -6,11 +6,11 @@ import pickle
 from pathlib import Path
 
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 MODEL = """
 import dmoc
-from dmoc.registry import find
+from dmoc.models.registry import find
 
 def problem():
     reference = find("puck_table")

@@ -13,10 +13,10 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system
 
 import dmoc
-from dmoc.errors import ProblemError
+from dmoc.base.errors import ProblemError
 from dmoc.solvers.outcome import Status
-from dmoc.solving.refinement import refined
-from dmoc.solving.result import checked
+from dmoc.solving.checked_solution import checked
+from dmoc.solving.mesh.refinement import refined
 
 pytestmark = pytest.mark.slow
 

@@ -9,10 +9,10 @@ import pytest
 from systems import there_and_back
 
 import dmoc
+from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Kernels
-from dmoc.errors import ProblemError
-from dmoc.nlp.transcription import Transcription
-from dmoc.registry import find
+from dmoc.models.registry import find
+from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals, Iteration
 

@@ -9,12 +9,12 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.nlp.scaling import scale_of
+from dmoc.program.scaling import scale_of
 from dmoc.solvers.outcome import Options
 from dmoc.solving.methods import METHODS
-from dmoc.solving.program import Programs
+from dmoc.solving.programs import Programs
 from dmoc.solving.starts import starts_of
-from dmoc.solving.touching import pays, slopes
+from dmoc.solving.touches import pays, slopes
 
 X, Y, U, V = dynamicsymbols("x y u v")
 MU, M_XY = sp.symbols("mu m_xy")

@@ -12,8 +12,8 @@ from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 from systems import block_system
 
 import dmoc
-from dmoc.discretisation import ORDERS
-from dmoc.errors import DmocError, ModelError
+from dmoc.base.discretisation import ORDERS
+from dmoc.base.errors import DmocError, ModelError
 from dmoc.symbolic.families import model_key, model_spec
 
 T = dynamicsymbols._t

@@ -13,8 +13,8 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system
 
 import dmoc
-from dmoc.codegen.of_system import build
-from dmoc.errors import ModelError
+from dmoc.base.errors import ModelError
+from dmoc.codegen.system_kernels import build
 from dmoc.mechanics.model import Model
 from dmoc.symbolic.drawing import values_of
 from dmoc.symbolic.families import model_fingerprint, model_key

@@ -25,7 +25,7 @@ from sympy.physics.mechanics import (
 )  # fmt: skip
 
 import dmoc
-from dmoc.errors import ModelError
+from dmoc.base.errors import ModelError
 
 m_c, m_p, l, g = sp.symbols("m_c m_p l g")
 VALUES = {m_c: 1.0, m_p: 0.3, l: 0.5, g: 9.81}

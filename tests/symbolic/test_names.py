@@ -13,10 +13,10 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.discretisation import ORDERS
+from dmoc.base.errors import ModelError
 from dmoc.codegen.kernels import Kernels
-from dmoc.discretisation import ORDERS
-from dmoc.errors import ModelError
-from dmoc.symbolic.derivation import Derivation
+from dmoc.symbolic.derivation.sections import Derivation
 
 pytestmark = pytest.mark.slow
 

@@ -10,7 +10,7 @@ import pytest
 from pages import DOCS, write_shared
 
 import dmoc
-from dmoc import errors
+from dmoc.base import errors
 
 PUBLIC = sorted(dmoc.__all__)
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -30,9 +30,9 @@ def test_public_name_has_the_sections_of_numpydoc(name: str) -> None:
 
 def test_the_reference_lists_every_public_name_and_every_error() -> None:
     listed = set((DOCS / "reference" / "index.rst").read_text().split())
-    kinds = [f"dmoc.errors.{n}" for n, e in vars(errors).items() if isinstance(e, type)]
+    kinds = [f"dmoc.base.errors.{n}" for n, e in vars(errors).items() if isinstance(e, type)]
     missing = {f"dmoc.{name}" for name in PUBLIC} - listed
-    assert not missing and set(kinds) - listed == {"dmoc.errors.DmocError"}
+    assert not missing and set(kinds) - listed == {"dmoc.base.errors.DmocError"}
 
 
 @pytest.mark.slow

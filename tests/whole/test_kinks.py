@@ -12,9 +12,9 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.derivation_check import checked
-from dmoc.discretisation import DISCRETISATIONS
-from dmoc.errors import ModelError, ProblemError
+from dmoc.base.discretisation import DISCRETISATIONS
+from dmoc.base.errors import ModelError, ProblemError
+from dmoc.inspection.kernel_check import checked
 from dmoc.symbolic.kinks import split
 
 X, U = dynamicsymbols("x u")

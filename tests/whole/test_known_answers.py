@@ -378,7 +378,7 @@ def test_damped_oscillator() -> None:
 
 
 def test_a_plastic_impact_ends_in_lasting_contact() -> None:
-    from dmoc.errors import SimulationError
+    from dmoc.base.errors import SimulationError
 
     kernels = dmoc.build(two_bounces.system())
     run = dmoc.simulate(kernels, [0.8], step_size=0.01, steps=100, restitution=0.0)
@@ -389,7 +389,7 @@ def test_a_plastic_impact_ends_in_lasting_contact() -> None:
 
 
 def test_restitution_needs_no_new_kernels_and_is_checked() -> None:
-    from dmoc.errors import ProblemError
+    from dmoc.base.errors import ProblemError
 
     problem = block_and_wall.problem(0.9)
     assert problem.but(restitution={"wall": 0.2}).kernels is problem.kernels

@@ -10,9 +10,8 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-LAYERS = (
-    "symbolic codegen mechanics nlp solvers solving sequences simulation report src/dmoc".split()
-)
+LAYERS = """base motion symbolic codegen mechanics problem program guess solvers simulation check
+report results inspection solving sequences cli""".split()
 
 
 @pytest.fixture(scope="module")

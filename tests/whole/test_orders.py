@@ -12,8 +12,8 @@ from sympy import symbols
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.base.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.codegen.kernels import Kernels
-from dmoc.discretisation import DISCRETISATIONS, FORMS, ORDERS
 from dmoc.symbolic.discrete import lobatto_nodes, quadrature
 
 G = 9.81

@@ -109,7 +109,7 @@ def test_a_wheel_with_what_does_not_belong_there_is_refused(
     release: dict[str, Any], tmp_path: Path
 ) -> None:
     info = "dmoc-1.0.dist-info/licenses/LICENSE"
-    good = {*release["NEEDED"], info, "dmoc/nlp/a.cpython-311-x86_64-linux-gnu.so"}
+    good = {*release["NEEDED"], info, "dmoc/program/a.cpython-311-x86_64-linux-gnu.so"}
 
     def wrong(names: set[str]) -> list[str]:
         wheel = tmp_path / "dmoc-1.0-cp311-cp311-manylinux_2_17_x86_64.whl"
@@ -120,7 +120,7 @@ def test_a_wheel_with_what_does_not_belong_there_is_refused(
         return found
 
     assert wrong(good) == []
-    for name in ("tests/test_a.py", "dmoc/nlp/a.o", "dmoc/nlp/a.cpython-312-x86_64-linux-gnu.so"):
+    for name in ("tests/test_a.py", "dmoc/base/a.o", "dmoc/base/a.cpython-312-x86_64-linux-gnu.so"):
         (sentence,) = wrong({*good, name})
         assert f"holds {name}, which does not belong there" in sentence
     assert any("lacks dmoc/py.typed" in s for s in wrong(good - {"dmoc/py.typed"}))
@@ -143,7 +143,7 @@ def test_type_checkers_see_the_fields_of_a_problem() -> None:
     """Its __init__ for type checkers says what its fields say, but for the model."""
     (problem,) = (
         node
-        for node in ast.parse((ROOT / "nlp" / "problem.py").read_text(encoding="utf-8")).body
+        for node in ast.parse((ROOT / "problem" / "problem.py").read_text(encoding="utf-8")).body
         if isinstance(node, ast.ClassDef) and node.name == "Problem"
     )
     fields = [

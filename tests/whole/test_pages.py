@@ -11,7 +11,7 @@ import matplotlib
 import pytest
 from pages import DOCS, ROOT, TROUBLESHOOTING, agrees, commands_of, run, updated, write_shared
 
-from dmoc import errors
+from dmoc.base import errors
 from dmoc.cli.app import app
 from dmoc.sequences.nodes import Verdict
 from dmoc.solvers.outcome import Status

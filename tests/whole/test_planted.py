@@ -9,7 +9,7 @@ from planted_motions import true_motions
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.trajectory import Trajectory
+from dmoc.motion.trajectory import Trajectory
 
 Motions = dict[str, tuple[Trajectory, Kernels]]
 # The system that feels each kind.

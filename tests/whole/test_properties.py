@@ -15,8 +15,8 @@ from systems import block_system, puck_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.nlp.transcription import Transcription
-from dmoc.registry import build
+from dmoc.models.registry import build
+from dmoc.program.transcription import Transcription
 
 pytestmark = pytest.mark.slow
 

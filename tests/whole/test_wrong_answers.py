@@ -13,9 +13,9 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, there_and_back
 
 import dmoc
-from dmoc.errors import ProblemError
-from dmoc.nlp.surfaces import contact_point, crossings, onto_surface
-from dmoc.nlp.transcription import Transcription
+from dmoc.base.errors import ProblemError
+from dmoc.problem.surfaces import contact_point, crossings, onto_surface
+from dmoc.program.transcription import Transcription
 
 pytestmark = pytest.mark.slow
 

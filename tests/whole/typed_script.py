@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import dmoc
+from dmoc.check.verdict import Verification
 from dmoc.codegen.kernels import Kernels
-from dmoc.sequences.engine import SearchResult
+from dmoc.motion.states import State
 from dmoc.sequences.nodes import Node
-from dmoc.simulation.verdict import Verification
+from dmoc.sequences.search import SearchResult
 from dmoc.solvers.outcome import Status
-from dmoc.states import State
 
 
 def stated(system: dmoc.MechanicalSystem) -> dmoc.Problem:

@@ -1,0 +1,2 @@
+"""What every layer stands on: errors, arguments, messages, names, tables, pages, files,
+progress."""

@@ -1,0 +1,88 @@
+"""Files are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import stat
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+from dmoc.base.errors import OutputError
+from dmoc.base.messages import path as path_of
+from dmoc.base.messages import place
+
+REMEDY = "choose a writable place with room"
+
+
+def write_whole(path: str | os.PathLike[str], content: bytes) -> Path:
+    """Write a file through a temporary one beside it, which nobody can foresee; a device is written
+    to directly.  Return its path.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written; an existing file is then left as it was.
+    """
+    named = path_of(path)
+    try:
+        target = named.resolve()  # a link stays a link
+        if target.exists() and not target.is_file():
+            target.write_bytes(content)
+        else:
+            _replace(target, content)
+    except OSError as error:
+        raise _refused(named, error) from None
+    return named
+
+
+def _replace(target: Path, content: bytes) -> None:
+    partial = target.with_name(f".dmoc-{secrets.token_hex(16)}")
+    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+    try:
+        with open(descriptor, "wb") as stream:
+            if target.exists():
+                os.fchmod(descriptor, stat.S_IMODE(target.stat().st_mode))
+            stream.write(content)
+            stream.flush()
+            os.fsync(descriptor)
+        partial.replace(target)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def check_file(path: Path) -> None:
+    """Fail before a long solve rather than after it."""
+    try:
+        target = path.resolve()
+        with suppress(FileNotFoundError):
+            target.stat()  # a name may be longer than the file system takes
+    except OSError as error:
+        raise _refused(path, error) from None
+    if target.is_dir():
+        raise OutputError(f"{place(path)} cannot be written (it is a folder): name a file.")
+    if not target.exists() or target.is_file():
+        _check(target.parent, path)
+
+
+def check_folder(folder: Path) -> None:
+    """Make a folder and see whether files can be written there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _refused(folder, error) from None
+    _check(folder, folder)
+
+
+def _check(folder: Path, named: Path) -> None:
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _refused(named, error) from None
+
+
+def _refused(path: Path, error: OSError) -> OutputError:
+    return OutputError(f"{place(path)} cannot be written ({error.strerror}): {REMEDY}.")

@@ -1,0 +1,129 @@
+"""How far a motion amplifies small errors: its linearised flow, through the collisions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dmoc.check.checked_motion import Motion
+from dmoc.check.measures import Segment
+from dmoc.codegen.kernels import Array
+
+PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
+SMALLEST = 1e-11  # error of a segment that is not told from those of the integration
+# A phase that amplifies errors more often than this may be off at its end by that much more: where
+# its segments are right to half a percent, by what the flow makes of that.
+STEADY = 6.0
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What the linearised flow makes of errors on the way, in sizes of positions and velocities:
+    the largest ratio of an error at the end to one at a segment's start, by how much an
+    open-loop run leaves the motion at the end of each segment (n, 2 nq), as the errors of the
+    segments until there predict, and the largest error at the end of a phase that is followed from
+    its own first node, divided by its amplification beyond the steady one."""
+
+    amplification: float
+    deviations: Array
+    phase_error: float
+
+    @property
+    def end(self) -> float:
+        """The predicted deviation at the end of the motion."""
+        return float(np.nan_to_num(self.deviations[-1], nan=np.inf).max())
+
+
+def carried(
+    motion: Motion, segments: Sequence[Segment], through: Callable[[Motion, int, Array], Array]
+) -> Carried:
+    """Carry the errors of segments to the ends of those that follow; ``through`` is the derivative
+    of the state after an event by that before it."""
+    unit = np.concatenate([motion.sizes.q, motion.sizes.v])
+    slopes = [_scaled(motion, segment, unit) for segment in segments]
+    deviations, errors = [], np.zeros((len(unit), 0))
+    product, products = np.eye(len(unit)), [np.eye(len(unit))]
+    events = [
+        through(motion, one.phase, unit) if one.phase < other.phase else None
+        for one, other in pairwise(segments)
+    ]
+    for segment, slope, event in zip(segments, slopes, [*events, None], strict=True):
+        own = np.maximum(np.abs(segment.defect / unit), SMALLEST)
+        errors = np.hstack([slope @ errors, own[:, None]])
+        deviations.append(np.abs(errors).sum(axis=1))
+        errors = errors if event is None else event @ errors
+    for slope, event in zip(reversed(slopes), [None, *reversed(events)], strict=True):
+        product = (product if event is None else product @ event) @ slope
+        products.append(product)
+    finite = np.isfinite(products).all()
+    largest = np.linalg.norm(np.array(products), 2, axis=(1, 2)).max() if finite else np.inf
+    pairs = list(zip(segments, slopes, strict=True))
+    phases = [
+        _phase_error([pair for pair in pairs if pair[0].phase == i], unit)
+        for i in range(len(motion.steps))
+    ]
+    return Carried(float(largest), np.array(deviations), max(phases))
+
+
+def _phase_error(parts: Sequence[tuple[Segment, Array]], unit: Array) -> float:
+    """The weighed error at the end of the segments of a phase, with their scaled slopes."""
+    off, product, most = np.zeros(len(unit)), np.eye(len(unit)), 0.0
+    for segment, slope in parts:
+        off = slope @ off + segment.defect / unit
+    for _, slope in reversed(parts):
+        product = product @ slope
+        most = max(most, float(np.linalg.norm(product, np.inf)))
+    if not np.isfinite(product).all():  # it amplifies without limit: its segments are judged alone
+        return 0.0
+    return float(np.nan_to_num(np.abs(off).max(), nan=np.inf)) / max(1.0, most / STEADY)
+
+
+def _scaled(motion: Motion, segment: Segment, unit: Array) -> Array:
+    """The derivative of the end of a segment by its start, in sizes."""
+    slope = segment.slope
+    if not np.isfinite(slope).all() and not motion.has_modes:
+        slope = _differences(motion, segment, unit)  # forces with a kink where the motion is
+    return np.asarray(slope / unit[:, None] * unit)
+
+
+def _differences(motion: Motion, segment: Segment, unit: Array) -> Array:
+    """The derivative of the end of a segment by its start from differences."""
+    phase, steps = motion.trajectory.phases[segment.phase], motion.steps[segment.phase]
+    start = np.concatenate([phase.q[segment.first], phase.v[segment.first]])
+    changes = PERTURBED * np.vstack([np.diag(unit), -np.diag(unit)])
+    ends = np.array(
+        [motion.flow.freely(start + d, steps, segment.first, segment.last) for d in changes]
+    )
+    n = len(unit)
+    return np.asarray((ends[:n] - ends[n:]).T / (2 * PERTURBED * unit))
+
+
+def saltation(motion: Motion, i: int, unit: Array) -> Array:
+    """Derivative of the state after a collision, at its planned time, with respect to the state
+    before it, in sizes."""
+    trajectory, flow, nq = motion.trajectory, motion.flow, motion.model.nq
+    c, before, after = trajectory.collisions[i], trajectory.phases[i], trajectory.phases[i + 1]
+    j, t = motion.model.kernels.surfaces.index(c.surface), c.time
+    slope = motion.model.gap_slopes(before.q[-1], t)[j]
+    rate = float(slope[:nq] @ before.v[-1] + slope[nq])
+    if c.grazes or not rate > 0:
+        return np.eye(2 * nq)
+    ends = (
+        (before, -1, motion.steps[i].u1[-1]),
+        (after, 0, motion.steps[i + 1].u0[0]),
+    )
+    a = [motion.model.acceleration(p.q[k], p.v[k], u, t) for p, k, u in ends]
+
+    def through(y: Array) -> Array:
+        q, v = y[:, :nq], y[:, nq:]
+        late = -((q - before.q[-1]) @ slope[:nq])[:, None] / rate  # until the surface is met
+        q, v = q + late * v, v + late * a[0]
+        v = flow.planned_impact(c, q, v)[0]
+        return np.hstack([q - late * v, v - late * a[1]])
+
+    y = np.concatenate([before.q[-1], before.v[-1]])
+    changes = PERTURBED * np.diag(unit)
+    return (through(y + changes) - through(y - changes)).T / (2 * PERTURBED * unit[:, None])

@@ -1,0 +1,69 @@
+"""Where a motion lies on a surface, held there by its inputs: a simulation may enter it by a
+little."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
+from dmoc.motion.trajectory import Trajectory
+from dmoc.simulation.sizes import Sizes, gap_sizes_at
+
+# Largest gap g > 0 that counts as none, relative to how far the motion's ranges move the gap.
+PENETRATION = 0.002
+# A node within this share of the gap's size lies on the surface; so many in a row slide along it.
+# A motion that slides may enter the surface between its nodes as far as penetration may be, one
+# that only touches it less far: it would bounce.
+ON_ARC, LASTING, TOUCHING = 1e-4, 3, 3e-4
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A time in which a motion lies on a surface, and how far a simulation may enter it."""
+
+    surface: int
+    begin: float
+    end: float
+    depth: float
+
+
+def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
+    """Where a motion lies on a surface without a planned collision."""
+    found: list[Arc] = []
+    if not model.nc:
+        return found
+    hits = [
+        (model.kernels.surfaces.index(c.surface), c.time)
+        for c in trajectory.collisions
+        if c.surface and not c.grazes
+    ]
+    for phase in trajectory.phases:
+        on, h = model.gaps(phase.q, phase.t) >= -ON_ARC * sizes.gap, phase.step_size
+        local = gap_sizes_at(model, sizes, phase.q, phase.t)
+        on[:, [model.kernels.surfaces.index(name) for name in phase.closed]] = False
+        for k, j in zip(*np.nonzero(on), strict=True):
+            t = float(phase.t[k])
+            if not any(surface == j and abs(t - at) <= 2.5 * h for surface, at in hits):
+                slides = any(
+                    on[max(k - i, 0) : k + 3 - i, j].sum() == LASTING for i in range(LASTING)
+                )
+                # What happens after the end is nobody's business.
+                ends = t >= sizes.time - h / 2
+                depth = PENETRATION if slides or ends else TOUCHING
+                found.append(Arc(int(j), t - h, t + h, depth * float(local[k, j])))
+    return found
+
+
+def allowance(arcs: Sequence[Arc], surfaces: int, ignored: Sequence[int], t: Array) -> Array:
+    """How far simulations may enter surfaces at times t, shape (n, surfaces): where the motion
+    itself lies on one, without a force of its own, and without end where they are ignored."""
+    allowed = np.zeros((len(t), surfaces))
+    allowed[:, list(ignored)] = np.inf
+    for arc in arcs:
+        on = (arc.begin <= t) & (t <= arc.end)
+        allowed[on, arc.surface] = np.maximum(allowed[on, arc.surface], arc.depth)
+    return allowed

@@ -1,0 +1,118 @@
+"""The independent check of a motion: continuous equations of motion, event detection and impact
+law.
+
+Nothing here is shared with the discrete equations of the optimiser (:mod:`dmoc.simulation.flow`).
+A motion is compared with the flow in five ways: step by step, segment by segment and phase by
+phase, each from its own states; at its collisions, with the law of impact; and from the start to
+the end in one open-loop run.  An unstable motion amplifies every error on the way, so that the end
+of the open-loop run says nothing about it: it is weighed with the errors of the segments, carried
+there by the linearised flow.
+Where the motion itself lies on a surface, held there by its inputs, a simulation may enter the
+surface by a little.
+
+A motion with lasting contacts or friction is checked in :mod:`dmoc.check.contact_check`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.base.arguments import positive, shown
+from dmoc.base.errors import SimulationError
+from dmoc.check.amplification import carried, saltation
+from dmoc.check.checked_motion import Motion
+from dmoc.check.contact_check import judged_with_contacts
+from dmoc.check.joins import torn
+from dmoc.check.judgement import Evidence, judged, measured
+from dmoc.check.measures import (
+    energy_error,
+    impact_errors,
+    segments,
+    step_errors,
+    wrong_places,
+)
+from dmoc.check.runs import departures, on_the_way, open_loop
+from dmoc.check.verdict import Verification
+from dmoc.codegen.kernels import Kernels
+from dmoc.motion.trajectory import Trajectory
+
+__all__ = ["Verification", "verify"]
+
+
+def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = None) -> Verification:
+    """Simulate a motion independently and compare.
+
+    A motion passes if every step and every tenth of a phase is right to 1 % of the motion's ranges,
+    the end of every phase that is followed from its first node to 3 %, the energy to 2 %, time and
+    positions go on at its events, where momenta change by the impulses alone and obey the law of
+    impact, it keeps its limits and surfaces between nodes, the simulation meets the planned
+    collisions and no others, and the end of an open-loop run is right to 25 %.  The last does not
+    count for an unstable motion, whose amplification explains the end; its segments
+    must be right to 0.5 %.
+
+    Raises
+    ------
+    SimulationError
+        If the kernels are not those of the motion's model, or the time of ``seconds`` is used up.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        That of a solution.
+    kernels : Kernels
+        Those of its model.
+    seconds : float, optional
+        Time limit.
+
+    Returns
+    -------
+    Verification
+
+    Notes
+    -----
+    What is compared is equation :eq:`measures` of the theory; the flow with contacts is :eq:`dae`.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.models.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> solution = dmoc.solve(problem.but(sequence=["east"]), "ipm", starts=1, verify=False)
+    >>> check = dmoc.verify(solution.trajectory, problem.kernels)
+    >>> check.passed, check.missed_contacts, check.extra_contacts
+    (True, (), ())
+    """
+    if not isinstance(trajectory, Trajectory):
+        raise SimulationError(
+            f"trajectory = {shown(trajectory)}: expected that of a solution, solution.trajectory."
+        )
+    if not isinstance(kernels, Kernels):
+        raise SimulationError(
+            f"kernels = {shown(kernels)}: expected the kernels of the motion's model."
+        )
+    if kernels.manifest["fingerprint"] != trajectory.fingerprint:
+        raise SimulationError(
+            f"the motion of model {trajectory.model!r} was made with another version or order of "
+            f"it than the kernels of {kernels.name!r}: give those it was made with."
+        )
+    if seconds is not None:
+        expected = "expected a positive time limit, or None"
+        seconds = positive(seconds, "seconds", expected, SimulationError)
+    with np.errstate(all="ignore"):
+        motion = Motion.of(trajectory, kernels, seconds)
+        return judged_with_contacts(motion) if motion.has_modes else _judged(motion)
+
+
+def _judged(motion: Motion) -> Verification:
+    """Measure a motion and judge it."""
+    steps, parts = step_errors(motion), segments(motion)
+    terminal, contacts = open_loop(motion)
+    flowed = carried(motion, parts, saltation)
+    events = energy_error(motion, steps.work), *impact_errors(motion)
+    errors = measured(motion, steps, parts, flowed, events)
+    told = torn(motion) + wrong_places(motion, "collision")
+    found = Evidence(told, errors, steps.path, parts, flowed, terminal, contacts)
+    run = departures(motion, contacts)
+    way = run if found.failures else departures(motion, on_the_way(motion))
+    return judged(motion, found, run, way)

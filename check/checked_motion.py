@@ -1,0 +1,153 @@
+"""A motion that is to be checked: its data beside the flow of its model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.base.discretisation import DISCRETISATIONS
+from dmoc.base.errors import SimulationError
+from dmoc.check.arcs import allowance, arcs_of
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.values import parameter_row, restitution_row
+from dmoc.motion.trajectory import Collision, Phase, Trajectory
+from dmoc.simulation.flow import Flow, Steps
+from dmoc.simulation.modes import RAIL, Mode, mode_of, supports
+from dmoc.simulation.sizes import Sizes, sizes_of
+
+SEGMENTS = 10  # of a phase
+
+
+class OutOfTimeError(SimulationError):
+    """The check was not finished in its time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion, its model with its parameters, its sizes, its phases as steps and as modes, and the
+    flow it is compared with."""
+
+    trajectory: Trajectory
+    model: Model
+    sizes: Sizes
+    flow: Flow
+    steps: tuple[Steps, ...]
+    modes: tuple[Mode, ...]
+    check_time: Callable[[], None]
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, kernels: Kernels, seconds: float | None) -> Motion:
+        """Read a motion that is to be checked within some seconds."""
+        deadline = np.inf if seconds is None else time.perf_counter() + seconds
+
+        def check_time() -> None:
+            if time.perf_counter() > deadline:
+                raise OutOfTimeError(
+                    "the time for the check was used up: raise it, or take fewer steps."
+                )
+
+        _check_shapes(trajectory)
+        restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
+        model = Model(kernels, parameter_row(kernels, trajectory.parameters, SimulationError))
+        modes = tuple(mode_of(phase, kernels) for phase in trajectory.phases)
+        sizes = sizes_of(trajectory, model)
+        arcs = arcs_of(trajectory, model, sizes)
+        steps = [
+            Steps(
+                *(
+                    np.ascontiguousarray(part, dtype=float)
+                    for part in (p.t[:-1], np.diff(p.t), *trajectory.input_ends(p))
+                )
+            )
+            for p in trajectory.phases
+        ]
+        ignored = tuple(kernels.surfaces.index(name) for name in trajectory.ignored)
+        allowed = partial(allowance, arcs, model.nc, ignored)
+        flow = Flow(model, sizes, restitution, allowed, check_time)
+        return cls(trajectory, model, sizes, flow, tuple(steps), modes, check_time)
+
+    @property
+    def joints(self) -> Iterator[tuple[Collision, Phase, Phase]]:
+        """The events with the phases before and after them."""
+        phases = self.trajectory.phases
+        return zip(self.trajectory.collisions, phases, phases[1:], strict=False)
+
+    @cached_property
+    def nodes_inside(self) -> Array:
+        """Places in a step of the nodes inside it."""
+        return DISCRETISATIONS[self.trajectory.order].nodes[2:]
+
+    @cached_property
+    def watched(self) -> NDArray[np.bool_]:
+        """Surfaces that are not ignored, shape (nc,)."""
+        surfaces = self.model.kernels.surfaces
+        return np.array([name not in self.trajectory.ignored for name in surfaces], dtype=bool)
+
+    @cached_property
+    def has_modes(self) -> bool:
+        """Whether contacts last or something rubs."""
+        return _has_modes(self.trajectory, self.model)
+
+    @cached_property
+    def all_steps(self) -> Steps:
+        """The steps of all phases, one after the other."""
+        names = [f.name for f in fields(Steps)]
+        return Steps(*(np.concatenate([getattr(s, name) for s in self.steps]) for name in names))
+
+    def error(self, y: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
+        """Largest relative error of each row's state y = (q | v ...)."""
+        nq = self.model.nq
+        q, p = y[:, :nq], self.model.momentum(y[:, :nq], y[:, nq : 2 * nq], t)
+        parts = np.hstack(
+            [np.abs(q - q_wanted) / self.sizes.q, np.abs(p - p_wanted) / self.sizes.p]
+        )
+        return np.asarray(np.nan_to_num(parts.max(axis=1), nan=np.inf))
+
+
+def _check_shapes(trajectory: Trajectory) -> None:
+    """Refuse arrays that do not fit together."""
+    phases, events = len(trajectory.phases), len(trajectory.collisions)
+    if events != phases - 1:
+        raise SimulationError(
+            f"the motion has {phases} phases and {events} events: expected an event between any "
+            "two phases."
+        )
+    for phase in trajectory.phases:
+        rows = trajectory.input_form.rows(phase.steps)
+        inside = DISCRETISATIONS[trajectory.order].inside * phase.steps
+        nq = len(trajectory.coordinates)
+        for name, shape in (
+            *((name, (phase.steps + 1, nq)) for name in "qpv"),
+            ("u", (rows, len(trajectory.inputs))),
+            *((f"{name}_inside", (inside, nq)) for name in "qp" if inside),
+        ):
+            if getattr(phase, name).shape != shape:
+                raise SimulationError(
+                    f"{name} of the phase from {phase.t[0]:.4g} s on has the shape "
+                    f"{getattr(phase, name).shape}: expected {shape} for its {phase.steps} steps."
+                )
+
+
+def _has_modes(trajectory: Trajectory, model: Model) -> bool:
+    """Whether contacts last or something rubs in a motion, or should: rails do always, and
+    surfaces with friction where they are hit."""
+    hit = {c.surface for c in trajectory.collisions}
+    rubs = np.array(
+        [j == RAIL or model.kernels.surfaces[j] in hit for j in supports(model.kernels)], dtype=bool
+    )
+    return (
+        any(p.closed or p.rubbing for p in trajectory.phases)
+        or any(c.lands or c.leaves or not c.surface for c in trajectory.collisions)
+        or bool((rubs & (model.friction > 0)).any())
+    )
+
+
+def nodes_of_segments(steps: int) -> NDArray[np.intp]:
+    """First nodes of the segments of a phase, and its last node."""
+    return np.unique(np.linspace(0, steps, SEGMENTS + 1).round().astype(np.intp))

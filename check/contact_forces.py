@@ -1,0 +1,247 @@
+"""The forces of lasting contacts and of friction in a motion, beside those of the flow and beside
+what contacts can bear."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dmoc.check.checked_motion import Motion
+from dmoc.check.contact_location import ON_TIME
+from dmoc.check.contact_measures import Forces, forces
+from dmoc.check.measures import largest
+from dmoc.codegen.kernels import Array
+from dmoc.simulation.modes import RAIL, Mode, columns, conditions, supports
+from dmoc.simulation.sizes import NOTHING, pushes
+
+# What a force may pull or exceed its cone by, as a share of the largest of its contact, and what a
+# sliding velocity may turn by, as a share of its size.
+BEARABLE, TURNED = 0.01, 1e-3
+# A friction force counts by at least this share of a weak contact force: solvers leave 1e-10 of the
+# forces of a motion, and friction whose coefficient is zero holds nothing.
+SMOOTH = 1e-5
+# What a contact may still push with where it leaves, as a share of its largest force.
+PRESSED = 0.05
+# A closed contact may be off its surface, and what sticks off its place, by this share of the
+# sizes, and their rates by the second share.
+OFF, DRIFT = 1e-4, 0.02
+
+
+@dataclass(frozen=True)
+class ForceErrors:
+    """The largest error of a force relative to the largest of its contact, what contradicts the
+    motion, in sentences, and the largest force of each contact (nc,) and friction (nt,)."""
+
+    largest: float
+    told: tuple[str, ...]
+    sizes: tuple[Array, Array]
+
+
+def force_errors(motion: Motion) -> ForceErrors:
+    """Compare the forces of all phases with the flow's."""
+    found = [forces(motion, i) for i in range(len(motion.modes))]
+    normal, tangential = _sizes(motion, found)
+    worst, told = 0.0, list[str]()
+    for i, (mode, flow) in enumerate(zip(motion.modes, found, strict=True)):
+        if not mode.closed and not mode.sticking and not mode.sliding:
+            continue
+        worst = max(worst, _difference(motion, i, flow, (normal, tangential)))
+        told += _off(motion, i)
+        told += _paradoxes(motion, i)
+        told += _pulling(motion, i, flow, normal)
+        told += _slipping(motion, i, flow, tangential)
+        told += _turning(motion, i)
+    return ForceErrors(worst, tuple(told), (normal, tangential))
+
+
+def still_held(motion: Motion, sizes: tuple[Array, Array]) -> Iterator[str]:
+    """Contacts that leave while they are pressed, and that begin to slide while friction holds
+    them: with the inputs after the event, kept as they were, they would not."""
+    for i in range(len(motion.trajectory.collisions)):
+        yield from _pressed(motion, i, sizes[0])
+        yield from _gripped(motion, i, sizes[1])
+
+
+def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
+    model, surfaces = motion.model, motion.model.kernels.surfaces
+    c, after = motion.trajectory.collisions[i], motion.trajectory.phases[i + 1]
+    q, v, t = after.q[:1], after.v[:1], after.t[:1]
+    rates = model.gap_rates(q, v, t)[0]
+    for j in (surfaces.index(name) for name in c.leaves):
+        if rates[j] < -DRIFT * motion.sizes.rate[j]:
+            continue  # it opens with a velocity
+        kept = replace(motion.modes[i + 1], closed=(*motion.modes[i + 1].closed, j))
+        y, u = np.hstack([q, v]), motion.steps[i + 1].u0[:1]
+        force = motion.flow.integrator.reaction(kept, y, u, t).normal[0, j]
+        if force > PRESSED * size[j]:
+            yield f"{surfaces[j]} leaves at {c.time:.4g} s, pressed with {force:.4g} N"
+
+
+def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
+    model, at, mode = motion.model, supports(motion.model.kernels), motion.modes[i + 1]
+    c, after = motion.trajectory.collisions[i], motion.trajectory.phases[i + 1]
+    if c.surface:
+        return  # an impact may set it off
+    soon = after.t[:-1] <= max(c.time + ON_TIME * after.duration, after.t[1])
+    q, v, t, u = after.q[:-1][soon], after.v[:-1][soon], after.t[:-1][soon], motion.steps[i + 1].u0
+    fast = np.abs(model.slide_rates(after.q[:1], after.v[:1], after.t[:1])[0])
+    for k in dict(mode.sliding):
+        if k not in motion.modes[i].sticking or fast[k] > DRIFT * motion.sizes.slide[k]:
+            continue
+        others = tuple(pair for pair in mode.sliding if pair[0] != k)
+        kept = replace(mode, sticking=(*mode.sticking, k), sliding=others)
+        found = motion.flow.integrator.reaction(kept, np.hstack([q, v]), u[: len(t)], t)
+        bears = model.friction[k] * (1.0 if at[k] == RAIL else found.normal[:, at[k]])
+        spare = bears - np.abs(found.tangential[:, k])
+        if (spare > PRESSED * size[k]).all():
+            yield (
+                f"{model.kernels.tangents[k]} begins to slide at {c.time:.4g} s, where friction "
+                f"holds it: it has {np.broadcast_to(bears, spare.shape)[0]:.4g} N and needs "
+                f"{abs(found.tangential[0, k]):.4g} N"
+            )
+
+
+def left_out(motion: Motion) -> list[str]:
+    """Friction that a phase leaves out, or has at an open contact."""
+    kernels, told = motion.model.kernels, []
+    for phase in motion.trajectory.phases:
+        span = f"from {phase.t[0]:.4g} to {phase.t[-1]:.4g} s"
+        for name, j, mu in zip(
+            kernels.tangents, supports(kernels), motion.model.friction, strict=True
+        ):
+            touches = j == RAIL or kernels.surfaces[j] in phase.closed
+            if mu > 0 and touches and name not in phase.rubbing:
+                told.append(f"the friction of {name!r} is left out {span}")
+            elif not touches and name in phase.rubbing:
+                told.append(f"{name!r} rubs {span} where its contact is open")
+    return told
+
+
+def _sizes(motion: Motion, found: list[Forces]) -> tuple[Array, Array]:
+    """The largest contact forces (nc,) and friction forces that are possible (nt,) of a motion;
+    what carries little counts by a share of the forces of the motion."""
+    model, phases = motion.model, motion.trajectory.phases
+    normal = np.max([np.abs(f.normal).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
+    q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
+    normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
+    smooth = SMOOTH * pushes(model, motion.sizes, q, t, model.tangent_slopes(q, t))
+    at = supports(model.kernels)
+    possible = [
+        mu if j == RAIL else mu * normal[j] for j, mu in zip(at, model.friction, strict=True)
+    ]
+    taken = np.max([np.abs(f.tangential).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
+    friction = np.maximum.reduce([np.array(possible).reshape(model.nt), BEARABLE * taken, smooth])
+    return np.maximum(normal, NOTHING), np.maximum(friction, NOTHING)
+
+
+def _difference(motion: Motion, i: int, flow: Forces, sizes: tuple[Array, Array]) -> float:
+    """Largest error of the planned forces of a phase, relative to the sizes; between two steps
+    whose inputs differ every force between theirs is right."""
+    phase, kernels = motion.trajectory.phases[i], motion.model.kernels
+    worst = 0.0
+    for given, names, known, all_found, size in (
+        (phase.normal, phase.closed, kernels.surfaces, flow.normal, sizes[0]),
+        (phase.tangential, tuple(phase.rubbing), kernels.tangents, flow.tangential, sizes[1]),
+    ):
+        for column, name in enumerate(names):
+            j = known.index(name)
+            low, high = all_found[..., j].min(axis=0), all_found[..., j].max(axis=0)
+            off = np.maximum(low - given[:, column], given[:, column] - high)
+            worst = max(worst, largest(off / size[j]))
+    return worst
+
+
+def _off(motion: Motion, i: int) -> Iterator[str]:
+    """Closed contacts off their surfaces and what sticks off its place, and their rates."""
+    phase, model, sizes, mode = (
+        motion.trajectory.phases[i],
+        motion.model,
+        motion.sizes,
+        motion.modes[i],
+    )
+    slid = model.tangents(phase.q, phase.t)
+    for names, places, off, rates, size, rate in (
+        (
+            model.kernels.surfaces, mode.closed, model.gaps(phase.q, phase.t),
+            model.gap_rates(phase.q, phase.v, phase.t), sizes.gap, sizes.rate,
+        ),
+        (
+            model.kernels.tangents, mode.sticking, slid - slid[0],
+            model.slide_rates(phase.q, phase.v, phase.t),
+            sizes.place, sizes.slide,
+        ),
+    ):  # fmt: skip
+        for j in places:
+            k = int(np.argmax(np.abs(off[:, j])))
+            if not abs(off[k, j]) <= OFF * size[j]:
+                what = "is off its surface" if places is mode.closed else "has slipped"
+                yield f"{names[j]!r} {what} by {off[k, j]:.3g} at {phase.t[k]:.4g} s"
+            k = int(np.argmax(np.abs(rates[:, j])))
+            if not abs(rates[k, j]) <= DRIFT * rate[j]:
+                yield (
+                    f"{names[j]!r} moves with {rates[k, j]:.3g} at {phase.t[k]:.4g} s, where it is "
+                    "held"
+                )
+
+
+def _paradoxes(motion: Motion, i: int) -> Iterator[str]:
+    """Sliding contacts whose force would press them together (Painleve's paradox)."""
+    phase, model, mode = motion.trajectory.phases[i], motion.model, motion.modes[i]
+    if not mode.sliding:
+        return
+    rails_alone = Mode(mode.closed, (), mode.sliding)
+    c = conditions(model, rails_alone, phase.q, phase.t)
+    M = model.mass(phase.q, phase.t)
+    for place, j in enumerate(mode.closed):
+        pushed = columns(M, c.B[:, [place]])[..., 0]
+        wrong = np.flatnonzero(~((c.C[:, place] * pushed).sum(axis=1) < 0))
+        if len(wrong):
+            yield (
+                f"sliding of {model.kernels.surfaces[j]!r} at {phase.t[wrong[0]]:.4g} s presses "
+                "the contact together whatever its force (Painleve's paradox): no motion does that"
+            )
+
+
+def _pulling(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str]:
+    """Contacts that would have to pull."""
+    phase, surfaces = motion.trajectory.phases[i], motion.model.kernels.surfaces
+    for column, j in enumerate(motion.modes[i].closed):
+        least = np.minimum(flow.normal[..., j].min(axis=0), phase.normal[:, column])
+        k = int(np.argmin(least))
+        if not least[k] >= -BEARABLE * size[j]:
+            yield f"{surfaces[j]} would have to pull with {-least[k]:.4g} N at {phase.t[k]:.4g} s"
+
+
+def _slipping(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str]:
+    """Friction beyond what its contact or rail holds."""
+    phase, model, at = motion.trajectory.phases[i], motion.model, supports(motion.model.kernels)
+    for j in motion.modes[i].sticking:
+        mu = model.friction[j]
+        bears = mu * (
+            np.ones_like(flow.tangential[..., j]) if at[j] == RAIL else flow.normal[..., at[j]]
+        )
+        needs = np.abs(flow.tangential[..., j])
+        beyond = (needs - bears).max(axis=0)
+        k = int(np.argmax(beyond))
+        if not beyond[k] <= BEARABLE * size[j]:
+            side = int(np.argmax((needs - bears)[:, k]))
+            yield (
+                f"{model.kernels.tangents[j]} would have to stick with {needs[side, k]:.4g} N at "
+                f"{phase.t[k]:.4g} s, where it holds {max(bears[side, k], 0.0):.4g} N"
+            )
+
+
+def _turning(motion: Motion, i: int) -> Iterator[str]:
+    """Sliding against its planned direction, or from rest into the other one."""
+    phase, model = motion.trajectory.phases[i], motion.model
+    rates, size = model.slide_rates(phase.q, phase.v, phase.t), motion.sizes.slide
+    for j, s in motion.modes[i].sliding:
+        forward = s * rates[:, j]
+        k = int(np.argmin(forward))
+        if not forward[k] >= -TURNED * size[j]:
+            yield (
+                f"{model.kernels.tangents[j]} slides with {rates[k, j]:.4g} at {phase.t[k]:.4g} s, "
+                f"against its planned direction {s:+d}"
+            )

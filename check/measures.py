@@ -1,0 +1,222 @@
+"""What is measured of a motion beside the continuous equations: its steps, energies, collisions,
+limits and segments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dmoc.check.checked_motion import Motion, nodes_of_segments
+from dmoc.check.path_limits import Course, Excess, path_excess
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import solved
+from dmoc.simulation.flow import PLACES, Lost
+from dmoc.simulation.sizes import NOTHING, penetration
+
+# gap of a planned collision, relative to how far the coordinates move it, that a solver may leave
+OFF_SURFACE = 1e-6
+SOFT = 1e-6  # own rates of a collision count by at least this share of the largest
+SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to the largest inertias
+
+
+@dataclass(frozen=True)
+class StepErrors:
+    """Every step integrated from its first node: relative errors at its end and at the nodes inside
+    (N,), the work of each phase, the largest penetration and excess of a bound of a coordinate
+    between nodes, relative to the ranges, and the excesses of path constraints."""
+
+    defects: Array
+    work: tuple[float, ...]
+    penetration: float
+    excess: float
+    path: tuple[Excess, ...] = ()
+
+    @property
+    def worst(self) -> float:
+        """The largest error of a step."""
+        return float(self.defects.max(initial=0.0))
+
+
+def step_errors(motion: Motion) -> StepErrors:
+    """Integrate every step from its first node."""
+    phases, nq, steps = motion.trajectory.phases, motion.model.nq, motion.all_steps
+    q1, p1, t1 = (np.concatenate([getattr(p, a)[1:] for p in phases]) for a in "qpt")
+    start = np.vstack([np.hstack([p.q[:-1], p.v[:-1]]) for p in phases])
+    y, first = np.hstack([start, np.zeros((len(start), 1))]), np.arange(len(start))
+    ends = motion.flow.advance(y, steps, first, first + 1)
+    inside = motion.nodes_inside
+    places = np.concatenate([PLACES[1:], inside])
+    between = motion.flow.integrator.between(start, ends, y, steps.h, places)
+    between, nodes = np.split(between, [len(places) - len(inside)])
+    off = inside_errors(motion, nodes, [p.q_inside for p in phases])
+    times = (steps.t + PLACES[1:, None] * steps.h).ravel()
+    gaps = penetration(motion.model, motion.sizes, between.reshape(-1, nq), times)
+    low, high = motion.trajectory.coordinate_bounds.T
+    excess = np.maximum(low - between, between - high) / motion.sizes.q
+    cuts = np.cumsum([len(s) for s in motion.steps])[:-1]
+    return StepErrors(
+        np.maximum(motion.error(y, t1, q1, p1), off),
+        tuple(float(part.sum()) for part in np.split(y[:, -1], cuts)),
+        largest(gaps[:, motion.watched]),
+        largest(excess),
+        path_excess(motion, [Course(steps, start, ends, y)]),
+    )
+
+
+def inside_errors(motion: Motion, path: Array, planned: Sequence[Array]) -> Array:
+    """Largest relative error (N,) of the nodes inside steps beside a path there, (nodes, N, nq)."""
+    nodes = np.vstack(planned).reshape(path.shape[1], -1, motion.model.nq)
+    off = np.abs(np.swapaxes(path, 0, 1) - nodes) / motion.sizes.q
+    return np.asarray(np.nan_to_num(off, nan=np.inf).max(axis=(1, 2), initial=0.0))
+
+
+def largest(a: Array) -> float:
+    """The largest entry above 0; infinite if one is not a number."""
+    return max(0.0, float(np.nan_to_num(a, nan=np.inf).max(initial=0.0)))
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Some steps of a phase integrated from their first node without contacts: relative error at
+    the end, the derivative (2 nq, 2 nq) of the end by the start, and by how much positions and
+    velocities (2 nq,) are off at the end."""
+
+    phase: int
+    first: int
+    last: int
+    error: float
+    slope: Array
+    defect: Array
+
+
+def segments(motion: Motion) -> list[Segment]:
+    """The segments of all phases, in their order, integrated side by side."""
+    phases, m = motion.trajectory.phases, 2 * motion.model.nq
+    places = [
+        (i, int(a), int(b))
+        for i, phase in enumerate(phases)
+        for cuts in [nodes_of_segments(phase.steps)]
+        for a, b in pairwise(cuts)
+    ]
+    y = np.array(
+        [np.concatenate([phases[i].q[a], phases[i].v[a], np.eye(m).ravel()]) for i, a, _ in places]
+    )
+    offset = np.cumsum([0, *(len(s) for s in motion.steps)])
+    first, last = (np.array([offset[place[0]] + place[n] for place in places]) for n in (1, 2))
+    motion.flow.advance(y, motion.all_steps, first, last)
+    wanted = [(phases[i].t[b], phases[i].q[b], phases[i].p[b]) for i, _, b in places]
+    planned = np.array([np.concatenate([phases[i].q[b], phases[i].v[b]]) for i, _, b in places])
+    errors = motion.error(y, *(np.array(part) for part in zip(*wanted, strict=True)))
+    return [
+        Segment(*place, float(error), row[m:].reshape(m, m), row[:m] - end)
+        for place, error, row, end in zip(places, errors, y, planned, strict=True)
+    ]
+
+
+def imbalance(motion: Motion, work: tuple[float, ...]) -> float:
+    """Largest difference of the change of energy in a phase and the work, friction's too, relative
+    to the energy that the motion exchanges."""
+    differences, ends = [], [0, -1]
+    for phase, done in zip(motion.trajectory.phases, work, strict=True):
+        first, last = motion.model.energy(phase.q[ends], phase.v[ends], phase.t[ends])
+        differences.append(abs(last - first - done))
+    return float(np.nan_to_num(max(differences), nan=np.inf)) / motion.sizes.exchanged
+
+
+def energy_error(motion: Motion, work: tuple[float, ...]) -> float:
+    """Largest imbalance of a phase, or jump at a collision relative to the largest kinetic
+    energy."""
+    worst, energy = imbalance(motion, work), motion.model.energy
+    for collision, before, after in motion.joints:
+        v = motion.flow.planned_impact(collision, before.q[-1], before.v[-1])[0]
+        jump = energy(after.q[0], after.v[0], after.t[0]) - energy(before.q[-1], v, before.t[-1])
+        worst = max(worst, float(np.nan_to_num(abs(jump), nan=np.inf)) / motion.sizes.energy)
+    return worst
+
+
+def impact_errors(motion: Motion) -> tuple[float, float]:
+    """Errors of the rate after a collision, of the impulse, and rates that approach after it or
+    leave before it: relative to the largest rate, and to the rates of the collision itself."""
+    model, nq = motion.model, motion.model.nq
+    worst = own = 0.0
+    for c, before, after in motion.joints:
+        j, q, t = model.kernels.surfaces.index(c.surface), before.q[-1], c.time
+        slope = model.gap_slopes(q, t)[j]
+        w = [float(slope[:nq] @ v + slope[nq]) for v in (before.v[-1], after.v[0])]
+        _, impulse = motion.flow.planned_impact(c, q, before.v[-1])
+        e = 0.0 if c.grazes else motion.trajectory.restitution[c.surface]
+        n = slope[:nq]
+        try:
+            inertia = float(n @ motion.flow.response(q, t, n))
+        except Lost:
+            return np.inf, np.inf
+        errors = [
+            abs(w[1] + e * w[0]),
+            abs(float(impulse) - c.impulse) * inertia,
+            max(-w[0], 0.0),
+            max(w[1], 0.0),
+        ]
+        largest = float(np.nan_to_num(max(errors), nan=np.inf))
+        worst = max(worst, largest / float(motion.sizes.rate[j]))
+        if not c.grazes:
+            own = max(own, largest / max(abs(w[0]), abs(w[1]), SOFT * float(motion.sizes.rate[j])))
+    return worst, own
+
+
+def wrong_places(motion: Motion, noun: str) -> list[str]:
+    """Surfaces that are hit or land where the motion is not on them, by the noun for that, and a
+    mass matrix that is none, in words."""
+    told = [f"the {noun} with {s!r} is {gap:.3g} off it" for s, gap in _off_surface(motion)]
+    where = _singular(motion)
+    if where is not None:
+        told.append(f"the mass matrix is singular or negative on the way, first at {where:.4g} s")
+    return told
+
+
+def _off_surface(motion: Motion) -> Iterator[tuple[str, float]]:
+    """Those surfaces, with the gap."""
+    for c in motion.trajectory.collisions:
+        for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
+            j = motion.model.kernels.surfaces.index(name)
+            gap = float(motion.model.gaps(c.position, c.time)[j])
+            if not abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]:
+                yield name, gap
+
+
+def input_excess(motion: Motion) -> float:
+    """Largest excess of an input over its bounds in any step, relative to the largest input, or to
+    one that the motion could use within them."""
+    low, high = motion.trajectory.input_bounds.T
+    u = np.vstack([ends for s in motion.steps for ends in (s.u0, s.u1)])
+    excess = np.maximum(low - u, u - high)
+    size = np.maximum(np.abs(u).max(axis=0, initial=0.0), np.minimum(high - low, _needed(motion)))
+    return largest(np.where(excess > 0, excess, 0.0) / np.where(size > 0, size, NOTHING))
+
+
+def _needed(motion: Motion) -> Array:
+    """Inputs that accelerate as much as the forces of the motion, shape (nu,); infinite for one
+    that does not."""
+    model, parts = motion.model, [np.zeros(motion.model.nu)]
+    for phase in motion.trajectory.phases if model.nu else ():
+        B = np.swapaxes(model.input_matrix(phase.q, phase.v, t=phase.t), 1, 2)
+        response = np.swapaxes(solved(model.mass(phase.q, phase.t), np.swapaxes(B, 1, 2)), 1, 2)
+        parts.append((B * response).sum(axis=2).max(axis=0))
+    inertia = np.sqrt(np.max(parts, axis=0))
+    return np.asarray(motion.sizes.acceleration / inertia)
+
+
+def _singular(motion: Motion) -> float | None:
+    """First node at which the mass matrix is not positive definite, up to rounding errors of
+    its entries."""
+    for phase in motion.trajectory.phases:
+        M = motion.model.mass(phase.q, phase.t)
+        root = np.sqrt(np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0))
+        scaled = M / np.where(root > 0, root, 1.0)[:, None] / np.where(root > 0, root, 1.0)
+        good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
+        good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
+        if not good.all():
+            return float(phase.t[int(np.argmin(good))])
+    return None

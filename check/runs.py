@@ -1,0 +1,204 @@
+"""A motion simulated through the contacts it meets: from the start to the end, or segment by
+segment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dmoc.check.checked_motion import Motion, nodes_of_segments
+from dmoc.check.joins import JOINED
+from dmoc.check.measures import Segment
+from dmoc.codegen.kernels import Array
+from dmoc.motion.trajectory import GRAZING, Collision
+from dmoc.simulation.flow import Contact, Lost
+
+# A contact belongs to a planned collision if it happens within this share of the final time from
+# it.
+SAME_CONTACT = 0.05
+# An open-loop run may leave a motion by so many times what the errors of its segments predict.
+EXPLAINED = 5.0
+ASTRAY = 100.0  # ranges from the motion at which an open-loop run ends
+
+
+def open_loop(motion: Motion) -> tuple[float, list[Contact]]:
+    """Simulate from the start with the motion's inputs; return the terminal error and the
+    contacts."""
+    flow, sizes, nq = motion.flow, motion.sizes, motion.model.nq
+    first, last = motion.trajectory.phases[0], motion.trajectory.phases[-1]
+    y, contacts = np.concatenate([first.q[0], first.v[0]]), list[Contact]()
+    far = ASTRAY * sizes.q
+    try:
+        for phase, steps in zip(motion.trajectory.phases, motion.steps, strict=True):
+            upper, wanted, k = flow.upper(steps), np.ascontiguousarray(phase.q), 0
+            while k < len(steps):
+                k, astray = flow.quiet(y, steps, upper, k, len(steps), wanted, far)
+                if not astray and k < len(steps):
+                    y = flow.through_contacts(y, steps, k, contacts)
+                    k += 1
+                    astray = bool((np.abs(y[:nq] - wanted[k]) > far).any())
+                if astray:
+                    return float((np.abs(y[:nq] - wanted[k]) / sizes.q).max()), contacts
+    except Lost:
+        return np.inf, contacts
+    return float(motion.error(y[None], last.t[-1:], last.q[-1:], last.p[-1:])[0]), contacts
+
+
+def on_the_way(motion: Motion) -> list[Contact]:
+    """Contacts met in segments, each simulated from the motion's own state; one that ends in
+    a planned collision meets it a little early or late."""
+    phases = range(len(motion.trajectory.phases))
+    return [contact for i in phases for contact in contacts_of_phase(motion, i)]
+
+
+def contacts_of_phase(motion: Motion, i: int) -> list[Contact]:
+    """Contacts met in the segments of one phase."""
+    contacts, phase = list[Contact](), motion.trajectory.phases[i]
+    upper = motion.flow.upper(motion.steps[i])
+    for first, last in pairwise(map(int, nodes_of_segments(phase.steps))):
+        met = list[Contact]()
+        try:
+            y = _segment(motion, i, upper, (first, last), met)
+            if last == phase.steps and i < len(motion.trajectory.collisions):
+                met += _late(motion, i, y, float(phase.t[last]), met)
+        except Lost:
+            pass  # what it has met until then does not fit
+        contacts += met
+    return contacts
+
+
+def _segment(
+    motion: Motion, i: int, upper: Array, span: tuple[int, int], met: list[Contact]
+) -> Array:
+    """Simulate a segment; where its planned collision is met early, the end is that of the
+    motion without the impact."""
+    (k, last), phase, steps = span, motion.trajectory.phases[i], motion.steps[i]
+    wanted, everywhere = np.ascontiguousarray(phase.q), np.full(motion.model.nq, np.inf)
+    y = np.concatenate([phase.q[k], phase.v[k]])
+    while True:
+        k, _ = motion.flow.quiet(y, steps, upper, k, last, wanted, everywhere)
+        if k == last:
+            return y
+        before, count = y, len(met)
+        y = motion.flow.through_contacts(y, steps, k, met)
+        early = last == len(steps) and any(
+            _planned(motion, c, i, phase.t[last]) for c in met[count:]
+        )
+        if early:
+            del met[count + 1 :]
+            return motion.flow.freely(before, steps, k, last)
+        k += 1
+
+
+def _planned(motion: Motion, contact: Contact, i: int, end: float) -> bool:
+    collisions = motion.trajectory.collisions
+    window = SAME_CONTACT * motion.sizes.time
+    return (
+        i < len(collisions)
+        and contact.surface in (collisions[i].surface, *collisions[i].lands)
+        and abs(contact.time - end) <= window
+    )
+
+
+def _late(motion: Motion, i: int, y: Array, t: float, met: list[Contact]) -> list[Contact]:
+    """The planned collision where a segment ends just before it: by the rate of the gap."""
+    collision = motion.trajectory.collisions[i]
+    if not collision.surface or any(_planned(motion, c, i, t) for c in met):
+        return []
+    j = motion.model.kernels.surfaces.index(collision.surface)
+    gap = float(motion.model.gaps(y[: motion.model.nq], t)[j])
+    rate = motion.flow.rate(y, t, j)
+    if rate > 0 and -gap <= SAME_CONTACT * motion.sizes.time * rate:
+        return [Contact(collision.surface, t, 1.0)]
+    return []
+
+
+@dataclass(frozen=True)
+class Departures:
+    """Planned collisions that a simulation misses, and other contacts that it meets."""
+
+    missed: tuple[Collision, ...] = ()
+    extra: tuple[Contact, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.missed or self.extra)
+
+    @property
+    def missed_texts(self) -> tuple[str, ...]:
+        return tuple(f"the collision with {c.surface!r} at {c.time:.4g} s" for c in self.missed)
+
+    @property
+    def extra_texts(self) -> tuple[str, ...]:
+        texts = (f"a contact with {c.surface!r} at {c.time:.4g} s" for c in self.extra)
+        return tuple(dict.fromkeys(texts))
+
+
+def departures(motion: Motion, contacts: Sequence[Contact]) -> Departures:
+    """Match contacts with planned collisions by surface and time: those that are missed, and of
+    the other contacts those that do not merely graze."""
+    left, missed = list(contacts), list[Collision]()
+    for planned in motion.trajectory.collisions:
+        match = next((c for c in left if _same(motion, planned, c)), None)
+        if match is not None:
+            left.remove(match)
+        elif not planned.grazes:
+            missed.append(planned)
+    return Departures(tuple(missed), tuple(c for c in left if c.jump > GRAZING))
+
+
+def _same(motion: Motion, planned: Collision, contact: Contact) -> bool:
+    """Whether a contact is a planned collision."""
+    near = abs(contact.time - planned.time) <= SAME_CONTACT * motion.sizes.time
+    return contact.surface == planned.surface and near
+
+
+def predicted(motion: Motion, run: Departures, parts: Sequence[Segment], deviations: Array) -> bool:
+    """Whether an open-loop run first departs from the motion where the deviations at the ends of
+    segments, in sizes, say that it may: they move the gap of the first collision that it misses by
+    what its rate makes up for in the time in which it would count, and close the gap to a surface
+    that it meets before.  What follows is elsewhere."""
+    missed = run.missed[:1]
+    before = [c for c in run.extra if not missed or c.time < missed[0].time]
+
+    def explained(c: Collision | Contact, gap: float) -> bool:
+        return EXPLAINED * _moved(motion, c, parts, deviations) >= gap
+
+    return all(explained(c, _made_up(motion, c)) for c in missed) and all(
+        explained(c, _clearance(motion, c)) for c in before[:1]
+    )
+
+
+def _moved(
+    motion: Motion, c: Collision | Contact, parts: Sequence[Segment], deviations: Array
+) -> float:
+    """How far deviations move the gap of a contact at its time."""
+    phases, q = motion.trajectory.phases, _state(motion, c.time)[: motion.model.nq]
+    ends = [phases[part.phase].t[part.last] for part in parts[:-1]]
+    k = np.searchsorted(ends, c.time - JOINED * motion.sizes.time)
+    j = motion.model.kernels.surfaces.index(c.surface)
+    slope = np.abs(motion.model.gap_slopes(q, c.time)[j, :-1])
+    return float(slope @ (deviations[k, : len(q)] * motion.sizes.q))
+
+
+def _made_up(motion: Motion, c: Collision) -> float:
+    """How far the gap of a collision moves, by its rate, in the time in which it counts."""
+    j = motion.model.kernels.surfaces.index(c.surface)
+    rate = motion.flow.rate(_state(motion, c.time), c.time, j)
+    return SAME_CONTACT * motion.sizes.time * abs(rate)
+
+
+def _clearance(motion: Motion, c: Contact) -> float:
+    """How far the motion itself is from a surface that a run meets."""
+    q = _state(motion, c.time)[: motion.model.nq]
+    return -float(motion.model.gaps(q, c.time)[motion.model.kernels.surfaces.index(c.surface)])
+
+
+def _state(motion: Motion, t: float) -> Array:
+    """The motion's own state at a time: at an event the one before it."""
+    phases = motion.trajectory.phases
+    ends = [phase.t[-1] for phase in phases[:-1]]
+    phase = phases[int(np.searchsorted(ends, t - JOINED * motion.sizes.time))]
+    return np.array([np.interp(t, phase.t, x) for x in np.hstack([phase.q, phase.v]).T])

@@ -1,0 +1,237 @@
+"""What the check of a motion found, and what counts as confirmed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from dmoc.base.table import Shown, Table, passed
+from dmoc.check.arcs import PENETRATION
+from dmoc.check.path_limits import Excess
+from dmoc.check.runs import EXPLAINED
+from dmoc.codegen.kernels import Array
+from dmoc.simulation.flow import Contact
+
+# What a motion may miss and still count as confirmed, relative to the sizes of the motion
+# (:mod:`dmoc.simulation.sizes`).  A path constraint that holds at the nodes is exceeded by a share
+# of h^2 between them.
+PASSING = {
+    "step error": 0.01,
+    "segment error": 0.01,
+    "phase error": 0.03,
+    "energy error": 0.02,
+    "penetration": PENETRATION,
+    "excess of a limit": 0.002,
+    "excess of an input": 1e-6,
+    "excess of a path constraint": 0.005,
+    "error of the law of impact": 0.02,
+    "error of the law of impact relative to its own rates": 0.05,
+    "error of a contact force": 0.05,
+}
+# The end of the open-loop run: its error as it is, or divided by the motion's amplification, where
+# segments are right to the last share.
+TERMINAL, WEIGHED, UNSTABLE_SEGMENT = 0.25, 0.01, 0.005
+
+
+@dataclass(frozen=True)
+class Verification(Shown):
+    """What the check found.  Errors are relative to the range of the coordinate and to the largest
+    momentum of the motion.
+
+    Attributes
+    ----------
+    passed : bool
+    message : str
+        What contradicts the motion, or, where it passed, why its open-loop end does not count.
+    terminal_error : float
+        Error of the state at the end of an open-loop simulation with the motion's inputs.
+    amplification : float
+        Largest ratio by which the linearised flow, through the collisions, carries a small error
+        from a segment's start to the end.
+    max_defect : float
+        Largest error over a single step, started at its first node.
+    segment_defects : array
+        Error over each of ten segments a phase, started at its first node.
+    energy_error : float
+        Largest abs(E(end) - E(start) - work) of a phase, relative to the largest kinetic energy or
+        to what the forces of the position exchange with one coordinate, whichever is larger; or
+        jump of the energy at a collision, relative to the largest kinetic energy.
+    impact_error : float
+        Largest error of the law of impact: of the rate of the gap after a collision, and of its
+        impulse, both relative to the largest rate.
+    missed_contacts, extra_contacts : tuples of str
+        Planned collisions that the simulation does not meet, and contacts that were not planned and
+        change a momentum by more than 1 %.
+    penetration : float
+        Largest gap g > 0 between nodes, relative to how far the motion's ranges move the gap.
+    limit_excess : float
+        Largest excess of an input or a coordinate over its bounds, between nodes too, relative to
+        its range.
+    contacts : tuple of Contact
+        Of the open-loop simulation; of a motion with lasting contact or friction, those that were
+        not planned.
+    path_excess : float
+        Largest excess of a path constraint, at nodes and between them, relative to the sum of the
+        absolute values of its terms; of one in coordinates alone, to how far the motion's ranges
+        move it.  Not a number where it was not measured, in older files.
+    force_error : float
+        Largest error of a contact force or a friction force at a node, relative to the largest of
+        its contact.
+    phase_error : float
+        Largest error at the end of a phase that is followed from its own first node, divided by a
+        sixth of its amplification where that is above 6.  Not a number in older files.
+    """
+
+    passed: bool
+    message: str
+    terminal_error: float
+    amplification: float
+    max_defect: float
+    segment_defects: Array
+    energy_error: float
+    impact_error: float
+    missed_contacts: tuple[str, ...]
+    extra_contacts: tuple[str, ...]
+    penetration: float
+    limit_excess: float
+    contacts: tuple[Contact, ...]
+    force_error: float = 0.0
+    path_excess: float = 0.0
+    phase_error: float = 0.0
+
+    @property
+    def excess(self) -> float:
+        """The largest error, divided by what passes.  The end of an open-loop run counts where
+        nothing else exceeds its limit."""
+        errors = {
+            "step error": self.max_defect,
+            "segment error": float(self.segment_defects.max(initial=0.0)),
+            "energy error": self.energy_error,
+            "error of the law of impact": self.impact_error,
+            "error of a contact force": self.force_error,
+            "penetration": self.penetration,
+            "phase error": self.phase_error,
+        }
+        worst = max(error / PASSING[name] for name, error in errors.items())
+        return worst if worst > 1 else max(worst, self.terminal_error / TERMINAL)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Verification: {passed(self.passed)[0]}, segment error {self.max_segment_defect:.2g}>"
+        )
+
+    @property
+    def max_segment_defect(self) -> float:
+        """The largest of ``segment_defects``."""
+        return float(self.segment_defects.max(initial=0.0))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the command line prints as JSON."""
+        return {
+            "passed": self.passed,
+            "message": self.message,
+            "terminal_error": self.terminal_error,
+            "amplification": self.amplification,
+            "max_defect": self.max_defect,
+            "max_segment_defect": self.max_segment_defect,
+            "energy_error": self.energy_error,
+            "impact_error": self.impact_error,
+            "missed_contacts": list(self.missed_contacts),
+            "extra_contacts": list(self.extra_contacts),
+            "penetration": self.penetration,
+            "limit_excess": self.limit_excess,
+            "force_error": self.force_error,
+            "path_excess": self.path_excess,
+            "phase_error": self.phase_error,
+        }
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        contacts = ", ".join(f"{c.surface} at {c.time:.6g} s" for c in self.contacts)
+        return Table(
+            (
+                (
+                    "simulation",
+                    (passed(self.passed), (f": {self.message}" if self.message else "", "")),
+                ),
+                ("terminal error", f"{self.terminal_error:.3e} of the motion's range (open loop)"),
+                (
+                    "amplification",
+                    f"{self.amplification:.3g} times, of an error on the way to the end",
+                ),
+                (
+                    "largest defect",
+                    f"{self.max_defect:.3e} per step, {self.max_segment_defect:.3e} per segment, "
+                    f"{self.phase_error:.3e} per phase",
+                ),
+                ("energy error", f"{self.energy_error:.3e}"),
+                ("law of impact", f"{self.impact_error:.3e}"),
+                ("force error", f"{self.force_error:.3e} of the largest of its contact"),
+                ("contacts", contacts or "none"),
+                ("missed, extra", f"{len(self.missed_contacts)}, {len(self.extra_contacts)}"),
+                ("penetration", f"{self.penetration:.1e} between nodes"),
+                ("limits", f"exceeded by {self.limit_excess:.1e} between nodes"),
+                ("path constraints", f"exceeded by {self.path_excess:.1e} of their sizes"),
+            )
+        )
+
+
+def lost_by(missed: tuple[str, ...], extra: tuple[str, ...], terminal: float) -> list[str]:
+    """How an open-loop run leaves a motion."""
+    lost = [f"the simulation misses {', '.join(missed)}"] * bool(missed)
+    lost += [f"the simulation meets {', '.join(extra)}"] * bool(extra)
+    return lost + [f"terminal error {_above(terminal, TERMINAL)} exceeds {TERMINAL:g}"] * (
+        not terminal <= TERMINAL
+    )
+
+
+def _above(value: float, limit: float) -> str:
+    """A number with as many digits as show that it is above a limit, three at least."""
+    texts = (f"{value:.{digits}g}" for digits in range(3, 18))
+    return next((text for text in texts if float(text) > limit), f"{value:.3g}")
+
+
+def too_coarse(failures: list[str], amplified: float) -> str:
+    unstable = (
+        f" (the motion amplifies errors {amplified:.3g} times)" if amplified * WEIGHED > 1 else ""
+    )
+    return "; ".join(failures) + f": too coarse{unstable}, take more steps"
+
+
+def exceeded(measured: dict[str, float]) -> list[str]:
+    """The measures that exceed what passes."""
+    return [
+        f"{name} {_above(value, PASSING[name])} exceeds {PASSING[name]:g}"
+        for name, value in measured.items()
+        if not value <= PASSING[name]
+    ]
+
+
+def broken(paths: Sequence[Excess]) -> list[str]:
+    """The path constraints that are exceeded too far."""
+    limit = PASSING["excess of a path constraint"]
+    return [path.text for path in paths if not path.counts <= limit]
+
+
+def largest_excess(paths: Sequence[Excess]) -> float:
+    """What the check tells of path constraints."""
+    return max((path.counts for path in paths), default=0.0)
+
+
+def is_unstable(worst: float, amplified: float, terminal: float, predicted: float) -> bool:
+    """Whether the errors of the segments, which are right, explain the end of an open-loop run: the
+    motion amplifies them, and what the linearised flow predicts of them is near that end or
+    leaves the motion altogether."""
+    unstable = isfinite(amplified) and amplified * WEIGHED >= min(terminal, 1.0)
+    explained = EXPLAINED * predicted >= min(terminal, 1.0)
+    return worst <= UNSTABLE_SEGMENT and unstable and explained
+
+
+def unstable(amplified: float, lost: list[str], worst: float) -> str:
+    """Why the end of an open-loop run does not count."""
+    return (
+        f"the motion is unstable: it amplifies errors {amplified:.3g} times, so that an open-loop "
+        f"run leaves it ({'; '.join(lost)}), while every segment is right to {worst:.1g}"
+    )

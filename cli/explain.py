@@ -1,0 +1,65 @@
+"""The command ``dmoc explain``: entries of the page on troubleshooting, which is in the package."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+import typer
+
+from dmoc.cli.console import out
+
+PAGE = "troubleshooting.md"
+# Rows of the table: what an entry is found by, and its title.
+ROW = re.compile(r"^\| (.+) \| \[([^]]+)\]\(#[^)]+\) \|$", re.MULTILINE)
+WORDS = re.compile(r"`([^`]+)`")
+# What only the manual has: roles, and links to other pages.
+ROLE, LINK = re.compile(r"\{\w+\}(?=`)"), re.compile(r"\[([^]]+)\]\([^)]+\)")
+
+
+def explain(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Kind of an error, status, or words of a message; without it, what there is.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Tell what an error or a status means, and what helps."""
+    from rich.markdown import Markdown
+
+    from dmoc.base.arguments import shown
+
+    text = _page()
+    asked = " ".join(words or ()).strip()
+    chosen = _entries(text, asked) if asked else [text[: text.index("\n\nThe entries below")]]
+    if not chosen:
+        raise typer.BadParameter(
+            f"no entry has {shown(asked)}: dmoc explain alone lists the words that entries are "
+            "found by."
+        )
+    for entry in chosen:
+        out.print(Markdown(LINK.sub(r"\1", ROLE.sub("", entry))))
+
+
+def _page() -> str:
+    from importlib import resources
+
+    return resources.files("dmoc.cli").joinpath(PAGE).read_text(encoding="utf-8")
+
+
+def _entries(text: str, asked: str) -> list[str]:
+    """The entries with a title, or found by words, that are asked for or part of it."""
+    by_title = {e.partition("\n")[0]: f"## {e}" for e in text.split("\n## ")[1:]}
+    known = {title: {title, *WORDS.findall(words)} for words, title in ROW.findall(text)}
+    wanted = asked.lower()
+    exact = [t for t, names in known.items() if wanted in {n.lower() for n in names}]
+    found = exact or [t for t, names in known.items() if any(_is_in(n, wanted) for n in names)]
+    return [by_title[title] for title in dict.fromkeys(found)]
+
+
+def _is_in(words: str, message: str) -> bool:
+    """Whether a message has some words, of which "..." are any, or is part of them."""
+    pattern = ".*".join(re.escape(part.strip()) for part in words.lower().split("..."))
+    return bool(re.search(pattern, message)) or (len(message) > 3 and message in words.lower())

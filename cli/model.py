@@ -1,0 +1,120 @@
+"""Commands about models: list, derive, generate, build."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from dmoc.base.discretisation import ORDERS_SHOWN
+from dmoc.base.errors import OutputError
+from dmoc.base.files import write_whole
+from dmoc.cli.console import out, print_text, written
+from dmoc.cli.options import ModelArgument, out_option
+
+
+class TextFormat(StrEnum):
+    text = "text"
+    latex = "latex"
+    html = "html"
+
+
+def models() -> None:
+    """List the shipped models and problems."""
+    from dmoc.models import catalogue
+
+    table = Table(box=None, header_style="bold")
+    table.add_column("name", no_wrap=True)
+    table.add_column("model", overflow="fold")
+    table.add_column("what", overflow="fold")
+    for name, entry in catalogue.ENTRIES.items():
+        table.add_row(
+            name,
+            entry.model,
+            entry.title + ("" if entry.problem else " - no problem, give one by options"),
+        )
+    out.print(table)
+
+
+def derive(
+    model: ModelArgument,
+    format_: Annotated[
+        TextFormat,
+        typer.Option(
+            "--format",
+            help="Readable text, a LaTeX document, or a page with the check of the kernels.",
+        ),
+    ] = TextFormat.text,
+    order: Annotated[
+        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
+    ] = 2,
+    target: Annotated[
+        Path | None, out_option("Write to a file instead of standard output.")
+    ] = None,
+) -> None:
+    """Print every step of the derivation of a model."""
+    from dmoc.inspection.derivation import derive as derive_system
+    from dmoc.models.registry import find
+
+    derivation = derive_system(find(model).system(), order)
+    made = {
+        TextFormat.text: derivation.__str__,
+        TextFormat.latex: derivation.latex,
+        TextFormat.html: derivation.html,
+    }
+    text = made[format_]()
+    if target is None:
+        print_text(text)
+    else:
+        write_whole(target, text.encode())
+        written(target)
+
+
+def generate(
+    model: ModelArgument,
+    target: Annotated[
+        Path | None,
+        out_option("Folder for the sources; by default a folder of the model's name."),
+    ] = None,
+    order: Annotated[
+        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
+    ] = 2,
+) -> None:
+    """Write the C and Cython sources of a model."""
+    from dmoc.codegen.build import header, write_files
+    from dmoc.codegen.text import c_files
+    from dmoc.models.registry import find
+    from dmoc.symbolic.families import model_spec
+
+    files = c_files(model_spec(find(model).system(), order)) | header()
+    folder = target or Path(find(model).system().name)
+    try:
+        paths = write_files(folder, files)
+    except OSError as error:
+        raise OutputError(
+            f"{folder} cannot be written ({error.strerror}): choose a writable folder."
+        ) from None
+    for path in paths:
+        out.print(str(path), soft_wrap=True)
+
+
+def build(
+    model: ModelArgument,
+    order: Annotated[
+        int, typer.Option(help=f"Order of the discretisation, one of {ORDERS_SHOWN}.")
+    ] = 2,
+    force: Annotated[
+        bool, typer.Option("--force", help="Build again even if the cache holds the kernels.")
+    ] = False,
+) -> None:
+    """Compile the kernels of a model into the cache."""
+    from dmoc.models import registry
+
+    kernels = registry.build(
+        registry.find(model).system(), order=order, backend="compiled", force=force, progress=True
+    )
+    state = f"built in {kernels.seconds:.2f} s" if kernels.seconds else "found in the cache"
+    out.print(f"{kernels.name}: {state}, {kernels.module.__file__}", soft_wrap=True)

@@ -1,0 +1,99 @@
+"""The command ``dmoc new``: a file to begin with."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dmoc.base.errors import ModelError, OutputError
+from dmoc.cli.console import out, written
+from dmoc.cli.options import out_option
+
+NAME = "my_system"  # in the templates
+
+
+class Kind(StrEnum):
+    """What the file begins with."""
+
+    collision = "collision"
+    contact = "contact"
+    smooth = "smooth"
+
+
+def new(
+    name: Annotated[
+        str, typer.Argument(help="Name of the system and of its file.", show_default=False)
+    ],
+    kind: Annotated[
+        Kind,
+        typer.Option(
+            help="A block that bounces off a wall; a block that rests and slides on a rough floor; "
+            "a pendulum that meets nothing."
+        ),
+    ] = Kind.collision,
+    target: Annotated[Path, out_option("Folder of the file.", "DIR")] = Path(),
+) -> None:
+    """Write a system file to begin with.
+
+    It has a model, a problem, and a main part that solves, prints and draws.
+    """
+    from dmoc.base.names import check_name
+
+    path = target / f"{check_name(name, 'system')}.py"
+    _check_hidden(name)
+    _write(path, _text(kind).replace(NAME, name))
+    written(path)
+    out.print("It is complete and runs as it is. Next:")
+    for command in next_steps(name, path):
+        out.print(f"    {command}", soft_wrap=True)
+
+
+def next_steps(name: str, path: Path) -> list[str]:
+    """Commands that work with a new file."""
+    import shlex
+
+    file = shlex.quote(str(path))
+    return [
+        f"python {file}",
+        f"dmoc solve {shlex.quote(f'{path}:problem')} --out {name}",
+        f"dmoc derive {shlex.quote(f'{path}:system')}",
+    ]
+
+
+def _check_hidden(name: str) -> None:
+    """Refuse the name of a module: a script beside the file would import the file instead."""
+    import sys
+    from importlib.machinery import PathFinder
+
+    elsewhere = [place for place in sys.path if place not in ("", str(Path.cwd()))]
+    known = name in ("dmoc", *sys.stdlib_module_names)
+    if known or PathFinder.find_spec(name, elsewhere) is not None:
+        raise ModelError(
+            f"system name {name!r} is that of a module, which {name}.py would hide from Python: "
+            "choose another name."
+        )
+
+
+def _text(kind: Kind) -> str:
+    from importlib import resources
+
+    place = resources.files("dmoc.cli").joinpath("templates", f"{kind.value}.py")
+    return place.read_text(encoding="utf-8")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open(path, "x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise OutputError(
+            f"{path} exists, and is left as it is: choose another name, or --out another folder."
+        ) from None
+    except OSError as error:
+        raise OutputError(
+            f"{path} cannot be written ({error.strerror}): choose a writable folder."
+        ) from None

@@ -1,0 +1,61 @@
+"""Commands about solutions: verify, plot."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dmoc.base.table import print_table
+from dmoc.cli.console import emit, out, prepare, style_of, written
+from dmoc.cli.options import NOT_SOLVED, DarkOption, JsonOption, SolutionArgument, out_option
+
+
+def verify(
+    solution: SolutionArgument,
+    model: Annotated[
+        str | None, typer.Option(help="Model of the solution, if it is not shipped: file.py:name.")
+    ] = None,
+    json_: JsonOption = None,
+) -> None:
+    """Check a solution by an independent simulation."""
+    from dmoc.models import registry
+    from dmoc.results.solution import Solution, check_same_model
+
+    prepare(None, json_)
+    loaded = Solution.load(solution)
+    order = loaded.trajectory.order
+    kernels = (
+        registry.load(model, order=order)
+        if model
+        else registry.load_for_file(loaded.reference, order)
+    )
+    check_same_model(loaded, kernels)
+    check = loaded.verify(kernels)
+    summary = {
+        key: (value.tolist() if hasattr(value, "tolist") else value)
+        for key, value in asdict(check).items()
+    }
+    emit(summary, json_)
+    if json_ != "-":
+        print_table(check.summary(), out)
+    raise typer.Exit(0 if check.passed else NOT_SOLVED)
+
+
+def plot(
+    solution: SolutionArgument,
+    target: Annotated[
+        Path | None,
+        out_option("Figure file (.png, .pdf, .svg); by default beside the solution, as .png."),
+    ] = None,
+    velocities: Annotated[bool, typer.Option("--velocities", help="Draw velocities too.")] = False,
+    dark: DarkOption = False,
+) -> None:
+    """Draw a solution: snapshots, positions, momenta, inputs."""
+    from dmoc.results.solution import Solution
+
+    path = target or solution.with_suffix(".png")
+    Solution.load(solution).plot(path, velocities=velocities, style=style_of(dark))
+    written(path)

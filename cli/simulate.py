@@ -1,0 +1,160 @@
+"""The command ``dmoc simulate``: a model from a state, or a solution once more."""
+
+from __future__ import annotations
+
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from dmoc.base.errors import SimulationError
+from dmoc.base.table import print_table
+from dmoc.cli import completion
+from dmoc.cli.console import draw, in_turn, out, prepare, written
+from dmoc.cli.options import DarkOption, OrderOption, RestitutionOption, SetOption, out_option
+from dmoc.cli.values import read_pairs, read_restitution
+
+if TYPE_CHECKING:
+    from dmoc.codegen.kernels import Kernels
+    from dmoc.results.simulation import Simulation
+
+STEPS = 1000  # of a model, where nothing is said
+
+
+def simulate(
+    model: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL|FILE.npz",
+            help="Name of a shipped model, file.py:name, or a solution file.",
+            show_default=False,
+            autocompletion=completion.models,
+        ),
+    ],
+    start: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="Start state of a model: x or x_dot, zero unless given; several with commas, or "
+            "repeat it.",
+        ),
+    ] = None,
+    final_time: Annotated[
+        float | None, typer.Option(help="Final time of a model in seconds.")
+    ] = None,
+    steps: Annotated[
+        int | None,
+        typer.Option(
+            help=f"Steps; {STEPS} of a model, a quarter of its smallest step of a solution."
+        ),
+    ] = None,
+    input_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input",
+            metavar="NAME=VALUE",
+            help="Constant input of a model; several with commas, or repeat it.",
+        ),
+    ] = None,
+    set_: SetOption = None,
+    restitution: RestitutionOption = None,
+    order: OrderOption = None,
+    own_model: Annotated[
+        str | None,
+        typer.Option(
+            "--model", help="Model of a solution file, if it is not shipped: file.py:name."
+        ),
+    ] = None,
+    target: Annotated[
+        Path | None,
+        out_option("Write simulation.npz, .csv and .png into this folder.", "DIR"),
+    ] = None,
+    dark: DarkOption = False,
+) -> None:
+    """Simulate a model forward in time through its collisions; or a solution, open loop."""
+    from dmoc.models import registry
+    from dmoc.results.simulation import simulate as simulated
+    from dmoc.results.solution import Solution
+
+    prepare(target, None)
+    given: dict[str, Any] = {}
+    if set_:
+        given["parameters"] = read_pairs(set_, "--set")
+    if restitution:
+        given["restitution"] = read_restitution(restitution)
+    if model.endswith(".npz"):
+        for option, value in (
+            ("--start", start), ("--final-time", final_time), ("--input", input_),
+            ("--order", order),
+        ):  # fmt: skip
+            if value is not None:
+                raise SimulationError(f"{option} goes with a model: a solution file has its own.")
+        solution = Solution.load(model)
+        if own_model is not None:
+            given["model"] = registry.load(own_model, order=solution.trajectory.order)
+        _show(simulated(solution, steps=steps, **given), target, dark)
+        return
+    if own_model is not None:
+        raise SimulationError("--model goes with a solution file: a model is named alone.")
+    kernels = registry.find(model).kernels(order)
+    if final_time is None:
+        raise SimulationError("--final-time is missing: give it in seconds, such as 2.5.")
+    if not 0 < final_time < inf:
+        raise SimulationError(
+            f"--final-time {final_time:g}: expected a positive, finite number of seconds."
+        )
+    count = STEPS if steps is None else steps
+    state = _values(start, "--start", kernels)
+    _show(
+        simulated(
+            kernels,
+            [state[name] for name in kernels.coordinates],
+            [state[f"{name}_dot"] for name in kernels.coordinates],
+            step_size=final_time / max(count, 1),
+            steps=count,
+            inputs=[_values(input_, "--input", kernels)[name] for name in kernels.inputs],
+            **given,
+        ),
+        target,
+        dark,
+    )
+
+
+def _values(given: list[str] | None, option: str, kernels: Kernels) -> dict[str, Any]:
+    """What is given by name, beside zeros."""
+    known = kernels.inputs
+    if option == "--start":
+        known = [*kernels.coordinates, *(f"{name}_dot" for name in kernels.coordinates)]
+    values: dict[str, Any] = dict.fromkeys(known, 0.0)
+    for name, value in read_pairs(given, option).items():
+        if name not in values:
+            raise SimulationError(
+                f"{option} {name}: expected one of {', '.join(known) or 'no inputs'}."
+            )
+        if not isinstance(value, float):
+            raise SimulationError(f"{option} {name}: expected a number.")
+        values[name] = value
+    return values
+
+
+def _show(found: Simulation, target: Path | None, dark: bool) -> None:
+    """Write and tell a simulation."""
+    files: list[Path] = []
+
+    def save() -> None:
+        if target is not None:
+            files.append(found.save(target / "simulation.npz"))
+            files.append(found.to_csv(target / "simulation.csv"))
+
+    def tell() -> None:
+        print_table(found.summary(), out)
+        written(*files)
+
+    in_turn(
+        save,
+        tell,
+        lambda: (
+            None if target is None else draw(target / "simulation.png", found.plot, False, dark)
+        ),
+    )

@@ -1,0 +1,214 @@
+"""Values of options: numbers, ranges, states, places, guesses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dmoc.base.errors import ProblemError
+from dmoc.cli.groups import Conditions, Course, Values
+from dmoc.cli.options import Controls
+
+if TYPE_CHECKING:
+    from dmoc.results.solution import Solution
+
+MOST_VALUES = 10_000  # of a range
+# END=START and a difference, or a state alone.
+RELATION = re.compile(r"(?:([^\s=+-]+)\s*=\s*)?([^\s=+-]+)\s*(?:([+-])\s*(\S+))?")
+
+
+def problem_fields(
+    defaults: Mapping[str, Any],
+    course: Course,
+    values: Values,
+    conditions: Conditions,
+    controls: Controls | None,
+    via: str | None = None,
+) -> dict[str, Any]:
+    """Fields of a problem: a model's own, changed by options."""
+    fields = dict(defaults)
+    if course.sequence is not None:
+        fields["sequence"] = read_names(course.sequence)
+    if course.steps is not None:
+        numbers = [read_whole(part, "--steps") for part in course.steps.split(",")]
+        fields["steps"] = numbers[0] if len(numbers) == 1 else numbers
+    if course.final_time is not None:
+        fields["final_time"] = read_value(course.final_time, "--final-time")
+    if controls is not None:
+        fields["controls"] = controls.value
+    if conditions.restitution:
+        fields["restitution"] = read_restitution(conditions.restitution)
+    if conditions.periodic is not None:
+        fields["periodic"] = read_periodic(conditions.periodic)
+    if conditions.contacts is not None:
+        fields["contacts"] = read_names(conditions.contacts)
+    if conditions.ignored is not None:
+        fields["ignored"] = read_names(conditions.ignored)
+    if via is not None:
+        fields["via"] = read_via(via)
+    for name, option, given in values.by_field():
+        pairs = read_pairs(given, option)
+        fields[name] = {**fields.get(name, {}), **pairs}
+        replace_rest(fields[name], pairs)
+    return fields
+
+
+def replace_rest(values: dict[str, Any], given: dict[str, Any]) -> None:
+    """A velocity replaces the default momentum of the same coordinate, and the reverse."""
+    for name in given:
+        if name.endswith("_dot") and f"p_{name[:-4]}" not in given:
+            values.pop(f"p_{name[:-4]}", None)
+        if name.startswith("p_") and f"{name[2:]}_dot" not in given:
+            values.pop(f"{name[2:]}_dot", None)
+
+
+def read_names(text: str) -> tuple[str, ...]:
+    """Read names, or words of events, with commas between them."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def read_periodic(text: str) -> tuple[str, ...] | dict[str, Any]:
+    """Read states that end as they start, or END=START with a difference for some of them."""
+    parts = read_names(text)
+    if not any("=" in part for part in parts):
+        return parts
+    relations: dict[str, Any] = {}
+    for part in parts:
+        found = RELATION.fullmatch(part)
+        end, start, sign, by = found.groups() if found else (None, None, None, None)
+        end = start if sign is None and end is None else end
+        if end is None or start is None or end in relations:
+            raise ProblemError(
+                f"--periodic {part}: expected NAME, END=START, END=START+0.5 or END=START+?, each "
+                "END once."
+            )
+        relations[end] = _start_and_difference(part, start, sign, by)
+    return relations
+
+
+def _start_and_difference(part: str, start: str, sign: str | None, by: str | None) -> Any:
+    if sign is None or by is None:
+        return start
+    if by == "?":
+        return start, None
+    number = read_number(by, f"the difference in --periodic {part}", "expected a number, or ?")
+    return start, number if sign == "+" else -number
+
+
+def read_via(text: str) -> list[dict[str, Any] | None]:
+    """Read coordinates at the events, NAME=VALUE with commas between them, ';' between events."""
+    return [
+        by_name((read_pair(part, "--via") for part in read_names(event)), "--via") or None
+        for event in text.split(";")
+    ]
+
+
+def read_restitution(given: list[str]) -> float | dict[str, Any]:
+    """Read one number for all surfaces, or SURFACE=E for some."""
+    given = separate(given)
+    numbers = [text for text in given if "=" not in text]
+    if numbers and len(given) > 1:
+        raise ProblemError(
+            f"--restitution {numbers[0]} stands beside others: give one number for all surfaces, "
+            "or SURFACE=E for each."
+        )
+    if numbers:
+        return read_number(
+            numbers[0], "--restitution", "expected a number from 0 to 1, or SURFACE=E"
+        )
+    return read_pairs(given, "--restitution")
+
+
+def read_guess(given: list[str] | None) -> Solution | dict[str, Any] | None:
+    """Read one solution file, or NAME=V1,V2,... for some coordinates, inputs and the durations."""
+    files = [text for text in given or [] if "=" not in text or Path(text).exists()]
+    if not given:
+        return None
+    if files and len(given) > 1:
+        raise ProblemError(
+            f"--guess {files[0]} stands beside others: give one file, or NAME=V1,V2,... for each "
+            "coordinate and input."
+        )
+    if files:
+        from dmoc.results.solution import Solution
+
+        return Solution.load(files[0])
+    courses: dict[str, Any] = {}
+    for text in given:
+        name, _, values = text.partition("=")
+        name, what = name.strip(), f"--guess {name.strip()}"
+        if not name or name in courses:
+            raise ProblemError(f"--guess {text}: expected NAME=V1,V2,..., each name once.")
+        expected = "expected numbers such as 0,0.5,-3.1"
+        courses[name] = [read_number(part, what, expected) for part in values.split(",")]
+    return courses
+
+
+def separate(given: list[str] | None) -> list[str]:
+    """What an option that may be repeated is given, also with commas in one text."""
+    return [part for text in given or [] for part in read_names(text) or [text]]
+
+
+def read_pairs(given: list[str] | None, option: str) -> dict[str, Any]:
+    """Read NAME=VALUE of an option that may be repeated, also with commas between them."""
+    return by_name((read_pair(text, option) for text in separate(given)), option)
+
+
+def by_name(pairs: Iterable[tuple[str, Any]], option: str) -> dict[str, Any]:
+    """Pairs as a mapping; two of one name that differ are refused."""
+    values: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in values and values[name] != value:
+            raise ProblemError(f"{option} {name} is given twice: expected one value for each name.")
+        values[name] = value
+    return values
+
+
+def read_pair(text: str, option: str) -> tuple[str, Any]:
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise ProblemError(f"{option} {text}: expected NAME=VALUE.")
+    return name.strip(), read_value(value, f"{option} {name.strip()}")
+
+
+def read_value(text: str, what: str) -> Any:
+    """Read a number, a range LOW:HIGH with empty ends open, or free."""
+    if text == "free":
+        return None
+    if ":" in text:
+        low, _, high = text.partition(":")
+        return (read_number(low, what) if low else None, read_number(high, what) if high else None)
+    return read_number(text, what)
+
+
+def read_range(text: str, what: str) -> list[float] | None:
+    """Read a range FROM:TO:COUNT as equally spaced values; None for what is no such range."""
+    parts = text.split(":")
+    if len(parts) != 3:
+        return None
+    expected = "expected a range FROM:TO:COUNT such as 0.4:0.8:50"
+    first, last = (read_number(part, what, expected) for part in parts[:2])
+    count = read_whole(parts[2], f"COUNT of {what}")
+    if not (isfinite(first) and isfinite(last) and 1 <= count <= MOST_VALUES):
+        raise ProblemError(f"{what} = {text!r}: {expected}, with 1 to {MOST_VALUES} finite values.")
+    step = (last - first) / max(count - 1, 1)
+    return [first + i * step for i in range(count - 1)] + [last if count > 1 else first]
+
+
+def read_number(
+    text: str, what: str, expected: str = "expected a number such as 0.5, or a range such as -1:1"
+) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ProblemError(f"{what} = {text!r}: {expected}.") from None
+
+
+def read_whole(text: str, what: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise ProblemError(f"{what} = {text!r}: expected a whole number.") from None

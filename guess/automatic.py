@@ -1,0 +1,283 @@
+"""An initial guess from boundary values, collision positions and the equations of motion (Kern &
+Gross 2018, issues #1 and #2).
+
+As many coordinates as there are inputs are *prescribed* by cubic splines that match the boundary
+values and the collision positions.  The accelerations of the others follow from the rows of the
+equations of motion that no input enters, the inputs from the other rows. The matrix that gives
+those accelerations can become singular (cart-pendulum: at alpha = k pi, where cart accelerations
+exert no torque on the pendulum).  Inside a window around such a point nothing is prescribed: the
+motion is free, the other coordinates are unaccelerated. The final time is varied until the inputs
+keep their bounds.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.guess.contacts import standing
+from dmoc.guess.hits import through_hits, with_hidden
+from dmoc.guess.tracking import Choice, March, Planner, resting
+from dmoc.guess.transfer import on_mesh
+from dmoc.guess.waypoints import Plan, end_velocity
+from dmoc.problem.problem import Problem
+from dmoc.program.layout import Layout
+from dmoc.program.scaling import scale_of
+from dmoc.program.transcription import Transcription
+
+# Ratio of successive final times; how many steps a motion gets while they are compared, and a phase
+# at least.
+TIME_RATIO = 1.2
+COARSE_STEPS = 80
+FEWEST_STEPS = 8
+# Excess of an input, relative to the range of its bounds, that counts as keeping them.
+KEPT = 1e-3
+# Violation of the discrete equations, relative to the momenta, above which a guess that obeys the
+# equations of motion has drifted off its goal.
+DRIFTED = 30.0
+# Where neither the problem nor its dynamics say anything about the final time, a search for the
+# cheapest begins here and goes so many decades at most; and the largest time that is tried,
+# relative to what is known.
+NO_TIME, MOST_DECADES, AROUND = 1.0, 24, 10.0
+# Steps of a phase that a guess is marched with; finer meshes interpolate it.
+MOST_MARCHED = 400
+# Share of the latest final time below which a guess that takes all the time is a further start.
+MUCH_SHORTER = 0.5
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Unknowns of the nonlinear program, and how they were found.
+
+    Attributes
+    ----------
+    x : array of shape (n,)
+        In the order of :class:`~dmoc.program.layout.Layout`.
+    final_time : float
+        The final time that was chosen, in seconds.
+    prescribed : tuple of str
+        Coordinates that follow splines.
+    free_steps : int
+        Steps inside a window of lost controllability.
+    input_excess : float
+        Largest violation of an input bound, relative to the bound's range; 0 where they are kept.
+    """
+
+    x: Array
+    final_time: float
+    prescribed: tuple[str, ...]
+    free_steps: int
+    input_excess: float
+
+
+def initial_guesses(
+    problem: Problem, deadline: float = np.inf, by_rates: bool = False
+) -> tuple[Guess, ...]:
+    """Return guesses for all unknowns of ``problem``, the better one first.
+
+    The final times that are tried keep the problem's bounds; among those that keep the bounds of
+    the inputs the one of least cost is taken, and if there is none, the one that violates them
+    least.  After the ``deadline``, a time of ``time.perf_counter``, no further one is tried. Phases
+    of very many steps are marched with fewer and interpolated.  ``by_rates`` is how the program
+    that is solved next states the law of impact: its structure serves here too.
+    """
+    if max(problem.phase_steps) > MOST_MARCHED:
+        few = problem.meshed([min(n, MOST_MARCHED) for n in problem.phase_steps])
+        return tuple(
+            replace(g, x=on_mesh(problem, few, g.x))
+            for g in initial_guesses(few, deadline, by_rates)
+        )
+    with np.errstate(all="ignore"):
+        if problem.lasting:
+            x = standing(problem, natural_time(problem))
+            lay = Layout.of(problem)
+            return (Guess(x, float(x[lay.index_h] @ np.array(lay.steps)), (), 0, 0.0),)
+        return _without_drift(problem, _guesses(problem, deadline), by_rates)
+
+
+def _guesses(problem: Problem, deadline: float) -> list[Guess]:
+    planner = Planner.of(problem)
+    times = _final_times(planner)
+    prescribed = planner.prescribed(times[-1])
+    final_time = _best_time(planner, prescribed, times, deadline)
+    guesses = []
+    for choice, length, even in _choices(problem, prescribed, final_time):
+        if time.perf_counter() > deadline:
+            break
+        guess = _guess(planner, choice, length, even)
+        if guess is not None:
+            guesses.append(guess)
+    if not guesses:
+        plan = planner.plan(prescribed, final_time)
+        x = _unknowns(problem, plan, resting(problem, plan))
+        guesses.append(Guess(x, final_time, (), 0, 0.0))
+    return guesses
+
+
+def _guess(planner: Planner, choice: Choice, final_time: float, even: bool) -> Guess | None:
+    """The motion along a plan on the mesh of the problem."""
+    problem, plan = planner.problem, planner.plan(choice, final_time, even)
+    motion = planner.march(plan, choice)
+    if motion is None:
+        return None
+    names = tuple(problem.kernels.coordinates[i] for i in choice)
+    x = _unknowns(problem, plan, motion)
+    return Guess(x, final_time, names, motion.free_steps, motion.excess)
+
+
+def _best_time(
+    planner: Planner, prescribed: Choice, times: Sequence[float], deadline: float
+) -> float:
+    """The final time whose motion keeps the bounds of the inputs at the least cost, or violates
+    them least."""
+    few = max(COARSE_STEPS // planner.problem.phases, FEWEST_STEPS)
+    steps = tuple(min(n, few) for n in planner.problem.phase_steps)
+    best: tuple[float, float, float] | None = None
+    for final_time in times:
+        if time.perf_counter() > deadline:
+            break
+        found = planner.trial(prescribed, final_time, steps)
+        if found is None:
+            continue
+        excess, cost = found
+        rank = (max(excess, KEPT), cost, final_time)
+        if best is None or rank < best:
+            best = rank
+    return float(best[2] if best else times[-1])
+
+
+def _choices(
+    problem: Problem, prescribed: Choice, final_time: float
+) -> Iterator[tuple[Choice, float, bool]]:
+    """Prescribed coordinates, final time, and whether the phases take equally long."""
+    every = tuple(range(problem.nq))
+    yield prescribed, final_time, False
+    # An underactuated motion may drift far from the goal; then splines for all coordinates, which
+    # ignore the rows without inputs, violate the discrete equations less.
+    if every != prescribed:
+        yield every, final_time, False
+    latest = problem.final_time_bounds[1]
+    # A hurried guess says little about what there is time for.
+    if np.isfinite(latest) and final_time < MUCH_SHORTER * latest:
+        yield every, latest, False
+    if problem.sequence:
+        yield prescribed, final_time, True
+
+
+def _without_drift(problem: Problem, guesses: list[Guess], by_rates: bool) -> tuple[Guess, ...]:
+    """The guesses, the first one last if it has drifted off its goal and another one has not."""
+    if len(guesses) > 1:
+        nlp = Transcription(problem, scale_of(problem, guesses[-1].x), by_rates=by_rates)
+        errors = [
+            float(np.abs(nlp.equality(np.clip(nlp.scaled(g.x), nlp.lower, nlp.upper))).max())
+            for g in guesses
+        ]
+        if errors[0] > DRIFTED and min(errors[1:]) < errors[0]:
+            return tuple(guesses[1:] + guesses[:1])
+    return tuple(guesses)
+
+
+# Choices ------------------------------------------------------------------------------------------
+
+
+def _final_times(planner: Planner) -> list[float]:
+    """Final times to try, within the bounds of the final time and of the durations."""
+    problem = planner.problem
+    low, high = problem.final_time_bounds
+    durations = problem.duration_bounds.sum(axis=0)
+    low, high = max(low, durations[0]), min(high, durations[1])
+    if low == high:
+        return [low]
+    top = high if np.isfinite(high) else AROUND * max(natural_time(problem), low)
+    bottom = max(low, top / 50)
+    count = int(np.ceil(np.log(top / bottom) / np.log(TIME_RATIO))) + 1
+    return list(np.geomspace(bottom, top, max(count, 2)))
+
+
+def natural_time(problem: Problem) -> float:
+    """Time that the reaches take at the speeds of the start, at the forces at rest, or at full
+    input."""
+    known = _expected_time(problem)
+    if known is not None:
+        return known
+    return NO_TIME if problem.lasting else _cheapest_decade(Planner.of(problem))
+
+
+def _expected_time(problem: Problem) -> float | None:
+    """What the statement of a problem says of its time, if it does."""
+    reach = problem.reach
+    q = problem.start_position
+    boundary = problem.start_bounds
+    v = end_velocity(problem, boundary, q, np.zeros(problem.nq))
+    box = problem.input_bounds
+    full = [np.where(np.isfinite(side), side, 0.0) for side in box.T]
+    times = [reach[i] / abs(v[i]) for i in range(problem.nq) if v[i] != 0]
+    for u in (np.zeros(problem.nu), *full):
+        a = np.abs(problem.model.acceleration(q, u=u))
+        times += [
+            float(np.sqrt(2 * reach[i] / a[i]))
+            for i in range(problem.nq)
+            if np.isfinite(a[i]) and a[i] > 0
+        ]
+    return float(np.median(times)) if times else None
+
+
+def _cheapest_decade(planner: Planner) -> float:
+    """The final time, by powers of ten, whose motion along splines costs least: all that a cost
+    of time and effort says."""
+    every = tuple(range(planner.problem.nq))
+
+    def cost(final_time: float) -> float:
+        found = planner.trial(every, final_time, (FEWEST_STEPS,) * planner.problem.phases)
+        return np.inf if found is None or not np.isfinite(found[1]) else found[1]
+
+    at, least = NO_TIME, cost(NO_TIME)
+    for ratio in (10.0, 0.1):
+        for _ in range(MOST_DECADES):
+            further = cost(at * ratio)
+            if not further < least:
+                break
+            at, least = at * ratio, further
+    return at
+
+
+# Unknowns -----------------------------------------------------------------------------------------
+
+
+def _unknowns(problem: Problem, plan: Plan, motion: March) -> Array:
+    lay = Layout.of(problem)
+    x = np.zeros(lay.size)
+    x[lay.index_h] = plan.durations / np.array(problem.phase_steps)
+    x[lay.index_q] = motion.q
+    u = _to_nodes(motion.u, problem.phase_steps) if lay.form.shared else motion.u[lay.step_of_input]
+    x[lay.index_u] = np.clip(u, *problem.input_bounds.T)
+    x[lay.index_lam], x[lay.index_v_a], x[lay.index_v_c] = motion.lam, motion.v_a, motion.v_c
+    times = lay.times(x)
+    x[lay.index_t] = times[: len(lay.index_t)]
+    inside = lay.scheme.within(motion.q[:-1], motion.q[1:])
+    x[lay.index_q_i] = inside.reshape(lay.total, -1)
+    for node, index_p, index_v, v in (
+        (0, lay.index_p_B, lay.index_v_B, motion.v_B),
+        (-1, lay.index_p_E, lay.index_v_E, motion.v_E),
+    ):
+        x[index_p] = problem.model.momentum(motion.q[node], v, times[node])
+        if len(index_v):
+            x[index_v] = v
+    return with_hidden(problem, lay, through_hits(problem, lay, x))
+
+
+def _to_nodes(u: Array, phase_steps: tuple[int, ...]) -> Array:
+    """Inputs at the nodes of each phase from inputs in the steps: the mean of both neighbours."""
+    return np.vstack(list(_phase_nodes(u, phase_steps)))
+
+
+def _phase_nodes(u: Array, phase_steps: tuple[int, ...]) -> Iterator[Array]:
+    start = 0
+    for n in phase_steps:
+        part = u[start : start + n]
+        yield np.vstack([part[:1], (part[:-1] + part[1:]) / 2, part[-1:]])
+        start += n

@@ -1,0 +1,60 @@
+"""The way through an impact with friction that Poisson's law takes from a state before it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.guess.hits import rates_and_response
+from dmoc.mechanics.modes import STICK, Course
+from dmoc.problem.problem import Problem
+from dmoc.program.layout import Layout
+
+
+def course_of(rates: Array, A: Array, mu: float, e: float) -> Course:
+    """The course of an impact (equation :eq:`poisson` of the theory).
+
+    Parameters
+    ----------
+    rates : array of shape (2,)
+        Rates of separation, negative where the bodies approach, and of sliding.
+    A : array of shape (2, 2)
+        What impulses along the normal and the tangent change them by.
+    mu, e : float
+        Coefficients of friction and of restitution.
+    """
+    n, sigma = min(float(rates[0]), 0.0), float(rates[1])
+    holds = abs(A[0, 1]) <= mu * A[1, 1]
+    s = int(np.sign(sigma)) or (1 if holds or A[0, 1] > 0 else -1)
+    closing, turning = A[0, 0] - s * mu * A[0, 1], A[0, 1] - s * mu * A[1, 1]
+    if sigma == 0 and not holds:
+        return Course(s)
+    stop = -sigma / turning if s * turning < 0 else np.inf
+    compression = -n / closing if closing > 0 else np.inf
+    if stop >= (1 + e) * compression and sigma != 0:
+        return Course(s)
+    return Course(s, STICK if holds else -s, bool(stop > compression))
+
+
+def courses_at(problem: Problem, states: Sequence[tuple[Array, Array, float]]) -> dict[int, Course]:
+    """The courses that the law takes in the hits of a problem, whatever its words say, from the
+    states (q, v, t) before its events."""
+    mu, e = problem.model.friction, problem.restitution_values
+    found = dict[int, Course]()
+    for p in Layout.of(problem).touch.passages:
+        rates, A = rates_and_response(problem, p, states[p.event])
+        if not p.lands and np.isfinite(A).all() and np.isfinite(rates).all():
+            found[p.event] = course_of(rates, A, float(mu[p.tangent]), float(e[p.surface]))
+    return found
+
+
+def states_before(problem: Problem, x: Array) -> list[tuple[Array, Array, float]]:
+    """States (q, v, t) before the events in unknowns x."""
+    lay = Layout.of(problem)
+    t, nodes = lay.times(x), lay.collision_nodes
+    return [
+        (x[lay.index_q[node]], x[v], float(t[node]))
+        for node, v in zip(nodes, lay.index_v_a, strict=True)
+    ]

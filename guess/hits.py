@@ -1,0 +1,124 @@
+"""First values of what happens within impacts with friction: the way that the words of a sequence
+say, from the velocity before."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import solved
+from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.problem.problem import Problem
+from dmoc.program.hit_stages import END, STOP, Passage
+from dmoc.program.layout import Layout
+
+
+def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
+    """Unknowns with velocities and impulses within impacts with friction that follow from the
+    velocities before them; those of a problem without such impacts are as they were."""
+    if not lay.touch.passages:
+        return x
+    x, t = x.copy(), lay.times(x)
+    for p in lay.touch.passages:
+        node = lay.collision_nodes[p.event]
+        _pass(problem, lay, x, p, float(t[node]))
+    return x
+
+
+def with_hidden(problem: Problem, lay: Layout, x: Array) -> Array:
+    """Unknowns with the hidden ones, that are in the place of functions with kinks, on these."""
+    if not lay.index_s.size:
+        return x
+    x, k = x.copy(), lay.step_of_input
+    q, t = x[lay.index_q], lay.times(x)
+    rates = np.diff(q, axis=0) / np.diff(t)[:, None]
+    middle, now = (q[k] + q[k + 1]) / 2, (t[k] + t[k + 1]) / 2
+    x[lay.index_s] = problem.model.hidden(middle, rates[k], x[lay.index_u], now)
+    return x
+
+
+def jams(problem: Problem, x: Array) -> tuple[str, ...]:
+    """Impacts that slide to the end of compression where sliding presses the contact together
+    (Painleve's paradox), in sentences."""
+    lay = Layout.of(problem)
+    t, found = lay.times(x), []
+    for p in lay.touch.passages:
+        s = p.friction[p.moments.index(END) if END in p.moments else -1]
+        node = lay.collision_nodes[p.event]
+        A = response(problem, p, x[lay.index_q[node]], float(t[node]))
+        if s and A[0, 0] <= s * problem.model.friction[p.tangent] * A[0, 1]:
+            name = problem.kernels.surfaces[p.surface]
+            found.append(
+                f"sliding as {FRICTION_WORDS[s]} presses {name} together at event {p.event + 1} "
+                "whatever its impulse (Painleve's paradox): it can only stop before compression "
+                "ends"
+            )
+    return tuple(found)
+
+
+def response(problem: Problem, p: Passage, q: Array, t: float) -> Array:
+    """The matrix A = D M^-1 D^T of the directions of an impact: what impulses along them change
+    the rates of separation and of sliding by, shape (2, 2)."""
+    D = _directions(problem, p, q, t)
+    return np.asarray(D @ solved(problem.model.mass(q, t), D.T))
+
+
+def rates_and_response(
+    problem: Problem, p: Passage, state: tuple[Array, Array, float]
+) -> tuple[Array, Array]:
+    """Rates of separation and of sliding at a state (q, v, t) before an impact, and the matrix of
+    :func:`response`."""
+    q, v, t = state
+    gap_rates, slide_rates = problem.model.gap_rates(q, v, t), problem.model.slide_rates(q, v, t)
+    rates = np.array([-gap_rates[p.surface], slide_rates[p.tangent]])
+    return rates, response(problem, p, q, t)
+
+
+def _directions(problem: Problem, p: Passage, q: Array, t: float) -> Array:
+    """The directions (-grad g, grad tau), shape (2, nq)."""
+    normal = problem.model.gap_slopes(q, t)[p.surface, :-1]
+    return np.array([-normal, problem.model.tangent_slopes(q, t)[p.tangent, :-1]])
+
+
+def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None:
+    """Put the impulses of one impact, the velocities within it and the one after it into x."""
+    model, i = problem.model, p.event
+    q, v = x[lay.index_q[lay.collision_nodes[i]]], x[lay.index_v_a[i]]
+    pushed = solved(model.mass(q, t), _directions(problem, p, q, t).T)
+    rates, A = rates_and_response(problem, p, (q, v, t))
+    e, mu = float(problem.restitution_values[p.surface]), float(model.friction[p.tangent])
+    lam = _impulses(p, rates, A, (e, mu))
+    if not np.isfinite(lam).all() or not np.isfinite(pushed).all():
+        return
+    moments = list(p.moments)
+    x[lay.index_P_h[i, moments]], x[lay.index_T_h[i, moments]] = lam[:-1].T
+    x[lay.index_v_h[i, moments]] = v + lam[:-1] @ pushed.T
+    x[lay.index_lam[i]], x[lay.index_T_c[i, p.tangent]] = lam[-1]
+    x[lay.index_v_c[i]] = v + pushed @ lam[-1]
+
+
+def _impulses(p: Passage, rates: Array, A: Array, law: tuple[float, float]) -> Array:
+    """Impulses (P, T) until each moment and of the whole impact, shape (moments + 1, 2).
+
+    Where the way is not that of the law from these rates, the impulses are cut to what one of an
+    approach could have.
+    """
+    e, mu = law
+    hardest = max(-rates[0], 0.0) / A[0, 0]
+    found, at, whole = [], np.zeros(2), np.inf
+    for moment, s in zip((*p.moments, None), p.friction, strict=True):
+        slope = -s * mu if s else float(np.clip(-A[0, 1] / A[1, 1], -mu, mu))
+        way = A @ np.array([1.0, slope])
+        now = rates + A @ at
+        if moment == STOP:
+            dP = -now[1] / way[1] if now[1] * way[1] < 0 else 0.0
+        elif moment == END or p.lands:
+            dP = -now[0] / way[0] if way[0] > 0 else hardest
+        else:
+            dP = whole - at[0]
+        most = whole - at[0] if moment != END and whole < np.inf else np.inf
+        at = at + min(max(dP, 0.0), most) * np.array([1.0, slope])
+        if moment == END:
+            whole = (1 + e) * at[0]
+        found.append(at)
+    return np.array(found)

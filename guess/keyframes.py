@@ -1,0 +1,220 @@
+"""A user's own guess: courses of coordinates and inputs by name, and durations.
+
+A course is a number, which is kept, keyframes, which are spread evenly over the time, or a function
+of the time.  Keyframes of coordinates are joined by cubics that do not overshoot, those of inputs
+by straight lines.  What is not named is that of the automatic guess; velocities, momenta and
+impulses follow from the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from dmoc.base.arguments import (
+    array,
+    check_known,
+    function,
+    is_number,
+    listed,
+    number,
+    positive,
+    shown,
+)
+from dmoc.base.errors import ProblemError
+from dmoc.codegen.kernels import Array
+from dmoc.guess.contacts import in_contact
+from dmoc.guess.tracking import reflected
+from dmoc.guess.transfer import times_of_inputs
+from dmoc.mechanics.values import by_name
+from dmoc.problem.problem import Problem
+from dmoc.program.layout import Layout
+
+DURATIONS = "durations"
+SECONDS = "expected a positive time in seconds"
+COURSE = "expected a number, a list of keyframes, or a function of the time"
+
+Course: TypeAlias = float | Array | Callable[[Array], Any]
+
+
+@dataclass(frozen=True)
+class Courses:
+    """What is given for some phases in a row: the first one and the one behind the last, courses
+    by name, and durations of the phases or None."""
+
+    first: int
+    end: int
+    named: Mapping[str, Course]
+    durations: tuple[float, ...] | None
+
+
+def is_given_by_name(guess: object) -> bool:
+    """Whether a guess is a mapping from names, or a list of such mappings."""
+    if isinstance(guess, (list, tuple)):
+        return any(isinstance(part, Mapping) for part in guess)
+    return isinstance(guess, Mapping)
+
+
+def courses_of(problem: Problem, guess: Any) -> tuple[Courses, ...]:
+    """Read a guess by name.
+
+    Raises
+    ------
+    ProblemError
+        If a name is unknown, a value is no course, or the parts are not one for each phase.
+    """
+    if isinstance(guess, Mapping):
+        found = [_read(problem, guess, 0, problem.phases, "guess")]
+    elif len(guess) == problem.phases:
+        parts = enumerate(guess)
+        found = [_read(problem, p, i, i + 1, f"guess of phase {i}") for i, p in parts]
+    else:
+        raise ProblemError(
+            f"guess has {len(guess)} parts: expected one mapping, or one for each of the "
+            f"{problem.phases} phases."
+        )
+    if not any(part.named or part.durations for part in found):
+        raise ProblemError(
+            f"guess = {shown(guess)}: expected the name of a coordinate or an input; leave it out "
+            "for the automatic guess."
+        )
+    return tuple(found)
+
+
+def along(problem: Problem, courses: Sequence[Courses], automatic: Array) -> Array:
+    """Return unknowns x along courses, in units of the problem; ``automatic`` are those for what
+    is not named.
+
+    The keyframes of a mapping for all phases are spread over the whole motion, those of a mapping
+    for one phase over this phase.  Times are seconds from the start of the motion.  Where two
+    phases meet, the earlier one that names a coordinate counts.
+    """
+    lay, x = Layout.of(problem), automatic.copy()
+    for part in courses:
+        if part.durations is not None:
+            phases = slice(part.first, part.end)
+            x[lay.index_h[phases]] = np.array(part.durations) / lay.steps[phases]
+    q, u, t = x[lay.index_q], x[lay.index_u], lay.times(x)
+    for part in reversed(courses):
+        first, last = int(lay.ends[part.first]), int(lay.ends[part.end])
+        whole = (float(t[first]), float(t[last]))
+        for j, name in enumerate(problem.kernels.coordinates):
+            if name in part.named:
+                nodes = slice(first, last + 1)
+                q[nodes, j] = _sampled(part.named[name], name, t[nodes], whole, smooth=True)
+        for i in range(part.first, part.end):
+            a, b = int(lay.ends[i]), int(lay.ends[i + 1])
+            rows = slice(lay.row_u_k[a], lay.row_u_kp1[b - 1] + 1)
+            at = times_of_inputs(lay.form.name, t[a : b + 1])
+            for j, name in enumerate(problem.kernels.inputs):
+                if name in part.named:
+                    u[rows, j] = _sampled(part.named[name], name, at, whole, smooth=False)
+    x[lay.index_q], x[lay.index_u] = q, u
+    return _completed(problem, lay, x)
+
+
+# Reading ------------------------------------------------------------------------------------------
+
+
+def _read(problem: Problem, given: Any, first: int, end: int, what: str) -> Courses:
+    if not isinstance(given, Mapping):
+        raise ProblemError(
+            f"{what} = {shown(given)}: expected a mapping from names to numbers, keyframes or "
+            "functions."
+        )
+    named = by_name(given, what)
+    durations = named.pop(DURATIONS, None)
+    known = [*problem.kernels.coordinates, *problem.kernels.inputs]
+    for name in named:
+        check_known(name, [*known, DURATIONS], "coordinate or input", f"in the {what}")
+    return Courses(
+        first,
+        end,
+        {name: _course(value, f"{what}: {name}") for name, value in named.items()},
+        None if durations is None else _seconds(durations, end - first, f"{what}: {DURATIONS}"),
+    )
+
+
+def _course(value: Any, what: str) -> Course:
+    if callable(value):
+        return function(value, what, "an array of times")
+    if is_number(value):
+        return number(value, what)
+    if not isinstance(value, (Sequence, np.ndarray)) or isinstance(value, (str, bytes)):
+        raise ProblemError(f"{what} = {shown(value)}: {COURSE}.")
+    frames = [number(v, f"{what}, keyframe {i}") for i, v in enumerate(listed(value, what, COURSE))]
+    if not frames:
+        raise ProblemError(f"{what} = {shown(value)}: {COURSE}; leave the name out for none.")
+    return np.array(frames)
+
+
+def _seconds(value: Any, phases: int, what: str) -> tuple[float, ...]:
+    values = [value] if is_number(value) else listed(value, what, "times in seconds")
+    if len(values) != phases:
+        raise ProblemError(
+            f"{what} = {shown(value)}: expected {phases} times in seconds, one for each phase."
+        )
+    return tuple(positive(v, f"{what} {i}", SECONDS) for i, v in enumerate(values))
+
+
+# Motion -------------------------------------------------------------------------------------------
+
+
+def _sampled(
+    course: Course, name: str, t: Array, whole: tuple[float, float], smooth: bool
+) -> Array:
+    """Values of a course at times t; keyframes are spread over the ``whole`` time."""
+    if callable(course):
+        return _called(course, name, t)
+    frames = np.atleast_1d(course)
+    if len(frames) == 1:
+        return np.full(len(t), frames[0])
+    at = np.linspace(*whole, len(frames))
+    if not smooth or len(frames) == 2:
+        return np.asarray(np.interp(t, at, frames))
+    from scipy.interpolate import PchipInterpolator
+
+    return np.asarray(PchipInterpolator(at, frames)(np.clip(t, *whole)))
+
+
+def _called(course: Callable[[Array], Any], name: str, t: Array) -> Array:
+    given = course(t.copy())
+    found = array(given)
+    if found is None or found.shape not in ((), t.shape):
+        raise ProblemError(
+            f"guess: {name}: the function gave {shown(given)} for {len(t)} times: expected as many "
+            "numbers."
+        )
+    values = np.array(np.broadcast_to(found, t.shape))
+    if not np.isfinite(values).all():
+        k = int(np.argmin(np.isfinite(values)))
+        raise ProblemError(
+            f"guess: {name}: the function gave {values[k]:g} at t = {t[k]:g} s: expected finite "
+            "numbers."
+        )
+    return values
+
+
+def _completed(problem: Problem, lay: Layout, x: Array) -> Array:
+    """The unknowns that follow from times, positions and inputs: nodes inside the steps, momenta
+    and velocities at both ends, impulses and velocities at the collisions; contacts that last
+    correct the positions and take impulses."""
+    q, t = x[lay.index_q], lay.times(x)
+    rates = np.diff(q, axis=0) / np.diff(t)[:, None]
+    x[lay.index_t] = t[: len(lay.index_t)]
+    x[lay.index_q_i] = lay.scheme.within(q[:-1], q[1:]).reshape(lay.total, -1)
+    for i, (node, event) in enumerate(zip(lay.collision_nodes, problem.events, strict=True)):
+        v, after, impulse = rates[node - 1], rates[node], 0.0
+        if event.surface:
+            lands, at = bool(event.lands), float(t[node])
+            after, impulse = reflected(problem, q[node], v, event.surface, at, lands=lands)
+        x[lay.index_v_a[i]], x[lay.index_v_c[i]], x[lay.index_lam[i]] = v, after, impulse
+    ends = ((0, 0, lay.index_p_B, lay.index_v_B), (-1, -1, lay.index_p_E, lay.index_v_E))
+    for node, step, index_p, index_v in ends:
+        x[index_p] = problem.model.momentum(q[node], rates[step], t[node])
+        if len(index_v):
+            x[index_v] = rates[step]
+    return in_contact(problem, x)

@@ -1,0 +1,307 @@
+"""Random smooth motions through the collisions of a problem, many at once, to start from.
+
+A motion has durations, points at the start, the collisions and the goal, velocities there that obey
+the law of impact, and between them cubics with a few waves on top.  There are four kinds in turn.
+*Shaken* ones are an automatic guess with waves, other durations and less of its inputs.  *Driven*
+ones know nothing but the statement: they have waves s (1 - s) sin(m pi s) in each phase, which
+leave the points on their surfaces, and the inputs of the equations of motion by least squares,
+within their bounds; *idle* ones are the same without inputs; *loose* ones have waves sin(m pi s)
+over the whole time, which leave the surfaces, and no inputs either.  No kind is best for all
+problems.  Motion k of a seed is the same whichever others are asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.codegen.kernels import Array
+from dmoc.guess.contacts import in_contact
+from dmoc.guess.waypoints import end_velocity
+from dmoc.mechanics.algebra import solved
+from dmoc.problem.problem import Problem, midpoints
+from dmoc.program.blocks import Index
+from dmoc.program.layout import Layout
+
+# Largest ratio of the longest and the shortest final time that is tried where bounds leave it open.
+TIMES = 10.0
+# Spread of the logarithm of the shares of time of the phases: some are short.
+SHARES = 1.3
+# Distances of points from the straight way, and amplitudes of waves, in reaches of the coordinates:
+# each motion has its own size between the two, evenly by its logarithm (loose ones are larger), and
+# its own number of waves.  On pendulums, carts and an acrobot smaller ones find nothing new, larger
+# ones hardly anything.
+SMALLEST, LOOSEST, LARGEST = 0.05, 0.3, 1.6
+WAVES = 6
+# Kinds of motions, by their numbers.
+SHAKEN, IDLE, LOOSE, DRIVEN = range(4)
+KINDS = 4
+# Spread of the logarithm of the durations of a shaken motion.
+SHAKE = 0.7
+# Newton steps from a random point to a surface.
+NEWTON = 12
+# Speed towards a surface that a motion has at least, relative to that of its straight way.
+APPROACH = 0.3
+
+
+def random_motions(
+    problem: Problem, guesses: Sequence[Array], natural: float, numbers: range, seed: int = 0
+) -> Array:
+    """Unknowns of the random motions with the given numbers, shape (len(numbers), n).
+
+    ``guesses`` are unknowns that are shaken; ``natural`` is a final time in seconds around which
+    motions are made where the problem does not bound it.
+    """
+    if not numbers:
+        return np.zeros((0, Layout.of(problem).size))
+    with np.errstate(all="ignore"):
+        x = _unknowns(problem, _Drawn.of(problem, natural, numbers, seed))
+        for row, k in zip(x, numbers, strict=True):
+            if k % KINDS == SHAKEN and guesses:
+                guess = guesses[k // KINDS % len(guesses)]
+                row[:] = _shaken(problem, guess, np.random.default_rng([seed, k]))
+            row[:] = in_contact(problem, row)
+    return x
+
+
+def _shaken(problem: Problem, guess: Array, rng: np.random.Generator) -> Array:
+    """A guess with waves, other durations and less of its inputs."""
+    lay, x = Layout.of(problem), guess.copy()
+    size = SMALLEST * (LARGEST / SMALLEST) ** rng.random()
+    m = np.pi * np.arange(1, WAVES + 1)
+    waves = rng.standard_normal((WAVES, lay.nq)) * size * problem.reach / (m / np.pi)[:, None]
+    s = np.arange(lay.total + 1) / lay.total
+    x[lay.index_q] += np.sin(np.outer(s, m)) @ waves
+    inside = lay.scheme.within(s[:-1, None], s[1:, None]).reshape(-1, 1)
+    x[lay.index_q_i] += (np.sin(inside * m) @ waves).reshape(lay.total, -1)
+    durations = guess[lay.index_h] * lay.steps * np.exp(SHAKE * rng.standard_normal(lay.phases))
+    low, high = problem.final_time_bounds
+    total = float(durations.sum())
+    durations *= min(max(total, low), high) / total
+    x[lay.index_h] = np.clip(durations, *problem.duration_bounds.T) / lay.steps
+    if lay.timed:
+        x[lay.index_t] = lay.times(x)
+    x[lay.index_u] *= rng.uniform(-1, 1)
+    return x
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """Durations (count, phases); points (count, phases + 1, nq); velocities after and before them,
+    at both ends of each phase (count, phases, nq); waves of the phases (count, phases, WAVES, nq)
+    and of the whole time (count, WAVES, nq); impulses (count, collisions); whether there are inputs
+    (count,)."""
+
+    durations: Array
+    points: Array
+    v_first: Array
+    v_last: Array
+    waves: Array
+    whole: Array
+    lam: Array
+    driven: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, problem: Problem, natural: float, numbers: range, seed: int) -> _Drawn:
+        draws = [np.random.default_rng([seed, k]) for k in numbers]
+        kind = np.array(numbers) % KINDS
+        phases, nq = problem.phases, problem.nq
+        uniform = np.array([r.random(3 + 2 * nq) for r in draws])
+        normal = np.array([r.standard_normal((phases + 1, nq)) for r in draws])
+        shares = np.array([r.standard_normal(phases) for r in draws])
+        waves = np.array([r.standard_normal((phases, WAVES, nq)) for r in draws])
+        smallest = np.where(kind == LOOSE, LOOSEST, SMALLEST)
+        size = smallest * (LARGEST / smallest) ** uniform[:, 1]
+        durations = _durations(problem, natural, uniform[:, 0], shares)
+        points = _points(problem, durations, uniform[:, 3:], normal * size[:, None, None])
+        waves = waves * (problem.reach * size[:, None])[:, None, None, :]
+        waves /= np.arange(1, WAVES + 1)[:, None]
+        waves *= (np.arange(WAVES) <= WAVES * uniform[:, 2, None])[:, None, :, None]
+        loose = kind == LOOSE
+        whole = np.where(loose[:, None, None], waves[:, 0], 0.0)
+        waves[loose] = 0.0
+        legs = np.diff(points, axis=1) / durations[:, :, None]
+        v_first, v_last, lam = _velocities(problem, durations, points, legs)
+        return cls(durations, points, v_first, v_last, waves, whole, lam, kind == DRIVEN)
+
+
+def _durations(problem: Problem, natural: float, uniform: Array, shares: Array) -> Array:
+    """Final times between their bounds, evenly by the logarithm, split into random shares."""
+    low, high = problem.final_time_bounds
+    each = problem.duration_bounds
+    low, high = max(low, each[:, 0].sum()), min(high, each[:, 1].sum())
+    high = high if np.isfinite(high) else max(TIMES**0.5 * natural, low * TIMES)
+    low = max(low, high / TIMES**2 if high < natural else min(natural, high) / TIMES)
+    total = low * (high / low) ** np.sqrt(uniform) if high > low else np.full(len(uniform), high)
+    parts = np.exp(SHARES * (shares - shares.mean(axis=1, keepdims=True)))
+    durations = np.clip(
+        total[:, None] * parts / parts.sum(axis=1, keepdims=True), *problem.duration_bounds.T
+    )
+    return np.asarray(durations)
+
+
+def _points(problem: Problem, durations: Array, uniform: Array, away: Array) -> Array:
+    """Points at the start and the goal within their bounds, and between them on the surfaces."""
+    nq, reach = problem.nq, problem.reach
+    ends: list[Array] = []
+    for k, bounds, share in (
+        (0, problem.start_bounds.position, uniform[:, :nq]),
+        (-1, problem.goal_bounds.position, uniform[:, nq:]),
+    ):
+        low, high = bounds.T
+        bounded = np.isfinite(low) & np.isfinite(high)
+        inside = np.where(bounded, low, 0.0) + share * np.where(bounded, high - low, 0.0)
+        free = ends[0] if ends else problem.start_position
+        # A far bound of one side holds nothing.
+        ends.append(np.where(bounded, inside, np.clip(free + away[:, k] * reach, low, high)))
+    part = np.cumsum(durations, axis=1) / durations.sum(axis=1, keepdims=True)
+    part = np.hstack([np.zeros((len(part), 1)), part])[:, :, None]
+    points = (1 - part) * ends[0][:, None] + part * ends[1][:, None]
+    times = np.cumsum(durations, axis=1)
+    for i, event in enumerate(problem.events):
+        if not event.surface:
+            continue
+        j = problem.kernels.surfaces.index(event.surface)
+        around = points[:, i + 1] + away[:, i + 1] * reach
+        points[:, i + 1] = _onto(problem, around, times[:, i], j)
+    return points
+
+
+def _onto(problem: Problem, q: Array, t: Array, j: int) -> Array:
+    """Points of a surface near rows of points, by Newton steps along the gradient in reaches; the
+    rows as they are where that does not end on it."""
+    reach, at = problem.reach, q.copy()
+    for _ in range(NEWTON):
+        gap = problem.model.gaps(at, t)[:, j, None]
+        slope = problem.model.gap_slopes(at, t)[:, j, :-1] * reach
+        square = (slope * slope).sum(axis=1, keepdims=True)
+        step = np.where(square > 0, -gap * slope / np.where(square > 0, square, 1.0), 0.0)
+        step /= np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True))
+        at = at + step * reach
+    return np.where(np.isfinite(at).all(axis=1, keepdims=True), at, q)
+
+
+def _velocities(
+    problem: Problem, durations: Array, points: Array, legs: Array
+) -> tuple[Array, Array, Array]:
+    """Velocities at both ends of every phase, and impulses: given ones at the ends of the motion,
+    at a collision the mean of the ways before and after it in the mirror, and what the law of
+    impact makes of it."""
+    count, phases, nq = legs.shape
+    v_first, v_last = np.empty_like(legs), np.empty_like(legs)
+    lam = np.zeros((count, phases - 1))
+    v_first[:, 0] = end_velocity(
+        problem, problem.start_bounds, problem.start_position, np.zeros(nq)
+    )
+    default = end_velocity(
+        problem, problem.goal_bounds, midpoints(problem.goal_bounds.position, np.zeros(nq)),
+        np.full(nq, np.nan),
+    )  # fmt: skip
+    v_last[:, -1] = np.where(np.isnan(default), legs[:, -1], default)
+    times = np.cumsum(durations, axis=1)
+    for i, event in enumerate(problem.events):
+        if not event.surface:
+            v_last[:, i] = v_first[:, i + 1] = (legs[:, i] + legs[:, i + 1]) / 2
+            continue
+        j = problem.kernels.surfaces.index(event.surface)
+        e = float(problem.restitution_values[j]) if event.hit else 0.0
+        q, t = points[:, i + 1], times[:, i]
+        slope = problem.model.gap_slopes(q, t)[:, j]
+        n, moving = slope[:, :-1], slope[:, -1]
+        response = solved(problem.model.mass(q, t), n)
+        inertia = (n * response).sum(axis=1)
+        inertia = np.where(inertia > 0, inertia, np.inf)[:, None]
+        after = (n * legs[:, i + 1]).sum(axis=1, keepdims=True)
+        mirrored = legs[:, i + 1] - 2 * after / inertia * response
+        v = (legs[:, i] + mirrored) / 2
+        rate = (n * v).sum(axis=1) + moving
+        least = APPROACH * np.abs(n * legs[:, i]).sum(axis=1)
+        v = v + (np.maximum(rate, least) - rate)[:, None] / inertia * response
+        rate = np.maximum(rate, least)
+        lam[:, i] = (1 + e) * rate / inertia[:, 0]
+        v_last[:, i], v_first[:, i + 1] = v, v - lam[:, i, None] * response
+    return v_first, v_last, lam
+
+
+def _along(drawn: _Drawn, i: int, s: Array) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations of phase i at shares s of it, shape (count, len(s),
+    nq) each."""
+    T = drawn.durations[:, i, None, None]
+    q0, q1 = drawn.points[:, i, None], drawn.points[:, i + 1, None]
+    d0, d1 = drawn.v_first[:, i, None] * T, drawn.v_last[:, i, None] * T
+    c2, c3 = 3 * (q1 - q0) - 2 * d0 - d1, 2 * (q0 - q1) + d0 + d1
+    x = s[None, :, None]
+    q = q0 + x * (d0 + x * (c2 + x * c3))
+    v = d0 + x * (2 * c2 + 3 * x * c3)
+    a = 2 * c2 + 6 * x * c3
+    m = np.pi * np.arange(1, WAVES + 1)
+    sin, cos = np.sin(np.outer(s, m)), np.cos(np.outer(s, m))
+    bump, slope = (s * (1 - s))[:, None], (1 - 2 * s)[:, None]
+    waves = drawn.waves[:, i]
+    q = q + 4 * np.einsum("sm,kmi->ksi", bump * sin, waves)
+    v = v + 4 * np.einsum("sm,kmi->ksi", slope * sin + bump * m * cos, waves)
+    a = a + 4 * np.einsum("sm,kmi->ksi", -2 * sin + 2 * slope * m * cos - bump * m * m * sin, waves)
+    begin, end = drawn.durations[:, :i].sum(axis=1), drawn.durations.sum(axis=1)
+    at = m * ((begin[:, None] + s * drawn.durations[:, i, None]) / end[:, None])[:, :, None]
+    rate = m * (drawn.durations[:, i] / end)[:, None, None]
+    q = q + np.einsum("ksm,kmi->ksi", np.sin(at), drawn.whole)
+    v = v + np.einsum("ksm,kmi->ksi", rate * np.cos(at), drawn.whole)
+    a = a - np.einsum("ksm,kmi->ksi", rate**2 * np.sin(at), drawn.whole)
+    return q, v / T, a / T**2
+
+
+def _unknowns(problem: Problem, drawn: _Drawn) -> Array:
+    lay = Layout.of(problem)
+    count = len(drawn.durations)
+    x = np.zeros((count, lay.size))
+    x[:, lay.index_h] = drawn.durations / np.array(lay.steps)
+    begin = np.cumsum(np.hstack([np.zeros((count, 1)), drawn.durations]), axis=1)
+    inside, times = [], []
+    for i, n in enumerate(lay.steps):
+        first = lay.ends[i]
+        nodes = np.linspace(0, 1, n + 1)
+        x[:, lay.index_q[first : first + n + 1]] = _along(drawn, i, nodes)[0]
+        times.append(begin[:, i, None] + drawn.durations[:, i, None] * nodes)
+        within = lay.scheme.within(nodes[:-1, None], nodes[1:, None])
+        places = np.asarray(within).reshape(-1)
+        inside.append(_along(drawn, i, places)[0].reshape(count, n, -1))
+    x[:, lay.index_q_i] = np.concatenate(inside, axis=1)
+    if lay.timed:
+        x[:, lay.index_t] = np.hstack([*(t[:, :-1] for t in times), times[-1][:, -1:]])
+    x[:, lay.index_u] = _inputs(problem, lay, drawn, begin)
+    x[:, lay.index_lam] = drawn.lam
+    x[:, lay.index_v_a], x[:, lay.index_v_c] = drawn.v_last[:, :-1], drawn.v_first[:, 1:]
+    for q, v, t, index_p, index_v in (
+        (drawn.points[:, 0], drawn.v_first[:, 0], begin[:, 0], lay.index_p_B, lay.index_v_B),
+        (drawn.points[:, -1], drawn.v_last[:, -1], begin[:, -1], lay.index_p_E, lay.index_v_E),
+    ):
+        x[:, index_p] = problem.model.momentum(q, v, t)
+        if len(index_v):
+            x[:, index_v] = v
+    return x
+
+
+def _inputs(problem: Problem, lay: Layout, drawn: _Drawn, begin: Array) -> Array:
+    """Inputs in the rows of their form, those that come closest to the accelerations in the middle
+    of the step of each row."""
+    count, nu = len(drawn.durations), problem.nu
+    if not nu:
+        return np.zeros((count, len(lay.step_of_input), 0))
+    found = []
+    for i, n in enumerate(lay.steps):
+        middle = (np.arange(n) + 0.5) / n
+        q, v, a = (part.reshape(-1, lay.nq) for part in _along(drawn, i, middle))
+        t = (begin[:, i, None] + drawn.durations[:, i, None] * middle).reshape(-1)
+        M, F = problem.model.equations(q, v, t=t)
+        B = problem.model.input_matrix(q, v, t=t) / np.sqrt(problem.inertia)[:, None]
+        missing = (np.einsum("kij,kj->ki", M, a) - F) / np.sqrt(problem.inertia)
+        good = np.isfinite(B).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
+        u = np.zeros((len(q), nu))
+        u[good] = np.einsum("kij,kj->ki", np.linalg.pinv(B[good]), missing[good])
+        found.append(u.reshape(count, n, nu))
+    steps: Index = lay.step_of_input
+    u = np.where(drawn.driven[:, None, None], np.concatenate(found, axis=1)[:, steps], 0.0)
+    return np.clip(u, *problem.input_bounds.T)

@@ -1,0 +1,134 @@
+"""What is found along a plan: a motion that follows it (:mod:`dmoc.guess.tracker`), or straight
+lines."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.guess.tracker import WINDOW, Marcher
+from dmoc.guess.waypoints import Plan, Route, Shares, plan_of, route_of, shares_of
+from dmoc.problem.problem import Problem, midpoints
+
+# Coordinates that follow splines.
+Choice: TypeAlias = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class March:
+    """A sampled motion: q (total + 1, nq), inputs (total, nu), impulses, velocities before and
+    after the collisions (collisions, nq), steps in windows, velocities at both ends, and the
+    largest violation of an input bound, relative to the bound's range."""
+
+    q: Array
+    u: Array
+    lam: Array
+    v_a: Array
+    v_c: Array
+    free_steps: int
+    v_B: Array
+    v_E: Array
+    excess: float
+
+
+@dataclass(frozen=True)
+class Planner:
+    """Plans of a problem, and what marches along them; ``still`` is the route of all plans, if
+    there is one, with the ``shares`` that were asked for."""
+
+    problem: Problem
+    marcher: Marcher
+    still: Route | None
+    shares: dict[tuple[Choice, bool], Shares] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, problem: Problem) -> Planner:
+        route = route_of(problem, 0.0)
+        return cls(problem, Marcher(problem), None if route.normals is None else route)
+
+    def plan(self, choice: Choice, final_time: float, even: bool = False) -> Plan:
+        route = self._route(final_time)
+        known = self.shares if route is self.still else {}
+        if (choice, even) not in known:
+            known[choice, even] = shares_of(route, choice, even)
+        return plan_of(self.problem, route, known[choice, even], final_time)
+
+    def trial(
+        self, choice: Choice, final_time: float, steps: tuple[int, ...]
+    ) -> tuple[float, float] | None:
+        """Excess of the inputs and cost of a motion; None where it grows without bound."""
+        if not self.marcher.trial(self.plan(choice, final_time), steps, choice):
+            return None
+        return self.marcher.excess, self.marcher.cost
+
+    def march(self, plan: Plan, choice: Choice) -> March | None:
+        """Follow a plan on the mesh of the problem by the explicit midpoint rule; None where the
+        motion grows without bound."""
+        found = self.marcher.motion(plan, self.problem.phase_steps, choice)
+        if found is None:
+            return None
+        q, u, lam, v_a, v_c, end = found
+        start, free, excess = plan.velocities[0], self.marcher.free_steps, self.marcher.excess
+        return March(q, u, lam, v_a, v_c, free, start, end, excess)
+
+    def prescribed(self, final_time: float) -> Choice:
+        """Choose nu coordinates: those that surfaces and goal say most about, as long as the others
+        can follow from them at one of the via points."""
+        problem, nq, nu = self.problem, self.problem.nq, self.problem.nu
+        if nu == 0 or nu >= nq:
+            return tuple(range(nq))
+        surfaces = problem.kernels.manifest["surface_coordinates"]
+        goal = problem.goal_bounds.position
+        said = [
+            sum(i in surfaces[e.hit] for e in problem.events) + bool(goal[i, 0] == goal[i, 1])
+            for i in range(nq)
+        ]
+        order = sorted(range(nq), key=lambda i: (-said[i], i))
+        points = self._route(final_time).points
+        for choice in itertools.combinations(order, nu):
+            if any(self.marcher.control(q, choice) > WINDOW for q in points):
+                return tuple(sorted(choice))
+        return tuple(range(nq))
+
+    def _route(self, final_time: float) -> Route:
+        return route_of(self.problem, final_time) if self.still is None else self.still
+
+
+def reflected(
+    problem: Problem, q: Array, v: Array, surface: str, t: float, *, lands: bool = False
+) -> tuple[Array, float]:
+    """Velocity after an impact, and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n) with n
+    = grad g; e = 0 where the surface ``lands``."""
+    j = problem.kernels.surfaces.index(surface)
+    *slope, moving = problem.model.gap_slopes(q, t)[j]
+    normal = np.array(slope)
+    response, inertia = problem.model.impulse_response(q, normal, t)
+    approach = float(normal @ v) + moving
+    e = 0.0 if lands else float(problem.restitution_values[j])
+    impulse = max((1 + e) * approach / inertia, 0.0) if inertia > 0 else 0.0
+    return v - impulse * response, impulse
+
+
+def resting(problem: Problem, plan: Plan) -> March:
+    """Straight lines between the via points: the last resort."""
+    pieces = [
+        a + np.linspace(0, 1, n + 1)[:-1, None] * (b - a)
+        for a, b, n in zip(plan.positions, plan.positions[1:], problem.phase_steps, strict=False)
+    ]
+    q = np.vstack([*pieces, plan.positions[-1:]])
+    u = np.tile(midpoints(problem.input_bounds, np.zeros(problem.nu)), (len(q) - 1, 1))
+    return March(
+        q,
+        u,
+        np.zeros(len(problem.sequence)),
+        plan.velocities[1:-1],
+        plan.velocities[1:-1],
+        0,
+        plan.velocities[0],
+        plan.velocities[-1],
+        0.0,
+    )

@@ -1,0 +1,168 @@
+"""The way that a guess takes: points at the start, the collisions and the goal, velocities
+there, and durations between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Boundary, Problem, midpoints
+from dmoc.problem.surfaces import contact_point
+
+# A plastic impact has no mirror image: coefficient of restitution that the plan assumes at least.
+SOFTEST_MIRROR = 0.3
+# Share of the final time that a phase gets at least.
+SHORTEST_SHARE = 0.04
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Via points of all coordinates: positions (phases + 1, nq), velocities before each via
+    point, and durations."""
+
+    positions: Array
+    velocities: Array
+    durations: Array
+
+
+@dataclass(frozen=True)
+class Normal:
+    """A surface at a via point: the gradient of its gap, the change M^-1 n of the velocity by a
+    unit impulse along it, n . M^-1 n, and the coefficient of restitution of its mirror."""
+
+    slope: Array
+    response: Array
+    square: float
+    e: float
+
+
+@dataclass(frozen=True)
+class Route:
+    """What plans have in common: points at the start, the collisions and the goal, shape (phases +
+    1, nq), the mass matrix and the velocity at the start, the velocity at the goal if momenta fix
+    it, the surfaces at the collisions, and the length of the reach.
+
+    Where a surface of the sequence moves, points depend on the final time, and there are no
+    ``normals``.
+    """
+
+    points: Array
+    mass: Array
+    start: Array
+    goal: Array | None
+    normals: tuple[Normal, ...] | None
+    reach: float
+
+
+def route_of(problem: Problem, final_time: float) -> Route:
+    """The collisions are spread over the time."""
+    goal = midpoints(problem.goal_bounds.position, problem.start_position)
+    share = np.linspace(0.0, 1.0, problem.phases + 1)
+    points = (1 - share[:, None]) * problem.start_position + share[:, None] * goal
+    surfaces = [event.hit for event in problem.events]
+    for i, surface in enumerate(surfaces):
+        t = float(share[i + 1]) * final_time
+        points[i + 1] = contact_point(problem, points[i + 1], points[i], surface, t)
+    start = end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
+    moving = problem.kernels.manifest["moving_surfaces"]
+    normals = None
+    if not any(surface in moving for surface in surfaces):
+        normals = tuple(_normal(problem, q, i, 0.0) for i, q in enumerate(points[1:-1]))
+    end = _by_momentum(problem, problem.goal_bounds, points[-1])
+    mass = problem.model.mass(points[0])
+    reach = float(np.sqrt(problem.reach @ mass @ problem.reach))
+    return Route(points, mass, start, end, normals, reach)
+
+
+def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
+    j = problem.kernels.surfaces.index(problem.events[collision].hit)
+    slope = problem.model.gap_slopes(q, t)[j, :-1]
+    e = max(float(problem.restitution_values[j]), SOFTEST_MIRROR)
+    return Normal(slope, *problem.model.impulse_response(q, slope), e)
+
+
+@dataclass(frozen=True)
+class Shares:
+    """The legs of a route, shape (phases, nq), the length of all together, measured by the masses,
+    and the shares of the phases in the time."""
+
+    legs: Array
+    whole: float
+    times: Array
+
+
+def shares_of(route: Route, prescribed: tuple[int, ...], even: bool) -> Shares:
+    """Shares in proportion to the distances of some coordinates, or even ones."""
+    points = route.points
+    chosen = np.zeros(points.shape[1])
+    chosen[list(prescribed)] = 1.0
+    legs = points[1:] - points[:-1]
+    ways = legs * chosen
+    lengths = np.sqrt((ways @ route.mass * ways).sum(axis=1))
+    whole = float(lengths.sum())
+    # Between two collisions with one surface the motion leaves and returns: such a phase gets an
+    # average share.
+    flights = lengths <= 1e-6 * whole
+    average = whole / max(len(flights) - flights.sum(), 1)
+    lengths = np.where(flights, average or route.reach or 1.0, lengths)
+    whole = float(lengths.sum())
+    shares = np.ones(len(lengths)) if even else np.maximum(lengths / whole, SHORTEST_SHARE)
+    return Shares(legs, whole, shares / shares.sum())
+
+
+def plan_of(problem: Problem, route: Route, shares: Shares, final_time: float) -> Plan:
+    """Durations by shares of the time, and velocities that continue smoothly in the mirror image
+    behind each surface."""
+    points = route.points
+    durations = np.clip(final_time * shares.times, *problem.duration_bounds.T)
+    speeds = shares.legs / durations[:, None]
+    velocities = np.zeros_like(points)
+    velocities[0] = route.start
+    for i in range(len(points) - 2):
+        normal = (
+            _normal(problem, points[i + 1], i, float(durations[: i + 1].sum()))
+            if route.normals is None
+            else route.normals[i]
+        )
+        slowest = shares.whole / final_time / 2
+        velocities[i + 1] = _through(normal, speeds[i : i + 2], durations[i : i + 2], slowest)
+    if route.goal is None:
+        natural = 1.5 * speeds[-1] - 0.5 * velocities[-2] if problem.phases == 1 else speeds[-1]
+        velocities[-1] = _by_velocity(problem.goal_bounds, natural)
+    else:
+        velocities[-1] = route.goal
+    return Plan(points, velocities, durations)
+
+
+def _through(normal: Normal, speeds: Array, durations: Array, slowest: float) -> Array:
+    """Velocity before a collision, from the mean velocities of the phases before and after it and
+    their durations: their mean in the mirror image behind the surface, arriving not too slowly."""
+    n, response, square = normal.slope, normal.response, normal.square
+    before, after = speeds
+    if square > 0:
+        after = after - (1 + 1 / normal.e) * float(n @ after) / square * response
+    velocity = (durations[1] * before + durations[0] * after) / (durations[0] + durations[1])
+    if square > 0:  # arrive with some speed, or there is no collision
+        root = np.sqrt(square)
+        arrival = float(n @ velocity) / root
+        velocity = velocity + (max(arrival, slowest) - arrival) * response / root
+    return np.asarray(velocity)
+
+
+def end_velocity(problem: Problem, boundary: Boundary, q: Array, default: Array) -> Array:
+    """Velocity at an end: what the bounds fix, as velocity or as momentum, else the default."""
+    fixed = _by_momentum(problem, boundary, q)
+    return _by_velocity(boundary, default) if fixed is None else fixed
+
+
+def _by_momentum(problem: Problem, boundary: Boundary, q: Array) -> Array | None:
+    if not np.isfinite(boundary.momentum).all():
+        return None
+    return problem.model.velocity(q, midpoints(boundary.momentum, np.zeros(problem.nq)))
+
+
+def _by_velocity(boundary: Boundary, default: Array) -> Array:
+    known = np.isfinite(boundary.momentum).any(axis=1)
+    return midpoints(boundary.velocity, np.where(known, 0.0, default))

@@ -1,0 +1,1 @@
+"""The symbolic derivation and the numbers of its kernels, to look at."""

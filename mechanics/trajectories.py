@@ -1,0 +1,48 @@
+"""A motion of a model, with all that the model says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.scenes import scene_of
+from dmoc.motion.trajectory import Collision, Phase, Trajectory
+
+
+def motion_along(
+    model: Model,
+    phases: Sequence[Phase],
+    collisions: Sequence[Collision],
+    restitution: Array,
+    *,
+    controls: str = "constant",
+    bounds: tuple[Array, Array] | None = None,
+    ignored: Sequence[str] = (),
+    drawn: bool = True,
+) -> Trajectory:
+    """The motion through phases and collisions, with a coefficient of restitution for each surface;
+    ``bounds`` are those of inputs and coordinates, none unless they are given."""
+    kernels = model.kernels
+    free = tuple(np.tile([-np.inf, np.inf], (n, 1)) for n in (model.nu, model.nq))
+    input_bounds, coordinate_bounds = bounds or free
+    return Trajectory(
+        model=kernels.name,
+        fingerprint=str(kernels.manifest["fingerprint"]),
+        coordinates=tuple(kernels.coordinates),
+        inputs=tuple(kernels.inputs),
+        parameters=dict(zip(kernels.parameters, model.par[0].tolist(), strict=True)),
+        phases=tuple(phases),
+        collisions=tuple(collisions),
+        controls=controls,
+        input_bounds=input_bounds,
+        coordinate_bounds=coordinate_bounds,
+        restitution=dict(zip(kernels.surfaces, restitution.tolist(), strict=True)),
+        order=int(kernels.manifest["order"]),
+        ignored=tuple(ignored),
+        friction=dict(zip(kernels.tangents, model.friction.tolist(), strict=True)),
+        units=dict(kernels.manifest["units"]),
+        scene=scene_of(model, [(p.t, p.q, p.v) for p in phases]) if drawn else None,
+    )

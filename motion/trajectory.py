@@ -1,0 +1,316 @@
+"""A motion as plain data: phases between collisions, and the collisions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.base.discretisation import FORMS, InputForm
+from dmoc.motion.scene import Scene
+
+Array = NDArray[np.float64]
+# A contact that changes no momentum by more than this share of its size grazes: the motion touches
+# a surface without colliding.
+GRAZING = 0.01
+# An impulse below this share of the largest of its event is told as none.
+ROUNDED = 1e-9
+# What the states of friction are called: it sticks, or slides with that sign of tau'.
+FRICTION_WORDS = {0: "stick", 1: "slip+", -1: "slip-"}
+# How friction may act in the course of an impact: "" for nothing to tell, sliding all along,
+# sliding that stops during compression or (late) restitution, sticking from the beginning.
+COURSES = (
+    "",
+    *FRICTION_WORDS.values(),
+    *(
+        f"{FRICTION_WORDS[s]}:{then}{late}"
+        for s in (1, -1)
+        for then in (FRICTION_WORDS[0], FRICTION_WORDS[-s])
+        for late in ("", ":late")
+    ),
+)
+
+
+@dataclass(frozen=True, repr=False)
+class Phase:
+    """A phase of N steps.
+
+    Attributes
+    ----------
+    t : array of shape (N + 1,)
+        Times of the nodes in seconds.
+    q, p, v : arrays of shape (N + 1, nq)
+        Coordinates, momenta and velocities at the nodes; at a collision those of this phase's side.
+    u : array of shape (N, nu), (N + 1, nu) or (2 N, nu)
+        Inputs of the steps (constant), at the nodes (linear), or at the two ends of each step,
+        where they may jump (stages).
+    closed : tuple of str
+        Surfaces in lasting contact.
+    rubbing : mapping of str to int
+        Friction of the tangents that rub: 0 sticks, 1 and -1 slide with that sign of tau'.
+    normal : array of shape (N + 1, len(closed))
+        Contact forces N >= 0 at the nodes in newton: -N grad g acts on the coordinates.
+    tangential : array of shape (N + 1, len(rubbing))
+        Friction forces T at the nodes: T grad tau acts on the coordinates.
+    q_inside, p_inside : arrays of shape ((d - 1) N, nq)
+        Coordinates and momenta at the nodes inside the steps, one step after the other, of
+        polynomials of degree d; none at order 2.
+    """
+
+    t: Array
+    q: Array
+    p: Array
+    v: Array
+    u: Array
+    closed: tuple[str, ...] = ()
+    rubbing: Mapping[str, int] = field(default_factory=dict)
+    normal: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    tangential: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    q_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    p_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def steps(self) -> int:
+        return len(self.t) - 1
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing touches."""
+        return not (self.closed or self.rubbing)
+
+    @property
+    def mode(self) -> str:
+        """What is in contact, and how it rubs, as "left:stick"; "free" where nothing is."""
+        return mode_word(self.closed, self.rubbing)
+
+    @property
+    def step_size(self) -> float:
+        return self.duration / self.steps
+
+    @property
+    def duration(self) -> float:
+        return float(self.t[-1] - self.t[0])
+
+    def __repr__(self) -> str:
+        times = f"{self.t[0]:.6g} to {self.t[-1]:.6g} s"
+        return f"<Phase of {self.steps} steps from {times}, {self.mode}>"
+
+
+@dataclass(frozen=True, repr=False)
+class Collision:
+    """What happens between two phases: surface, time (s), position, impulse lam >= 0 along grad g,
+    momenta before and after.
+
+    ``rate_before`` >= 0 >= ``rate_after`` are the rates of the gap on both sides; a collision that
+    ``grazes`` has no effect: the motion touches the surface and goes on as if it were not there.
+
+    Attributes
+    ----------
+    surface : str
+        The surface that is hit and released, or the first one that lands; empty where nothing is
+        hit.
+    lands, leaves : tuples of str
+        Surfaces that land plastically and stay closed, and contacts that open.
+    friction : mapping of str to int
+        Friction of tangents from here on, where it changes: 0 sticks, 1 and -1 slide.
+    impulses, tractions : mappings of str to float
+        Normal impulses P of all contacts that take one, and their tangential impulses S: the
+        momentum changes by -P grad g + S grad tau.
+    course : str
+        How friction acts in the course of the impact, as "slip+:stick"; empty where it does not, or
+        in one way.
+    """
+
+    surface: str
+    time: float
+    position: Array
+    impulse: float
+    momentum_before: Array
+    momentum_after: Array
+    rate_before: float = 0.0
+    rate_after: float = 0.0
+    grazes: bool = False
+    lands: tuple[str, ...] = ()
+    leaves: tuple[str, ...] = ()
+    friction: Mapping[str, int] = field(default_factory=dict)
+    impulses: Mapping[str, float] = field(default_factory=dict)
+    tractions: Mapping[str, float] = field(default_factory=dict)
+    course: str = ""
+
+    @property
+    def hit(self) -> str:
+        """The surface that is hit and released; empty where none is."""
+        return "" if self.surface in self.lands else self.surface
+
+    @property
+    def word(self) -> str:
+        """What happens, as a sequence says it: "wall", "+right -left", "rail:slip+"."""
+        return event_word(self.hit, self.lands, self.leaves, self.friction, self.course)
+
+    def __repr__(self) -> str:
+        return f"<Collision {self}>"
+
+    def __str__(self) -> str:
+        return f"{self.word} at {self.time:.6g} s{impulses_told(self)}"
+
+
+@dataclass(frozen=True, repr=False)
+class Trajectory:
+    """A motion with what is needed to draw and to check it.
+
+    Attributes
+    ----------
+    model, fingerprint : str
+        Name and digest of the model.
+    coordinates, inputs : tuples of str
+    parameters : mapping of str to float
+    phases : tuple of Phase
+    collisions : tuple of Collision
+        One between any two phases.
+    controls : {"constant", "linear", "stages"}
+    input_bounds, coordinate_bounds : arrays of shape (nu, 2), (nq, 2)
+    restitution : mapping of str to float
+        Coefficient of each surface.
+    order : int
+        Order of the discretisation that the motion comes from.
+    ignored : tuple of str
+        Surfaces that hold nothing back where no event names them.
+    friction : mapping of str to float
+        Coefficient mu of each surface with friction, largest force in newton of each rail.
+    units : mapping of str to str
+        Units of coordinates and inputs, where the model names them.
+    scene : Scene or None
+        The drawing of the model along the motion; None where the model has none.
+    """
+
+    model: str
+    fingerprint: str
+    coordinates: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: Mapping[str, float]
+    phases: tuple[Phase, ...]
+    collisions: tuple[Collision, ...]
+    controls: str
+    input_bounds: Array
+    coordinate_bounds: Array
+    restitution: Mapping[str, float]
+    order: int
+    ignored: tuple[str, ...] = ()
+    friction: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    scene: Scene | None = None
+
+    def __repr__(self) -> str:
+        events = "; ".join(map(str, self.collisions)) or "no event"
+        return f"<Trajectory of {self.model} in {self.final_time:.6g} s: {events}>"
+
+    @property
+    def lasting(self) -> bool:
+        """Whether contacts last in some phase."""
+        return not all(phase.free for phase in self.phases)
+
+    def friction_limits(self, phase: Phase) -> Array:
+        """Largest friction forces at the nodes of a phase, mu N of contacts and those of rails,
+        shape (N + 1, len(rubbing)); NaN where the coefficient is not known."""
+        normal = dict(zip(phase.closed, phase.normal.T, strict=True))
+        one = np.ones(len(phase.t))
+        limits = [self.friction.get(t, np.nan) * normal.get(t, one) for t in phase.rubbing]
+        return np.array(limits).reshape(len(limits), len(one)).T
+
+    def input_ends(self, phase: Phase) -> tuple[Array, Array]:
+        """Inputs at the start and at the end of every step of a phase, shape (N, nu) each; in
+        between they are linear."""
+        at = self.input_form.starts(phase.steps)
+        return phase.u[at], phase.u[at + self.input_form.width]
+
+    def input_times(self, phase: Phase) -> Array:
+        """Times that the rows of u of a phase stand for."""
+        return self.input_form.times(phase.t)
+
+    @property
+    def input_form(self) -> InputForm:
+        return FORMS[self.controls]
+
+    @property
+    def final_time(self) -> float:
+        return float(self.phases[-1].t[-1])
+
+
+@dataclass(frozen=True)
+class LargestForce:
+    """The largest force of a contact along a motion: "N" or "T", its value in newton, which has a
+    sign for T, and its time in seconds."""
+
+    contact: str
+    kind: str
+    value: float
+    time: float
+
+
+def largest_forces(motion: Trajectory) -> list[LargestForce]:
+    """The largest normal force and the largest friction of each contact, at its first time."""
+    found: dict[tuple[str, str], LargestForce] = {}
+    for phase in motion.phases:
+        normal = (("N", name, row) for name, row in zip(phase.closed, phase.normal.T, strict=True))
+        friction = (
+            ("T", name, row) for name, row in zip(phase.rubbing, phase.tangential.T, strict=True)
+        )
+        for kind, name, forces in chain(normal, friction):
+            k = int(np.argmax(np.abs(forces)))
+            force = LargestForce(name, kind, float(forces[k]), float(phase.t[k]))
+            known = found.get((name, kind))
+            if known is None or abs(force.value) > abs(known.value):
+                found[name, kind] = force
+    return sorted(found.values(), key=lambda force: (force.contact, force.kind))
+
+
+def mode_word(closed: Sequence[str], rubbing: Mapping[str, int]) -> str:
+    """The contacts that are closed and the tangents that rub, as "left:stick"; "free" for none."""
+    names = [f"{c}:{FRICTION_WORDS[rubbing[c]]}" if c in rubbing else c for c in closed]
+    names += [f"{t}:{FRICTION_WORDS[s]}" for t, s in rubbing.items() if t not in closed]
+    return " ".join(names) or "free"
+
+
+def event_word(
+    hit: str,
+    lands: Sequence[str],
+    leaves: Sequence[str],
+    friction: Mapping[str, int],
+    course: str = "",
+) -> str:
+    """What happens at an event in the words of a sequence, the same for the same: what is hit,
+    lands, leaves, and rubs otherwise from then on; ``course`` is that of the friction in the
+    impact."""
+    sliding = {name: f":{FRICTION_WORDS[s]}" for name, s in friction.items() if s}
+    during = f":{course}" if course else ""
+    words = [hit + during] if hit else []
+    words += [f"+{name}{during or sliding.get(name, '')}" for name in lands]
+    words += [f"-{name}" for name in leaves]
+    words += [f"{name}:{FRICTION_WORDS[s]}" for name, s in friction.items() if name not in lands]
+    return " ".join(words) or "no change"
+
+
+def noun_of(words: Iterable[str]) -> str:
+    """What the words of sequences are called together: "collision" where all of them are hits,
+    else "event"."""
+    hits = all(not word.startswith(("+", "-")) and not {":", " "} & set(word) for word in words)
+    return "collision" if hits else "event"
+
+
+def impulses_told(collision: Collision) -> str:
+    """The impulses of an event, each with its contact where they are several or not of a hit
+    alone."""
+    if collision.grazes:
+        return ", grazes"
+    if collision.word == collision.surface:
+        return f", impulse {collision.impulse:.6g}"
+    values = (*collision.impulses.values(), *collision.tractions.values())
+    least = ROUNDED * max(map(abs, values), default=0.0)
+
+    def told(what: str, of: Mapping[str, float]) -> str:
+        return "".join(f", {what} {v if abs(v) > least else 0:.6g} of {n}" for n, v in of.items())
+
+    return told("impulse", collision.impulses) + told("friction", collision.tractions)

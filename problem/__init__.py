@@ -1,0 +1,1 @@
+"""The statement of an optimal control problem, read and checked."""

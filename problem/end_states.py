@@ -1,0 +1,207 @@
+"""Whether a problem's start and goal are states of its model: regular, in front of the surfaces,
+and not moving into them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.base.errors import ProblemError
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import is_positive
+from dmoc.motion.trajectory import FRICTION_WORDS
+
+if TYPE_CHECKING:
+    from dmoc.mechanics.modes import PhaseMode
+    from dmoc.problem.problem import Boundary, Problem
+
+# Share of the gap's largest possible rate below which a state on a surface does not move into it.
+MOVING_INTO = 1e-9
+# Distance of a start from a contact that is closed there, and its rate, relative to their sizes.
+OFF_CONTACT = 1e-6
+
+
+def check_mass_matrix(problem: Problem) -> None:
+    """Refuse a start at which the equations of motion are not finite or their mass matrix is
+    none."""
+    mass, force = problem.model.equations(problem.start_position)
+    values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
+    suspects = [
+        f"{n}={values[n]:g}" for n in problem.kernels.manifest["mass_parameters"] if values[n] <= 0
+    ]
+    cause = f" ({', '.join(suspects)})" if suspects else ""
+    if not (np.isfinite(mass).all() and np.isfinite(force).all()):
+        raise ProblemError(
+            f"the equations of motion are not finite at the start{cause}: check the parameters and "
+            "the start."
+        )
+    if not is_positive(mass):
+        remedy = (
+            "expected positive masses and lengths"
+            if suspects
+            else "check the parameters and the start"
+        )
+        raise ProblemError(
+            f"the mass matrix is not positive definite at the start{cause}: {remedy}."
+        )
+
+
+def check_kinks(problem: Problem) -> None:
+    """Refuse parameters for which the functions in the place of kinks are others."""
+    values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
+    for name, sign in problem.kernels.manifest["kink_signs"].items():
+        if sign * values[name] < 0:
+            expected = "positive" if sign > 0 else "negative"
+            raise ProblemError(
+                f"parameter {name} = {values[name]:g}: expected 0 or a {expected} number, the sign "
+                "that its symbol is made with and on which the smooth form of abs, Max or Min in "
+                "the model depends."
+            )
+
+
+def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
+    """Check the gaps at a fixed position; a gap that contains a coordinate left free is the
+    solver's business."""
+    fixed = boundary.position[:, 0] == boundary.position[:, 1]
+    if not problem.kernels.surfaces or not fixed.any():
+        return
+    at = np.where(fixed, boundary.position[:, 0], 0.0)
+    gaps = problem.model.gaps(at)
+    ends = [
+        np.where(b[:, 0] == b[:, 1], b[:, 0], 0.0)
+        for b in (problem.start_bounds.position, problem.goal_bounds.position)
+    ]
+    rounding = np.max([problem.model.gap_rounding(q) for q in (at, *ends)], axis=0)
+    for j, surface in enumerate(problem.kernels.surfaces):
+        if end == "goal" and surface in problem.kernels.manifest["moving_surfaces"]:
+            continue
+        involved = problem.kernels.manifest["surface_coordinates"][surface]
+        state = ", ".join(f"{problem.kernels.coordinates[i]}={at[i]:g}" for i in involved)
+        if fixed[involved].all() and not gaps[j] <= rounding[j]:
+            raise ProblemError(
+                f"the {end} ({state}) lies behind surface {surface!r}, {gaps[j]:g} outside the "
+                f"admissible set g <= 0: move the {end} or the surface."
+            )
+        if surface in problem.ignored:
+            continue
+        closed = surface in problem.modes[0].closed
+        if end == "start" and fixed.all() and gaps[j] >= -rounding[j] and not closed:
+            _check_leaving(problem, at, j, state)
+
+
+def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:
+    """Refuse a start on a surface with a fixed velocity that moves into it."""
+    v = _fixed_velocity(problem, q)
+    if v is None:
+        return
+    rate, slope = float(problem.model.gap_rates(q, v)[j]), problem.model.gap_slopes(q)[j]
+    if rate > MOVING_INTO * float(np.abs(slope) @ np.append(np.abs(v), 1.0)):
+        raise ProblemError(
+            f"the start ({state}) lies on surface {problem.kernels.surfaces[j]!r} and moves into "
+            f"it (the gap changes by {rate:g} per second): give a velocity that leaves it, or "
+            "leave the velocity free."
+        )
+
+
+def _fixed_velocity(problem: Problem, q: Array) -> Array | None:
+    """The velocity at the start where it is fixed, by itself or by momenta."""
+    velocity, momentum = problem.start_bounds.velocity, problem.start_bounds.momentum
+    if (velocity[:, 0] == velocity[:, 1]).all():
+        return velocity[:, 0]
+    if not (momentum[:, 0] == momentum[:, 1]).all():
+        return None
+    return problem.model.velocity(q, momentum[:, 0])
+
+
+def check_contacts(problem: Problem) -> None:
+    """Refuse what contacts that last cannot be: of another order, redundant, with a negative
+    friction, or closed at a start that is off them."""
+    model, kernels = problem.model, problem.kernels
+    for name, value in zip(kernels.tangents, model.friction, strict=True):
+        if not value >= 0:
+            raise ProblemError(
+                f"the friction of {name!r} is {value:g}: expected 0 or a positive number; check "
+                "the parameters."
+            )
+    if not problem.lasting:
+        return
+    if problem.order != 2:
+        raise ProblemError(
+            f"the kernels are of order {problem.order}: contacts that last are solved with order "
+            "2; build the model with order=2."
+        )
+    _check_start_in_contact(problem)
+    for i, mode in enumerate(problem.modes):
+        _check_independent(problem, i, mode)
+
+
+def _check_start_in_contact(problem: Problem) -> None:
+    """Refuse a fixed start off the contacts that are closed there."""
+    model, mode, q = problem.model, problem.modes[0], problem.start_position
+    position = problem.start_bounds.position
+    fixed = position[:, 0] == position[:, 1]
+    manifest = problem.kernels.manifest
+    v = _fixed_velocity(problem, q) if fixed.all() else None
+    gaps, sizes = model.gaps(q), model.gap_sizes(q)
+    for name in mode.closed:
+        j = problem.kernels.surfaces.index(name)
+        if not fixed[manifest["surface_coordinates"][name]].all():
+            continue
+        if abs(gaps[j]) > OFF_CONTACT * sizes[j]:
+            raise ProblemError(
+                f"contact {name!r} is closed at the start, which is {-gaps[j]:g} off it: move the "
+                "start onto it, or leave a coordinate free."
+            )
+        if v is not None:
+            rate, slope = float(model.gap_rates(q, v)[j]), model.gap_slopes(q)[j]
+            _check_rate(name, "leaves or enters it", rate, slope, v)
+    if v is None:
+        return
+    for name in mode.sticking:
+        j = problem.kernels.tangents.index(name)
+        rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
+        _check_rate(name, "slides", rate, slope, v)
+    for name, sign in mode.rubbing.items():
+        j = problem.kernels.tangents.index(name)
+        rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
+        if sign * rate < -OFF_CONTACT * _size(slope, v):
+            told, other = f"{FRICTION_WORDS[sign]}", f"{FRICTION_WORDS[-sign]}"
+            raise ProblemError(
+                f"contact '{name}:{told}' begins with a sliding velocity of {rate:g} per second, "
+                f"against its direction: say '{name}:{other}', or give another velocity."
+            )
+
+
+def _size(slope: Array, v: Array) -> float:
+    """The rate that a velocity could make."""
+    return float(np.abs(slope) @ np.append(np.abs(v), 1.0))
+
+
+def _check_rate(name: str, what: str, rate: float, slope: Array, v: Array) -> None:
+    if abs(rate) > OFF_CONTACT * _size(slope, v):
+        raise ProblemError(
+            f"contact {name!r} is closed at the start, whose velocity {what} ({rate:g} per "
+            "second): give a velocity along the contact, or say how it slides."
+        )
+
+
+def _check_independent(problem: Problem, phase: int, mode: PhaseMode) -> None:
+    """Refuse contacts whose directions depend on each other wherever the motion may be."""
+    model, q = problem.model, problem.start_position
+    rng = np.random.default_rng(0)
+    names = [*mode.closed, *(f"{name}:stick" for name in mode.sticking)]
+    most = 0
+    for share in (0.0, 0.3, 1.0):
+        at = q + share * problem.reach * rng.standard_normal(problem.nq)
+        normal = model.gap_slopes(at)[[problem.kernels.surfaces.index(n) for n in mode.closed]]
+        along = model.tangent_slopes(at)[[problem.kernels.tangents.index(n) for n in mode.sticking]]
+        slopes = np.vstack([normal, along])[:, :-1] * problem.reach
+        if slopes.size and np.isfinite(slopes).all():
+            most = max(most, int(np.linalg.matrix_rank(slopes)))
+    if most < len(names):
+        raise ProblemError(
+            f"the contacts {', '.join(names)} of phase {phase} are redundant: together they hold "
+            f"{most} of {problem.nq} coordinates, {len(names)} conditions are too many; leave one "
+            "out."
+        )

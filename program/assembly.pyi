@@ -1,0 +1,17 @@
+"""The nonlinear program as C data."""
+
+from typing import Any
+
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.program.arrays import ProgramData
+
+class Program:
+    compiled: bool
+    data: ProgramData
+    def __init__(
+        self, kernels: Kernels, data: ProgramData, like: Program | None = None
+    ) -> None: ...
+    def capsule(self) -> Any: ...
+    def values(self, x: Array) -> Array: ...
+    def slopes(self, x: Array) -> Array: ...
+    def curvatures(self, x: Array, y: Array, sigma: float) -> Array: ...

@@ -1,0 +1,237 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, binding=False
+"""The nonlinear program as C data (passes.h).
+
+:class:`Program` owns the arrays of a ``dmoc_program`` and evaluates its three passes.
+
+Kernels on NumPy have no C function; their passes run in Python.
+"""
+from cpython.pycapsule cimport PyCapsule_New
+from libc.stdlib cimport calloc, free
+
+from dmoc_kernel cimport dmoc_array, find_kernel
+from passes cimport (
+    dmoc_assemble, dmoc_element, dmoc_pass, dmoc_program, dmoc_put, dmoc_scratch_size
+)
+
+import numpy as np
+
+from dmoc.program.arrays import strided
+
+
+def _pattern(pattern, rows, entries):
+    """A pattern as C takes it, never empty."""
+    start, column = pattern
+    if len(start) != rows + 1 or start[len(start) - 1] != len(column) or len(column) != entries:
+        raise ValueError(f"expected a pattern of {rows} rows and {entries} entries")
+    return np.append(start, 0).astype(np.intc), np.append(column, 0).astype(np.intc)
+
+
+cdef class Pass:
+    """One pass over elements, from a :class:`dmoc.program.arrays.PassData`.
+
+    Positions lie in the pool, slots in the target.  Arrays of positions that are those of ``like``
+    are shared with it, and were checked there.
+    """
+    cdef dmoc_pass c
+    cdef object kernels, data, keep
+    cdef bint compiled
+
+    def __cinit__(self):
+        self.c.element = NULL
+
+    def __dealloc__(self):
+        free(self.c.element)
+
+    def __init__(self, kernels, data, ptrdiff_t pool, Pass like=None):
+        cdef ptrdiff_t targets = len(data.constant), terms = len(data.coefficients)
+        cdef ptrdiff_t elements = len(data.elements)
+        self.kernels, self.data, self.keep = kernels, data, []
+        self.compiled = kernels.backend == "compiled"
+        self.c.targets, self.c.terms, self.c.elements = targets, terms, elements
+        _within(data.rows, 0, targets), _within(data.columns, 0, pool)
+        self.c.constant = self._numbers(data.constant, targets)
+        self.c.row = self._indices(data.rows, terms)
+        self.c.column = self._indices(data.columns, terms)
+        self.c.coefficient = self._numbers(data.coefficients, terms)
+        self.c.element = <dmoc_element *>calloc(max(elements, 1), sizeof(dmoc_element))
+        if self.c.element == NULL:
+            raise MemoryError()
+        if self.compiled:
+            known = ()
+            if like is not None and like.compiled and like.c.targets == targets:
+                known = like.data.elements
+                self.keep.append(like)
+            for e, element in enumerate(data.elements):
+                if e < len(known) and _same_places(element, known[e]):
+                    self.c.element[e] = like.c.element[e]
+                else:
+                    self._fill(&self.c.element[e], element, pool)
+                self._scale(&self.c.element[e], element)
+            size = dmoc_scratch_size(&self.c)
+            self.c.scratch = self._numbers(np.empty(size), size)
+
+    cdef int _fill(self, dmoc_element *c, element, ptrdiff_t pool) except -1:
+        cdef const dmoc_array *array
+        cdef int a
+        cdef int inputs, outputs
+        kernel = element.kernel
+        c.entry = find_kernel(self.kernels.module, kernel)
+        inputs, outputs = c.entry.inputs, c.entry.outputs
+        if (len(element.arguments), len(element.slots)) != (inputs, outputs):
+            raise ValueError(f"{kernel}: expected {inputs} arguments and {outputs} results")
+        c.n = max(len(at) for at in element.arguments)
+        for a, at in enumerate((*element.arguments, *element.slots)):
+            array = &c.entry.array[a]
+            one = a < inputs and len(at) == 1
+            if at.shape[1:] != (array.size,) or not (one or len(at) == c.n):
+                expected = f"expected ({c.n}, {array.size})"
+                raise ValueError(f"{kernel}: {array.name.decode()} of shape {at.shape}, {expected}")
+        for a, at in enumerate(element.arguments):
+            _within(at, 0, pool)
+            evenly = strided(at)
+            if evenly is not None:
+                c.base[a], c.stride[a] = evenly
+            elif len(at) == c.n:
+                c.gather[a], c.stride[a] = self._indices(at, at.size), at.shape[1]
+            else:
+                raise ValueError(f"{kernel}: the positions of a single row must be consecutive")
+        for a, slots in enumerate(element.slots):
+            if slots.size and slots.max() >= 0:
+                _within(slots, -1, self.c.targets)
+                c.slot[a] = self._indices(slots, slots.size)
+        return 0
+
+    cdef int _scale(self, dmoc_element *c, element) except -1:
+        """Set the factors of an element that has its slots."""
+        cdef const double[::1] view
+        cdef int a
+        for a, (slots, factors) in enumerate(zip(element.slots, element.factors, strict=True)):
+            if c.slot[a] != NULL:
+                view = np.ascontiguousarray(factors, dtype=np.float64).reshape(-1)
+                if view.shape[0] != slots.size:
+                    raise ValueError(f"expected {slots.size} numbers, got {view.shape[0]}")
+                self.keep.append(view)
+                c.factor[a] = &view[0]
+        return 0
+
+    cdef const ptrdiff_t *_indices(self, array, ptrdiff_t size) except? NULL:
+        """Keep a copy of an array of positions and return its address."""
+        cdef ptrdiff_t[::1] view = np.append(array, 0).astype(np.intp)
+        if view.shape[0] != size + 1:
+            raise ValueError(f"expected {size} positions, got {view.shape[0] - 1}")
+        self.keep.append(view)
+        return &view[0]
+
+    cdef double *_numbers(self, array, ptrdiff_t size) except? NULL:
+        cdef double[::1] view = np.append(array, 0.0).astype(np.float64)
+        if view.shape[0] != size + 1:
+            raise ValueError(f"expected {size} numbers, got {view.shape[0] - 1}")
+        self.keep.append(view)
+        return &view[0]
+
+    cdef object run(self, double[::1] pool):
+        cdef double[::1] target
+        if not self.compiled:
+            return self._run_numpy(np.asarray(pool))
+        values = np.empty(self.c.targets + 1)  # never empty, so that it has an address
+        target = values
+        with nogil:
+            dmoc_assemble(&self.c, &pool[0], &target[0])
+        return values[: self.c.targets]
+
+    def _run_numpy(self, pool):
+        data = self.data
+        values = data.constant.copy()
+        np.add.at(values, data.rows, data.coefficients * pool[data.columns])
+        for element in data.elements:
+            inputs = [np.ascontiguousarray(pool[at]) for at in element.arguments]
+            found = self.kernels.call(element.kernel, *inputs)
+            for result, slots, factors in zip(found, element.slots, element.factors, strict=True):
+                kept = slots >= 0
+                np.add.at(values, slots[kept], (factors * result)[kept])
+        return values
+
+
+cdef bint _same_places(element, known):
+    """Whether the positions of two elements are the same arrays."""
+    return (element.kernel == known.kernel and element.arguments is known.arguments
+            and element.slots is known.slots)
+
+
+cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:
+    """The C code trusts positions: refuse those outside."""
+    cdef const ptrdiff_t[::1] view = np.ascontiguousarray(positions, dtype=np.intp).ravel()
+    cdef ptrdiff_t i
+    for i in range(view.shape[0]):
+        if view[i] < least or view[i] >= end:
+            raise ValueError(f"position {view[i]}: expected {least} to {end - 1}")
+    return 0
+
+
+cdef class Program:
+    """The program of a :class:`dmoc.program.arrays.ProgramData`, on the kernels of its model; ``like``
+    is another program of the same kernels, with which it may share positions."""
+    cdef dmoc_program c
+    cdef Pass _values, _slopes, _curvatures
+    cdef double[::1] pool, lower, upper, unit
+    cdef int[::1] row_start, column, hess_start, hess_column
+    cdef readonly bint compiled
+    cdef readonly object data
+
+    def __init__(self, kernels, data, Program like=None):
+        cdef ptrdiff_t n = data.n, m = data.m
+        self.data = data
+        self.lower, self.upper = np.append(data.lower, 0.0), np.append(data.upper, 0.0)
+        self.unit = np.ascontiguousarray(data.unit, dtype=np.float64)
+        self.pool = np.append(data.pool, 0.0)
+        sizes = len(data.upper), len(data.unit), min(len(data.pool), n + m + 2)
+        if sizes != (n, n + m + 1, n + m + 2):
+            raise ValueError(f"expected bounds of {n} unknowns and units of {n + m + 1} numbers")
+        passes, size = (data.values, data.slopes, data.curvatures), len(data.pool)
+        known = (None, None, None)
+        if like is not None and len(like.pool) == size + 1:
+            known = (like._values, like._slopes, like._curvatures)
+        self._values, self._slopes, self._curvatures = (
+            Pass(kernels, p, size, k) for p, k in zip(passes, known))
+        self.row_start, self.column = _pattern(data.jacobian, m, len(data.slopes.constant) - n)
+        self.hess_start, self.hess_column = _pattern(data.hessian, n, len(data.curvatures.constant))
+        self.compiled = kernels.backend == "compiled"
+        self.c.n, self.c.m, self.c.equalities = n, m, data.equalities
+        self.c.lower, self.c.upper = &self.lower[0], &self.upper[0]
+        self.c.pool, self.c.unit = &self.pool[0], &self.unit[0]
+        self.c.values, self.c.slopes = self._values.c, self._slopes.c
+        self.c.curvatures = self._curvatures.c
+        self.c.row_start, self.c.column = &self.row_start[0], &self.column[0]
+        self.c.hess_start, self.c.hess_column = &self.hess_start[0], &self.hess_column[0]
+
+    def capsule(self):
+        """Return a capsule named "dmoc_program"; it is valid as long as this object."""
+        return PyCapsule_New(&self.c, "dmoc_program", NULL)
+
+    cdef int _put(self, const double[::1] x) except -1:
+        if x.shape[0] != self.c.n:
+            raise ValueError(f"expected {self.c.n} unknowns")
+        if self.c.n:
+            dmoc_put(&self.c, &x[0])
+        return 0
+
+    def values(self, const double[::1] x):
+        """r(x) = (f | c | d), shape (1 + m,)."""
+        self._put(x)
+        return self._values.run(self.pool)
+
+    def slopes(self, const double[::1] x):
+        """The gradient of f, shape (n,), followed by the entries of d(c | d)/dx."""
+        self._put(x)
+        return self._slopes.run(self.pool)
+
+    def curvatures(self, const double[::1] x, const double[::1] y, double sigma):
+        """The entries of the upper triangle of the Hessian of sigma f + y . (c | d)."""
+        cdef ptrdiff_t r
+        self._put(x)
+        if y.shape[0] != self.c.m:
+            raise ValueError(f"expected {self.c.m} multipliers")
+        for r in range(self.c.m):
+            self.pool[self.c.n + r] = self.unit[self.c.n + r] * y[r]
+        self.pool[self.c.n + self.c.m] = self.unit[self.c.n + self.c.m] * sigma
+        return self._curvatures.run(self.pool)

@@ -1,0 +1,120 @@
+"""What unknowns and rows have in common: blocks of one kind, numbered in the order they are
+declared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.codegen.kernels import Array
+from dmoc.program.scale import Scale
+
+Index = NDArray[np.intp]
+Bools = NDArray[np.bool_]
+# Linear entries: rows, unknowns and factors.
+Entries: TypeAlias = tuple[Index, Index, Array]
+# The number of what there is not.
+NOWHERE = -1
+# Names the one at some place of a block, as `label(node, coordinate)`.
+Label: TypeAlias = Callable[..., str]
+# Typical sizes of a block's members, of its shape or of one that is broadcast to it.
+Size: TypeAlias = Callable[[Scale], Array | float]
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Unknowns or rows of one kind.
+
+    Attributes
+    ----------
+    name : str
+    index : array of int
+        Their numbers, in the shape that is natural for the kind; NOWHERE where there is none.
+    label : callable
+        Name of the one at a place of that shape, in the user's words.
+    size : callable
+        Typical sizes, from those of the problem's quantities.
+    nodes : array of int, optional
+        The node at which each row of ``index`` stands, for what follows the chain of steps.
+    """
+
+    name: str
+    index: Index
+    label: Label
+    size: Size
+    nodes: Index | None = None
+
+    @cached_property
+    def numbers(self) -> Index:
+        """The numbers of all members, in order."""
+        return np.asarray(self.index[self.index != NOWHERE])
+
+    @cached_property
+    def count(self) -> int:
+        return len(self.numbers)
+
+    def name_of(self, member: int) -> str:
+        """Name of a member, counted among those of the block."""
+        return self.label(*map(int, self.places[member]))
+
+    @property
+    def places(self) -> Index:
+        """Places of all members in the block's shape, one row each."""
+        return np.argwhere(self.index != NOWHERE)
+
+    def sizes(self, scale: Scale) -> Array:
+        """Typical sizes of all members."""
+        if not self.count:
+            return np.zeros(0)
+        found = np.empty(self.index.shape)
+        found[...] = self.size(scale)
+        every = self.count == self.index.size
+        return found.ravel() if every else np.asarray(found[self.index != NOWHERE])
+
+
+class Numbering:
+    """Makes blocks whose numbers follow each other."""
+
+    def __init__(self, first: int = 0) -> None:
+        self.next = first
+
+    def __call__(
+        self,
+        name: str,
+        where: tuple[int, ...] | Bools,
+        label: Label,
+        size: Size,
+        nodes: Index | None = None,
+    ) -> Block:
+        """A block of a shape, or of a mask whose False members do not exist."""
+        if isinstance(where, tuple):
+            count = math.prod(where)
+            index = np.arange(self.next, self.next + count).reshape(where)
+        else:
+            count = int(where.sum())
+            index = np.full(where.shape, NOWHERE)
+            index[where] = np.arange(self.next, self.next + count)
+        self.next += count
+        return Block(name, index, label, size, nodes)
+
+
+def in_columns(values: Index, at: Index, count: int, otherwise: int = NOWHERE) -> Index:
+    """Values of the events in the columns of their contacts, shape (events, ..., count); an event
+    without a contact has no value."""
+    found = np.full((*values.shape, count), otherwise)
+    touched = np.flatnonzero(at != NOWHERE)
+    found[touched, ..., at[touched]] = values[touched]
+    return found
+
+
+def sizes_of(sizes: Array, surfaces: Index) -> Array:
+    """Sizes of the surfaces of events; 1 where there is none."""
+    if not len(sizes):
+        return np.ones(len(surfaces))
+    return np.where(surfaces == NOWHERE, 1.0, sizes[surfaces])

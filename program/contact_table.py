@@ -1,0 +1,253 @@
+"""What is in contact in each phase, by numbers, and the unknown impulses of contacts that last."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from dmoc.base.errors import ProblemError
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.modes import STICK
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Block, Bools, Index, Numbering
+from dmoc.program.hit_stages import MOMENTS, Passage, passage_of
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Contacts of phases and events by numbers of surfaces and tangents.
+
+    Attributes
+    ----------
+    surfaces, tangents : tuples of str
+    surface_of : tuple of int
+        The surface of each tangent; NOWHERE for rails.
+    closed : tuple of tuples of int
+        Surfaces of each phase.
+    rubbing : tuple of tuples of pairs of int
+        Tangent and friction (0 sticks, +1 and -1 slide) of each phase.
+    impacts : tuple of bool
+        Events at which something is hit or lands.
+    landings : tuple of tuples of int
+        Surfaces that land at each event.
+    passages : tuple of Passage
+        The ways through impacts with friction that have a course: hits, and landings during which
+        sliding stops.
+    """
+
+    surfaces: tuple[str, ...]
+    tangents: tuple[str, ...]
+    surface_of: tuple[int, ...]
+    closed: tuple[tuple[int, ...], ...]
+    rubbing: tuple[tuple[tuple[int, int], ...], ...]
+    impacts: tuple[bool, ...]
+    landings: tuple[tuple[int, ...], ...]
+    passages: tuple[Passage, ...] = ()
+
+    @cached_property
+    def free(self) -> bool:
+        """Whether no contact lasts."""
+        return not (any(self.closed) or any(self.rubbing))
+
+    # Phases: rows of phases, columns of surfaces or tangents --------------------------------------
+
+    @property
+    def is_closed(self) -> Bools:
+        """Shape (phases, nc)."""
+        found = np.zeros((len(self.closed), len(self.surfaces)), dtype=bool)
+        for i, surfaces in enumerate(self.closed):
+            found[i, list(surfaces)] = True
+        return found
+
+    @property
+    def rubs(self) -> Bools:
+        """Shape (phases, nt)."""
+        found = np.zeros((len(self.rubbing), len(self.tangents)), dtype=bool)
+        for i, pairs in enumerate(self.rubbing):
+            found[i, [t for t, _ in pairs]] = True
+        return found
+
+    @property
+    def signs(self) -> Array:
+        """Directions of sliding, 0 for what sticks or does not rub, shape (phases, nt)."""
+        found = np.zeros((len(self.rubbing), len(self.tangents)))
+        for i, pairs in enumerate(self.rubbing):
+            for t, sign in pairs:
+                found[i, t] = sign
+        return found
+
+    @property
+    def sticks(self) -> Bools:
+        return np.asarray(self.rubs & (self.signs == STICK))
+
+    # Events: rows of events -----------------------------------------------------------------------
+
+    @property
+    def beside(self) -> Bools:
+        """Surfaces that take an impulse P_c beside lam in an impact: those that stay closed, and
+        those that land with the first one, shape (events, nc)."""
+        found = np.zeros((len(self.impacts), len(self.surfaces)), dtype=bool)
+        for i, (before, after) in enumerate(pairwise(self.is_closed)):
+            if self.impacts[i]:
+                found[i] = after & before
+                found[i, list(self.landings[i][1:])] = True
+        return found
+
+    @property
+    def rubs_in_impact(self) -> Bools:
+        """Tangents of closed surfaces that take a tangential impulse T_c by the law of contacts
+        that last, shape (events, nt)."""
+        found = np.zeros((len(self.impacts), len(self.tangents)), dtype=bool)
+        for i, rubs in enumerate(self.rubs[1:]):
+            found[i] = rubs & (np.array(self.surface_of) >= 0) & self.impacts[i]
+        return found & ~self.passes
+
+    @property
+    def turns(self) -> Bools:
+        """Tangents of closed surfaces that slide in the other direction after an impact, shape
+        (events, nt)."""
+        return np.asarray(self.rubs_in_impact & (self.signs[:-1] * self.signs[1:] < 0))
+
+    @property
+    def passes(self) -> Bools:
+        """Tangents that rub in an impact with a course, shape (events, nt)."""
+        found = np.zeros((len(self.impacts), len(self.tangents)), dtype=bool)
+        for p in self.passages:
+            found[p.event, p.tangent] = True
+        return found
+
+    @cached_property
+    def passing(self) -> tuple[Index, Index]:
+        """Surface and tangent of the passage of each event, 0 where there is none, shapes
+        (events,)."""
+        hit, rubbed = (np.zeros(len(self.impacts), dtype=np.intp) for _ in range(2))
+        for p in self.passages:
+            hit[p.event], rubbed[p.event] = p.surface, p.tangent
+        return hit, rubbed
+
+    @property
+    def moments(self) -> Bools:
+        """Moments within impacts that have velocities and impulses of their own, shape (events,
+        2)."""
+        found = np.zeros((len(self.impacts), len(MOMENTS)), dtype=bool)
+        for p in self.passages:
+            found[p.event, list(p.moments)] = True
+        return found
+
+    def unknowns(
+        self, block: Numbering, steps: tuple[int, ...], velocities: tuple[str, ...]
+    ) -> tuple[Block, ...]:
+        """Blocks of P and T, in rows of :func:`phase_nodes`, of P_c and T_c, and of v_h, P_h and
+        T_h."""
+        nodes = [0] * len(steps) if self.free else [n + 1 for n in steps]
+        count, names = sum(steps), (self.surfaces, self.tangents)
+        moments = self.moments
+        hit, rubbed = self.passing
+        return (
+            block(
+                "P",
+                np.repeat(self.is_closed, nodes, axis=0),
+                lambda r, j: f"contact impulse of {names[0][j]} {place(steps, r)}",
+                lambda s: s.lam / count,
+            ),
+            block(
+                "T",
+                np.repeat(self.rubs, nodes, axis=0),
+                lambda r, j: f"friction impulse of {names[1][j]} {place(steps, r)}",
+                lambda s: s.friction / count,
+            ),
+            block(
+                "P_c",
+                self.beside,
+                lambda i, j: f"impulse of {names[0][j]} at event {i + 1}",
+                lambda s: s.lam,
+            ),
+            block(
+                "T_c",
+                self.rubs_in_impact | self.passes,
+                lambda i, j: f"friction impulse of {names[1][j]} at event {i + 1}",
+                lambda s: s.friction,
+            ),
+            block(
+                "v_h",
+                np.repeat(moments[:, :, None], len(velocities), axis=2),
+                lambda i, m, j: f"{velocities[j]} {moment(i, m)}",
+                lambda s: s.v,
+            ),
+            block(
+                "P_h",
+                moments,
+                lambda i, m: f"impulse of {names[0][hit[i]]} {moment(i, m)}",
+                lambda s: s.lam[hit][:, None],
+            ),
+            block(
+                "T_h",
+                moments,
+                lambda i, m: f"friction impulse of {names[1][rubbed[i]]} {moment(i, m)}",
+                lambda s: s.friction[rubbed][:, None],
+            ),
+        )
+
+
+def moment(event: int, which: int) -> str:
+    """A moment within an impact in words."""
+    return f"{MOMENTS[which]} at event {event + 1}"
+
+
+def place(steps: tuple[int, ...], row: int) -> str:
+    """The node and the phase of a row of phase nodes."""
+    phase = int(np.searchsorted(np.cumsum([n + 1 for n in steps]), row, side="right"))
+    return f"at node {phase_nodes(steps)[row]} in phase {phase}"
+
+
+def phase_nodes(steps: tuple[int, ...]) -> Index:
+    """The node of each node of each phase; those that two phases share come twice."""
+    ends = np.concatenate([[0], np.cumsum(steps)])
+    return np.concatenate([np.arange(a, b + 1) for a, b in pairwise(ends)])
+
+
+def touch_of(problem: Problem) -> Touch:
+    """The contacts of a problem.
+
+    Raises
+    ------
+    ProblemError
+        If the course of a hit with friction is not said.
+    """
+    surfaces, tangents = problem.kernels.surfaces, problem.kernels.tangents
+    for i, words in problem.open_hits.items():
+        raise ProblemError(
+            f"event {i + 1} ({problem.sequence[i]}) is a hit with friction, which can go in "
+            f"several ways: say which, by one of {', '.join(map(repr, words))}, or let dmoc.solve "
+            "try them."
+        )
+    return Touch(
+        tuple(surfaces),
+        tuple(tangents),
+        tuple(surfaces.index(t) if t in surfaces else NOWHERE for t in tangents),
+        tuple(tuple(surfaces.index(c) for c in mode.closed) for mode in problem.modes),
+        tuple(
+            tuple((tangents.index(t), sign) for t, sign in mode.rubbing.items())
+            for mode in problem.modes
+        ),
+        tuple(bool(event.surface) for event in problem.events),
+        tuple(tuple(surfaces.index(s) for s in event.lands) for event in problem.events),
+        tuple(
+            passage_of(
+                i,
+                (surfaces.index(event.surface), tangents.index(event.surface)),
+                event.course,
+                bool(event.lands),
+            )
+            for i, event in enumerate(problem.events)
+            if event.course is not None
+        ),
+    )
+
+
+def node_shares(steps: int) -> Array:
+    """What each node of a phase stands for, in steps."""
+    return np.concatenate([[0.5], np.ones(steps - 1), [0.5]])

@@ -1,0 +1,176 @@
+"""Derivatives of the optimal cost with respect to what a problem is given, from the multipliers.
+
+At a regular minimum the derivative of the optimal cost with respect to a quantity theta is the
+partial derivative of the Lagrangian L = f + y . c - w . d - z . (x - bounds) with respect to theta
+at fixed x, y, w, z (the envelope theorem; A. V. Fiacco, "Introduction to Sensitivity and Stability
+Analysis in Nonlinear Programming", 1983).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TypedDict
+
+import numpy as np
+
+from dmoc.base.names import momentum_name, velocity_name
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Index
+from dmoc.program.extraction import given_multipliers, stated_in_rates
+from dmoc.program.transcription import Transcription
+
+# Relative change of a parameter for differences of order 4: the error of the formula (1e-12) and
+# that of rounding (1e-13 / 1e-3) are both small.
+CHANGE = 1e-3
+# Places and weights of the differences.
+DIFFERENCE = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
+
+
+class Sensitivities(TypedDict):
+    """dJ/d(theta) by kind and name.
+
+    Attributes
+    ----------
+    parameters : by parameter
+    restitution : by surface that is hit, with respect to its coefficient e
+    surfaces : by surface, with respect to moving it outwards by one unit of its gap
+    final_time : with respect to the final time or its active bound; 0 where it is free
+    start, goal : by state, with respect to the value or the active bound; its other states as given
+    bounds : by input or coordinate and side, with respect to the bound, as "F <="
+    """
+
+    parameters: dict[str, float]
+    restitution: dict[str, float]
+    surfaces: dict[str, float]
+    final_time: float
+    start: dict[str, float]
+    goal: dict[str, float]
+    bounds: dict[str, float]
+
+
+def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) -> Sensitivities:
+    """Return the derivatives of the optimal cost at a minimum x with its multipliers by kind (of
+    the program without minimal times)."""
+    by_rates = stated_in_rates(problem, multipliers)
+    nlp = Transcription(problem, by_rates=by_rates)
+    lagrangian = partial(_lagrangian, x=x, by_rates=by_rates)
+    y, w, z = given_multipliers(nlp, multipliers)
+    # Solvers leave out fixed unknowns: their multipliers make the Lagrangian stationary.
+    slope = nlp.lagrangian_gradient(x, y, w)
+    z = np.where(nlp.lower == nlp.upper, slope, z)
+    named = {**multipliers, "bounds": z}
+    values = dict(zip(problem.kernels.parameters, problem.parameter_values[0], strict=True))
+
+    def change(name: str, value: float) -> float:
+        step = CHANGE * (abs(value) or 1.0)
+        parts = [
+            c * lagrangian(problem.unchecked(parameters=values | {name: value + k * step}), named)
+            for k, c in DIFFERENCE
+        ]
+        return float(sum(parts) / step)
+
+    def coefficient(
+        surface: str,
+    ) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
+        known = nlp.law.impact
+        lam = np.maximum(x[nlp.layout.index_lam[known]], 1e-300)
+        plain = (nlp.law.plain & ~nlp.law.by_rates)[known]
+        law = np.asarray(named.get("energy", np.zeros(0))) * np.where(plain, -2 / lam, 1.0)
+        high, low = (
+            {**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.5)
+        )
+        ends = [
+            lagrangian(problem.unchecked(restitution=e), {**named, "energy": law})
+            for e in (high, low)
+        ]
+        return 2 * (ends[0] - ends[1])
+
+    hits = [event.hit for event in problem.events if event.hit]
+    _lay, rows, force = nlp.layout, nlp.rows, np.concatenate([-y, w])
+    time = sum(force[rows.c.final_time.numbers]) + sum(force[rows.d.earliest.numbers])
+    return {
+        "parameters": {name: change(name, value) for name, value in values.items()},
+        "restitution": {s: coefficient(s) for s in dict.fromkeys(hits)},
+        "surfaces": _surfaces(nlp, y, w),
+        "final_time": float(time - sum(force[rows.d.latest.numbers])),
+        "start": _ends(nlp, x, z, 0),
+        "goal": _ends(nlp, x, z, -1),
+        "bounds": _bounds(nlp, z),
+    }
+
+
+def _lagrangian(
+    problem: Problem, multipliers: Mapping[str, Array], x: Array, by_rates: bool
+) -> float:
+    nlp = Transcription(problem, by_rates=by_rates)
+    y, w, z = given_multipliers(nlp, multipliers)
+    r = nlp.values(x)
+    bound = np.where(z > 0, nlp.lower, nlp.upper)
+    held = z != 0
+    return float(r[0] + r[1:] @ np.concatenate([y, -w]) - z[held] @ (x - bound)[held])
+
+
+def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
+    """g becomes g - delta: contacts c = g and gaps d = -g follow."""
+    found = dict.fromkeys(nlp.kernels.surfaces, 0.0)
+    names, force = nlp.kernels.surfaces, np.concatenate([y, w])
+    impacts = [event.surface for event in nlp.problem.events if event.surface]
+    for name, row in zip(impacts, nlp.rows.c.contact.numbers, strict=True):
+        found[name] -= float(force[row])
+    for block in (nlp.rows.c.closed, nlp.rows.c.lands):
+        for row, (_, j) in zip(block.numbers, block.places, strict=True):
+            found[names[j]] -= float(force[row])
+    for block in (nlp.rows.d.gap, nlp.rows.d.gap_inside):
+        for j, name in enumerate(names):
+            rows = block.index[:, j]
+            found[name] -= float(force[rows[rows != NOWHERE]].sum())
+    return found
+
+
+def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]:
+    """Multipliers of the bounds of the states at one end, where there are bounds.
+
+    Where momenta stand for velocities that were given, p = dL/dv(q, v, t), those of q and v follow
+    from them by the chain rule.
+    """
+    lay, names = nlp.layout, nlp.kernels.coordinates
+    at_start = node == 0
+    boundary = nlp.problem.start_bounds if at_start else nlp.problem.goal_bounds
+    q, p = lay.index_q[node], lay.index_p_B if at_start else lay.index_p_E
+    v = lay.index_v_B if at_start else lay.index_v_E
+    states: list[tuple[Callable[[str], str], Index, Array]] = [
+        (str, q, z[q]),
+        (momentum_name, p, z[p]),
+    ]
+    if boundary.by_velocity:
+        model, t = nlp.problem.model, lay.times(x)[node]
+        slopes = model.momentum_slopes(x[q], model.velocity(x[q], x[p], t), t)
+        by_q, by_v = z[p] @ slopes[:, : lay.nq], z[p] @ slopes[:, lay.nq : 2 * lay.nq]
+        states = [(str, q, z[q] + by_q), (velocity_name, p, by_v)]
+    found = {}
+    for naming, index, forces in [*states, (velocity_name, v, z[v])]:
+        for i, name, force in zip(index, names, forces, strict=False):
+            if nlp.lower[i] > -np.inf or nlp.upper[i] < np.inf:
+                found[naming(name)] = float(force)
+    return found
+
+
+def _bounds(nlp: Transcription, z: Array) -> dict[str, float]:
+    lay, kernels, problem = nlp.layout, nlp.problem.kernels, nlp.problem
+    found = {}
+    inner = np.vstack([lay.index_q[1:-1], lay.index_q_i.reshape(-1, lay.nq)])
+    for names, index, box in (
+        (kernels.inputs, lay.index_u, problem.input_bounds),
+        (kernels.coordinates, inner, problem.coordinate_bounds),
+    ):
+        for j, name in enumerate(names):
+            held = z[index[:, j]]
+            for sign, limit, value in (
+                ("<=", box[j, 1], held[held < 0].sum()),
+                (">=", box[j, 0], held[held > 0].sum()),
+            ):
+                if np.isfinite(limit):
+                    found[f"{name} {sign}"] = float(value)
+    return found

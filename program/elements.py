@@ -1,0 +1,318 @@
+"""From terms to the plain arrays of a program: values, first and second derivatives, patterns,
+units.
+
+What says where results go, :class:`Structure`, is the same for all problems of one form and is made
+once; :func:`assembled` puts the numbers of one problem into it.
+
+Every term is a kernel family: ``name`` for values, ``name_jac`` and ``name_hess`` for derivatives
+with respect to all its arguments.  The columns of a derivative are the arguments' positions in the
+pool, where these are unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.codegen.kernels import Array, Kernels
+from dmoc.program.arrays import ElementData, PassData, ProgramData
+from dmoc.program.blocks import NOWHERE, Index
+from dmoc.program.sparse import SparsePattern
+from dmoc.program.terms import Term
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """The linear part of (c | d): factors * x[columns] added to rows."""
+
+    rows: Index
+    columns: Index
+    factors: Array
+
+
+T = TypeVar("T")
+# Analyses that a structure keeps.
+MOST_KEPT = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """What the structure of a program follows from.
+
+    Attributes
+    ----------
+    kernels : Kernels
+    parameters : int
+        Number of the model's parameters.
+    terms : sequence of Term
+    linear : Linear
+    n, m, equalities : int
+        Numbers of unknowns, of rows (c | d), and of rows c.
+    """
+
+    kernels: Kernels
+    parameters: int
+    terms: Sequence[Term]
+    linear: Linear
+    n: int
+    m: int
+    equalities: int
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """The numbers of one problem.
+
+    Attributes
+    ----------
+    parameters : array, shape (npar,)
+    constants : array, shape (m,)
+        Constants of all rows.
+    lower, upper : arrays, shape (n,)
+        Bounds of the scaled unknowns.
+    unit : array, shape (n,)
+        Sizes of the unknowns.
+    row_unit : array, shape (m,)
+        Sizes of the constraints.
+    cost_unit : float
+    """
+
+    parameters: Array
+    constants: Array
+    lower: Array
+    upper: Array
+    unit: Array
+    row_unit: Array
+    cost_unit: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Results of a term that are added somewhere, in the shapes of the kernel's outputs: positions
+    in (f | c | d) or rows of the Hessian, unknowns, and factors without units."""
+
+    kernel: str
+    arguments: tuple[Index, ...]
+    rows: tuple[Index, ...]
+    columns: tuple[Index, ...]
+    factors: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Elements:
+    """The elements of a pass, and what their factors are made of: left[rows] * right[columns] *
+    factors, those of one result after those of another."""
+
+    parts: tuple[_Part, ...]
+    slots: tuple[tuple[Index, ...], ...]
+    rows: Index
+    columns: Index
+    factors: Array
+
+    @classmethod
+    def of(cls, parts: Sequence[_Part], slots: Sequence[Index]) -> _Elements:
+        remaining = iter(slots)
+        return cls(
+            tuple(parts),
+            tuple(tuple(next(remaining) for _ in p.rows) for p in parts),
+            _flat([r for p in parts for r in p.rows], np.intp),
+            _flat([c for p in parts for c in p.columns], np.intp),
+            _flat([f for p in parts for f in p.factors], np.float64),
+        )
+
+    def filled(self, left: Array, right: Array) -> tuple[ElementData, ...]:
+        """The elements of one problem."""
+        factors = left[self.rows] * right[self.columns] * self.factors
+        found, at = [], 0
+        for part, slots in zip(self.parts, self.slots, strict=True):
+            cut = []
+            for slot in slots:
+                cut.append(factors[at : at + slot.size].reshape(slot.shape))
+                at += slot.size
+            found.append(ElementData(part.kernel, part.arguments, slots, tuple(cut)))
+        return tuple(found)
+
+
+def _flat(arrays: Sequence[NDArray[Any]], dtype: type) -> NDArray[Any]:
+    return np.concatenate([np.zeros(0, dtype), *(a.ravel() for a in arrays)])
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Where results of kernels go, and the patterns of the derivatives."""
+
+    form: Form
+    values: _Elements
+    slopes: _Elements
+    curvatures: _Elements
+    linear_slots: Index
+    jacobian: SparsePattern
+    hessian: SparsePattern
+    _kept: dict[Hashable, Any] = field(default_factory=dict)
+
+    @property
+    def additions(self) -> int:
+        """How many things follow from it that were made once."""
+        return len(self._kept)
+
+    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """What follows from the structure and a key, made once; threads that ask at the same time
+        may make it twice, and get one."""
+        if key not in self._kept and len(self._kept) >= MOST_KEPT:
+            return make()
+        found: T = self._kept.get(key) or self._kept.setdefault(key, make())
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Assembled:
+    """A program and its structure."""
+
+    data: ProgramData
+    structure: Structure
+
+    @property
+    def jacobian(self) -> SparsePattern:
+        """The pattern of d(c | d)/dx."""
+        return self.structure.jacobian
+
+    @property
+    def hessian(self) -> SparsePattern:
+        """The pattern of the upper triangle of the Hessian."""
+        return self.structure.hessian
+
+
+def structure_of(form: Form) -> Structure:
+    """Analyse the terms: slots of the three passes in the patterns of the derivatives."""
+    targets, multipliers = _targets(form), _multipliers(form)
+    values = [_values(form, term, targets) for term in form.terms]
+    unknowns = [_unknowns(form, term) for term in form.terms]
+    placed = list(zip(form.terms, unknowns, strict=True))
+    slopes = [_slopes(form, term, at, targets) for term, at in placed]
+    cells = [(r - 1, c) for p in slopes for r, c in zip(p.rows, p.columns, strict=True)]
+    jacobian = SparsePattern((form.m, form.n), [*cells, (form.linear.rows, form.linear.columns)])
+    *slots, linear_slots = jacobian.slots
+    # The gradient of f first, dense, then the entries of the Jacobian.
+    at = [
+        np.where(r == -1, c, np.where(k >= 0, form.n + k, NOWHERE))
+        for k, (r, c) in zip(slots, cells, strict=True)
+    ]
+    every = (_curvatures(form, term, at, multipliers) for term, at in placed)
+    curvatures = [p for p in every if p is not None]
+    hessian = SparsePattern((form.n, form.n), [(p.rows[0], p.columns[0]) for p in curvatures])
+    return Structure(
+        form,
+        _Elements.of(values, [r for p in values for r in p.rows]),
+        _Elements.of(slopes, at),
+        _Elements.of(curvatures, hessian.slots),
+        linear_slots,
+        jacobian,
+        hessian,
+    )
+
+
+def assembled(structure: Structure, numbers: Numbers) -> Assembled:
+    """The program of one problem: its three passes over elements."""
+    form, none = structure.form, np.zeros(0, dtype=np.intp)
+    n, m, at = form.n, form.m, form.linear
+    inverse = 1 / np.concatenate([[numbers.cost_unit], numbers.row_unit])  # of (f | c | d)
+    linear, ones = at.factors * inverse[1 + at.rows], np.ones(1)
+    values = PassData(
+        np.concatenate([[0.0], numbers.constants * inverse[1:]]),
+        1 + at.rows,
+        at.columns,
+        linear,
+        structure.values.filled(inverse, ones),
+    )
+    constant = np.zeros(n + structure.jacobian.size)
+    constant[n + structure.linear_slots] = linear * numbers.unit[at.columns]
+    slopes = structure.slopes.filled(inverse, numbers.unit)
+    curvatures = structure.curvatures.filled(numbers.unit, numbers.unit)
+    zeros = np.zeros(structure.hessian.size)
+    data = ProgramData(
+        equalities=form.equalities,
+        lower=numbers.lower,
+        upper=numbers.upper,
+        unit=np.concatenate([numbers.unit, inverse[1:], inverse[:1]]),
+        pool=np.concatenate([np.zeros(n + m + 2), numbers.parameters]),
+        values=values,
+        slopes=PassData(constant, none, none, np.zeros(0), slopes),
+        curvatures=PassData(zeros, none, none, np.zeros(0), curvatures),
+        jacobian=(structure.jacobian.indptr, structure.jacobian.indices),
+        hessian=(structure.hessian.indptr, structure.hessian.indices),
+    )
+    return Assembled(data, structure)
+
+
+def _parameters(form: Form) -> Index:
+    """Positions of the parameters in the pool."""
+    first = form.n + form.m + 2
+    return np.arange(first, first + form.parameters)[None]
+
+
+def _targets(form: Form) -> Index:
+    """Positions in (f | c | d) by row of (c | d); where COST and NOWHERE point to, at the end,
+    theirs stand."""
+    return np.concatenate([np.arange(1, form.m + 1), [0, NOWHERE]])
+
+
+def _multipliers(form: Form) -> Index:
+    """Positions in the pool of the multipliers of rows: sigma for the cost, a zero for no row."""
+    return np.arange(form.n, form.n + form.m + 2)
+
+
+def _values(form: Form, term: Term, targets: Index) -> _Part:
+    rows = tuple(targets[r] for r in term.rows)
+    nothing = tuple(np.zeros(r.shape, dtype=np.intp) for r in rows)
+    return _Part(
+        term.kernel,
+        (*term.arguments, _parameters(form)),
+        rows,
+        nothing,
+        tuple(np.broadcast_to(term.factor, r.shape) for r in rows),
+    )
+
+
+def _unknowns(form: Form, term: Term) -> Index:
+    """The unknowns among the arguments of a term, shape (n, sum of sizes); NOWHERE for what is
+    none."""
+    n = len(term.rows[0])
+    parts = (a if len(a) == n else np.repeat(a, n, axis=0) for a in term.arguments)
+    at = np.hstack(list(parts))
+    return np.where(at < form.n, at, NOWHERE)
+
+
+def _slopes(form: Form, term: Term, unknowns: Index, targets: Index) -> _Part:
+    kernel = f"{term.kernel}_jac"
+    rows, columns, factors = [], [], []
+    for output, at in zip(form.kernels.outputs(kernel), term.rows, strict=True):
+        i, j = form.kernels.pattern(kernel, output)
+        column = unknowns[:, j]
+        row = np.where(column == NOWHERE, NOWHERE, targets[at[:, i]])
+        rows.append(row)
+        columns.append(column)
+        factors.append(np.broadcast_to(term.factor, row.shape))
+    arguments = (*term.arguments, _parameters(form))
+    return _Part(kernel, arguments, tuple(rows), tuple(columns), tuple(factors))
+
+
+def _curvatures(form: Form, term: Term, unknowns: Index, multipliers: Index) -> _Part | None:
+    """Second derivatives of a term, weighted with the multipliers of its rows.
+
+    Two arguments may be one unknown (inputs that are constant in a step): their mixed derivative
+    counts twice on the diagonal.
+    """
+    kernel = f"{term.kernel}_hess"
+    i, j = form.kernels.pattern(kernel, "hess")
+    if not len(i):
+        return None
+    a, b = unknowns[:, i], unknowns[:, j]
+    twice = np.where((a == b) & (i != j), 2.0, 1.0)
+    arguments = (*term.arguments, _parameters(form), *(multipliers[r] for r in term.rows))
+    # The smaller of both is NOWHERE where one of them is.
+    rows, columns = np.minimum(a, b), np.maximum(a, b)
+    return _Part(kernel, arguments, (rows,), (columns,), (twice * term.factor,))

@@ -1,0 +1,243 @@
+"""What a result says, read out of unknowns and multipliers: the motion, and the multipliers by
+kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.modes import changes
+from dmoc.mechanics.trajectories import motion_along
+from dmoc.motion.trajectory import Collision, Phase, Trajectory
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Block, Index
+from dmoc.program.contact_table import node_shares
+from dmoc.program.layout import Layout
+from dmoc.program.transcription import Transcription
+
+# A collision that changes no momentum by more than this share of its size has no effect.
+NO_EFFECT = 1e-3
+# Nodes of a phase whose forces are continued to its ends, at least one more.
+FEWEST = 4
+
+
+def trajectory(nlp: Transcription, x: Array) -> Trajectory:
+    """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities,
+    inputs, collisions."""
+    lay, problem = nlp.layout, nlp.problem
+    p_start, p_end = nlp.momenta(x)
+    x = nlp.physical(x)
+    h, q, u = x[lay.index_h], x[lay.index_q], x[lay.index_u]
+    q_i = x[lay.index_q_i].reshape(lay.total, -1)
+    phases, collisions = [], []
+    begin, largest = 0.0, np.maximum(np.abs(p_start).max(axis=0), np.abs(p_end).max(axis=0))
+    for i, steps in enumerate(lay.steps):
+        first, last = int(lay.ends[i]), int(lay.ends[i + 1])
+        t = begin + h[i] * np.arange(steps + 1)
+        at = np.ascontiguousarray(q[first : last + 1])
+        normal, tangential = _impulses(lay, x, i)
+        p = np.vstack([p_start[first : first + 1], p_end[first:last]])
+        p = p + _pushed(nlp, at, t, normal, tangential)
+        p = _along_contacts(nlp, i, (at, p, t))
+        inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
+        mode, weight = problem.modes[i], h[i] * node_shares(steps)[:, None]
+        v = problem.model.velocity(at, p, t)
+        phases.append(
+            Phase(
+                t,
+                at,
+                p,
+                v,
+                np.ascontiguousarray(inputs),
+                mode.closed,
+                dict(mode.rubbing),
+                _forces(normal[:, list(lay.touch.closed[i])] / weight),
+                _forces(tangential[:, [k for k, _ in lay.touch.rubbing[i]]] / weight),
+                *_inside(nlp, t, at, v, q_i[first:last]),
+            )
+        )
+        begin = float(t[-1])
+    for i, (before, after) in enumerate(pairwise(phases)):
+        arriving, leaving = before.p[-1], after.p[0]
+        event, t = problem.events[i], float(after.t[0])
+        effect = not event.hit or not _without_effect(arriving, leaving, largest)
+        collisions.append(
+            Collision(
+                event.surface,
+                t,
+                before.q[-1].copy(),
+                float(x[lay.index_lam[i]]),
+                arriving.copy(),
+                leaving.copy(),
+                *_rates(nlp, x, i, t),
+                not effect,
+                event.lands,
+                event.leaves,
+                changes(problem.modes[i], problem.modes[i + 1]),
+                *_impulses_of_event(lay, x, i),
+                "" if event.course is None else str(event.course),
+            )
+        )
+    return motion_along(
+        problem.model,
+        phases,
+        collisions,
+        problem.restitution_values,
+        controls=problem.control_form,
+        bounds=(problem.input_bounds, problem.coordinate_bounds),
+        ignored=problem.ignored,
+    )
+
+
+def _inside(nlp: Transcription, t: Array, q: Array, v: Array, q_i: Array) -> tuple[Array, Array]:
+    """Coordinates and momenta at the nodes inside the steps of a phase, with q and v at the nodes
+    between them."""
+    scheme, h = nlp.layout.scheme, np.diff(t)[:, None]
+    flat = np.ascontiguousarray(q_i.reshape(-1, q.shape[1]))
+    if not scheme.inside:
+        return flat, flat
+    nodes = q_i.reshape(len(q_i), scheme.inside, -1)
+    data = np.concatenate([np.stack([q[:-1], q[1:]], axis=1), nodes], axis=1)
+    data = np.concatenate([data, np.stack([h * v[:-1], h * v[1:]], axis=1)], axis=1)
+    powers = np.arange(1, scheme.degree + 3)
+    slopes = powers * scheme.nodes[2:, None] ** (powers - 1) @ scheme.course[1:]
+    rates = np.einsum("ia,kaj->kij", slopes, data) / h[:, None]
+    rows = np.ascontiguousarray(rates.reshape(flat.shape))
+    times = scheme.within(t[:-1], t[1:]).ravel()
+    return flat, nlp.problem.model.momentum(flat, rows, times)
+
+
+def _impulses(lay: Layout, x: Array, i: int) -> tuple[Array, Array]:
+    """Normal and tangential impulses at the nodes of phase i, shapes (N + 1, nc) and (N + 1, nt);
+    zero where there is no contact."""
+    if lay.touch.free:
+        nodes = lay.steps[i] + 1
+        return np.zeros((nodes, len(lay.touch.surfaces))), np.zeros(
+            (nodes, len(lay.touch.tangents))
+        )
+    rows = slice(int(lay.ends[i]) + i, int(lay.ends[i + 1]) + i + 1)
+    padded = np.append(x, 0.0)  # NOWHERE is its last entry
+    return padded[lay.index_P[rows]], padded[lay.index_T[rows]]
+
+
+def _forces(of_nodes: Array) -> Array:
+    """Forces at the nodes of a phase from impulses by the time that they stand for; at its ends,
+    where that is half a step and leaves an error of first order, those of the nodes beside
+    continued."""
+    if len(of_nodes) > FEWEST:
+        of_nodes[0] = 2 * of_nodes[1] - of_nodes[2]
+        of_nodes[-1] = 2 * of_nodes[-2] - of_nodes[-3]
+    return of_nodes
+
+
+def _pushed(nlp: Transcription, q: Array, t: Array, normal: Array, tangential: Array) -> Array:
+    """What impulses add to the momenta of a phase at its nodes: at the first one back to where the
+    phase begins, at the others to the middle of the impulse, at the last one all of it."""
+    if nlp.layout.touch.free:
+        return np.zeros_like(q)
+    model = nlp.problem.model
+    change = np.einsum("kj,kji->ki", tangential, model.tangent_slopes(q, t)[:, :, :-1])
+    change -= np.einsum("kj,kji->ki", normal, model.gap_slopes(q, t)[:, :, :-1])
+    change[0] *= -1
+    change[1:-1] /= 2
+    return np.asarray(change)
+
+
+def _along_contacts(nlp: Transcription, i: int, states: tuple[Array, Array, Array]) -> Array:
+    """Momenta of a phase at the states (q, p, t) of its nodes, moved the shortest way, measured by
+    the masses, to where closed contacts and what sticks have no rates."""
+    model, touch, (q, p, t) = nlp.problem.model, nlp.layout.touch, states
+    closed, sticking = list(touch.closed[i]), np.flatnonzero(touch.sticks[i])
+    if not closed and not len(sticking):
+        return p
+    slopes = [model.gap_slopes(q, t)[:, closed, :-1], model.tangent_slopes(q, t)[:, sticking, :-1]]
+    C, v, mass = np.concatenate(slopes, axis=1), model.velocity(q, p, t), model.mass(q, t)
+    rates = np.hstack(
+        [model.gap_rates(q, v, t)[:, closed], model.slide_rates(q, v, t)[:, sticking]]
+    )
+    response = [solved(mass, np.ascontiguousarray(C[:, m])) for m in range(C.shape[1])]
+    impulses = solved(C @ np.stack(response, axis=2), rates)
+    found = p - np.einsum("kmi,km->ki", C, impulses)
+    return np.where(np.isfinite(found), found, p)
+
+
+def _impulses_of_event(lay: Layout, x: Array, i: int) -> tuple[dict[str, float], dict[str, float]]:
+    """Normal and tangential impulses of an event, by name."""
+    touch = lay.touch
+    normal = {touch.surfaces[j]: float(x[k]) for j, k in _at(lay.index_P_c[i])}
+    if touch.impacts[i]:
+        normal |= {touch.surfaces[int(lay.surfaces[i])]: float(x[lay.index_lam[i]])}
+    return normal, {touch.tangents[j]: float(x[k]) for j, k in _at(lay.index_T_c[i])}
+
+
+def _at(index: Index) -> list[tuple[int, int]]:
+    """Places and numbers of what there is in a row."""
+    return [(int(j), int(index[j])) for j in np.flatnonzero(index != NOWHERE)]
+
+
+def _rates(nlp: Transcription, x: Array, i: int, t: float) -> tuple[float, float]:
+    """Rates of the gap before and after collision i, from the unknowns in units of the problem."""
+    lay, j = nlp.layout, int(nlp.layout.surfaces[i])
+    if j == NOWHERE:
+        return 0.0, 0.0
+    q = x[lay.index_q[lay.collision_nodes[i]]]
+    before, after = (
+        nlp.problem.model.gap_rates(q, x[v[i]], t)[j] for v in (lay.index_v_a, lay.index_v_c)
+    )
+    return float(before), float(after)
+
+
+def _without_effect(before: Array, after: Array, largest: Array) -> bool:
+    """Whether a collision changes no momentum by a share of its size that counts."""
+    return bool((np.abs(after - before) <= NO_EFFECT * largest).all())
+
+
+def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[str, Array]:
+    """Multipliers by kind of constraint, in units of the problem; those of the momentum
+    equations in the shape (nodes, nq), "bounds" those of the unknowns."""
+    units = _units_of_multipliers(nlp)
+    y, w, z = y * units[0], w * units[1], z * units[2]
+    found = np.concatenate([y, w])
+    named = {b.name: found[b.numbers] for b in (*nlp.equalities, *nlp.inequalities) if b.count}
+    named["momentum"] = named["momentum"].reshape(-1, nlp.layout.nq)
+    return named | {"bounds": z}
+
+
+def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[Array, Array, Array]:
+    """Return y, w and z from multipliers by kind; kinds of another shape, or that are not given,
+    are zero."""
+
+    def collected(blocks: list[Block]) -> Array:
+        parts = [np.ravel(named.get(b.name, ())) for b in blocks]
+        fitting = [
+            p if len(p) == b.count else np.zeros(b.count)
+            for p, b in zip(parts, blocks, strict=True)
+        ]
+        return np.concatenate([*fitting, np.zeros(0)])
+
+    z = np.asarray(named.get("bounds", ()))
+    units = _units_of_multipliers(nlp)
+    z = z if len(z) == nlp.n else np.zeros(nlp.n)
+    return (
+        collected(nlp.equalities) / units[0],
+        collected(nlp.inequalities) / units[1],
+        z / units[2],
+    )
+
+
+def stated_in_rates(problem: Problem, named: Mapping[str, Array]) -> bool:
+    """Whether multipliers by kind are those of elastic collisions whose law is stated in the rates
+    of the gaps: in energies it has a separation beside it."""
+    e = dict(zip(problem.kernels.surfaces, problem.restitution_values, strict=True))
+    elastic = any(e[event.hit] > 0 for event in problem.events if event.hit)
+    return elastic and "separation" not in named
+
+
+def _units_of_multipliers(nlp: Transcription) -> tuple[Array, Array, Array]:
+    """Units of y, w and z: that of the cost by those of constraints and unknowns."""
+    rows = nlp.scale.cost / nlp.row_unit
+    return rows[: nlp.n_eq], rows[nlp.n_eq :], nlp.scale.cost / nlp.unit

@@ -1,0 +1,416 @@
+"""Contacts that last and friction: their rows and terms.
+
+A phase with closed contacts and friction has normal impulses P_k >= 0 and tangential ones T_k at
+each of its nodes, the ends among them, and velocities v- before and v+ after its events (equations
+:eq:`del-contact` to :eq:`events` of the theory)::
+
+    momentum   ... - sum P_k grad g(q_k) + sum T_k grad tau(q_k) = 0     also of arrival, departure
+    closed     g(q_k) = 0                         at the nodes after the first one
+    stuck      tau(q_k) - tau(q_km1) = 0          where it sticks
+    sliding    T_k + s mu P_k = 0                 where it slides in the direction s
+    at rest    gamma(q_N, v-) = 0, sigma(q_N, v-) = 0      at the end of the phase, also of what
+                                                  stops sliding or turns there
+    stays      gamma(q_c, v+) = 0, sigma(q_c, v+) = 0      after an impact, with impulses P_c, T_c
+    cone       mu P_k - |T_k| >= 0, mu P_c - |T_c| >= 0    where it sticks
+    direction  s (tau(q_kp1) - tau(q_k)) >= 0, s sigma >= 0 on both sides of an impact
+               and at the ends of the motion
+
+A contact that slides the other way after an impact than before has s of either phase on either
+side.  Where the impact presses it, P_c > 0, its friction turns at a moment within, which these rows
+do not know: the check refuses such a motion.
+
+A rail has the largest force F instead of mu P_k, times the time that the node stands for.  This is
+the scheme RATTLE with the momenta of the step element.
+
+The places of closed, stuck and direction are measured by how far the contact could move in one
+step: an error of a place is one of the velocity times the step, which in a phase that shrinks is
+far below the sizes of the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering
+from dmoc.program.contact_table import Touch, phase_nodes, place
+from dmoc.program.layout import Layout
+from dmoc.program.presolve import Settled, settled
+from dmoc.program.scale import Scale
+from dmoc.program.terms import Places, Term
+
+
+@dataclass(frozen=True, eq=False)
+class ContactLaw:
+    """The contacts that last along the phases of a problem.
+
+    Attributes
+    ----------
+    lay : Layout
+    mu : array, shape (nt,)
+        Coefficients of friction of surfaces, largest forces of rails.
+    settled : Settled
+        Rows that the fixed values of the problem settle.
+    """
+
+    lay: Layout
+    mu: Array
+    settled: Settled
+
+    @classmethod
+    def of(cls, problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> ContactLaw:
+        if lay.touch.free:
+            return cls.of_none(lay, problem.model.friction)
+        return cls(lay, problem.model.friction, settled(problem, lay, limits))
+
+    @classmethod
+    def of_none(cls, lay: Layout, mu: Array) -> ContactLaw:
+        """That of a layout where no contact lasts, so that nothing is settled of any."""
+        return cls(lay, mu, Settled.nothing(lay))
+
+    @property
+    def touch(self) -> Touch:
+        return self.lay.touch
+
+    # Rows -----------------------------------------------------------------------------------------
+
+    def equations(self, block: Numbering) -> tuple[Block, ...]:
+        """Rows closed, stuck, sliding, at rest (normal, tangential), and after impacts: lands,
+        stays, sticks, slides."""
+        lay, touch = self.lay, self.touch
+        names, friction = touch.surfaces, touch.tangents
+        first = self._is_first
+        closed = self._along(touch.is_closed) & ~first[:, None]
+        stuck = self._along(touch.sticks) & ~first[:, None]
+        if len(closed):
+            closed[0] = touch.is_closed[0] & ~self.settled.places[0]
+            closed[self._is_last] &= ~self.settled.places[1:]
+            stuck[self._is_last] &= ~self.settled.stuck
+        landing = np.zeros_like(touch.beside)
+        for i, surfaces in enumerate(touch.landings):
+            landing[i, list(surfaces[1:])] = True
+
+        def at(r: int, j: int, which: Sequence[str]) -> str:
+            return f"{which[j]} {place(lay.steps, r)}"
+
+        def in_a_step(rate: Array, s: Scale) -> Array:
+            return np.asarray(rate * s.h[self._phase][:, None])
+
+        return (
+            block(
+                "closed",
+                closed,
+                lambda r, j: f"contact {at(r, j, names)}",
+                lambda s: in_a_step(s.rate, s),
+            ),
+            block(
+                "stuck",
+                stuck,
+                lambda r, j: f"sticking of {at(r, j, friction)}",
+                lambda s: in_a_step(s.slide, s),
+            ),
+            block(
+                "sliding",
+                self._along(touch.rubs & ~touch.sticks),
+                lambda r, j: f"sliding friction of {at(r, j, friction)}",
+                lambda s: s.friction / lay.total,
+            ),
+            block(
+                "at rest",
+                self._ends(touch.is_closed, self.settled.rates),
+                lambda i, j: f"rate of contact {names[j]} {_end(i)}",
+                lambda s: s.rate,
+            ),
+            block(
+                "stopped",
+                self._ends(touch.sticks, self.settled.slides, self._stops),
+                lambda i, j: f"sliding velocity of {friction[j]} {_end(i)}",
+                lambda s: s.slide,
+            ),
+            block("lands", landing, lambda i, j: f"landing of {names[j]} at event {i + 1}", _gap),
+            block(
+                "stays",
+                touch.beside,
+                lambda i, j: f"rate of {names[j]} after event {i + 1}",
+                lambda s: s.rate,
+            ),
+            block(
+                "sticks",
+                touch.rubs_in_impact & touch.sticks[1:],
+                lambda i, j: f"sliding velocity of {friction[j]} after event {i + 1}",
+                lambda s: s.slide,
+            ),
+            block(
+                "slides",
+                touch.rubs_in_impact & ~touch.sticks[1:],
+                lambda i, j: f"sliding friction of {friction[j]} at event {i + 1}",
+                lambda s: s.friction,
+            ),
+        )
+
+    def inequalities(self, block: Numbering) -> tuple[Block, ...]:
+        """Rows of the cone, of that of impacts, of directions in steps and on both sides of
+        impacts; the last axis are the two sides."""
+        lay, touch = self.lay, self.touch
+        friction, nodes, steps = touch.tangents, self._nodes, np.arange(lay.total)
+        slides = touch.signs[lay.phase_of_step] != 0
+        slides = slides if not touch.free else slides[:0]
+
+        def word(i: int, j: int) -> str:
+            return FRICTION_WORDS[int(touch.signs[i, j])]
+
+        return (
+            block(
+                "cone",
+                _twice(self._along(self._grips)),
+                lambda r, j, _: f"friction cone of {friction[j]} {place(lay.steps, r)}",
+                lambda s: s.friction[:, None] / lay.total,
+                nodes,
+            ),
+            block(
+                "cone of an impact",
+                _twice(touch.rubs_in_impact & self._grips[1:]),
+                lambda i, j, _: f"friction cone of {friction[j]} at event {i + 1}",
+                lambda s: s.friction[:, None],
+            ),
+            block(
+                "direction",
+                slides,
+                lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {friction[j]} in step {k}",
+                lambda s: s.slide * s.h[lay.phase_of_step][: len(slides), None],
+                steps[: len(slides)],
+            ),
+            block(
+                "direction at the ends",
+                self._slides_freely,
+                lambda e, j: f"{word(-e, j)} of {friction[j]} at the {('start', 'end')[e]}",
+                lambda s: s.slide,
+            ),
+            block(
+                "direction of an impact",
+                _twice(touch.rubs_in_impact & ~touch.sticks[1:]),
+                lambda i, j, side: (
+                    f"{word(i + (1 if side or not touch.turns[i, j] else 0), j)} of {friction[j]} "
+                    f"{'after' if side else 'before'} event {i + 1}"
+                ),
+                lambda s: s.slide[:, None],
+            ),
+        )
+
+    @property
+    def _grips(self) -> Bools:
+        """Tangents that stick with friction, shape (phases, nt): the cone of those without has no
+        interior, and bounds say T = 0."""
+        return np.asarray(self.touch.sticks & (self.mu > 0))
+
+    @property
+    def _nodes(self) -> Index:
+        return phase_nodes(self.lay.steps)[: 0 if self.touch.free else None]
+
+    @property
+    def _phase(self) -> Index:
+        """The phase of each phase node."""
+        counts = [0] * self.lay.phases if self.touch.free else [n + 1 for n in self.lay.steps]
+        return np.repeat(np.arange(self.lay.phases), counts)
+
+    @property
+    def _is_first(self) -> Bools:
+        phase = self._phase
+        return np.diff(phase, prepend=-1) > 0
+
+    @property
+    def _is_last(self) -> Bools:
+        return np.diff(self._phase, append=self.lay.phases) > 0
+
+    def _along(self, of_phase: Bools) -> Bools:
+        return np.asarray(of_phase[self._phase])
+
+    @property
+    def _stops(self) -> Bools:
+        """Tangents that slide in a phase, and not any more in this direction after its event,
+        which is no impact, shape (phases, nt)."""
+        touch = self.touch
+        found = np.zeros_like(touch.rubs)
+        for i, impact in enumerate(touch.impacts):
+            slid, goes_on = touch.signs[i] != 0, touch.rubs[i + 1]
+            found[i] = slid & goes_on & (touch.signs[i + 1] != touch.signs[i]) & (not impact)
+        return found
+
+    @property
+    def _slides_freely(self) -> Bools:
+        """Tangents that slide at the start and at the end of the motion, and whose rates there are
+        not fixed, shape (2, nt)."""
+        lay, signs = self.lay, self.touch.signs
+        unknown = np.array([len(lay.index_v_B) > 0, len(lay.index_v_E) > 0]) & (not lay.touch.free)
+        slides = (signs[[0, -1]] != 0) & ~self.settled.slides
+        return np.asarray(slides & unknown[:, None])
+
+    def _ends(self, held: Bools, settled: Bools, more: Bools | None = None) -> Bools:
+        """Where rates vanish: at the start and at the end of each phase, shape (phases + 1,
+        size)."""
+        ends = np.vstack([held[:1] & ~settled[0], held if more is None else held | more])
+        ends[-1] &= ~settled[1]
+        return ends
+
+    # Terms ----------------------------------------------------------------------------------------
+
+    def terms(self, places: Places, row: dict[str, Index], momentum: Index) -> list[Term]:
+        """Terms of all rows that are not linear."""
+        lay = self.lay
+        if self.touch.free:
+            return []
+        nodes, q, t = self._nodes, lay.index_q[self._nodes], places.times(self._nodes)
+        P, T = places.known(lay.index_P), places.known(lay.index_T)
+        first, last = self._is_first, self._is_last
+        first[0] = last[-1] = False  # the ends of the motion have momenta of their own
+        found = []
+        for kernel, impulse, sign in (("normal", P, -1.0), ("traction", T, 1.0)):
+            for at, rows in (
+                (np.ones(len(nodes), dtype=bool), momentum[nodes]),
+                (last, row["arrival"]),
+                (first, row["departure"]),
+            ):
+                when = t[at] if lay.timed else t
+                rows = rows if len(rows) == at.sum() else rows[at]
+                found.append(Term(kernel, (q[at], impulse[at], when), (rows,), sign))
+        found += self._at_events(places, row, momentum)
+        stuck = row["stuck"]
+        before = np.full_like(stuck, NOWHERE)
+        before[:-1] = stuck[1:]
+        found += [
+            Term("surface", (q, t), (row["closed"],)),
+            Term("tangent", (q, t), (stuck,)),
+            Term("tangent", (q, t), (before,), -1.0),
+        ]
+        return found + self._directions(places, row)
+
+    def _at_events(self, places: Places, row: dict[str, Index], momentum: Index) -> list[Term]:
+        """Impulses of impacts, and rates before and after them and at both ends."""
+        lay, touch = self.lay, self.touch
+        nodes = lay.collision_nodes
+        q, t = lay.index_q[nodes], places.times(nodes)
+        P_c, T_c = places.known(lay.index_P_c), places.known(lay.index_T_c)
+        found = []
+        if len(nodes):
+            found += [
+                Term("normal", (q, P_c, t), (momentum[nodes],), -1.0),
+                Term("traction", (q, T_c, t), (momentum[nodes],)),
+                Term("surface", (q, t), (row["lands"],)),
+                Term("gap_rate", (q, lay.index_v_c, t), (row["stays"],)),
+                Term("slide_rate", (q, lay.index_v_c, t), (row["sticks"],)),
+            ]
+            direction = row["direction of an impact"]
+            before = np.where(touch.turns, touch.signs[:-1], touch.signs[1:])
+            sides = ((lay.index_v_a, before), (lay.index_v_c, touch.signs[1:]))
+            for side, (v, signs) in enumerate(sides):
+                for sign in (1.0, -1.0):
+                    rows = np.where(signs == sign, direction[:, :, side], NOWHERE)
+                    found.append(Term("slide_rate", (q, v, t), (rows,), sign))
+        ends = lay.ends
+        for e, v in ((0, lay.index_v_B), (-1, lay.index_v_E)):
+            for sign in (1.0, -1.0) if len(v) else ():
+                rows = np.where(touch.signs[e] == sign, row["direction at the ends"][e], NOWHERE)
+                at = ends[[e]]
+                state = (lay.index_q[at], v[None], places.times(at))
+                found.append(Term("slide_rate", state, (rows[None],), sign))
+        for kernel, name in (("gap_rate", "at rest"), ("slide_rate", "stopped")):
+            rows = row[name]
+            parts = [
+                (ends[:1], lay.index_v_B[None], rows[:1]),
+                (ends[1:-1], lay.index_v_a, rows[1:-1]),
+            ]
+            parts.append((ends[-1:], lay.index_v_E[None], rows[-1:]))
+            for at, v, r in parts:
+                if len(at) and v.size:
+                    found.append(Term(kernel, (lay.index_q[at], v, places.times(at)), (r,)))
+        return found
+
+    def _directions(self, places: Places, row: dict[str, Index]) -> list[Term]:
+        lay, rows = self.lay, row["direction"]
+        signs = self.touch.signs[lay.phase_of_step]
+        found = []
+        for sign in (1.0, -1.0):
+            at = np.where(signs == sign, rows, NOWHERE)
+            for nodes, side in ((np.arange(1, lay.total + 1), sign), (np.arange(lay.total), -sign)):
+                place = (lay.index_q[nodes], places.times(nodes))
+                found.append(Term("tangent", place, (at,), side))
+        return found
+
+    # Linear rows ----------------------------------------------------------------------------------
+
+    def entries(self, row: dict[str, Index]) -> list[Entries]:
+        """Entries of the rows that say how large friction is: sliding, and cones."""
+        lay, touch = self.lay, self.touch
+        if touch.free:
+            return []
+        found: list[Entries] = []
+        phase, sides = self._phase, np.array([1.0, -1.0])
+        weight = np.where(self._is_first | self._is_last, 0.5, 1.0)
+        events = touch.rubs_in_impact
+        for t, surface in enumerate(touch.surface_of):
+            along = np.flatnonzero(touch.rubs[phase, t])
+            if surface == NOWHERE:
+                limit, factor = lay.index_h[phase[along]], self.mu[t] * weight[along]
+            else:
+                limit = lay.index_P[along, surface]
+                factor = np.full(len(along), self.mu[t])
+            signs = touch.signs[phase[along], t]
+            found += _friction(
+                (lay.index_T[along, t], limit, factor, signs),
+                (row["sliding"][along, t], row["cone"][along, t]),
+                sides,
+            )
+            if surface == NOWHERE:
+                continue
+            at = np.flatnonzero(events[:, t])
+            normal = np.where(
+                lay.surfaces[at] == surface, lay.index_lam[at], lay.index_P_c[at, surface]
+            )
+            found += _friction(
+                (
+                    lay.index_T_c[at, t],
+                    normal,
+                    np.full(len(at), self.mu[t]),
+                    touch.signs[at + 1, t],
+                ),
+                (row["slides"][at, t], row["cone of an impact"][at, t]),
+                sides,
+            )
+        return found
+
+
+def _friction(
+    law: tuple[Index, Index, Array, Array], rows: tuple[Index, Index], sides: Array
+) -> list[Entries]:
+    """T + s factor limit = 0 in rows of sliding, factor limit -+ T >= 0 in the two rows of a
+    cone."""
+    (T, limit, factor, signs), (sliding, cone) = law, rows
+    slides = sliding != NOWHERE
+    found = [
+        (sliding[slides], T[slides], np.ones(int(slides.sum()))),
+        (sliding[slides], limit[slides], (signs * factor)[slides]),
+    ]
+    for side, sign in enumerate(sides):
+        sticks = cone[:, side] != NOWHERE
+        found += [
+            (cone[sticks, side], T[sticks], np.full(int(sticks.sum()), -sign)),
+            (cone[sticks, side], limit[sticks], factor[sticks]),
+        ]
+    return found
+
+
+def _twice(mask: Bools) -> Bools:
+    return np.repeat(mask[:, :, None], 2, axis=2)
+
+
+def _gap(s: Scale) -> Array:
+    return s.gap
+
+
+def _end(i: int) -> str:
+    return f"at the end of phase {i - 1}" if i else "at the start"

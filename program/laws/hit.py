@@ -1,0 +1,259 @@
+"""Impacts with friction: their rows and terms, after Poisson and Coulomb.
+
+In an impact the impulse P along the normal takes the place of the time; T is that along the
+tangent.  An impact goes through stages (:mod:`dmoc.program.hit_stages`), in each of which the
+contact slides in one direction or sticks.  At the moments between them, the end of compression and
+the stop of sliding, there are a velocity v_h and the impulses P_h, T_h until then; the whole
+impulses are lam and T_c::
+
+    within       dL/dv(q_c, v_h) - dL/dv(q_c, v_a) + P_h grad g - T_h grad tau = 0
+    energy       gamma(q_c, v_h) = 0                       at the end of compression
+    restitution  (1 + e) P_h - lam = 0                     there
+    halts        sigma(q_c, v) = 0                         where sliding stops, and while it sticks
+    slips        dT + s mu dP = 0                          in stages that slide in the direction s
+    share        dP >= 0                                   in stages
+    bears        mu dP - |dT| >= 0                         in the stage that sticks
+    heads        s sigma(q_c, v) >= 0                      before and after the impact, where it
+                                                           slides
+
+with the differences dP, dT of a stage.  The rates are linear in the impulses, so that within a
+stage sigma has the sign that it has at both ends.  A landing is compression alone and has the law
+of :mod:`dmoc.program.laws.impact` for its end.  No term needs the inverse of the mass matrix.
+
+In a hit that only touches, all impulses are zero: lam and P_h where sliding stops by their bounds,
+the others by the equations.  Inequalities between them would have no interior, nor would those of
+directions where sliding stops; the velocity is the same before and after.
+
+Y. Wang and M. T. Mason, Journal of Applied Mechanics 59 (1992) 635-642.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.base.names import momentum_name
+from dmoc.codegen.kernels import Array
+from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering, in_columns
+from dmoc.program.contact_table import Touch, moment
+from dmoc.program.hit_stages import END, MOMENTS, STAGES, STOP, Passage
+from dmoc.program.laws.impact import restitution_of
+from dmoc.program.layout import Layout
+from dmoc.program.terms import Places, Term
+
+# Columns of the row "halts": before, at the moments, after; of "heads": before, after.
+BEFORE, AFTER = 0, 1 + len(MOMENTS)
+
+
+@dataclass(frozen=True, eq=False)
+class HitLaw:
+    """The impacts with friction of a problem.
+
+    Attributes
+    ----------
+    lay : Layout
+    names : tuple of str
+        Coordinates.
+    mu : array, shape (nt,)
+    e : array, shape (events,)
+        Coefficients of restitution.
+    touching : array of bool, shape (events,)
+        Hits that only touch their surface.
+    """
+
+    lay: Layout
+    names: tuple[str, ...]
+    mu: Array
+    e: Array
+    touching: Bools
+
+    @classmethod
+    def of(cls, problem: Problem, lay: Layout, touching: Bools) -> HitLaw:
+        names, e = tuple(problem.kernels.coordinates), restitution_of(problem, lay.surfaces)
+        return cls(lay, names, problem.model.friction, e, touching)
+
+    @property
+    def touch(self) -> Touch:
+        return self.lay.touch
+
+    @property
+    def passages(self) -> tuple[Passage, ...]:
+        return self.touch.passages
+
+    # Rows -----------------------------------------------------------------------------------------
+
+    def equations(self, block: Numbering) -> tuple[Block, ...]:
+        """Rows within, restitution, halts, slips."""
+        moments, count = self.touch.moments, len(self.touch.impacts)
+        halts = np.zeros((count, AFTER + 1), dtype=bool)
+        slips = np.zeros((count, STAGES), dtype=bool)
+        for p in self.passages:
+            halts[p.event, BEFORE] = p.friction[0] == 0
+            halts[p.event, [1 + m for m in p.rests]] = True
+            halts[p.event, AFTER] = p.friction[-1] == 0
+            slips[p.event, np.flatnonzero(p.friction)] = True
+        hit, rubbed = self.touch.passing
+        names, tangents = self.names, self.touch.tangents
+
+        def place(i: int, column: int) -> str:
+            sides = {BEFORE: f"before event {i + 1}", AFTER: f"after event {i + 1}"}
+            return sides.get(column) or moment(i, column - 1)
+
+        return (
+            block(
+                "within",
+                np.repeat(moments[:, :, None], len(names), axis=2),
+                lambda i, m, j: f"{momentum_name(names[j])} {moment(i, m)}",
+                lambda s: s.p,
+            ),
+            block(
+                "restitution",
+                np.asarray(moments[:, END]),
+                lambda i: f"restitution of {self.touch.surfaces[hit[i]]} at event {i + 1}",
+                lambda s: s.lam[hit],
+            ),
+            block(
+                "halts",
+                halts,
+                lambda i, m: f"sliding velocity of {tangents[rubbed[i]]} {place(i, m)}",
+                lambda s: s.slide[rubbed][:, None],
+            ),
+            block(
+                "slips",
+                slips,
+                lambda i, k: f"sliding friction of {self._stage(i, k)}",
+                lambda s: s.friction[rubbed][:, None],
+            ),
+        )
+
+    def inequalities(self, block: Numbering) -> tuple[Block, ...]:
+        """Rows share, bears, heads; the last axis of the second are the two sides of the cone."""
+        count = len(self.touch.impacts)
+        share = np.zeros((count, STAGES), dtype=bool)
+        bears = np.zeros((count, STAGES, 2), dtype=bool)
+        heads = np.zeros((count, 2), dtype=bool)
+        for p in self.passages:
+            if self.touching[p.event]:
+                heads[p.event, 1] = p.friction[-1] != 0 and STOP not in p.moments
+                continue
+            heads[p.event] = p.friction[0] != 0, p.friction[-1] != 0
+            share[p.event, list(p.shares(self.e[p.event]))] = True
+            sticking = p.bears(self.e[p.event])
+            if sticking is not None:
+                bears[p.event, sticking] = True
+        hit, rubbed = self.touch.passing
+        tangents, of = self.touch.tangents, {p.event: p for p in self.passages}
+
+        def direction(i: int, side: int) -> str:
+            word = FRICTION_WORDS[of[i].friction[-side]]
+            return f"{word} of {tangents[rubbed[i]]} {'after' if side else 'before'} event {i + 1}"
+
+        return (
+            block(
+                "share",
+                share,
+                lambda i, k: f"impulse of {self._stage(i, k)} >= 0",
+                lambda s: s.lam[hit][:, None],
+            ),
+            block(
+                "bears",
+                bears,
+                lambda i, k, _: f"friction cone of {self._stage(i, k)}",
+                lambda s: s.friction[rubbed][:, None, None],
+            ),
+            block("heads", heads, direction, lambda s: s.slide[rubbed][:, None]),
+        )
+
+    def _stage(self, event: int, stage: int) -> str:
+        (p,) = (p for p in self.passages if p.event == event)
+        return f"{self.touch.tangents[p.tangent]} in stage {stage + 1} of event {event + 1}"
+
+    # Terms ----------------------------------------------------------------------------------------
+
+    def terms(self, places: Places, row: dict[str, Index], momentum: Index) -> list[Term]:
+        """Terms of all rows that are not linear, and the tangential impulses of hits in the
+        momentum."""
+        lay = self.lay
+        if not self.passages:
+            return []
+        nodes = lay.collision_nodes
+        q, t = lay.index_q[nodes], places.times(nodes)
+        hit, rubbed = self.touch.passing
+        P = places.known(in_columns(lay.index_P_h, hit, places.nc))
+        T = places.known(in_columns(lay.index_T_h, rubbed, len(self.mu)))
+        found = []
+        if self.touch.free:  # else the law of contacts that last adds them all
+            traction = places.known(lay.index_T_c)
+            found.append(Term("traction", (q, traction, t), (momentum[nodes],)))
+        v_h = places.known(lay.index_v_h)
+        for m in range(len(MOMENTS)):
+            rows, here = row["within"][:, m], np.flatnonzero(self.touch.moments[:, m])
+            if not len(here):
+                continue
+            at, when, rows = q[here], t[here] if lay.timed else t, rows[here]
+            found += [
+                Term("momentum", (at, v_h[here, m], when), (rows,)),
+                Term("momentum", (at, lay.index_v_a[here], when), (rows,), -1.0),
+                Term("normal", (at, P[here, m], when), (rows,)),
+                Term("traction", (at, T[here, m], when), (rows,), -1.0),
+            ]
+        ended = np.where(self.touch.moments[:, END], row["energy"], NOWHERE)
+        found.append(Term("gap_rate", (q, v_h[:, END], t), (in_columns(ended, hit, places.nc),)))
+        sides = [lay.index_v_a, *np.moveaxis(v_h, 1, 0), lay.index_v_c]
+        for v, rows in zip(sides, row["halts"].T, strict=True):
+            found.append(Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, len(self.mu)),)))
+        signs = np.array([(p.friction[0], p.friction[-1]) if p else (0, 0) for p in self._by_event])
+        for side, v in enumerate((lay.index_v_a, lay.index_v_c)):
+            for sign in (1.0, -1.0):
+                rows = np.where(signs[:, side] == sign, row["heads"][:, side], NOWHERE)
+                place = in_columns(rows, rubbed, len(self.mu))
+                found.append(Term("slide_rate", (q, v, t), (place,), sign))
+        return found
+
+    @property
+    def _by_event(self) -> list[Passage | None]:
+        of = {p.event: p for p in self.passages}
+        return [of.get(i) for i in range(len(self.touch.impacts))]
+
+    # Linear rows ----------------------------------------------------------------------------------
+
+    def entries(self, row: dict[str, Index]) -> list[Entries]:
+        """Entries of the linear rows: restitution, and what impulses stages have."""
+        found = list[Entries]()
+        for p in self.passages:
+            i, lay = p.event, self.lay
+            if row["restitution"][i] != NOWHERE:
+                unknowns = np.array([lay.index_P_h[i, END], lay.index_lam[i]])
+                found.append(
+                    (np.full(2, row["restitution"][i]), unknowns, np.array([1 + self.e[i], -1.0]))
+                )
+            found += self._of_stages(p, row)
+        return found
+
+    def _of_stages(self, p: Passage, row: dict[str, Index]) -> Iterator[Entries]:
+        """Entries of the rows that say how large the impulses of stages are."""
+        i, lay, mu = p.event, self.lay, float(self.mu[p.tangent])
+        P = [NOWHERE, *lay.index_P_h[i, list(p.moments)], lay.index_lam[i]]
+        T = [NOWHERE, *lay.index_T_h[i, list(p.moments)], lay.index_T_c[i, p.tangent]]
+        for k, s in enumerate(p.friction):
+            dP = [(P[k + 1], 1.0), (P[k], -1.0)]
+            dT = [(T[k + 1], 1.0), (T[k], -1.0)]
+            rows = [
+                (row["slips"][i, k], 1.0, s * mu),
+                (row["share"][i, k], 0.0, 1.0),
+                (row["bears"][i, k, 0], -1.0, mu),
+                (row["bears"][i, k, 1], 1.0, mu),
+            ]
+            for number, by_T, by_P in rows:
+                parts = [(at, f * by_P) for at, f in dP] + [(at, f * by_T) for at, f in dT if by_T]
+                used = [(at, f) for at, f in parts if at != NOWHERE]
+                if number != NOWHERE:
+                    yield (
+                        np.full(len(used), number),
+                        np.array([at for at, _ in used]),
+                        np.array([f for _, f in used]),
+                    )

@@ -1,0 +1,198 @@
+"""The law of impact: its unknowns, its equations, its parameters.
+
+At a collision with surface j the momentum jumps by an impulse lam >= 0 along the gradient of the
+gap, and the rates gamma- of the gap before and gamma+ after it obey Newton's law of restitution,
+gamma+ = -e gamma- (equations :eq:`impact` to :eq:`approach` of the theory)::
+
+    momentum    r_plus(before) + r_minus(after) = lam grad g(q_c)
+    arrival     r_plus(last step before) - dL/dv(q_c, v_a) = 0
+    departure   r_minus(first step after) + dL/dv(q_c, v_c) = 0
+    energy      e (e_plus(before) - e_minus(after) - W_t) - (1 - e)/2 W_gamma = 0
+                gamma(q_c, v_c) + e gamma(q_c, v_a) = 0    where e = 0, where a collision only
+                touches, and where the law is stated in the rates
+    contact     g(q_c) = 0
+    approach    gamma(q_c, v_a) >= 0                       but for touches, whose rate is known
+    separation  -gamma(q_c, v_c) >= 0                      where the law does not fix that rate
+
+with the unknown velocities v_a before and v_c after the collision, and W_t, W_gamma of
+:func:`dmoc.symbolic.continuous.impact_work`.  The energies are those of the two steps beside the
+collision, which tell little of the rates where one of them is long and the other one short, and
+leave out the impulses of contacts that last: beside these the law is stated in the rates.  A
+surface that lands obeys the law with e = 0; an event without an impact has arrival and departure
+alone.  Of a hit with friction the row energy is that of :mod:`dmoc.program.laws.hit`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.base.names import velocity_name
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Block, Bools, Index, Numbering, in_columns, sizes_of
+from dmoc.program.layout import Layout, collision_names
+from dmoc.program.terms import Places, Term, like
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactLaw:
+    """Newton's law at the collisions of a sequence.
+
+    Attributes
+    ----------
+    surfaces : array of int, shape (collisions,)
+        NOWHERE for events without an impact.
+    e : array, shape (collisions,)
+        Coefficients of restitution, 0 for touches and landings.
+    touching : array of bool, shape (collisions,)
+        Collisions that touch their surface without an impulse.
+    landing : array of bool, shape (collisions,)
+        Those after which the surface stays closed.
+    by_rates : array of bool, shape (collisions,)
+        The law is stated in the rates, whatever e is.
+    rough : array of bool, shape (collisions,)
+        Hits with friction, which obey another law.
+    """
+
+    surfaces: Index
+    e: Array
+    touching: Bools
+    landing: Bools
+    by_rates: Bools
+    rough: Bools
+
+    @classmethod
+    def of(
+        cls, problem: Problem, lay: Layout, touching: Index, by_rates: bool = False
+    ) -> ImpactLaw:
+        touches = np.isin(np.arange(len(lay.surfaces)), touching)
+        landing = np.array([bool(event.lands) for event in problem.events], dtype=bool)
+        e = np.where(touches | landing, 0.0, restitution_of(problem, lay.surfaces))
+        lasts = np.array([not mode.free for mode in problem.modes], dtype=bool)
+        rough = np.zeros(len(lay.surfaces), dtype=bool)
+        rough[[p.event for p in lay.touch.passages if not p.lands]] = True
+        stated = lasts[:-1] | lasts[1:] | by_rates | rough
+        return cls(lay.surfaces, e, touches, landing, stated, rough)
+
+    @property
+    def impact(self) -> Bools:
+        """Events at which something is hit or lands."""
+        return np.asarray(self.surfaces != NOWHERE)
+
+    @property
+    def plain(self) -> Bools:
+        """Collisions whose law says what gamma is after them: plastic ones, touches, landings, and
+        all where it is stated in the rates."""
+        return np.asarray(((self.e == 0) | self.by_rates) & self.impact)
+
+    @property
+    def most_impulse(self) -> Array:
+        """Upper bounds of the impulses."""
+        return np.where(self.touching | ~self.impact, 0.0, np.inf)
+
+    def equations(self, problem: Problem, block: Numbering) -> tuple[Block, Block, Block, Block]:
+        """Rows of arrival, departure, energy and contact."""
+        at, hit, n = collision_names(problem), self.surfaces, len(self.surfaces)
+        v = [velocity_name(q) for q in problem.kernels.coordinates]
+        plain = self.plain
+        return (
+            block(
+                "arrival",
+                (n, len(v)),
+                lambda k, i: f"velocity {v[i]} before {at[k]}",
+                lambda s: s.p,
+            ),
+            block(
+                "departure",
+                (n, len(v)),
+                lambda k, i: f"velocity {v[i]} after {at[k]}",
+                lambda s: s.p,
+            ),
+            block(
+                "energy",
+                self.impact,
+                lambda k: f"energy at {at[k]}",
+                lambda s: np.where(plain, sizes_of(s.rate, hit), s.energy),
+            ),
+            block(
+                "contact",
+                self.impact,
+                lambda k: f"contact at {at[k]}",
+                lambda s: sizes_of(s.gap, hit),
+            ),
+        )
+
+    def inequalities(self, problem: Problem, lay: Layout, block: Numbering) -> tuple[Block, Block]:
+        """Rows of approach and separation."""
+        at, hit, nodes = collision_names(problem), self.surfaces, lay.collision_nodes
+        return (
+            block(
+                "approach",
+                self.impact & ~self.touching,
+                lambda k: f"approach of {at[k]}",
+                lambda s: sizes_of(s.rate, hit),
+                nodes,
+            ),
+            block(
+                "separation",
+                self.impact & ~self.plain,
+                lambda k: f"separation after {at[k]}",
+                lambda s: sizes_of(s.rate, hit),
+                nodes,
+            ),
+        )
+
+    def terms(
+        self, lay: Layout, places: Places, momentum: Index, row: Callable[[str], Index]
+    ) -> list[Term]:
+        """Terms of all rows of the law; ``momentum`` are the rows of the nodes' momenta, ``row``
+        gives those of a block by name."""
+        nodes = lay.collision_nodes
+        if not len(nodes):
+            return []
+        q, t = lay.index_q[nodes], places.times(nodes)
+        lam = self._by_surface(lay.index_lam, places, places.zero)
+        energy, e = row("energy")[:, None], self.e[:, None]
+        law = np.where(self.plain[:, None], NOWHERE, energy)
+        before, after = places.step(nodes - 1), places.step(nodes)
+        no_p, no_cost, no_inside = (
+            like(q),
+            like(energy),
+            np.full((len(nodes), lay.inside * lay.nq), NOWHERE),
+        )
+        found = [
+            Term("normal", (q, lam, t), (momentum[nodes],), -1.0),
+            Term("surface", (q, t), (self._by_surface(row("contact"), places),)),
+            Term("impact", before, (law, like(law)), e),
+            Term("impact", after, (like(law), law), -e),
+            Term("moving_work", (q, lam, t), (law,), -e),
+            Term("rate_work", (q, lay.index_v_c, lam, t), (law,), (e - 1) / 2),
+            Term("step", before, (no_p, row("arrival"), no_cost, no_inside)),
+            Term("step", after, (row("departure"), no_p, no_cost, no_inside)),
+            Term("momentum", (q, lay.index_v_a, t), (row("arrival"),), -1.0),
+            Term("momentum", (q, lay.index_v_c, t), (row("departure"),)),
+        ]
+        plain = np.where(self.plain & ~self.rough, row("energy"), NOWHERE)
+        for v, rows, sign in (
+            (lay.index_v_a, row("approach"), 1.0),
+            (lay.index_v_c, row("separation"), -1.0),
+            (lay.index_v_c, plain, 1.0),
+            (lay.index_v_a, np.where(self.e > 0, plain, NOWHERE), e),
+        ):
+            found.append(Term("gap_rate", (q, v, t), (self._by_surface(rows, places),), sign))
+        return found
+
+    def _by_surface(self, values: Index, places: Places, otherwise: int = NOWHERE) -> Index:
+        """Values of the collisions in the columns of their surfaces, shape (collisions, nc)."""
+        return in_columns(values, self.surfaces, places.nc, otherwise)
+
+
+def restitution_of(problem: Problem, surfaces: Index) -> Array:
+    """Coefficients of restitution of events, zero where nothing is hit."""
+    e = np.zeros(len(surfaces))
+    hit = surfaces != NOWHERE
+    e[hit] = problem.restitution_values[surfaces[hit]]
+    return e

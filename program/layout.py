@@ -1,0 +1,350 @@
+"""The table of the unknowns, the only place that knows their order.
+
+    x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i | P | T | P_c | T_c
+         | v_h | P_h | T_h | s)
+
+h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases;
+u: inputs, in the rows of their form (:class:`~dmoc.base.discretisation.InputForm`); lam: impulses,
+one a collision; p_B, p_E: momenta at both ends; v_B, v_E: velocities at both ends, only where the
+problem needs them; v_a, v_c: velocities before and after the collisions; t: times of the nodes,
+only where the model depends on them; q_i: coordinates of the nodes inside the steps; P, T: normal
+and tangential impulses of the contacts that last, at the nodes of each phase; P_c, T_c: those that
+closed contacts take in an impact beside lam, T_c also that of a hit with friction; v_h, P_h, T_h:
+velocities within an impact with friction, and its impulses until then, see
+:mod:`dmoc.program.laws.hit`; s: hidden unknowns for functions with kinks
+(:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import accumulate
+
+import numpy as np
+
+from dmoc.base.discretisation import DISCRETISATIONS, FORMS, Discretisation, InputForm
+from dmoc.base.names import momentum_name, velocity_name
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Block, Index, Numbering, sizes_of
+from dmoc.program.contact_table import Touch, touch_of
+from dmoc.program.scale import Scale
+
+# Layouts that are remembered, and the steps of one that is not.
+SHARED, MOST_SHARED = 32, 5_000
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Sizes and index sets of the unknowns.
+
+    ``index_a`` is an integer array of the shape of ``a`` that holds the positions of its entries in
+    x, so that ``x[index_a]`` is a; ``unknowns`` is the table with names and sizes.  ``surfaces``
+    are those of the collisions, NOWHERE of events without an impact.  ``touch`` says what is in
+    contact.
+    """
+
+    nq: int
+    nu: int
+    steps: tuple[int, ...]
+    form: InputForm
+    scheme: Discretisation
+    timed: bool
+    surfaces: Index
+    touch: Touch
+    unknowns: tuple[Block, ...]
+    index_h: Index
+    index_q: Index
+    index_u: Index
+    index_lam: Index
+    index_p_B: Index
+    index_p_E: Index
+    index_v_B: Index
+    index_v_E: Index
+    index_v_a: Index
+    index_v_c: Index
+    index_t: Index
+    index_q_i: Index
+    index_P: Index
+    index_T: Index
+    index_P_c: Index
+    index_T_c: Index
+    index_v_h: Index
+    index_P_h: Index
+    index_T_h: Index
+    index_s: Index
+
+    @classmethod
+    def of(cls, problem: Problem) -> Layout:
+        kernels = problem.kernels
+        turning = {name for r in problem.relations for name in (r.start, r.end)}
+        turns = any(velocity_name(c) in turning for c in kernels.coordinates)
+        at_start = turns or not (problem.modes[0].free or problem.start_is_known)
+        at_goal = turns or bool(kernels.manifest["terminal_velocity"])
+        for row in kernels.manifest["path_rows"]:
+            if row["velocities"] and (FORMS[problem.control_form].shared or not row["inputs"]):
+                at_start |= row["inputs"] or not problem.start_is_known
+                at_goal = True
+        at_goal |= not problem.modes[-1].free
+        kind = Kind(
+            tuple(kernels.coordinates),
+            tuple(kernels.inputs),
+            tuple(kernels.manifest["hidden"]),
+            problem.phase_steps,
+            problem.control_form,
+            problem.order,
+            problem.explicit_time,
+            tuple(problem.sequence),
+            tuple(
+                kernels.surfaces.index(e.surface) if e.surface else NOWHERE for e in problem.events
+            ),
+            problem.start_bounds.needs_velocity or at_start,
+            problem.goal_bounds.needs_velocity or at_goal,
+            touch_of(problem),
+        )
+        return (_shared if sum(kind.steps) <= MOST_SHARED else _laid_out)(kind)
+
+    @cached_property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return sum(b.count for b in self.unknowns)
+
+    def names(self) -> list[str]:
+        """Names of all unknowns in the user's words, in the order of x."""
+        return [b.name_of(i) for b in self.unknowns for i in range(b.count)]
+
+    def units(self, scale: Scale) -> Array:
+        """Typical sizes of all unknowns, in the order of x."""
+        return np.concatenate([b.sizes(scale) for b in self.unknowns if b.count])
+
+    def states(self, names: list[str]) -> dict[str, tuple[int, int]]:
+        """Unknowns that are a state at the start and at the end, by name of the state."""
+        found: dict[str, tuple[int, int]] = {}
+        for naming, start, end in (
+            (str, self.index_q[0], self.index_q[-1]),
+            (momentum_name, self.index_p_B, self.index_p_E),
+            (velocity_name, self.index_v_B, self.index_v_E),
+        ):
+            pairs = zip(map(naming, names), start, end, strict=False)
+            found |= {name: (int(a), int(b)) for name, a, b in pairs}
+        return found
+
+    @property
+    def phases(self) -> int:
+        return len(self.steps)
+
+    @property
+    def total(self) -> int:
+        """Number of steps of all phases."""
+        return sum(self.steps)
+
+    @property
+    def inside(self) -> int:
+        """Number of nodes inside a step."""
+        return self.scheme.inside
+
+    @cached_property
+    def phase_of_step(self) -> Index:
+        return np.repeat(np.arange(self.phases), self.steps)
+
+    @cached_property
+    def ends(self) -> Index:
+        """First node of each phase, and the last node of all."""
+        return np.concatenate([[0], np.cumsum(self.steps)])
+
+    def rows_of_phase(self, i: int) -> slice:
+        """Rows of P and T that belong to phase i."""
+        return slice(int(self.ends[i]) + i, int(self.ends[i + 1]) + i + 1)
+
+    @cached_property
+    def collision_nodes(self) -> Index:
+        return self.ends[1:-1]
+
+    @cached_property
+    def row_u_k(self) -> Index:
+        """Row of u at the start of each step."""
+        return _first_rows(self.form, self.steps)
+
+    @property
+    def row_u_kp1(self) -> Index:
+        """Row of u at the end of each step: the same row for inputs constant in a step."""
+        return self.row_u_k + self.form.width
+
+    @cached_property
+    def step_of_input(self) -> Index:
+        """The last step that each row of u enters."""
+        return _steps_of_rows(self.form, self.steps)
+
+    @cached_property
+    def index_step(self) -> Index:
+        """Unknowns x_k = (q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of each step; t_k is nowhere in a
+        model without explicit time."""
+        return np.hstack(
+            [
+                self.index_q[:-1],
+                self.index_q[1:],
+                self.of_kernels[self.row_u_k],
+                self.of_kernels[self.row_u_kp1],
+                self.index_h[self.phase_of_step][:, None],
+                self.time_columns[:-1],
+                self.index_q_i,
+            ]
+        )
+
+    @cached_property
+    def of_kernels(self) -> Index:
+        """Rows of u with the hidden unknowns behind them, as kernels of steps take them."""
+        return np.hstack([self.index_u, self.index_s])
+
+    @cached_property
+    def time_columns(self) -> Index:
+        """Unknown t of each node, shape (total + 1, 1); nowhere in a model without explicit
+        time."""
+        return self.index_t[:, None] if self.timed else np.full((self.total + 1, 1), NOWHERE)
+
+    def times(self, x: Array) -> Array:
+        """Times of the nodes, shape (total + 1,)."""
+        h = x[self.index_h][self.phase_of_step]
+        return np.concatenate([[0.0], np.cumsum(h)])
+
+    def split(self, x_k: Index) -> list[Index]:
+        """Split the unknowns of steps into q_k, q_kp1, u_k, u_kp1, h, t_k and q_i."""
+        u = self.of_kernels.shape[1]
+        sizes = (self.nq, self.nq, u, u, 1, 1)
+        ends = list(accumulate(sizes))  # np.split takes ten times as long
+        return [x_k[:, a:b] for a, b in zip([0, *ends], [*ends, x_k.shape[1]], strict=True)]
+
+    def step_inputs(self, x: Array) -> list[Array]:
+        """Return q_k, q_kp1, u_k, u_kp1, h, t_k and q_i of every step as arrays of shape (total,
+        size)."""
+        parts = [np.ascontiguousarray(x[at]) for at in self.split(self.index_step)]
+        if not self.timed:
+            parts[5] = np.zeros((self.total, 1))
+        return parts
+
+
+def collision_names(problem: Problem) -> list[str]:
+    """Names of the collisions in the user's words."""
+    return _names_of_collisions(problem.sequence)
+
+
+def _names_of_collisions(sequence: Sequence[str]) -> list[str]:
+    def kind(word: str) -> str:
+        return "event" if any(sign in word for sign in "+-: ") else "collision"
+
+    return [f"{kind(s)} {i + 1} ({s})" for i, s in enumerate(sequence)]
+
+
+def _first_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
+    """Row of u at the start of each step."""
+    before = np.cumsum([0, *map(form.rows, steps[:-1])])
+    return np.concatenate([first + form.starts(n) for first, n in zip(before, steps, strict=True)])
+
+
+def _steps_of_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
+    """The last step that each row of u enters."""
+    found = np.zeros(sum(map(form.rows, steps)), dtype=np.intp)
+    first, numbers = _first_rows(form, steps), np.arange(sum(steps))
+    found[first + form.width] = numbers
+    found[first] = numbers
+    return found
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a layout depends on; ``surfaces`` are the numbers of those of the sequence, the last
+    two say whether the velocities at the ends are unknowns."""
+
+    coordinates: tuple[str, ...]
+    inputs: tuple[str, ...]
+    hidden: tuple[str, ...]
+    steps: tuple[int, ...]
+    form: str
+    order: int
+    timed: bool
+    sequence: tuple[str, ...]
+    surfaces: tuple[int, ...]
+    v_at_start: bool
+    v_at_end: bool
+    touch: Touch
+
+
+def _laid_out(kind: Kind) -> Layout:
+    names, u, steps = kind.coordinates, kind.inputs, kind.steps
+    form, scheme = FORMS[kind.form], DISCRETISATIONS[kind.order]
+    nq, total, phases = len(names), sum(steps), len(steps)
+    surfaces = np.array(kind.surfaces, dtype=np.intp)
+    p, v = [momentum_name(c) for c in names], [velocity_name(c) for c in names]
+    hits, at = phases - 1, _names_of_collisions(kind.sequence)
+    row_steps = _steps_of_rows(form, steps)
+    rows_at_start = frozenset(_first_rows(form, steps).tolist())
+
+    def place_of_input(k: int) -> str:
+        if form.jumps:
+            return f"at the {'start' if k in rows_at_start else 'end'} of step {row_steps[k]}"
+        return f"in node {k}" if form.shared else f"in step {row_steps[k]}"
+
+    def place_inside(j: int) -> str:
+        return f"at inner node {j} of" if scheme.inside > 1 else "inside"
+
+    block = Numbering()
+    table = (
+        block("h", (phases,), lambda i: f"step size of phase {i}", lambda s: s.h),
+        block("q", (total + 1, nq), lambda k, i: f"{names[i]} at node {k}", lambda s: s.q),
+        block(
+            "u",
+            (len(row_steps), len(u)),
+            lambda k, i: f"{u[i]} {place_of_input(k)}",
+            lambda s: s.u,
+        ),
+        block(
+            "lam",
+            (hits,),
+            lambda i: f"impulse of {at[i]}",
+            lambda s: sizes_of(s.lam, surfaces),
+        ),
+        block("p_B", (nq,), lambda i: f"{p[i]} at the start", lambda s: s.p),
+        block("p_E", (nq,), lambda i: f"{p[i]} at the goal", lambda s: s.p),
+        block(
+            "v_B",
+            (nq * kind.v_at_start,),
+            lambda i: f"{v[i]} at the start",
+            lambda s: s.v[: nq * kind.v_at_start],
+        ),
+        block(
+            "v_E",
+            (nq * kind.v_at_end,),
+            lambda i: f"{v[i]} at the goal",
+            lambda s: s.v[: nq * kind.v_at_end],
+        ),
+        block("v_a", (hits, nq), lambda k, i: f"{v[i]} before {at[k]}", lambda s: s.v),
+        block("v_c", (hits, nq), lambda k, i: f"{v[i]} after {at[k]}", lambda s: s.v),
+        block(
+            "t",
+            ((total + 1) * kind.timed,),
+            lambda k: f"time of node {k}",
+            lambda s: s.time,
+        ),
+        block(
+            "q_i",
+            (total, scheme.inside * nq),
+            lambda k, i: f"{names[i % nq]} {place_inside(i // nq)} step {k}",
+            lambda s: np.tile(s.q, scheme.inside),
+        ),
+        *kind.touch.unknowns(block, steps, tuple(v)),
+        block(
+            "s",
+            (len(row_steps), len(kind.hidden)),
+            lambda k, i: f"{kind.hidden[i]} {place_of_input(k)}",
+            lambda s: s.s,
+        ),
+    )
+    indices = {f"index_{b.name}": b.index for b in table}
+    return Layout(
+        nq, len(u), steps, form, scheme, kind.timed, surfaces, kind.touch, table, **indices
+    )
+
+
+_shared = lru_cache(maxsize=SHARED)(_laid_out)

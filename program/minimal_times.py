@@ -1,0 +1,177 @@
+"""The program with the minimal times of its phases as further inequalities, which guide a method
+that has no barrier."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import Block, Index, Numbering
+from dmoc.program.collision_times import minimal_time
+from dmoc.program.evaluator import Matrix
+from dmoc.program.layout import Layout
+from dmoc.program.scale import Scale
+from dmoc.program.transcription import Transcription
+
+# Relative change of an unknown for the differences that give second derivatives.
+CHANGE = 1e-6
+
+
+def phase_minimal_time(problem: Problem, lay: Layout, x: Array, i: int) -> float:
+    """T_min of phase i in seconds, from the unknowns x in units of the problem."""
+    return _minimal_time(problem, lay, x[_unknowns(lay, i)], i)[0]
+
+
+def _unknowns(lay: Layout, i: int) -> Index:
+    """Unknowns y = (q_k, q_kp1, h, q_c) of the minimal time of phase i."""
+    first, last = lay.ends[i], lay.ends[i + 1]
+    return np.concatenate(
+        [lay.index_q[first], lay.index_q[first + 1], lay.index_h[[i]], lay.index_q[last]]
+    )
+
+
+def _minimal_time(problem: Problem, lay: Layout, y: Array, i: int) -> tuple[float, Array]:
+    """T_min of phase i and its gradient with respect to y."""
+    n, surface, box = lay.nq, int(lay.surfaces[i]), problem.input_bounds
+    parts = (y[:n], y[n : 2 * n], float(y[2 * n]), y[2 * n + 1 :])
+    return minimal_time(problem.model, *parts, surface, box)
+
+
+class WithMinimalTimes(Transcription):
+    """Further inequalities T_i - T_min >= 0 of the phases before a collision, where every input is
+    bounded.
+
+    They come after all others.  Their second derivatives are differences: small rows, and rarely
+    active.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        scale: Scale | None = None,
+        touching: Sequence[int] = (),
+        by_rates: bool = False,
+    ) -> None:
+        super().__init__(problem, scale, touching=touching, by_rates=by_rates)
+        bounded = problem.nu > 0 and bool(np.isfinite(problem.input_bounds).all())
+        estimated = problem.minimal_times and bounded and problem.model.has_minimal_times
+        estimated = estimated and not problem.lasting
+        count = len(problem.sequence) if estimated else 0
+        number = Numbering(self.n_eq + self.n_in)
+        self._block = number(
+            "minimal time",
+            (count,),
+            lambda i: f"minimal time of phase {i} -> {problem.sequence[i]}",
+            lambda s: s.time,
+        )
+        self._known: dict[int, tuple[Array, float, Array]] = {}
+        self.n_in += count
+
+    @property
+    def inequalities(self) -> list[Block]:
+        return [*self.rows.inequalities, self._block]
+
+    @property
+    def minimal_times(self) -> Index:
+        return self._block.numbers - self.n_eq
+
+    def inequality(self, x: Array) -> Array:
+        return np.concatenate(
+            [super().inequality(x), [self._reserve(x, i)[0] for i in self._phases]]
+        )
+
+    def inequality_slopes(self, x: Array) -> Array:
+        return np.concatenate(
+            [super().inequality_slopes(x), *(self._reserve(x, i)[1] for i in self._phases)]
+        )
+
+    def inequality_jacobian(self, x: Array) -> Matrix:
+        import scipy.sparse
+
+        rows = super().inequality_jacobian(x)
+        # Zeros stay in the pattern, which is analysed once.
+        times = [self._sorted[i] for i in self._phases]
+        starts = np.cumsum([rows.indptr[-1], *(len(t) for t in times)])
+        indices, indptr = (
+            np.concatenate([rows.indices, *times]),
+            np.concatenate([rows.indptr, starts[1:]]),
+        )
+        return scipy.sparse.csr_matrix(
+            (self.inequality_slopes(x), indices, indptr), shape=(self.n_in, self.n)
+        )
+
+    def lagrangian_gradient(self, x: Array, y: Array, w: Array) -> Array:
+        rest = self.rows.n_in
+        found = super().lagrangian_gradient(x, y, w[:rest])
+        for i, weight in zip(self._phases, w[rest:], strict=True):
+            found[self._sorted[i]] -= weight * self._reserve(x, i)[1]
+        return found
+
+    def lagrangian_hessian(self, x: Array, y: Array, w: Array, sigma: float = 1.0) -> Matrix:
+        import scipy.sparse
+
+        rest = self.rows.n_in
+        found = super().lagrangian_hessian(x, y, w[:rest], sigma)
+        for i, weight in zip(self._phases, w[rest:], strict=True):
+            if weight:
+                at, values = self._sorted[i], -weight * self._second(x, i)
+                r, c = np.triu_indices(len(at))
+                found = found + scipy.sparse.csr_matrix(
+                    (values[r, c], (at[r], at[c])), shape=found.shape
+                )
+        return found
+
+    @property
+    def _phases(self) -> range:
+        return range(self._block.count)
+
+    @cached_property
+    def _sorted(self) -> list[Index]:
+        """Unknowns of each minimal time, in the order of x."""
+        return [np.sort(_unknowns(self.layout, i)) for i in self._phases]
+
+    def _reserve(self, x: Array, i: int) -> tuple[float, Array]:
+        """T_i - T_min and its gradient with respect to the sorted scaled unknowns; the last point
+        is remembered.
+
+        Without an estimate nothing is demanded.
+        """
+        at = _unknowns(self.layout, i)
+        y = x[at] * self.unit[at]
+        known = self._known.get(i)
+        if known is None or not np.array_equal(known[0], y):
+            steps, at_h = self.layout.steps[i], 2 * self.layout.nq
+            shortest, slope = _minimal_time(self.problem, self.layout, y, i)
+            slope = -slope
+            slope[at_h] += steps
+            left = (
+                float(steps * y[at_h] - (shortest if np.isfinite(shortest) else 0.0))
+                / self.scale.time
+            )
+            known = self._known[i] = (
+                y,
+                left,
+                (slope * self.unit[at] / self.scale.time)[np.argsort(at)],
+            )
+        return known[1], known[2]
+
+    def _second(self, x: Array, i: int) -> Array:
+        """Second derivative of T_i - T_min in the sorted scaled unknowns, by central differences
+        of its gradient."""
+        at = _unknowns(self.layout, i)
+        order, unit = np.argsort(at), self.unit[at]
+        y = x[at] * unit
+        found = np.empty((len(y), len(y)))
+        for j in range(len(y)):
+            step = CHANGE * max(abs(y[j]), 1e-3 * unit[j])
+            ends = [y.copy(), y.copy()]
+            ends[0][j] -= step
+            ends[1][j] += step
+            below, above = (_minimal_time(self.problem, self.layout, e, i)[1] for e in ends)
+            found[j] = (below - above) / (2 * step)
+        found = (found + found.T) / 2 * np.outer(unit, unit) / self.scale.time
+        return np.asarray(found[np.ix_(order, order)])

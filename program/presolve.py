@@ -1,0 +1,198 @@
+"""What the fixed values of a problem settle of its contacts: rows that hold whatever the unknowns
+are, which would depend on others, are left out of the program.
+
+A row that its fixed values contradict is none of them: it stays, and no motion satisfies it.  Both
+follow from the residuals of a row with its fixed values and any others: at random positions,
+velocities and times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.base.names import momentum_name, velocity_name
+from dmoc.codegen.kernels import Array
+from dmoc.problem.end_states import OFF_CONTACT
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import Bools, Index
+from dmoc.program.layout import Layout
+
+# So many states say whether a row holds for all.
+SAMPLES = 4
+NO_INDEX: Index = np.zeros(0, dtype=np.intp)
+
+
+@dataclass(frozen=True)
+class States:
+    """States of one node, those that are fixed and any others: rows of positions and velocities,
+    and times."""
+
+    q: Array
+    v: Array
+    t: Array
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Rows of contacts that hold by themselves.
+
+    Attributes
+    ----------
+    places : array of bool, shape (phases + 1, nc)
+        Gaps at the start, at the events and at the end.
+    stuck : array of bool, shape (phases, nt)
+        What sticks in a phase at whose end its place is fixed, and was before: its last row.
+    rates, slides : arrays of bool, shapes (2, nc) and (2, nt)
+        Rates of gaps and sliding velocities at the start and at the end of the motion, these
+        within the directions in which they slide there.
+    """
+
+    places: Bools
+    stuck: Bools
+    rates: Bools
+    slides: Bools
+
+    @classmethod
+    def nothing(cls, lay: Layout) -> Settled:
+        phases, nc, nt = lay.phases, len(lay.touch.surfaces), len(lay.touch.tangents)
+        shapes = ((phases + 1, nc), (phases, nt), (2, nc), (2, nt))
+        return cls(*(np.zeros(shape, dtype=bool) for shape in shapes))
+
+
+def settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Settled:
+    """Find what values that are fixed by ``limits`` settle."""
+    touch = lay.touch
+    nodes = [_states(problem, lay, limits, i) for i in range(lay.phases + 1)]
+    ends = (nodes[0], nodes[-1])
+    places = np.array([_vanish(*_gaps(problem, at)) for at in nodes])
+    rates = np.array([_vanish(*_gap_rates(problem, at)) for at in ends])
+    slides = np.array(
+        [
+            _vanish(*_slide_rates(problem, at), touch.signs[e])
+            for e, at in zip((0, -1), ends, strict=True)
+        ]
+    )
+    stuck = _stuck(problem, lay, nodes)
+    if problem.relations:
+        back, end = _returned(problem, *ends), ends[1]
+        closed, sticks = touch.is_closed[[0, -1]], touch.sticks[[0, -1]]
+        for rows, values, last in (
+            (places, _gaps, closed), (rates, _gap_rates, closed), (slides, _slide_rates, sticks),
+        ):  # fmt: skip
+            _relate(rows, _alike(values(problem, back), values(problem, end)), last)
+        same = _alike(_tangents(problem, back), _tangents(problem, end)).diagonal()
+        stuck[-1] |= same & touch.sticks.all(axis=0)
+    return Settled(places, stuck, rates, slides)
+
+
+def _states(problem: Problem, lay: Layout, limits: tuple[Array, Array], i: int) -> States:
+    """States at the start (0), at an event, or at the end."""
+    rng, first, last = np.random.default_rng(i), i == 0, i == lay.phases
+    early, late = problem.final_time_bounds
+    late = late if np.isfinite(late) else 1.0 + 2.0 * early
+    t = np.zeros(SAMPLES) if first else rng.uniform(early if last else 0.0, late, SAMPLES)
+
+    def drawn(index: Index, middle: Array | float, size: Array) -> Array:
+        others = middle + size * rng.standard_normal((SAMPLES, problem.nq))
+        fixed = limits[0][index] == limits[1][index]
+        return np.asarray(np.where(fixed, limits[0][index], others))
+
+    q = drawn(lay.index_q[lay.ends[i]], problem.start_position, problem.reach)
+    at_end = (lay.index_p_B, lay.index_v_B) if first else (lay.index_p_E, lay.index_v_E)
+    p, v = at_end if first or last else (NO_INDEX, NO_INDEX)
+    if len(p) and (limits[0][p] == limits[1][p]).all():
+        return States(q, problem.model.velocity(q, np.tile(limits[0][p], (SAMPLES, 1)), t), t)
+    fast = problem.reach / late
+    return States(q, drawn(v, 0.0, fast) if len(v) else fast * rng.standard_normal(q.shape), t)
+
+
+def _returned(problem: Problem, start: States, end: States) -> States:
+    """The states at the start that end as ``end``; what is not periodic is that of ``start``."""
+    model, names = problem.model, problem.kernels.coordinates
+    ended = dict(zip(names, end.q.T, strict=True))
+    ended |= dict(zip(map(velocity_name, names), end.v.T, strict=True))
+    ended |= dict(
+        zip(map(momentum_name, names), model.momentum(end.q, end.v, end.t).T, strict=True)
+    )
+    begun = {r.start: ended[r.end] - r.low for r in problem.relations if r.fixed}
+    q = np.transpose([begun.get(n, x) for n, x in zip(names, start.q.T, strict=True)])
+    v = np.transpose(
+        [begun.get(velocity_name(n), x) for n, x in zip(names, start.v.T, strict=True)]
+    )
+    if any(momentum_name(n) in begun for n in names):
+        p = model.momentum(q, v, start.t).T
+        p = np.transpose([begun.get(momentum_name(n), x) for n, x in zip(names, p, strict=True)])
+        v = model.velocity(q, p, start.t)
+    return States(q, v, start.t)
+
+
+def _relate(rows: Bools, alike: Bools, act: Bools) -> None:
+    """Of two rows at both ends of which periodic states make one, settle that of the end where
+    fixed values settle that of the start, else that of the start."""
+    fixed = rows[0] & act[0]
+    rows[0] |= (alike & act[1]).any(axis=1)
+    rows[-1] |= (alike & fixed[:, None]).any(axis=0)
+
+
+def _stuck(problem: Problem, lay: Layout, nodes: list[States]) -> Bools:
+    """What sticks in a phase at whose end it is fixed where it was fixed before."""
+    values, sizes = zip(*(_tangents(problem, at) for at in nodes), strict=True)
+    stuck = np.zeros_like(lay.touch.sticks)
+    for j in range(len(lay.touch.tangents)):
+        before = -1
+        for i, x in enumerate(values):
+            if i and not lay.touch.sticks[i - 1, j]:
+                before = -1
+            bound = OFF_CONTACT * np.maximum(sizes[i], sizes[before])[:, j]
+            if not (np.abs(x[:, j] - x[0, j]) <= bound).all():
+                continue  # it is not fixed here
+            if before >= 0:
+                stuck[i - 1, j] = (np.abs(x[:, j] - values[before][:, j]) <= bound).all()
+            before = i
+    return stuck
+
+
+# Values with their sizes --------------------------------------------------------------------------
+
+Values = tuple[Array, Array]
+
+
+def _gaps(problem: Problem, at: States) -> Values:
+    sizes = [problem.model.gap_sizes(q, t) for q, t in zip(at.q, at.t, strict=True)]
+    return problem.model.gaps(at.q, at.t), np.array(sizes)
+
+
+def _tangents(problem: Problem, at: States) -> Values:
+    slopes = problem.model.tangent_slopes(at.q, at.t)
+    return problem.model.tangents(at.q, at.t), _share(slopes, at.q, at.t)
+
+
+def _gap_rates(problem: Problem, at: States) -> Values:
+    slopes = problem.model.gap_slopes(at.q, at.t)
+    return problem.model.gap_rates(at.q, at.v, at.t), _share(slopes, at.v, np.ones(SAMPLES))
+
+
+def _slide_rates(problem: Problem, at: States) -> Values:
+    slopes = problem.model.tangent_slopes(at.q, at.t)
+    return problem.model.slide_rates(at.q, at.v, at.t), _share(slopes, at.v, np.ones(SAMPLES))
+
+
+def _share(slopes: Array, values: Array, t: Array) -> Array:
+    """What values and times contribute by their slopes."""
+    along = np.abs(np.column_stack([values, t]))
+    return np.asarray((np.abs(slopes) @ along[..., None])[..., 0])
+
+
+def _vanish(values: Array, sizes: Array, signs: Array | float = 0.0) -> Bools:
+    """Columns that are zero in all samples; with a sign, that are not on its other side."""
+    off = np.where(signs == 0, np.abs(values), -signs * values)
+    return np.asarray((off <= OFF_CONTACT * sizes).all(axis=0))
+
+
+def _alike(starts: Values, ends: Values) -> Bools:
+    """Which of the values at the start are which of those at the end, shape (start, end)."""
+    off = np.abs(np.abs(starts[0])[:, :, None] - np.abs(ends[0])[:, None, :])
+    bound = OFF_CONTACT * np.maximum(starts[1][:, :, None], ends[1][:, None, :])
+    return np.asarray((off <= bound).all(axis=0))

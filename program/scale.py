@@ -1,0 +1,57 @@
+"""Sizes of a problem's quantities, by which unknowns, constraints and cost are divided."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.base.names import momentum_name, velocity_name
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
+    gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
+    constraints; hidden unknowns; step sizes (phases,)."""
+
+    time: float
+    cost: float
+    energy: float
+    q: Array
+    v: Array
+    p: Array
+    u: Array
+    gap: Array
+    rate: Array
+    lam: Array
+    slide: Array
+    friction: Array
+    path: Array
+    s: Array
+    h: Array
+
+    @classmethod
+    def none(cls, problem: Problem) -> Scale:
+        """Everything counts in its own unit."""
+        kernels = problem.kernels
+        nq, nu, nc = (
+            np.ones(len(names)) for names in (kernels.coordinates, kernels.inputs, kernels.surfaces)
+        )
+        path, s = (np.ones(len(kernels.manifest[part])) for part in ("path_rows", "hidden"))
+        nt, h = np.ones(len(kernels.tangents)), np.ones(problem.phases)
+        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, path, s, h)
+
+    def named(self, problem: Problem) -> dict[str, float]:
+        """Sizes by name, as results show them."""
+        kernels = problem.kernels
+        found = {"time": self.time, "cost": self.cost}
+        for name, sizes in ((str, self.q), (velocity_name, self.v), (momentum_name, self.p)):
+            found |= dict(zip(map(name, kernels.coordinates), sizes.tolist(), strict=True))
+        found |= dict(zip(kernels.inputs, self.u.tolist(), strict=True))
+        found |= {
+            f"gap to {s}": size for s, size in zip(kernels.surfaces, self.gap.tolist(), strict=True)
+        }
+        return found

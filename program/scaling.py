@@ -1,0 +1,183 @@
+"""Sizes of a problem's quantities, read off a first motion, so that no result depends on units.
+
+Solvers and judges see unknowns divided by their sizes, constraints divided by theirs, and the cost
+divided by its own.  Each size follows from others of the same kind, never from a number of ours, so
+that a problem stated in other units has the same scaled program.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.layout import Layout
+from dmoc.program.scale import Scale
+
+# What hardly moves counts by this share of what it could do with the kinetic energy that others
+# have.
+STILL = 0.1
+# Share of its reach below which a coordinate that moves stands still.
+ROUNDING = 1e-12
+# The same of the way that its forces would move it in the time: solvers leave 1e-10 of it to what
+# they balance.
+BALANCED = 1e-8
+# Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at
+# least.
+FLAT = 1e-3
+# Scaled cost of a first motion, and of a minimum, which costs less: what constraints of size 1 are
+# weighed against in merit functions and barriers.
+FIRST_COST, MINIMUM_COST = 100.0, 10.0
+
+
+def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
+    """Read sizes off the unknowns x of a motion, a first one or a minimum: ranges, velocities,
+    momenta, inputs, gaps; the cost with its slopes and curvatures."""
+    lay, model = Layout.of(problem), problem.model
+    h = x[lay.index_h]
+    time = float(h @ np.array(lay.steps))
+    q, t = x[lay.index_q], lay.times(x)
+    steps = h[lay.phase_of_step][:, None]
+    rates = np.diff(q, axis=0) / steps
+    middle, now = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
+    with np.errstate(all="ignore"):
+        mass, F = model.equations(middle, rates, t=now)
+        inertia = _finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0)
+        kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
+        size_q = _ranges(
+            problem, q, time, inertia, float(kinetic), _finite(np.abs(F).max(axis=0), 0.0)
+        )
+        size_v = np.maximum(np.abs(rates).max(axis=0), size_q / time)
+        p = model.momentum(middle, rates, now)
+        size_p = np.maximum(_finite(np.abs(p).max(axis=0), 0.0), inertia * size_q / time)
+        size_u = _inputs(problem, x[lay.index_u], (middle, rates, now), size_p / time)
+        moving = (size_q, size_v, time)
+        gap, rate = _places(model.gap_slopes(q, t), moving)
+        _, slide = _places(model.tangent_slopes(q, t), moving)
+        energy = float(size_p @ size_v) / 2
+        path = np.ones(len(problem.kernels.manifest["path_rows"]))
+        u = x[lay.index_u[lay.row_u_k]]
+        size_s = _hidden(problem, u, (middle, rates, now), (*moving, size_u))
+        scale = Scale(
+            time,
+            1.0,
+            energy,
+            size_q,
+            size_v,
+            size_p,
+            size_u,
+            gap,
+            rate,
+            energy / rate,
+            slide,
+            energy / slide,
+            path,
+            size_s,
+            h.copy(),
+        )
+        sizes = lay.units(scale)
+        cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)
+        return replace(scale, cost=cost, path=_path(problem, lay, x, sizes))
+
+
+def _finite(values: Array, otherwise: float) -> Array:
+    return np.where(np.isfinite(values), values, otherwise)
+
+
+def _ranges(
+    problem: Problem, q: Array, time: float, inertia: Array, kinetic: float, force: Array
+) -> Array:
+    """Ranges of the coordinates; one that hardly moves by its share of the energy, and where
+    nothing moves by what there is to go by."""
+    spread = np.maximum(np.ptp(q, axis=0), STILL * time * np.sqrt(2 * kinetic / inertia))
+    box = problem.coordinate_bounds
+    width = np.where(
+        np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
+    )
+    # A motion that stands still but for what solvers leave is no measure of anything.
+    way = force * time**2 / inertia
+    # One whose forces balance counts by its share of what those of the others do.
+    way = np.maximum(way, STILL * np.sqrt((inertia * way**2).max() / inertia))
+    least = np.maximum(ROUNDING * problem.reach, BALANCED * way)
+    spread = np.where(spread > least, spread, 0.0)
+    unsaid, place = problem.unsaid * problem.reach, np.abs(q).max(axis=0)
+    place = np.where(place > ROUNDING * problem.reach, place, 0.0)
+    for other in (unsaid, place, width, way):
+        spread = np.where(spread > 0, spread, other)
+    return np.where(spread > 0, spread, 1.0)
+
+
+def _inputs(problem: Problem, u: Array, state: tuple[Array, Array, Array], force: Array) -> Array:
+    """Sizes of the inputs: of their values and of what changes a momentum by its size, at most
+    their bounds."""
+    if not problem.nu:
+        return np.zeros(0)
+    q, v, t = state
+    reach = np.abs(problem.model.input_matrix(q, v, t=t)).max(axis=0)
+    needed = np.where(reach > 0, force[:, None] / np.where(reach > 0, reach, 1.0), np.inf).min(
+        axis=0
+    )
+    size = np.maximum(np.abs(u).max(axis=0, initial=0.0), _finite(needed, 0.0))
+    box = problem.input_bounds
+    limit = np.abs(box).max(axis=1)
+    size = np.where(np.isfinite(limit) & (limit > 0), np.minimum(size, limit), size)
+    return np.where(size > 0, size, 1.0)
+
+
+def _hidden(
+    problem: Problem, u: Array, state: tuple[Array, Array, Array],
+    sizes: tuple[Array, Array, float, Array],
+) -> Array:  # fmt: skip
+    """Sizes of the hidden unknowns: of their values, and of what moves them."""
+    q, v, t = state
+    size_q, size_v, time, size_u = sizes
+    values = _finite(np.abs(problem.model.hidden(q, v, u, t)), 0.0).max(axis=0)
+    slopes = np.abs(_finite(problem.model.hidden_slopes(q, v, u, t), 0.0)).max(axis=0)
+    size = np.maximum(values, slopes @ np.concatenate([size_q, size_v, size_u, [time]]))
+    return np.where(size > 0, size, 1.0)
+
+
+def _places(slopes: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Array]:
+    """Sizes of gaps or tangents and of their rates, from their slopes along a motion: how far
+    coordinates, velocities and a time of their sizes move them."""
+    size_q, size_v, time = sizes
+    slope = np.abs(_finite(slopes, 0.0)).max(axis=0)
+    place, rate = slope @ np.append(size_q, time), slope @ np.append(size_v, 1.0)
+    return np.where(place > 0, place, 1.0), np.where(rate > 0, rate, 1.0)
+
+
+def _cost(problem: Problem, lay: Layout, x: Array, sizes: Array, speeds: Array) -> float:
+    """Size of the cost: its value, at least a small share of what its slopes and curvatures make
+    of the sizes of the unknowns."""
+    model, step = problem.model, lay.step_inputs(x)
+    local = np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
+    slope = np.abs(model.step_cost_slopes(step) * local).sum()
+    bend = np.abs(model.step_cost_curvatures(step) * local**2).sum() / 2
+    v_E = x[lay.index_v_E] if len(lay.index_v_E) else np.zeros(lay.nq)
+    end = (x[lay.index_q[-1]], v_E, lay.times(x)[-1])
+    value = float(model.step_costs(step).sum() + model.terminal_cost(*end))
+    duration = float(np.sum(x[lay.index_h] * lay.steps))
+    around = np.concatenate([sizes[lay.index_q[-1]], speeds, [duration]])
+    slope += np.abs(model.terminal_cost_slopes(*end) * around).sum()
+    flat = FLAT * float(slope + bend)
+    size = max(abs(value), flat if np.isfinite(flat) else 0.0)
+    return size if np.isfinite(size) and size > 0 else 1.0
+
+
+def _path(problem: Problem, lay: Layout, x: Array, sizes: Array) -> Array:
+    """Sizes of the path constraints: the largest change that an unknown of its size makes in any
+    step."""
+    names = problem.kernels.manifest["path_rows"]
+    if not names:
+        return np.ones(0)
+    step = lay.step_inputs(x)
+    local = np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
+    changes = _finite(np.abs(problem.model.path_slopes(step) * local[:, None]), 0.0).max(
+        axis=(0, 2)
+    )
+    values = _finite(np.abs(problem.model.path(step)), 0.0).max(axis=0)
+    size, at = (a.reshape(-1, len(names)).max(axis=0) for a in (changes, values))
+    size = np.where(size > 0, size, at)
+    return np.where(size > 0, size, 1.0)

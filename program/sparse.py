@@ -1,0 +1,76 @@
+"""Sparse matrices whose pattern is analysed once: contributions to one entry share its slot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.codegen.kernels import Array
+from dmoc.program.blocks import Index
+
+if TYPE_CHECKING:
+    import scipy.sparse
+
+
+class SparsePattern:
+    """A CSR pattern made of contributions (row, column), given in groups; a negative row stands for
+    none.
+
+    Attributes
+    ----------
+    slots : list of integer arrays
+        For each group, the entry that each contribution is added to, -1 for none; of the shape of
+        the group.
+    indptr, indices : arrays
+        The pattern in CSR form.
+    """
+
+    def __init__(self, shape: tuple[int, int], groups: Sequence[tuple[Index, Index]]) -> None:
+        flat = [row.ravel() * shape[1] + column.ravel() for row, column in groups]
+        keys = np.concatenate([*flat, np.zeros(0, dtype=np.intp)])
+        wanted = np.concatenate([*(row.ravel() >= 0 for row, _ in groups), np.zeros(0, dtype=bool)])
+        entries, slot = np.unique(keys[wanted], return_inverse=True)
+        slots = np.full(len(keys), -1, dtype=np.intp)
+        slots[wanted] = slot
+        ends = np.cumsum([len(f) for f in flat])
+        self.slots = (
+            [
+                s.reshape(row.shape)
+                for s, (row, _) in zip(np.split(slots, ends[:-1]), groups, strict=True)
+            ]
+            if groups
+            else []
+        )
+        self.shape = shape
+        self.indices: NDArray[np.int32] = (entries % shape[1]).astype(np.int32)
+        counts = np.bincount(entries // shape[1], minlength=shape[0])
+        self.indptr: NDArray[np.int32] = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+
+    @property
+    def size(self) -> int:
+        return len(self.indices)
+
+    def matrix(
+        self, values: Array, first: int = 0, last: int | None = None
+    ) -> scipy.sparse.csr_matrix:
+        """Return rows first to last with the given values of all entries."""
+        import scipy.sparse  # here, because the compiled method does without SciPy
+
+        last = self.shape[0] if last is None else last
+        a, b = self.indptr[first], self.indptr[last]
+        matrix = scipy.sparse.csr_matrix((last - first, self.shape[1]))
+        matrix.data, matrix.indices, matrix.indptr = (
+            values[a:b],
+            self.indices[a:b],
+            self.indptr[first : last + 1] - a,
+        )
+        matrix.has_canonical_format = True
+        return matrix
+
+    def transposed_times(self, values: Array, y: Array) -> Array:
+        """A' y of the matrix A with the given values of all entries."""
+        weights = values * np.repeat(y, np.diff(self.indptr))
+        return np.bincount(self.indices, weights, self.shape[1]).astype(float)

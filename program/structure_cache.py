@@ -1,0 +1,95 @@
+"""Structures that programs of one form share, found by the content of what they follow from."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import OrderedDict
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from dmoc.program.blocks import Block
+from dmoc.program.elements import Form, Structure, structure_of
+
+# Structures that are remembered, and bytes of all together: a search goes to and fro between the
+# forms of some tens of sequences, and one of 20 000 unknowns takes up to 35 MB.
+MOST, MOST_BYTES = 32, 2**27
+
+
+class Structures:
+    """The structures that were asked for last."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._kept: OrderedDict[bytes, Structure] = OrderedDict()
+        # Bytes, with the number of things that methods had added when they were counted.
+        self._counted: dict[bytes, tuple[int, int]] = {}
+
+    def of(self, form: Form, blocks: Iterable[Block]) -> Structure:
+        """The structure of a form whose unknowns and rows stand in some blocks."""
+        key = digest(form, blocks)
+        with self._lock:
+            structure = self._kept.get(key)
+            if structure is not None:
+                self._kept.move_to_end(key)
+                return structure
+        made = structure_of(form)
+        with self._lock:
+            structure = self._kept.setdefault(key, made)
+            self._kept.move_to_end(key)
+            self._forget()
+        return structure
+
+    def clear(self) -> None:
+        with self._lock:
+            self._kept.clear()
+            self._counted.clear()
+
+    def _forget(self) -> None:
+        """Leave out those that were not asked for the longest, until the others have room; what
+        methods have added to them in the meantime counts."""
+        for key, structure in self._kept.items():
+            added = structure.additions
+            if self._counted.get(key, (0, -1))[1] != added:
+                self._counted[key] = size_of(structure, set()), added
+        total = sum(size for size, _ in self._counted.values())
+        while len(self._kept) > 1 and (len(self._kept) > MOST or total > MOST_BYTES):
+            oldest, _ = self._kept.popitem(last=False)
+            total -= self._counted.pop(oldest)[0]
+
+
+def digest(form: Form, blocks: Iterable[Block]) -> bytes:
+    """A digest of all that a structure, and what methods find about it, follows from."""
+    manifest, linear = form.kernels.manifest, form.linear
+    names: list[Any] = [manifest["fingerprint"], manifest.get("code"), form.kernels.backend]
+    names += [form.parameters, form.n, form.m, form.equalities]
+    arrays: list[Any] = [linear.rows, linear.columns, linear.factors]
+    for block in blocks:
+        names.append(block.name)
+        arrays.append(block.index)
+    for term in form.terms:
+        names.append(term.kernel)
+        arrays += (*term.arguments, *term.rows, np.asarray(term.factor))
+    head = repr((names, [a.shape for a in arrays])).encode()
+    return hashlib.sha256(b"".join([head, *[a.tobytes() for a in arrays]])).digest()
+
+
+def size_of(value: Any, counted: set[int]) -> int:
+    """Bytes of the arrays in a value, each counted once."""
+    if id(value) in counted:
+        return 0
+    counted.add(id(value))
+    if isinstance(value, np.ndarray):
+        return int(value.nbytes)
+    if isinstance(value, Mapping):
+        return sum(size_of(part, counted) for part in value.values())
+    if isinstance(value, (tuple, list)):
+        return sum(size_of(part, counted) for part in value)
+    if is_dataclass(value) and hasattr(value, "__dict__") and not isinstance(value, type):
+        if hasattr(value, "manifest"):  # kernels, which are the caller's
+            return 0
+        return sum(size_of(getattr(value, f.name), counted) for f in fields(value))
+    return size_of(value.data, counted) if hasattr(value, "data") else 0  # a compiled program

@@ -1,0 +1,75 @@
+"""The physics of the program as a table of terms: which kernel, on which arguments, enters which
+rows.
+
+A term is n rows of a kernel family; its values, first and second derivatives follow from the family
+(:mod:`dmoc.program.elements`).  Arguments are positions in the pool (:mod:`dmoc.program.arrays`):
+those below the number of unknowns are the unknowns that the term depends on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.program.blocks import NOWHERE, Index
+from dmoc.program.layout import Layout
+
+# The row of the cost.
+COST = -2
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """Results of n rows of a kernel times a factor are added to rows.
+
+    Attributes
+    ----------
+    kernel : str
+    arguments : tuple of positions, shape (n, size) or (1, size)
+        Those before the parameters.
+    rows : tuple of arrays of int, shape (n, size)
+        For each result, the rows of (c | d) that its components enter; COST for the cost, NOWHERE
+        for none.
+    factor : float or array of shape (n, 1)
+    """
+
+    kernel: str
+    arguments: tuple[Index, ...]
+    rows: tuple[Index, ...]
+    factor: Array | float = 1.0
+
+    @property
+    def enters(self) -> bool:
+        """Whether any of its results enters a row."""
+        return any(bool((r != NOWHERE).any()) for r in self.rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Positions of arguments in the pool; ``zero`` is that of a zero, ``nc`` the number of
+    surfaces."""
+
+    lay: Layout
+    zero: int
+    nc: int
+
+    def step(self, steps: Index) -> tuple[Index, ...]:
+        """(q_k, q_kp1, u_k, u_kp1, h, t_k, q_i) of some steps."""
+        parts = self.lay.split(self.lay.index_step[steps])
+        parts[5] = self.times(steps)
+        return tuple(parts)
+
+    def times(self, nodes: Index) -> Index:
+        """Times of nodes; one zero in a model without explicit time."""
+        return self.lay.time_columns[nodes] if self.lay.timed else np.full((1, 1), self.zero)
+
+    def known(self, index: Index) -> Index:
+        """Unknowns where there are some, zeros elsewhere."""
+        return np.where(index == NOWHERE, self.zero, index)
+
+
+def like(rows: Index) -> Index:
+    """No rows, in the shape of others."""
+    return np.full_like(rows, NOWHERE)

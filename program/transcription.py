@@ -1,0 +1,174 @@
+"""The nonlinear program of a problem: from its tables of unknowns and rows to values and
+derivatives.
+
+Everything here works on scaled unknowns and returns scaled values (:mod:`dmoc.program.scaling`): x
+of :class:`Transcription` is x divided by ``unit``, a row of (c | d) is divided by its ``row_unit``.
+:meth:`Transcription.physical` and :meth:`Transcription.scaled` convert.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import Block, Index
+from dmoc.program.bounds import goal_rows, limits
+from dmoc.program.elements import (
+    Assembled,
+    Form,
+    Linear,
+    Numbers,
+    Structure,
+    assembled,
+    structure_of,
+)
+from dmoc.program.evaluator import Evaluator
+from dmoc.program.laws.contact import ContactLaw
+from dmoc.program.laws.hit import HitLaw
+from dmoc.program.laws.impact import ImpactLaw
+from dmoc.program.laws.path import PathLaw
+from dmoc.program.layout import Layout
+from dmoc.program.rows import LinearRow, linear_rows, rows_of, terms, unit_entries
+from dmoc.program.scale import Scale
+from dmoc.program.structure_cache import Structures
+
+# Unknowns of a program whose structure is remembered.
+MOST_SHARED = 20_000
+STRUCTURES = Structures()
+
+
+class Transcription(Evaluator):
+    """The nonlinear program of a :class:`Problem`.
+
+    Attributes
+    ----------
+    layout : Layout
+        The table of the unknowns.
+    rows : Rows
+        The table of the constraints.
+    law : ImpactLaw
+    contact : ContactLaw
+    hits : HitLaw
+    path : PathLaw
+    scale : Scale
+        Sizes; none by default, so that x and r are in units of the problem.
+    unit, row_unit : arrays, shape (n,), (n_eq + n_in,)
+        Sizes of the unknowns and of the constraints.
+    lower, upper : arrays, shape (n,)
+        Bounds of the scaled unknowns; ``limits`` are those of the unknowns.
+    goal_as_rows : bool
+        Values of the goal are constraints instead of bounds of the unknowns, so that they can be
+        missed by some amount.
+    touching : sequence of int
+        Collisions that touch their surface without an impulse.
+    pulling : bool
+        Closed contacts may pull, to see how strongly they would have to.
+    by_rates : bool
+        The law of impact is stated in the rates of the gaps instead of the energies.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        scale: Scale | None = None,
+        goal_as_rows: bool = False,
+        touching: Sequence[int] | Index = (),
+        pulling: bool = False,
+        by_rates: bool = False,
+    ) -> None:
+        self.problem, self.kernels, self.goal_as_rows = problem, problem.kernels, goal_as_rows
+        self.scale = Scale.none(problem) if scale is None else scale
+        self.par = problem.parameter_values
+        self.layout = Layout.of(problem)
+        touches = np.asarray(touching, dtype=np.intp)
+        self.law = ImpactLaw.of(problem, self.layout, touches, by_rates)
+        goals = goal_rows(problem, self.layout) if goal_as_rows else []
+        self.limits = limits(problem, self.layout, self.law, self.scale, goals, pulling)
+        free = self.limits[0] != self.limits[1]
+        ends = (free[self.layout.index_q[0]], free[self.layout.index_q[-1]])
+        self.contact = ContactLaw.of(problem, self.layout, self.limits)
+        self.hits = HitLaw.of(problem, self.layout, self.law.touching)
+        self.path = PathLaw.of(problem, self.layout, self.limits)
+        laws = (self.law, self.contact, self.hits)
+        self.rows = rows_of(problem, self.layout, laws, self.path, ends, goals)
+        self.n, self.n_eq, self.n_in = self.layout.size, self.rows.n_eq, self.rows.n_in
+        self.unit = self.layout.units(self.scale)
+        self.lower, self.upper = (limit / self.unit for limit in self.limits)
+
+    @cached_property
+    def row_unit(self) -> Array:
+        return np.concatenate(
+            [b.sizes(self.scale) for b in (*self.equalities, *self.inequalities) if b.count]
+        )
+
+    @cached_property
+    def structure(self) -> Structure:
+        """What it has in common with the programs of all problems of its form."""
+        form = self._form()
+        if self.n > MOST_SHARED:
+            return structure_of(form)
+        return STRUCTURES.of(
+            form, (*self.layout.unknowns, *self.rows.equalities, *self.rows.inequalities)
+        )
+
+    def assemble(self) -> Assembled:
+        m = self.rows.n_eq + self.rows.n_in
+        constants = np.zeros(m)
+        for line in self._linear_rows:
+            constants[line.row] = line.constant
+        numbers = Numbers(
+            self.par[0], constants, self.lower, self.upper, self.unit, self.row_unit[:m],
+            self.scale.cost,
+        )  # fmt: skip
+        return assembled(self.structure, numbers)
+
+    @cached_property
+    def _linear_rows(self) -> list[LinearRow]:
+        return linear_rows(self.problem, self.layout, self.rows)
+
+    def _form(self) -> Form:
+        problem, lay, rows = self.problem, self.layout, self.rows
+        parts = [(r, c, np.full(len(r), factor)) for r, c, factor in unit_entries(lay, rows)]
+        for line in self._linear_rows:
+            parts.append((np.full(len(line.unknowns), line.row), line.unknowns, line.factors))
+        named = {b.name: b.index for b in (*rows.equalities, *rows.inequalities)}
+        parts += self.contact.entries(named) + self.hits.entries(named)
+        linear = Linear(*(np.concatenate(p) for p in zip(*parts, strict=True)))
+        found = terms(problem, lay, rows, (self.law, self.contact, self.hits), self.path)
+        m = rows.n_eq + rows.n_in
+        return Form(self.kernels, self.par.shape[1], found, linear, self.n, m, rows.n_eq)
+
+    @property
+    def equalities(self) -> list[Block]:
+        """Blocks of c, in the order of their rows."""
+        return self.rows.equalities
+
+    @property
+    def inequalities(self) -> list[Block]:
+        """Blocks of d, in the order of their rows."""
+        return self.rows.inequalities
+
+    @property
+    def minimal_times(self) -> Index:
+        """Positions in d of the minimal times of phases, of which a plain program has none."""
+        return np.zeros(0, dtype=np.intp)
+
+    def physical(self, x: Array) -> Array:
+        """Unknowns in units of the problem; what lies at a limit up to rounding lies at it."""
+        y = x * self.unit
+        for limit in self.limits:
+            close = 4 * np.finfo(float).eps * np.where(np.isfinite(limit), np.abs(limit), 0.0)
+            y = np.where(np.abs(y - limit) <= close, limit, y)
+        return np.asarray(y)
+
+    def scaled(self, y: Array) -> Array:
+        return np.asarray(y / self.unit)
+
+    def momenta(self, x: Array) -> tuple[Array, Array]:
+        """Return p at the start and at the end of every step in units of the problem, shape
+        (total, nq) each."""
+        return self.problem.model.step_momenta(self.layout.step_inputs(self.physical(x)))

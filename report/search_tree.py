@@ -1,0 +1,257 @@
+"""Figures of a search: the tree of sequences with its verdicts, and the best motions side by
+side."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dmoc.motion.trajectory import Trajectory, noun_of
+from dmoc.report.canvas import (
+    SMALL,
+    legend_beside,
+    new_figure,
+    painted,
+    plain,
+    plain_axes,
+    symbol,
+    written,
+)
+from dmoc.report.default_drawing import scene_for
+from dmoc.report.panels import draw_inputs, draw_states, grouped, with_unit
+from dmoc.report.snapshots import draw_motions, height_of
+from dmoc.report.style import DASHES, DOTS, Style
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Nodes of a tree that can still be labelled with their costs.
+MOST_LABELS = 130
+ROW, CHARACTER = 0.3, 0.075  # inches of a leaf, and of a character of a label
+TALLEST = 40.0  # inches of a tree
+WIDE, HIGH, DRAWN = 3.4, 1.4, 2.4  # inches of a motion, of its panels, of its drawing at most
+# Edges of labels and points, so that verdicts differ in more than their colours.
+EDGES: dict[str, Any] = {
+    "optimal": "-",
+    "grazes": DASHES[2],
+    "collapses": (0, (9, 1.5, 1.2, 1.5, 1.2, 1.5)),
+    "unverified": DASHES[1],
+    "infeasible": DOTS,
+    "unreachable": DASHES[3],
+    "failed": DASHES[4],
+}
+
+Name = tuple[str, ...]
+
+
+def plot_tree(
+    nodes: Sequence[tuple[Name, str, float | None]],
+    path: str | os.PathLike[str] | None = None,
+    *,
+    style: str = "light",
+) -> Figure:
+    """Draw the tree of sequences: verdict by colour and edge, cost on the nodes.
+
+    Parameters
+    ----------
+    nodes : sequence of (sequence, verdict, cost)
+    path : path, optional
+        Where to write the figure.
+    style : {"light", "dark"}, optional
+    """
+    with painted(style, path) as colours:
+        return written(_tree(nodes, colours), path)
+
+
+def _tree(nodes: Sequence[tuple[Name, str, float | None]], style: Style) -> Figure:
+    rows = _rows([s for s, _, _ in nodes])
+    depth = max(map(len, rows), default=0)
+    noun = noun_of(word for s in rows for word in s)
+    labels = {s: _label(s, cost, noun) for s, _, cost in nodes}
+    columns = _columns(labels, depth)
+    height = min(max(1.6, ROW * (max(rows.values(), default=0.0) + 1) + 1.1), TALLEST)
+    figure = new_figure(columns[-1] + 0.5, height)
+    axes = figure.add_subplot()
+    for s in rows:
+        if s:
+            ends = [columns[len(s) - 1], columns[len(s)]], [rows[s[:-1]], rows[s]]
+            axes.plot(*ends, color=style.muted, alpha=0.6, lw=1, zorder=1)
+    labelled = len(rows) <= MOST_LABELS
+    for s, verdict, _ in nodes:
+        place = columns[len(s)], rows[s]
+        if labelled:
+            _node(axes, place, labels[s], verdict, style)
+        else:
+            size = 7 if verdict == "optimal" else 4
+            axes.plot(*place, "o", color=style.verdicts[verdict], ms=size, zorder=2)
+    _verdict_legend(figure, [verdict for _, verdict, _ in nodes], style)
+    axes.set_xlim(0.0, columns[-1] + 0.5)
+    axes.set_ylim(max(rows.values(), default=0) + 0.8, -0.8)
+    axes.set_xticks(columns[:-1], [str(k) for k in range(depth + 1)])
+    axes.set_xlabel(f"{noun}s")
+    axes.set_yticks([])
+    axes.spines[["left", "right", "top"]].set_visible(False)
+    return figure
+
+
+def _label(sequence: Name, cost: float | None, noun: str) -> str:
+    name = sequence[-1] if sequence else f"no {noun}"
+    return name if cost is None else f"{name} {cost:.4g}"
+
+
+def _columns(labels: dict[Name, str], depth: int) -> list[float]:
+    """Middles of the columns in inches, each as wide as its longest label, and the right end."""
+    widths = [0.0] * (depth + 1)
+    for s, text in labels.items():
+        widths[len(s)] = max(widths[len(s)], CHARACTER * len(text) + 0.45)
+    ends = np.concatenate([[0.0], np.cumsum(np.maximum(widths, 1.2))])
+    return [*((ends[:-1] + ends[1:]) / 2).tolist(), float(ends[-1])]
+
+
+def _node(axes: Axes, place: tuple[float, float], text: str, verdict: str, style: Style) -> None:
+    best = verdict == "optimal"
+    edge = style.ink if best else style.muted
+    box = {
+        "boxstyle": "round,pad=0.28",
+        "facecolor": style.verdicts[verdict],
+        "edgecolor": edge if verdict in EDGES else "none",
+        "linestyle": EDGES.get(verdict, "-"),
+        "linewidth": 1.4 if best else 1.0,
+    }
+    axes.text(
+        *place, text, ha="center", va="center", fontsize=7.5, zorder=2, bbox=box,
+        weight="bold" if best else "normal", color=style.on_verdict,
+    )  # fmt: skip
+
+
+def _verdict_legend(figure: Figure, verdicts: list[str], style: Style) -> None:
+    from matplotlib.patches import Patch
+
+    handles = [
+        Patch(
+            facecolor=colour, label=f"{verdict} ({verdicts.count(verdict)})", linewidth=1.0,
+            edgecolor=style.muted if verdict in EDGES else "none",
+            linestyle=EDGES.get(verdict, "-"),
+        )
+        for verdict, colour in style.verdicts.items()
+        if verdict in verdicts
+    ]  # fmt: skip
+    columns = max(1, int(figure.get_figwidth() / 1.5))
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=SMALL
+    )
+
+
+def _rows(sequences: list[Name]) -> dict[Name, float]:
+    """Rows of a tree whose nodes stand in the middle of their children."""
+    rows: dict[Name, float] = {}
+    children: dict[Name, list[Name]] = {}
+    for s in sequences:
+        if s:
+            children.setdefault(s[:-1], []).append(s)
+    free = 0.0
+
+    def place(s: Name) -> float:
+        nonlocal free
+        below = [place(c) for c in children.get(s, [])]
+        if not below:
+            rows[s] = free
+            free += 1.0
+        else:
+            rows[s] = float(np.mean(below))
+        return rows[s]
+
+    if sequences:
+        place(())
+    return rows
+
+
+def plot_motions(
+    motions: Sequence[tuple[str, float, Trajectory]],
+    path: str | os.PathLike[str] | None = None,
+    *,
+    style: str = "light",
+) -> Figure:
+    """Draw motions side by side: snapshots, coordinates and inputs over time, collisions as lines.
+
+    Parameters
+    ----------
+    motions : sequence of (name, cost, trajectory)
+    path : path, optional
+        Where to write the figure.
+    style : {"light", "dark"}, optional
+    """
+    with painted(style, path) as colours:
+        return written(_motions(motions, colours), path)
+
+
+def _motions(motions: Sequence[tuple[str, float, Trajectory]], style: Style) -> Figure:
+    if not motions:
+        figure = new_figure(4.0, 1.2)
+        axes = figure.add_subplot()
+        axes.text(0.5, 0.5, "no confirmed motion", ha="center", va="center")
+        axes.set_axis_off()
+        return figure
+    model = motions[0][2]
+    panels = [
+        *[("q", unit, numbers) for unit, numbers in _grouped(model, model.coordinates)],
+        *[("u", unit, numbers) for unit, numbers in _grouped(model, model.inputs)],
+    ]
+    scenes = [scene_for(motion) for _, _, motion in motions]
+    drawn = min(height_of(scenes, WIDE - 0.8), DRAWN) + 0.7
+    figure = new_figure(1.6 + WIDE * len(motions), 0.6 + drawn + HIGH * len(panels))
+    heights = [drawn, *[HIGH] * len(panels)]
+    grid = figure.add_gridspec(len(heights), len(motions), height_ratios=heights)
+    pictures = [figure.add_subplot(grid[0, k]) for k in range(len(motions))]
+    pairs = [(scene, motion) for scene, (_, _, motion) in zip(scenes, motions, strict=True)]
+    draw_motions(pictures, pairs, style)
+    for axes, (name, cost, _) in zip(pictures, motions, strict=True):
+        axes.set_title(f"{plain(name)}\ncost {cost:.6g}", fontsize=9)
+    for row, (quantity, unit, numbers) in enumerate(panels, start=1):
+        first: Axes | None = None
+        for k, (_, _, motion) in enumerate(motions):
+            axes = figure.add_subplot(grid[row, k], sharey=first)
+            curves = _panel(axes, motion, quantity, numbers, style)
+            if k == len(motions) - 1 and len(curves) > 1:
+                legend_beside(axes, curves)
+            if first is None:
+                axes.set_ylabel(_names(model, quantity, unit, numbers))
+            else:
+                axes.tick_params(labelleft=False)
+            first = first or axes
+            if row < len(panels):
+                axes.tick_params(labelbottom=False)
+            else:
+                axes.set_xlabel("time $t$ [s]")
+    return figure
+
+
+def _grouped(motion: Trajectory, names: Sequence[str]) -> list[tuple[str, list[int]]]:
+    return grouped([motion.units.get(name, "") for name in names])
+
+
+def _names(motion: Trajectory, quantity: str, unit: str, numbers: list[int]) -> str:
+    """What the curves of a panel are, with their unit."""
+    known = motion.coordinates if quantity == "q" else motion.inputs
+    many = "coordinates" if quantity == "q" else "inputs"
+    return with_unit(f"${symbol(known[numbers[0]])}$" if len(numbers) == 1 else many, unit)
+
+
+def _panel(
+    axes: Axes, motion: Trajectory, quantity: str, numbers: list[int], style: Style
+) -> list[Artist]:
+    """Draw curves of some coordinates or inputs, and return one of each for a legend."""
+    if quantity == "q":
+        curves = draw_states(axes, motion, "q", numbers, style)
+    else:
+        curves = draw_inputs(axes, motion, numbers, style)
+    for collision in motion.collisions:
+        axes.axvline(collision.time, color=style.muted, lw=0.8, ls=DOTS)
+    axes.margins(x=0)
+    plain_axes(axes, style)
+    return curves

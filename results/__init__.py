@@ -1,0 +1,1 @@
+"""What a user gets: solutions, simulations and batches, with their tables, files and reports."""

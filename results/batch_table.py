@@ -1,0 +1,54 @@
+"""The table that stands for many solves."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from dmoc.base.table import Table, toned
+
+if TYPE_CHECKING:
+    from dmoc.results.batch import Batch
+
+# Rows and different messages that are shown; the file has all.
+MOST_ROWS, MOST_NOTES = 40, 5
+TONES = {"solved": "good", "grazes": "fair", "not_verified": "doubtful", "not_tried": "dim"}
+
+# Columns of results; a parameter of such a name has a column that says what it is.
+RESULTS = re.compile(
+    r"status|cost|final_time|collisions|iterations|check|seconds|message|(time|impulse)_[0-9]+"
+)
+
+
+def table_of(batch: Batch) -> Table:
+    """What was given and found, one row for each problem."""
+    times = [f"{batch.noun} {i + 1} [s]" for i in range(batch.collision_times.shape[1])]
+    rows = []
+    for i, status in enumerate(batch.status[:MOST_ROWS]):
+        numbers = [batch.cost[i], batch.final_time[i], *batch.collision_times[i]]
+        rows.append(
+            (
+                *(f"{values[i]:.6g}" for values in batch.given.values()),
+                toned(status, TONES.get(status, "bad")),
+                *("" if n != n else f"{n:.6g}" for n in numbers),
+                f"{batch.iterations[i]:.0f}",
+            )
+        )
+    more = len(batch) - MOST_ROWS
+    notes = [f"... and {more} more: --out FILE, or save(), has all of them"] if more > 0 else []
+    unsolved = [m for m, good in zip(batch.message, batch.solved, strict=True) if not good]
+    notes += [f"note: {message}" for message in list(dict.fromkeys(unsolved))[:MOST_NOTES]]
+    rate = batch.tried / max(batch.total_seconds, 1e-9)
+    notes.append(f"{counted(batch)}; in {batch.total_seconds:.1f} s ({rate:.1f} a second)")
+    head = (*map(column_of, batch.given), "status", "cost", "end [s]", *times, "iterations")
+    return Table(tuple(rows), head, tuple(notes))
+
+
+def counted(batch: Batch) -> str:
+    """How many rows have each status."""
+    return ", ".join(f"{n} {status}" for status, n in batch.counts.items())
+
+
+def column_of(name: str) -> str:
+    """What the column of something that a sweep varies is called in a table."""
+    return f"parameter {name}" if RESULTS.fullmatch(name) else name

@@ -1,0 +1,138 @@
+"""Files of results: how one of any kind is written, and read or refused in a sentence."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dmoc.base.arguments import path as path_of
+from dmoc.base.arguments import place
+from dmoc.base.errors import OutputError, SolutionFileError
+from dmoc.motion.trajectory import Array
+from dmoc.results.archive import LARGEST, Archive, pack
+from dmoc.results.schema import (
+    LARGEST_TEXT,
+    Choice,
+    Context,
+    Kind,
+    Record,
+    Refused,
+    dumped,
+    plain,
+    said,
+)
+
+REMEDY = "give one that `dmoc solve --out` has written"
+
+
+@dataclass(frozen=True)
+class ResultFile:
+    """A kind of file: a result, and the number of the format that it is written in.
+
+    Attributes
+    ----------
+    name, kind : str, Kind
+        What the text of a file calls the result, and what it holds of it.
+    version, format : str, int
+        What it calls the number of the format, and the number.
+    noun, again, writer : str
+        In sentences: what a damaged file is none of, what makes a result anew, and what writes one.
+    foreign : mapping of str to str
+        Names in the text that files of other results have, and what is said of these.
+    as_now : function
+        Turns the text of older formats into that of this one, and leaves everything else.
+    excess : function of the result and the length of its text, optional
+        Says that a file does not hold so much.
+    """
+
+    name: str
+    kind: Kind
+    version: str
+    format: int
+    noun: str
+    again: str
+    writer: str
+    foreign: Mapping[str, str] = field(default_factory=dict)
+    as_now: Callable[[Any], Any] = lambda header: header
+    excess: Callable[[Any, int], str] | None = None
+
+    @property
+    def header(self) -> Record:
+        return Record(dict, {self.version: Choice((self.format,)), self.name: self.kind})
+
+
+def content_of(file: ResultFile, result: Any) -> bytes:
+    """Return the content of the file of a result.
+
+    Raises
+    ------
+    OutputError
+        If the text is longer than a file holds.
+    """
+    arrays: dict[str, Array] = {}
+    header = {file.version: file.format, file.name: result}
+    text = dumped(file.header, header, arrays.__setitem__)
+    if file.excess is not None and len(text) > LARGEST_TEXT:
+        raise OutputError(file.excess(result, len(text)))
+    return pack(text, arrays)
+
+
+def load(file: ResultFile, path: str | os.PathLike[str]) -> Any:
+    """Read the result that a file holds; raise SolutionFileError where it is none."""
+    named = path_of(path, error=SolutionFileError)
+    return result_in(file, _bytes_of(named), place(named))
+
+
+def _bytes_of(path: Path) -> bytes:
+    """The content of what may be a file of a result."""
+    name = place(path)
+    try:
+        if not path.exists():
+            raise SolutionFileError(f"{name} does not exist: {REMEDY}.")
+        if not path.is_file():
+            raise SolutionFileError(f"{name} is a folder or a device: {REMEDY}.")
+        if path.stat().st_size > LARGEST:
+            raise SolutionFileError(f"{name} is larger than any solution file: {REMEDY}.")
+        return path.read_bytes()
+    except OSError as error:
+        raise SolutionFileError(
+            f"{name} cannot be read ({error.strerror}): give a file that you may read."
+        ) from None
+
+
+def result_in(file: ResultFile, content: bytes, name: str) -> Any:
+    """Read a result from the content of a file that errors call ``name``.
+
+    Raises
+    ------
+    SolutionFileError
+        If the content is damaged, of another format, or of something else.
+    """
+    try:
+        archive = Archive(content)
+        header = file.as_now(plain(archive.text()))
+        _check_format(file, header, name)
+        result = file.header.read(header, "", Context(archive.array))[file.name]
+        archive.close()
+    except Refused as error:
+        raise SolutionFileError(
+            f"{name} is damaged or no {file.noun} ({error}): write it again with {file.writer}."
+        ) from None
+    return result
+
+
+def _check_format(file: ResultFile, header: Any, name: str) -> None:
+    """Refuse what is known to be another kind of file, or another format."""
+    if not isinstance(header, dict):
+        return
+    for mark, what in file.foreign.items():
+        if mark in header:
+            raise SolutionFileError(f"{name} is {what}.")
+    version = header.get(file.version)
+    if isinstance(version, int) and version != file.format:
+        raise SolutionFileError(
+            f"{name} has format {said(version)}, expected {file.format}: {file.again}."
+        )

@@ -1,0 +1,381 @@
+"""What a file holds, declared as kinds of values: they write it, and refuse on reading whatever is
+not of the kind.
+
+A record lists its fields, each with a kind.  Kinds write values as JSON, large arrays beside it.  A
+size is a number, or a letter that stands for the same number wherever it appears in a record and in
+those inside it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from dmoc.motion.trajectory import Array
+
+Size = int | str | None  # None for any number
+Put = Callable[[str, Array], None]
+Take = Callable[[str, tuple[int, ...]], Array]
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}", re.ASCII)
+LARGEST_INTEGER = 2**53  # a float holds it exactly
+LARGEST_NUMBER = 1e150  # it still has a square
+LARGEST_TEXT = 4 * 2**20  # characters of JSON; what is large is an array
+LONGEST_SAID = 60  # characters of foreign text in a message
+
+
+class Refused(Exception):  # noqa: N818 - who reads the file says it in words of its own
+    """A value is not of its kind; the text says where, and what was expected."""
+
+
+def no_arrays(where: str, _: object) -> Any:
+    raise Refused(f"{where} is an array, expected none")
+
+
+@dataclass(frozen=True)
+class Context:
+    """What the reading of a value may need: the arrays by place and shape, and the sizes known
+    so far."""
+
+    take: Take = no_arrays
+    sizes: dict[str, int] = field(default_factory=dict)
+
+    def inside(self) -> Context:
+        return Context(self.take, dict(self.sizes))
+
+    def check(self, size: Size, number: int, where: str) -> None:
+        """Fix a size that is not known yet; refuse a number of entries that differs from a known
+        one."""
+        if size is None:
+            return
+        expected = size if isinstance(size, int) else self.sizes.setdefault(size, number)
+        if number != expected:
+            raise Refused(f"{where} has {number} entries, expected {expected}")
+
+
+class Kind(Protocol):
+    """A kind of value."""
+
+    def write(self, value: Any, where: str, put: Put) -> Any:
+        """Return the value as JSON, and put arrays beside it."""
+
+    def read(self, given: Any, where: str, context: Context) -> Any:
+        """Return the value that JSON stands for; raise Refused if it is of another kind."""
+
+
+def dumped(kind: Kind, value: Any, put: Put = no_arrays) -> str:
+    """Return a value as JSON text."""
+    return json.dumps(kind.write(value, "", put))
+
+
+def plain(text: str) -> Any:
+    """Return what a JSON text holds, of whatever kind; raise Refused if it is none."""
+    if len(text) > LARGEST_TEXT:
+        raise Refused(f"its text has {len(text)} characters, expected at most {LARGEST_TEXT}")
+    try:
+        return json.loads(text, object_pairs_hook=_once)
+    except RecursionError:
+        raise Refused("its text is nested too deeply") from None
+    except ValueError:
+        raise Refused("its text is no JSON") from None
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise Refused("its text has a field twice")
+    return found
+
+
+def said(given: object) -> str:
+    """Foreign text in a message: quoted, short, on one line."""
+    text = (
+        ascii(given)
+        if isinstance(given, (str, int, float, type(None)))
+        else f"a {type(given).__name__}"
+    )
+    return text if len(text) <= LONGEST_SAID else text[:LONGEST_SAID] + "..."
+
+
+def _expect(right: bool, given: object, where: str, expected: str) -> None:
+    if not right:
+        raise Refused(f"{where or 'its content'} is {said(given)}, expected {expected}")
+
+
+def _at(where: str, name: object) -> str:
+    return f"{where}.{name}" if where else str(name)
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """No value."""
+
+    def write(self, value: Any, where: str, put: Put) -> None:
+        if value is not None:
+            raise TypeError(f"{where}: {value!r} is not None")
+
+    def read(self, given: Any, where: str, context: Context) -> None:
+        _expect(given is None, given, where, "nothing")
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number in a range; any at all, infinite and NaN included, where it is ``special``."""
+
+    low: float = -LARGEST_NUMBER
+    high: float = LARGEST_NUMBER
+    special: bool = False
+
+    def write(self, value: Any, where: str, put: Put) -> float:
+        return float(value)
+
+    def read(self, given: Any, where: str, context: Context) -> float:
+        number = isinstance(given, float) or (_is_whole(given) and abs(given) <= LARGEST_INTEGER)
+        _expect(number, given, where, "a number")
+        _expect(
+            self.special or self.low <= given <= self.high,
+            given,
+            where,
+            f"a number from {self.low:g} to {self.high:g}",
+        )
+        return float(given)
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A whole number of at least ``low``."""
+
+    low: int = 0
+
+    def write(self, value: Any, where: str, put: Put) -> int:
+        return int(value)
+
+    def read(self, given: Any, where: str, context: Context) -> int:
+        right = _is_whole(given) and self.low <= given <= LARGEST_INTEGER
+        _expect(right, given, where, f"a whole number of at least {self.low}")
+        return int(given)
+
+
+def _is_whole(given: Any) -> bool:
+    return isinstance(given, int) and not isinstance(given, bool)
+
+
+@dataclass(frozen=True)
+class Flag:
+    """True or false."""
+
+    def write(self, value: Any, where: str, put: Put) -> bool:
+        return bool(value)
+
+    def read(self, given: Any, where: str, context: Context) -> bool:
+        _expect(isinstance(given, bool), given, where, "true or false")
+        return bool(given)
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text of printable characters and ends of lines; others become question marks when it is
+    written."""
+
+    def write(self, value: Any, where: str, put: Put) -> str:
+        return "".join(c if c == "\n" or c.isprintable() else "?" for c in str(value))
+
+    def read(self, given: Any, where: str, context: Context) -> str:
+        right = isinstance(given, str) and given.replace("\n", "").isprintable()
+        _expect(right, given, where, "a printable text")
+        return str(given)
+
+
+@dataclass(frozen=True)
+class Name:
+    """A name as models have them."""
+
+    def write(self, value: Any, where: str, put: Put) -> str:
+        return str(value)
+
+    def read(self, given: Any, where: str, context: Context) -> str:
+        _expect(
+            isinstance(given, str) and NAME.fullmatch(given) is not None, given, where, "a name"
+        )
+        return str(given)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of some texts or whole numbers."""
+
+    values: tuple[str | int, ...]
+
+    def write(self, value: Any, where: str, put: Put) -> Any:
+        return value
+
+    def read(self, given: Any, where: str, context: Context) -> Any:
+        found = [v for v in self.values if v == given and not isinstance(given, bool)]
+        _expect(bool(found), given, where, "one of " + ", ".join(map(str, self.values)))
+        return found[0]
+
+
+class Either:
+    """A value of the first kind that takes it."""
+
+    def __init__(self, *kinds: Kind) -> None:
+        self.kinds = kinds
+
+    def write(self, value: Any, where: str, put: Put) -> Any:
+        *first, last = self.kinds
+        for kind in first:
+            try:
+                return kind.write(value, where, put)
+            except (TypeError, ValueError):
+                continue
+        return last.write(value, where, put)
+
+    def read(self, given: Any, where: str, context: Context) -> Any:
+        *first, last = self.kinds
+        for kind in first:
+            try:
+                return kind.read(given, where, context.inside())
+            except Refused:
+                continue
+        return last.read(given, where, context)
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A tuple of values of one kind."""
+
+    kind: Kind
+    size: Size = None
+
+    def write(self, value: Any, where: str, put: Put) -> list[Any]:
+        return [self.kind.write(v, _at(where, i), put) for i, v in enumerate(value)]
+
+    def read(self, given: Any, where: str, context: Context) -> tuple[Any, ...]:
+        _expect(isinstance(given, list), given, where, "a list")
+        context.check(self.size, len(given), where)
+        return tuple([self.kind.read(g, _at(where, i), context) for i, g in enumerate(given)])
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A short array, within the text."""
+
+    size: Size = None
+    kind: Kind = Number()
+
+    def write(self, value: Any, where: str, put: Put) -> list[Any]:
+        return Listed(self.kind).write(np.asarray(value).tolist(), where, put)
+
+    def read(self, given: Any, where: str, context: Context) -> Array:
+        return np.array(Listed(self.kind, self.size).read(given, where, context), dtype=float)
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A mapping of texts to values of one kind."""
+
+    kind: Kind
+    size: Size = None
+    names: Kind = Text()
+
+    def write(self, value: Any, where: str, put: Put) -> dict[str, Any]:
+        return {
+            self.names.write(name, where, put): self.kind.write(v, _at(where, name), put)
+            for name, v in value.items()
+        }
+
+    def read(self, given: Any, where: str, context: Context) -> dict[str, Any]:
+        _expect(isinstance(given, dict), given, where, "a mapping")
+        context.check(self.size, len(given), where)
+        names = {name: self.names.read(name, f"a name in {where}", context) for name in given}
+        return {
+            names[name]: self.kind.read(value, _at(where, name), context)
+            for name, value in given.items()
+        }
+
+
+class Stored:
+    """A float64 array beside the text, which has its shape; any shape of one or two sizes if none
+    is given.  One without entries is its shape alone.
+
+    Its values are numbers; any at all, infinite and NaN included, where it is ``special``.
+    """
+
+    def __init__(self, *shape: Size, special: bool = False) -> None:
+        self.shape, self.special = shape, special
+
+    def write(self, value: Any, where: str, put: Put) -> list[int]:
+        array = np.asarray(value, dtype=float)
+        if array.size:
+            put(where, array)
+        return list(array.shape)
+
+    def read(self, given: Any, where: str, context: Context) -> Array:
+        shape = Listed(Whole()).read(given, f"the shape of {where}", context)
+        wanted = self.shape or (None,) * len(shape)
+        if len(shape) != len(wanted) or not 1 <= len(shape) <= 2:
+            raise Refused(
+                f"{where} has {len(shape)} dimensions, expected {len(self.shape) or '1 or 2'}"
+            )
+        for size, number in zip(wanted, shape, strict=True):
+            context.check(size, number, where)
+        array = context.take(where, shape) if 0 not in shape else np.zeros(shape)
+        if not self.special and not (np.abs(array) <= LARGEST_NUMBER).all():
+            raise Refused(
+                f"{where} has a value that is not a number from {-LARGEST_NUMBER:g} to "
+                f"{LARGEST_NUMBER:g}"
+            )
+        return array
+
+
+@dataclass(frozen=True)
+class Record:
+    """Named values, each of its own kind: no fewer and no others.
+
+    ``make`` takes them as keywords; ``wrong`` says what does not fit together, or nothing.
+    """
+
+    make: Callable[..., Any]
+    fields: Mapping[str, Kind]
+    wrong: Callable[[Any], str | None] = lambda _: None
+
+    def write(self, value: Any, where: str, put: Put) -> dict[str, Any]:
+        given = (
+            value
+            if isinstance(value, Mapping)
+            else {name: getattr(value, name) for name in self.fields}
+        )
+        if set(given) != set(self.fields):
+            raise ValueError(
+                f"{where}: {sorted(set(given) ^ set(self.fields))} are not in both, the value and "
+                "its declaration"
+            )
+        return {
+            name: kind.write(given[name], _at(where, name), put)
+            for name, kind in self.fields.items()
+        }
+
+    def read(self, given: Any, where: str, context: Context) -> Any:
+        _expect(isinstance(given, dict), given, where, "a mapping")
+        for name in given:
+            if name not in self.fields:
+                raise Refused(f"{_at(where, said(name))} is unknown")
+        for name in self.fields:
+            if name not in given:
+                raise Refused(f"{_at(where, name)} is missing")
+        within = context.inside()
+        value = self.make(
+            **{
+                name: kind.read(given[name], _at(where, name), within)
+                for name, kind in self.fields.items()
+            }
+        )
+        wrong = self.wrong(value)
+        if wrong:
+            raise Refused(wrong)
+        return value

@@ -1,0 +1,366 @@
+"""Simulation forward in time: of a model from a state, and of a solution once more with its
+inputs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dmoc.base.arguments import positive, shown, whole
+from dmoc.base.errors import SimulationError
+from dmoc.base.files import write_whole
+from dmoc.base.table import Shown, Table
+from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.values import by_name, parameter_row
+from dmoc.motion.scene import Scene
+from dmoc.motion.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
+from dmoc.results.shared import Moving
+from dmoc.results.solution import Solution, check_same_model, kernels_for
+from dmoc.simulation import forward
+from dmoc.simulation.contact_motion import Stretch, on_surfaces
+from dmoc.simulation.mode_choice import Setting
+from dmoc.simulation.recording import motion_of
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
+
+# Steps of a replay in the smallest step of its solution: its own error is then a sixteenth of that
+# of the solution at order 2.
+FINER = 4
+# A replay takes its smallest step, or the mean one divided by this where that is longer: a
+# far shorter phase would make thousands of steps of all others.
+UNEVEN = 8
+# A replayed start lies on a surface up to this share of the gap's size: what a solver leaves.
+ON_SURFACE = 1e-6
+# Velocities at the start below this share of the largest ones are zero up to rounding errors.
+ROUNDING = 1e-12
+MOST_EVENTS = 12  # collisions and stretches of contact that a table lists
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation(Shown, Moving):
+    """Result of :func:`dmoc.simulate`.
+
+    Attributes
+    ----------
+    t : array of shape (n,)
+        Times of the recorded nodes in seconds.
+    q, p, v : arrays of shape (n, nq)
+        Coordinates, momenta and velocities.
+    energy : array of shape (n,)
+        E = v . p - L at the recorded nodes.
+    collisions : tuple of Collision
+        In the order in which they happened.
+    contacts, rubbing : tuples of Stretch
+        When surfaces stayed closed, and when tangents stuck or slid, in the order in which that
+        ended.
+    normal, tangential : arrays of shape (n, nc), (n, nt)
+        Contact forces N and friction forces T at the recorded nodes, in newton, with the inputs of
+        the step that ends there: -N grad g and T grad tau act on the coordinates.
+    trajectory : Trajectory
+        The motion as phases between its events, like that of a solution, with the scene of a model
+        that has a drawing.
+    notes : tuple of str
+        What the laws of contact do not determine, in sentences: contact forces of which others
+        hold the same motion.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> motion = dmoc.simulate(
+    ...     dmoc.load("puck_table"), {"x": 0.3, "y": 0.2}, {"x": 1.5}, step_size=0.1, steps=10
+    ... )
+    >>> motion.q.shape, len(motion.collisions)
+    ((11, 2), 1)
+    """
+
+    t: Array
+    q: Array
+    p: Array
+    v: Array
+    energy: Array
+    collisions: tuple[Collision, ...]
+    contacts: tuple[Stretch, ...]
+    rubbing: tuple[Stretch, ...]
+    normal: Array
+    tangential: Array
+    trajectory: Trajectory
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        hits = f"{len(self.collisions)} collisions, {len(self.t)} nodes"
+        return f"<Simulation of {self.trajectory.model}: {self.final_time:.6g} s, {hits}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        title = f"simulation of {self.trajectory.model}"
+        return Table(tuple(_rows(self)), notes=self.notes, title=title)
+
+    @property
+    def scene(self) -> Scene | None:
+        """The drawing of the model along the motion; None where the model has none, and where
+        there are more than 1000 events."""
+        return self.trajectory.scene
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the simulation to an .npz file.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written, or there are more events than it can hold.
+        """
+        from dmoc.results.result_file import content_of
+        from dmoc.results.simulation_file import FILE
+
+        return write_whole(path, content_of(FILE, self))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Simulation:
+        """Read a file that :meth:`save` has written.
+
+        Raises
+        ------
+        SolutionFileError
+            If the file cannot be read, is damaged, or is something else.
+        """
+        from dmoc.results.result_file import load
+        from dmoc.results.simulation_file import FILE
+
+        simulation: Simulation = load(FILE, path)
+        return simulation
+
+
+def _rows(s: Simulation) -> Iterator[tuple[str, str]]:
+    """What was simulated and what happened."""
+    yield "final time", f"{s.final_time:.6g} s in {len(s.t) - 1} recorded steps"
+    for c in s.collisions[:MOST_EVENTS]:
+        impulse = f", impulse {c.impulse:.6g}" if c.impulse else ""
+        yield f"collision {c.surface}", f"at {c.time:.6g} s{impulse}"
+    more = len(s.collisions) - MOST_EVENTS
+    if more > 0:
+        yield "", f"and {more} more collisions"
+    stretches = sorted((*s.contacts, *s.rubbing), key=lambda x: (x.begin, x.end))
+    for stretch in stretches[:MOST_EVENTS]:
+        state = "closed" if stretch.friction is None else FRICTION_WORDS[stretch.friction]
+        yield f"{stretch.name} {state}", f"from {stretch.begin:.6g} to {stretch.end:.6g} s"
+    if len(stretches) > MOST_EVENTS:
+        yield "", f"and {len(stretches) - MOST_EVENTS} more stretches of contact"
+    low, high = float(s.energy.min()), float(s.energy.max())
+    yield "energy", f"between {low:.6g} and {high:.6g}, {s.energy[-1]:.6g} at the end"
+
+
+def simulate(
+    kernels: Kernels | MechanicalSystem | Solution,
+    position: Mapping[str, float] | ArrayLike | None = None,
+    velocity: Mapping[str, float] | ArrayLike | None = None,
+    *,
+    step_size: float | None = None,
+    steps: int | None = None,
+    inputs: ArrayLike | Callable[[float], ArrayLike] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    restitution: float | Mapping[str, float] | None = None,
+    every: int = 1,
+    model: Kernels | None = None,
+) -> Simulation:
+    """Simulate a system through its collisions, lasting contacts and friction; or a solution, open
+    loop, from its start and with its inputs.
+
+    Each step solves r_minus(q_k, q_{k+1}) + p_k = 0.  A step that crosses a surface is split at the
+    collision: first (q_tau, tau) from the momentum equation and g(q_tau) = 0, then (q_{k+1}, lam)
+    from the balance of energy and the conservation of tangential momentum.  Several collisions in
+    one step are handled one after the other; impacts on several surfaces at the same moment too,
+    see ``dmoc.simulation.simultaneous_impacts.simultaneous``.  Ctrl-C ends a run, which leaves the
+    interpreter to other threads.
+
+    Where the motion stays on a surface, or bounces that accumulate come to rest on it, and in
+    models with friction from the start on, it goes on by the continuous equations of one mode of
+    contact and friction after the other, see ``dmoc.simulation.contact_motion``.  One hit with
+    friction obeys Poisson's law of impact.
+
+    The motion of a solution is found anew: its collisions are those that its inputs lead to.  The
+    steps of the simulation take the means of the inputs over them, so that their impulses are
+    kept.
+
+    Parameters
+    ----------
+    kernels : Kernels, MechanicalSystem or Solution
+    position, velocity : arrays of shape (nq,) or mappings by name
+        Initial state; velocities default to rest, and are named as in ``start`` of a problem,
+        ``{"x_dot": 1.0}``, or by their coordinates.  A solution has its own unless they are given,
+        as for inputs, parameters and coefficients of restitution.
+    step_size : float
+        h in seconds.  A solution is simulated for its final time, with a quarter of its smallest
+        step, in at most 32 times as many steps as it has, or with one of ``step_size`` and
+        ``steps`` where it is given.
+    steps : int
+    inputs : array of shape (steps, nu) or (nu,), or function of the time, optional
+        Inputs of each step; zero by default.  A function returns nu numbers and is evaluated in the
+        middle of each step.
+    parameters : mapping, optional
+        Values that replace the model's, or the solution's.
+    restitution : float or mapping, optional
+        Coefficient e in [0, 1] of all surfaces, or by surface (others are elastic).
+    every : int, optional
+        Record every so many steps.
+    model : Kernels, optional
+        For a solution from a file whose model is not shipped.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    SimulationError
+        If an argument does not fit, a step has no solution, the mass matrix becomes singular,
+        collisions accumulate without coming to rest (Zeno), no state of contact obeys the law of
+        Coulomb, or several contacts with friction are hit at once and are not plastic.
+
+    Examples
+    --------
+    A pendulum without inputs that bounces off a wall keeps its energy:
+
+    >>> import dmoc
+    >>> motion = dmoc.simulate(
+    ...     dmoc.load("bouncing_pendulum"), {"theta": 1.0}, step_size=0.01, steps=300
+    ... )
+    >>> [collision.surface for collision in motion.collisions]
+    ['wall', 'wall', 'wall']
+    >>> bool(abs(motion.energy - motion.energy[0]).max() < 1e-3)
+    True
+    """
+    if isinstance(kernels, Solution):
+        given = _Given(position, velocity, inputs, parameters, restitution)
+        return _recorded(_replayed(kernels, model, given, step_size, steps, every))
+    if model is not None:
+        raise SimulationError(
+            f"model = {shown(model)}: expected none beside kernels; it goes with a solution."
+        )
+    return _recorded(
+        forward.simulate(
+            _built(kernels),
+            position,
+            velocity,
+            step_size=step_size,
+            steps=steps,
+            inputs=inputs,
+            parameters=parameters,
+            restitution=1.0 if restitution is None else restitution,
+            every=every,
+        )
+    )
+
+
+def _built(model: Any) -> Any:
+    """The kernels of a system; what is none, as it is."""
+    if isinstance(model, Kernels):
+        return model
+    from dmoc.codegen.system_kernels import build
+    from dmoc.symbolic.system import MechanicalSystem
+
+    return build(model) if isinstance(model, MechanicalSystem) else model
+
+
+def _recorded(run: forward.Run) -> Simulation:
+    return Simulation(
+        run.t, run.q, run.p, run.v, run.energy, run.collisions, run.contacts, run.rubbing,
+        run.normal, run.tangential, motion_of(run), run.notes,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """What the caller replaces of a solution."""
+
+    position: Mapping[str, float] | ArrayLike | None
+    velocity: Mapping[str, float] | ArrayLike | None
+    inputs: ArrayLike | Callable[[float], ArrayLike] | None
+    parameters: Mapping[str, float] | None
+    restitution: float | Mapping[str, float] | None
+
+
+def _replayed(
+    solution: Solution, given_model: Kernels | None, given: _Given, step_size: float | None,
+    steps: int | None, every: int,
+) -> forward.Run:  # fmt: skip
+    """Simulate a solution with what the caller leaves of it."""
+    motion, kernels = solution.trajectory, kernels_for(solution, given_model, SimulationError)
+    check_same_model(solution, kernels)
+    if motion.ignored:
+        raise SimulationError(
+            f"the solution ignores {', '.join(motion.ignored)}: a simulation hits every surface, "
+            "use verify(), which follows the solution's own events."
+        )
+    count = _steps(motion, step_size, steps)
+    h = motion.final_time / count
+    parameters = dict(motion.parameters)
+    if given.parameters is not None:
+        parameters |= by_name(given.parameters, "parameters", SimulationError)
+    position = given.position
+    if position is None:
+        position = _on_surfaces(kernels, parameters, motion.phases[0].q[0])
+    return forward.simulate(
+        kernels,
+        position,
+        _start_velocity(motion) if given.velocity is None else given.velocity,
+        step_size=h,
+        steps=count,
+        inputs=mean_inputs(motion, count) if given.inputs is None else given.inputs,
+        parameters=parameters,
+        restitution=motion.restitution if given.restitution is None else given.restitution,
+        every=every,
+    )
+
+
+def _steps(motion: Trajectory, step_size: float | None, steps: int | None) -> int:
+    """How many steps a replay takes."""
+    if steps is not None:
+        if step_size is not None:
+            raise SimulationError(
+                "a solution is simulated for its final time: give step_size or steps, not both."
+            )
+        return whole(steps, "steps", 1, forward.MOST_STEPS, SimulationError)
+    if step_size is None:
+        mean = motion.final_time / sum(phase.steps for phase in motion.phases)
+        smallest = min(phase.step_size for phase in motion.phases)
+        step_size = max(smallest, mean / UNEVEN) / FINER
+    size = positive(step_size, "step_size", "expected a time in seconds", SimulationError)
+    return max(1, int(np.ceil(motion.final_time / size * (1 - 1e-9))))
+
+
+def _start_velocity(motion: Trajectory) -> Array:
+    """The velocity at the start; zero where only the solver's rounding errors move."""
+    fastest = np.max([np.abs(phase.v).max(axis=0) for phase in motion.phases], axis=0)
+    v = motion.phases[0].v[0]
+    return np.where(np.abs(v) > ROUNDING * fastest, v, 0.0)
+
+
+def _on_surfaces(kernels: Kernels, parameters: Mapping[str, float], q: Array) -> Array:
+    """A start that lies on surfaces up to the solver's tolerance, moved onto them."""
+    model = Model(kernels, parameter_row(kernels, parameters, SimulationError))
+    setting = Setting(model, np.zeros(model.nc), 1.0)
+    return on_surfaces(setting, np.concatenate([q, 0 * q]), 0.0, ON_SURFACE)[: model.nq]
+
+
+def mean_inputs(motion: Trajectory, steps: int) -> Array:
+    """Means of the inputs of a motion over equal steps of its time, shape (steps, nu)."""
+    begins = np.concatenate([phase.t[:-1] for phase in motion.phases])
+    sizes = np.concatenate([np.diff(phase.t) for phase in motion.phases])
+    ends = [motion.input_ends(phase) for phase in motion.phases]
+    first, last = (np.vstack([pair[side] for pair in ends]) for side in range(2))
+    whole = np.vstack(
+        [np.zeros((1, first.shape[1])), np.cumsum(sizes[:, None] * (first + last) / 2, axis=0)]
+    )
+    edges = np.linspace(0.0, motion.final_time, steps + 1)
+    k = np.clip(np.searchsorted(begins, edges, side="right") - 1, 0, len(begins) - 1)
+    part = np.clip((edges - begins[k]) / sizes[k], 0.0, 1.0)[:, None]
+    within = sizes[k, None] * part * (first[k] + part * (last[k] - first[k]) / 2)
+    return np.asarray(np.diff(whole[k] + within, axis=0) * steps / motion.final_time)

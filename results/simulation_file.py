@@ -1,0 +1,145 @@
+"""What the file of a simulation holds, field by field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dmoc.motion.trajectory import Phase
+from dmoc.results.result_file import ResultFile
+from dmoc.results.schema import (
+    Context,
+    Either,
+    Listed,
+    Mapped,
+    Name,
+    Nothing,
+    Number,
+    Numbers,
+    Put,
+    Record,
+    Stored,
+    Text,
+    Whole,
+)
+from dmoc.results.simulation import Simulation
+from dmoc.results.solution_file import COLLISION, SIGN, TRAJECTORY
+from dmoc.simulation.contact_motion import Stretch
+
+ROWS = ("t", "q", "p", "v", "u")
+
+
+@dataclass(frozen=True)
+class Together:
+    """Phases whose rows are kept in one array for each field: a simulation may have thousands."""
+
+    def write(self, value: Any, where: str, put: Put) -> Any:
+        together = {name: np.concatenate([getattr(p, name) for p in value]) for name in ROWS}
+        together |= {
+            name: np.concatenate([np.ravel(getattr(p, name)) for p in value])
+            for name in ("normal", "tangential")
+        }
+        modes = {name: [getattr(p, name) for p in value] for name in ("closed", "rubbing")}
+        return PHASES.write(together | modes | {"nodes": [len(p.t) for p in value]}, where, put)
+
+    def read(self, given: Any, where: str, context: Context) -> tuple[Phase, ...]:
+        found = PHASES.read(given, where, context)
+        nodes = found["nodes"].astype(int)
+        ends = np.cumsum(nodes)[:-1]
+        rows = {name: np.split(found[name], ends) for name in ("t", "q", "p", "v")}
+        rows["u"] = np.split(found["u"], np.cumsum(nodes - 1)[:-1])
+        for name, modes in (("normal", found["closed"]), ("tangential", found["rubbing"])):
+            widths = np.array([len(mode) for mode in modes], dtype=int)
+            parts = np.split(found[name], np.cumsum(nodes * widths)[:-1])
+            rows[name] = [a.reshape(n, w) for a, n, w in zip(parts, nodes, widths, strict=True)]
+        names = (*ROWS, "closed", "rubbing", "normal", "tangential")
+        columns = (rows.get(name, found.get(name)) for name in names)
+        return tuple(Phase(*fields) for fields in zip(*columns, strict=True))
+
+
+def _wrong_phases(found: dict[str, Any]) -> str | None:
+    """What of the rows of phases does not fit together."""
+    nodes = found["nodes"]
+    if not len(nodes) or not (len(nodes) == len(found["closed"]) == len(found["rubbing"])):
+        return "its phases have no modes"
+    if nodes.sum() != len(found["t"]) or nodes.sum() - len(nodes) != len(found["u"]):
+        return "its phases have other numbers of rows than declared"
+    for name, modes in (("normal", found["closed"]), ("tangential", found["rubbing"])):
+        if sum(n * len(mode) for n, mode in zip(nodes, modes, strict=True)) != len(found[name]):
+            return f"its phases have other {name} forces than declared"
+    return None
+
+
+def _wrong(simulation: Simulation) -> str | None:
+    """What of a simulation does not fit together."""
+    motion = simulation.trajectory
+    columns = (simulation.normal.shape[1], simulation.tangential.shape[1])
+    if columns != (len(motion.restitution), len(motion.friction)):
+        return "its forces are those of other contacts"
+    return None
+
+
+PHASES = Record(
+    dict,
+    {
+        "nodes": Numbers(kind=Whole(2)),
+        "t": Stored("N"),
+        "q": Stored("N", "nq"),
+        "p": Stored("N", "nq"),
+        "v": Stored("N", "nq"),
+        "u": Stored(None, "nu"),
+        "closed": Listed(Listed(Name())),
+        "rubbing": Listed(Mapped(SIGN, names=Name())),
+        "normal": Stored(None),
+        "tangential": Stored(None),
+    },
+    _wrong_phases,
+)
+MOTION = Record(TRAJECTORY.make, {**TRAJECTORY.fields, "phases": Together()}, TRAJECTORY.wrong)
+STRETCH = Record(
+    Stretch,
+    {
+        "name": Name(),
+        "begin": Number(),
+        "end": Number(),
+        "friction": Either(Nothing(), SIGN),
+    },
+)
+# One line for each field; n recorded nodes.
+SIMULATION = Record(
+    Simulation,
+    {
+        "t": Stored("n"),
+        "q": Stored("n", "nq"),
+        "p": Stored("n", "nq"),
+        "v": Stored("n", "nq"),
+        "energy": Stored("n"),
+        "collisions": Listed(COLLISION),
+        "contacts": Listed(STRETCH),
+        "rubbing": Listed(STRETCH),
+        "normal": Stored("n", None),
+        "tangential": Stored("n", None),
+        "trajectory": MOTION,
+        "notes": Listed(Text()),
+    },
+    _wrong,
+)
+FILE = ResultFile(
+    "simulation",
+    SIMULATION,
+    "simulation_format",
+    3,
+    "file of a simulation",
+    "simulate again",
+    "Simulation.save",
+    foreign={
+        "solution": "the file of a solution: read it with dmoc.Solution.load, or give one that "
+        "Simulation.save has written"
+    },
+    excess=lambda simulation, _: (
+        f"the simulation has {len(simulation.collisions)} collisions, more than a file holds: "
+        "write it with to_csv."
+    ),
+)

@@ -1,0 +1,424 @@
+"""The solution of a problem: motion, status, cost, multipliers, timings; saved as one .npz file
+without pickle."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dmoc.base.arguments import path as path_of
+from dmoc.base.arguments import place, shown, text
+from dmoc.base.errors import DmocError, ModelError, SolutionFileError
+from dmoc.base.files import write_whole
+from dmoc.base.table import Shown, Table
+from dmoc.codegen.kernels import Kernels
+from dmoc.motion.trajectory import (
+    FRICTION_WORDS,
+    Array,
+    Collision,
+    Phase,
+    Trajectory,
+    largest_forces,
+)
+from dmoc.program.active_constraints import ActiveBound
+from dmoc.results.proposal import Proposal
+from dmoc.results.shared import Moving
+from dmoc.results.solution_table import table_of
+from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
+
+if TYPE_CHECKING:
+    from dmoc.check.check import Verification
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """One mesh of a refinement.
+
+    Attributes
+    ----------
+    steps : tuple of int
+        Steps of each phase.
+    cost : float
+    iterations : int
+        Up to here.
+    estimate : float
+        Estimated error: the largest relative change of cost, durations and positions against the
+        mesh before, extrapolated; infinite for the first mesh.
+    simulated : float or None
+        Largest relative error over a tenth of a phase, by the independent simulation; None where it
+        was not asked for.
+    difference : float or None
+        Difference to the finest mesh, measured like the change; None for the finest.  An honest
+        estimate is of its size.
+    """
+
+    steps: tuple[int, ...]
+    cost: float
+    iterations: int
+    estimate: float
+    simulated: float | None
+    difference: float | None = None
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A local minimum that was found beside the answer.
+
+    Attributes
+    ----------
+    cost : float
+    found : int
+        How many starts have led to it.
+    status : Status or None
+        Of its solution on the mesh of ``steps``, "solved" where the check confirmed it; None where
+        it is known from the coarse mesh only.
+    steps : tuple of int
+        Steps of each phase.
+    """
+
+    cost: float
+    found: int
+    status: Status | None
+    steps: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Solution(Shown, Moving):
+    """Result of :func:`dmoc.solve`.
+
+    Attributes
+    ----------
+    status : Status
+        "solved", "grazes" (solved, but a collision has no effect), "not_verified", "stationary",
+        "infeasible", "iteration_limit", "time_limit", "stalled" or "interrupted": a text and a
+        :class:`~dmoc.solvers.outcome.Status`.
+    message : str
+        What happened, and what helps.
+    method : str
+    cost : float
+        J, the sum of the discrete costs C_d.
+    trajectory : Trajectory
+        Phases (t, q, p, v, u) and collisions (surface, time, impulse, momenta before and after).
+    multipliers : mapping of str to array
+        By kind of constraint, in L = J + y . c - w . d - z . x; those of the unknowns' bounds, z,
+        as "bounds".
+    active_bounds : tuple of ActiveBound
+        Bounds and inequalities that hold with equality and carry a multiplier: texts that know what
+        they say, see :class:`~dmoc.program.active_constraints.ActiveBound`.
+    max_violation : float
+        Largest violation of any constraint or bound, relative to its size.
+    optimality : float
+        Residual of the optimality conditions, relative to the cost.
+    iterations : int
+    seconds : mapping of str to float
+        Times of build, guess, solve and verification.
+    unknowns : array
+        The vector of unknowns, from which another solve can start.
+    conflicts : tuple of str
+        Where no feasible point was found: what is missed and by how much, and what stands against
+        it.
+    verification : Verification or None
+        Result of the independent check.
+    reference : str
+        How the model was named: a shipped model or ``file.py:name``.
+    error_estimate : float or None
+        Where a tolerance was given: the larger of the estimated relative error of the mesh and of
+        the simulated error.
+    meshes : tuple of Mesh
+        The meshes of the refinement.
+    duality_gap : float
+        Sum of the products of inequalities and bounds with their multipliers: what the cost may
+        still lose to the solver's tolerance.
+    starts : int
+        How many starts were tried on a coarse mesh; 0 where the solve began from a guess alone.
+    found : int
+        How many of them have led to this minimum.
+    others : tuple of Minimum
+        The other minima that they have led to, the cheapest first.
+    proposal : Proposal or None
+        A sequence that may cost less, where contacts stay at the edges of their modes: at rest
+        where they should slide, at the limit of their friction, or closed without a force.
+    scale : mapping of str to float
+        Sizes of the time, the cost, states, inputs and gaps that the solver worked with, read off
+        the start.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.models.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> solution = dmoc.solve(problem.but(sequence=["east"]), "ipm", starts=1)
+    >>> solution.status, round(solution.cost, 3), solution.collisions[0].word
+    (<Status.SOLVED: 'solved'>, 2.815, 'east')
+    >>> solution.phases[0].q.shape, solution.phases[1].u.shape
+    ((41, 2), (40, 2))
+    >>> solution.verification.passed
+    True
+    >>> path = solution.save("puck.npz")
+    >>> dmoc.Solution.load(path).cost == solution.cost
+    True
+    """
+
+    status: Status
+    message: str
+    method: str
+    cost: float
+    trajectory: Trajectory
+    multipliers: Mapping[str, Array]
+    active_bounds: tuple[ActiveBound, ...]
+    max_violation: float
+    optimality: float
+    iterations: int
+    seconds: Mapping[str, float]
+    unknowns: Array
+    conflicts: tuple[str, ...] = ()
+    verification: Verification | None = None
+    reference: str = ""
+    error_estimate: float | None = None
+    meshes: tuple[Mesh, ...] = ()
+    duality_gap: float = 0.0
+    scale: Mapping[str, float] = field(default_factory=dict)
+    starts: int = 0
+    found: int = 0
+    others: tuple[Minimum, ...] = ()
+    proposal: Proposal | None = None
+    kernels: Kernels | None = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        head = f"{self.status}, cost {self.cost:.7g}, final time {self.final_time:.6g} s"
+        events = "".join(f"; {collision}" for collision in self.collisions)
+        return f"<Solution of {self.trajectory.model}: {head}{events}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        return table_of(self)
+
+    @property
+    def solved(self) -> bool:
+        """Whether the solver converged and the check confirmed it."""
+        return self.status == Status.SOLVED
+
+    @property
+    def minimum(self) -> bool:
+        """Whether a local minimum was found, in which a collision may have no effect, and the
+        check confirmed it."""
+        return self.status in MINIMA
+
+    @property
+    def converged(self) -> bool:
+        """Whether the solver came to a local minimum, whatever the check made of it."""
+        return self.status in CONVERGED
+
+    @property
+    def phases(self) -> tuple[Phase, ...]:
+        return self.trajectory.phases
+
+    @property
+    def steps(self) -> tuple[int, ...]:
+        """Steps of each phase."""
+        return tuple(p.steps for p in self.phases)
+
+    @property
+    def collisions(self) -> tuple[Collision, ...]:
+        return self.trajectory.collisions
+
+    def verify(self, kernels: Kernels | None = None, seconds: float | None = None) -> Verification:
+        """Check the motion by an independent simulation, within a time limit if one is given; see
+        :func:`dmoc.verify`.
+
+        Raises
+        ------
+        ModelError
+            If the solution comes from a file, names a model that is not shipped, and no kernels are
+            given.
+        SolutionFileError
+            If the solution names other states, parameters or surfaces than its model.
+        """
+        from dmoc.check.check import verify
+
+        kernels = kernels_for(self, kernels, ModelError)
+        _check_names(self.trajectory, kernels)
+        return verify(self.trajectory, kernels, seconds)
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write problem, result, minima, check and figure on one page for somebody else: .html,
+        which needs no network and is light or dark, or .pdf.
+
+        Raises
+        ------
+        OutputError
+            If the ending is another one, or the file cannot be written.
+        MissingExtraError
+            If Matplotlib is not installed.
+        """
+        from dmoc.results.solution_report import report
+
+        target = path_of(path)
+        report(self, target)
+        return target
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the summary that the command line prints as JSON."""
+        return {
+            "model": self.trajectory.model,
+            "method": self.method,
+            "status": str(self.status),
+            "message": self.message,
+            "cost": self.cost,
+            "final_time": self.final_time,
+            "active_bounds": list(map(str, self.active_bounds)),
+            "phases": [
+                {
+                    "steps": p.steps,
+                    "step_size": p.step_size,
+                    "duration": p.duration,
+                    "mode": p.mode,
+                }
+                for p in self.phases
+            ],
+            "collisions": [
+                {
+                    "event": c.word,
+                    "surface": c.surface or None,
+                    "time": c.time,
+                    "impulse": c.impulse,
+                    "position": c.position.tolist(),
+                    "momentum_before": c.momentum_before.tolist(),
+                    "momentum_after": c.momentum_after.tolist(),
+                    "rate_before": c.rate_before,
+                    "rate_after": c.rate_after,
+                    "grazes": c.grazes,
+                    "lands": list(c.lands),
+                    "leaves": list(c.leaves),
+                    "friction": {name: FRICTION_WORDS[s] for name, s in c.friction.items()},
+                    "impulses": dict(c.impulses),
+                    "tractions": dict(c.tractions),
+                    "course": c.course,
+                }
+                for c in self.collisions
+            ],
+            "largest_forces": [asdict(force) for force in largest_forces(self.trajectory)],
+            "max_violation": self.max_violation,
+            "optimality": self.optimality,
+            "iterations": self.iterations,
+            "seconds": dict(self.seconds),
+            "verification": None if self.verification is None else self.verification.to_dict(),
+            "conflicts": list(self.conflicts),
+            "scale": dict(self.scale),
+            "starts": self.starts,
+            "found": self.found,
+            "others": [asdict(m) for m in self.others],
+            "proposal": None if self.proposal is None else asdict(self.proposal),
+        } | self._refinement()
+
+    def _refinement(self) -> dict[str, Any]:
+        """What a tolerance adds to the summary."""
+        if not self.meshes:
+            return {}
+        return {"error_estimate": self.error_estimate, "meshes": [asdict(m) for m in self.meshes]}
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the solution to an .npz file.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written; an existing file is then left as it was.
+        """
+        return write_whole(path, self.to_bytes())
+
+    def to_bytes(self) -> bytes:
+        """Return the content of an .npz file."""
+        from dmoc.results.result_file import content_of
+        from dmoc.results.solution_file import FILE
+
+        return content_of(FILE, self)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Solution:
+        """Read a solution from an .npz file.
+
+        Raises
+        ------
+        SolutionFileError
+            If the file is missing, damaged, too large, or no solution file.
+        """
+        from dmoc.results.result_file import load
+        from dmoc.results.solution_file import FILE
+
+        solution: Solution = load(FILE, path)
+        return solution
+
+    @classmethod
+    def from_bytes(cls, content: bytes, name: str = "the data") -> Solution:
+        """Read a solution from the content of an .npz file; ``name`` is what errors call it."""
+        from dmoc.results.result_file import result_in
+        from dmoc.results.solution_file import FILE
+
+        text(name, "name", SolutionFileError)
+        if not isinstance(content, bytes):
+            raise SolutionFileError(
+                f"content = {shown(content)}: expected the bytes of a solution file."
+            )
+        solution: Solution = result_in(FILE, content, place(name))
+        return solution
+
+
+def kernels_of_file(solution: Solution) -> Kernels:
+    """The kernels of a solution: its own, or, where it comes from a file, those of a shipped
+    model.
+
+    Raises
+    ------
+    ModelError
+        If the file names a model that is not shipped.
+    """
+    if solution.kernels is not None:
+        return solution.kernels
+    from dmoc.models.registry import load_for_file
+
+    return load_for_file(solution.reference or solution.trajectory.model, solution.trajectory.order)
+
+
+def kernels_for(solution: Solution, given: Any, error: type[DmocError]) -> Kernels:
+    """The kernels that are given with a solution, or its own."""
+    if given is None:
+        return kernels_of_file(solution)
+    if not isinstance(given, Kernels):
+        raise error(
+            f"the model of the solution = {shown(given)}: expected kernels from dmoc.build(system) "
+            "or dmoc.load(name)."
+        )
+    return given
+
+
+def check_same_model(solution: Solution, kernels: Kernels) -> None:
+    """Raise SolutionFileError unless the kernels are those of the solution's model."""
+    wanted, given = solution.trajectory.fingerprint, kernels.manifest["fingerprint"]
+    if wanted != given:
+        raise SolutionFileError(
+            f"the solution was made for another version of model {solution.trajectory.model!r} "
+            f"than {kernels.name!r} as it is now: solve again, or give the model it was made for."
+        )
+
+
+def _check_names(motion: Trajectory, kernels: Kernels) -> None:
+    """Refuse a motion of the model of some kernels that has other names than the model."""
+    if motion.fingerprint != kernels.manifest["fingerprint"]:
+        return  # the check of a motion says so
+    for what, given, expected in (
+        ("coordinates", motion.coordinates, kernels.coordinates),
+        ("inputs", motion.inputs, kernels.inputs),
+        ("parameters", motion.parameters, kernels.parameters),
+        ("surfaces", motion.restitution, kernels.surfaces),
+    ):
+        if list(given) != list(expected):
+            raise SolutionFileError(
+                f"the solution has the {what} {', '.join(given) or 'none'}, its model "
+                f"{kernels.name!r} {', '.join(expected) or 'none'}: the file is damaged, solve "
+                "again."
+            )

@@ -1,0 +1,330 @@
+"""What a solution file holds, field by field."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dmoc.base.discretisation import DISCRETISATIONS, FORMS, ORDERS
+from dmoc.check.verdict import Verification
+from dmoc.motion.scene import COLUMNS, Scene, Shape, wrong_scene
+from dmoc.motion.trajectory import COURSES, Collision, Phase, Trajectory
+from dmoc.program.active_constraints import ActiveBound
+from dmoc.results.proposal import CONTACT_STATES, Proposal, Stay
+from dmoc.results.result_file import REMEDY, ResultFile
+from dmoc.results.schema import (
+    Choice,
+    Context,
+    Either,
+    Flag,
+    Listed,
+    Mapped,
+    Name,
+    Nothing,
+    Number,
+    Numbers,
+    Put,
+    Record,
+    Stored,
+    Text,
+    Whole,
+)
+from dmoc.results.solution import Mesh, Minimum, Solution
+from dmoc.simulation.flow import Contact
+from dmoc.solvers.outcome import Status
+
+FORMAT, OLDEST = 11, 6  # the format that is written, and the oldest that is read
+# What files of older formats lack, with the values there: of a solution, of its motion, of phases
+# and collisions.
+LACKING_BESIDE: Mapping[str, Any] = {"proposal": None}
+LACKING: Mapping[str, Any] = {"units": {}, "scene": None}
+LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
+    "phases": {"q_inside": [0, 0], "p_inside": [0, 0]},
+    "collisions": {"course": ""},
+}
+SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
+
+
+def _as_now(header: Any) -> Any:
+    """What a file of an older format says, in the format of now; everything else as it is."""
+    match header:
+        case {"format": int(version), "solution": {"trajectory": dict(motion)} as solution} if (
+            OLDEST <= version < FORMAT
+        ):
+            motion = {**LACKING, **motion}
+            for name, lacking in LACKING_INSIDE.items():
+                parts = motion.get(name)
+                if isinstance(parts, list) and all(isinstance(part, dict) for part in parts):
+                    motion[name] = [{**lacking, **part} for part in parts]
+            check = _check_as_now(solution.get("verification"))
+            now = {**LACKING_BESIDE, **solution, "trajectory": motion, "verification": check}
+            return {**header, "format": FORMAT, "solution": now}
+    return header
+
+
+def _check_as_now(check: Any) -> Any:
+    """The check in an older file, which has the largest of the segments alone and no contacts."""
+    match check:
+        case {"max_segment_defect": worst, **rest}:
+            check = {**rest, "segment_defects": [worst], "contacts": []}
+    return (
+        {"path_excess": "nan", "phase_error": "nan", **check} if isinstance(check, dict) else check
+    )
+
+
+@np.errstate(all="ignore")
+def _wrong_motion(motion: Trajectory) -> str | None:
+    """What of a motion does not fit together."""
+    if not motion.coordinates:
+        return "the motion has no coordinate"
+    if len(motion.collisions) != len(motion.phases) - 1:
+        return f"the motion has {len(motion.phases)} phases and {len(motion.collisions)} collisions"
+    for bounds in (motion.input_bounds, motion.coordinate_bounds):
+        if not (bounds[:, 0] <= bounds[:, 1]).all():
+            return "the motion has a lower bound above the upper one"
+    for i, phase in enumerate(motion.phases):
+        if len(phase.t) < 2 or not (np.diff(phase.t) > 0).all():
+            return f"the times of phase {i} do not increase"
+        if len(phase.u) != len(motion.input_times(phase)):
+            return f"phase {i} has {len(phase.u)} rows of inputs for {phase.steps} steps"
+        nodes = (DISCRETISATIONS[motion.order].inside * phase.steps, len(motion.coordinates))
+        for inside in (phase.q_inside, phase.p_inside):
+            if inside.size and inside.shape != nodes:
+                return f"phase {i} has {len(inside)} nodes inside {phase.steps} steps"
+    if motion.scene is not None and len(motion.scene.times) != len(motion.phases):
+        return f"the motion has {len(motion.phases)} phases, its scene {len(motion.scene.times)}"
+    return _wrong_joints(motion)
+
+
+def _wrong_joints(motion: Trajectory) -> str | None:
+    """Where the phases of a motion and its collisions do not meet in time."""
+    near = SAME_TIME * motion.final_time
+    ends = [0.0, *(float(phase.t[-1]) for phase in motion.phases)]
+    for i, (phase, end) in enumerate(zip(motion.phases, ends, strict=False)):
+        if not abs(phase.t[0] - end) <= near:
+            return f"phase {i} does not begin where the time before it ends"
+    for collision, end in zip(motion.collisions, ends[1:], strict=False):
+        if collision.surface and collision.surface not in motion.restitution:
+            return f"surface {collision.surface!r} has no coefficient of restitution"
+        if not abs(collision.time - end) <= near:
+            return f"the event {collision.word!r} is not where its phase ends"
+    return None
+
+
+def _wrong_solution(solution: Solution) -> str | None:
+    """What of a solution does not fit together."""
+    numbers = [solution.cost, solution.max_violation, solution.optimality]
+    values = np.concatenate([numbers, *(a.ravel() for a in solution.multipliers.values())])
+    if solution.converged and not np.isfinite(values).all():
+        return (
+            f"the status is '{solution.status}', and a cost, residual or multiplier is not finite"
+        )
+    return None
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A bound that is active, as the text that it is."""
+
+    def write(self, value: Any, where: str, put: Put) -> str:
+        return Text().write(value, where, put)
+
+    def read(self, given: Any, where: str, context: Context) -> ActiveBound:
+        return ActiveBound.read(Text().read(given, where, context))
+
+
+SIGN = Choice((-1, 0, 1))  # of friction
+
+
+def _wrong_contacts(phase: Phase) -> str | None:
+    """What of the contacts of a phase does not fit together."""
+    for names, forces in ((phase.closed, phase.normal), (phase.rubbing, phase.tangential)):
+        if forces.shape not in {(len(phase.t), len(names))} | ({(0, 0)} if not names else set()):
+            return f"a phase has forces of shape {forces.shape} for {len(names)} contacts"
+    return None
+
+
+# One line for each field; N nodes, nq coordinates, nu inputs.
+PHASE = Record(
+    Phase,
+    {
+        "t": Stored("N"),
+        "q": Stored("N", "nq"),
+        "p": Stored("N", "nq"),
+        "v": Stored("N", "nq"),
+        "u": Stored(None, "nu"),
+        "closed": Listed(Name()),
+        "rubbing": Mapped(SIGN, names=Name()),
+        "normal": Stored(None, None),
+        "tangential": Stored(None, None),
+        "q_inside": Stored(None, None),
+        "p_inside": Stored(None, None),
+    },
+    _wrong_contacts,
+)
+COLLISION = Record(
+    Collision,
+    {
+        "surface": Either(Choice(("",)), Name()),
+        "time": Number(),
+        "position": Numbers("nq"),
+        "impulse": Number(),
+        "momentum_before": Numbers("nq"),
+        "momentum_after": Numbers("nq"),
+        "rate_before": Number(),
+        "rate_after": Number(),
+        "grazes": Flag(),
+        "lands": Listed(Name()),
+        "leaves": Listed(Name()),
+        "friction": Mapped(SIGN, names=Name()),
+        "impulses": Mapped(Number(), names=Name()),
+        "tractions": Mapped(Number(), names=Name()),
+        "course": Choice(COURSES),
+    },
+)
+SHAPE = Record(
+    Shape,
+    {
+        "kind": Choice(tuple(COLUMNS)),
+        "name": Either(Choice(("",)), Name()),
+        "start": Whole(),
+        "size": Whole(2),
+    },
+)
+SCENE = Record(
+    Scene,
+    {
+        "shapes": Listed(SHAPE),
+        "times": Listed(Stored(None)),
+        "values": Listed(Stored(None, "columns")),
+    },
+    wrong_scene,
+)
+TRAJECTORY = Record(
+    Trajectory,
+    {
+        "model": Name(),
+        "fingerprint": Text(),
+        "coordinates": Listed(Name(), "nq"),
+        "inputs": Listed(Name(), "nu"),
+        "parameters": Mapped(Number(), names=Name()),
+        "phases": Listed(PHASE),
+        "collisions": Listed(COLLISION),
+        "controls": Choice(tuple(FORMS)),
+        "input_bounds": Stored("nu", 2, special=True),
+        "coordinate_bounds": Stored("nq", 2, special=True),
+        "restitution": Mapped(Number(0.0, 1.0), names=Name()),
+        "order": Choice(ORDERS),
+        "ignored": Listed(Name()),
+        "friction": Mapped(Number(0.0), names=Name()),
+        "units": Mapped(Text(), names=Name()),
+        "scene": Either(Nothing(), SCENE),
+    },
+    _wrong_motion,
+)
+MESH = Record(
+    Mesh,
+    {
+        "steps": Listed(Whole(1)),
+        "cost": Number(),
+        "iterations": Whole(),
+        "estimate": Number(special=True),
+        "simulated": Either(Nothing(), Number(special=True)),
+        "difference": Either(Nothing(), Number(special=True)),
+    },
+)
+MINIMUM = Record(
+    Minimum,
+    {
+        "cost": Number(),
+        "found": Whole(),
+        "status": Either(Nothing(), Choice(tuple(Status))),
+        "steps": Listed(Whole(1)),
+    },
+)
+CONTACT = Record(Contact, {"surface": Name(), "time": Number(), "jump": Number(special=True)})
+PROPOSAL = Record(
+    Proposal,
+    {
+        "stays": Listed(
+            Record(
+                Stay,
+                {
+                    "phase": Whole(),
+                    "contact": Name(),
+                    "begin": Number(),
+                    "end": Number(),
+                    "mode": Choice(CONTACT_STATES),
+                    "cheaper": Choice(CONTACT_STATES),
+                },
+            )
+        ),
+        "sequence": Listed(Text()),
+        "times": Listed(Number()),
+        "contacts": Either(Nothing(), Listed(Text())),
+    },
+)
+VERIFICATION = Record(
+    Verification,
+    {
+        "passed": Flag(),
+        "message": Text(),
+        "terminal_error": Number(special=True),
+        "amplification": Number(special=True),
+        "max_defect": Number(special=True),
+        "segment_defects": Numbers(kind=Number(special=True)),
+        "energy_error": Number(special=True),
+        "impact_error": Number(special=True),
+        "missed_contacts": Listed(Text()),
+        "extra_contacts": Listed(Text()),
+        "penetration": Number(special=True),
+        "limit_excess": Number(special=True),
+        "contacts": Listed(CONTACT),
+        "force_error": Number(special=True),
+        "path_excess": Number(special=True),
+        "phase_error": Number(special=True),
+    },
+)
+SOLUTION = Record(
+    Solution,
+    {
+        "status": Choice(tuple(Status)),
+        "message": Text(),
+        "method": Name(),
+        "cost": Number(special=True),
+        "trajectory": TRAJECTORY,
+        "multipliers": Mapped(Stored(special=True)),
+        "active_bounds": Listed(Bound()),
+        "max_violation": Number(special=True),
+        "optimality": Number(special=True),
+        "iterations": Whole(),
+        "seconds": Mapped(Number()),
+        "unknowns": Stored(None),
+        "conflicts": Listed(Text()),
+        "verification": Either(Nothing(), VERIFICATION),
+        "reference": Text(),
+        "error_estimate": Either(Nothing(), Number(special=True)),
+        "meshes": Listed(MESH),
+        "duality_gap": Number(special=True),
+        "scale": Mapped(Number()),
+        "starts": Whole(),
+        "found": Whole(),
+        "others": Listed(MINIMUM),
+        "proposal": Either(Nothing(), PROPOSAL),
+    },
+    _wrong_solution,
+)
+FILE = ResultFile(
+    "solution",
+    SOLUTION,
+    "format",
+    FORMAT,
+    "solution file",
+    "solve the problem again",
+    "`dmoc solve --out`",
+    foreign={"simulation_format": f"the file of a simulation: {REMEDY}"},
+    as_now=_as_now,
+)

@@ -1,0 +1,200 @@
+"""A solution on one page for somebody else: the problem, the result, the minima found, the check,
+and the figure; as HTML that needs no network, or as PDF."""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.base.arguments import place
+from dmoc.base.errors import OutputError
+from dmoc.base.html import page, picture, section
+from dmoc.base.table import Cell, Table, html_of, plain
+from dmoc.motion.trajectory import Array, Trajectory, impulses_told
+from dmoc.report.canvas import new_figure
+from dmoc.results.solution_table import table_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from dmoc.results.solution import Solution
+
+ENDINGS = (".html", ".pdf")
+# A4 in inches, its margin, the size of text in points, the lines of a page and the characters of
+# a line.
+PAPER, MARGIN, TEXT = (8.27, 11.69), 0.8, 8.5
+LINES, CHARACTERS = 74, 92
+DOTS = 150  # of pictures, to the inch
+
+
+def report(solution: Solution, path: Path) -> None:
+    """What :meth:`dmoc.Solution.report` writes, as bytes for its ending."""
+    from dmoc.base.files import write_whole
+
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise OutputError(f"{place(path)} has no known format: end it in .html or .pdf.")
+    made = _html(solution) if ending == ".html" else _pdf(solution)
+    write_whole(path, made)
+
+
+def title_of(solution: Solution) -> str:
+    """What the report is called."""
+    return f"{solution.trajectory.model}: {solution.status}, cost {solution.cost:.7g}"
+
+
+def tables(solution: Solution) -> Iterator[Table]:
+    """The parts of a report in words, each with its title."""
+    yield Table(tuple(_stated(solution.trajectory)), title="Problem")
+    yield Table(table_of(solution).rows, title="Result")
+    if solution.starts:
+        yield Table(
+            tuple(_found(solution)),
+            ("cost", "starts", "status", "steps"),
+            (_explored(solution),),
+            "Minima found",
+        )
+    if solution.verification:
+        yield Table(tuple(_verified(solution)), title="Check by an independent simulation")
+
+
+def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
+    """What of the problem the motion knows."""
+    sequence = ", ".join(c.word for c in motion.collisions)
+    yield "model", motion.model
+    yield "sequence", sequence or "no collision"
+    for when, q, v in (
+        ("start", motion.phases[0].q[0], motion.phases[0].v[0]),
+        ("end", motion.phases[-1].q[-1], motion.phases[-1].v[-1]),
+    ):
+        yield when, _state(motion, q, v)
+    yield "parameters", ", ".join(f"{name} = {x:g}" for name, x in motion.parameters.items())
+    bounds = [
+        *zip(motion.inputs, motion.input_bounds, strict=True),
+        *zip(motion.coordinates, motion.coordinate_bounds, strict=True),
+    ]
+    told = [f"{name}: {b[0]:g} to {b[1]:g}" for name, b in bounds if np.isfinite(b).any()]
+    yield "bounds", ", ".join(told) or "none"
+    restitution = ", ".join(f"{name} {e:g}" for name, e in motion.restitution.items())
+    yield "restitution", restitution or "no surfaces"
+    if motion.friction:
+        yield "friction", ", ".join(f"{name} {x:g}" for name, x in motion.friction.items())
+    if motion.ignored:
+        yield "ignored", ", ".join(motion.ignored)
+    steps = " + ".join(str(phase.steps) for phase in motion.phases)
+    yield "mesh", f"{steps} steps, order {motion.order}, {motion.controls} inputs"
+
+
+def _state(motion: Trajectory, q: Array, v: Array) -> str:
+    pairs = chain.from_iterable(
+        (f"{name} = {a + 0.0:.5g}", f"{name}_dot = {b + 0.0:.5g}")
+        for name, a, b in zip(motion.coordinates, _clean(q), _clean(v), strict=True)
+    )
+    return ", ".join(pairs)
+
+
+def _clean(values: Array) -> Array:
+    """Values without what rounding errors leave of zeros."""
+    return np.where(np.abs(values) < 1e-12, 0.0, values)
+
+
+def _found(s: Solution) -> Iterator[tuple[Cell, ...]]:
+    steps = "+".join(str(phase.steps) for phase in s.phases)
+    yield f"{s.cost:.7g}", str(s.found), f"{s.status}, this one", steps
+    for other in s.others:
+        known = "coarse mesh only" if other.status is None else str(other.status)
+        yield f"{other.cost:.7g}", str(other.found), known, "+".join(map(str, other.steps))
+
+
+def _explored(s: Solution) -> str:
+    return (
+        f"{s.starts} starts on a coarse mesh. Minima are local: none of these starts led to a "
+        "better one."
+    )
+
+
+def _verified(s: Solution) -> Iterator[tuple[Cell, ...]]:
+    for name, value in s.verification.to_dict().items() if s.verification else ():
+        told = ", ".join(map(str, value)) or "none" if isinstance(value, (list, tuple)) else value
+        if isinstance(value, bool):
+            told = "yes" if value else "no"
+        elif isinstance(value, float):
+            told = f"{value:.3g}"
+        if told != "":
+            yield name.replace("_", " "), str(told)
+
+
+def _caption(s: Solution) -> str:
+    events = "; ".join(f"{c.word} at {c.time:.4g} s{impulses_told(c)}" for c in s.collisions)
+    return f"The motion over time. {events}" if events else "The motion over time."
+
+
+def _html(solution: Solution) -> bytes:
+    pictures = []
+    for style in ("light", "dark"):
+        stream = io.BytesIO()
+        solution.plot(style=style).savefig(stream, dpi=DOTS, format="png")
+        pictures.append(stream.getvalue())
+    parts = [
+        section(part.title, html_of(Table(part.rows, part.head, part.notes)))
+        for part in tables(solution)
+    ]
+    parts.insert(2, section("Figure", picture(pictures[0], pictures[1], _caption(solution))))
+    return page(title_of(solution), "".join(parts)).encode()
+
+
+def _pdf(solution: Solution) -> bytes:
+    """Pages of text, and the figure on a page of its own."""
+    figure = solution.plot()
+    # Before the figures: where Matplotlib is missing, they say so.
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    stream = io.BytesIO()
+    lines = list(_lines(solution))
+    with PdfPages(stream, metadata={"Title": title_of(solution), "CreationDate": None}) as pages:
+        for first in range(0, len(lines), LINES):
+            pages.savefig(_printed(lines[first : first + LINES]))
+        pages.savefig(figure)
+    return stream.getvalue()
+
+
+def _lines(solution: Solution) -> Iterator[tuple[str, bool]]:
+    """Lines of text, and whether they are headings."""
+    yield title_of(solution), True
+    for part in tables(solution):
+        yield "", False
+        yield part.title, True
+        rows = [part.head, *part.rows] if part.head else list(part.rows)
+        widths = [max(len(plain(row[k])) for row in rows) + 2 for k in range(len(rows[0]) - 1)]
+        for row in rows:
+            first = "".join(plain(c).ljust(w) for c, w in zip(row, widths, strict=False))
+            room = max(CHARACTERS - len(first), 20)
+            for k, piece in enumerate(textwrap.wrap(plain(row[-1]), room) or [""]):
+                yield (first if not k else " " * len(first)) + piece, False
+        for note in part.notes:
+            for piece in textwrap.wrap(note, CHARACTERS):
+                yield piece, False
+
+
+def _printed(lines: list[tuple[str, bool]]) -> Figure:
+    """A page of text."""
+    figure = new_figure(*PAPER)
+    width, height = PAPER
+    for k, (line, heading) in enumerate(lines):
+        figure.text(
+            MARGIN / width,
+            1 - (MARGIN + k * (height - 2 * MARGIN) / LINES) / height,
+            line,
+            size=TEXT + 2 * heading,
+            family="sans-serif" if heading else "monospace",
+            weight="bold" if heading else "normal",
+            va="top",
+            parse_math=False,
+        )
+    return figure

@@ -1,0 +1,349 @@
+"""The inner problem: one sequence, several starts, a verdict with evidence.  Runs in any process.
+
+Every sequence is solved with the law of impact in the rates of the gaps
+(:mod:`dmoc.program.laws.impact`). In the energies of the steps beside a collision, phases of very
+different lengths, which sequences of many collisions have, come out with rates that no simulation
+confirms, if they come out at all.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dmoc.codegen.kernels import COMPILED, Array
+from dmoc.guess.automatic import initial_guesses
+from dmoc.guess.contacts import in_contact
+from dmoc.guess.tracking import reflected
+from dmoc.guess.transfer import equally_long, pieces_of, unknowns_along
+from dmoc.problem.problem import MOST_STEPS, Problem
+from dmoc.problem.surfaces import onto_surface
+from dmoc.program.active_constraints import BoundKind
+from dmoc.program.scaling import scale_of
+from dmoc.results.solution import Solution
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.solvers.diagnosis import Diagnosis, diagnose
+from dmoc.solvers.judge import INFEASIBLE
+from dmoc.solvers.outcome import Options, Status
+from dmoc.solving.attempts import seconds_until
+from dmoc.solving.checked_solution import without_effect
+from dmoc.solving.mesh.one_mesh import on_mesh_of, solved_on_mesh
+from dmoc.solving.methods import METHODS
+from dmoc.solving.mode_edges import restated
+from dmoc.solving.multistart.exploration import Effort, Exploration, Start, coarse_of, explored
+from dmoc.solving.request import Request
+from dmoc.solving.starts import Given
+
+# Automatic guesses beside the parent's motion, and minima that are refined at most.  Random starts
+# are tried where none of these has led to a minimum: on the seed's 127 sequences of at most 6
+# collisions four of them, or a second guess, led to none that is better.
+GUESSES, MOST_REFINED = 1, 3
+# Iterations of a start.
+ITERATIONS = 300
+# What the simulation has found must fall to this share from mesh to mesh, or finer ones are not
+# tried: half is what an error of the first order does.
+FALLING = 0.7
+
+
+@dataclass(frozen=True)
+class Task:
+    """One sequence to be solved: the problem, the parent's motion, further starts, method, limit
+    in seconds, a motion that proposes it; or a node that is doubtful, to be looked at on meshes so
+    many times finer."""
+
+    problem: Problem
+    parent: Solution | None
+    method: str
+    starts: int
+    seed: int
+    seconds: float | None
+    attempts: int = 1
+    proposer: Solution | None = None
+    doubtful: Node | None = None
+    finer: tuple[int, ...] = ()
+
+    @property
+    def sequence(self) -> tuple[str, ...]:
+        return tuple(self.problem.sequence)
+
+
+def solve_node(task: Task) -> Node:
+    """Solve from every start; return the node with its verdict.  An error is an answer too: the
+    search goes on."""
+    try:
+        return _solve(task)
+    except Exception as error:
+        return lost(task, f"{type(error).__name__}: {error}")
+
+
+def lost(task: Task, why: str) -> Node:
+    """A node without an answer."""
+    return Node(task.sequence, Verdict.FAILED, evidence=(why,), attempts=task.attempts)
+
+
+def _solve(task: Task) -> Node:
+    begin = time.perf_counter()
+    if task.doubtful is not None:
+        node = _on_finer_meshes(task, task.doubtful)
+        return replace(node, seconds=node.seconds + time.perf_counter() - begin)
+    compiled = task.problem.kernels.backend == COMPILED
+    node = _explored(task) if compiled else _from_parent(task)
+    return replace(node, attempts=task.attempts, seconds=time.perf_counter() - begin)
+
+
+def _from_parent(task: Task) -> Node:
+    """Solve from the parent's motion, else from the automatic guesses, by a method that needs no
+    compiled kernels."""
+    starts: list[Start] = []
+    deadline = _deadline(task)
+    given: list[tuple[str, Array | None]] = [("automatic", None)]
+    if task.parent is not None:
+        given.insert(0, ("parent", extended(task.parent, task.problem)))
+    if task.proposer is not None:
+        given.insert(0, ("proposal", restated(task.problem, task.proposer)))
+    for name, x in given:
+        s = _solved(task.problem, task.method, x, deadline)
+        starts.append(Start(name, s.status, s.cost if s.converged else None))
+        if s.converged:
+            return replace(_node(task, [s]), starts=tuple(starts))
+        if time.perf_counter() > deadline:
+            return _late(task, starts)
+    evidence = (f"no start came to an answer ({_told(starts)})",)
+    return Node(task.sequence, Verdict.FAILED, evidence=evidence, starts=tuple(starts))
+
+
+def _explored(task: Task) -> Node:
+    """Solve from the best of some starts on a coarse mesh, the parent's motion among them."""
+    begin, deadline = time.perf_counter(), _deadline(task)
+    coarse = coarse_of(task.problem)
+    points = {} if task.parent is None else {"parent": extended(task.parent, coarse)}
+    if task.proposer is not None:
+        points["proposal"] = restated(coarse, task.proposer)
+    effort = Effort(
+        0,
+        task.starts,
+        task.starts,
+        agreeing=0.0,
+        leading=0.0,
+        refined=1,
+        most_refined=MOST_REFINED,
+        settles=False,
+        widens=False,
+        iterations=ITERATIONS,
+        guesses=GUESSES,
+        by_rates=True,
+    )
+    options = Options(seconds=task.seconds)
+    with np.errstate(all="ignore"):
+        found = explored(task.problem, effort, task.seed, options, points=points)
+    solutions = list(found.ranked)
+    if not solutions:
+        # The starts have half of the time.
+        if task.seconds is not None and time.perf_counter() - begin > task.seconds / 2:
+            return _late(task, found.starts)
+        try:
+            rest = _without_minimum(task, coarse, found, deadline)
+        except _TimeIsUp:
+            return _late(task, found.starts)
+        if isinstance(rest, Node):
+            return rest
+        solutions = [rest]
+    if task.method != solutions[0].method or not on_mesh_of(task.problem, solutions[0]):
+        driven = _solved(task.problem, task.method, solutions[0], deadline)
+        solutions = [driven, *solutions[1:]] if driven.converged else solutions
+    minima = sorted({s.cost for s in solutions} | {m.cost for m in found.coarse})
+    return replace(_node(task, solutions), starts=found.starts, minima=tuple(minima))
+
+
+def _on_finer_meshes(task: Task, node: Node) -> Node:
+    """A node that the simulation contradicts, from its motion on finer meshes, until that is
+    confirmed or its errors do not fall any more."""
+    deadline, before, steps = _deadline(task), node.solution, task.problem.phase_steps
+    if before is None or before.verification is None:
+        return node
+    errors = before.verification.excess
+    for factor in task.finer:
+        mesh = task.problem.meshed([min(factor * n, MOST_STEPS) for n in steps])
+        fine = _solved(mesh, task.method, before, deadline)
+        on_it = f"with {factor} times the steps"
+        if not fine.converged or fine.verification is None:
+            return _doubted(node, f"{on_it} no motion was found: {fine.message}")
+        if fine.minimum:
+            known = (
+                f"with {max(steps)} steps a phase it costs {node.cost:.6g}, and {node.evidence[0]}"
+            )
+            confirmed = _node(task, [fine])
+            evidence = (f"{confirmed.evidence[0]}, {on_it}", known, *node.evidence[1:])
+            minima = tuple(sorted({fine.cost, *(c for c in node.minima if c != node.cost)}))
+            return replace(
+                confirmed, evidence=evidence, starts=node.starts, minima=minima,
+                attempts=node.attempts, seconds=node.seconds,
+            )  # fmt: skip
+        if fine.verification.excess > FALLING * errors:
+            return _doubted(node, f"{on_it} it is no better: {fine.message}")
+        before, errors = fine, fine.verification.excess
+    return _doubted(node, f"{on_it} it is better, and not yet confirmed: {before.message}")
+
+
+def _doubted(node: Node, why: str) -> Node:
+    return replace(node, evidence=(*node.evidence, why))
+
+
+class _TimeIsUp(Exception):  # noqa: N818 - it is an answer
+    """The limit of a node was reached."""
+
+
+def _deadline(task: Task) -> float:
+    """When a node that begins now is over its time, on the clock of ``time.perf_counter``."""
+    return np.inf if task.seconds is None else time.perf_counter() + task.seconds
+
+
+def _late(task: Task, starts: Sequence[Start]) -> Node:
+    """The node of a task that is over its time, which leaves some starts untried."""
+    return Node(
+        task.sequence,
+        Verdict.FAILED,
+        evidence=(f"the limit of {task.seconds:g} s was reached",),
+        starts=(*starts, Start("rest", Status.TIME_LIMIT, None)),
+    )
+
+
+def _solved(
+    problem: Problem, method: str, guess: Given, deadline: float, verify: bool = True
+) -> Solution:
+    """Solve until a deadline; Ctrl-C, which ends a solve with a status, ends the search too."""
+    options = Options(seconds=seconds_until(deadline))
+    request = Request(METHODS[method], options, verify=verify, by_rates=True)
+    s = solved_on_mesh(problem, guess, request)
+    if s.status == Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return s
+
+
+def _node(task: Task, solutions: Sequence[Solution]) -> Node:
+    """The node of the first of some minima, the best one."""
+    s = solutions[0]
+    evidence: tuple[str, ...]
+    if s.status is Status.NOT_VERIFIED:
+        verdict, evidence = Verdict.UNVERIFIED, (s.message,)
+    elif s.status is Status.GRAZES:
+        verdict = Verdict.GRAZES
+        evidence = (f"cost {s.cost:.6g}, and {without_effect(s.trajectory)}",)
+    else:
+        verdict, evidence = Verdict.FEASIBLE, (f"cost {s.cost:.6g}, confirmed by simulation",)
+    cheaper = [o for o in solutions[1:] if o.status is Status.NOT_VERIFIED and o.cost < s.cost]
+    if cheaper:
+        evidence += (
+            f"a motion of cost {cheaper[0].cost:.6g} was not confirmed: {cheaper[0].message}",
+        )
+    if s.proposal is not None:
+        evidence += (str(s.proposal),)
+    shortest = tuple(b for b in s.active_bounds if b.kind is BoundKind.DURATION and b.side == ">=")
+    return Node(
+        task.sequence,
+        verdict,
+        s.cost,
+        tuple(p.duration for p in s.phases),
+        evidence,
+        minima=(s.cost,),
+        shortest=shortest,
+        solution=replace(s, kernels=None),  # travels without the kernels, which the caller has
+    )
+
+
+def _told(starts: Sequence[Start]) -> str:
+    """How starts have ended, with their numbers."""
+    counts = Counter(str(s.status) for s in starts)
+    return ", ".join(f"{n} {status}" for status, n in counts.items())
+
+
+def extended(parent: Solution, problem: Problem) -> Array:
+    """Unknowns of a motion with one more event: the parent's last phase, bent to touch the surface
+    that is met where it comes closest to it, or cut in its middle where none is, and all phases
+    equally long, because where it is cut tells little about when the event shall be."""
+    event = problem.events[-1]
+    *earlier, last = pieces_of(parent.trajectory)
+    steps = len(last.t) - 1
+    k, q, rates = steps // 2, last.q, [last.v[: steps // 2 + 1], last.v[steps // 2 :]]
+    if event.surface:
+        j = problem.kernels.surfaces.index(event.surface)
+        gaps = problem.model.gaps(last.q, last.t)[:, j]
+        inner = slice(max(1, steps // 10), steps - max(1, steps // 10) + 1)
+        k = int(np.argmax(gaps[inner])) + inner.start
+        met = onto_surface(problem, last.q[k], event.surface, float(last.t[k]))
+        bend = np.zeros(problem.nq) if met is None else met - last.q[k]
+        share = np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, 0, steps - k + 1)[1:]])
+        q = last.q + share[:, None] * bend
+        rates = [
+            last.v[part] + sign * bend / np.ptp(last.t[part])
+            for part, sign in ((slice(k + 1), 1), (slice(k, None), -1))
+        ]
+    before = replace(last, t=last.t[: k + 1], q=q[: k + 1], v=rates[0], normal=None)
+    after = replace(last, t=last.t[k:], q=q[k:], v=rates[1], normal=None)
+    pieces = [*earlier, before, after]
+    if not problem.explicit_time:  # else the surface, too, is where it is at its time
+        pieces = equally_long(pieces)
+    impulse, at = 0.0, float(pieces[-1].t[0])
+    if event.surface:
+        _, impulse = reflected(problem, q[k], pieces[-2].v[-1], event.surface, at)
+    x = unknowns_along(problem, pieces, [*(c.impulse for c in parent.collisions), impulse])
+    return in_contact(problem, x)
+
+
+def _without_minimum(
+    task: Task, coarse: Problem, found: Exploration, deadline: float
+) -> Node | Solution:
+    """Why no start has led to a minimum: infeasible, unreachable; or a solution from the feasible
+    motion that the search for the reason has found.
+
+    Raises
+    ------
+    _TimeIsUp
+        If the deadline comes before the answer.
+    """
+    starts = f"no motion was found from {len(found.starts)} starts ({_told(found.starts)})"
+    node = Node(task.sequence, Verdict.INFEASIBLE, starts=found.starts)
+    whole = _least(coarse, deadline)
+    if whole.violation <= INFEASIBLE:
+        on_coarse = _solved(coarse, "ipm", whole.x, deadline, verify=False)
+        fine = _solved(task.problem, "ipm", on_coarse, deadline)
+        if fine.converged:
+            return fine
+        if time.perf_counter() > deadline:
+            raise _TimeIsUp
+        why = (
+            f"{starts}; one of {max(coarse.phase_steps)} steps a phase obeys all conditions, "
+            f"from which none of {max(task.problem.phase_steps)} was found: {fine.message}"
+        )
+        known = fine.status is Status.INFEASIBLE
+        verdict = Verdict.INFEASIBLE if known else Verdict.FAILED
+        return replace(node, verdict=verdict, evidence=(why,))
+    evidence = (starts, *whole.sentences)
+    if task.problem.sequence and whole.least:
+        # Only the collisions, and as much time as there is: what happens after them is another
+        # matter.
+        start = dict.fromkeys(coarse.periodic) | dict(coarse.start)
+        latest = (None, coarse.final_time_bounds[1])
+        there = _least(coarse.but(start=start, goal={}, periodic=(), final_time=latest), deadline)
+        if there.violation > INFEASIBLE and there.least:
+            evidence = (starts, *there.sentences)
+            return replace(node, verdict=Verdict.UNREACHABLE, evidence=evidence)
+    return replace(node, evidence=evidence)
+
+
+def _least(problem: Problem, deadline: float) -> Diagnosis:
+    """The least violation from any of the automatic guesses."""
+    found: list[Diagnosis] = []
+    for guess in initial_guesses(problem, deadline):
+        options = Options(seconds=seconds_until(deadline))
+        scale = scale_of(problem, guess.x)
+        found.append(diagnose(problem, scale, guess.x, options, by_rates=True))
+        if found[-1].violation <= INFEASIBLE:
+            return found[-1]
+        if time.perf_counter() > deadline:
+            raise _TimeIsUp
+    return min(found, key=lambda d: (not d.least, d.violation))

@@ -1,0 +1,348 @@
+"""The outer problem: which sequence of collisions is the best."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dmoc.base.arguments import shown, whole
+from dmoc.base.errors import SearchError
+from dmoc.base.progress import Listener, told
+from dmoc.base.table import Shown, Table
+from dmoc.codegen.kernels import COMPILED
+from dmoc.motion.trajectory import noun_of
+from dmoc.problem.problem import Problem
+from dmoc.sequences.comparison import CONFIRMED, judged
+from dmoc.sequences.final_solve import state_best
+from dmoc.sequences.identity import identity
+from dmoc.sequences.journal import Journal
+from dmoc.sequences.nodes import Node, Verdict
+from dmoc.sequences.notes import notes_of
+from dmoc.sequences.pool import Processes, Workers, here, in_executor
+from dmoc.sequences.result import best_of, table_of
+from dmoc.sequences.settings import (
+    MOST,
+    STARTS,
+    Settings,
+    events_of,
+    read,
+    shortest_of,
+    surfaces_of,
+)
+from dmoc.sequences.traversal import Progress, walked
+from dmoc.sequences.tree import Tree
+from dmoc.solving.methods import SEARCHING, usual
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Steps of a phase where the problem leaves them open, in those of its first mesh.
+SEARCHED = 2
+
+
+@dataclass(frozen=True)
+class SearchResult(Shown):
+    """Result of :func:`dmoc.search`.
+
+    Attributes
+    ----------
+    nodes : tuple of Node
+        By depth, then in the order of the surfaces.
+    best : Node or None
+        The optimal one.
+    complete : bool
+        Whether every node of the strategy was looked at.
+    notes : tuple of str
+        What limits the answer: budgets, shortest phases, the depth.
+    seconds : float
+    problem : Problem
+    broken : str
+        What broke the search off, other than its caller and its budgets: a journal that could not
+        be written, an executor that took no more work; empty where nothing did.
+    """
+
+    nodes: tuple[Node, ...]
+    best: Node | None
+    complete: bool
+    notes: tuple[str, ...]
+    seconds: float
+    problem: Problem
+    broken: str = ""
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items())
+        return f"<SearchResult of {self.problem.kernels.name}: {best_of(self)}; {found}>"
+
+    def summary(self) -> Table:
+        """What ``print`` and notebooks show."""
+        return table_of(self)
+
+    @property
+    def noun(self) -> str:
+        """What the nodes are sequences of: "collision" where all words are hits, else "event"."""
+        return noun_of(word for n in self.nodes for word in n.sequence)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        return dict(Counter(n.verdict.value for n in self.nodes))
+
+    def name_of(self, node: Node) -> str:
+        """The words of a node with commas between them, "no collision" or "no event"."""
+        if not isinstance(node, Node):
+            raise SearchError(f"node = {shown(node)}: expected one of the nodes of the search.")
+        return node.name if node.sequence else f"no {self.noun}"
+
+    def ranked(self) -> list[Node]:
+        """Nodes with a confirmed motion, the cheapest first."""
+        good = [n for n in self.nodes if n.verdict in CONFIRMED]
+        return sorted(good, key=lambda n: (n.cost, len(n.sequence), n.sequence))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The summary that the command line prints as JSON."""
+        return {
+            "model": self.problem.kernels.name,
+            "best": [] if self.best is None else list(self.best.sequence),
+            "cost": None if self.best is None else self.best.cost,
+            "complete": self.complete,
+            "counts": self.counts,
+            "notes": list(self.notes),
+            "nodes": [n.to_dict() for n in self.nodes],
+            "seconds": self.seconds,
+        }
+
+    def plot(self, path: str | os.PathLike[str] | None = None, *, style: str = "light") -> Figure:
+        """Draw the tree: verdict by colour, cost on the nodes; write it if a path is given.
+        ``style`` is "light" or "dark"."""
+        from dmoc.report.search_tree import plot_tree
+
+        nodes = [(n.sequence, n.verdict.value, n.cost) for n in self.nodes]
+        return plot_tree(nodes, path, style=style)
+
+    def plot_best(
+        self, path: str | os.PathLike[str] | None = None, most: int = 3, *, style: str = "light"
+    ) -> Figure:
+        """Draw the best motions side by side; write the figure if a path is given.  ``style`` is
+        "light" or "dark"."""
+        from dmoc.report.search_tree import plot_motions
+
+        most = whole(most, "most", 1, MOST, SearchError)
+        chosen = [n for n in self.ranked() if n.solution is not None][:most]
+        return plot_motions(
+            [
+                (self.name_of(n), n.cost or 0.0, n.solution.trajectory)
+                for n in chosen
+                if n.solution is not None
+            ],
+            path,
+            style=style,
+        )
+
+    def animate(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        speed: float | None = None,
+        fps: int = 25,
+        style: str = "light",
+    ) -> Path:
+        """Write the tree as a page in which its nodes show their motions and verdicts, or the best
+        motions side by side as a GIF or an mp4; see :func:`dmoc.animate`."""
+        from dmoc.report.animation import animate_tree
+
+        nodes = [
+            (n.sequence, self.name_of(n), n.verdict.value, n.cost, n.evidence, n.solution)
+            for n in self.nodes
+        ]
+        name = self.problem.kernels.name
+        return animate_tree(name, nodes, path, speed=speed, fps=fps, style=style)
+
+
+def search(
+    problem: Problem,
+    max_collisions: int = 3,
+    *,
+    surfaces: Sequence[str] | None = None,
+    events: Sequence[str] | None = None,
+    strategy: str = "exhaustive",
+    beam: int = 4,
+    starts: int = STARTS,
+    seed: int = 0,
+    method: str | None = None,
+    workers: int = 1,
+    executor: Executor | None = None,
+    seconds: float | None = None,
+    node_seconds: float | None = None,
+    max_nodes: int | None = None,
+    shortest_phase: float | None = None,
+    journal: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    progress: Listener[Progress] = None,
+) -> SearchResult:
+    """Search for the best sequence of collisions.
+
+    The nodes of a tree are the sequences of surfaces up to a depth, from the empty one on, repeated
+    hits included.  Each is solved from its parent's motion, from an automatic guess and from random
+    starts on a coarse mesh, and gets a verdict with its evidence; the children of one whose last
+    collision cannot be made are not looked at.  The law of impact is stated in the rates of the
+    gaps, gamma+ = -e gamma-.  Sequences that would be the best, and that the simulation contradicts
+    on their mesh, are solved on finer ones.  The best one is solved once more as
+    :func:`dmoc.solve` does, from its motion: its cost is that of the solve, if that is confirmed.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its own sequence does not matter; it has one number of steps for every phase, or none and
+        gets one, and no durations.
+    max_collisions : int
+        Depth of the tree.  Sequences that motions propose (see
+        :class:`~dmoc.results.proposal.Proposal`) may have up to four events more.
+    surfaces : sequence of str, optional
+        Surfaces that may be hit, land or leave; all by default.
+    events : sequence of str, optional
+        Words that may happen, as those of a problem's ``sequence``.  By default all that the
+        contacts of a prefix leave possible: landings, contacts that leave and changes of friction
+        too, where the problem starts in contact or the model has friction; else hits.
+    strategy : {"exhaustive", "best-first", "beam"}
+        All nodes; those first whose parents cost least; the children of the ``beam`` best nodes of
+        each depth.
+    beam : int
+    starts : int
+        Random starts of each node at most, beside the parent's motion and the automatic guess.
+    seed : int
+    method : str, optional
+        As in :func:`dmoc.solve`; by default "ipm", or "slsqp" if the kernels are not compiled.
+    workers : int
+        Processes of this machine.
+    executor : concurrent.futures.Executor, optional
+        Where nodes are solved instead: ``Client(...).get_executor()`` of dask.distributed, for
+        example.
+    seconds, max_nodes : optional
+        Budgets of time and of nodes; nodes of a journal count too.
+    node_seconds : float, optional
+        Time limit of a node; one that fails is tried once more.  None by default, so that verdicts
+        do not depend on the speed of the machine.
+    shortest_phase : float, optional
+        Shortest duration of a phase in seconds; by default a hundredth of the largest final time,
+        where that is bounded.
+    journal : path, optional
+        SQLite file of finished nodes.
+    resume : bool
+        Go on with the journal's nodes.
+    progress : callable, bool or "lines", optional
+        Called with a :class:`Progress` after every node.  True shows it in a line on a terminal or
+        in a notebook, "lines" writes it to standard error every second.
+
+    Returns
+    -------
+    SearchResult
+        Also when a budget ran out or Ctrl-C stopped the search: it has what was found until then.
+
+    Raises
+    ------
+    SearchError
+        If an argument does not fit.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> from dmoc.models.registry import find
+    >>> reference = find("puck_table")
+    >>> problem = dmoc.Problem(reference.kernels(), **reference.defaults)
+    >>> result = dmoc.search(problem.but(steps=20), max_collisions=1)
+    >>> result.best.sequence, round(result.best.cost, 2)
+    (('east',), 2.82)
+    >>> [node.name for node in result.ranked()][:2]
+    ['east', 'west']
+    """
+    if not isinstance(problem, Problem):
+        raise SearchError(
+            f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., "
+            "...) states it."
+        )
+    stated = problem
+    if problem.steps is None:
+        problem = problem.but(steps=SEARCHED * max(problem.phase_steps))
+    if method is None:
+        method = usual(SEARCHING, problem.kernels.backend == COMPILED)
+    if events is not None and surfaces is not None:
+        raise SearchError(
+            "surfaces and events are both given: give events alone, which names all that may "
+            "happen."
+        )
+    with told(progress, "first sequence", SearchError) as tell:
+        settings = Settings(
+            max_collisions,
+            surfaces_of(problem, surfaces),
+            events_of(problem, events),
+            strategy,
+            beam,
+            starts,
+            seed,
+            method,
+            workers,
+            executor,
+            seconds,
+            node_seconds,
+            max_nodes,
+            shortest_of(problem, shortest_phase),
+            journal,
+            resume,
+            tell,
+        )
+        return _searched(stated, problem, read(problem, settings))
+
+
+def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchResult:
+    begin = time.perf_counter()
+    tree, notes = Tree(problem, settings), list[str]()
+    with ExitStack() as stack:
+        if settings.journal is not None:
+            tree.keep(
+                stack.enter_context(
+                    Journal(settings.journal, identity(problem, settings), settings.resume)
+                )
+            )
+        stopped, broken = walked(tree, settings, _workers(settings, stack), begin)
+    try:
+        deadline = np.inf if settings.seconds is None else begin + settings.seconds
+        notes = state_best(tree, stated, deadline)
+    except KeyboardInterrupt:
+        stopped = stopped or "the search was interrupted"
+    result = _result(tree, stopped, time.perf_counter() - begin)
+    return replace(result, broken=broken, notes=(*result.notes, *notes))
+
+
+def _workers(settings: Settings, stack: ExitStack) -> Workers:
+    """Who solves the nodes."""
+    if settings.executor is not None:
+        return partial(in_executor, settings.executor)
+    if settings.workers == 1:
+        return here
+    processes = Processes(settings.workers)
+    stack.callback(processes.stop)
+    return processes
+
+
+def _result(tree: Tree, stopped: str, seconds: float) -> SearchResult:
+    """What was found, judged as a whole."""
+    problem = tree.problem
+    whole = [
+        replace(
+            n, solution=None if n.solution is None else replace(n.solution, kernels=problem.kernels)
+        )
+        for n in judged(tree.nodes)
+    ]
+    nodes = tuple(sorted(whole, key=lambda n: tree.place(n.sequence)))
+    best = next((n for n in nodes if n.verdict is Verdict.OPTIMAL), None)
+    notes = notes_of(tree, nodes, best, stopped)
+    return SearchResult(nodes, best, not stopped and not tree.passed_over, notes, seconds, problem)

@@ -1,0 +1,295 @@
+"""Which mode a motion takes on: the complementarity conditions of a few contacts and rails, tried
+one combination after the other.
+
+A closed contact pushes or its gap opens; what sticks is held by its friction or begins to slide
+against it.  The same conditions hold between accelerations and forces, and between rates and
+impulses of a plastic impact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from dmoc.base.errors import SimulationError
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.model import Model
+from dmoc.simulation.indeterminate_forces import borne
+from dmoc.simulation.integrator import Integrator
+from dmoc.simulation.modes import (
+    RAIL,
+    Mode,
+    Reaction,
+    answers,
+    conditions,
+    spread,
+    supports,
+    without_rails,
+)
+from dmoc.simulation.tolerances import Tolerances
+
+# Accelerations that differ by less than this share of what all forces make of them are the same.
+SAME = 1e-9
+# Combinations that may be tried for one choice.
+MOST_COMBINATIONS = 20_000
+OPEN = 2  # beside the signs 0, 1 and -1 of friction: a contact that opens
+SMOOTH = 3  # a contact that is closed without friction
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What a simulation goes by: model, coefficients of restitution (nc,), step size."""
+
+    model: Model
+    restitution: Array
+    h: float
+
+    @cached_property
+    def integrator(self) -> Integrator:
+        """That of the model, for motions of the size 1 and without a limit of time."""
+        model = self.model
+        return Integrator(model.kernels, model.par, np.ones(2 * model.nq + 1), lambda: None)
+
+
+@dataclass(frozen=True)
+class Place:
+    """A moment of a simulation: time, state (q | v), inputs, and what counts as zero."""
+
+    t: float
+    y: Array
+    u: Array
+    small: Tolerances
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What has just reached its limit: contacts that open, tangents that begin to slide."""
+
+    opening: tuple[int, ...] = ()
+    slipping: tuple[tuple[int, int], ...] = ()
+
+
+Trial = Callable[[Mode, tuple[int, ...]], bool]
+
+
+def touched(model: Model, at: Place) -> list[int]:
+    """Surfaces that a state touches without a rate."""
+    q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
+    near = np.abs(model.gaps(q, at.t)) <= at.small.gap
+    still = np.abs(model.gap_rates(q, v, at.t)) <= at.small.rate
+    return [int(j) for j in np.flatnonzero(near & still)]
+
+
+def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
+    """The mode that a motion goes on in.  A contact that slides without getting anywhere sticks,
+    if there are forces that hold it (:mod:`dmoc.simulation.indeterminate_forces`).
+
+    Raises
+    ------
+    SimulationError
+        If none obeys the laws of contact and friction.
+    """
+    model, integrator, nq = setting.model, setting.integrator, setting.model.nq
+    on = touched(model, at)
+    q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
+    bends = model.gap_accelerations(q, v, t)[0], model.slide_accelerations(q, v, t)[0]
+    slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]
+    sigma = model.slide_rates(q, v, t)[0]
+    held: dict[Mode, Array] = {}  # by other forces than the smallest
+
+    def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
+        found = integrator.reaction(mode, at.y[None], at.u[None], t)
+        gap_bend, skid = (s @ found.acceleration[0] + b for s, b in zip(slopes, bends, strict=True))
+        starting = [(k, s) for k, s in mode.sliding if abs(sigma[k]) <= at.small.slide[k]]
+        if not (
+            (gap_bend[list(opened)] <= at.small.bend[list(opened)]).all()
+            and all(s * skid[k] >= -at.small.skid[k] for k, s in starting)
+        ):
+            return False
+        slack = at.small.force, at.small.hold
+        if _borne(model, mode, (found.normal[0], found.tangential[0]), *slack):
+            return True
+        other = borne(model, mode, found, q, t)
+        if other is not found and _borne(
+            model, mode, (other.normal[0], other.tangential[0]), *slack
+        ):
+            held[mode] = found.acceleration[0]
+        return False
+
+    mode = _first(model, on, sigma, at.small.slide, hints, holds, rails=True)
+    if held:
+        mode = _at_rest(setting, at, mode, held)
+    if mode is None and not np.isfinite(model.acceleration(q, v, at.u[None], t)).all():
+        raise SimulationError(
+            f"the mass matrix or a force at t = {at.t:.6g} s is singular or not finite: check the "
+            "parameters, and stop before the motion gets there."
+        )
+    if mode is None:
+        names = ", ".join(repr(model.kernels.surfaces[j]) for j in on) or "the rails"
+        raise SimulationError(
+            f"no state of contact and friction of {names} at t = {at.t:.6g} s obeys the laws of "
+            "Coulomb (Painleve's paradox): lower the friction, or stop before it."
+        )
+    return mode
+
+
+def _at_rest(setting: Setting, at: Place, mode: Mode | None, held: dict[Mode, Array]) -> Mode:
+    """The first mode that is held if a motion goes on as in the one that was chosen, or if none
+    was."""
+    first, acceleration = next(iter(held.items()))
+    if mode is None:
+        return first
+    nq, t = setting.model.nq, np.array([at.t])
+    M, F = setting.model.equations(at.y[:nq], at.y[nq : 2 * nq], at.u, at.t)
+    off = setting.integrator.reaction(mode, at.y[None], at.u[None], t).acceleration[0]
+    off = off - acceleration
+    return first if off @ M @ off <= SAME**2 * (F @ solved(M, F)) else mode
+
+
+@dataclass(frozen=True)
+class Blow:
+    """Velocity after an impact (nq,), and the impulses of surfaces (nc,) and tangents (nt,)."""
+
+    velocity: Array
+    normal: Array
+    tangential: Array
+
+
+def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow | None:
+    """The impact on touched surfaces of which those with a coefficient e > 0 are released with e
+    times their rates, and the others plastic; None where no combination obeys the laws."""
+    nq = model.nq
+    q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
+    M = model.mass(q, t)
+    rates, sigma = model.gap_rates(q, v, t)[0], model.slide_rates(q, v, t)[0]
+    wanted = -(1 + e * (rates > at.small.rate)) * rates
+    slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]
+    found: dict[Mode, Blow] = {}
+
+    def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
+        mode = without_rails(mode, model.kernels)
+        aims = np.concatenate([wanted[list(mode.closed)], -sigma[list(mode.sticking)]])[None]
+        change, lam = answers(M, conditions(model, mode, q, t), aims)
+        normal, tangential = (part[0] for part in spread(model, mode, lam))
+        gap_rates, slides = rates + slopes[0] @ change[0], sigma + slopes[1] @ change[0]
+        inertia = np.einsum("ji,ij->j", slopes[0], solved(M[0], slopes[0].T))
+        noise = at.small.rate / np.where(inertia > 0, inertia, 1.0)
+        found[mode] = Blow(v[0] + change[0], normal, tangential)
+        least = np.array([noise[j] if j != RAIL else 0.0 for j in supports(model.kernels)])
+        return (
+            bool((gap_rates[list(opened)] <= at.small.rate[list(opened)]).all())
+            and all(s * slides[k] >= -at.small.slide[k] for k, s in mode.sliding)
+            and _borne(model, mode, (normal, tangential), noise, least.reshape(model.nt))
+        )
+
+    at_any_speed = np.full(model.nt, np.inf)
+    mode = _first(model, list(on), sigma, at_any_speed, Hints(), holds, rails=False)
+    return None if mode is None else found[without_rails(mode, model.kernels)]
+
+
+def _borne(
+    model: Model, mode: Mode, forces: tuple[Array, Array], small: Array, slack: Array
+) -> bool:
+    """Whether no contact pulls and all that sticks is held."""
+    normal, tangential = forces
+    at = supports(model.kernels)
+    bears = [mu if j == RAIL else mu * normal[j] for j, mu in zip(at, model.friction, strict=True)]
+    return bool((normal >= -small).all()) and all(
+        abs(tangential[k]) <= bears[k] + slack[k] for k in mode.sticking
+    )
+
+
+def _first(
+    model: Model, on: list[int], sigma: Array, small: Array, hints: Hints, holds: Trial,
+    rails: bool,
+) -> Mode | None:  # fmt: skip
+    """The first combination that holds; those of the hints come first, then what sticks."""
+    at = supports(model.kernels)
+    tangent = {j: k for k, j in enumerate(at) if j != RAIL and model.friction[k] > 0}
+    rubs = [k for k, j in enumerate(at) if rails and j == RAIL and model.friction[k] > 0]
+    options = [_options(j, tangent.get(j), sigma, small, hints) for j in on]
+    options += [_signs(k, sigma, small, hints) for k in rubs]
+    keys = [*[tangent.get(j, RAIL) for j in on], *rubs]
+    if math.prod(map(len, options)) > MOST_COMBINATIONS:
+        raise SimulationError(
+            f"{len(options)} contacts and rails are touched at once: these are too many states of "
+            "contact and friction to choose from, stop before it."
+        )
+    for states in product(*options):
+        closed = tuple(j for j, s in zip(on, states, strict=False) if s != OPEN)
+        rubbing = [(k, s) for k, s in zip(keys, states, strict=True) if s not in (OPEN, SMOOTH)]
+        mode = Mode(
+            closed,
+            tuple(k for k, s in rubbing if s == 0),
+            tuple((k, s) for k, s in rubbing if s != 0),
+        )
+        if holds(mode, tuple(j for j in on if j not in closed)):
+            return mode
+    return None
+
+
+def _options(
+    j: int, tangent: int | None, sigma: Array, small: Array, hints: Hints
+) -> tuple[int, ...]:
+    """States that a touched contact may take."""
+    closed = (SMOOTH,) if tangent is None else _signs(tangent, sigma, small, hints)
+    return (OPEN, *closed) if j in hints.opening else (*closed, OPEN)
+
+
+def _signs(k: int, sigma: Array, small: Array, hints: Hints) -> tuple[int, ...]:
+    """Friction that a tangent may have."""
+    if abs(sigma[k]) > small[k]:
+        return (1,) if sigma[k] > 0 else (-1,)
+    first = [s for tangent, s in hints.slipping if tangent == k]
+    return tuple(dict.fromkeys([*first, 0, 1, -1]))
+
+
+def limits(
+    model: Model, integrator: Integrator, mode: Mode, rows: tuple[Array, Array, Array]
+) -> Array:
+    """What a mode keeps from falling below zero at rows of states, inputs and times, as in
+    :func:`kept`."""
+    nq, (y, u, t) = model.nq, rows
+    q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
+    found = integrator.reaction(mode, y, u, t)
+    return kept(model, mode, borne(model, mode, found, q, t), q, v, t)
+
+
+def kept(model: Model, mode: Mode, found: Reaction, q: Array, v: Array, t: Array) -> Array:
+    """What a mode keeps from falling below zero (n, nc + 2 nt): minus the gap of an open surface or
+    the force of a closed one; what friction still bears of what sticks; the sliding velocity in
+    its direction.  Infinite where there is nothing to keep."""
+    least = -model.gaps(q, t)
+    least[:, list(mode.closed)] = found.normal[:, list(mode.closed)]
+    bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
+    at = supports(model.kernels)
+    for k in mode.sticking:
+        held = 1.0 if at[k] == RAIL else found.normal[:, at[k]]
+        bears[:, k] = model.friction[k] * held - np.abs(found.tangential[:, k])
+    sigma = model.slide_rates(q, v, t)
+    for k, s in mode.sliding:
+        slides[:, k] = s * sigma[:, k]
+    return np.hstack([least, bears, slides])
+
+
+def slack(mode: Mode, small: Tolerances) -> Array:
+    """What counts as zero of the limits of a mode."""
+    kept = small.gap.copy()
+    kept[list(mode.closed)] = small.force[list(mode.closed)]
+    return np.concatenate([kept, small.hold, small.slide])
+
+
+def names_of(model: Model, mode: Mode) -> Iterator[tuple[str, int | None]]:
+    """What is closed, with None, and what rubs, with 0 or its sign."""
+    for j in mode.closed:
+        yield model.kernels.surfaces[j], None
+    for k in mode.sticking:
+        yield model.kernels.tangents[k], 0
+    for k, s in mode.sliding:
+        yield model.kernels.tangents[k], s

@@ -1,0 +1,185 @@
+"""A simulated motion as phases between its events, as solutions have them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from itertools import groupby, pairwise
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.trajectories import motion_along
+from dmoc.motion.trajectory import Collision, Phase, Trajectory
+from dmoc.simulation.contact_motion import Node
+from dmoc.simulation.forward import Run
+from dmoc.simulation.modes import Mode
+
+# Events closer than this share of the time are one moment, and no node lies between them.
+ONCE = 1e-12
+SIDES = ("before", "after")
+# Events of a motion that is drawn: nobody looks at the pieces between more.
+MOST_DRAWN = 1000
+
+
+@dataclass(frozen=True)
+class _Side:
+    """The state on one side of an event: position, velocity, momentum, forces of all surfaces and
+    tangents."""
+
+    q: Array
+    v: Array
+    p: Array
+    normal: Array
+    tangential: Array
+
+
+@dataclass(frozen=True)
+class _Event:
+    """A moment between two phases: its sides, and the mode and the collisions there."""
+
+    t: float
+    before: _Side
+    after: _Side
+    mode: Mode = field(default_factory=Mode)
+    collisions: tuple[Collision, ...] = ()
+
+
+def motion_of(run: Run) -> Trajectory:
+    """The motion of a simulation: phases with constant inputs between the recorded nodes, and one
+    event between any two of them."""
+    model = run.model
+    near = ONCE * float(run.t[-1])
+    events = [_merged(list(same)) for same in _at_once(_events(run), near)]
+    first, last = _recorded(run, 0), _recorded(run, -1)
+    mode = Mode()
+    if events and events[0].t <= near:  # the mode of the start
+        mode, first = events[0].mode, events[0].after
+        events = events[1:]
+    events = [e for e in events if e.t < run.t[-1] - near]
+    edges = [(0.0, first), *((e.t, e.after) for e in events)]
+    ends = [*((e.t, e.before) for e in events), (float(run.t[-1]), last)]
+    modes = [mode, *(e.mode for e in events)]
+    phases = [
+        _phase(run, begin, end, m, near) for begin, end, m in zip(edges, ends, modes, strict=True)
+    ]
+    collisions = [
+        _collision(model, e, *ends) for e, ends in zip(events, pairwise(phases), strict=True)
+    ]
+    return motion_along(model, phases, collisions, run.restitution, drawn=len(events) <= MOST_DRAWN)
+
+
+def _events(run: Run) -> Iterator[_Event]:
+    """Everything between two phases, in the order of time: impacts of the free motion, then the
+    moments of contacts that last."""
+    model = run.model
+    begin = run.marks[0].before.t if run.marks else np.inf
+    none = np.zeros(model.nc), np.zeros(model.nt)
+    free = [c for c in run.collisions if c.time < begin]
+    if free:
+        q, t = np.array([c.position for c in free]), np.array([c.time for c in free])
+        p = [np.array([getattr(c, f"momentum_{side}") for c in free]) for side in SIDES]
+        v = [model.velocity(q, momenta, t) for momenta in p]
+        for i, c in enumerate(free):
+            before, after = (_Side(q[i], v[k][i], p[k][i], *none) for k in range(2))
+            yield _Event(c.time, before, after, collisions=(c,))
+    for mark in run.marks:
+        time = mark.after.t
+        here = tuple(c for c in run.collisions if c.time == time)
+        yield _Event(time, _side(model, mark.before), _side(model, mark.after), mark.mode, here)
+
+
+def _side(model: Model, at: Node) -> _Side:
+    q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
+    return _Side(q, v, model.momentum(q[None], v[None], at.t)[0], at.normal, at.tangential)
+
+
+def _recorded(run: Run, k: int) -> _Side:
+    return _Side(run.q[k], run.v[k], run.p[k], run.normal[k], run.tangential[k])
+
+
+def _at_once(events: Iterator[_Event], near: float) -> Iterator[Iterator[_Event]]:
+    """Events of one moment together."""
+    last = -np.inf
+    number = 0
+
+    def moment(event: _Event) -> int:
+        nonlocal last, number
+        number += event.t - last > near
+        last = event.t
+        return number
+
+    return (same for _, same in groupby(events, moment))
+
+
+def _merged(events: list[_Event]) -> _Event:
+    """Events of one moment as one: from before the first to after the last."""
+    hits = tuple(dict.fromkeys(id(c) for e in events for c in e.collisions))
+    known = {id(c): c for e in events for c in e.collisions}
+    last = events[-1]
+    return replace(
+        events[0], after=last.after, mode=last.mode, collisions=tuple(known[i] for i in hits)
+    )
+
+
+def _phase(
+    run: Run, begin: tuple[float, _Side], end: tuple[float, _Side], mode: Mode, near: float
+) -> Phase:
+    """The nodes from one event to the next."""
+    (first, start), (last, stop) = begin, end
+    inner = slice(
+        int(np.searchsorted(run.t, first + near, "right")),
+        int(np.searchsorted(run.t, last - near, "left")),
+    )
+
+    def stacked(name: str) -> Array:
+        parts = [getattr(start, name)[None], getattr(run, name)[inner], getattr(stop, name)[None]]
+        return np.vstack(parts)
+
+    t = np.concatenate([[first], run.t[inner], [last]])
+    kernels = run.model.kernels
+    rubbing = dict.fromkeys(mode.sticking, 0) | dict(mode.sliding)
+    closed = sorted(mode.closed)
+    return Phase(
+        t,
+        stacked("q"),
+        stacked("p"),
+        stacked("v"),
+        _inputs(run, t),
+        tuple(kernels.surfaces[j] for j in closed),
+        {kernels.tangents[k]: rubbing[k] for k in sorted(rubbing)},
+        np.ascontiguousarray(stacked("normal")[:, closed]),
+        np.ascontiguousarray(stacked("tangential")[:, sorted(rubbing)]),
+    )
+
+
+def _inputs(run: Run, t: Array) -> Array:
+    """Inputs between nodes, those of the step in which the interval begins."""
+    k = np.floor(t[:-1] / run.step_size + ONCE * len(run.u)).astype(np.intp)
+    return np.array(run.u[np.clip(k, 0, len(run.u) - 1)])
+
+
+def _collision(model: Model, event: _Event, before: Phase, after: Phase) -> Collision:
+    """What happens between two phases; hits at one moment are one, with the name of the first."""
+    kernels = model.kernels
+    lands = tuple(name for name in after.closed if name not in before.closed)
+    leaves = tuple(name for name in before.closed if name not in after.closed)
+    changed = {n: s for n, s in after.rubbing.items() if before.rubbing.get(n) != s}
+    stays = [*lands, *(name for name in before.closed if name in after.closed)]
+    hit = [c for c in event.collisions if c.surface not in stays]
+    surface = hit[0].surface if hit else (lands[0] if lands else "")
+    impulses = {c.surface: float(c.impulse) for c in event.collisions}
+    tractions = {name: v for c in event.collisions for name, v in c.tractions.items()}
+    q, t = np.array([event.before.q]), np.array([event.t])
+    rates = (0.0, 0.0)
+    if surface:
+        j = kernels.surfaces.index(surface)
+        v = np.array([event.before.v, event.after.v])
+        before_it, after_it = model.gap_rates(np.repeat(q, 2, 0), v, np.repeat(t, 2))[:, j]
+        rates = (float(before_it), float(after_it))
+    return Collision(
+        surface, event.t, event.before.q, impulses.get(surface, 0.0),
+        event.before.p, event.after.p, *rates, lands=lands, leaves=leaves, friction=changed,
+        impulses=impulses, tractions=tractions,
+    )  # fmt: skip

@@ -1,0 +1,112 @@
+"""The outcome of a program as a Solution, and what the independent simulation says of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+from dmoc.motion.trajectory import Trajectory
+from dmoc.program.active_constraints import active_bounds
+from dmoc.program.extraction import named_multipliers, trajectory
+from dmoc.program.undefined_values import singular_at, undefined_at
+from dmoc.results.solution import Solution
+from dmoc.solvers.kkt import duality_gap
+from dmoc.solvers.outcome import Status
+from dmoc.solving.attempts import Attempt
+from dmoc.solving.mode_edges import proposal_of
+
+
+def solution_of(attempt: Attempt, method: str, seconds: Mapping[str, float]) -> Solution:
+    """The solution in the user's words and units."""
+    nlp, outcome = attempt.nlp, attempt.outcome
+    problem = nlp.problem
+    motion, status, message = trajectory(nlp, outcome.x), outcome.status, _message(attempt)
+    proposal = proposal_of(nlp, outcome) if status is Status.SOLVED else None
+    if status is Status.SOLVED and any(c.grazes for c in motion.collisions):
+        status, message = Status.GRAZES, f"{message}; {without_effect(motion)}"
+    return Solution(
+        status=status,
+        message=message,
+        method=method,
+        cost=nlp.cost(outcome.x) * nlp.scale.cost,
+        trajectory=motion,
+        multipliers=named_multipliers(nlp, outcome.duals.y, outcome.duals.w, outcome.duals.z),
+        active_bounds=active_bounds(nlp, outcome.x, outcome.duals.w, outcome.duals.z),
+        max_violation=outcome.left.violation,
+        optimality=outcome.left.optimality,
+        iterations=outcome.iterations,
+        seconds=seconds,
+        unknowns=nlp.physical(outcome.x),
+        scale=nlp.scale.named(problem),
+        reference=problem.kernels.reference or problem.kernels.name,
+        conflicts=attempt.conflicts,
+        duality_gap=duality_gap(nlp, outcome.x, outcome.duals),
+        proposal=proposal,
+        kernels=problem.kernels,
+    )
+
+
+def _message(attempt: Attempt) -> str:
+    """What happened, with the conflicts or the detail of the method."""
+    outcome = attempt.outcome
+    detail = f" ({outcome.detail})" if outcome.detail else ""
+    conflicts = "; ".join(attempt.conflicts)
+    message = outcome.status.sentence + (f": {conflicts}" if conflicts else detail)
+    if outcome.status is Status.SOLVED:
+        return message
+    singular = singular_at(attempt.nlp, outcome.x)
+    if singular is not None:
+        return (
+            f"{message}; the mass matrix is singular or negative on the way, first at "
+            f"{singular:.4g} s: check the parameters and the bounds"
+        )
+    undefined = undefined_at(attempt.nlp, outcome.x)
+    if undefined:
+        return (
+            f"{message}; {undefined} is not a finite number where it ended: keep the motion away "
+            "from there by bounds, or write the expression so that it has a derivative"
+        )
+    return message
+
+
+def without_effect(motion: Trajectory) -> str:
+    """Name the collisions that have no effect."""
+    grazing = [f"{i + 1} ({c.surface})" for i, c in enumerate(motion.collisions) if c.grazes]
+    several = len(grazing) > 1
+    return (
+        f"collision{'s' if several else ''} {' and '.join(grazing)} {'have' if several else 'has'} "
+        "no effect: the motion touches the surface without an impulse"
+    )
+
+
+def checked(solution: Solution, seconds: float | None = None) -> Solution:
+    """The solution with the result of the independent simulation; one that it contradicts is not
+    verified."""
+    from dmoc.check.checked_motion import OutOfTimeError
+
+    start = time.perf_counter()
+    try:
+        check = solution.verify(seconds=seconds)
+    except OutOfTimeError:
+        check = None
+    spent = {**solution.seconds, "verify": time.perf_counter() - start}
+    if check is None:
+        message = (
+            f"{solution.message}, but the time limit was reached before the simulation had "
+            "checked it: raise it"
+        )
+        return replace(solution, status=Status.TIME_LIMIT, message=message, seconds=spent)
+    solution = replace(solution, verification=check, seconds=spent)
+    if check.passed:
+        more = f"; {check.message}" if check.message else ""
+        return replace(solution, message=solution.message + more)
+    message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
+    return replace(solution, status=Status.NOT_VERIFIED, message=message)
+
+
+def with_proposal(solution: Solution) -> Solution:
+    """The solution with its proposal in its message."""
+    if solution.proposal is None:
+        return solution
+    return replace(solution, message=f"{solution.message}; {solution.proposal}")

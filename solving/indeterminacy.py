@@ -1,0 +1,138 @@
+"""What a minimum does not determine: others of it cost the same."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import Index
+from dmoc.program.extraction import given_multipliers, stated_in_rates
+from dmoc.program.scaling import scale_of
+from dmoc.program.transcription import Transcription
+from dmoc.results.solution import Solution
+from dmoc.solvers.kkt import cost_size
+from dmoc.solvers.outcome import Duals
+from dmoc.solving.programs import Programs
+
+# What is not determined: changed by a tenth of the final time, or of the range of a coordinate, it
+# changes the cost by less than a millionth, half of the square times this.
+FLAT = 2e-4
+# A coordinate with a range below this, in its size, does not move.
+STILL = 1e-9
+# What moves along a direction of size 1 without a change of cost: durations, inputs and the like
+# that move by this share are named.
+MOVES = 0.5
+# Where no more moves than an unknown by so many times 1/N, or the inputs of so many nodes, it
+# vanishes with the size of the steps: the discretisation's own error, which a problem cannot help.
+RESOLVED = 5.0
+# Diagonal of the linear system: a curvature of all unknowns, relative to the cost, and what keeps
+# equations harmless that follow from others.
+CURVED, RELAXED = 1e-10, 1e-11
+
+
+def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = None) -> str:
+    """A sentence on what the problem leaves open of a minimum, among the durations and, where there
+    is a coarser mesh, the position that has changed most since; empty if it determines all that."""
+    if any(c.grazes for c in fine.collisions):  # they are part of another program
+        return ""
+    nlp, duals = _program(problem, fine)
+    names = [f"the duration of phase {i}" for i in range(len(fine.phases))]
+    at, reach = nlp.layout.index_h, fine.final_time / np.array(fine.steps)
+    x, units = nlp.scaled(fine.unknowns), nlp.physical(np.ones(nlp.n))
+    if coarse is not None:
+        node, j = _most_changed(coarse, fine)
+        places = nlp.layout.index_q[:, j]
+        width = np.ptp(fine.unknowns[places])
+        if width > STILL * units[places[node]]:
+            names.append(f"{fine.trajectory.coordinates[j]} on the way")
+            at, reach = np.append(at, places[node]), np.append(reach, width)
+    curvature = curvatures(nlp, x, duals, at) * (reach / units[at]) ** 2 / cost_size(nlp, x)
+    left_open = [name for name, c in zip(names, curvature, strict=True) if 0 <= c < FLAT]
+    if not left_open:
+        return ""
+    return _sentence(left_open)
+
+
+def along(nlp: Transcription, direction: Array) -> str:
+    """A sentence on what a direction without curvature leaves open: the durations that move, else
+    what moves most; empty where that is not seen or no more than the mesh resolves."""
+    lay, size, most = nlp.layout, np.abs(direction), ("", 0.0)
+    if (size[lay.index_h] >= MOVES).any():
+        phases = np.flatnonzero(size[lay.index_h] >= MOVES)
+        return _sentence([f"the duration of phase {i}" for i in phases])
+    resolved = min(RESOLVED / min(lay.steps), MOVES)
+    for block in lay.unknowns:
+        if not block.count or block.name == "s":  # no result shows the hidden ones
+            continue
+        moved = size[block.numbers]
+        at_nodes = len(block.index) >= lay.total
+        open_share = moved.sum() / lay.total if at_nodes else moved.max()
+        if open_share > resolved and moved.max() > most[1]:
+            most = block.name_of(int(moved.argmax())), float(moved.max())
+    return _sentence([most[0]]) if most[0] else ""
+
+
+def _sentence(names: list[str]) -> str:
+    return f"the problem does not determine {' and '.join(names)}: others cost the same"
+
+
+def telling(message: str, sentence: str) -> str:
+    """A message with one sentence on what is left open, in the place of that which it has."""
+    had = re.search(_sentence([".*?"]), message)
+    if had is None:
+        return f"{message}; {sentence}" if sentence else message
+    if not re.fullmatch(_sentence([".*"]), sentence):
+        return message
+    return message[: had.start()] + sentence + message[had.end() :]
+
+
+def _program(problem: Problem, s: Solution) -> tuple[Transcription, Duals]:
+    """The program of a solution, with its multipliers."""
+    by_rates = stated_in_rates(problem, s.multipliers)
+    scale = scale_of(problem, s.unknowns, minimum=True)
+    nlp = Programs(problem, scale, by_rates).program()
+    return nlp, Duals(*given_multipliers(nlp, s.multipliers))
+
+
+def curvatures(nlp: Transcription, x: Array, duals: Duals, at: Index) -> Array:
+    """Second derivatives of the least cost with respect to some of the scaled unknowns, each alone,
+    while all others follow: 1/(K^-1)_ii with the matrix K of a Newton step at the minimum, in which
+    bounds and inequalities count that hold it; infinite for unknowns that are fixed or held."""
+    import scipy.sparse as sparse  # here, because the compiled method does without SciPy
+    from scipy.sparse.linalg import splu
+
+    size = cost_size(nlp, x)
+    distance = np.minimum(x - nlp.lower, nlp.upper - x)
+    free = (nlp.lower < nlp.upper) & ~(np.abs(duals.z) / size > distance)
+    held = duals.w / size > nlp.inequality(x)
+    upper = nlp.lagrangian_hessian(x, duals.y, duals.w)
+    H = (upper + sparse.triu(upper, 1).T)[free][:, free]
+    A = sparse.vstack([nlp.equality_jacobian(x), nlp.inequality_jacobian(x)[held]])[:, free]
+    curved = CURVED * size * sparse.identity(H.shape[0])
+    K = sparse.bmat([[H + curved, A.T], [A, -RELAXED * sparse.identity(A.shape[0])]]).tocsc()
+    factors, place = splu(K), np.cumsum(free) - 1
+    second = np.full(len(at), np.inf)
+    for k, i in enumerate(at):
+        if free[i]:
+            right = np.zeros(K.shape[0])
+            right[place[i]] = 1.0
+            second[k] = 1 / factors.solve(right)[place[i]]
+    return second
+
+
+def _most_changed(coarse: Solution, fine: Solution) -> tuple[int, int]:
+    """Node and coordinate whose position has changed most since a coarser mesh."""
+    spread = np.ptp(np.vstack([p.q for p in fine.phases]), axis=0)
+    spread = np.where(spread > 0, spread, np.inf)
+    best, at, first = -1.0, (0, 0), 0
+    for a, b in zip(coarse.phases, fine.phases, strict=True):
+        ratio = b.steps // a.steps
+        change = np.abs(b.q[::ratio] - a.q) / spread
+        k, j = np.unravel_index(int(change.argmax()), change.shape)
+        if change[k, j] > best:
+            best, at = float(change[k, j]), (first + ratio * int(k), int(j))
+        first += b.steps
+    return at

@@ -1,0 +1,1 @@
+"""One mesh and the next: refinement, its estimate of the error, confirmation."""

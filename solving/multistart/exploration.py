@@ -1,0 +1,280 @@
+"""Many starts on a coarse mesh, and the minima they lead to, ranked on a finer one.
+
+Only local minima are found from any start (Kern & Gross 2018, "only local minima found").  What
+many starts find is as good as their number: no better minimum was met, which is no proof that there
+is none.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.guess.automatic import initial_guesses, natural_time
+from dmoc.guess.random_motions import random_motions
+from dmoc.problem.problem import Problem
+from dmoc.program.scaling import scale_of
+from dmoc.results.solution import Minimum, Solution
+from dmoc.solvers.outcome import Options, Status
+from dmoc.solving.attempts import Attempt, seconds_until
+from dmoc.solving.multistart.minima import Basin, cost_of, gathered
+from dmoc.solving.multistart.parallel import attempts_from, free_threads
+from dmoc.solving.multistart.ranking import merged, ranked
+from dmoc.solving.programs import Programs
+
+# Steps of a phase on the coarse mesh.  With 12, motions with many collisions mislead, and their
+# refinement takes longer than is saved.
+COARSE = 24
+# So many minima of a coarse mesh at most are refined to see whether they are the same one, before
+# more starts are tried.
+FEW = 3
+# Iterations of a start with contacts that last at least: gaits take long.
+LASTING = 300
+# Limits of inputs are widened by the first factor and tightened by the others where nothing else
+# has helped, with so many starts, of which so many minima are followed.
+WIDER = (4.0, 2.8, 2.0, 1.6, 1.3, 1.12, 1.0)
+WIDE_STARTS, FOLLOWED = 32, 8
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How many starts are tried, and what is done with what they find.
+
+    Attributes
+    ----------
+    first, most, more : int
+        Random starts: so many at first, ``most`` where those do not agree on a minimum, ``more``
+        where these have not met the best minimum ``often`` enough to think that there is none much
+        rarer.
+    often : int
+    agreeing, leading : float
+        Share of the starts with a minimum that lead to the best one, and share of all starts, where
+        no more are needed.
+    refined, most_refined : int
+        Minima that are refined at least, and at most, where cheaper coarse ones are left.
+    settles : bool
+        Whether minima that are not confirmed are looked at on a finer mesh, where others are.
+    widens : bool
+        Whether limits of inputs are widened, and then tightened, where no start leads to a motion.
+    iterations : int
+        Of a start: one that takes more ends in a minimum less often than another start does.
+    guesses : int or None
+        Automatic guesses that are tried at most.
+    total : int or None
+        All starts, where their number is given.
+    by_rates : bool
+        Whether the law of impact is stated in the rates of the gaps where minima are ranked, too.
+    """
+
+    first: int = 16
+    most: int = 100
+    more: int = 300
+    often: int = 5
+    agreeing: float = 0.75
+    leading: float = 0.4
+    refined: int = 4
+    most_refined: int = 16
+    settles: bool = True
+    widens: bool = True
+    iterations: int = 100
+    guesses: int | None = None
+    total: int | None = None
+    by_rates: bool = False
+
+    @classmethod
+    def of(cls, starts: int | None) -> Effort:
+        """As many starts as it seems to take, or a given number."""
+        if starts is None:
+            return cls()
+        return cls(widens=False, total=starts)
+
+    def agree(self, classes: Sequence[Basin], starts: int) -> bool:
+        """Whether so many of the starts, and of those with a minimum, have met the best one."""
+        best = _met_best(classes)
+        share = self.agreeing * sum(c.found for c in classes)
+        return best > 0 and best >= max(share, self.leading * starts)
+
+
+@dataclass(frozen=True)
+class Start:
+    """One start: its name, how it ended, its cost on the coarse mesh where solved."""
+
+    name: str
+    status: Status
+    cost: float | None
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """What the starts have led to.
+
+    Attributes
+    ----------
+    ranked : tuple of Solution
+        Minima on the ranking mesh, the best first: confirmed ones before others.
+    found : tuple of int
+        How many starts have led to each.
+    coarse : tuple of Minimum
+        Minima that were not refined, or could not be.
+    starts : tuple of Start
+    """
+
+    ranked: tuple[Solution, ...]
+    found: tuple[int, ...]
+    coarse: tuple[Minimum, ...]
+    starts: tuple[Start, ...]
+
+    def others(self, best: int) -> tuple[Minimum, ...]:
+        """The minima other than the answer, the cheapest first."""
+        refined = [
+            Minimum(s.cost, n, s.status, s.steps)
+            for i, (s, n) in enumerate(zip(self.ranked, self.found, strict=True))
+            if i != best
+        ]
+        return tuple(sorted((*refined, *self.coarse), key=lambda m: m.cost))
+
+
+def explored(
+    problem: Problem,
+    effort: Effort,
+    seed: int,
+    options: Options,
+    verify: bool = True,
+    points: Mapping[str, Array] | None = None,
+) -> Exploration:
+    """Look for minima from many starts.
+
+    Parameters
+    ----------
+    problem : Problem
+        With compiled kernels.
+    effort : Effort
+    seed : int
+        Of the random starts.
+    options : Options
+        Tolerances of the minima, and limits: half of its seconds are used.
+    verify : bool
+        Whether minima are checked by simulation before they are ranked.
+    points : mapping of str to array, optional
+        Further starts by name, unknowns of the problem on :func:`coarse_of` mesh.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If a solve is interrupted.
+    """
+    seconds = np.inf if options.seconds is None else options.seconds / 2
+    deadline = time.perf_counter() + seconds
+    options = replace(options, progress=None)
+    minima, starts = _minima(problem, effort, seed, options, deadline, points or {})
+    ordered, left = ranked(problem, minima, (effort, verify), options, deadline)
+    coarse = tuple(Minimum(c.cost, c.found, None, c.attempt.nlp.problem.phase_steps) for c in left)
+    solutions, found = tuple(s for s, _ in ordered), tuple(n for _, n in ordered)
+    return Exploration(solutions, found, coarse, tuple(starts))
+
+
+def coarse_of(problem: Problem) -> Problem:
+    """The problem on the mesh of the exploration."""
+    return problem.meshed([min(n, COARSE) for n in problem.phase_steps])
+
+
+# On the coarse mesh -------------------------------------------------------------------------------
+
+
+def _minima(
+    problem: Problem,
+    effort: Effort,
+    seed: int,
+    options: Options,
+    deadline: float,
+    points: Mapping[str, Array],
+) -> tuple[list[Basin], list[Start]]:
+    """Distinct minima on the coarse mesh, the cheapest first, and the starts."""
+    coarse = coarse_of(problem)
+    # On a coarse mesh the energies of a long and of a short step tell little of the rates: minima
+    # would live on what they miss, and be far from those of a finer mesh.
+    by_rates = effort.by_rates or coarse.phase_steps != problem.phase_steps
+    room = effort.guesses if effort.total is None else effort.total - len(points)
+    guesses = [g.x for g in initial_guesses(coarse, deadline, by_rates)][:room]
+    natural = natural_time(coarse)
+    most = max(effort.iterations, LASTING) if problem.lasting else effort.iterations
+    few = replace(options, iterations=min(options.iterations, most))
+    named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
+    scale = scale_of(coarse, next(iter(named.values())))
+    programs = [Programs(coarse, scale, by_rates) for _ in range(free_threads())]
+    classes: list[Basin] = []
+    starts: list[Start] = []
+    begin, ends = 0, [0, effort.first, effort.most, effort.more]
+    if effort.total is not None:
+        ends = [max(effort.total - len(named), 0)]
+    for end in ends:
+        numbers = range(begin, max(end, begin))
+        x = random_motions(coarse, guesses, natural, numbers, seed)
+        named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
+        attempts = attempts_from(programs, list(named.values()), few, deadline)
+        starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
+        classes = gathered(classes, attempts)
+        agreed = effort.agree(classes, len(starts))
+        if not agreed and 0 < end == effort.first and 1 < len(classes) <= FEW:
+            left = replace(few, seconds=seconds_until(deadline))
+            agreed = effort.agree(merged(problem, classes, left, effort.by_rates), len(starts))
+        met = _met_best(classes) >= effort.often
+        enough = (met and end >= effort.most) or (agreed and end >= effort.first)
+        if enough or len(attempts) < len(named):
+            break
+        named, begin = {}, numbers.stop
+    if not classes and effort.widens:
+        classes = _continued(coarse, by_rates, natural, seed, few, deadline)
+    return classes, starts
+
+
+def _met_best(classes: Sequence[Basin]) -> int:
+    """Starts that have met the least cost, whatever the durations: where a motion may wait, many
+    minima cost the same."""
+    return sum(c.found for c in classes if c.costs_as(classes[0]))
+
+
+def _start(name: str, attempt: Attempt) -> Start:
+    solved = attempt.outcome.status is Status.SOLVED
+    return Start(name, attempt.outcome.status, cost_of(attempt) if solved else None)
+
+
+def _continued(
+    coarse: Problem,
+    by_rates: bool,
+    natural: float,
+    seed: int,
+    options: Options,
+    deadline: float,
+) -> list[Basin]:
+    """Minima that are left when wide limits of the inputs are tightened step by step."""
+    if not np.isfinite(coarse.input_bounds).any():
+        return []
+    wide = _widened(coarse, WIDER[0])
+    points = [g.x for g in initial_guesses(wide, deadline, by_rates)]
+    scale = scale_of(wide, points[0])
+    points += list(random_motions(wide, points, natural, range(WIDE_STARTS), seed))
+    classes: list[Basin] = []
+    for factor in WIDER:
+        tightened = _widened(coarse, factor)
+        programs = [Programs(tightened, scale, by_rates) for _ in range(free_threads())]
+        classes = gathered([], attempts_from(programs, points, options, deadline))
+        points = [c.attempt.nlp.physical(c.attempt.outcome.x) for c in classes[:FOLLOWED]]
+        if not points:
+            break
+    return classes
+
+
+def _widened(problem: Problem, factor: float) -> Problem:
+    """The problem with wider limits of its inputs."""
+    low, high = problem.input_bounds.T
+    sizes = [np.where(np.isfinite(limit), np.abs(limit), 0.0) for limit in (low, high)]
+    width = np.where(np.isfinite(high - low), (high - low) / 2, np.maximum(*sizes))
+    more = (factor - 1) * width
+    names = problem.kernels.inputs
+    boxes = dict(zip(names, zip(low - more, high + more, strict=True), strict=True))
+    return problem.but(bounds={**problem.bounds, **boxes})

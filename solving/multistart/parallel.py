@@ -1,0 +1,91 @@
+"""Many starts of one problem by the compiled method, in threads: it runs without the interpreter's
+lock, and each thread has a program of its own."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from itertools import chain, takewhile, zip_longest
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.solvers.outcome import Options, Status
+from dmoc.solving.attempts import Attempt, Minimise, minimised
+from dmoc.solving.methods import METHODS
+from dmoc.solving.programs import Programs
+
+COMPILED_METHOD = METHODS["ipm"]
+MOST_THREADS = 8
+
+
+def free_threads() -> int:
+    """Threads that a solve may take: one in workers, which are as many as there are processors."""
+    # loaded in every worker; others do without it
+    processes = sys.modules.get("multiprocessing.process")
+    alone = processes is None or processes.parent_process() is None
+    if not (alone and threading.current_thread() is threading.main_thread()):
+        return 1
+    return min(len(os.sched_getaffinity(0)), MOST_THREADS)
+
+
+def compiled() -> Minimise:
+    """The compiled method, from a start without multipliers."""
+    driver = COMPILED_METHOD.minimise()
+    return lambda nlp, x, options: driver(nlp, x, options, None)
+
+
+def attempts_from(
+    programs: Sequence[Programs], points: Sequence[Array], options: Options, deadline: float
+) -> list[Attempt]:
+    """Attempts from some points in units of the problem, in their order, as many as there is time
+    for.
+
+    Each of ``programs``, equal ones, is solved in a thread of its own.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If a solve is interrupted.
+    """
+    stopped, count = threading.Event(), min(len(programs), len(points))
+    if count <= 1:
+        return _solved(programs[0], points, options, deadline, stopped)
+
+    def every(k: int) -> list[Attempt]:
+        with np.errstate(all="ignore"):
+            return _solved(programs[k], points[k::count], options, deadline, stopped)
+
+    with ThreadPoolExecutor(count) as pool:
+        try:
+            found = list(pool.map(every, range(count)))
+        finally:
+            stopped.set()
+    rows = zip_longest(*found)
+    return list(takewhile(lambda a: a is not None, chain.from_iterable(rows)))
+
+
+def _solved(
+    programs: Programs,
+    points: Sequence[Array],
+    options: Options,
+    deadline: float,
+    stopped: threading.Event,
+) -> list[Attempt]:
+    """Attempts one after the other, until the deadline or an event."""
+    nlp, minimise, found = programs.program(), compiled(), []
+    for x in points:
+        left = deadline - time.perf_counter()
+        if left <= 0 or stopped.is_set():
+            break
+        limited = options if np.isinf(left) else replace(options, seconds=left)
+        attempt = minimised(programs, nlp, nlp.scaled(x), limited, minimise)
+        if attempt.outcome.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        found.append(attempt)
+    return found

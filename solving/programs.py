@@ -1,0 +1,47 @@
+"""The programs of a problem that one solve needs, each made once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dmoc.problem.problem import Problem
+from dmoc.program.minimal_times import WithMinimalTimes
+from dmoc.program.scale import Scale
+from dmoc.program.transcription import Transcription
+
+
+@dataclass(frozen=True)
+class Programs:
+    """The programs of a problem in one scale.
+
+    ``guided`` ones have the estimated minimal times as constraints, in as far as the problem has
+    them; the others leave them out.  ``by_rates`` says how they state the law of impact.
+    """
+
+    problem: Problem
+    scale: Scale
+    by_rates: bool = False
+    _made: dict[tuple[bool, tuple[int, ...]], Transcription] = field(default_factory=dict)
+
+    def program(self, guided: bool = False, touching: Iterable[int] = ()) -> Transcription:
+        """The program in which the given collisions touch their surface without an impulse."""
+        key = (guided and self.problem.minimal_times, tuple(sorted(map(int, touching))))
+        if key not in self._made:
+            make = WithMinimalTimes if key[0] else Transcription
+            self._made[key] = make(
+                self.problem, self.scale, touching=key[1], by_rates=self.by_rates
+            )
+        return self._made[key]
+
+    def free(self, nlp: Transcription) -> Transcription:
+        """A program without its minimal times."""
+        return self.program(False, np.flatnonzero(nlp.law.touching))
+
+    def touches(self, nlp: Transcription, at: Iterable[int]) -> Transcription:
+        """A program in which some more collisions only touch."""
+        return self.program(
+            isinstance(nlp, WithMinimalTimes), [*np.flatnonzero(nlp.law.touching), *at]
+        )

@@ -1,0 +1,68 @@
+"""Hits after which what slides goes the other way, in sequences that do not say so."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+
+from dmoc.mechanics.modes import STICK, along
+from dmoc.motion.trajectory import FRICTION_WORDS
+from dmoc.problem.problem import Problem
+from dmoc.results.solution import Solution
+from dmoc.solvers.outcome import Status
+
+# Sequences that are tried, and steps of a phase at most.
+MOST_TRIED, STEPS = 6, 24
+
+
+def naming_turns(
+    problem: Problem,
+    answer: Solution,
+    solve: Callable[[Problem], Solution],
+    deadline: float,
+) -> Solution:
+    """The answer; where there is no motion because a hit throws back what slides, its message names
+    the sequence that says so.
+
+    Parameters
+    ----------
+    problem : Problem
+    answer : Solution
+    solve : callable
+        Solves a problem from few starts.
+    deadline : float
+        On the clock of ``time.perf_counter``.
+    """
+    if answer.status is not Status.INFEASIBLE:
+        return answer
+    for words in islice(_turned(problem, ()), MOST_TRIED):
+        if words == problem.sequence or time.perf_counter() > deadline:
+            continue
+        other = problem.but(sequence=words)
+        tried = solve(other.meshed([min(n, STEPS) for n in other.phase_steps]))
+        if tried.converged:
+            message = (
+                f"{answer.message}; what slides does not go on so after a hit: sequence = "
+                f"{list(words)} leads to a motion, which costs {tried.cost:.4g}"
+            )
+            return replace(answer, message=message)
+    return answer
+
+
+def _turned(problem: Problem, words: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """The sequences that begin with some words and in which hits turn or stop what slides, or leave
+    it; those with more turns first."""
+    if len(words) == len(problem.sequence):
+        yield tuple(words)
+        return
+    word, contacts = problem.sequence[len(words)], problem.touches
+    events, modes = along(problem.modes[0], [*words, word], contacts)
+    said = events[-1].friction
+    slides = {t: s for t, s in modes[-1].rubbing.items() if s != STICK and t not in said}
+    if events[-1].hit and events[-1].course is None:
+        for name, sign in slides.items():
+            for state in (-sign, STICK):
+                yield from _turned(problem, [*words, f"{word} {name}:{FRICTION_WORDS[state]}"])
+    yield from _turned(problem, [*words, word])

@@ -1,0 +1,132 @@
+"""Collisions without effect: where the best motion would rather not collide, it touches the surface
+without an impulse.
+
+The law of impact, e (E+ - E-) - W = -lam (gamma+ + e gamma-)/2, has no slope in any unknown at a
+touch, lam
+= gamma- = gamma+ = 0, so that a solver ends beside it or not at all.  Stated as g = 0, gamma = 0,
+lam = 0 a touch is regular; its multipliers tell whether a real collision would cost less.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.guess.hits import response
+from dmoc.mechanics.modes import STICK
+from dmoc.program.blocks import Index
+from dmoc.program.hit_stages import STOP, Passage
+from dmoc.program.transcription import Transcription
+from dmoc.solvers.kkt import cost_size
+from dmoc.solvers.outcome import Outcome
+
+# A collision whose rate of approach or impulse is below this share of its size is suspected of
+# being none.
+SUSPECT = 1e-3
+# Slope of the cost along a real collision, relative to the cost, below which it would pay.
+PAYS = 1e-6
+# Scaled impulse to begin with where a collision pays.
+PUSH = 0.05
+
+
+def suspects(nlp: Transcription, x: Array) -> Index:
+    """Hits that hardly approach their surface, or hardly push it; a landing may be soft."""
+    lay, law = nlp.layout, nlp.law
+    hits = np.flatnonzero(law.impact & ~law.landing & ~law.touching)
+    if not len(hits):
+        return np.zeros(0, dtype=np.intp)
+    y, nodes, surfaces = nlp.physical(x), lay.collision_nodes[hits], lay.surfaces[hits]
+    rates = nlp.problem.model.gap_rates(
+        y[lay.index_q[nodes]], y[lay.index_v_a[hits]], lay.times(y)[nodes]
+    )
+    before = rates[np.arange(len(hits)), surfaces]
+    faint = (before <= SUSPECT * nlp.scale.rate[surfaces]) | (x[lay.index_lam[hits]] <= SUSPECT)
+    return np.asarray(hits[faint])
+
+
+def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
+    """A touch with some impulse, to look for a collision from."""
+    x = x.copy()
+    x[nlp.layout.index_lam[at]] = PUSH
+    return x
+
+
+def pays(nlp: Transcription, outcome: Outcome) -> bool:
+    """Whether the cost of a minimum that touches falls where a touch becomes a collision."""
+    touching = np.flatnonzero(nlp.law.touching)
+    least = -PAYS * cost_size(nlp, outcome.x)
+    return any(slope < least for i in touching for slope in slopes(nlp, outcome, int(i)))
+
+
+def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
+    """Slopes of the cost of a minimum that touches in the rate of approach of collision i, in the
+    units of the program: one, or those of the two ends of what sliding that stops may be.
+
+    A collision with the rate of approach s has gamma+ = -e s and lam = (1 + e) s / (n . M^-1 n), so
+    that dJ/ds = e y + (1 + e) dL/dlam / (n . M^-1 n) with the multiplier y of gamma = 0.  In a hit
+    with friction that equation is one of the end of compression and stays true, and its impulse is
+    that of Poisson's law; where sliding stops at an impulse P_h, it may do so anywhere from the
+    begin to the end of its part of the impact.
+    """
+    lay, x, duals = nlp.layout, outcome.x, outcome.duals
+    slope = nlp.lagrangian_gradient(x, duals.y, duals.w) / nlp.unit
+    y, j = nlp.physical(x), int(lay.surfaces[i])
+    q, t = y[lay.index_q[lay.collision_nodes[i]]], float(lay.times(y)[lay.collision_nodes[i]])
+    e = float(nlp.problem.restitution_values[j])
+    by_impulse = (1 + e) * float(slope[lay.index_lam[i]])
+    size = float(nlp.scale.rate[j])
+    passage = next((p for p in lay.touch.passages if p.event == i), None)
+    if passage is None:
+        _, inertia = nlp.problem.model.impulse_response(
+            q, nlp.problem.model.gap_slopes(q, t)[j, :-1], t
+        )
+        row = nlp.rows.c.energy.index[i]
+        return [e * float(duals.y[row]) * size / nlp.row_unit[row] + by_impulse * size / inertia]
+    return _by_poisson(nlp, outcome, passage, (by_impulse, slope), (q, t, e))
+
+
+def _by_poisson(
+    nlp: Transcription,
+    outcome: Outcome,
+    p: Passage,
+    slope: tuple[float, Array],
+    impact: tuple[Array, float, float],
+) -> list[float]:
+    """Slopes for a hit with friction; none where the law lets no hit go this way."""
+    (by_impulse, by_unknown), (q, t, e) = slope, impact
+    A, mu = response(nlp.problem, p, q, t), float(nlp.problem.model.friction[p.tangent])
+    first, last = (_closing(A, mu, friction) for friction in (p.friction[0], p.friction[-1]))
+    size = float(nlp.scale.rate[p.surface])
+    if STOP not in p.moments:
+        if p.friction[0] == STICK:
+            return [by_impulse * size / first] if abs(A[0, 1]) <= mu * A[1, 1] else []
+        # Sliding that is faster after the hit has its direction before it, which a touch has after.
+        faster = max(p.friction[0] * _turning(A, mu, p.friction[0]), 0.0) * (1 + e)
+        row = nlp.rows.d.heads.index[p.event, 1]
+        held = outcome.duals.w[row - nlp.n_eq] / nlp.row_unit[row]
+        return [(by_impulse + held * faster) * size / first]
+    stops = p.friction[0] * _turning(A, mu, p.friction[0]) < 0
+    goes_on = (
+        abs(A[0, 1]) <= mu * A[1, 1]
+        if p.friction[-1] == STICK
+        else p.friction[-1] * _turning(A, mu, p.friction[-1]) > 0
+    )
+    if not goes_on or (p.late and not stops):
+        return []
+    stop = float(by_unknown[nlp.layout.index_P_h[p.event, STOP]])
+    if p.late:
+        return [(by_impulse + share * stop) * size / first for share in (1.0, 1 + e)]
+    after_all = [(by_impulse + stop) * size / first] if stops else []
+    return [by_impulse * size / last, *after_all]
+
+
+def _closing(A: Array, mu: float, friction: int) -> float:
+    """What changes the rate of separation per normal impulse, while the contact slides or
+    sticks."""
+    along = -friction * mu if friction else -A[0, 1] / A[1, 1]
+    return float(A[0, 0] + along * A[0, 1])
+
+
+def _turning(A: Array, mu: float, s: int) -> float:
+    """What changes the sliding velocity per normal impulse, while the contact slides."""
+    return float(A[0, 1] - s * mu * A[1, 1])

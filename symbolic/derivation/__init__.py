@@ -1,0 +1,1 @@
+"""The derivation of a system step by step, as people read it."""
