@@ -1,13 +1,19 @@
-"""A block and a wall
+r"""A block and a wall
 ==================
 
-A block is pushed against a wall and back; impacts are elastic, lossy and plastic.
+How hard does it push a block against a wall and back, if the wall takes a part of the speed?
 
-Unfolding the wall makes the motion a free one, so that the least cost has a closed form: before the
-impact at time t with speed w the block covers the distance 1, after it with the speed e w the
-distance 1 again, and t and w minimise
+A block of 1 kg rests at :math:`x = 0`; the wall is 1 m away, and after one second the block shall
+rest where it was. Before the impact at the time :math:`t` with the speed :math:`w` it covers the
+distance 1, after it with the speed :math:`e w` the distance 1 again. The least effort
+:math:`\int u^2/2 \, dt` is the minimum over :math:`t` and :math:`w` of
 
-    J(t, w) = (6 - 6 w t + 2 w^2 t^2) / t^3 + (6 - 6 e w s + 2 e^2 w^2 s^2) / s^3,    s = 1 - t.
+.. math::
+
+   J = \frac{6 - 6 w t + 2 w^2 t^2}{t^3} + \frac{6 - 6 e w s + 2 e^2 w^2 s^2}{s^3},
+   \qquad s = 1 - t .
+
+The impact obeys Newton's law, :eq:`newton` of the :doc:`theory </theory>`.
 
 Run:  ``python examples/block_and_wall.py [FOLDER]``
 """
@@ -24,6 +30,12 @@ KNOWN = {
     0.8: (24.58630915, 0.48174700, 3.30175954),
     0.0: (50.95584412, 2**0.5 - 1, 3.62132035),
 }
+
+
+# %%
+# The model
+# ---------
+# A mass, a force, a surface. The drawing changes no solution.
 
 
 def system() -> dmoc.MechanicalSystem:
@@ -47,6 +59,12 @@ def system() -> dmoc.MechanicalSystem:
             dmoc.Contact("wall", (x, 0.1), normal=(-1, 0)),
         ],
     )
+
+
+# %%
+# The problem
+# -----------
+# Where it begins, where it ends, what happens between, how long it takes.
 
 
 def problem(restitution: float, steps: int = 50, order: int = 2) -> dmoc.Problem:
@@ -80,6 +98,13 @@ def known(e: float) -> tuple[float, float, float]:
     return float(found.fun), *map(float, found.x)
 
 
+# %%
+# The answer
+# ----------
+# Four coefficients of restitution, each with the midpoint rule and with steps of order 4, against
+# the minimum of the closed form.
+
+
 def main() -> None:
     rows = []
     for e in (1.0, 0.8, 0.5, 0.0):
@@ -98,3 +123,11 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+# %%
+# How to read it
+# --------------
+# The wall gives back less and less, so the block has to hit it earlier to have time for the way
+# back: the time of the hit falls from 0.5 s at e = 1 to 0.414 s at e = 0, and the cost doubles. The
+# last column is the error. That of the midpoint rule with 50 steps is 1e-4 of the cost; at order 4
+# it is below 1e-8.

@@ -1,11 +1,18 @@
-"""A finger flicks a puck
+r"""A finger flicks a puck
 ======================
 
-A finger of two links flicks a puck, which slides over the table and comes to rest at a mark.
+How does a finger flick a puck so that it stops at a mark?
 
-The tip of the finger hits the puck (e = 0.5), which sticks to the table until then and slides
-afterwards; friction stops it at the mark.  How fast it has to leave follows from the distance
-alone, v = sqrt(2 mu g d); when and how the finger swings is found.
+A finger of two links hits a puck (:math:`e = 0.5`), which sticks to the table until then, slides,
+and is stopped by friction at the distance :math:`d`. How fast it has to leave follows from the
+distance alone,
+
+.. math::
+
+   v = \sqrt{2 \mu g d}, \qquad t = \sqrt{\frac{2 d}{\mu g}}, \qquad \lambda = m_{puck}\, v .
+
+When and how the finger swings is what is looked for. The laws are :eq:`newton` and :eq:`coulomb` of
+the :doc:`theory </theory>`.
 
 Run:  ``python examples/finger_puck.py [FOLDER]``
 """
@@ -20,6 +27,12 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 
 MARK, PUCK = 0.5, 0.05
+
+
+# %%
+# The model
+# ---------
+# Two links with torques, a puck with friction. A path constraint keeps the fingertip in its lane.
 
 
 def system() -> dmoc.MechanicalSystem:
@@ -58,6 +71,12 @@ def system() -> dmoc.MechanicalSystem:
     )
 
 
+# %%
+# The problem
+# -----------
+# One event: the tip hits, and the puck begins to slide.
+
+
 def problem(steps: int = 100) -> dmoc.Problem:
     start = {"a": 1.9, "b": 0.0, "s": 0.12}
     # The tip begins in its lane.
@@ -72,6 +91,12 @@ def problem(steps: int = 100) -> dmoc.Problem:
         final_time=(0.3, 2.0),
         bounds={"a": (-0.5, 3.2), "b": (-2.0, 2.0)},
     )
+
+
+# %%
+# The answer
+# ----------
+# Speed, duration and impulse against what the distance demands.
 
 
 def main() -> None:
@@ -91,3 +116,10 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+# %%
+# How to read it
+# --------------
+# The finger swings back first, to have way for the flick. All three rows agree to rounding: the
+# friction on the puck is constant, for which the midpoint rule is exact. The word ``tip
+# table:slip+`` is one event with two parts, the hit and the beginning of the slide.

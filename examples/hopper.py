@@ -1,12 +1,18 @@
-"""A hopper with impacts
+r"""A hopper with impacts
 =====================
 
-A one-legged hopper: a body on a springy leg with a motor in the leg and one in the hip hops
-forward, each hop like the one before.
+How little effort keeps a one-legged hopper going?
 
-The foot hits the ground with restitution 0.5 and leaves it at once.  In a period T the ground's
-only impulse must carry the weight, lam = M g T, and keep the forward momentum, since it is normal
-to the ground: both are known without solving anything.
+A body on a springy leg, with a motor in the leg and one in the hip, hops half a metre further each
+time, each hop like the one before. The foot hits the ground with restitution 0.5 and leaves at
+once. In a period :math:`T` the ground's only impulse must carry the weight,
+
+.. math::
+
+   \lambda = (M + m)\, g\, T ,
+
+and the forward momentum stays, since the impulse is normal to the ground: both are known without
+solving anything. After M. H. Raibert, *Legged Robots That Balance*, MIT Press 1986.
 
 Run:  ``python examples/hopper.py [FOLDER]``
 """
@@ -18,6 +24,12 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 
 G = 9.81
+
+
+# %%
+# The model
+# ---------
+# The foot is a point in the plane; its height is the gap.
 
 
 def system() -> dmoc.MechanicalSystem:
@@ -53,6 +65,12 @@ def system() -> dmoc.MechanicalSystem:
     )
 
 
+# %%
+# The problem
+# -----------
+# What repeats is named by ``periodic``; the forward speed and the period are ranges.
+
+
 def problem(steps: int = 40, order: int = 2) -> dmoc.Problem:
     states = ("y", "phi", "r")
     return dmoc.Problem(
@@ -72,6 +90,12 @@ def problem(steps: int = 40, order: int = 2) -> dmoc.Problem:
         },
         restitution=0.5,
     )
+
+
+# %%
+# The answer
+# ----------
+# The impulse against the weight, and each state at the end against its start.
 
 
 def main() -> None:
@@ -94,3 +118,11 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+# %%
+# How to read it
+# --------------
+# The impulse is the weight times the period to rounding, because the discrete motion keeps the
+# balance of momentum exactly: that is what a variational integrator is for. The states at the end
+# are those at the start. The period is at its lower limit, so hops that follow faster would cost
+# less.

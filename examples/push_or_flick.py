@@ -1,12 +1,17 @@
-"""Push it or flick it?
+r"""Push it or flick it?
 ====================
 
-A search over contacts that hit, land, stay and leave, and over friction.
+Is it cheaper to push a block to a mark, to hit it, or to hit it twice?
 
 A driven mass shall bring a block, which rests on a rail with dry friction, to a mark 1 m away,
-where it stays, in at most 2.5 s with the least effort int u^2 dt.  It may hit the block (e = 0.8),
-land on it and push for a while, or push all the way; the block sticks or slides.  Nothing of the
-order is given.  To hit it twice costs less than to hit it once, and that less than to push it.
+where it stays, in at most 2.5 s with the least :math:`\int u^2 \, dt`. It may hit the block
+(:math:`e = 0.8`), land on it and push for a while, or push all the way; the block sticks or slides,
+
+.. math::
+
+   \left| T \right| \le f, \qquad T = -f\, \mathrm{sign}\, \dot s \; \text{where it slides} .
+
+Nothing of the order is given. Verdicts of a search are on the page :doc:`/verdicts`.
 
 Run:  ``python examples/push_or_flick.py [FOLDER]``
 """
@@ -18,6 +23,12 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 
 EVENTS = ["pad rail:slip+", "+pad rail:slip+", "-pad", "rail:stick", "+pad", "rail:slip+"]
+
+
+# %%
+# The model
+# ---------
+# Two bodies on a line: a surface between them, and a rail under one.
 
 
 def system() -> dmoc.MechanicalSystem:
@@ -46,6 +57,12 @@ def system() -> dmoc.MechanicalSystem:
     )
 
 
+# %%
+# The problem
+# -----------
+# No sequence: the search has words to make it of.
+
+
 def problem(steps: int = 20) -> dmoc.Problem:
     return dmoc.Problem(
         dmoc.build(system()),
@@ -57,6 +74,12 @@ def problem(steps: int = 20) -> dmoc.Problem:
     )
 
 
+# %%
+# The answer
+# ----------
+# A search over all sequences of two of these events.
+
+
 def main() -> None:
     result = dmoc.search(problem(), 2, events=EVENTS)
     rows = [(", then ".join(node.sequence), node.cost, None) for node in result.ranked()]
@@ -65,3 +88,10 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+# %%
+# How to read it
+# --------------
+# The table has every motion that is confirmed, the cheapest first. To hit the block twice costs
+# less than to hit it once, and that less than to push it: between the hits the mass gathers speed
+# while friction acts on the block alone.

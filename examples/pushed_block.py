@@ -1,12 +1,19 @@
-"""A block on a rail with friction
+r"""A block on a rail with friction
 ===============================
 
-A block pushed over a rail with dry friction: it sticks, slides and sticks again.
+When is it better to wait than to push?
 
-The push costs int u^2/2 dt, so that it pays to slide for a part of the time only.  While the block
-slides for the time s over the distance d against the friction f, the least cost is
-6 d^2/s^3 + f^2 s/2, which is least at s = sqrt(6 d/f): J = (2/3) sqrt(6 d f^3).  When the slide
-begins is free, as long as there is time for it.
+A block shall move 1 m along a rail in 4 s, against the friction :math:`f`, with the least
+:math:`\int u^2/2 \, dt`. While it slides for the time :math:`s` over the distance :math:`d` the
+least cost is
+
+.. math::
+
+   J(s) = \frac{6 d^2}{s^3} + \frac{f^2 s}{2}, \qquad
+   J'(s) = 0 \; \Rightarrow \; s = \sqrt{6 d / f}, \quad J = \tfrac{2}{3} \sqrt{6 d f^3} .
+
+That is less than 4 s: for the rest of the time it sticks, which costs nothing. Modes are sequences
+of words, with Coulomb's law :eq:`coulomb` of the :doc:`theory </theory>`.
 
 Run:  ``python examples/pushed_block.py [FOLDER]``
 """
@@ -16,6 +23,11 @@ from showing import show
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+
+# %%
+# The model
+# ---------
+# A rail is a tangent that belongs to no surface, with its largest friction.
 
 
 def system() -> dmoc.MechanicalSystem:
@@ -40,6 +52,12 @@ def system() -> dmoc.MechanicalSystem:
     )
 
 
+# %%
+# The problem
+# -----------
+# It sticks at the start, slides, and sticks again.
+
+
 def problem(steps: int = 50) -> dmoc.Problem:
     return dmoc.Problem(
         dmoc.build(system()),
@@ -49,6 +67,12 @@ def problem(steps: int = 50) -> dmoc.Problem:
         steps=steps,
         final_time=4.0,
     )
+
+
+# %%
+# The answer
+# ----------
+# The cost and the duration of the slide against the closed form.
 
 
 def main() -> None:
@@ -62,3 +86,10 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+# %%
+# How to read it
+# --------------
+# The block slides for 2.449 s. When it begins is open, as long as there is time for it: the message
+# of the answer says that motions beside it cost the same. The friction is -1 N while it slides, and
+# anything up to that while it sticks.

@@ -1,11 +1,18 @@
-"""A hopper that stands and flies
+r"""A hopper that stands and flies
 ==============================
 
-A hopper with a spring in its leg: it pushes off, flies, lands and stands again.
+How does a leg with a spring jump, if effort costs?
 
-The leg's foot has a mass; the floor holds it while it stands, cannot pull it, and takes the speed
-of the foot when it lands.  The flight shall last 0.35 s, and effort costs: the hopper swings on its
-spring before it leaves.
+A body on a spring with a foot of its own mass: the floor holds the foot while it stands, cannot
+pull it, and takes its speed when it lands. With the force :math:`F` between body and foot
+
+.. math::
+
+   m \ddot z = -k (z - f - r) - d (\dot z - \dot f) + F - m g, \qquad N \ge 0, \quad f \ge 0 .
+
+The flight shall last 0.35 s. The modes and their events are :eq:`conditions` to :eq:`events` of
+the :doc:`theory </theory>`; hoppers of this kind go back to M. H. Raibert, *Legged Robots That
+Balance*, MIT Press 1986.
 
 Run:  ``python examples/stance_hopper.py [FOLDER]``
 """
@@ -17,6 +24,12 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 
 FLIGHT = 0.35
+
+
+# %%
+# The model
+# ---------
+# Gaps are surfaces, the shortest leg is a path constraint.
 
 
 def system() -> dmoc.MechanicalSystem:
@@ -47,6 +60,12 @@ def system() -> dmoc.MechanicalSystem:
     )
 
 
+# %%
+# The problem
+# -----------
+# It stands, leaves (``-floor``), flies for 0.35 s and lands (``+floor``).
+
+
 def problem(steps: int = 80) -> dmoc.Problem:
     standing = 0.6 - 3.0 * 9.81 / 300.0
     return dmoc.Problem(
@@ -59,6 +78,12 @@ def problem(steps: int = 80) -> dmoc.Problem:
         final_time=(0.5, 3.0),
         durations=[None, (FLIGHT, FLIGHT), None],
     )
+
+
+# %%
+# The answer
+# ----------
+# Contact forces in weights of the hopper, and the impulse of the landing.
 
 
 def main() -> None:
@@ -76,3 +101,10 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+# %%
+# How to read it
+# --------------
+# It swings on its spring before it leaves: the contact force goes up and down, falls to zero where
+# the foot leaves, and never below. The landing takes the momentum of the foot alone; the body goes
+# on and is caught by the spring.

@@ -1,11 +1,19 @@
-"""Two discs
+r"""Two discs
 =========
 
-A disc is pushed so that it knocks another one into the origin, after Zhong, Han and Brikis,
-"Differentiable Physics Simulations with Contacts" (2022), task 3; several differentiable simulators
-miss the optimum, J = 1.39654216.
+How is a disc pushed so that it knocks another one into the origin?
 
-The gap is one between two bodies, and its normal turns with them; the cost has a terminal part.
+The gap is that between two bodies, so that its normal turns with them, and the cost has a part at
+the end:
+
+.. math::
+
+   g = 2 r - \left| q_1 - q_2 \right| \le 0, \qquad
+   J = \int_0^1 \frac{f_x^2 + f_y^2}{10} \, dt + \left| q_2(1) \right|^2 .
+
+It is task 3 of Y. D. Zhong, J. Han and G. O. Brikis, *Differentiable Physics Simulations with
+Contacts: Do They Have Correct Gradients w.r.t. Position, Velocity and Control?* (2022), where
+several differentiable simulators miss the optimum, :math:`J = 1.39654216`.
 
 Run:  ``python examples/two_discs.py [FOLDER]``
 """
@@ -19,6 +27,12 @@ import dmoc
 
 KNOWN = {"cost": 1.39654216, "time": 0.683220, "speed": 2.554109}
 RADIUS = 0.2
+
+
+# %%
+# The model
+# ---------
+# Two discs of 1 kg, of which one is pushed.
 
 
 def system() -> dmoc.MechanicalSystem:
@@ -46,6 +60,12 @@ def system() -> dmoc.MechanicalSystem:
     )
 
 
+# %%
+# The problem
+# -----------
+# Where the discs stand; nothing is asked of the end, its cost counts.
+
+
 def problem(steps: int = 50, order: int = 2) -> dmoc.Problem:
     return dmoc.Problem(
         dmoc.build(system(), order=order),
@@ -54,6 +74,12 @@ def problem(steps: int = 50, order: int = 2) -> dmoc.Problem:
         steps=steps,
         final_time=1.0,
     )
+
+
+# %%
+# The answer
+# ----------
+# The cost, the time of the hit, and the speed with which the discs meet.
 
 
 def main() -> None:
@@ -75,3 +101,9 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+# %%
+# How to read it
+# --------------
+# The second disc does not reach the origin: a harder push would cost more than the rest of the way.
+# The force acts before the hit only. The errors are those of 50 steps of the midpoint rule.

@@ -1,9 +1,19 @@
-"""A step of a walker with five links
+r"""A step of a walker with five links
 ==================================
 
-RABBIT (Chevallereau et al., IEEE Control Systems Magazine 23 (2003) 57-79) finds its own gait from
-the length of the step and its time.  The floor and friction hold the stance foot; the other foot
-lands plastically while that one leaves, and the next step is the same with the legs exchanged.
+What is the gait of a robot, if nobody shows it one?
+
+RABBIT has a torso, two thighs and two shins, with motors in hips and knees (C. Chevallereau et al.,
+*RABBIT: A Testbed for Advanced Control Theory*, IEEE Control Systems Magazine 23 (2003) 57-79). The
+length of the step and its time are given, and the least effort is asked for:
+
+.. math::
+
+   J = \int_0^T \left( u_1^2 + u_2^2 + u_3^2 + u_4^2 \right) dt, \qquad
+   q(T) = P\, q(0) + (d, 0, \ldots, 0), \quad \dot q(T) = P\, \dot q(0)
+
+with the permutation :math:`P` of left and right. The floor and friction hold the stance foot; the
+other foot lands plastically while that one leaves.
 
 Run:  ``python examples/walker.py [FOLDER]``
 """
@@ -18,6 +28,12 @@ import dmoc
 STEP, TIME = 0.5, 0.7
 # Mass, inertia, length and distance of the centre from the upper end: shin, thigh, torso.
 SHIN, THIGH, TORSO = (3.2, 0.93, 0.4, 0.128), (6.8, 1.08, 0.4, 0.163), (20.0, 2.22, 0.625, 0.2)
+
+
+# %%
+# The model
+# ---------
+# Five bodies; the floor is one surface for each foot, knees bend one way.
 
 
 def system() -> dmoc.MechanicalSystem:
@@ -57,6 +73,12 @@ def system() -> dmoc.MechanicalSystem:
     )
 
 
+# %%
+# The problem
+# -----------
+# Two phases of equal duration with the exchange between them.
+
+
 def problem(steps: int = 30) -> dmoc.Problem:
     exchanged = {"thigh_l": "thigh_r", "shin_l": "shin_r", "thigh_r": "thigh_l", "shin_r": "shin_l"}
     same = {"y": "y", "torso": "torso"} | exchanged
@@ -71,6 +93,12 @@ def problem(steps: int = 30) -> dmoc.Problem:
         durations=[(TIME / 2, TIME / 2)] * 2,
         bounds={"torso": (-0.6, 0.6)} | dict.fromkeys(exchanged, (-1.8, 1.2)),
     )
+
+
+# %%
+# The answer
+# ----------
+# The mean force of the floor must be the weight; the rest of the table is what the gait is like.
 
 
 def main() -> None:
@@ -88,3 +116,10 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+# %%
+# How to read it
+# --------------
+# The mean vertical force is the weight to 1e-4. Friction stays far within its cone: the ratio would
+# have to exceed 0.7. Nothing in the problem says what a gait looks like; it is what least effort,
+# the floor and the exchange of the legs leave.

@@ -1,4 +1,5 @@
-"""How the gallery takes the examples: their pictures, their motions, and their order."""
+"""How the gallery takes the examples: their pictures on light and on dark pages, their motions, and
+their order."""
 
 from __future__ import annotations
 
@@ -7,17 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from sphinx.application import Sphinx
-from sphinx_gallery.scrapers import figure_rst
 
 import dmoc
 from dmoc.models.registry import find
 
 # Where examples write that are told nothing else.
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "figures"
-# Pictures of an example, that of its thumbnail first.
-KINDS = (".gif", ".png")
 # Of a moving picture, in a second.
-FRAMES = 12
+FRAMES = 10
+STYLES = ("dark", "light")
+PICTURE = """
+.. image:: /{0}
+   :alt: {1}
+   :class: only-{2} sphx-glr-single-img
+"""
 # The page that plays a motion, beside the pictures.
 PLAYER = """
 .. raw:: html
@@ -47,22 +51,24 @@ ORDER = (
 )
 
 
-def written(_: Any, script: dict[str, Any], conf: dict[str, Any]) -> str:
-    """Show the pictures that an example has written, its motion first."""
-    name, paths = Path(script["src_file"]).stem, []
-    motion = FOLDER / f"{name}.npz"
-    if not motion.exists():
+def written(block: Any, script: dict[str, Any], conf: dict[str, Any]) -> str:
+    """Show what the last block of an example has written: its motion, then its figure."""
+    if "__main__" not in block[1]:
         return ""
-    solution = dmoc.Solution.load(motion)
-    solution.animate(FOLDER / f"{name}.gif", fps=FRAMES)
+    name = Path(script["src_file"]).stem
+    solution = dmoc.Solution.load(FOLDER / f"{name}.npz")
     solution.animate(FOLDER / f"{name}.html")
-    for kind in KINDS:
-        picture = FOLDER / f"{name}{kind}"
-        if picture.exists():
+    shown = ""
+    for kind in (".gif", ".png"):
+        for style in STYLES:  # the first one of all is the thumbnail
             target = Path(next(script["image_path_iterator"])).with_suffix(kind)
-            shutil.copy(picture, target)
-            paths.append(str(target))
-    return str(figure_rst(paths, conf["src_dir"])) + PLAYER.format(name)
+            if kind == ".gif":
+                solution.animate(target, fps=FRAMES, style=style)
+            else:
+                solution.plot(target, style=style)
+            place = target.relative_to(conf["src_dir"]).as_posix()
+            shown += PICTURE.format(place, name, style)
+    return shown + PLAYER.format(name)
 
 
 class Order:
