@@ -49,8 +49,8 @@ def stage_of(axes: Axes, motion: Motion, room: Room, colours: Colours) -> Drawn:
     below: dict[str, Any] = {"y": -0.01, "transform": axes.transAxes, "va": "top", "fontsize": 10}
     clock = axes.text(0.02, s="", color=colours.text, **below)
     axes.text(
-        0.98, 0.97, _scale_of_arrows(motion), color=colours.quiet, fontsize=9, ha="right",
-        transform=axes.transAxes,
+        0.98, 0.98, _scale_of_arrows(motion), color=colours.quiet, fontsize=9, ha="right",
+        va="top", transform=axes.transAxes,
     )  # fmt: skip
     mode = axes.text(0.98, s="", color=colours.quiet, ha="right", parse_math=False, **below)
     banner = axes.text(
