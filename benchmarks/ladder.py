@@ -83,33 +83,21 @@ def own(rung: Rung, order: int, steps: int, method: str) -> Try:
     total, solution = clocked(lambda: dmoc.solve(problem, method, seconds=SECONDS))
     status, spent = str(solution.status), solution.seconds
     return Try(
-        rung,
-        order,
-        steps,
-        method,
-        rung.compared(solution.cost, True) if status == "solved" else status,
-        solution.cost,
-        spent.get("explore", np.nan),
-        spent["guess"],
-        spent["solve"],
-        spent.get("verify", np.nan),
+        rung, order, steps, method,
+        rung.compared(solution.cost, True) if status == "solved" else status, solution.cost,
+        spent.get("explore", np.nan), spent["guess"], spent["solve"], spent.get("verify", np.nan),
         total,
-    )
+    )  # fmt: skip
 
 
 def peer(rung: Rung, order: int, steps: int) -> Try:
     """Solve by CasADi and IPOPT; nothing is checked, and the seconds of building are left out."""
     found = ladder_casadi.solve(rung.state(), rung.make(steps, order), SECONDS)
     return Try(
-        rung,
-        order,
-        steps,
-        PEER,
-        rung.compared(found.cost, False) if found.succeeded else found.status,
-        found.cost,
-        solve=found.solve,
-        total=found.solve,
-    )
+        rung, order, steps, PEER,
+        rung.compared(found.cost, False) if found.succeeded else found.status, found.cost,
+        solve=found.solve, total=found.solve,
+    )  # fmt: skip
 
 
 def tries(

@@ -81,13 +81,10 @@ def against_wall(wall: float = 0.5, goal: float = -pi) -> Statement:
     return Statement(
         system,
         {
-            "start": {"a": 0.0},
-            "goal": {"a": goal, "a_dot": 0.0},
-            "sequence": ["wall"],
-            "final_time": 3.0,
-            "parameters": {"distance": wall},
+            "start": {"a": 0.0}, "goal": {"a": goal, "a_dot": 0.0}, "sequence": ["wall"],
+            "final_time": 3.0, "parameters": {"distance": wall},
         },
-    )
+    )  # fmt: skip
 
 
 def hammer_and_nail() -> Statement:
@@ -101,13 +98,10 @@ def hammer_and_nail() -> Statement:
     return Statement(
         system,
         {
-            "start": {"x": -0.3, "s": 0.0},
-            "goal": {"s": 0.02, "s_dot": 0.0},
-            "sequence": ["contact"],
-            "final_time": (0.2, 1.0),
-            "restitution": 0.3,
+            "start": {"x": -0.3, "s": 0.0}, "goal": {"s": 0.02, "s_dot": 0.0},
+            "sequence": ["contact"], "final_time": (0.2, 1.0), "restitution": 0.3,
         },
-    )
+    )  # fmt: skip
 
 
 def two_carts() -> Statement:
@@ -121,13 +115,10 @@ def two_carts() -> Statement:
     return Statement(
         system,
         {
-            "start": {"a": 0.0, "b": 1.0},
-            "goal": {"b": 5.0},
-            "sequence": ["contact"],
-            "final_time": 3.0,
-            "restitution": 0.5,
+            "start": {"a": 0.0, "b": 1.0}, "goal": {"b": 5.0}, "sequence": ["contact"],
+            "final_time": 3.0, "restitution": 0.5,
         },
-    )
+    )  # fmt: skip
 
 
 def two_carts_cost() -> float:

@@ -116,12 +116,8 @@ def brachistochrone() -> Statement:
     )  # fmt: skip
     return Statement(
         system,
-        {
-            "start": {"x": 0.0, "y": 10.0},
-            "goal": {"x": 10.0, "y": 5.0},
-            "final_time": (0.5, 10.0),
-        },
-    )
+        {"start": {"x": 0.0, "y": 10.0}, "goal": {"x": 10.0, "y": 5.0}, "final_time": (0.5, 10.0)},
+    )  # fmt: skip
 
 
 def furthest() -> Statement:

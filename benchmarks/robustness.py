@@ -168,17 +168,10 @@ def compare(quick: bool) -> Section:
         f"{' or '.join(map(str, FINER))} times the steps. Best: no other driver found a lower "
         "minimum.",
         [
-            "method",
-            "solved",
-            "confirmed",
-            "best",
-            "iterations, mean",
-            "median",
-            "ms, mean of solved",
-            "median",
-            "not solved",
+            "method", "solved", "confirmed", "best", "iterations, mean", "median",
+            "ms, mean of solved", "median", "not solved",
         ],
-    )
+    )  # fmt: skip
     for method, count in methods.items():
         own = [by[i, method] for i in range(count)]
         good = [r for r in own if r.status == "solved"]

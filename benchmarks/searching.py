@@ -24,19 +24,10 @@ def compare(quick: bool) -> Section:
         "verdict, their solves having met a limit or an "
         "error. Other answers: sequences whose verdict or cost is another than with one worker.",
         [
-            "collisions, at most",
-            "sequences",
-            "workers",
-            "s",
-            "sequences a second",
-            "speed-up",
-            "best",
-            "cost",
-            "failed",
-            "other answers",
-            "verdicts",
+            "collisions, at most", "sequences", "workers", "s", "sequences a second", "speed-up",
+            "best", "cost", "failed", "other answers", "verdicts",
         ],
-    )
+    )  # fmt: skip
     for depth in (2, 3) if quick else (3, 6):
         alone = dmoc.search(seed(), depth)
         for result in (alone, dmoc.search(seed(), depth, workers=2)):

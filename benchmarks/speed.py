@@ -107,14 +107,10 @@ def contact(quick: bool) -> Section:
         "flight against sliding and sticking on the floor, with a multiplier for each condition "
         "at each node, and a bounded force.",
         [
-            "phase",
-            "unknowns",
-            "iterations",
-            "factorisations",
-            "us an iteration",
+            "phase", "unknowns", "iterations", "factorisations", "us an iteration",
             "times the free one",
         ],
-    )
+    )  # fmt: skip
     system = contacts.floor()
     slow = {"start": {"x": 0, "y": 0, "x_dot": 1}, "goal": {"x": 1}, "final_time": 0.8}
     problems = {
@@ -155,17 +151,10 @@ def answer(quick: bool) -> Section:
         "first automatic guess, and its answer is checked by the same simulation; its solve is "
         "without building the graph.",
         [
-            "N",
-            "method",
-            "solved",
-            "guess, ms",
-            "solve, ms",
-            "check, ms",
-            "total, ms",
-            f"{PEER} takes",
-            "cost",
+            "N", "method", "solved", "guess, ms", "solve, ms", "check, ms", "total, ms",
+            f"{PEER} takes", "cost",
         ],
-    )
+    )  # fmt: skip
     for steps, methods in ((100, ("ipm", "slsqp", "ipopt", "uno")), (1000, ("ipm",))):
         problem = seed(steps=steps)
         repeats = 1 if quick or steps > 100 else 3
@@ -228,15 +217,10 @@ def where(quick: bool) -> Section:
         "linear system (factorisations, solves, refinement), the rest (vectors, line search, one "
         "call into Python).",
         [
-            "N",
-            "iterations",
-            "factorisations",
-            "kernels, us",
-            "linear system, us",
-            "rest, us",
+            "N", "iterations", "factorisations", "kernels, us", "linear system, us", "rest, us",
             "analysis before the first, ms",
         ],
-    )
+    )  # fmt: skip
     for steps in (100, 1000):
         problem = seed(steps=steps)
         x = guess(problem)
@@ -261,19 +245,11 @@ def growth(quick: bool, folder: Path) -> Section:
         f"solve adds to the largest resident size. {PEER} is measured once, up to N = "
         f"{300 if quick else SLOWEST}.",
         [
-            "N",
-            "ipm: solved",
-            "ms",
-            "iterations",
-            "ms an iteration",
-            "memory, MB",
-            f"{PEER}: solved",
-            "ms",
-            "iterations",
-            f"{PEER} takes",
+            "N", "ipm: solved", "ms", "iterations", "ms an iteration", "memory, MB",
+            f"{PEER}: solved", "ms", "iterations", f"{PEER} takes",
         ],
         after="![time against N](growth.png)",
-    )
+    )  # fmt: skip
     points = []
     for steps in (10, 30, 100, 300, 1000, 3000):
         own = _in_process("ipm", steps, 1 if quick else 5)
@@ -370,21 +346,11 @@ def warm(quick: bool) -> Section:
         "From the solution and its multipliers (warm) against the automatic guess (cold), N = 100 "
         f"+ 100. Ends: warm and cold cost the same to {SAME_COST:g}, or how much dearer warm is.",
         [
-            "change",
-            "ipm cold: solved",
-            "ms",
-            "iterations",
-            "ipm warm: solved",
-            "ms",
-            "iterations",
-            "cold takes",
-            "ends",
-            "ipopt cold: solved",
-            "iterations",
-            "ipopt warm: solved",
-            "iterations",
+            "change", "ipm cold: solved", "ms", "iterations", "ipm warm: solved", "ms",
+            "iterations", "cold takes", "ends", "ipopt cold: solved", "iterations",
+            "ipopt warm: solved", "iterations",
         ],
-    )
+    )  # fmt: skip
     base = seed()
     x = guess(base)
     nlp = program(base, x)
