@@ -92,14 +92,9 @@ def run(task: tuple[int, str]) -> Trial:
         solved = outcome.status is Status.SOLVED
         passed = solved and confirmed(p, nlp.physical(outcome.x))
         return Trial(
-            instance,
-            method,
-            outcome.status.name.lower(),
-            passed,
-            outcome.iterations,
-            seconds,
+            instance, method, outcome.status.name.lower(), passed, outcome.iterations, seconds,
             own_cost(nlp, outcome),
-        )
+        )  # fmt: skip
 
 
 def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
@@ -135,14 +130,9 @@ def _peer(instance: int, p: dmoc.Problem, x: np.ndarray) -> Trial:
     solved = status == "Solve_Succeeded"
     passed = solved and confirmed(p, from_casadi(nlp, x, found))
     return Trial(
-        instance,
-        "CasADi + IPOPT",
-        "solved" if solved else status.lower(),
-        passed,
-        iterations,
-        seconds,
-        cost,
-    )
+        instance, "CasADi + IPOPT", "solved" if solved else status.lower(), passed, iterations,
+        seconds, cost,
+    )  # fmt: skip
 
 
 def compare(quick: bool) -> Section:

@@ -39,19 +39,11 @@ def compare(quick: bool) -> Section:
             seconds, count = result.seconds, len(result.nodes)
             section.rows.append(
                 (
-                    depth,
-                    count,
-                    1 if result is alone else 2,
-                    f"{seconds:.1f}",
-                    f"{count / seconds:.1f}",
-                    f"{alone.seconds / seconds:.2f}",
-                    name,
-                    cost,
-                    counts.get("failed", 0),
-                    _others(alone, result),
-                    verdicts,
+                    depth, count, 1 if result is alone else 2, f"{seconds:.1f}",
+                    f"{count / seconds:.1f}", f"{alone.seconds / seconds:.2f}", name, cost,
+                    counts.get("failed", 0), _others(alone, result), verdicts,
                 )
-            )
+            )  # fmt: skip
     return section
 
 

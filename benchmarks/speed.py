@@ -70,32 +70,21 @@ def comparison(quick: bool) -> Section:
         _, cost, iterations, _, missed, _ = runs[-1]
         section.rows.append(
             (
-                name,
-                f"{len(good)}/{len(runs)}",
-                ms(seconds),
-                ratio(reference, seconds),
-                iterations,
-                f"{cost:.6f}",
-                f"{missed:.0e}",
-                ms(built.seconds),
+                name, f"{len(good)}/{len(runs)}", ms(seconds), ratio(reference, seconds),
+                iterations, f"{cost:.6f}", f"{missed:.0e}", ms(built.seconds),
             )
-        )
+        )  # fmt: skip
     for method, repeats in (("ipm", 51), ("slsqp", 5), ("ipopt", 5), ("uno", 1)):
         seconds, own = clocked(lambda m=method: program(problem, x, m))
         found = solves(own, x, method, min(repeats, 3) if quick else repeats)
         last = found.outcome
         section.rows.append(
             (
-                method,
-                found.share,
-                ms(found.seconds),
-                ratio(reference, found.seconds),
-                last.iterations,
-                f"{own_cost(own, last):.6f}",
-                f"{violation(own, last):.0e}",
+                method, found.share, ms(found.seconds), ratio(reference, found.seconds),
+                last.iterations, f"{own_cost(own, last):.6f}", f"{violation(own, last):.0e}",
                 ms(seconds),
             )
-        )
+        )  # fmt: skip
     return section
 
 
@@ -131,14 +120,10 @@ def contact(quick: bool) -> Section:
         reference = seconds if name == "free" else reference
         section.rows.append(
             (
-                name,
-                nlp.n,
-                parts["iterations"],
-                parts["factorisations"],
-                f"{1e6 * seconds:.0f}",
+                name, nlp.n, parts["iterations"], parts["factorisations"], f"{1e6 * seconds:.0f}",
                 f"{seconds / reference:.2f} x",
             )
-        )
+        )  # fmt: skip
     return section
 
 
@@ -266,15 +251,10 @@ def growth(quick: bool, folder: Path) -> Section:
         each = ms(own["seconds"] / own["iterations"])
         section.rows.append(
             (
-                steps,
-                own["solved"],
-                ms(own["seconds"]),
-                own["iterations"],
-                each,
-                f"{own['memory']:.1f}",
-                *cells,
+                steps, own["solved"], ms(own["seconds"]), own["iterations"], each,
+                f"{own['memory']:.1f}", *cells,
             )
-        )
+        )  # fmt: skip
     _plot(points, folder / "growth.png")
     return section
 
