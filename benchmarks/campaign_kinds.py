@@ -37,6 +37,11 @@ def uniform(rng: Draw, low: float, high: float) -> float:
     return float(rng.uniform(low, high))
 
 
+def drawn(rng: Draw, **ranges: tuple[float, float]) -> dict[str, float]:
+    """Values by name, each from its range."""
+    return {name: uniform(rng, *limits) for name, limits in ranges.items()}
+
+
 @cache
 def arm(links: int) -> Description:
     """Point masses on massless links; relative angles, torques in the joints, gravity, a stop of
@@ -67,15 +72,13 @@ def arms(rng: Draw) -> Instance:
     return Instance(
         arm(links),
         {
-            "start": start,
-            "goal": goal | {f"{n}_dot": 0.0 for n in names},
-            "sequence": ["stop"],
+            "start": start, "goal": goal | {f"{n}_dot": 0.0 for n in names}, "sequence": ["stop"],
             "final_time": uniform(rng, 0.8, 1.6),
             "bounds": {f"u{i + 1}": (-limit, limit) for i in range(links)},
             "restitution": restitution(rng),
             "parameters": {"m": uniform(rng, 0.5, 1.5), "l": uniform(rng, 0.3, 0.6), "stop": stop},
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -103,10 +106,7 @@ def discs(rng: Draw) -> Instance:
             "start": start, "goal": {"x2": 0.0, "y2": 0.0}, "sequence": ["contact"],
             "final_time": uniform(rng, 0.8, 2.0),
             "bounds": {"f_x": (-60.0, 60.0), "f_y": (-60.0, 60.0)}, "restitution": restitution(rng),
-            "parameters": {
-                "m1": uniform(rng, 0.5, 2.0), "m2": uniform(rng, 0.5, 2.0),
-                "r": uniform(rng, 0.1, 0.25),
-            },
+            "parameters": drawn(rng, m1=(0.5, 2.0), m2=(0.5, 2.0), r=(0.1, 0.25)),
         },
     )  # fmt: skip
 
@@ -130,10 +130,9 @@ def moving_walls(rng: Draw) -> Instance:
             "start": {"x": 0.0, "x_dot": uniform(rng, -0.5, 1.0)},
             "goal": {"x": uniform(rng, -0.5, 0.5), "x_dot": 0.0}, "sequence": ["wall"],
             "final_time": final, "restitution": restitution(rng), "bounds": {"u": (-80.0, 80.0)},
-            "parameters": {
-                "m": uniform(rng, 0.5, 2.0), "wall": uniform(rng, 0.9, 1.5),
-                "swing": uniform(rng, 0.0, 0.3), "omega": uniform(rng, 1.0, 8.0),
-            },
+            "parameters": drawn(
+                rng, m=(0.5, 2.0), wall=(0.9, 1.5), swing=(0.0, 0.3), omega=(1.0, 8.0),
+            ),
         },
     )  # fmt: skip
 
@@ -168,10 +167,7 @@ def rods(rng: Draw) -> Instance:
             "sequence": sequence, "final_time": uniform(rng, 0.9, 1.5),
             "restitution": restitution(rng),
             "bounds": {"f_x": (-60.0, 60.0), "f_y": (-60.0, 60.0), "tau": (-20.0, 20.0)},
-            "parameters": {
-                "m": uniform(rng, 0.5, 2.0), "J": uniform(rng, 0.02, 0.1),
-                "l": uniform(rng, 0.2, 0.5),
-            },
+            "parameters": drawn(rng, m=(0.5, 2.0), J=(0.02, 0.1), l=(0.2, 0.5)),
         },
     )  # fmt: skip
 
@@ -200,10 +196,7 @@ def hoppers(rng: Draw) -> Instance:
             "goal": {"y": height + uniform(rng, -0.1, 0.1), "y_dot": 0.0}, "sequence": ["ground"],
             "final_time": (0.4, 1.2), "restitution": restitution(rng),
             "bounds": {"F": (-150.0, 150.0), "r": (0.25, 0.75)},
-            "parameters": {
-                "M": uniform(rng, 0.8, 1.5), "m": uniform(rng, 0.2, 0.6),
-                "k": uniform(rng, 30.0, 120.0),
-            },
+            "parameters": drawn(rng, M=(0.8, 1.5), m=(0.2, 0.6), k=(30.0, 120.0)),
         },
     )  # fmt: skip
 
@@ -283,10 +276,7 @@ def cart_pendulums(rng: Draw) -> Instance:
             "sequence": [str(rng.choice(["left", "right"]))],
             "final_time": (None, uniform(rng, 0.7, 1.2)), "bounds": {"F": (-force, force)},
             "restitution": restitution(rng),
-            "parameters": {
-                "m_p": uniform(rng, 0.5, 2.0), "m_c": uniform(rng, 0.5, 2.0),
-                "l": uniform(rng, 0.4, 0.8),
-            },
+            "parameters": drawn(rng, m_p=(0.5, 2.0), m_c=(0.5, 2.0), l=(0.4, 0.8)),
         },
     )  # fmt: skip
 
@@ -344,10 +334,7 @@ def chains(rng: Draw) -> Instance:
             "goal": dict.fromkeys(names, goal) | {f"{n}_dot": 0.0 for n in names},
             "sequence": ["wall"], "final_time": uniform(rng, 2.0, 4.0),
             "restitution": restitution(rng), "bounds": {"u": (-60.0, 60.0)},
-            "parameters": {
-                "m": uniform(rng, 0.5, 1.5), "k": uniform(rng, 10.0, 60.0),
-                "wall": uniform(rng, 0.3, 0.8),
-            },
+            "parameters": drawn(rng, m=(0.5, 1.5), k=(10.0, 60.0), wall=(0.3, 0.8)),
         },
     )  # fmt: skip
 

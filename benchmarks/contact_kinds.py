@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
-from campaign_kinds import Draw, G, Instance, T, uniform
+from campaign_kinds import Draw, G, Instance, T, drawn, uniform
 from equations import Description
 from sympy.physics.mechanics import dynamicsymbols
 
@@ -33,9 +33,8 @@ def block_on(speed: bool) -> Description:
     belt = sp.Symbol("belt")
     along = X - belt * T if speed else X
     return Description(
-        "belt" if speed else "floor", [X, Y], [U],
-        kinetic(M, sp.Matrix([X, Y])) - M * GRAVITY * Y, {X: U}, {"floor": Y >= 0},
-        {M: 1.0, GRAVITY: G, MU: 0.2} | ({belt: 1.0} if speed else {}),
+        "belt" if speed else "floor", [X, Y], [U], kinetic(M, sp.Matrix([X, Y])) - M * GRAVITY * Y,
+        {X: U}, {"floor": Y >= 0}, {M: 1.0, GRAVITY: G, MU: 0.2} | ({belt: 1.0} if speed else {}),
         {"floor": along}, {"floor": MU},
     )  # fmt: skip
 
@@ -47,14 +46,12 @@ def pushed(rng: Draw) -> Instance:
     return Instance(
         block_on(False),
         {
-            "start": {"x": 0.0, "y": 0.0},
-            "goal": {"x": uniform(rng, 0.3, 2.0), "x_dot": 0.0},
+            "start": {"x": 0.0, "y": 0.0}, "goal": {"x": uniform(rng, 0.3, 2.0), "x_dot": 0.0},
             "contacts": ["floor"] if waits else ["floor:slip+"],
-            "sequence": ["floor:slip+", "floor:stick"] if waits else [],
-            "final_time": time,
+            "sequence": ["floor:slip+", "floor:stick"] if waits else [], "final_time": time,
             "parameters": {"m": uniform(rng, 0.5, 3.0), "mu": mu},
         },
-    )
+    )  # fmt: skip
 
 
 def belts(rng: Draw) -> Instance:
@@ -79,9 +76,8 @@ def two_blocks() -> Description:
     low, high = dynamicsymbols("low high")
     m_low, m_high, grip = sp.symbols("m_low m_high grip")
     return Description(
-        "stacked", [low, high], [U],
-        (m_low * low.diff(T) ** 2 + m_high * high.diff(T) ** 2) / 2, {low: U}, {},
-        {m_low: 2.0, m_high: 1.0, grip: 1.0}, {"top": high - low}, {"top": grip},
+        "stacked", [low, high], [U], (m_low * low.diff(T) ** 2 + m_high * high.diff(T) ** 2) / 2,
+        {low: U}, {}, {m_low: 2.0, m_high: 1.0, grip: 1.0}, {"top": high - low}, {"top": grip},
     )  # fmt: skip
 
 
@@ -95,7 +91,7 @@ def stacked(rng: Draw) -> Instance:
         {
             "start": {"low": 0.0, "high": 0.0}, "goal": goal, "contacts": [first], "sequence": rest,
             "final_time": uniform(rng, 0.8, 2.0),
-            "parameters": {"grip": uniform(rng, 0.5, 2.0), "m_low": uniform(rng, 1.0, 3.0)},
+            "parameters": drawn(rng, grip=(0.5, 2.0), m_low=(1.0, 3.0)),
         },
     )  # fmt: skip
 
@@ -111,10 +107,9 @@ def leaning_rod() -> Description:
     energy = kinetic(M, sp.Matrix([X, Y])) + inertia * a.diff(T) ** 2 / 2
     return Description(
         "ladder", [X, Y, a], [U], energy - M * GRAVITY * Y,
-        {q: U * foot[0].diff(q) for q in (X, Y, a)},
-        {"wall": top[0] >= 0, "floor": foot[1] >= 0},
-        {M: 1.0, half: 0.5, inertia: 1 / 12, GRAVITY: G, MU: 0.2},
-        {"floor": foot[0]}, {"floor": MU},
+        {q: U * foot[0].diff(q) for q in (X, Y, a)}, {"wall": top[0] >= 0, "floor": foot[1] >= 0},
+        {M: 1.0, half: 0.5, inertia: 1 / 12, GRAVITY: G, MU: 0.2}, {"floor": foot[0]},
+        {"floor": MU},
     )  # fmt: skip
 
 
@@ -127,13 +122,11 @@ def ladders(rng: Draw) -> Instance:
         leaning_rod(),
         {
             "start": {"a": start, "x": 0.5 * np.sin(start), "y": 0.5 * np.cos(start)},
-            "goal": {"a": goal, "a_dot": 0.0},
-            "contacts": ["wall", f"floor:slip{way}"],
-            "sequence": [],
-            "final_time": uniform(rng, 0.6, 1.2),
+            "goal": {"a": goal, "a_dot": 0.0}, "contacts": ["wall", f"floor:slip{way}"],
+            "sequence": [], "final_time": uniform(rng, 0.6, 1.2),
             "parameters": {"mu": uniform(rng, 0.05, 0.3)},
         },
-    )
+    )  # fmt: skip
 
 
 @cache
@@ -210,10 +203,8 @@ def bars(rng: Draw) -> Instance:
             "start": {
                 "x": 0.0, "y": uniform(rng, 0.8, 1.2), "a": angle, "x_dot": uniform(rng, -0.5, 0.5),
             },
-            "goal": {"a": angle + uniform(rng, -0.6, 0.2)},
-            "sequence": ["floor"],
-            "restitution": float(rng.choice([0.8, 0.5, 0.2])),
-            "final_time": (0.4, 0.9),
+            "goal": {"a": angle + uniform(rng, -0.6, 0.2)}, "sequence": ["floor"],
+            "restitution": float(rng.choice([0.8, 0.5, 0.2])), "final_time": (0.4, 0.9),
             "parameters": {"mu": uniform(rng, 0.1, 0.6)},
         },
     )  # fmt: skip
@@ -240,12 +231,10 @@ def cart_poles(rng: Draw) -> Instance:
         {
             "start": {"x": 0.0, "a": 0.0},
             "goal": {"x": uniform(rng, 0.5, 1.5), "a": 0.0, "x_dot": 0.0, "a_dot": 0.0},
-            "contacts": [first],
-            "sequence": rest,
-            "final_time": uniform(rng, 1.5, 3.0),
-            "parameters": {"drag": uniform(rng, 0.3, 2.0), "pole": uniform(rng, 0.1, 0.5)},
+            "contacts": [first], "sequence": rest, "final_time": uniform(rng, 1.5, 3.0),
+            "parameters": drawn(rng, drag=(0.3, 2.0), pole=(0.1, 0.5)),
         },
-    )
+    )  # fmt: skip
 
 
 def exchanged(pairs: dict[str, str], step: Any) -> dict[str, Any]:
@@ -275,14 +264,10 @@ def compasses(rng: Draw) -> Instance:
     return Instance(
         compass(),
         {
-            "start": {"x": 0.0, "a": 0.0},
-            "goal": {},
-            "contacts": ["left"],
-            "sequence": ["+right -left"],
-            "via": [{"a": (-0.5, -0.05)}],
+            "start": {"x": 0.0, "a": 0.0}, "goal": {}, "contacts": ["left"],
+            "sequence": ["+right -left"], "via": [{"a": (-0.5, -0.05)}],
             "ignored": ["left", "right"],
-            "periodic": exchanged({"y": "y", "a": "b", "b": "a"}, None),
-            "final_time": (0.65, 0.9),
+            "periodic": exchanged({"y": "y", "a": "b", "b": "a"}, None), "final_time": (0.65, 0.9),
             "durations": [(0.05, None)] * 2,
             "parameters": {
                 "slope": radians(uniform(rng, 2.0, 4.0)), "hip_mass": uniform(rng, 8.0, 12.0),
