@@ -7,6 +7,7 @@ from math import pi, sin, sqrt
 
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
+from systems import block_on_floor
 
 import dmoc
 
@@ -24,12 +25,7 @@ def rail(cost: object, wall: bool = False, name: str = "railed") -> dmoc.Mechani
 
 
 def floor(name: str = "floored") -> dmoc.MechanicalSystem:
-    """A block on a floor with friction."""
-    return dmoc.MechanicalSystem(
-        name, [X, Y], M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
-        {M: 2.0, G: 5.0, MU: 0.1}, inputs=[U], forces={X: U}, cost=U**2 / 2,
-        surfaces={"floor": Y >= 0}, tangents={"floor": X}, friction={"floor": MU},
-    )  # fmt: skip
+    return block_on_floor(name, 2.0, 5.0, 0.1)
 
 
 def pushed(steps: int) -> dmoc.Problem:

@@ -9,6 +9,7 @@ import numpy as np
 import sympy as sp
 from scipy.integrate import solve_ivp
 from sympy.physics.mechanics import dynamicsymbols
+from systems import unit_mass
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -87,10 +88,13 @@ def columns(*parts: np.ndarray | float) -> np.ndarray:
 
 def rail_system() -> dmoc.MechanicalSystem:
     x, u = dynamicsymbols("x u")
-    return dmoc.MechanicalSystem(
-        "rail", [x], x.diff(T) ** 2 / 2, {sp.Symbol("f"): 1.0}, inputs=[u], forces={x: u},
-        tangents={"rail": x}, friction={"rail": sp.Symbol("f")}, cost=u**2 / 2,
-    )  # fmt: skip
+    return unit_mass(
+        "rail",
+        parameters={sp.Symbol("f"): 1.0},
+        cost=u**2 / 2,
+        tangents={"rail": x},
+        friction={"rail": sp.Symbol("f")},
+    )
 
 
 def floor_system() -> dmoc.MechanicalSystem:

@@ -23,6 +23,25 @@ def block_system(name: str = "block") -> dmoc.MechanicalSystem:
     )  # fmt: skip
 
 
+def unit_mass(name: str, **fields: Any) -> dmoc.MechanicalSystem:
+    """A unit mass x on a line with the force u."""
+    x, u = dynamicsymbols("x u")
+    return dmoc.MechanicalSystem(
+        name, [x], x.diff() ** 2 / 2, fields.pop("parameters", {}), [u], {x: u}, **fields
+    )
+
+
+def block_on_floor(name: str, m: float, g: float, mu: float, **more: Any) -> dmoc.MechanicalSystem:
+    """A block on a floor with friction, pushed along it; more is part of the system too."""
+    x, y, u = dynamicsymbols("x y u")
+    M, G, MU = sp.symbols("m g mu")
+    fields: dict[str, Any] = {"cost": u**2 / 2, "surfaces": {"floor": y >= 0}} | more
+    return dmoc.MechanicalSystem(
+        name, [x, y], M * (x.diff() ** 2 + y.diff() ** 2) / 2 - M * G * y, {M: m, G: g, MU: mu},
+        [u], {x: u}, tangents={"floor": x}, friction={"floor": MU}, **fields,
+    )  # fmt: skip
+
+
 def there_and_back(kernels: Kernels, **fields: Any) -> dmoc.Problem:
     """The block from rest to the wall and back within a second, unless fields say otherwise."""
     stated = {
@@ -157,15 +176,7 @@ def rod_system() -> dmoc.MechanicalSystem:
 
 def landing_system() -> dmoc.MechanicalSystem:
     """A puck over a floor with friction, pushed along it."""
-    x, y, u = dynamicsymbols("x y u")
-    m, g, mu = sp.symbols("m g mu")
-    t = dynamicsymbols._t
-    return dmoc.MechanicalSystem(
-        "landing", coordinates=[x, y], inputs=[u],
-        lagrangian=m * (x.diff(t) ** 2 + y.diff(t) ** 2) / 2 - m * g * y, forces={x: u},
-        parameters={m: 1.0, g: 10.0, mu: 0.1}, cost=u**2 / 2, surfaces={"floor": y >= 0},
-        tangents={"floor": x}, friction={"floor": mu},
-    )  # fmt: skip
+    return block_on_floor("landing", 1.0, 10.0, 0.1)
 
 
 def landing_problem(steps: int = 8) -> dmoc.Problem:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system
+from systems import block_system, unit_mass
 
 import dmoc
 from dmoc.base.errors import (
@@ -424,10 +424,7 @@ def test_a_mass_that_vanishes_on_the_way_is_no_solution_and_is_told(
 
 
 def test_a_cost_that_is_no_number_is_told() -> None:
-    system = dmoc.MechanicalSystem(
-        "undefined", [X], X.diff(T) ** 2 / 2, {}, inputs=[U], forces={X: U},
-        cost=U**2 + sp.sqrt(-1 - X**2),
-    )  # fmt: skip
+    system = unit_mass("undefined", cost=U**2 + sp.sqrt(-1 - X**2))
     problem = dmoc.Problem(system, start={X: 0.0}, final_time=1.0, steps=5)
     solution = dmoc.solve(problem, "ipm", starts=1)
     assert not solution.solved and "the cost is not a finite number" in solution.message

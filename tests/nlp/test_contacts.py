@@ -34,6 +34,7 @@ from contact_problems import (
     wall_with_friction,
 )
 from sympy.physics.mechanics import dynamicsymbols
+from systems import unit_mass
 
 import dmoc
 from dmoc.base.errors import ModelError, ProblemError
@@ -433,9 +434,7 @@ def test_forces_at_the_ends_of_a_phase_are_those_beside_them_continued(
 def test_the_upper_end_of_a_periodic_range_holds() -> None:
     """Further costs less: a motion at constant speed, no input, x(T) - x(0) = 0.4 at most."""
     x, u = dynamicsymbols("x u")
-    system = dmoc.MechanicalSystem(
-        "further", [x], x.diff() ** 2 / 2, {}, inputs=[u], forces={x: u}, cost=u**2 - x.diff()
-    )
+    system = unit_mass("further", cost=u**2 - x.diff())
     problem = dmoc.Problem(
         system, start={"x": 0}, periodic={"x": ("x", (0.1, 0.4)), "x_dot": "x_dot"}, steps=10,
         final_time=1,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
+from systems import unit_mass
 
 import dmoc
 from dmoc.program.transcription import Transcription
@@ -17,16 +18,7 @@ X, U = dynamicsymbols("x u")
 @pytest.fixture(scope="module")
 def nlp() -> Transcription:
     """The root of the input is the cost, the logarithm of the position is bounded."""
-    system = dmoc.MechanicalSystem(
-        "undefined",
-        [X],
-        X.diff() ** 2 / 2,
-        {},
-        inputs=[U],
-        forces={X: U},
-        cost=sp.sqrt(U),
-        path_constraints={"log": sp.log(X) <= 1},
-    )
+    system = unit_mass("undefined", cost=sp.sqrt(U), path_constraints={"log": sp.log(X) <= 1})
     return Transcription(dmoc.Problem(system, start={X: 1.0}, final_time=1.0, steps=3))
 
 

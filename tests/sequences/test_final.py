@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
+from systems import block_on_floor
 
 import dmoc
 from dmoc.models.registry import find
@@ -180,16 +181,10 @@ def test_time_is_kept_for_doubtful_nodes_and_the_answer() -> None:
 
 def test_a_search_around_doing_nothing_confirms_that() -> None:
     """A block that rests on a rough floor, and shall be where it is."""
-    x, y, u = dynamicsymbols("x y u")
-    m, g, mu = sp.symbols("m g mu")
-    system = dmoc.MechanicalSystem(
-        "resting_block", [x, y], m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
-        {m: 1.0, g: 9.81, mu: 0.3}, inputs=[u], forces={x: u}, surfaces={"floor": y >= 0},
-        tangents={"floor": x}, friction={"floor": mu}, cost=u**2 / 2,
-    )  # fmt: skip
+    system = block_on_floor("resting_block", 1.0, 9.81, 0.3)
     for place in (0.0, 3.0):
         problem = dmoc.Problem(
-            system, start={x: place, y: 0.0}, goal={x: place, "x_dot": 0.0}, contacts=["floor"],
+            system, start={"x": place, "y": 0}, goal={"x": place, "x_dot": 0}, contacts=["floor"],
             steps=10, final_time=2.0,
         )  # fmt: skip
         result = dmoc.search(problem, 1, events=["-floor"])

@@ -12,6 +12,7 @@ import pytest
 import sympy as sp
 from searches import outline
 from sympy.physics.mechanics import dynamicsymbols
+from systems import unit_mass
 
 import dmoc
 from dmoc.base.errors import SearchError
@@ -224,10 +225,9 @@ def test_the_parents_motion_is_bent_to_the_surface(table: dmoc.Problem) -> None:
 def test_a_surface_that_moves_is_met_where_it_is_at_that_time() -> None:
     """A wall at 1 - 0.3 t, and a block that comes closest to it at the end of its motion."""
     (x, u), t = dynamicsymbols("x u"), dynamicsymbols._t
-    system = dmoc.MechanicalSystem(
-        "moving_wall", [x], x.diff(t) ** 2 / 2, {}, [u], {x: u},
-        {"wall": x <= 1 - sp.Rational(3, 10) * t}, u**2 / 2,
-    )  # fmt: skip
+    system = unit_mass(
+        "moving_wall", surfaces={"wall": x <= 1 - sp.Rational(3, 10) * t}, cost=u**2 / 2
+    )
     child = dmoc.Problem(
         dmoc.build(system), start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, sequence=["wall"],
         steps=20, final_time=1.0,

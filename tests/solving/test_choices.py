@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
+from systems import unit_mass
 
 import dmoc
 from dmoc.guess.automatic import initial_guesses
@@ -96,10 +97,9 @@ def test_an_estimated_minimal_time_that_holds_a_solution_is_dropped(
 def test_what_is_violated_does_not_stand_against_itself() -> None:
     """A speed of 3 where 1 is allowed, and brakes that leave 2 of it."""
     x, u = dynamicsymbols("x u")
-    system = dmoc.MechanicalSystem(
-        "hurried", coordinates=[x], inputs=[u], lagrangian=x.diff() ** 2 / 2, forces={x: u},
-        parameters={}, cost=u**2 / 2, path_constraints={"speed": x.diff() <= sp.Integer(1)},
-    )  # fmt: skip
+    system = unit_mass(
+        "hurried", cost=u**2 / 2, path_constraints={"speed": x.diff() <= sp.Integer(1)}
+    )
     problem = dmoc.Problem(
         system, start={"x": 0.0, "x_dot": 3.0}, goal={"x": None, "x_dot": None}, steps=10,
         durations=[1.0], bounds={"u": (-1.0, 1.0)},

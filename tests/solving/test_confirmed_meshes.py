@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 from contact_problems import against_wall, pushed, rail, two_masses
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system
+from systems import block_on_floor, block_system, unit_mass
 
 import dmoc
 from dmoc.program.extraction import given_multipliers
@@ -29,12 +29,8 @@ M, G, MU = sp.symbols("m g mu")
 def sliding_back(cost: sp.Expr, sequence: list[str], steps: int | None = None) -> dmoc.Problem:
     """A block slides 1 m to a wall and 0.3 m back, where it rests; the speed of its start is
     free."""
-    system = dmoc.MechanicalSystem(
-        "sliding_back", [X, Y], M * (X.diff() ** 2 + Y.diff() ** 2) / 2 - M * G * Y,
-        {M: 1.0, MU: 0.3, G: 9.81}, inputs=[U], forces={X: U},
-        surfaces={"floor": Y >= 0, "wall": X <= 1}, tangents={"floor": X}, friction={"floor": MU},
-        cost=cost,
-    )  # fmt: skip
+    walls = {"floor": Y >= 0, "wall": X <= 1}
+    system = block_on_floor("sliding_back", 1.0, 9.81, 0.3, surfaces=walls, cost=cost)
     return dmoc.Problem(
         system, start={X: 0, Y: 0, "x_dot": (0.1, 10)}, goal={X: 0.7, "x_dot": 0},
         contacts=["floor:slip+"], sequence=sequence, restitution={"wall": 0.6},
@@ -93,9 +89,7 @@ def test_a_cost_that_falls_for_ever_is_no_minimum(steps: int | None, wall: bool)
 
 def test_a_free_time_with_a_minimum_is_one() -> None:
     """Time and effort of a unit mass over 1 m, T + 12/T^3, are least at T = sqrt(6)."""
-    system = dmoc.MechanicalSystem(
-        "timed", [X], X.diff() ** 2 / 2, {}, inputs=[U], forces={X: U}, cost=1 + U**2
-    )
+    system = unit_mass("timed", cost=1 + U**2)
     problem = dmoc.Problem(
         system, start={X: 0}, goal={X: 1, "x_dot": 0}, final_time=(None, None), steps=40
     )
@@ -196,9 +190,7 @@ def test_durations_that_the_problem_leaves_open_are_named(steps: int) -> None:
 
 def test_the_curvature_of_a_duration_is_that_of_the_closed_form() -> None:
     """J = T + 12/T^3 has T^2 J''/J = 3 at its minimum, T = sqrt(6)."""
-    system = dmoc.MechanicalSystem(
-        "timed", [X], X.diff() ** 2 / 2, {}, inputs=[U], forces={X: U}, cost=1 + U**2
-    )
+    system = unit_mass("timed", cost=1 + U**2)
     problem = dmoc.Problem(
         system, start={X: 0}, goal={X: 1, "x_dot": 0}, final_time=(0.1, 10), steps=40
     )

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
-from systems import double_integrator
+from systems import double_integrator, unit_mass
 
 import dmoc
 from dmoc.base.errors import ProblemError
@@ -105,11 +105,7 @@ def test_a_number_of_starts_is_kept(hanging: dmoc.Problem) -> None:
 
 
 def test_starts_that_agree_end_the_exploration() -> None:
-    x, u = dynamicsymbols("x u")
-    system = dmoc.MechanicalSystem(
-        "easy", coordinates=[x], inputs=[u], lagrangian=x.diff() ** 2 / 2, forces={x: u},
-        parameters={}, cost=u**2,
-    )  # fmt: skip
+    system = unit_mass("easy", cost=dynamicsymbols("u") ** 2)
     problem = dmoc.Problem(system, start={"x": 0}, goal={"x": 1, "x_dot": 0}, final_time=1)
     found = dmoc.solve(problem, "ipm")
     assert found.cost == pytest.approx(12, rel=1e-3)

@@ -10,7 +10,7 @@ import pytest
 import seed as seed_example
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system
+from systems import block_on_floor, block_system, unit_mass
 
 import dmoc
 from dmoc.base.errors import ProblemError
@@ -80,12 +80,8 @@ def test_wrong_tolerances_are_refused() -> None:
 def test_the_estimate_is_honest_where_inputs_switch(order: int) -> None:
     """Least time against a wall with |u| <= 1 and e = 0.5: sqrt(2) + 2 sqrt(5/4) - sqrt(2)/2;
     the switches fall between the nodes."""
-    x, u = dynamicsymbols("x u")
-    T = dynamicsymbols._t
-    system = dmoc.MechanicalSystem(
-        "fast_block", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, surfaces={"wall": x <= 1},
-        cost=sp.Integer(1),
-    )  # fmt: skip
+    walls = {"wall": dynamicsymbols("x") <= 1}
+    system = unit_mass("fast_block", surfaces=walls, cost=sp.Integer(1))
     exact = 2**0.5 + 2 * 1.25**0.5 - 2**0.5 / 2
     problem = dmoc.Problem(
         dmoc.build(system, order=order), start={"x": 0}, goal={"x": 0, "x_dot": 0},
@@ -95,17 +91,6 @@ def test_the_estimate_is_honest_where_inputs_switch(order: int) -> None:
         solution = dmoc.solve(problem, tolerance=tolerance)
         assert solution.solved and solution.error_estimate is not None
         assert abs(solution.cost / exact - 1) <= solution.error_estimate <= tolerance
-
-
-def floored(name: str) -> dmoc.MechanicalSystem:
-    """A block on a floor with friction."""
-    x, y, u = dynamicsymbols("x y u")
-    m, mu, g = sp.symbols("m mu g")
-    return dmoc.MechanicalSystem(
-        name, [x, y], m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
-        {m: 1.0, mu: 0.5, g: 10.0}, inputs=[u], forces={x: u}, cost=u**2 / 2,
-        surfaces={"floor": y >= 0}, tangents={"floor": x}, friction={"floor": mu},
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -119,7 +104,8 @@ def test_a_phase_that_shrinks_to_nothing_is_refined_to_the_closed_form(
     way = "slip+" if distance > 0 else "slip-"
     solution = dmoc.solve(
         dmoc.Problem(
-            floored("shrinking"), start={"x": 0, "y": 0}, goal={"x": distance, "x_dot": 0},
+            block_on_floor("shrinking", 1.0, 10.0, 0.5), start={"x": 0, "y": 0},
+            goal={"x": distance, "x_dot": 0},
             contacts=["floor"], sequence=[f"floor:{way}"], final_time=1,
             parameters={"mu": mu, "m": mass},
         )

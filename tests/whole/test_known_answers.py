@@ -21,7 +21,7 @@ import two_discs
 from scipy.integrate import quad
 from scipy.optimize import minimize
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system, bouncer_problem, bryson_denham, double_integrator
+from systems import block_system, bouncer_problem, bryson_denham, double_integrator, unit_mass
 
 import dmoc
 
@@ -84,10 +84,9 @@ def test_wall_that_moves() -> None:
     wall stands still."""
     drift, e = 0.3, 0.8
     x, u = dynamicsymbols("x u")
-    system = dmoc.MechanicalSystem(
-        "moving_wall", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u},
-        {"wall": x <= 1 - sp.Rational(3, 10) * T}, u**2 / 2,
-    )  # fmt: skip
+    system = unit_mass(
+        "moving_wall", surfaces={"wall": x <= 1 - sp.Rational(3, 10) * T}, cost=u**2 / 2
+    )
 
     def leg(distance: float, before: float, after: float, time: float) -> float:
         d, w = distance - before * time, after - before
@@ -130,10 +129,7 @@ def test_wall_that_moves() -> None:
 
 def test_cost_that_depends_on_the_time() -> None:
     """Least int (1 + t) u^2 / 2 from 0 to 1, rest to rest: u = (a + b t) / (1 + t)."""
-    x, u = dynamicsymbols("x u")
-    system = dmoc.MechanicalSystem(
-        "timed", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=(1 + T) * u**2 / 2
-    )
+    system = unit_mass("timed", cost=(1 + T) * dynamicsymbols("u") ** 2 / 2)
     A = [
         [quad(lambda t, f=f, k=k: f(t) * t**k / (1 + t), 0, 1)[0] for k in (0, 1)]
         for f in (lambda t: 1.0, lambda t: 1 - t)
@@ -171,12 +167,8 @@ def test_lagrangian_that_depends_on_the_time() -> None:
 @pytest.mark.parametrize("kind", ["integral", "terminal"])
 def test_minimum_time(kind: str) -> None:
     """A unit mass with |u| <= 1 from 0 to 1, rest to rest: 2 s."""
-    x, u = dynamicsymbols("x u")
     integral, terminal = (sp.Integer(1), 0) if kind == "integral" else (0, T)
-    system = dmoc.MechanicalSystem(
-        f"fast_{kind}", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=integral,
-        terminal_cost=terminal,
-    )  # fmt: skip
+    system = unit_mass(f"fast_{kind}", cost=integral, terminal_cost=terminal)
     for order, steps in ((2, 20), (4, 20)):
         problem = dmoc.Problem(
             dmoc.build(system, order=order), start={"x": 0}, goal={"x": 1, "x_dot": 0}, steps=steps,
@@ -188,11 +180,10 @@ def test_minimum_time(kind: str) -> None:
 def test_minimum_time_under_a_speed_limit() -> None:
     """|u| <= 1 and v <= 1/2 from 0 to 1, rest to rest: 0.5 s to the limit, 1.5 s along it, 0.5 s
     to stop."""
-    x, u = dynamicsymbols("x u")
-    system = dmoc.MechanicalSystem(
-        "limited", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=sp.Integer(1),
-        path_constraints={"speed": x.diff(T) <= sp.Rational(1, 2)},
-    )  # fmt: skip
+    x = dynamicsymbols("x")
+    system = unit_mass(
+        "limited", cost=sp.Integer(1), path_constraints={"speed": x.diff(T) <= sp.Rational(1, 2)}
+    )
     for order in (2, 4):
         problem = dmoc.Problem(
             dmoc.build(system, order=order), start={"x": 0}, goal={"x": 1, "x_dot": 0}, steps=40,
@@ -206,10 +197,9 @@ def test_terminal_cost_in_position_and_velocity() -> None:
     optimum solves two linear equations."""
     x, u = dynamicsymbols("x u")
     s, r = 50, 3
-    system = dmoc.MechanicalSystem(
-        "soft_goal", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, cost=u**2 / 2,
-        terminal_cost=(s * (x - 1) ** 2 + r * x.diff(T) ** 2) / 2,
-    )  # fmt: skip
+    system = unit_mass(
+        "soft_goal", cost=u**2 / 2, terminal_cost=(s * (x - 1) ** 2 + r * x.diff(T) ** 2) / 2
+    )
     # u = a (1 - t) + b with a = -s (x_E - 1), b = -r v_E.
     A = np.array([[1 + s / 3, s / 2], [r / 2, 1 + r]])
     a, b = np.linalg.solve(A, [s, 0.0])

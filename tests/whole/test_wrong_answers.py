@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 from methods import INSTALLED
 from sympy.physics.mechanics import dynamicsymbols
-from systems import block_system, there_and_back
+from systems import block_system, there_and_back, unit_mass
 
 import dmoc
 from dmoc.base.errors import ProblemError
@@ -135,10 +135,7 @@ def test_a_search_gives_no_credit_for_a_graze() -> None:
 def test_order_4_keeps_the_limits_of_inputs_everywhere(steps: int) -> None:
     """Furthest rest-to-rest point of a unit mass with |u| <= 1 in 1 s: at most 0.25, whatever
     the steps."""
-    x, u = dynamicsymbols("x u")
-    system = dmoc.MechanicalSystem(
-        "far", [x], x.diff(T) ** 2 / 2, {}, [u], {x: u}, terminal_cost=-x
-    )
+    system = unit_mass("far", terminal_cost=-dynamicsymbols("x"))
     problem = dmoc.Problem(
         dmoc.build(system, order=4), start={"x": 0}, goal={"x_dot": 0}, steps=steps, final_time=1.0,
         bounds={"u": (-1, 1)},
