@@ -61,23 +61,11 @@ def motion(wall: str = "wall", model: str = "shuttle") -> Trajectory:
         Shape("contact", "floor", 14, 4),
     )
     return Trajectory(
-        model,
-        "",
-        ("x", "y"),
-        ("u",),
-        {},
-        (_phase(times[0], True), _phase(times[1], False)),
-        (hit,),
-        "constant",
-        np.array([[-6.0, 6.0]]),
-        np.full((2, 2), [-np.inf, np.inf]),
-        {wall: 0.5, "floor": 0.0},
-        2,
-        (),
-        {"floor": 0.5},
-        {"x": "m", "y": "m", "u": "N"},
+        model, "", ("x", "y"), ("u",), {}, (_phase(times[0], True), _phase(times[1], False)),
+        (hit,), "constant", np.array([[-6.0, 6.0]]), np.full((2, 2), [-np.inf, np.inf]),
+        {wall: 0.5, "floor": 0.0}, 2, (), {"floor": 0.5}, {"x": "m", "y": "m", "u": "N"},
         Scene(shapes, times, tuple(_values(t) for t in times)),
-    )
+    )  # fmt: skip
 
 
 def mirrored(given: Trajectory) -> Trajectory:

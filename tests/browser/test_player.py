@@ -34,17 +34,13 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tree(tmp_path_factory: pytest.TempPathFactory, solution: dmoc.Solution) -> Path:
     nodes = [
         (
-            (),
-            "no collision",
-            "feasible",
-            3.0,
-            ("confirmed by simulation",),
+            (), "no collision", "feasible", 3.0, ("confirmed by simulation",),
             replace(solution, trajectory=motion()),
         ),
         (("wall",), "wall", "optimal", 1.25, (), replace(solution, trajectory=mirrored(motion()))),
         (("wall", "wall"), "wall, wall", "infeasible", None, ("the goal of x is missed",), None),
         (("floor",), "floor", "unreachable", None, (), None),
-    ]
+    ]  # fmt: skip
     return animate_tree("shuttle", nodes, tmp_path_factory.mktemp("tree") / "tree.html")
 
 

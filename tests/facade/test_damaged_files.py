@@ -50,17 +50,12 @@ def test_every_damage_to_a_solution_file_is_a_sentence(content: bytes) -> None:
 @pytest.mark.parametrize(
     ("record", "made"),
     [
-        (solution_file.SOLUTION, dmoc.Solution),
-        (solution_file.TRAJECTORY, Trajectory),
-        (solution_file.PHASE, Phase),
-        (solution_file.SCENE, Scene),
-        (solution_file.SHAPE, Shape),
-        (solution_file.COLLISION, Collision),
-        (solution_file.MESH, dmoc.results.solution.Mesh),
-        (nodes.NODE, nodes.Node),
-        (nodes.START, nodes.Start),
+        (solution_file.SOLUTION, dmoc.Solution), (solution_file.TRAJECTORY, Trajectory),
+        (solution_file.PHASE, Phase), (solution_file.SCENE, Scene), (solution_file.SHAPE, Shape),
+        (solution_file.COLLISION, Collision), (solution_file.MESH, dmoc.results.solution.Mesh),
+        (nodes.NODE, nodes.Node), (nodes.START, nodes.Start),
     ],
-)
+)  # fmt: skip
 def test_every_field_is_declared(record: Record, made: type) -> None:
     beside = {"kernels"} if made is dmoc.Solution else {"solution"} if made is nodes.Node else set()
     assert set(record.fields) == {f.name for f in fields(made)} - beside

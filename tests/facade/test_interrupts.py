@@ -204,20 +204,12 @@ def test_a_simulation_leaves_the_interpreter_to_other_threads() -> None:
     [
         ["search", "puck_table", "--workers", "2", "--max-collisions", "5", "--json", "-"],
         [
-            "solve",
-            "cart_pendulum",
-            "--steps",
-            "300",
-            "--method",
-            "ipm",
-            "--tolerance",
-            "1e-8",
-            "--json",
-            "-",
+            "solve", "cart_pendulum", "--steps", "300", "--method", "ipm", "--tolerance", "1e-8",
+            "--json", "-",
         ],
     ],
     ids=["search", "solve"],
-)
+)  # fmt: skip
 def test_ctrl_c_at_any_moment_leaves_no_traceback_and_no_process(
     command: list[str], wait: float, tmp_path: Path
 ) -> None:
@@ -225,14 +217,9 @@ def test_ctrl_c_at_any_moment_leaves_no_traceback_and_no_process(
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     running = subprocess.Popen(
-        [sys.executable, "-c", STARTED, *command],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=listening,
-    )
+        [sys.executable, "-c", STARTED, *command], cwd=tmp_path, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=listening,
+    )  # fmt: skip
     assert running.stdout is not None and running.stdout.readline() == "started\n"
     time.sleep(wait)
     os.killpg(running.pid, signal.SIGINT)

@@ -40,8 +40,7 @@ def test_rows_of_states_are_evaluated_as_each_of_them_alone(model: Model) -> Non
     q, v, u, t = states(3)
     found = {
         "equations": (
-            model.equations(q, v, u, t),
-            lambda k: model.equations(q[k], v[k], u[k], t[k]),
+            model.equations(q, v, u, t), lambda k: model.equations(q[k], v[k], u[k], t[k]),
         ),
         "balance": (
             model.balance(q, v, u, t),
@@ -53,33 +52,22 @@ def test_rows_of_states_are_evaluated_as_each_of_them_alone(model: Model) -> Non
         ),
         "others": (
             (
-                model.acceleration(q, v, u, t),
-                model.input_matrix(q, v, u, t),
-                model.momentum(q, v, t),
-                model.energy(q, v, t),
-                model.velocity(q, v, t),
-                model.gaps(q, t),
-                model.gap_slopes(q, t),
-                model.gap_rates(q, v, t),
-                model.running_cost(q, v, u, t),
-                model.terminal_cost(q, v, t),
+                model.acceleration(q, v, u, t), model.input_matrix(q, v, u, t),
+                model.momentum(q, v, t), model.energy(q, v, t), model.velocity(q, v, t),
+                model.gaps(q, t), model.gap_slopes(q, t), model.gap_rates(q, v, t),
+                model.running_cost(q, v, u, t), model.terminal_cost(q, v, t),
                 model.terminal_cost_slopes(q, v, t),
             ),
             lambda k: (
                 model.acceleration(q[k], v[k], u[k], t[k]),
-                model.input_matrix(q[k], v[k], u[k], t[k]),
-                model.momentum(q[k], v[k], t[k]),
-                model.energy(q[k], v[k], t[k]),
-                model.velocity(q[k], v[k], t[k]),
-                model.gaps(q[k], t[k]),
-                model.gap_slopes(q[k], t[k]),
-                model.gap_rates(q[k], v[k], t[k]),
-                model.running_cost(q[k], v[k], u[k], t[k]),
-                model.terminal_cost(q[k], v[k], t[k]),
-                model.terminal_cost_slopes(q[k], v[k], t[k]),
+                model.input_matrix(q[k], v[k], u[k], t[k]), model.momentum(q[k], v[k], t[k]),
+                model.energy(q[k], v[k], t[k]), model.velocity(q[k], v[k], t[k]),
+                model.gaps(q[k], t[k]), model.gap_slopes(q[k], t[k]),
+                model.gap_rates(q[k], v[k], t[k]), model.running_cost(q[k], v[k], u[k], t[k]),
+                model.terminal_cost(q[k], v[k], t[k]), model.terminal_cost_slopes(q[k], v[k], t[k]),
             ),
         ),
-    }
+    }  # fmt: skip
     for name, (rows, alone) in found.items():
         for k in range(3):
             for a, b in zip(rows, alone(k), strict=True):

@@ -113,13 +113,9 @@ def test_several_contacts_of_an_event_are_told_apart() -> None:
     given = motion()
     (hit,) = given.collisions
     landing = replace(
-        hit,
-        surface="floor",
-        lands=("floor",),
-        leaves=("wall",),
-        impulses={"floor": 2.5},
+        hit, surface="floor", lands=("floor",), leaves=("wall",), impulses={"floor": 2.5},
         tractions={"floor": -0.75},
-    )
+    )  # fmt: skip
     ((event,),) = (m["events"] for m in film(replace(given, collisions=(landing,)))["motions"])
     assert event["word"] == "+floor -wall"
     assert event["told"] == "impulse 2.5 of floor, friction \N{MINUS SIGN}0.75 of floor"
@@ -182,15 +178,10 @@ def test_long_phases_are_thinned_and_keep_their_ends() -> None:
     given = motion()
     t = np.linspace(0.0, TURN, 5001)
     first = replace(
-        given.phases[0],
-        t=t,
-        q=np.stack([t / TURN, HIGH + 0 * t], axis=1),
-        p=np.zeros((5001, 2)),
-        v=np.zeros((5001, 2)),
-        u=np.zeros((5000, 1)),
-        normal=np.ones((5001, 1)),
+        given.phases[0], t=t, q=np.stack([t / TURN, HIGH + 0 * t], axis=1), p=np.zeros((5001, 2)),
+        v=np.zeros((5001, 2)), u=np.zeros((5000, 1)), normal=np.ones((5001, 1)),
         tangential=np.zeros((5001, 1)),
-    )
+    )  # fmt: skip
     (shown,) = film(replace(given, phases=(first, given.phases[1])))["motions"]
     positions = shown["panels"][0]
     x = positions["curves"][0]["values"][0]

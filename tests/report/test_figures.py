@@ -57,16 +57,11 @@ def figure(solution: dmoc.Solution) -> Figure:
 @pytest.mark.parametrize(
     ("name", "shown"),
     [
-        ("alpha", r"\alpha"),
-        ("x_1", "x_{1}"),
-        ("x1", "x_{1}"),
-        ("theta2_l", r"\theta_{2,l}"),
-        ("q_", "q"),
-        ("a__b", "a_{b}"),
-        ("theta_l_1", r"\theta_{l,1}"),
+        ("alpha", r"\alpha"), ("x_1", "x_{1}"), ("x1", "x_{1}"), ("theta2_l", r"\theta_{2,l}"),
+        ("q_", "q"), ("a__b", "a_{b}"), ("theta_l_1", r"\theta_{l,1}"),
         ("l" * 64, rf"\mathrm{{{'l' * 64}}}"),
     ],
-)
+)  # fmt: skip
 def test_every_name_of_a_model_can_be_drawn(solution: dmoc.Solution, name: str, shown: str) -> None:
     figure = drawn(solution, coordinates=(name, "y"), inputs=(name,), units={}, scene=None)
     figure.canvas.draw()

@@ -165,13 +165,9 @@ def test_places_of_several_points_are_in_one_plane(solution: dmoc.Solution) -> N
         hit, momentum_before=hit.momentum_before[two], momentum_after=hit.momentum_after[two]
     )
     motion = replace(
-        solution.trajectory,
-        scene=None,
-        units=dict.fromkeys(("x1", "y1", "x2", "y2"), "m"),
-        coordinates=("x1", "y1", "x2", "y2", "s"),
-        phases=phases,
-        collisions=(event,),
-    )
+        solution.trajectory, scene=None, units=dict.fromkeys(("x1", "y1", "x2", "y2"), "m"),
+        coordinates=("x1", "y1", "x2", "y2", "s"), phases=phases, collisions=(event,),
+    )  # fmt: skip
     scene = scene_for(motion)
     assert [s.kind for s in scene.shapes] == ["point", "point", "link", "box", "contact"]
     for shape, columns in zip(scene.shapes, ([0, 1], [1, 0]), strict=False):

@@ -13,24 +13,10 @@ from dmoc.sequences.identity import ELSEWHERE, SEARCHED, facts, identity
 from dmoc.sequences.settings import Settings
 
 SETTINGS = Settings(
-    max_collisions=2,
-    surfaces=("left", "right"),
-    events=None,
-    strategy="exhaustive",
-    beam=4,
-    starts=0,
-    seed=0,
-    method="ipm",
-    workers=1,
-    executor=None,
-    seconds=None,
-    node_seconds=None,
-    max_nodes=None,
-    shortest_phase=0.01,
-    journal=None,
-    resume=False,
-    progress=None,
-)
+    max_collisions=2, surfaces=("left", "right"), events=None, strategy="exhaustive", beam=4,
+    starts=0, seed=0, method="ipm", workers=1, executor=None, seconds=None, node_seconds=None,
+    max_nodes=None, shortest_phase=0.01, journal=None, resume=False, progress=None,
+)  # fmt: skip
 OTHER_FIELDS: dict[str, Any] = {
     "start": {"x": 0.1}, "goal": {"x": 0.2}, "steps": 21, "final_time": (None, 2.0),
     "bounds": {"F": (-26, 26)}, "parameters": {"m_c": 1.1}, "controls": "linear",
@@ -96,12 +82,7 @@ def test_the_same_problem_in_other_words_has_the_same_journal(problem: dmoc.Prob
         sequence=["left"],
     )
     budget = replace(
-        SETTINGS,
-        max_collisions=5,
-        strategy="beam",
-        workers=3,
-        seconds=1.0,
-        node_seconds=60.0,
+        SETTINGS, max_collisions=5, strategy="beam", workers=3, seconds=1.0, node_seconds=60.0,
         resume=True,
-    )
+    )  # fmt: skip
     assert identity(same, budget) == identity(problem, SETTINGS)

@@ -44,14 +44,10 @@ def test_a_bound_is_its_text_and_is_read_from_it(text: str, bound: ActiveBound) 
 @pytest.mark.parametrize(
     "text",
     [
-        "",
-        "x",
-        "x >= nonsense in 2 steps",
-        "gap to a\nb at 2 nodes",
-        "x >= 1 in " + "9" * 5000 + " steps",
-        "x >= 01 in 2 nodes",
+        "", "x", "x >= nonsense in 2 steps", "gap to a\nb at 2 nodes",
+        "x >= 1 in " + "9" * 5000 + " steps", "x >= 01 in 2 nodes",
     ],
-)
+)  # fmt: skip
 def test_any_text_of_a_file_is_read_as_it_stands(text: str) -> None:
     assert ActiveBound.read(text) == text
 

@@ -260,13 +260,9 @@ def test_the_time_limit_holds_within_an_iteration(seed: dmoc.Problem, reads: lis
         reads[0] = 0
         told.clear()
         dmoc.solve(
-            seed.but(steps=20),
-            "slsqp",
-            seconds=seconds,
-            starts=1,
-            verify=False,
+            seed.but(steps=20), "slsqp", seconds=seconds, starts=1, verify=False,
             progress=lambda _: told.append(reads[0]),
-        )
+        )  # fmt: skip
         return reads[0]
 
     ended(500)
@@ -294,17 +290,10 @@ def test_a_method_that_stalls_at_a_motion_begins_there_again(steps: int) -> None
     x, y, u = dynamicsymbols("x y u")
     m, g, mu = sp.symbols("m g mu")
     system = dmoc.MechanicalSystem(
-        "slides_all_the_way",
-        [x, y],
-        m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
-        {m: 1.0, g: 9.81, mu: 0.2},
-        inputs=[u],
-        forces={x: u},
-        surfaces={"floor": y >= 0},
-        tangents={"floor": x},
-        friction={"floor": mu},
-        cost=u**2 / 2,
-    )
+        "slides_all_the_way", [x, y], m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
+        {m: 1.0, g: 9.81, mu: 0.2}, inputs=[u], forces={x: u}, surfaces={"floor": y >= 0},
+        tangents={"floor": x}, friction={"floor": mu}, cost=u**2 / 2,
+    )  # fmt: skip
     problem = dmoc.Problem(
         system, start={x: 0, y: 0}, goal={x: 1, "x_dot": 0}, contacts=["floor:slip+"],
         final_time=1, steps=steps,

@@ -219,17 +219,10 @@ def test_orders_may_be_numbers_of_numpy() -> None:
 @pytest.mark.parametrize(
     "value",
     [
-        2,
-        2.0,
-        np.float64(2),
-        np.float32(2),
-        np.int64(2),
-        Fraction(4, 2),
-        sp.Integer(2),
-        sp.Float(2),
-        sp.sqrt(4),
+        2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(4, 2), sp.Integer(2),
+        sp.Float(2), sp.sqrt(4),
     ],
-)
+)  # fmt: skip
 def test_numbers_of_any_kind_are_numbers(value: Any) -> None:
     system = make(
         cost=value, terminal_cost=value, forces={x: u * 1 + sp.S.Zero}, parameters={m: value}

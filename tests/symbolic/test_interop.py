@@ -55,15 +55,10 @@ def joints() -> tuple[System, dict[Any, float]]:
     model.add_joints(
         PrismaticJoint("slider", wall, cart, coordinates=x, speeds=u_x, joint_axis=wall.frame.x),
         PinJoint(
-            "pin",
-            cart,
-            bob,
-            coordinates=theta,
-            speeds=u_theta,
-            joint_axis=cart.frame.z,
+            "pin", cart, bob, coordinates=theta, speeds=u_theta, joint_axis=cart.frame.z,
             child_point=l * bob.frame.y,
         ),
-    )
+    )  # fmt: skip
     model.apply_uniform_gravity(-g * wall.frame.y)
     model.add_loads(Force(cart.masscenter, F * wall.frame.x))
     return model, VALUES | {sp.Symbol("bob_izz"): 0.0}

@@ -161,14 +161,10 @@ def test_a_marked_name_is_explained_and_has_its_own_latex() -> None:
 @pytest.mark.parametrize(
     "pair",
     [
-        ("x", "x_ddot"),
-        ("r_plus", "k"),
-        ("x", "x_1"),
-        ("x", "x_k"),
-        ("mu", "delta"),
+        ("x", "x_ddot"), ("r_plus", "k"), ("x", "x_1"), ("x", "x_k"), ("mu", "delta"),
         ("delta", "ddot"),
     ],
-)
+)  # fmt: skip
 @pytest.mark.parametrize("order", ORDERS)
 def test_no_two_symbols_of_a_derivation_look_the_same(pair: tuple[str, str], order: int) -> None:
     a, b = (dynamicsymbols(name) for name in pair)
@@ -187,22 +183,8 @@ def test_no_two_symbols_of_a_derivation_look_the_same(pair: tuple[str, str], ord
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "x_dot",
-        "p_x",
-        "t",
-        "x",
-        "u",
-        "a-b",
-        "1a",
-        "",
-        "é",
-        "_x",
-        "a" * 65,
-        "x_m~",
-    ],
-)
+    "name", ["x_dot", "p_x", "t", "x", "u", "a-b", "1a", "", "é", "_x", "a" * 65, "x_m~"],
+)  # fmt: skip
 def test_a_parameter_name_that_cannot_be_used_is_refused(name: str) -> None:
     with pytest.raises(ModelError, match="name") as error:
         model([sp.Symbol(name)])

@@ -336,13 +336,9 @@ def test_block_thrown_back_by_a_moving_wall() -> None:
     for order in (2, 4):
         for e in (1.0, 0.3):
             run = dmoc.simulate(
-                dmoc.build(system, order=order),
-                [0.0],
-                [1.0],
-                step_size=0.01,
-                steps=100,
+                dmoc.build(system, order=order), [0.0], [1.0], step_size=0.01, steps=100,
                 restitution=e,
-            )
+            )  # fmt: skip
             assert run.collisions[0].time == pytest.approx(2 / 3, abs=1e-12)
             assert run.p[-1, 0] == pytest.approx(-e - (1 + e) / 2, abs=1e-12)
 

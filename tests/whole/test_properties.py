@@ -203,13 +203,9 @@ def test_impacts_follow_newtons_law_on_curved_surfaces(
     the error is that of a step."""
     kernels = dmoc.build(puck_system(), order=order)
     run = dmoc.simulate(
-        kernels,
-        [0.0, 0.2 * offset],
-        [speed, 0.0],
-        step_size=0.01,
-        steps=round(0.9 / speed / 0.01),
+        kernels, [0.0, 0.2 * offset], [speed, 0.0], step_size=0.01, steps=round(0.9 / speed / 0.01),
         restitution=e,
-    )
+    )  # fmt: skip
     (hit,) = run.collisions
     normal = np.array([1.0, 0.0]) - hit.position
     normal /= np.linalg.norm(normal)

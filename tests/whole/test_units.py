@@ -120,16 +120,10 @@ def test_a_mass_matrix_is_judged_whatever_its_units(cart: Kernels, length: int) 
 @pytest.mark.parametrize(
     ("mass", "wall", "time"),
     [
-        (1e-6, 1, 1),
-        (1e-9, 1, 1),
-        (1e5, 1, 1),
-        (1e12, 1, 1),
-        (1, 1e3, 1),
-        (1, 1e5, 1),
-        (1, 1, 1e3),
-        (1, 1, 1e4),
+        (1e-6, 1, 1), (1e-9, 1, 1), (1e5, 1, 1), (1e12, 1, 1), (1, 1e3, 1), (1, 1e5, 1),
+        (1, 1, 1e3), (1, 1, 1e4),
     ],
-)
+)  # fmt: skip
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
 def test_the_block_of_the_readme_costs_the_same_in_every_unit(
     method: str, mass: float, wall: float, time: float
