@@ -254,7 +254,7 @@ def test_what_nothing_explains_is_told(run: Run) -> None:
 def test_an_error_names_its_entry(run: Run) -> None:
     code, _, err = run("solve pendulum")
     assert code == 2 and err.endswith(" (dmoc explain ModelError)\n")
-    code, out, _ = run("solve cart_pendulum --bound F=-1:1 --starts 1")
+    code, out, _ = run("solve cart_pendulum --bound F=-1:1 --starts 1 --method ipm --steps 20")
     assert code == 1 and "Help: dmoc explain infeasible" in out.splitlines()
     with pytest.raises(dmoc.DmocError) as error:
         dmoc.load("pendulum")

@@ -198,27 +198,24 @@ def test_a_simulation_leaves_the_interpreter_to_other_threads() -> None:
     assert counted > 10_000
 
 
+COMMANDS = {
+    "search": "search puck_table --workers 2 --max-collisions 5 --json -",
+    "solve": "solve cart_pendulum --steps 300 --method ipm --tolerance 1e-8 --json -",
+}
+
+
 @pytest.mark.parametrize("wait", [0.1, 0.6, 1.2, 2.0])
-@pytest.mark.parametrize(
-    "command",
-    [
-        ["search", "puck_table", "--workers", "2", "--max-collisions", "5", "--json", "-"],
-        [
-            "solve", "cart_pendulum", "--steps", "300", "--method", "ipm", "--tolerance", "1e-8",
-            "--json", "-",
-        ],
-    ],
-    ids=["search", "solve"],
-)  # fmt: skip
+@pytest.mark.parametrize("name", COMMANDS)
 def test_ctrl_c_at_any_moment_leaves_no_traceback_and_no_process(
-    command: list[str], wait: float, tmp_path: Path
+    name: str, wait: float, tmp_path: Path
 ) -> None:
     def listening() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
+    command, pipe = [sys.executable, "-c", STARTED, *COMMANDS[name].split()], subprocess.PIPE
     running = subprocess.Popen(
-        [sys.executable, "-c", STARTED, *command], cwd=tmp_path, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=listening,
+        command, cwd=tmp_path, stdout=pipe, stderr=pipe, text=True, start_new_session=True,
+        preexec_fn=listening,
     )  # fmt: skip
     assert running.stdout is not None and running.stdout.readline() == "started\n"
     time.sleep(wait)
