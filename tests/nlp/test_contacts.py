@@ -74,14 +74,9 @@ def test_a_block_there_and_back_in_least_time_turns_where_it_is_told_to() -> Non
 
 def test_forces_of_a_floor_are_weight_and_coulomb_friction(tmp_path: Path) -> None:
     problem = dmoc.Problem(
-        floor(),
-        start={"x": 0, "y": 0},
-        goal={"x": 1, "x_dot": 0},
-        contacts=["floor"],
-        sequence=["floor:slip+", "floor:stick"],
-        steps=20,
-        final_time=4,
-    )
+        floor(), start={"x": 0, "y": 0}, goal={"x": 1, "x_dot": 0}, contacts=["floor"],
+        sequence=["floor:slip+", "floor:stick"], steps=20, final_time=4,
+    )  # fmt: skip
     solution = dmoc.solve(problem)
     assert solution.status == "solved", solution.message
     for phase, sign in zip(solution.phases, (0, 1, 0), strict=True):
@@ -121,27 +116,16 @@ def test_sliding_that_ends_with_the_motion_does_not_turn_in_its_last_step() -> N
     sliding stops where the motion ends."""
     (x, y, a, u), mu = dynamicsymbols("x y a u"), sp.Symbol("mu")
     ball = dmoc.MechanicalSystem(
-        "ball_off_a_wall",
-        [x, y, a],
-        (x.diff() ** 2 + y.diff() ** 2 + 0.004 * a.diff() ** 2) / 2 - 9.81 * y,
-        {mu: 0.3},
-        inputs=[u],
-        forces={a: u},
-        surfaces={"floor": y >= 0, "wall": x <= 2},
-        tangents={"floor": x + 0.1 * a},
-        friction={"floor": mu},
-        cost=u**2 / 2,
-    )
+        "ball_off_a_wall", [x, y, a],
+        (x.diff() ** 2 + y.diff() ** 2 + 0.004 * a.diff() ** 2) / 2 - 9.81 * y, {mu: 0.3},
+        inputs=[u], forces={a: u}, surfaces={"floor": y >= 0, "wall": x <= 2},
+        tangents={"floor": x + 0.1 * a}, friction={"floor": mu}, cost=u**2 / 2,
+    )  # fmt: skip
     problem = dmoc.Problem(
-        ball,
-        start={"x": 0, "y": 0, "a": 0, "x_dot": 2, "a_dot": -20},
-        goal={"x": 1},
-        contacts=["floor:stick"],
-        sequence=["wall floor:slip-"],
-        steps=10,
-        final_time=(0.3, 4),
+        ball, start={"x": 0, "y": 0, "a": 0, "x_dot": 2, "a_dot": -20}, goal={"x": 1},
+        contacts=["floor:stick"], sequence=["wall floor:slip-"], steps=10, final_time=(0.3, 4),
         restitution=0.8,
-    )
+    )  # fmt: skip
     solution = dmoc.solve(problem, "ipm", starts=1)
     assert solution.status == "solved", solution.message
     last = solution.phases[-1].v[-1]
@@ -167,17 +151,10 @@ def test_sliding_has_its_direction_at_the_ends_of_the_motion_too(
     (low, high, gap, u), mu = dynamicsymbols("low high gap u"), sp.Symbol("mu")
     speeds = 2 * low.diff() ** 2 + high.diff() ** 2 + gap.diff() ** 2
     blocks = dmoc.MechanicalSystem(
-        "two_blocks",
-        [low, high, gap],
-        speeds / 2 - 9.81 * gap / 2,
-        {mu: 0.1},
-        inputs=[u],
-        forces={low: u},
-        surfaces={"top": gap >= 0},
-        tangents={"top": high - low},
-        friction={"top": mu},
-        cost=(u - wanted) ** 2 / 2,
-    )
+        "two_blocks", [low, high, gap], speeds / 2 - 9.81 * gap / 2, {mu: 0.1}, inputs=[u],
+        forces={low: u}, surfaces={"top": gap >= 0}, tangents={"top": high - low},
+        friction={"top": mu}, cost=(u - wanted) ** 2 / 2,
+    )  # fmt: skip
     given = {"start": {"low": 0, "high": 0, "gap": 0}, "contacts": ["top:slip-"], "final_time": 1}
     solution = dmoc.solve(dmoc.Problem(blocks, steps=steps, **given | changes), "ipm", starts=1)
     assert solution.status == "solved", solution.message
@@ -300,13 +277,9 @@ def test_a_rail_alone_takes_kernels_of_order_two() -> None:
 
 def test_redundant_contacts_are_refused_by_name() -> None:
     twice = dmoc.MechanicalSystem(
-        "twice",
-        [X, Y],
-        (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2,
-        {},
-        surfaces={"floor": Y >= 0, "ground": 2 * Y >= 0},
-        cost=1,
-    )
+        "twice", [X, Y], (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2, {},
+        surfaces={"floor": Y >= 0, "ground": 2 * Y >= 0}, cost=1,
+    )  # fmt: skip
     with pytest.raises(ProblemError, match="floor, ground of phase 0 are redundant"):
         dmoc.Problem(twice, start={"x": 0, "y": 0}, contacts=["floor", "ground"], steps=5)
 

@@ -130,20 +130,14 @@ def test_minimal_time_of_the_pendulum_equals_a_simulation_at_full_force(
 def test_minimal_time_has_the_gradient_of_its_differences(pendulum: Kernels, puck: Kernels) -> None:
     cases = [
         (
-            pendulum,
-            np.array([0.47, 0.0, 0.46, -0.01, 0.02, 0.3141, -0.1]),
-            0,
-            np.array([[-60.0, 60.0]]),
-            np.array([[1, 1, 0.5, 10, 0.3141, 2.8]]),
+            pendulum, np.array([0.47, 0.0, 0.46, -0.01, 0.02, 0.3141, -0.1]), 0,
+            np.array([[-60.0, 60.0]]), np.array([[1, 1, 0.5, 10, 0.3141, 2.8]]),
         ),
         (
-            puck,
-            np.array([0.5, 0.4, 0.55, 0.42, 0.02, 2.9, 0.6]),
-            0,
-            np.array([[-5.0, 5.0], [-4.0, 4.0]]),
-            np.array([[1.0, 3.0, 0.2]]),
+            puck, np.array([0.5, 0.4, 0.55, 0.42, 0.02, 2.9, 0.6]), 0,
+            np.array([[-5.0, 5.0], [-4.0, 4.0]]), np.array([[1.0, 3.0, 0.2]]),
         ),
-    ]
+    ]  # fmt: skip
     for kernels, y, surface, bounds, par in cases:
         model = Model(kernels, par)
 

@@ -223,15 +223,10 @@ def test_a_puck_that_turns_or_stops_while_it_lands(e: float) -> None:
     """Sliding stops in the landing where friction can take all of it; a landing is plastic,
     whatever the restitution of its surface."""
     problem = dmoc.Problem(
-        landing_system(),
-        start={"x": 0, "y": 0.2, "x_dot": 0.1},
-        goal={"x": 0.2, "x_dot": 0.0},
-        sequence=["+floor:slip+:stick", "floor:slip+", "floor:stick"],
-        steps=10,
-        final_time=(0.5, 2),
-        bounds={"u": (-3, 3)},
-        restitution=e,
-    )
+        landing_system(), start={"x": 0, "y": 0.2, "x_dot": 0.1}, goal={"x": 0.2, "x_dot": 0.0},
+        sequence=["+floor:slip+:stick", "floor:slip+", "floor:stick"], steps=10,
+        final_time=(0.5, 2), bounds={"u": (-3, 3)}, restitution=e,
+    )  # fmt: skip
     solution = dmoc.solve(problem)
     assert solution.status == "solved", solution.message
     event = solution.collisions[0]

@@ -90,12 +90,9 @@ def test_velocities_and_impulses_follow_from_the_motion(small: dmoc.Problem) -> 
 @pytest.mark.parametrize("order", [2, 4])
 def test_times_and_inner_nodes_of_a_driven_model_follow(order: int) -> None:
     problem = dmoc.Problem(
-        dmoc.build(driven_system(), order=order, backend="numpy"),
-        start={"a": 0.2, "z": 0.0},
-        goal={"a": 1.0},
-        steps=6,
-        final_time=(0.5, 2.0),
-    )
+        dmoc.build(driven_system(), order=order, backend="numpy"), start={"a": 0.2, "z": 0.0},
+        goal={"a": 1.0}, steps=6, final_time=(0.5, 2.0),
+    )  # fmt: skip
     lay, x, _ = unknowns(problem, {"a": [0.2, 1.0], "durations": 1.5, sp.Symbol("u"): [1, 2]})
     np.testing.assert_allclose(x[lay.index_t], np.linspace(0, 1.5, 7))
     if lay.inside:

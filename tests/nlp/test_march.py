@@ -43,15 +43,11 @@ def chain(coordinates: int, inputs: int) -> dmoc.MechanicalSystem:
         forces[q[j % coordinates]] += s * (1 + sp.cos(q[0]) / 3)
         forces[q[(j + 1) % coordinates]] += s * sp.sin(q[-1]) / 4
     return dmoc.MechanicalSystem(
-        f"chain_{coordinates}_{inputs}",
-        coordinates=q,
-        inputs=u,
-        lagrangian=kinetic - sum(g * sp.sin(s) + s**2 / 2 for s in q),
-        forces=forces,
-        surfaces={"wall": q[0] <= 1 + sp.sin(q[-1]) / 5},
-        parameters={g: 9.0},
+        f"chain_{coordinates}_{inputs}", coordinates=q, inputs=u,
+        lagrangian=kinetic - sum(g * sp.sin(s) + s**2 / 2 for s in q), forces=forces,
+        surfaces={"wall": q[0] <= 1 + sp.sin(q[-1]) / 5}, parameters={g: 9.0},
         cost=sum(s**2 for s in u) / 2 + 1,
-    )
+    )  # fmt: skip
 
 
 def chain_problem(coordinates: int, inputs: int) -> dmoc.Problem:

@@ -83,12 +83,8 @@ def test_inputs_are_those_of_the_equations_of_motion(block: Kernels) -> None:
 def test_inner_nodes_lie_on_the_way(order: int) -> None:
     kernels = dmoc.load("cart_pendulum", order=order)
     problem = dmoc.Problem(
-        kernels,
-        start={"alpha": 0.5, "x": 0.0},
-        goal={"alpha": 1.5},
-        steps=40,
-        final_time=1.0,
-    )
+        kernels, start={"alpha": 0.5, "x": 0.0}, goal={"alpha": 1.5}, steps=40, final_time=1.0,
+    )  # fmt: skip
     lay, x = motions(problem, 10)
     q = x[:, lay.index_q]
     inside = x[:, lay.index_q_i].reshape(len(x), 40, -1, 2)

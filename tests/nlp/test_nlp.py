@@ -19,27 +19,18 @@ from dmoc.program.transcription import Transcription
 def small(kernels: Kernels, controls: str | None = "constant") -> dmoc.Problem:
     """Few steps, every kind of constraint."""
     return dmoc.Problem(
-        kernels,
-        start={"alpha": (0.4, 0.5), "alpha_dot": (-1, 1), "x": 0.0},
+        kernels, start={"alpha": (0.4, 0.5), "alpha_dot": (-1, 1), "x": 0.0},
         goal={"alpha": pi / 2, "p_alpha": 0.0, "p_x": 0.0, "x_dot": (-1, 1)},
-        sequence=["left", "right"],
-        steps=[3, 4, 3],
-        final_time=(0.1, 1.0),
-        bounds={"F": (-200, 200), "x": (-10, 10)},
-        controls=controls,
-    )
+        sequence=["left", "right"], steps=[3, 4, 3], final_time=(0.1, 1.0),
+        bounds={"F": (-200, 200), "x": (-10, 10)}, controls=controls,
+    )  # fmt: skip
 
 
 def puck_problem(kernels: Kernels) -> dmoc.Problem:
     return dmoc.Problem(
-        kernels,
-        start={"x": 0.0, "y": 0.5},
-        goal={"x": 0.0, "y": -1.0},
-        sequence=["post", "rim"],
-        steps=[2, 3, 2],
-        final_time=(None, 2.0),
-        bounds={"f_x": (-20, 20), "f_y": (-20, 20)},
-    )
+        kernels, start={"x": 0.0, "y": 0.5}, goal={"x": 0.0, "y": -1.0}, sequence=["post", "rim"],
+        steps=[2, 3, 2], final_time=(None, 2.0), bounds={"f_x": (-20, 20), "f_y": (-20, 20)},
+    )  # fmt: skip
 
 
 def point(nlp: Transcription, rng: np.random.Generator) -> np.ndarray:
@@ -59,16 +50,11 @@ def driven_problem(order: int, controls: str | None = None) -> dmoc.Problem:
     """Explicit time, moving surfaces, restitution, dissipation, a terminal cost and a periodic
     velocity."""
     return dmoc.Problem(
-        dmoc.build(driven_system(), order=order),
-        start={"a": 0.2, "z_dot": (-1, 1)},
-        sequence=["floor", "side"],
-        steps=[3, 2, 3],
-        final_time=(None, 2.0),
-        bounds={"u": (-20, 20)},
-        restitution={"floor": 0.6, "side": 0.0},
-        periodic=["a_dot", "z"],
+        dmoc.build(driven_system(), order=order), start={"a": 0.2, "z_dot": (-1, 1)},
+        sequence=["floor", "side"], steps=[3, 2, 3], final_time=(None, 2.0),
+        bounds={"u": (-20, 20)}, restitution={"floor": 0.6, "side": 0.0}, periodic=["a_dot", "z"],
         controls=controls,
-    )
+    )  # fmt: skip
 
 
 def rod_problem(periodic: bool) -> dmoc.Problem:
@@ -85,18 +71,14 @@ def rod_problem(periodic: bool) -> dmoc.Problem:
         sequence = ["right:stick rail:slip+", "-right", "+right +left:slip-"]
         start = {"s": 0.1, "x": 0.0, "a": None}
     return dmoc.Problem(
-        dmoc.build(rod_system()),
-        start=start,
-        contacts=["right:slip+"] if periodic else ["left", "rail:slip+"],
-        sequence=sequence,
+        dmoc.build(rod_system()), start=start,
+        contacts=["right:slip+"] if periodic else ["left", "rail:slip+"], sequence=sequence,
         goal={} if periodic else {"x": 0.2, "s_dot": 0.0},
         via=None if periodic else [{"y": (0.0, 2.0)}, None, {"x": 0.1}, None],
         ignored=["left"] if periodic else [],
         periodic={"y": "y", "x": ("x", (0.1, 0.4)), "y_dot": "y_dot"} if periodic else (),
-        steps=[3, 2, 4, 2, 3][: len(sequence) + 1],
-        final_time=(0.5, 2.0),
-        restitution=0.5,
-    )
+        steps=[3, 2, 4, 2, 3][: len(sequence) + 1], final_time=(0.5, 2.0), restitution=0.5,
+    )  # fmt: skip
 
 
 def hit_problem(order: int) -> dmoc.Problem:
@@ -104,28 +86,19 @@ def hit_problem(order: int) -> dmoc.Problem:
     puck without anything that lasts."""
     if order != 2:
         return dmoc.Problem(
-            dmoc.build(landing_system(), order=order),
-            start={"x": 0.0, "y": 1.0, "x_dot": None},
-            sequence=["floor:slip+", "floor:slip-:stick:late", "floor:stick"],
-            steps=[2, 3, 2, 2],
-            final_time=(0.5, 2.0),
-            restitution=0.5,
-        )
+            dmoc.build(landing_system(), order=order), start={"x": 0.0, "y": 1.0, "x_dot": None},
+            sequence=["floor:slip+", "floor:slip-:stick:late", "floor:stick"], steps=[2, 3, 2, 2],
+            final_time=(0.5, 2.0), restitution=0.5,
+        )  # fmt: skip
     return dmoc.Problem(
         dmoc.build(rod_system()),
         start={"x": 0.0, "y": 1.0, "a": (0.1, 1.0), "s": 0.0, "x_dot": None},
         sequence=[
-            "left:slip+:stick rail:slip+",
-            "right:slip-:slip+:late",
-            "left:slip-",
-            "+right:slip-:slip+",
-            "-right",
-            "+left:slip+:stick",
+            "left:slip+:stick rail:slip+", "right:slip-:slip+:late", "left:slip-",
+            "+right:slip-:slip+", "-right", "+left:slip+:stick",
         ],
-        steps=2,
-        final_time=(0.5, 2.0),
-        restitution={"left": 0.5, "right": 0.2},
-    )
+        steps=2, final_time=(0.5, 2.0), restitution={"left": 0.5, "right": 0.2},
+    )  # fmt: skip
 
 
 @pytest.fixture(

@@ -61,13 +61,9 @@ def test_states_are_told_as_they_were_given(end: str) -> None:
     reference = find("cart_pendulum")
     moving = {"alpha_dot": 0.4, "x_dot": -0.7}
     problem = dmoc.Problem(
-        reference.kernels(),
-        start={"alpha": 0.5, "x": 0.0, **moving},
-        sequence=["left"],
-        steps=30,
-        final_time=1.0,
-        goal={"alpha": 1.2, "x": 0.3, **moving},
-    )
+        reference.kernels(), start={"alpha": 0.5, "x": 0.0, **moving}, sequence=["left"], steps=30,
+        final_time=1.0, goal={"alpha": 1.2, "x": 0.3, **moving},
+    )  # fmt: skip
     solution = dmoc.solve(problem, "ipm", optimality=1e-9, verify=False)
     found = dmoc.sensitivities(problem, solution)[end]
     given = dict(getattr(problem, end))
@@ -113,14 +109,9 @@ def test_pendulum_with_active_bounds(method: str) -> None:
 
 def test_everything_that_depends_on_the_time() -> None:
     problem = dmoc.Problem(
-        dmoc.build(driven_system()),
-        start={"a": 0.0, "z": -0.5, "a_dot": 0.3},
-        goal={"a": 0.4},
-        sequence=["floor"],
-        steps=20,
-        final_time=1.5,
-        restitution={"floor": 0.6},
-    )
+        dmoc.build(driven_system()), start={"a": 0.0, "z": -0.5, "a_dot": 0.3}, goal={"a": 0.4},
+        sequence=["floor"], steps=20, final_time=1.5, restitution={"floor": 0.6},
+    )  # fmt: skip
     solution = dmoc.solve(problem, "ipm", optimality=1e-8)
     assert solution.solved, solution.message
     found = dmoc.sensitivities(problem, solution)

@@ -23,21 +23,14 @@ from dmoc.solvers.kkt_layout import kkt_layout
 # Of a problem with one hit, and of one with contacts that last and friction: the first three change
 # numbers alone, the others the form.
 CHANGES: list[dict[str, Any]] = [
-    {"parameters": {"l": 0.45, "m_p": 1.2}},
-    {"bounds": {"F": (-150.0, 150.0)}},
-    {"start": {"alpha": 0.45, "x": 0.1}},
-    {"final_time": (0.1, 1.0)},
-    {"final_time": 0.5},
-    {"restitution": 0.5},
-    {"restitution": 0.0},
-    {"sequence": ("right",)},
-    {"sequence": ("left", "left")},
-    {"steps": (9, 11)},
-    {"controls": "linear"},
+    {"parameters": {"l": 0.45, "m_p": 1.2}}, {"bounds": {"F": (-150.0, 150.0)}},
+    {"start": {"alpha": 0.45, "x": 0.1}}, {"final_time": (0.1, 1.0)}, {"final_time": 0.5},
+    {"restitution": 0.5}, {"restitution": 0.0}, {"sequence": ("right",)},
+    {"sequence": ("left", "left")}, {"steps": (9, 11)}, {"controls": "linear"},
     {"periodic": ("alpha_dot",), "start": {"alpha": 0.45, "x": 0.1}, "goal": {}},
     {"goal": {"alpha": 1.5, "alpha_dot": (0.0, 1.0), "x": (-1.0, None)}},
     {"start": {"alpha": (0.4, 0.5), "x": 0.0}},
-]
+]  # fmt: skip
 CONTACTS: list[dict[str, Any]] = [
     {"parameters": {"m": 1.5, "g": 4.0}},
     {"start": {"x": 0.1, "y": 0.0}, "goal": {"x": 1.2, "x_dot": 0.0}},

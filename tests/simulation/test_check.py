@@ -132,13 +132,9 @@ def test_a_graze_is_no_contact_and_a_knock_is(block: Kernels) -> None:
     """A motion that would pass the wall by a hair touches it in the simulation; one that passes
     it clearly collides."""
     problem = dmoc.Problem(
-        block,
-        start={"x": 0.0},
-        goal={"x": 0.0, "x_dot": 0.0},
-        steps=40,
-        final_time=2.0,
+        block, start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0}, steps=40, final_time=2.0,
         parameters={"wall": 2.0},
-    )
+    )  # fmt: skip
     solution = dmoc.solve(
         problem.but(bounds={"x": (None, 1.0)}, goal={"x": 0.0, "x_dot": -2.0}, steps=400), "ipm"
     )

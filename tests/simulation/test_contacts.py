@@ -171,12 +171,9 @@ def test_bodies_that_collide_plastically_go_on_together(cradle: Kernels) -> None
 def test_a_cradle_of_pendulums_passes_the_swing_on_and_back() -> None:
     swinging = sum(m * l**2 * c.diff(T) ** 2 / 2 + m * g * l * sp.cos(c) for c in (x, y, z))
     system = dmoc.MechanicalSystem(
-        "swinging",
-        [x, y, z],
-        swinging,
-        {m: 1.0, l: 1.0, g: 9.81},
+        "swinging", [x, y, z], swinging, {m: 1.0, l: 1.0, g: 9.81},
         surfaces={"xy": x <= y, "yz": y <= z},
-    )
+    )  # fmt: skip
     run = dmoc.simulate(dmoc.build(system), [-0.5, 0, 0], step_size=0.01, steps=1000)
     assert [c.surface for c in run.collisions] == ["xy", "yz", "yz", "xy"] * 5
     assert [c.impulse for c in run.collisions] == pytest.approx(
@@ -193,13 +190,9 @@ def test_bounces_die_away_in_lasting_contact(
     """They end at t_1 (1 + e) / (1 - e)."""
     end = np.sqrt(1.6 / 9.81) * (1 + e) / (1 - e)
     run = dmoc.simulate(
-        ball,
-        [floor + 0.8],
-        step_size=h,
-        steps=round((end + 0.2) / h),
-        restitution=e,
+        ball, [floor + 0.8], step_size=h, steps=round((end + 0.2) / h), restitution=e,
         parameters={"room": floor},
-    )
+    )  # fmt: skip
     (contact,) = run.contacts
     assert contact.begin == pytest.approx(end, rel=2e-4)
     assert run.q[-1, 0] == pytest.approx(floor, abs=1e-12) and run.p[-1, 0] == 0
@@ -265,23 +258,16 @@ def arm_with_a_stop() -> dmoc.MechanicalSystem:
 
 def bouncing_ball() -> dmoc.MechanicalSystem:
     return dmoc.MechanicalSystem(
-        "units_ball",
-        [x],
-        free(x) - m * g * x,
-        {m: 1.0, g: 9.81, room: 1.0},
+        "units_ball", [x], free(x) - m * g * x, {m: 1.0, g: 9.81, room: 1.0},
         surfaces={"floor": x >= 0, "lid": x <= room},
-    )
+    )  # fmt: skip
 
 
 # Exponents of length, mass and time.
 DIMENSIONS = {
-    "m": (0, 1, 0),
-    "M": (0, 1, 0),
-    "g": (1, 0, -2),
-    "l": (1, 0, 0),
-    "room": (1, 0, 0),
+    "m": (0, 1, 0), "M": (0, 1, 0), "g": (1, 0, -2), "l": (1, 0, 0), "room": (1, 0, 0),
     "x": (1, 0, 0),
-}
+}  # fmt: skip
 
 
 @pytest.mark.slow
@@ -317,14 +303,9 @@ def test_units_do_not_matter(
         }
         q = np.array([size(name) for name in kernels.coordinates])
         found = dmoc.simulate(
-            kernels,
-            position * q,
-            velocity * q / units[2],
-            step_size=0.01 * units[2],
-            steps=120,
-            parameters=parameters,
-            restitution=restitution,
-        )
+            kernels, position * q, velocity * q / units[2], step_size=0.01 * units[2], steps=120,
+            parameters=parameters, restitution=restitution,
+        )  # fmt: skip
         return found.q / q, [
             (c.surface, pytest.approx(c.time / units[2], rel=1e-9)) for c in found.collisions
         ]

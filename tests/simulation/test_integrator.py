@@ -352,12 +352,9 @@ def test_a_force_without_a_slope_at_rest_is_differenced() -> None:
         {x: f - speed * x.diff(T), y: g - speed * y.diff(T)}, cost=f**2 + g**2,
     )  # fmt: skip
     problem = dmoc.Problem(
-        dmoc.build(system),
-        start={"x": 0, "y": 0},
-        goal={"x": 1, "y": 0.5},
-        steps=40,
+        dmoc.build(system), start={"x": 0, "y": 0}, goal={"x": 1, "y": 0.5}, steps=40,
         final_time=1.0,
-    )
+    )  # fmt: skip
     solution = dmoc.solve(problem, "ipm")
     (phase,) = solution.phases
     at_rest = replace(phase, v=np.vstack([[0.0, 0.0], phase.v[1:]]))

@@ -17,16 +17,11 @@ from dmoc.motion.trajectory import Trajectory
 from dmoc.simulation.sizes import sizes_of
 
 TELLINGS = [
-    invariance.Told(),
-    invariance.Told(shift=3.0),
-    invariance.Told(shift=-0.7),
-    invariance.Told(metre=1e-6),
-    invariance.Told(kilogram=1e6),
-    invariance.Told(second=1e-6),
-    invariance.Told(second=1e6),
-    invariance.Told(1e3, 1e-6, 1e4),
+    invariance.Told(), invariance.Told(shift=3.0), invariance.Told(shift=-0.7),
+    invariance.Told(metre=1e-6), invariance.Told(kilogram=1e6), invariance.Told(second=1e-6),
+    invariance.Told(second=1e6), invariance.Told(1e3, 1e-6, 1e4),
     invariance.Told(1e-3, 1e6, 1e-2, 3.0),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", invariance.KINDS)

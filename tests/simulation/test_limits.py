@@ -27,16 +27,10 @@ def cube() -> Kernels:
 
 
 LIMITS = {
-    "step error": 0.01,
-    "segment error": 0.01,
-    "energy error": 0.02,
-    "penetration": 0.002,
-    "excess of a limit": 0.002,
-    "excess of an input": 1e-6,
-    "error of the law of impact": 0.02,
-    "error of the law of impact relative to its own rates": 0.05,
-    "error of a contact force": 0.05,
-}
+    "step error": 0.01, "segment error": 0.01, "energy error": 0.02, "penetration": 0.002,
+    "excess of a limit": 0.002, "excess of an input": 1e-6, "error of the law of impact": 0.02,
+    "error of the law of impact relative to its own rates": 0.05, "error of a contact force": 0.05,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "limit"), LIMITS.items())

@@ -150,12 +150,9 @@ def test_accumulating_collisions_are_an_error() -> None:
     x, y = dynamicsymbols("x y")
     m, a = sp.symbols("m a")
     system = dmoc.MechanicalSystem(
-        "wedge",
-        [x, y],
-        m * (x.diff(T) ** 2 + y.diff(T) ** 2) / 2,
-        {m: 1.0, a: 1e-3},
+        "wedge", [x, y], m * (x.diff(T) ** 2 + y.diff(T) ** 2) / 2, {m: 1.0, a: 1e-3},
         surfaces={"up": y <= a * x, "down": y >= -a * x},
-    )
+    )  # fmt: skip
     with pytest.raises(SimulationError, match="Zeno"):
         dmoc.simulate(dmoc.build(system), [1.0, 0.0], [-1.0, 0.01], step_size=2.0, steps=1)
 
@@ -167,8 +164,7 @@ def test_accumulating_collisions_are_an_error() -> None:
         ({"position": [-0.1], "step_size": 1e6}, "lies behind surface 'floor' by 0.1"),
         ({"position": [1.0, 2.0]}, "expected 1 finite numbers"),
         ({"position": {"z": 1.0}}, "unknown coordinate 'z' in position: expected one of q"),
-        ({"step_size": 0.0}, "positive number of seconds"),
-        ({"steps": 0}, "at least 1"),
+        ({"step_size": 0.0}, "positive number of seconds"), ({"steps": 0}, "at least 1"),
         ({"parameters": {"mass": 1.0}}, "unknown parameter 'mass'"),
         ({"parameters": {"m": 10**400}}, "parameter m = 1000.*: expected a finite number"),
         (
@@ -185,10 +181,7 @@ def test_accumulating_collisions_are_an_error() -> None:
         ({"velocity": [np.nan]}, "velocity = .*expected 1 finite numbers"),
         ({"step_size": None}, "step_size = None: expected a positive number"),
         ({"step_size": True}, "step_size = True: expected a positive number"),
-        (
-            {"step_size": 10**5000},
-            "step_size = a value of type int: expected a positive number",
-        ),
+        ({"step_size": 10**5000}, "step_size = a value of type int: expected a positive number"),
         ({"step_size": 1e305, "steps": 10**5}, "a finite time of all steps"),
         ({"step_size": 1e-300, "velocity": [1.0]}, "less than a rounding error of the coordinates"),
         ({"step_size": 1e300, "velocity": [1.0]}, "has no solution: change the step size"),
@@ -212,7 +205,7 @@ def test_accumulating_collisions_are_an_error() -> None:
             "restitution of .None.: unknown surface, expected one of floor",
         ),
     ],
-)
+)  # fmt: skip
 def test_wrong_arguments_are_refused(
     ball: Kernels, changes: dict[str, object], message: str
 ) -> None:

@@ -23,18 +23,12 @@ def floored() -> Kernels:
     push."""
     return dmoc.build(
         dmoc.MechanicalSystem(
-            "smooth_floor",
-            [X, Y],
-            M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
-            {M: 1.0, G: 9.81, MU: 0.0, SHAKE: 0.0},
-            inputs=[U, W],
-            forces={X: U + SHAKE * sp.sin(30 * T), Y: W},
-            surfaces={"floor": Y >= 0},
-            tangents={"floor": X},
-            friction={"floor": MU},
-            cost=(U - 1) ** 2 + W**2,
+            "smooth_floor", [X, Y], M * (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - M * G * Y,
+            {M: 1.0, G: 9.81, MU: 0.0, SHAKE: 0.0}, inputs=[U, W],
+            forces={X: U + SHAKE * sp.sin(30 * T), Y: W}, surfaces={"floor": Y >= 0},
+            tangents={"floor": X}, friction={"floor": MU}, cost=(U - 1) ** 2 + W**2,
         )
-    )
+    )  # fmt: skip
 
 
 def answer(**fields: Any) -> dmoc.Solution:

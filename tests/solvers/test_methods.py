@@ -41,13 +41,9 @@ def block_problem(block: Kernels) -> dmoc.Problem:
 
 def puck_problem(puck: Kernels) -> dmoc.Problem:
     return dmoc.Problem(
-        puck,
-        start={"x": 1.5, "y": 0.0},
-        goal={"x": 1.5, "y": 1.0},
-        sequence=["rim"],
-        final_time=1.0,
-        steps=30,
-    )
+        puck, start={"x": 1.5, "y": 0.0}, goal={"x": 1.5, "y": 1.0}, sequence=["rim"],
+        final_time=1.0, steps=30,
+    )  # fmt: skip
 
 
 # Same answers -------------------------------------------------------------------------------------
@@ -338,14 +334,9 @@ def test_a_phase_shorter_than_the_shortest_time_is_named(seed: dmoc.Problem) -> 
 def test_the_miss_of_a_block_has_the_amount_of_the_closed_form(block: Kernels) -> None:
     """A unit mass from rest under |u| <= 1 comes to 1/2 in 1 s: half the way to the wall."""
     problem = dmoc.Problem(
-        block,
-        start={"x": 0.0},
-        sequence=["wall"],
-        steps=50,
-        bounds={"u": (-1, 1)},
-        durations=[(None, 1.0), (None, None)],
-        final_time=(None, 2.0),
-    )
+        block, start={"x": 0.0}, sequence=["wall"], steps=50, bounds={"u": (-1, 1)},
+        durations=[(None, 1.0), (None, None)], final_time=(None, 2.0),
+    )  # fmt: skip
     solution = dmoc.solve(problem, method="ipm")
     assert solution.status == "infeasible"
     assert solution.conflicts[0] == "collision 1 misses 'wall' by 0.5"
@@ -493,14 +484,9 @@ def test_a_limit_at_the_surface_itself(order: int) -> None:
     """A bound that a contact implies leaves no interior at the collision; one in front of the
     surface makes the problem infeasible."""
     problem = dmoc.Problem(
-        dmoc.build(block_system(), order=order),
-        start={"x": 0.0},
-        goal={"x": 0.0, "x_dot": 0.0},
-        sequence=["wall"],
-        steps=20,
-        final_time=1.0,
-        restitution=0.5,
-    )
+        dmoc.build(block_system(), order=order), start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0},
+        sequence=["wall"], steps=20, final_time=1.0, restitution=0.5,
+    )  # fmt: skip
     free = dmoc.solve(problem, "ipm")
     for method in ("ipm", "slsqp"):
         held = dmoc.solve(problem.but(bounds={"x": (None, 1.0)}), method)
