@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ import puck  # noqa: E402
 import seed  # noqa: E402
 import two_bounces  # noqa: E402
 import two_discs  # noqa: E402
-from common import guess, timed  # noqa: E402
+from common import clocked, guess, timed  # noqa: E402
 from systems import bouncer_problem, bryson_denham, double_integrator  # noqa: E402
 
 import dmoc  # noqa: E402
@@ -190,56 +191,40 @@ def shown_order(errors: list[float]) -> str:
     return f"{math.log2(usable[-2] / usable[-1]):.1f}" if len(usable) > 1 else "exact"
 
 
-def table(order: int) -> tuple[list[str], dict[str, list[tuple[float, float]]]]:
+Work = dict[str, list[tuple[float, float]]]  # seconds and errors of each problem
+Solved = Callable[[Case, int, dmoc.Solution | None], tuple[float, dmoc.Solution]]
+
+
+def table(cases: Sequence[Case], solved: Solved) -> tuple[list[str], Work]:
+    """A line for each problem; a solve may begin with the motion on the mesh before."""
     lines = [
         "| problem | known value | " + " | ".join(f"N = {n}" for n in STEPS) + " | order |",
         "|---" * (len(STEPS) + 3) + "|",
     ]
-    work: dict[str, list[tuple[float, float]]] = {}
-    for case in CASES:
-        errors, cells = [], []
-        for steps in STEPS:
-            seconds, solution = solve(case, steps, order)
-            if solution.status != "solved":
-                cells.append(solution.status)
-                continue
-            errors.append(abs(case.found(solution) - case.known) / abs(case.known))
-            cells.append(f"{errors[-1]:.1e}")
-            work.setdefault(case.name, []).append((seconds, errors[-1]))
-        lines.append(
-            f"| {case.name} | {case.known:.9g} | "
-            + " | ".join(cells)
-            + f" | {shown_order(errors)} |"
-        )
-        print(lines[-1], flush=True)
-    return lines, work
-
-
-def contact_table() -> list[str]:
-    """Problems whose contacts last, of order 2, each mesh from the motion on the one before."""
-    lines = [
-        "| problem | known value | " + " | ".join(f"N = {n}" for n in STEPS) + " | order |",
-        "|---" * (len(STEPS) + 3) + "|",
-    ]
-    for case in CONTACT_CASES:
+    work: Work = {}
+    for case in cases:
         errors, cells, solution = [], [], None
         for steps in STEPS:
-            solution = dmoc.solve(case.problem(steps), "ipm", guess=solution)
-            if not solution.solved:
+            seconds, solution = solved(case, steps, solution)
+            if solution.status != "solved":
                 cells.append(str(solution.status))
                 continue
             errors.append(abs(case.found(solution) - case.known) / abs(case.known))
             cells.append(f"{errors[-1]:.1e}")
-        lines.append(
-            f"| {case.name} | {case.known:.9g} | "
-            + " | ".join(cells)
-            + f" | {shown_order(errors)} |"
-        )
+            work.setdefault(case.name, []).append((seconds, errors[-1]))
+        row = (case.name, f"{case.known:.9g}", *cells, shown_order(errors))
+        lines.append(f"| {' | '.join(row)} |")
         print(lines[-1], flush=True)
-    return lines
+    return lines, work
 
 
-def per_digit(work: dict[int, dict[str, list[tuple[float, float]]]]) -> list[str]:
+def from_the_mesh_before(
+    case: Case, steps: int, before: dmoc.Solution | None
+) -> tuple[float, dmoc.Solution]:
+    return clocked(lambda: dmoc.solve(case.problem(steps), "ipm", guess=before))
+
+
+def per_digit(work: dict[int, Work]) -> list[str]:
     """Time of a solve for a given error, interpolated between meshes."""
     targets = (1e-3, 1e-4, 1e-5, 1e-6)
     lines = [
@@ -278,8 +263,9 @@ def page_of(parts: list[str]) -> str:
 def main() -> None:
     tables, work = {}, {}
     for order in ORDERS:
-        tables[order], work[order] = table(order)
-    contacts_lines = contact_table()
+        alone = partial(solve, order=order)
+        tables[order], work[order] = table(CASES, lambda case, n, _, alone=alone: alone(case, n))
+    contacts_lines, _ = table(CONTACT_CASES, from_the_mesh_before)
     sources = [f"- {c.name}: {c.source}." for c in (*CASES, *CONTACT_CASES)]
     text = [
         "# Known answers",

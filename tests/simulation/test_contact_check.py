@@ -3,50 +3,17 @@ independent integrations, and contradicts what is wrong in a sentence."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import motions
 import numpy as np
 import pytest
+from flights import Change, phase_changed
 
 import dmoc
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
-
-Change = Callable[[Trajectory], Trajectory]
-
-
-@pytest.fixture(scope="module")
-def rail() -> Kernels:
-    return dmoc.build(motions.rail_system())
-
-
-@pytest.fixture(scope="module")
-def floor() -> Kernels:
-    return dmoc.build(motions.floor_system())
-
-
-@pytest.fixture(scope="module")
-def ball() -> Kernels:
-    return dmoc.build(motions.ball_system())
-
-
-@pytest.fixture(scope="module")
-def compass() -> Kernels:
-    return dmoc.build(motions.compass_system())
-
-
-def phase_changed(i: int, **changes: object) -> Change:
-    def change(motion: Trajectory) -> Trajectory:
-        phases = list(motion.phases)
-        phases[i] = replace(
-            phases[i], **{k: f(phases[i]) if callable(f) else f for k, f in changes.items()}
-        )
-        return replace(motion, phases=tuple(phases))
-
-    return change
 
 
 def event_changed(i: int, **changes: object) -> Change:

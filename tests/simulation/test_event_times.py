@@ -18,21 +18,6 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
 
 
-@pytest.fixture(scope="module")
-def rail() -> Kernels:
-    return dmoc.build(motions.rail_system())
-
-
-@pytest.fixture(scope="module")
-def floor() -> Kernels:
-    return dmoc.build(motions.floor_system())
-
-
-@pytest.fixture(scope="module")
-def ball() -> Kernels:
-    return dmoc.build(motions.ball_system())
-
-
 def message(motion: Trajectory, kernels: Kernels) -> str:
     check = dmoc.verify(motion, kernels)
     assert not check.passed

@@ -21,16 +21,6 @@ x, y, a = dynamicsymbols("x y a")
 g, mu, k, f, w, l = sp.symbols("g mu k f w l")
 
 
-@pytest.fixture(scope="module")
-def floor() -> Kernels:
-    return dmoc.build(motions.floor_system())
-
-
-@pytest.fixture(scope="module")
-def rail() -> Kernels:
-    return dmoc.build(motions.rail_system())
-
-
 def test_a_block_on_a_rail_slides_to_rest(rail: Kernels) -> None:
     """From 1.3 m/s with 1 m/s^2: 1.3 s, 0.845 m."""
     run = dmoc.simulate(rail, [0.0], [1.3], step_size=0.07, steps=30)
