@@ -163,16 +163,14 @@ def tasks() -> list[Task]:
     return [
         Task("guess, N = 100 + 100", solved("ipm", "guess")),
         Task("answer from the guess alone", answered(starts=1)),
-        Task("answer with the exploration", answered()),
-        Task("ipm, N = 100 + 100", solved("ipm")),
+        Task("answer with the exploration", answered()), Task("ipm, N = 100 + 100", solved("ipm")),
         Task("ipm, order 4, N = 40 + 40", solved("ipm", steps=40, order=4)),
         Task("ipm, N = 1000 + 1000", solved("ipm", steps=1000)),
-        Task("slsqp, N = 100 + 100", solved("slsqp"), 3),
-        Task("check, N = 100 + 100", checked),
+        Task("slsqp, N = 100 + 100", solved("slsqp"), 3), Task("check, N = 100 + 100", checked),
         Task("check with friction, 3 phases, N = 50", checked_with_contacts),
         Task("simulation with friction, 500 steps", simulated),
         Task("search, at most 3 collisions", searched, 5),
-    ]
+    ]  # fmt: skip
 
 
 # The two processes --------------------------------------------------------------------------------

@@ -157,12 +157,10 @@ def acrobot() -> Statement:
     return Statement(
         system,
         {
-            "start": {"a": 0.0, "b": 0.0},
-            "goal": {"a": 0.0, "b": pi, "a_dot": 0.0, "b_dot": 0.0},
-            "sequence": ["wall"],
-            "final_time": 2.0,
+            "start": {"a": 0.0, "b": 0.0}, "goal": {"a": 0.0, "b": pi, "a_dot": 0.0, "b_dot": 0.0},
+            "sequence": ["wall"], "final_time": 2.0,
         },
-    )
+    )  # fmt: skip
 
 
 def hanging() -> Statement:

@@ -34,12 +34,10 @@ def little_torque() -> Statement:
     return Statement(
         system,
         {
-            "start": {"a": 0.0},
-            "goal": {"a": pi, "a_dot": 0.0},
-            "final_time": (0.5, 10.0),
+            "start": {"a": 0.0}, "goal": {"a": pi, "a_dot": 0.0}, "final_time": (0.5, 10.0),
             "bounds": {"u": (-2.0, 2.0)},
         },
-    )
+    )  # fmt: skip
 
 
 def two_links() -> Statement:
@@ -56,11 +54,10 @@ def two_links() -> Statement:
         system,
         {
             "start": {"a": 0.0, "b": 0.5},
-            "goal": {"a": 0.522, "b": 1.022, "a_dot": 0.0, "b_dot": 0.0},
-            "final_time": (1.0, 10.0),
+            "goal": {"a": 0.522, "b": 1.022, "a_dot": 0.0, "b_dot": 0.0}, "final_time": (1.0, 10.0),
             "bounds": {"u1": (-1.0, 1.0), "u2": (-1.0, 1.0)},
         },
-    )
+    )  # fmt: skip
 
 
 def robot_arm(lagrangian: bool = False) -> Statement:
@@ -93,13 +90,11 @@ def robot_arm(lagrangian: bool = False) -> Statement:
             "goal": {**ends, "theta": 2 * pi / 3, "rho_dot": 0.0, "theta_dot": 0.0, "phi_dot": 0.0},
             "final_time": (0.1, 100.0),
             "bounds": {
-                **{f"u_{q}": (-1.0, 1.0) for q in ("rho", "theta", "phi")},
-                "rho": (0.0, 5.0),
-                "theta": (-pi, pi),
-                "phi": (0.0, pi),
+                **{f"u_{q}": (-1.0, 1.0) for q in ("rho", "theta", "phi")}, "rho": (0.0, 5.0),
+                "theta": (-pi, pi), "phi": (0.0, pi),
             },
         },
-    )
+    )  # fmt: skip
 
 
 def brachistochrone() -> Statement:
@@ -130,12 +125,10 @@ def furthest() -> Statement:
     return Statement(
         system,
         {
-            "start": {"x": 0.0},
-            "goal": {"x_dot": 0.0},
-            "final_time": 1.0,
+            "start": {"x": 0.0}, "goal": {"x_dot": 0.0}, "final_time": 1.0,
             "bounds": {"u": (-1.0, 1.0)},
         },
-    )
+    )  # fmt: skip
 
 
 def flying_robot() -> Statement:
@@ -150,11 +143,10 @@ def flying_robot() -> Statement:
         system,
         {
             "start": {"x": 0.0, "y": 0.0},
-            "goal": {"x": -100.0, "y": 100.0, "x_dot": 0.0, "y_dot": 0.0},
-            "final_time": (0.1, 1e4),
+            "goal": {"x": -100.0, "y": 100.0, "x_dot": 0.0, "y_dot": 0.0}, "final_time": (0.1, 1e4),
             "bounds": {"u": (-1.0, 1.0), "w": (-1.0, 1.0)},
         },
-    )
+    )  # fmt: skip
 
 
 def container_crane() -> Statement:
@@ -178,10 +170,9 @@ def container_crane() -> Statement:
         {
             "start": {"x": 0.0, "l": 22.0, "a": 0.0, "l_dot": -1.0},
             "goal": {"x": 10.0, "l": 14.0, "a": 0.0, "x_dot": 2.5, "l_dot": 0.0, "a_dot": 0.0},
-            "final_time": 9.0,
-            "bounds": {"u1": (-2.83374, 2.83374), "u2": (-0.80865, 0.71265)},
+            "final_time": 9.0, "bounds": {"u1": (-2.83374, 2.83374), "u2": (-0.80865, 0.71265)},
         },
-    )
+    )  # fmt: skip
 
 
 def hanging_load() -> Statement:
@@ -199,11 +190,10 @@ def hanging_load() -> Statement:
         system,
         {
             "start": {"x": 0.0, "a": 0.0},
-            "goal": {"x": 15.0, "a": 0.0, "x_dot": 0.0, "a_dot": 0.0},
-            "final_time": (0.1, 100.0),
+            "goal": {"x": 15.0, "a": 0.0, "x_dot": 0.0, "a_dot": 0.0}, "final_time": (0.1, 100.0),
             "bounds": {"F": (-20.0, 20.0), "x": (0.0, 15.0)},
         },
-    )
+    )  # fmt: skip
 
 
 def quadrotor() -> Statement:
@@ -228,11 +218,10 @@ def quadrotor() -> Statement:
         system,
         {
             "start": {"y": 0.0, "z": 2.5, "tilt": 0.0, "tilt_dot": (-3.0, 3.0)},
-            "goal": {"y": 5.0, "z": 2.5, "y_dot": 0.0, "z_dot": 0.0},
-            "final_time": (0.1, 20.0),
+            "goal": {"y": 5.0, "z": 2.5, "y_dot": 0.0, "z_dot": 0.0}, "final_time": (0.1, 20.0),
             "bounds": {"thrust": (0.0, 45.9)},
         },
-    )
+    )  # fmt: skip
 
 
 def around_disc() -> Statement:
@@ -247,7 +236,6 @@ def around_disc() -> Statement:
         system,
         {
             "start": {"x": -1.0, "y": 0.0},
-            "goal": {"x": 1.0, "y": 0.0, "x_dot": 0.0, "y_dot": 0.0},
-            "final_time": 1.0,
+            "goal": {"x": 1.0, "y": 0.0, "x_dot": 0.0, "y_dot": 0.0}, "final_time": 1.0,
         },
-    )
+    )  # fmt: skip

@@ -55,10 +55,8 @@ def chain_problem(coordinates: int, inputs: int) -> dmoc.Problem:
     return dmoc.Problem(
         dmoc.build(chain(coordinates, inputs), backend="numpy"),
         start={name: -0.1 * i for i, name in enumerate(names)},
-        goal={name: 0.3 + 0.1 * i for i, name in enumerate(names)},
-        steps=2,
-        final_time=1.0,
-    )
+        goal={name: 0.3 + 0.1 * i for i, name in enumerate(names)}, steps=2, final_time=1.0,
+    )  # fmt: skip
 
 
 # Linear algebra -----------------------------------------------------------------------------------

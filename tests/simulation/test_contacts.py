@@ -248,12 +248,10 @@ def arm_with_a_stop() -> dmoc.MechanicalSystem:
     hand = (elbow[0] + l * sp.sin(a + b), elbow[1] - l * sp.cos(a + b))
     kinetic = sum(m * c.diff(T) ** 2 / 2 for c in (*elbow, *hand))
     return dmoc.MechanicalSystem(
-        "units_arm",
-        [a, b],
-        kinetic - m * g * (elbow[1] + hand[1]),
+        "units_arm", [a, b], kinetic - m * g * (elbow[1] + hand[1]),
         {m: 1.0, g: 9.81, l: 0.5, room: 0.8, stop: 1.0},
         surfaces={"stop": b <= stop, "back": b >= -stop, "wall": hand[0] <= room},
-    )
+    )  # fmt: skip
 
 
 def bouncing_ball() -> dmoc.MechanicalSystem:

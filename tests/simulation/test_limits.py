@@ -188,11 +188,9 @@ def test_a_slow_hit_counts_by_its_own_rates() -> None:
     pieces = [
         motions.Piece(1.0, lambda t: motions.columns(t, 0.8 * t, 1, 0.8), idle),
         motions.Piece(
-            2.0,
-            lambda t: motions.columns(1 + 0.8 * (t - 1), 0.8 + (t - 1), 0.8, 1),
-            idle,
+            2.0, lambda t: motions.columns(1 + 0.8 * (t - 1), 0.8 + (t - 1), 0.8, 1), idle,
         ),
-    ]
+    ]  # fmt: skip
     hit = {"surface": "wall", "impulse": 0.2}
     motion = motions.trajectory(kernels, pieces, [hit], 20, {"wall": 1.0})
     good, bad = (dmoc.verify(bouncing(e)(motion), kernels) for e in (0.951, 0.949))

@@ -108,14 +108,12 @@ def chain(order: int) -> Kernels:
     potential = sum(k * s**2 / 2 + c * s**4 / 4 for s in stretch)
     return dmoc.build(
         dmoc.MechanicalSystem(
-            "chain",
-            q,
-            sum(m * (i + 1) * s.diff(T) ** 2 / 2 for i, s in enumerate(q)) - potential,
+            "chain", q, sum(m * (i + 1) * s.diff(T) ** 2 / 2 for i, s in enumerate(q)) - potential,
             {m: 1.0, k: 1.0, c: 0.3, room: 2.0},
             surfaces={"left": q[0] >= -room, "right": q[2] <= 2 + room},
         ),
         order=order,
-    )
+    )  # fmt: skip
 
 
 number = st.floats(-1, 1).map(lambda x: round(x, 3))
