@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
-from dmoc.check.measures import Segment
+from dmoc.check.contact_law import after_event, event_of
+from dmoc.check.segments import PERTURBED, Segment
 from dmoc.codegen.kernels import Array
 
-PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
 SMALLEST = 1e-11  # error of a segment that is not told from those of the integration
 # A phase that amplifies errors more often than this may be off at its end by that much more: where
 # its segments are right to half a percent, by what the flow makes of that.
@@ -43,7 +43,7 @@ def carried(
     """Carry the errors of segments to the ends of those that follow; ``through`` is the derivative
     of the state after an event by that before it."""
     unit = np.concatenate([motion.sizes.q, motion.sizes.v])
-    slopes = [_scaled(motion, segment, unit) for segment in segments]
+    slopes = [segment.slope / unit[:, None] * unit for segment in segments]
     deviations, errors = [], np.zeros((len(unit), 0))
     product, products = np.eye(len(unit)), [np.eye(len(unit))]
     events = [
@@ -81,26 +81,6 @@ def _phase_error(parts: Sequence[tuple[Segment, Array]], unit: Array) -> float:
     return float(np.nan_to_num(np.abs(off).max(), nan=np.inf)) / max(1.0, most / STEADY)
 
 
-def _scaled(motion: Motion, segment: Segment, unit: Array) -> Array:
-    """The derivative of the end of a segment by its start, in sizes."""
-    slope = segment.slope
-    if not np.isfinite(slope).all() and not motion.has_modes:
-        slope = _differences(motion, segment, unit)  # forces with a kink where the motion is
-    return np.asarray(slope / unit[:, None] * unit)
-
-
-def _differences(motion: Motion, segment: Segment, unit: Array) -> Array:
-    """The derivative of the end of a segment by its start from differences."""
-    phase, steps = motion.trajectory.phases[segment.phase], motion.steps[segment.phase]
-    start = np.concatenate([phase.q[segment.first], phase.v[segment.first]])
-    changes = PERTURBED * np.vstack([np.diag(unit), -np.diag(unit)])
-    ends = np.array(
-        [motion.flow.freely(start + d, steps, segment.first, segment.last) for d in changes]
-    )
-    n = len(unit)
-    return np.asarray((ends[:n] - ends[n:]).T / (2 * PERTURBED * unit))
-
-
 def saltation(motion: Motion, i: int, unit: Array) -> Array:
     """Derivative of the state after a collision, at its planned time, with respect to the state
     before it, in sizes."""
@@ -127,3 +107,14 @@ def saltation(motion: Motion, i: int, unit: Array) -> Array:
     y = np.concatenate([before.q[-1], before.v[-1]])
     changes = PERTURBED * np.diag(unit)
     return (through(y + changes) - through(y - changes)).T / (2 * PERTURBED * unit[:, None])
+
+
+def event_slope(motion: Motion, i: int, unit: Array) -> Array:
+    """Derivative of the state after an event, at its planned time, by the state before it, in
+    sizes."""
+    phase, nq = motion.trajectory.phases[i], motion.model.nq
+    start = np.concatenate([phase.q[-1], phase.v[-1]])
+    rows = start + PERTURBED * np.vstack([np.diag(unit), -np.diag(unit)])
+    q, v = (np.ascontiguousarray(rows[:, k * nq : (k + 1) * nq]) for k in (0, 1))
+    ends = np.hstack([q, after_event(motion, event_of(motion, i), q, v, phase.t[-1]).velocity])
+    return np.asarray((ends[: 2 * nq] - ends[2 * nq :]).T / (2 * PERTURBED * unit[:, None]))

@@ -24,14 +24,9 @@ from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_check import judged_with_contacts
 from dmoc.check.joins import torn
 from dmoc.check.judgement import Evidence, judged, measured
-from dmoc.check.measures import (
-    energy_error,
-    impact_errors,
-    segments,
-    step_errors,
-    wrong_places,
-)
+from dmoc.check.measures import energy_error, impact_errors, wrong_places
 from dmoc.check.runs import departures, on_the_way, open_loop
+from dmoc.check.segments import segments, step_errors
 from dmoc.check.verdict import Verification
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,23 @@ SEGMENTS = 10  # of a phase
 
 class OutOfTimeError(SimulationError):
     """The check was not finished in its time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Phases one after the other in the same mode: their numbers, their steps, and the place of the
+    first step of each."""
+
+    mode: Mode
+    numbers: tuple[int, ...]
+    phases: tuple[Phase, ...]
+    steps: Steps
+    begins: NDArray[np.intp]
+
+    def nodes(self, which: slice) -> tuple[Array, ...]:
+        """Positions, velocities, momenta and times of some nodes of each phase."""
+        parts = ([getattr(phase, name)[which] for phase in self.phases] for name in "qvpt")
+        return tuple(np.concatenate(part) for part in parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +113,17 @@ class Motion:
         return _has_modes(self.trajectory, self.model)
 
     @cached_property
-    def all_steps(self) -> Steps:
-        """The steps of all phases, one after the other."""
-        names = [f.name for f in fields(Steps)]
-        return Steps(*(np.concatenate([getattr(s, name) for s in self.steps]) for name in names))
+    def pieces(self) -> tuple[Piece, ...]:
+        """The phases, those one after the other in the same mode together."""
+        together = groupby(range(len(self.modes)), key=self.modes.__getitem__)
+        return tuple(self._piece(mode, list(numbers)) for mode, numbers in together)
+
+    def _piece(self, mode: Mode, numbers: list[int]) -> Piece:
+        steps, names = [self.steps[i] for i in numbers], [f.name for f in fields(Steps)]
+        joined = Steps(*(np.concatenate([getattr(s, name) for s in steps]) for name in names))
+        begins = np.cumsum([0, *map(len, steps[:-1])])
+        phases = tuple(self.trajectory.phases[i] for i in numbers)
+        return Piece(mode, tuple(numbers), phases, joined, begins)
 
     def error(self, y: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
         """Largest relative error of each row's state y = (q | v ...)."""

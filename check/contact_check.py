@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from dmoc.check.amplification import carried
+from dmoc.check.amplification import carried, event_slope
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_events import event_errors
 from dmoc.check.contact_forces import (
@@ -23,19 +23,12 @@ from dmoc.check.contact_forces import (
     left_out,
     still_held,
 )
-from dmoc.check.contact_location import ON_TIME
-from dmoc.check.contact_measures import (
-    event_slope,
-    is_free,
-    is_planned,
-    open_loop,
-    segments,
-    step_errors,
-)
+from dmoc.check.contact_location import ON_TIME, is_free, is_planned, left
 from dmoc.check.joins import torn
 from dmoc.check.judgement import Evidence, judged, measured
 from dmoc.check.measures import wrong_places
-from dmoc.check.runs import Departures, contacts_of_phase
+from dmoc.check.runs import Departures, contacts_of_phase, through_plan
+from dmoc.check.segments import segments, step_errors
 from dmoc.check.verdict import PASSING, Verification
 from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import GRAZING, Collision
@@ -44,19 +37,19 @@ from dmoc.simulation.flow import Contact
 
 def judged_with_contacts(motion: Motion) -> Verification:
     """Measure a motion and judge it."""
-    held = _forces(motion)
-    steps, on_the_way = step_errors(motion), segments(motion, _slack(motion, held))
-    parts, in_flight = on_the_way.parts, _in_flight(motion)
+    held, in_flight = _forces(motion), _in_flight(motion)
+    met, ends = left(motion, _slack(motion, held))
+    steps, parts = step_errors(motion), segments(motion)
     events = event_errors(motion, steps.work)
-    flowed, terminal = carried(motion, parts, event_slope), open_loop(motion)
+    flowed, terminal = carried(motion, parts, event_slope), through_plan(motion)
     errors = measured(motion, steps, parts, flowed, (events.energy, events.law, events.own))
     errors["error of a contact force"] = held.largest
     told = [*torn(motion), *wrong_places(motion, "contact"), *held.told, *events.told]
-    told += [*on_the_way.told, *in_flight.early, *still_held(motion, held.sizes)]
-    met = tuple(c for c in (*on_the_way.met, *in_flight.met) if c.jump > GRAZING)
-    found = Evidence(told, errors, steps.path, parts, flowed, terminal, met)
+    told += [*ends, *in_flight.early, *still_held(motion, held.sizes)]
+    contacts = tuple(c for c in (*met, *in_flight.met) if c.jump > GRAZING)
+    found = Evidence(told, errors, steps.path, parts, flowed, terminal, contacts)
     # The open-loop run goes through the planned events: what the segments meet counts for both.
-    way = Departures(in_flight.missed, met)
+    way = Departures(in_flight.missed, contacts)
     return judged(motion, found, way, way)
 
 

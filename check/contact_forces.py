@@ -10,9 +10,9 @@ import numpy as np
 
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_location import ON_TIME
-from dmoc.check.contact_measures import Forces, forces
-from dmoc.check.measures import largest
+from dmoc.check.segments import largest, put
 from dmoc.codegen.kernels import Array
+from dmoc.simulation.indeterminate_forces import nearest
 from dmoc.simulation.modes import RAIL, Mode, columns, conditions, supports
 from dmoc.simulation.sizes import NOTHING, pushes
 
@@ -27,6 +27,51 @@ PRESSED = 0.05
 # A closed contact may be off its surface, and what sticks off its place, by this share of the
 # sizes, and their rates by the second share.
 OFF, DRIFT = 1e-4, 0.02
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Contact forces (2, N + 1, nc) and friction forces (2, N + 1, nt) of the flow at the nodes of
+    a phase, with the inputs before each node and after it."""
+
+    normal: Array
+    tangential: Array
+
+
+def forces(motion: Motion, i: int) -> Forces:
+    """The forces that hold a phase at its nodes: where others have the same effect, those next to
+    the planned ones."""
+    phase, mode, steps = motion.trajectory.phases[i], motion.modes[i], motion.steps[i]
+    y, _ = put(motion, mode, np.hstack([phase.q, phase.v]), phase.t)
+    q = np.ascontiguousarray(y[:, : motion.model.nq])
+    inputs = (np.vstack([steps.u0[:1], steps.u1]), np.vstack([steps.u0, steps.u1[-1:]]))
+    planned = np.hstack([_closed(motion, i), _sticking(motion, i)])
+    found = [
+        nearest(
+            motion.model,
+            mode,
+            motion.flow.integrator.reaction(mode, y, u, phase.t),
+            q,
+            phase.t,
+            planned,
+        )
+        for u in inputs
+    ]
+    return Forces(np.array([f.normal for f in found]), np.array([f.tangential for f in found]))
+
+
+def _closed(motion: Motion, i: int) -> Array:
+    """The planned forces of what is closed in a phase."""
+    phase = motion.trajectory.phases[i]
+    return phase.normal.reshape(phase.steps + 1, len(phase.closed))
+
+
+def _sticking(motion: Motion, i: int) -> Array:
+    """The planned friction of what sticks in a phase, in the order of its mode."""
+    phase, tangents = motion.trajectory.phases[i], motion.model.kernels.tangents
+    names = list(phase.rubbing)
+    columns = [names.index(tangents[k]) for k in motion.modes[i].sticking]
+    return phase.tangential.reshape(phase.steps + 1, len(names))[:, columns]
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.check.checked_motion import Motion
+from dmoc.check.checked_motion import Motion, nodes_of_segments
+from dmoc.check.path_limits import Course
+from dmoc.check.runs import SAME_CONTACT
+from dmoc.check.segments import between, put
 from dmoc.codegen.kernels import Array
-from dmoc.simulation.flow import FIRST, LAST, Steps
-from dmoc.simulation.indeterminate_forces import borne
-from dmoc.simulation.mode_choice import kept, limits
-from dmoc.simulation.modes import Mode, Reaction
+from dmoc.simulation.flow import FIRST, LAST, PLACES, TOUCH, Contact, Steps
+from dmoc.simulation.mode_choice import limits
+from dmoc.simulation.modes import Mode
 from dmoc.simulation.roots import crossing
 
 # An event that is planned may happen within this share of the phase that it ends.
@@ -29,35 +31,91 @@ LOCATED = 1e-6  # of a step
 
 @dataclass(frozen=True)
 class Stage:
-    """Steps of a phase side by side, one of each segment: the places of the segments, rows of
-    states at both ends, the positions that what sticks keeps, and what the mode keeps above zero
-    there (2, n, nc + 2 nt)."""
+    """Steps of a phase side by side, one of each segment: the places of the segments, the steps as
+    they go, the positions that what sticks keeps, and what the mode keeps above zero at both ends
+    (2, n, nc + 2 nt)."""
 
     segments: NDArray[np.intp]
-    y: tuple[Array, Array]
+    course: Course
     held: Array
-    steps: Steps
     kept: Array
 
 
-def kept_at_ends(
-    motion: Motion,
-    mode: Mode,
-    y: tuple[Array, Array],
-    steps: Steps,
-    ends: tuple[Reaction, Reaction],
-) -> Array:
+def left(motion: Motion, sizes: tuple[Array, Array, Array]) -> tuple[list[Contact], list[str]]:
+    """Contacts that are not planned and are met in phases with closed contacts or friction, and
+    what ends a mode elsewhere than planned, in sentences; ``sizes`` are those of contact forces, of
+    friction and of sliding velocities that errors of discretisation explain."""
+    met, sentences = list[Contact](), list[str]()
+    for i in range(len(motion.steps)):
+        if not is_free(motion, i):
+            stages = list(_stages(motion, i))
+            met += [contact for stage in stages for contact in _met(motion, i, stage.course)]
+            sentences += passed_limits(motion, i, stages, np.concatenate(sizes))
+    return met, sentences
+
+
+def _stages(motion: Motion, i: int) -> Iterator[Stage]:
+    """The steps of a phase in its mode, those of its segments side by side."""
+    phase, mode, steps = motion.trajectory.phases[i], motion.modes[i], motion.steps[i]
+    cuts = nodes_of_segments(phase.steps)
+    begins = cuts[:-1]
+    y, held = put(motion, mode, np.hstack([phase.q[begins], phase.v[begins]]), phase.t[begins])
+    for k in range(int(np.diff(cuts).max())):
+        on = np.flatnonzero(begins + k < cuts[1:])
+        step, start, stop = begins[on] + k, y[on], y[on]
+        ends = motion.flow.advance(stop, steps, step, step + 1, mode, held[on])
+        y[on], course = stop, Course(steps.part(step), start, ends, stop)
+        yield Stage(on, course, held[on], _kept_at_ends(motion, mode, course))
+
+
+def _kept_at_ends(motion: Motion, mode: Mode, course: Course) -> Array:
     """What a mode keeps above zero at both ends of steps, shape (2, n, nc + 2 nt); infinite for
     surfaces that are open."""
-    nq, nc = motion.model.nq, motion.model.nc
-    found = []
-    for rows, reaction, t in zip(y, ends, (steps.t, steps.t + steps.h), strict=True):
-        q, v = (np.ascontiguousarray(rows[:, k * nq : (k + 1) * nq]) for k in (0, 1))
-        held = borne(motion.model, mode, reaction, q, t)
-        found.append(kept(motion.model, mode, held, q, v, t))
-    least = np.array(found)
-    least[..., [j for j in range(nc) if j not in mode.closed]] = np.inf
+    steps, integrator = course.steps, motion.flow.integrator
+    rows = (course.start, steps.u0, steps.t), (course.stop, steps.u1, steps.t + steps.h)
+    least = np.array([limits(motion.model, integrator, mode, one) for one in rows])
+    least[..., [j for j in range(motion.model.nc) if j not in mode.closed]] = np.inf
     return least
+
+
+def _met(motion: Motion, i: int, course: Course) -> Iterator[Contact]:
+    """Contacts in steps of a phase that its plan does not have; a phase without closed contacts
+    and friction is simulated through its contacts elsewhere."""
+    model, nq = motion.model, motion.model.nq
+    times, path = between(motion, course, PLACES[1:])
+    gaps = model.gaps(path.reshape(-1, nq), times.ravel()).reshape(*times.shape, model.nc)
+    allowed = motion.flow.allowance(times.ravel()).reshape(gaps.shape)
+    over = gaps > allowed + TOUCH * motion.sizes.gap
+    over[..., list(motion.modes[i].closed)] = False
+    for n, j in zip(*np.nonzero(over.any(axis=0)), strict=True):
+        name, time = model.kernels.surfaces[j], float(times[int(np.argmax(over[:, n, j])), n])
+        if not is_planned(motion, i, name, time):
+            yield Contact(name, time, _jump(motion, course.stop[n], time, j))
+
+
+def _jump(motion: Motion, y: Array, t: float, j: int) -> float:
+    """Largest change of a momentum by an impact from a state, relative to the largest momentum."""
+    nq = motion.model.nq
+    q, v = y[:nq], y[nq : 2 * nq]
+    after, impulse, _ = motion.flow.impact(q, v, t, j, float(motion.flow.restitution[j]))
+    change = motion.model.momentum(q, after, t) - motion.model.momentum(q, v, t)
+    return float((np.abs(change) / motion.sizes.p).max()) if impulse > 0 else 0.0
+
+
+def is_free(motion: Motion, i: int) -> bool:
+    """Whether nothing is closed or rubs in a phase."""
+    phase = motion.trajectory.phases[i]
+    return not phase.closed and not phase.rubbing
+
+
+def is_planned(motion: Motion, i: int, surface: str, time: float) -> bool:
+    """Whether a contact is the one that ends a phase."""
+    if i >= len(motion.trajectory.collisions):
+        return False
+    c = motion.trajectory.collisions[i]
+    return surface in (c.surface, *c.lands) and abs(time - c.time) <= (
+        SAME_CONTACT * motion.sizes.time
+    )
 
 
 def passed_limits(motion: Motion, i: int, stages: list[Stage], slack: Array) -> Iterator[str]:
@@ -79,8 +137,8 @@ def _passing(motion: Motion, i: int, stages: list[Stage], where: tuple[int, int]
     segment = stages[-1].segments[n]
     for stage in reversed(stages):
         row = int(np.flatnonzero(stage.segments == segment)[0])
-        low, high = stage.kept[:, row, j]
-        t, h = float(stage.steps.t[row]), float(stage.steps.h[row])
+        (low, high), steps = stage.kept[:, row, j], stage.course.steps
+        t, h = float(steps.t[row]), float(steps.h[row])
         if low > 0 >= high:
             return _crossing(motion, i, stage, (row, j))
         if low > 0:
@@ -91,11 +149,11 @@ def _passing(motion: Motion, i: int, stages: list[Stage], where: tuple[int, int]
 def _crossing(motion: Motion, i: int, stage: Stage, where: tuple[int, int]) -> float:
     row, j = where
     one, mode, flow = slice(row, row + 1), motion.modes[i], motion.flow
-    step = stage.steps.part(one)
+    step = stage.course.steps.part(one)
     t, h = float(step.t[0]), float(step.h[0])
 
     def limit(share: float) -> float:
-        u, y = step.inputs(share), stage.y[0][one].copy()
+        u, y = step.inputs(share), stage.course.start[one].copy()
         part = Steps(step.t, share * step.h, step.u0, u)
         flow.advance(y, part, FIRST, LAST, mode, stage.held[one])
         at = np.array([t + share * h])

@@ -11,9 +11,10 @@ import numpy as np
 
 from dmoc.check.amplification import Carried
 from dmoc.check.checked_motion import Motion
-from dmoc.check.measures import Segment, StepErrors, input_excess
+from dmoc.check.measures import input_excess
 from dmoc.check.path_limits import Excess
 from dmoc.check.runs import Departures, predicted
+from dmoc.check.segments import Segment, StepErrors
 from dmoc.check.verdict import (
     TERMINAL,
     Verification,

@@ -1,119 +1,22 @@
-"""What is measured of a motion beside the continuous equations: its steps, energies, collisions,
-limits and segments."""
+"""What is measured of a motion beside its steps and segments: energies, collisions and inputs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Iterator
 
 import numpy as np
 
-from dmoc.check.checked_motion import Motion, nodes_of_segments
-from dmoc.check.path_limits import Course, Excess, path_excess
+from dmoc.check.checked_motion import Motion
+from dmoc.check.segments import largest
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
-from dmoc.simulation.flow import PLACES, Lost
-from dmoc.simulation.sizes import NOTHING, penetration
+from dmoc.simulation.flow import Lost
+from dmoc.simulation.sizes import NOTHING
 
 # gap of a planned collision, relative to how far the coordinates move it, that a solver may leave
 OFF_SURFACE = 1e-6
 SOFT = 1e-6  # own rates of a collision count by at least this share of the largest
 SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to the largest inertias
-
-
-@dataclass(frozen=True)
-class StepErrors:
-    """Every step integrated from its first node: relative errors at its end and at the nodes inside
-    (N,), the work of each phase, the largest penetration and excess of a bound of a coordinate
-    between nodes, relative to the ranges, and the excesses of path constraints."""
-
-    defects: Array
-    work: tuple[float, ...]
-    penetration: float
-    excess: float
-    path: tuple[Excess, ...] = ()
-
-    @property
-    def worst(self) -> float:
-        """The largest error of a step."""
-        return float(self.defects.max(initial=0.0))
-
-
-def step_errors(motion: Motion) -> StepErrors:
-    """Integrate every step from its first node."""
-    phases, nq, steps = motion.trajectory.phases, motion.model.nq, motion.all_steps
-    q1, p1, t1 = (np.concatenate([getattr(p, a)[1:] for p in phases]) for a in "qpt")
-    start = np.vstack([np.hstack([p.q[:-1], p.v[:-1]]) for p in phases])
-    y, first = np.hstack([start, np.zeros((len(start), 1))]), np.arange(len(start))
-    ends = motion.flow.advance(y, steps, first, first + 1)
-    inside = motion.nodes_inside
-    places = np.concatenate([PLACES[1:], inside])
-    between = motion.flow.integrator.between(start, ends, y, steps.h, places)
-    between, nodes = np.split(between, [len(places) - len(inside)])
-    off = inside_errors(motion, nodes, [p.q_inside for p in phases])
-    times = (steps.t + PLACES[1:, None] * steps.h).ravel()
-    gaps = penetration(motion.model, motion.sizes, between.reshape(-1, nq), times)
-    low, high = motion.trajectory.coordinate_bounds.T
-    excess = np.maximum(low - between, between - high) / motion.sizes.q
-    cuts = np.cumsum([len(s) for s in motion.steps])[:-1]
-    return StepErrors(
-        np.maximum(motion.error(y, t1, q1, p1), off),
-        tuple(float(part.sum()) for part in np.split(y[:, -1], cuts)),
-        largest(gaps[:, motion.watched]),
-        largest(excess),
-        path_excess(motion, [Course(steps, start, ends, y)]),
-    )
-
-
-def inside_errors(motion: Motion, path: Array, planned: Sequence[Array]) -> Array:
-    """Largest relative error (N,) of the nodes inside steps beside a path there, (nodes, N, nq)."""
-    nodes = np.vstack(planned).reshape(path.shape[1], -1, motion.model.nq)
-    off = np.abs(np.swapaxes(path, 0, 1) - nodes) / motion.sizes.q
-    return np.asarray(np.nan_to_num(off, nan=np.inf).max(axis=(1, 2), initial=0.0))
-
-
-def largest(a: Array) -> float:
-    """The largest entry above 0; infinite if one is not a number."""
-    return max(0.0, float(np.nan_to_num(a, nan=np.inf).max(initial=0.0)))
-
-
-@dataclass(frozen=True)
-class Segment:
-    """Some steps of a phase integrated from their first node without contacts: relative error at
-    the end, the derivative (2 nq, 2 nq) of the end by the start, and by how much positions and
-    velocities (2 nq,) are off at the end."""
-
-    phase: int
-    first: int
-    last: int
-    error: float
-    slope: Array
-    defect: Array
-
-
-def segments(motion: Motion) -> list[Segment]:
-    """The segments of all phases, in their order, integrated side by side."""
-    phases, m = motion.trajectory.phases, 2 * motion.model.nq
-    places = [
-        (i, int(a), int(b))
-        for i, phase in enumerate(phases)
-        for cuts in [nodes_of_segments(phase.steps)]
-        for a, b in pairwise(cuts)
-    ]
-    y = np.array(
-        [np.concatenate([phases[i].q[a], phases[i].v[a], np.eye(m).ravel()]) for i, a, _ in places]
-    )
-    offset = np.cumsum([0, *(len(s) for s in motion.steps)])
-    first, last = (np.array([offset[place[0]] + place[n] for place in places]) for n in (1, 2))
-    motion.flow.advance(y, motion.all_steps, first, last)
-    wanted = [(phases[i].t[b], phases[i].q[b], phases[i].p[b]) for i, _, b in places]
-    planned = np.array([np.concatenate([phases[i].q[b], phases[i].v[b]]) for i, _, b in places])
-    errors = motion.error(y, *(np.array(part) for part in zip(*wanted, strict=True)))
-    return [
-        Segment(*place, float(error), row[m:].reshape(m, m), row[:m] - end)
-        for place, error, row, end in zip(places, errors, y, planned, strict=True)
-    ]
 
 
 def imbalance(motion: Motion, work: tuple[float, ...]) -> float:

@@ -10,11 +10,12 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.check.checked_motion import Motion, nodes_of_segments
+from dmoc.check.contact_law import after_event, event_of
 from dmoc.check.joins import JOINED
-from dmoc.check.measures import Segment
+from dmoc.check.segments import Segment, put
 from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import GRAZING, Collision
-from dmoc.simulation.flow import Contact, Lost
+from dmoc.simulation.flow import FIRST, Contact, Lost
 
 # A contact belongs to a planned collision if it happens within this share of the final time from
 # it.
@@ -45,6 +46,21 @@ def open_loop(motion: Motion) -> tuple[float, list[Contact]]:
     except Lost:
         return np.inf, contacts
     return float(motion.error(y[None], last.t[-1:], last.q[-1:], last.p[-1:])[0]), contacts
+
+
+def through_plan(motion: Motion) -> float:
+    """The error at the end of a simulation from the start, which goes through the planned modes and
+    events at their planned times."""
+    nq, phases = motion.model.nq, motion.trajectory.phases
+    y = np.hstack([phases[0].q[:1], phases[0].v[:1]])
+    for i, (phase, mode) in enumerate(zip(phases, motion.modes, strict=True)):
+        y, held = put(motion, mode, y, phase.t[:1])
+        motion.flow.advance(y, motion.steps[i], FIRST, np.array([phase.steps]), mode, held)
+        if i + 1 < len(phases):
+            q, v = (np.ascontiguousarray(a) for a in np.split(y, [nq], axis=1))
+            v = after_event(motion, event_of(motion, i), q, v, float(phase.t[-1])).velocity
+            y = np.hstack([q, v])
+    return float(motion.error(y, phase.t[-1:], phase.q[-1:], phase.p[-1:])[0])
 
 
 def on_the_way(motion: Motion) -> list[Contact]:

@@ -665,7 +665,7 @@ cdef class Integrator:
                 for c in range(nq):
                     ends[2 * nq * self.which[self.row[i]] + nq + c] = self.slopes[i * width + nq + c]
         for i in range(n):
-            if not finite(width, &self.y[i * width]) and finite(width, &self.start[i * width]):
+            if not finite(2 * nq, &self.y[i * width]) and finite(2 * nq, &self.start[i * width]):
                 self.error[i] = INFINITY
         self.parts += n * count
         if self.parts >= ATTENTION:

@@ -11,8 +11,8 @@ import dmoc
 from dmoc.check.amplification import Carried, carried, saltation
 from dmoc.check.checked_motion import Motion
 from dmoc.check.judgement import Evidence, judged, measured
-from dmoc.check.measures import segments, step_errors
 from dmoc.check.runs import Departures, departures, predicted
+from dmoc.check.segments import segments, step_errors
 from dmoc.check.verdict import is_unstable
 from dmoc.codegen.kernels import Kernels
 from dmoc.simulation.flow import Contact

@@ -1,0 +1,202 @@
+"""Every step, and every tenth of a phase, of a motion integrated from its own states, in the modes
+of its phases: how far off they end, what they do on the way, and how their ends depend on their
+starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.check.checked_motion import Motion, Piece, nodes_of_segments
+from dmoc.check.path_limits import Course, Excess, path_excess
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Index
+from dmoc.simulation.flow import PLACES
+from dmoc.simulation.modes import FREE, Mode
+from dmoc.simulation.sizes import penetration
+
+PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
+
+
+def put(motion: Motion, mode: Mode, y: Array, t: Array) -> tuple[Array, Array]:
+    """Rows (q | v ...) moved to where the conditions of a mode hold, and the tangential positions
+    that they keep."""
+    if not (mode.closed or mode.sticking):
+        return y, np.zeros((len(y), motion.model.nt))
+    y = y.copy()
+    held = motion.model.tangents(np.ascontiguousarray(y[:, : motion.model.nq]), t)
+    motion.flow.integrator.settle(mode, y, t, held)
+    return y, held
+
+
+def _errors(motion: Motion, mode: Mode, y: Array, nodes: Sequence[Array]) -> tuple[Array, Array]:
+    """Largest relative errors of rows beside nodes (q, v, p, t), and by how much positions and
+    velocities are off.  What closed contacts and what sticks would not let pass is judged by
+    itself (:mod:`dmoc.check.contact_forces`)."""
+    q, v, p, t = nodes
+    planned, _ = put(motion, mode, np.hstack([q, v]), t)
+    at, rates = (np.ascontiguousarray(a) for a in np.hsplit(planned, 2))
+    if mode.closed or mode.sticking:
+        p = p + motion.model.momentum(at, rates, t) - motion.model.momentum(q, v, t)
+    return motion.error(y, t, at, p), y[:, : planned.shape[1]] - planned
+
+
+# Steps --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class StepErrors:
+    """Every step integrated from its first node: relative errors at its end and at the nodes inside
+    (N,), the work of each phase, the largest penetration and excess of a bound of a coordinate
+    between nodes, relative to the ranges, and the excesses of path constraints."""
+
+    defects: Array
+    work: tuple[float, ...]
+    penetration: float
+    excess: float
+    path: tuple[Excess, ...] = ()
+
+    @property
+    def worst(self) -> float:
+        """The largest error of a step."""
+        return float(self.defects.max(initial=0.0))
+
+
+def step_errors(motion: Motion) -> StepErrors:
+    """Integrate every step from its first node."""
+    courses = [_course(motion, piece) for piece in motion.pieces]
+    parts = [_errors_on(motion, p, c) for p, c in zip(motion.pieces, courses, strict=True)]
+    return StepErrors(
+        np.concatenate([part.defects for part in parts]),
+        tuple(work for part in parts for work in part.work),
+        max(part.penetration for part in parts),
+        max(part.excess for part in parts),
+        path_excess(motion, courses),
+    )
+
+
+def _course(motion: Motion, piece: Piece) -> Course:
+    """The steps of a piece, with their work."""
+    q, v, _, t = piece.nodes(slice(-1))
+    rows = np.hstack([q, v, np.zeros((len(q), 1))])
+    start, held = put(motion, piece.mode, rows, t)
+    stop, first = start.copy(), np.arange(len(start))
+    ends = motion.flow.advance(stop, piece.steps, first, first + 1, piece.mode, held)
+    return Course(piece.steps, start, ends, stop)
+
+
+def _errors_on(motion: Motion, piece: Piece, course: Course) -> StepErrors:
+    inside, nq = motion.nodes_inside, motion.model.nq
+    times, path = between(motion, course, np.concatenate([PLACES[1:], inside]))
+    path, nodes = np.split(path, [len(PLACES) - 1])
+    times = times[: len(PLACES) - 1]
+    gaps = penetration(motion.model, motion.sizes, path.reshape(-1, nq), times.ravel())
+    low, high = motion.trajectory.coordinate_bounds.T
+    errors, _ = _errors(motion, piece.mode, course.stop, piece.nodes(slice(1, None)))
+    works = np.split(course.stop[:, -1], piece.begins[1:])
+    return StepErrors(
+        np.maximum(errors, _inside_errors(motion, nodes, [p.q_inside for p in piece.phases])),
+        tuple(float(work.sum()) for work in works),
+        largest(gaps[:, _open(motion, piece.mode)]),
+        largest(np.maximum(low - path, path - high) / motion.sizes.q),
+    )
+
+
+def between(motion: Motion, course: Course, places: Array) -> tuple[Array, Array]:
+    """Times and positions at places within steps, shapes (places, n) and (places, n, nq)."""
+    parts = (course.start, course.ends, course.stop, course.steps.h)
+    path = motion.flow.integrator.between(*parts, places)
+    return course.steps.t + places[:, None] * course.steps.h, path
+
+
+def _open(motion: Motion, mode: Mode) -> NDArray[np.bool_]:
+    """Surfaces that hold an open motion back in a mode, shape (nc,)."""
+    watched = motion.watched.copy()
+    watched[list(mode.closed)] = False
+    return watched
+
+
+def _inside_errors(motion: Motion, path: Array, planned: Sequence[Array]) -> Array:
+    """Largest relative error (N,) of the nodes inside steps beside a path there, (nodes, N, nq)."""
+    nodes = np.vstack(planned).reshape(path.shape[1], -1, motion.model.nq)
+    off = np.abs(np.swapaxes(path, 0, 1) - nodes) / motion.sizes.q
+    return np.asarray(np.nan_to_num(off, nan=np.inf).max(axis=(1, 2), initial=0.0))
+
+
+def largest(a: Array) -> float:
+    """The largest entry above 0; infinite if one is not a number."""
+    return max(0.0, float(np.nan_to_num(a, nan=np.inf).max(initial=0.0)))
+
+
+# Segments -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Some steps of a phase integrated from their first node in its mode, without events: relative
+    error at the end, the derivative (2 nq, 2 nq) of the end by the start, and by how much positions
+    and velocities (2 nq,) are off at the end."""
+
+    phase: int
+    first: int
+    last: int
+    error: float
+    slope: Array
+    defect: Array
+
+
+def segments(motion: Motion) -> list[Segment]:
+    """The segments of all phases, in their order."""
+    return [segment for piece in motion.pieces for segment in _segments_of(motion, piece)]
+
+
+def _segments_of(motion: Motion, piece: Piece) -> list[Segment]:
+    """The segments of a piece, integrated side by side."""
+    phases, m = motion.trajectory.phases, 2 * motion.model.nq
+    places = [
+        (i, int(a), int(b))
+        for i in piece.numbers
+        for a, b in pairwise(nodes_of_segments(phases[i].steps))
+    ]
+    begins = dict(zip(piece.numbers, piece.begins, strict=True))
+    first, last = (np.array([begins[place[0]] + place[n] for place in places]) for n in (1, 2))
+    q, v, _, t = (np.array([getattr(phases[i], x)[a] for i, a, _ in places]) for x in "qvpt")
+    start = np.hstack([q, v])
+    if piece.mode != FREE:
+        ends, slopes = _differences(motion, piece, (start, t), first, last)
+    else:
+        ends = np.hstack([start, np.tile(np.eye(m).ravel(), (len(start), 1))])
+        motion.flow.advance(ends, piece.steps, first, last)
+        slopes = ends[:, m:].reshape(-1, m, m)
+        bad = ~np.isfinite(slopes).all(axis=(1, 2))  # forces with a kink where the motion is
+        if bad.any():
+            kinked = start[bad], t[bad]
+            slopes[bad] = _differences(motion, piece, kinked, first[bad], last[bad])[1]
+    planned = [np.array([getattr(phases[i], x)[b] for i, _, b in places]) for x in "qvpt"]
+    errors, defects = _errors(motion, piece.mode, ends, planned)
+    return [
+        Segment(*place, float(error), slope, defect)
+        for place, error, slope, defect in zip(places, errors, slopes, defects, strict=True)
+    ]
+
+
+def _differences(
+    motion: Motion, piece: Piece, start: tuple[Array, Array], first: Index, last: Index
+) -> tuple[Array, Array]:
+    """Ends of segments from starts (q | v) at times, and their derivatives by the starts, from
+    differences."""
+    (y, t), m = start, 2 * motion.model.nq
+    unit = PERTURBED * np.concatenate([motion.sizes.q, motion.sizes.v])
+    changes = np.vstack([np.zeros(m), np.diag(unit), -np.diag(unit)])
+    rows, held = put(
+        motion, piece.mode, (y[:, None] + changes).reshape(-1, m), np.repeat(t, len(changes))
+    )
+    first, last = (np.repeat(a, len(changes)) for a in (first, last))
+    motion.flow.advance(rows, piece.steps, first, last, piece.mode, held)
+    ends = rows.reshape(len(y), len(changes), m)
+    slopes = np.swapaxes(ends[:, 1 : 1 + m] - ends[:, 1 + m :], 1, 2) / (2 * unit)
+    return np.ascontiguousarray(ends[:, 0]), slopes
