@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -70,9 +71,8 @@ def _check_as_now(check: Any) -> Any:
     match check:
         case {"max_segment_defect": worst, **rest}:
             check = {**rest, "segment_defects": [worst], "contacts": []}
-    return (
-        {"path_excess": "nan", "phase_error": "nan", **check} if isinstance(check, dict) else check
-    )
+    lacking = dict.fromkeys(("path_excess", "phase_error"), nan)
+    return {**lacking, **check} if isinstance(check, dict) else check
 
 
 @np.errstate(all="ignore")
