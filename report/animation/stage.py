@@ -9,7 +9,7 @@ import numpy as np
 
 from dmoc.motion.trajectory import Array
 from dmoc.report.animation.colours import Colours
-from dmoc.report.animation.film import Arrow, Event, Motion
+from dmoc.report.animation.film import Arrow, Event, Mark, Motion
 from dmoc.report.animation.numbers import Column, short
 from dmoc.report.animation.places import Part
 
@@ -21,6 +21,7 @@ SHORT = 0.015  # of that side: the shortest arrow that is drawn
 TOLD = 0.18  # of the whole time, for which a hit is told
 STROKES = 45  # of a wall, on the larger side of the room
 COILS = 8
+WIDE, LINE = 5.2, 12  # points of a character of what is told, about, and of a line of it
 
 # Places an artist by the values of its columns, or by a time.
 Placed = Callable[[Array], None]
@@ -245,6 +246,19 @@ def _arrow(axes: Axes, motion: Motion, arrow: Arrow, room: Room, colours: Colour
     return draw
 
 
+def _beside(axes: Axes, mark: Mark, room: Room, width: float) -> tuple[float, float]:
+    """How far from a contact, in points, the middle of a text of a width stands on the side that
+    the surface is on, within the picture."""
+    x, _, nx, ny = mark["at"]
+    aside = -12 * nx - (np.sign(nx) * width / 2 if abs(nx) > 0.5 else 0.0)
+    whole = 72 * axes.bbox.width / axes.figure.dpi
+    at = whole * (x - room.left) / (room.right - room.left)
+    half = min(width, whole - 8) / 2
+    kept = min(max(at + aside, half + 4), whole - half - 4) - at
+    pushed = 2 * LINE if abs(nx) > 0.5 and abs(kept - aside) > 8 else 0  # back over the mechanism
+    return kept, -16 * ny - pushed
+
+
 def _hit(axes: Axes, motion: Motion, i: int, room: Room, colours: Colours) -> Drawn:
     """A hit: a ring that fades, its impulse, what is told for a while on the side of the surface,
     and a cross with its number on the other side."""
@@ -258,13 +272,14 @@ def _hit(axes: Axes, motion: Motion, i: int, room: Room, colours: Colours) -> Dr
         x, y, nx, ny = mark["at"]
         (cross,) = axes.plot([x], [y], "x", color=colours.hit, markersize=7, zorder=5)
         (ring,) = axes.plot([x], [y], "o", color=colours.hit, fillstyle="none", zorder=5)
-        side = "center" if abs(nx) < 0.5 else ("right" if nx > 0 else "left")
-        text: dict[str, Any] = {"textcoords": "offset points", "color": colours.hit, "va": "center",
-                                "fontsize": 9, "zorder": 6, "path_effects": halo}  # fmt: skip
-        down = 16 * ny + 12 * k  # a line of its own for each contact
-        label = axes.annotate(f"{i + 1} {mark['told']}", (x, y), (-12 * nx, -down), ha=side,
-                              parse_math=False, **text)  # fmt: skip
-        number = axes.annotate(str(i + 1), (x, y), (12 * nx, 13 * ny), ha="center", **text)
+        text: dict[str, Any] = {"textcoords": "offset points", "va": "center", "ha": "center",
+                                "color": colours.hit, "fontsize": 9, "path_effects": halo,
+                                "zorder": 6}  # fmt: skip
+        words = f"{i + 1} {mark['told']}"
+        aside, down = _beside(axes, mark, room, WIDE * len(words))
+        down -= LINE * k  # a line of its own for each contact
+        label = axes.annotate(words, (x, y), (aside, down), parse_math=False, **text)
+        number = axes.annotate(str(i + 1), (x, y), (12 * nx, 13 * ny), **text)
         # The direction and the size of the impulse; one that would hardly be seen is not drawn.
         way = ARROW * room.sides[0] * np.array(mark["impulse"])
         long = float(np.hypot(*way) > SHORT * room.sides[0])

@@ -15,17 +15,20 @@ from typing import Any
 import numpy as np
 import pytest
 from films import END, EVIL, HIGH, ROD, TURN, motion, place
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 
 import dmoc
 from dmoc.base.errors import MissingExtraError, OutputError, ProblemError
 from dmoc.motion.trajectory import Trajectory
 from dmoc.report.animation import animate_tree
+from dmoc.report.animation.colours import LIGHT
 from dmoc.report.animation.curves import MOST, label
 from dmoc.report.animation.film import Branch, Film, Take, film_of
 from dmoc.report.animation.numbers import rounded
 from dmoc.report.animation.page import page_of
-from dmoc.report.animation.stage import columns_at
+from dmoc.report.animation.stage import Room, columns_at, stage_of
 from dmoc.sequences.nodes import Verdict
 
 DATA = re.compile(r'<script type="application/json" id="film">(.*?)</script>', re.S)
@@ -276,6 +279,18 @@ def test_a_gif_shows_the_mass_where_it_is(tmp_path: Path) -> None:
     np.testing.assert_allclose((x - x[0]) / scale, [0.0, 0.5, 1.0, 0.5, 0.0], atol=0.02)
     flying = [0, 1, 3, 4]  # without the ring of the hit around it
     np.testing.assert_allclose(y[flying], y[0], atol=1.5)
+
+
+def test_what_is_told_of_a_hit_stays_in_the_picture() -> None:
+    figure = Figure((6.4, 3.0), dpi=100)
+    canvas = FigureCanvasAgg(figure)
+    (shown,) = film(motion("a wall whose name has more letters than there is room for"))["motions"]
+    draw = stage_of(figure.add_axes((0, 0, 1, 1)), shown, Room(*shown["bounds"]), LIGHT)
+    draw(TURN + 0.01)
+    (words,) = (t for t in figure.axes[0].texts if "impulse" in t.get_text() and t.get_visible())
+    canvas.draw()
+    extent = words.get_window_extent()
+    assert extent.x0 >= 0 and extent.x1 <= 640
 
 
 def test_a_dark_gif_is_dark(tmp_path: Path) -> None:
