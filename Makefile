@@ -36,7 +36,7 @@ check: $(VENV)/.installed-test $(VENV)/.installed-check
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest tests/codegen/test_generated.py -k committed
 
-# Examples that have not changed are not run again; those that have take about a minute in all.
+# Examples that have not changed are not run again; those that have take some minutes in all.
 docs: $(VENV)/.installed-docs
 	@rm -rf docs/reference/names  # pages of names that are gone
 	$(BIN)/sphinx-build -W --keep-going -n -q -b html docs docs/_build/html
