@@ -21,7 +21,8 @@ SEGMENTS = 10  # of a phase
 MOST = {
     "segment": 0.02,  # of extent and speed, in the metric of the mass matrix
     "event": 0.03,  # of the speed, by the nearest outcome of the law of impact
-    "impulse": 0.05,  # of the largest impulse of the motion
+    "law": 0.05,  # of the rate of approach, at a hit without friction: Newton's
+    "impulse": 0.05,  # of the largest impulse of the motion, and of its own at such a hit
     "force": 0.05,  # of the largest contact force of the motion, or friction force
     "gap": 1e-6,  # of the gap's range, at an event
     "limit": 1e-6,  # of the range of an input
@@ -168,7 +169,7 @@ def _events(
     """Largest differences of the velocity after an event, and of an impulse, to the nearest outcome
     that the laws allow, largest gap there, and what no law allows."""
     mechanism: Any = motion.mechanism
-    worst, told = dict.fromkeys(("event", "impulse", "gap"), 0.0), list[str]()
+    worst, told = dict.fromkeys(("event", "law", "impulse", "gap"), 0.0), list[str]()
 
     def put(name: str, error: float) -> None:
         worst[name] = max(worst[name], float(error))
@@ -188,13 +189,18 @@ def _events(
         if not hit:
             put("event", off(v))
             continue
-        gaps, rates = mechanism.gap_motion(q, v, t, motion.par)[:2]
+        u, passed = before["inputs"][2][-1], _passed(mechanism, solution, i) - set(hit)
+        gaps, rates, normals, _ = mechanism.gap_motion(q, v, t, motion.par)
         put("gap", np.max(np.abs(gaps[hit]) / sizes.gap[hit]))
-        if not c.lands and abs(rates[hit[0]]) < NO_EFFECT * sizes.rate[hit[0]]:
+        least = NO_EFFECT * sizes.rate[hit[0]]
+        M = mechanism.motion(q, v, u, t, motion.par)[0]
+        push = motion.length(q, t, np.linalg.solve(M, normals[hit[0]]) * c.impulse)
+        if not c.lands and abs(rates[hit[0]]) < least and push < NO_EFFECT * motion.speed:
             if solution.status == "solved":
                 told.append(f"{c.word} has no effect")
             continue
-        u, passed = before["inputs"][2][-1], _passed(mechanism, solution, i) - set(hit)
+        if not c.lands and rates[hit[0]] < 0:
+            told.append(f"{c.word} departs before it hits")
         elastic = [0.0 if s in c.lands else r for s, r in zip(mechanism.surfaces, e, strict=True)]
         outcomes = list(mechanism.impacts(hit, q, v, u, t, motion.par, sizes, elastic, passed))
         if not outcomes:
@@ -202,13 +208,18 @@ def _events(
             continue
         nearest = min(outcomes, key=lambda o: off(o.motion))
         put("event", off(nearest.motion))
+        smooth = not c.lands and not c.tractions
+        if smooth:
+            rate, (j, *_) = mechanism.gap_motion(q, after, t, motion.par)[1], hit
+            put("law", abs(rate[j] + elastic[j] * rates[j]) / max(abs(rates[j]), least))
+        size = max(abs(nearest.normal[hit[0]]), NO_EFFECT * most) if smooth else most
         given = {c.surface: c.impulse, **c.impulses} if c.surface else dict(c.impulses)
         for names, planned, lawful in (
             (mechanism.surfaces, given, nearest.normal),
             (mechanism.tangents, c.tractions, nearest.tangential),
         ):
             for name, value in zip(names, lawful, strict=True):
-                put("impulse", abs(planned.get(name, 0.0) - value) / most)
+                put("impulse", abs(planned.get(name, 0.0) - value) / size)
     return worst, told
 
 

@@ -144,12 +144,14 @@ def test_a_right_motion_is_confirmed(request: pytest.FixtureRequest, motion: str
 @pytest.mark.parametrize(
     ("motion", "wrong", "reason"),
     [
+        ("bounced", lambda s: with_motion(s, restitution={"wall": 0.8}), "law"),
         ("bounced", lambda s: with_motion(s, restitution={"wall": 0.8}), "event"),
+        ("bounced", lambda s: with_phase(s, 0, p=-1.0), "departs before it hits"),
         ("bounced", lambda s: with_impulse(s, 1.1), "impulse"),
         ("bounced", lambda s: with_impulse(s, 0.0), "impulse"),
         ("bounced", lambda s: with_phase(s, 1, p=0.9), "segment"),
         ("bounced", lambda s: with_phase(s, 1, u=1.2), "segment"),
-        ("bounced", lambda s: with_phase(s, 1, p=-1.0), "event"),
+        ("bounced", lambda s: with_phase(s, 1, p=-1.0), "law"),
         ("bounced", lambda s: with_values(s, m=1.3), "segment"),
         ("bounced", lambda s: with_values(s, wall=0.9), "was not planned"),
         ("bounced", lambda s: with_values(s, wall=0.5), "was not planned"),
