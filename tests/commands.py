@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import subprocess
+from collections.abc import Callable, Mapping
+from pathlib import Path
 
 # Exit status, standard output and standard error of ``dmoc`` with the words of a command, as a
 # shell reads them, and further arguments as they are.
 Run = Callable[..., tuple[int, str, str]]
 Model = Callable[[str], str]  # the name of a model that a line of Python makes
+
+
+def printed(
+    *command: str | Path, cwd: Path | None = None, env: Mapping[str, str] | None = None
+) -> str:
+    """What a program prints that succeeds."""
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=300, cwd=cwd, env=os.environ | (env or {})
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
 
 # Files of models, to which lines may be added.
 FALLING = """

@@ -3,8 +3,6 @@ sanitizers."""
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from commands import printed
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system, puck_system
 
@@ -146,13 +145,7 @@ def test_text_does_not_depend_on_the_hash_seed() -> None:
         "numpy_text(m)).encode()).hexdigest())"
     )
     digests = {
-        subprocess.run(
-            [sys.executable, "-c", program],
-            env={**os.environ, "PYTHONHASHSEED": seed},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
+        printed(sys.executable, "-c", program, env={"PYTHONHASHSEED": seed})
         for seed in ("0", "1", "4711")
     }
     assert len(digests) == 1
@@ -232,14 +225,9 @@ def test_every_kernel_runs_under_sanitizers(tmp_path: Path, order: int) -> None:
         "-std=c11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined",
         "-fno-sanitize-recover=all",
     ]  # fmt: skip
-    subprocess.run(
-        [*compiler(), *flags, f"-I{HEADERS}", "kernels.c", "main.c", "-lm", "-o", "run"],
-        cwd=tmp_path,
-        check=True,
-    )
-    subprocess.run(
-        ["./run"], cwd=tmp_path, check=True, env={**os.environ, "ASAN_OPTIONS": "detect_leaks=0"}
-    )
+    sources = (f"-I{HEADERS}", "kernels.c", "main.c", "-lm", "-o", "run")
+    printed(*compiler(), *flags, *sources, cwd=tmp_path)
+    printed("./run", cwd=tmp_path, env={"ASAN_OPTIONS": "detect_leaks=0"})
 
 
 def test_readable_symbols_carry_the_users_names() -> None:

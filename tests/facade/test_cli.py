@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from commands import FALLING, Model, Run
+from commands import FALLING, Model, Run, printed
 from matplotlib.image import imread
 
 import dmoc
@@ -29,8 +29,8 @@ def test_help_is_shown_without_loading_numpy() -> None:
         "except SystemExit: print(sorted({'numpy', 'scipy', 'sympy', 'sqlite3', 'matplotlib', "
         "'multiprocessing'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "Usage: dmoc" in done.stdout and done.stdout.splitlines()[-1] == "[]"
+    text = printed(sys.executable, "-c", code)
+    assert "Usage: dmoc" in text and text.splitlines()[-1] == "[]"
 
 
 def test_solve_prints_the_json_alone(run: Run) -> None:
@@ -165,11 +165,9 @@ def test_derive_generate_build_models_and_doctor(run: Run, tmp_path: Path, file:
 
 
 def test_module_runs_as_a_program() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "dmoc", "--help"], capture_output=True, text=True, check=True
-    )
+    text = printed(sys.executable, "-m", "dmoc", "--help")
     for command in "models derive generate build solve verify plot doctor".split():
-        assert command in done.stdout
+        assert command in text
 
 
 def test_a_mass_matrix_that_is_singular_on_the_way_is_named(run: Run) -> None:

@@ -7,14 +7,13 @@ import os
 import pickle
 import platform
 import re
-import subprocess
 import sys
 import sysconfig
 import tomllib
 from pathlib import Path
 
 import pytest
-from commands import Run
+from commands import Run, printed
 from matplotlib.image import imread
 
 import dmoc
@@ -162,18 +161,12 @@ def test_what_a_new_file_says_comes_next_works(run: Run, tmp_path: Path, kind: s
     commands = [line.strip() for line in out.splitlines() if line.startswith("    ")]
     assert len(commands) == 3
     tools = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    printed = [
-        subprocess.run(
-            command, shell=True, check=True, capture_output=True, text=True, cwd=tmp_path,
-            env=os.environ | tools,
-        ).stdout
-        for command in commands
-    ]  # fmt: skip
-    rows = dict(re.findall(r"^ (\w+) +(\S+)", printed[0], re.MULTILINE))
+    texts = [printed("sh", "-c", command, cwd=tmp_path, env=tools) for command in commands]
+    rows = dict(re.findall(r"^ (\w+) +(\S+)", texts[0], re.MULTILINE))
     assert rows["status"] == "solved:"
     cost = float(rows["cost"])
     assert COSTS[kind] is None or cost == pytest.approx(COSTS[kind], rel=1e-3)
-    assert "passed" in printed[1] and "Lagrangian" in printed[2]
+    assert "passed" in texts[1] and "Lagrangian" in texts[2]
     for made in ("begun.npz", "begun.png", "begun/solution.npz", "begun/solution.png"):
         assert (tmp_path / made).stat().st_size > 1000
 
@@ -213,11 +206,7 @@ def test_a_completion_reads_no_numpy() -> None:
     )
     words = {"_DMOC_COMPLETE": "complete_bash", "COMP_CWORD": "4"}
     words["COMP_WORDS"] = "dmoc solve cart_pendulum --set m_p"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
-        env=os.environ | words,
-    )  # fmt: skip
-    assert done.stdout.split("\n")[:2] == ["m_p=", "[]"]
+    assert printed(sys.executable, "-c", code, env=words).split("\n")[:2] == ["m_p=", "[]"]
 
 
 KINDS = sorted(e.__name__ for e in vars(errors).values() if isinstance(e, type))

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from commands import Run
+from commands import Run, printed
 from searches import command, seconds_of
 
 import dmoc
@@ -44,11 +44,8 @@ def test_ctrl_c_ends_the_command_with_the_best_so_far(tmp_path: Path) -> None:
 
 
 def test_the_command_writes_and_tells(tmp_path: Path) -> None:
-    done = subprocess.run(
-        command("--out", str(tmp_path / "out"), "--workers", "2"), capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    assert "best: east, west" in done.stdout and "optimal" in done.stdout
+    text = printed(*command("--out", str(tmp_path / "out"), "--workers", "2"))
+    assert "best: east, west" in text and "optimal" in text
     written = {p.name for p in (tmp_path / "out").iterdir()}
     assert written == {"solution.npz", "tree.png", "best.png", "tree.html"}
     assert dmoc.Solution.load(tmp_path / "out" / "solution.npz").verify().passed

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commands import printed
 from searches import outline, suicidal
 
 import dmoc
@@ -203,14 +204,8 @@ def test_the_limit_of_a_node_holds_for_the_search_for_the_reason_too(
 
 
 def test_a_cluster_of_two_processes() -> None:
-    done = subprocess.run(
-        [sys.executable, str(ROOT / "examples" / "search_dask.py")],
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "2 workers, 21 sequences" in done.stdout and "best: east, west" in done.stdout
+    text = printed(sys.executable, ROOT / "examples" / "search_dask.py")
+    assert "2 workers, 21 sequences" in text and "best: east, west" in text
 
 
 @pytest.mark.parametrize("at", [1, 2])

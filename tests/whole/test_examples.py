@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from commands import printed
 
 pytestmark = pytest.mark.slow
 
@@ -22,15 +21,9 @@ NAMES = (
 
 @pytest.mark.parametrize("name", NAMES)
 def test_example(name: str, tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, str(EXAMPLES / f"{name}.py"), str(tmp_path)],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env={**os.environ, "COLUMNS": "200"},
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "solved" in done.stdout and "known" in done.stdout
+    script = EXAMPLES / f"{name}.py"
+    text = printed(sys.executable, script, tmp_path, cwd=tmp_path, env={"COLUMNS": "200"})
+    assert "solved" in text and "known" in text
     assert sorted(p.name for p in tmp_path.iterdir()) == [f"{name}.npz", f"{name}.png"]
 
 
