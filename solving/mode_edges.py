@@ -10,7 +10,9 @@ the first mode is an inequality::
     closed, without force   g(q_k) = 0                   leaves:   -g(q_k) >= 0
 
 By the multipliers y of these rows the cost falls at the rates s y, s y and -y where they give way:
-while one of them is positive, the motion is no minimum of the sequence with the other mode.
+while one of them is positive, the motion is no minimum of the sequence with the other mode.  A
+contact leaves without a jump of its rate, so that no node near the end of a stay rises by itself,
+whatever its multiplier says: what counts is the sum over gaps that grow and vanish smoothly.
 """
 
 from __future__ import annotations
@@ -110,7 +112,7 @@ class _Edges:
         and the steps of the phase."""
         touch = self.nlp.layout.touch
         for j in touch.closed[i]:
-            for steps in self._worth(*self._unloaded(i, j)):
+            for steps in self._unloaded(i, j):
                 yield touch.surfaces[j], CLOSED, OPEN, steps
         for k, s in touch.rubbing[i]:
             name, word = touch.tangents[k], FRICTION_WORDS[s]
@@ -139,12 +141,17 @@ class _Edges:
         stuck = rows.c.stuck.index[nodes[1:], k]
         return held[:-1] & held[1:], way * self.outcome.duals.y[stuck]
 
-    def _unloaded(self, i: int, j: int) -> tuple[Bools, Array]:
+    def _unloaded(self, i: int, j: int) -> Iterator[range]:
         """It could leave at the typical rate."""
         nodes = self._nodes(i)
         P, closed = self.nlp.layout.index_P[nodes, j], self.nlp.rows.c.closed.index[nodes[1:], j]
         held = self.outcome.duals.z[P] > np.maximum(self.outcome.x[P], NO_FORCE)
-        return held[:-1] & held[1:], np.where(closed == NOWHERE, 0.0, -self.outcome.duals.y[closed])
+        saved = np.where(closed == NOWHERE, 0.0, -self.outcome.duals.y[closed])
+        free_end = nodes[-1] + 1 == len(self.nlp.rows.c.closed.index) and closed[-1] != NOWHERE
+        for steps in _runs(held[:-1] & held[1:]):
+            lifts = _lifts(len(steps), free_end and steps.stop == len(saved))
+            if (lifts @ saved[steps.start : steps.stop]).max() > self._least:
+                yield steps
 
     def _nodes(self, i: int) -> Index:
         """Rows of the nodes of phase i among those of all phases."""
@@ -160,15 +167,31 @@ class _Edges:
         d, w = (np.append(values, 0.0) for values in (self._distances, self.outcome.duals.w))
         return np.asarray(w[numbers] > np.maximum(d[numbers], NO_FORCE))
 
-    def _worth(self, held: Bools, saved: Array) -> list[range]:
+    @cached_property
+    def _least(self) -> float:
+        return WORTH * cost_size(self.nlp, self.outcome.x)
+
+    def _worth(self, held: Bools, saved: Array) -> Iterator[range]:
         """Runs of steps in which something that counts is saved at the nodes between them."""
-        ends = np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2)
-        least = WORTH * cost_size(self.nlp, self.outcome.x)
-        return [
-            range(a, b)
-            for a, b in ends
-            if b - a >= FEWEST and np.maximum(saved[a : b - 1], 0.0).sum() > least
-        ]
+        for steps in _runs(held):
+            if np.maximum(saved[steps.start : steps.stop - 1], 0.0).sum() > self._least:
+                yield steps
+
+
+def _runs(held: Bools) -> list[range]:
+    """Steps that follow each other, enough to count as a stay."""
+    ends = np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2)
+    return [range(a, b) for a, b in ends if b - a >= FEWEST]
+
+
+def _lifts(n: int, free_end: bool) -> Array:
+    """Gaps after each of n steps, a row for each way to leave and come back at a rate of about 1 a
+    step at most: within all steps, within half of them and, where the end is free, never."""
+    s = np.arange(1, n + 1) / n
+    spans = ((0.0, 1.0), (0.0, 0.5), (0.5, 1.0))
+    parts = [(np.clip((s - a) / (b - a), 0, 1), n * (b - a)) for a, b in spans]
+    lifts = [steps * (4 * x * (1 - x)) ** 2 / 3 for x, steps in parts]
+    return np.array([*lifts, n * s**2 / 2] if free_end else lifts)
 
 
 def restated(problem: Problem, solution: Solution) -> Array:

@@ -9,6 +9,9 @@ from contact_problems import pushed
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.program.layout import Layout
+from dmoc.solving.mode_edges import _lifts, restated
 
 X, Y, A, U, V = dynamicsymbols("x y a u v")
 T = dynamicsymbols._t
@@ -72,6 +75,11 @@ def test_what_is_proposed_for_the_start_are_other_contacts() -> None:
     assert sticks.cost == pytest.approx(0.0, abs=1e-9) and sticks.proposal is None
     result = dmoc.search(there, 0)  # which begins as the problem does
     assert ("rail:stick",) in [n.sequence for n in result.nodes]
+    # With the start as it is stated, one of its steps comes first.
+    later = there.but(sequence=["rail:stick"])
+    lay, x = Layout.of(later), restated(later, slides)
+    assert x[lay.index_h] * lay.steps == pytest.approx([0.2, 3.8])
+    assert np.all(np.diff(lay.times(x)) > 0) and lay.times(x)[-1] == pytest.approx(4)
 
 
 def test_a_contact_that_does_not_press_may_leave() -> None:
@@ -91,6 +99,52 @@ def test_a_contact_that_does_not_press_may_leave() -> None:
     flies = dmoc.solve(problem.but(contacts=[]), "ipm", starts=1)
     assert flies.solved and flies.cost == pytest.approx(0.0, abs=1e-9)
     assert held.cost > 1
+
+
+@pytest.fixture(scope="module")
+def hill() -> Kernels:
+    """A bead of 1 kg over y = -x^2 / 2 + b x^4, whose input along x costs much."""
+    b = sp.Symbol("b")
+    system = dmoc.MechanicalSystem(
+        "over_a_hill", [X, Y], (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - 9.81 * Y, {b: 0.0},
+        inputs=[U, V], forces={X: U, Y: V}, cost=100 * U**2 + V**2,
+        surfaces={"ground": b * X**4 - X**2 / 2 <= Y},
+    )  # fmt: skip
+    return dmoc.build(system)
+
+
+@pytest.mark.parametrize("steps", [10, 20])
+@pytest.mark.parametrize("b", [-0.03, -0.005, 0.005, 0.03])
+def test_leaving_saves_where_the_flight_is_above_the_ground(
+    hill: Kernels, b: float, steps: int
+) -> None:
+    """At 5 m/s the bead has to be held down, at least by the constant force of a parabola that
+    begins and ends on the hill along it: at x = 0 it is b below the top."""
+    slope = 1 - 4 * b
+    ends = [{"x": x, "y": b - 0.5, "x_dot": 5, "y_dot": -5 * x * slope} for x in (-1, 1)]
+    problem = dmoc.Problem(
+        hill, start=ends[0], goal=ends[1], contacts=["ground"], steps=steps, final_time=0.4,
+        parameters={"b": b},
+    )  # fmt: skip
+    held = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    flies = dmoc.solve(problem.but(contacts=[]), "ipm", starts=1, verify=False)
+    assert held.solved and flies.solved and (flies.cost < held.cost) == (b < 0)
+    if b < 0:
+        assert flies.cost == pytest.approx(0.4 * (9.81 - 25 * slope) ** 2, rel=1e-6)
+        assert held.proposal is not None and held.proposal.contacts == ()
+    else:
+        assert held.proposal is None
+
+
+@pytest.mark.parametrize("n", [4, 20, 200])
+def test_a_gap_that_grows_and_vanishes_has_no_jump_in_its_rate(n: int) -> None:
+    rates = np.diff(_lifts(n, True), axis=1, prepend=0.0)
+    back, away = rates[:-1], rates[-1]
+    assert np.abs(rates).max() < 1.05 and np.abs(back.sum(axis=1)).max() < 1e-12
+    # Parabolas touch zero at both ends, within a step of one twice as long as its half.
+    assert np.all(back[:, 0] <= 16 * 2 / 3 / n) and np.all(-back[:, -1] <= 16 * 2 / 3 / n)
+    assert np.diff(away) == pytest.approx(1 / n)
+    assert len(_lifts(n, False)) == len(back)
 
 
 @pytest.mark.parametrize("sequence", [["rail:slip+", "rail:stick"], []])
