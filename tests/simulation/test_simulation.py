@@ -109,14 +109,16 @@ def test_several_collisions_in_one_step(block: Kernels) -> None:
     assert run.energy == pytest.approx(7.3**2 / 2)
 
 
-def test_a_thin_obstacle_is_not_tunnelled(puck: Kernels) -> None:
-    """Both ends of the step are free, the post is between them."""
+@pytest.mark.parametrize("h", [0.2, 1 / 6, 0.11])
+def test_a_thin_obstacle_is_not_tunnelled(puck: Kernels, h: float) -> None:
+    """Both ends of the step are free, the post is between them: in its middle, or nearer to its
+    end."""
     run = dmoc.simulate(
-        puck, [0.0, 0.0], [10.0, 0.0], step_size=0.2, steps=1, parameters={"post": 0.05}
+        puck, [0.0, 0.0], [10.0, 0.0], step_size=h, steps=1, parameters={"post": 0.05}
     )
     assert [c.surface for c in run.collisions] == ["post"]
     assert run.collisions[0].position == pytest.approx([0.95, 0.0], abs=1e-9)
-    assert run.q[-1, 0] == pytest.approx(0.95 - (10 * 0.2 - 0.95), abs=1e-8)
+    assert run.q[-1, 0] == pytest.approx(0.95 - (10 * h - 0.95), abs=1e-8)
 
 
 def test_a_grazing_motion_passes(puck: Kernels) -> None:

@@ -5,12 +5,17 @@ from __future__ import annotations
 import json
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
+from contact_problems import floor
 from systems import block_system
 
 import dmoc
-from dmoc.program.active_constraints import ActiveBound, BoundKind
+from dmoc.program.active_constraints import ActiveBound, BoundKind, _impulses
+from dmoc.program.layout import Layout
 from dmoc.solvers.outcome import SENTENCES, Status
 
 BOUNDS = {
@@ -102,3 +107,15 @@ def test_a_motion_that_keeps_to_a_surface_is_one_bound() -> None:
     gaps = [b for b in found if b.name == "wall"]
     assert {b.kind for b in gaps} == {BoundKind.GAP, BoundKind.INSIDE}
     assert all(1 < b.places <= 12 for b in gaps) and len(gaps) == 2
+
+
+def test_only_a_hit_has_an_impulse_that_is_held_at_zero() -> None:
+    problem = dmoc.Problem(
+        floor(), start={"x": 0, "y": 0}, goal={"x": 1}, contacts=["floor:slip+"],
+        sequence=["-floor", "floor:slip+", "+floor:slip+"], steps=4, final_time=1,
+    )  # fmt: skip
+    nlp: Any = SimpleNamespace(problem=problem, layout=Layout.of(problem))
+    x = np.zeros(nlp.layout.size)
+    assert list(_impulses(nlp, x)) == ["impulse of collision 2 (floor:slip+) >= 0"]
+    x[nlp.layout.index_lam[1]] = 1.0
+    assert list(_impulses(nlp, x)) == []

@@ -18,6 +18,7 @@ from dmoc.program.scaling import scale_of
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.outcome import Duals, Options, Outcome, Residuals, Status
 from dmoc.solving import attempts
+from dmoc.solving.hit_words import _Tries
 from dmoc.solving.multistart.exploration import Effort
 from dmoc.solving.multistart.minima import Basin
 from dmoc.solving.multistart.ranking import _Ranked
@@ -45,6 +46,21 @@ def test_a_collision_without_effect_ranks_behind_a_dearer_one_with_it() -> None:
 
     best = sorted([ranked(Status.GRAZES, 1.0), ranked(Status.SOLVED, 2.0)], key=_Ranked.rank)[0]
     assert best.solution.status is Status.SOLVED
+
+
+def test_ways_that_are_confirmed_come_first_the_cheapest_before_others() -> None:
+    def tried(status: Status, cost: float) -> Any:
+        return SimpleNamespace(status=status, cost=cost)
+
+    none: Any = None
+    ways = _Tries(none, none, Options())
+    ways.tried |= {
+        ("nothing",): None,
+        ("doubtful",): tried(Status.NOT_VERIFIED, 0.5),
+        ("dear",): tried(Status.SOLVED, 2.0),
+        ("cheap",): tried(Status.GRAZES, 1.0),
+    }
+    assert sorted(ways.tried, key=ways.rank) == [("cheap",), ("dear",), ("doubtful",), ("nothing",)]
 
 
 class Ends:

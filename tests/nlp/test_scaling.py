@@ -1,0 +1,57 @@
+"""Sizes of a problem follow its units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from systems import block_system, there_and_back
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.guess.automatic import initial_guesses
+from dmoc.program.scale import Scale
+from dmoc.program.scaling import scale_of
+
+# Powers of length, mass and time of each size.
+POWERS = {
+    "time": (0, 0, 1),
+    "cost": (2, 2, -3),
+    "energy": (2, 1, -2),
+    "q": (1, 0, 0),
+    "v": (1, 0, -1),
+    "p": (1, 1, -1),
+    "u": (1, 1, -2),
+    "gap": (1, 0, 0),
+    "rate": (1, 0, -1),
+    "lam": (1, 1, -1),
+    "h": (0, 0, 1),
+}
+
+
+@pytest.fixture(scope="module")
+def block() -> Kernels:
+    return dmoc.build(block_system())
+
+
+def sizes(block: Kernels, units: Sequence[float], still: bool) -> Scale:
+    """Of the block on its way to the wall and back, or of one that stands still before it."""
+    length, mass, time = units
+    place = {"x": -length if still else 0.0}
+    problem = there_and_back(
+        block, start=place, goal=place | {"x_dot": 0.0}, sequence=[] if still else ["wall"],
+        steps=6, final_time=time, parameters={"m": mass, "wall": length},
+    )  # fmt: skip
+    return scale_of(problem, initial_guesses(problem)[0].x)
+
+
+@pytest.mark.parametrize("still", [False, True])
+@pytest.mark.parametrize("units", [(1e3, 1, 1), (1, 1e-3, 1), (1, 1, 1e3), (1e-4, 1e5, 1e-2)])
+def test_each_size_has_its_unit(
+    block: Kernels, units: tuple[float, float, float], still: bool
+) -> None:
+    plain, other = (sizes(block, u, still) for u in ((1.0, 1.0, 1.0), units))
+    for name, powers in POWERS.items():
+        unit = np.prod(np.array(units) ** np.array(powers, dtype=float))
+        assert getattr(other, name) == pytest.approx(unit * getattr(plain, name), rel=1e-9), name
