@@ -16,6 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import dmoc
+from dmoc.base.deadline import Deadline
 from dmoc.check.check import verify
 from dmoc.codegen.text import c_files
 from dmoc.guess.automatic import initial_guesses
@@ -125,7 +126,7 @@ class Solves:
 
 
 def solves(nlp: Transcription, x: np.ndarray, method: str, repeats: int, *more: Any) -> Solves:
-    options = Options(iterations=ITERATIONS, seconds=600.0)
+    options = Options(iterations=ITERATIONS, deadline=Deadline.after(600.0))
     runs = [solve(nlp, x, method, options, *more) for _ in range(repeats)]
     good = [seconds for seconds, outcome in runs if outcome.status is Status.SOLVED]
     return Solves(median(good) if good else np.nan, len(good), repeats, runs[-1][1])

@@ -31,6 +31,7 @@ from common import cost as own_cost
 from threadpoolctl import threadpool_limits
 
 import dmoc
+from dmoc.base.deadline import Deadline
 
 SEED = 2018
 INSTANCES = 200
@@ -88,7 +89,9 @@ def run(task: tuple[int, str]) -> Trial:
         if method == "CasADi + IPOPT":
             return _peer(instance, p, x)
         nlp = program(p, x, method)
-        seconds, outcome = solve(nlp, x, method, Options(iterations=ITERATIONS, seconds=SECONDS))
+        seconds, outcome = solve(
+            nlp, x, method, Options(iterations=ITERATIONS, deadline=Deadline.after(SECONDS))
+        )
         solved = outcome.status is Status.SOLVED
         passed = solved and confirmed(p, nlp.physical(outcome.x))
         return Trial(
@@ -110,7 +113,9 @@ def confirmed(p: dmoc.Problem, x: np.ndarray) -> bool:
     paid = coarse.cost(coarse.scaled(x)) * coarse.scale.cost
     for factor in FINER:
         fine, start = refined(coarse, x, factor)
-        _, outcome = solve(fine, start, "ipm", Options(iterations=300, seconds=SECONDS))
+        _, outcome = solve(
+            fine, start, "ipm", Options(iterations=300, deadline=Deadline.after(SECONDS))
+        )
         near = outcome.status is Status.SOLVED and abs(
             own_cost(fine, outcome) - paid
         ) < CLOSE * own_cost(fine, outcome)

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.base.arguments import positive, shown
+from dmoc.base.deadline import Deadline
 from dmoc.base.errors import SimulationError
 from dmoc.check.amplification import carried, saltation
 from dmoc.check.checked_motion import Motion
@@ -95,7 +96,7 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
         expected = "expected a positive time limit, or None"
         seconds = positive(seconds, "seconds", expected, SimulationError)
     with np.errstate(all="ignore"):
-        motion = Motion.of(trajectory, kernels, seconds)
+        motion = Motion.of(trajectory, kernels, Deadline.after(seconds))
         return judged_with_contacts(motion) if motion.has_modes else _judged(motion)
 
 

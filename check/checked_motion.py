@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
@@ -11,6 +10,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.deadline import Deadline
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
 from dmoc.check.arcs import allowance, arcs_of
@@ -60,12 +60,11 @@ class Motion:
     check_time: Callable[[], None]
 
     @classmethod
-    def of(cls, trajectory: Trajectory, kernels: Kernels, seconds: float | None) -> Motion:
-        """Read a motion that is to be checked within some seconds."""
-        deadline = np.inf if seconds is None else time.perf_counter() + seconds
+    def of(cls, trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Motion:
+        """Read a motion that is to be checked until a deadline."""
 
         def check_time() -> None:
-            if time.perf_counter() > deadline:
+            if deadline.passed:
                 raise OutOfTimeError(
                     "the time for the check was used up: raise it, or take fewer steps."
                 )

@@ -12,12 +12,12 @@ keep their bounds.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import standing
 from dmoc.guess.hits import through_hits, with_hidden
@@ -75,15 +75,15 @@ class Guess:
 
 
 def initial_guesses(
-    problem: Problem, deadline: float = np.inf, by_rates: bool = False
+    problem: Problem, deadline: Deadline = ENDLESS, by_rates: bool = False
 ) -> tuple[Guess, ...]:
     """Return guesses for all unknowns of ``problem``, the better one first.
 
     The final times that are tried keep the problem's bounds; among those that keep the bounds of
     the inputs the one of least cost is taken, and if there is none, the one that violates them
-    least.  After the ``deadline``, a time of ``time.perf_counter``, no further one is tried. Phases
-    of very many steps are marched with fewer and interpolated.  ``by_rates`` is how the program
-    that is solved next states the law of impact: its structure serves here too.
+    least.  After the deadline no further one is tried.  Phases of very many steps are marched with
+    fewer and interpolated.  ``by_rates`` is how the program that is solved next states the law of
+    impact: its structure serves here too.
     """
     if max(problem.phase_steps) > MOST_MARCHED:
         few = problem.meshed([min(n, MOST_MARCHED) for n in problem.phase_steps])
@@ -99,14 +99,14 @@ def initial_guesses(
         return _without_drift(problem, _guesses(problem, deadline), by_rates)
 
 
-def _guesses(problem: Problem, deadline: float) -> list[Guess]:
+def _guesses(problem: Problem, deadline: Deadline) -> list[Guess]:
     planner = Planner.of(problem)
     times = _final_times(planner)
     prescribed = planner.prescribed(times[-1])
     final_time = _best_time(planner, prescribed, times, deadline)
     guesses = []
     for choice, length, even in _choices(problem, prescribed, final_time):
-        if time.perf_counter() > deadline:
+        if deadline.passed:
             break
         guess = _guess(planner, choice, length, even)
         if guess is not None:
@@ -130,7 +130,7 @@ def _guess(planner: Planner, choice: Choice, final_time: float, even: bool) -> G
 
 
 def _best_time(
-    planner: Planner, prescribed: Choice, times: Sequence[float], deadline: float
+    planner: Planner, prescribed: Choice, times: Sequence[float], deadline: Deadline
 ) -> float:
     """The final time whose motion keeps the bounds of the inputs at the least cost, or violates
     them least."""
@@ -138,7 +138,7 @@ def _best_time(
     steps = tuple(min(n, few) for n in planner.problem.phase_steps)
     best: tuple[float, float, float] | None = None
     for final_time in times:
-        if time.perf_counter() > deadline:
+        if deadline.passed:
             break
         found = planner.trial(prescribed, final_time, steps)
         if found is None:

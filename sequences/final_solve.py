@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from dmoc.base.deadline import Deadline
 from dmoc.problem.problem import Problem
 from dmoc.program.extraction import stated_in_rates
 from dmoc.results.solution import Solution
 from dmoc.sequences.nodes import Node
 from dmoc.sequences.tree import Tree
 from dmoc.solvers.outcome import Status
-from dmoc.solving.attempts import seconds_until
 from dmoc.solving.multistart.minima import SAME_COST
 from dmoc.solving.solve import solve
 
@@ -26,7 +26,7 @@ from dmoc.solving.solve import solve
 LEAST = 1e-3
 
 
-def state_best(tree: Tree, stated: Problem, deadline: float) -> list[str]:
+def state_best(tree: Tree, stated: Problem, deadline: Deadline) -> list[str]:
     """State the best node of a tree as a solve does; where it then costs more than another one,
     that one too.  Return what is to be said of it.
 
@@ -36,8 +36,7 @@ def state_best(tree: Tree, stated: Problem, deadline: float) -> list[str]:
         Its nodes are replaced.
     stated : Problem
         As the caller has stated it: perhaps without steps, where the tree has some.
-    deadline : float
-        On the clock of ``time.perf_counter``.
+    deadline : Deadline
 
     Raises
     ------
@@ -50,10 +49,9 @@ def state_best(tree: Tree, stated: Problem, deadline: float) -> list[str]:
         problem = _problem(tree, stated, best)
         if problem is None:
             continue
-        left = seconds_until(deadline)
-        if left is not None and left < LEAST:
+        if deadline.left < LEAST:
             return ["the best has the cost of its node: no time was left to solve it once more"]
-        answer = solve(problem, tree.settings.method, guess=best.solution, seconds=left)
+        answer = solve(problem, tree.settings.method, guess=best.solution, seconds=deadline.seconds)
         if answer.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         note = _difference(best, answer)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.contacts import in_contact
@@ -29,7 +30,6 @@ from dmoc.sequences.nodes import Node, Verdict
 from dmoc.solvers.diagnosis import Diagnosis, diagnose
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving.attempts import seconds_until
 from dmoc.solving.checked_solution import without_effect
 from dmoc.solving.mesh.one_mesh import on_mesh_of, solved_on_mesh
 from dmoc.solving.methods import METHODS
@@ -99,7 +99,7 @@ def _from_parent(task: Task) -> Node:
     """Solve from the parent's motion, else from the automatic guesses, by a method that needs no
     compiled kernels."""
     starts: list[Start] = []
-    deadline = _deadline(task)
+    deadline = Deadline.after(task.seconds)
     given: list[tuple[str, Array | None]] = [("automatic", None)]
     if task.parent is not None:
         given.insert(0, ("parent", extended(task.parent, task.problem)))
@@ -110,7 +110,7 @@ def _from_parent(task: Task) -> Node:
         starts.append(Start(name, s.status, s.cost if s.converged else None))
         if s.converged:
             return replace(_node(task, [s]), starts=tuple(starts))
-        if time.perf_counter() > deadline:
+        if deadline.passed:
             return _late(task, starts)
     evidence = (f"no start came to an answer ({_told(starts)})",)
     return Node(task.sequence, Verdict.FAILED, evidence=evidence, starts=tuple(starts))
@@ -118,7 +118,8 @@ def _from_parent(task: Task) -> Node:
 
 def _explored(task: Task) -> Node:
     """Solve from the best of some starts on a coarse mesh, the parent's motion among them."""
-    begin, deadline = time.perf_counter(), _deadline(task)
+    deadline = Deadline.after(task.seconds)
+    half = deadline.share(0.5)
     coarse = coarse_of(task.problem)
     points = {} if task.parent is None else {"parent": extended(task.parent, coarse)}
     if task.proposer is not None:
@@ -137,13 +138,13 @@ def _explored(task: Task) -> Node:
         guesses=GUESSES,
         by_rates=True,
     )
-    options = Options(seconds=task.seconds)
+    options = Options(deadline=deadline)
     with np.errstate(all="ignore"):
         found = explored(task.problem, effort, task.seed, options, points=points)
     solutions = list(found.ranked)
     if not solutions:
         # The starts have half of the time.
-        if task.seconds is not None and time.perf_counter() - begin > task.seconds / 2:
+        if half.passed:
             return _late(task, found.starts)
         try:
             rest = _without_minimum(task, coarse, found, deadline)
@@ -162,7 +163,7 @@ def _explored(task: Task) -> Node:
 def _on_finer_meshes(task: Task, node: Node) -> Node:
     """A node that the simulation contradicts, from its motion on finer meshes, until that is
     confirmed or its errors do not fall any more."""
-    deadline, before, steps = _deadline(task), node.solution, task.problem.phase_steps
+    deadline, before, steps = Deadline.after(task.seconds), node.solution, task.problem.phase_steps
     if before is None or before.verification is None:
         return node
     errors = before.verification.excess
@@ -197,11 +198,6 @@ class _TimeIsUp(Exception):  # noqa: N818 - it is an answer
     """The limit of a node was reached."""
 
 
-def _deadline(task: Task) -> float:
-    """When a node that begins now is over its time, on the clock of ``time.perf_counter``."""
-    return np.inf if task.seconds is None else time.perf_counter() + task.seconds
-
-
 def _late(task: Task, starts: Sequence[Start]) -> Node:
     """The node of a task that is over its time, which leaves some starts untried."""
     return Node(
@@ -213,10 +209,10 @@ def _late(task: Task, starts: Sequence[Start]) -> Node:
 
 
 def _solved(
-    problem: Problem, method: str, guess: Given, deadline: float, verify: bool = True
+    problem: Problem, method: str, guess: Given, deadline: Deadline, verify: bool = True
 ) -> Solution:
     """Solve until a deadline; Ctrl-C, which ends a solve with a status, ends the search too."""
-    options = Options(seconds=seconds_until(deadline))
+    options = Options(deadline=deadline)
     request = Request(METHODS[method], options, verify=verify, by_rates=True)
     s = solved_on_mesh(problem, guess, request)
     if s.status == Status.INTERRUPTED:
@@ -295,7 +291,7 @@ def extended(parent: Solution, problem: Problem) -> Array:
 
 
 def _without_minimum(
-    task: Task, coarse: Problem, found: Exploration, deadline: float
+    task: Task, coarse: Problem, found: Exploration, deadline: Deadline
 ) -> Node | Solution:
     """Why no start has led to a minimum: infeasible, unreachable; or a solution from the feasible
     motion that the search for the reason has found.
@@ -313,7 +309,7 @@ def _without_minimum(
         fine = _solved(task.problem, "ipm", on_coarse, deadline)
         if fine.converged:
             return fine
-        if time.perf_counter() > deadline:
+        if deadline.passed:
             raise _TimeIsUp
         why = (
             f"{starts}; one of {max(coarse.phase_steps)} steps a phase obeys all conditions, "
@@ -335,15 +331,15 @@ def _without_minimum(
     return replace(node, evidence=evidence)
 
 
-def _least(problem: Problem, deadline: float) -> Diagnosis:
+def _least(problem: Problem, deadline: Deadline) -> Diagnosis:
     """The least violation from any of the automatic guesses."""
     found: list[Diagnosis] = []
     for guess in initial_guesses(problem, deadline):
-        options = Options(seconds=seconds_until(deadline))
+        options = Options(deadline=deadline)
         scale = scale_of(problem, guess.x)
         found.append(diagnose(problem, scale, guess.x, options, by_rates=True))
         if found[-1].violation <= INFEASIBLE:
             return found[-1]
-        if time.perf_counter() > deadline:
+        if deadline.passed:
             raise _TimeIsUp
     return min(found, key=lambda d: (not d.least, d.violation))

@@ -3,14 +3,13 @@ once more."""
 
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TypeAlias
 
-import numpy as np
-
+from dmoc.base.deadline import Deadline
 from dmoc.sequences.node_solve import Task, lost, solve_node
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.solvers.outcome import Status
@@ -18,7 +17,7 @@ from dmoc.solving import workers
 
 ATTEMPTS = 2
 
-Workers: TypeAlias = Callable[[Sequence[Task], float], Iterator[Node]]
+Workers: TypeAlias = Callable[[Sequence[Task], Deadline], Iterator[Node]]
 
 
 def _again(task: Task, node: Node) -> tuple[Task, ...]:
@@ -35,21 +34,20 @@ LONGEST = 600.0
 WORK = workers.Work(solve_node, lost, _again, lambda task: task.seconds or LONGEST)
 
 
-def here(tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
-    """One after the other in this process, until the deadline on the monotonic clock."""
+def here(tasks: Sequence[Task], deadline: Deadline) -> Iterator[Node]:
+    """One after the other in this process, until the deadline."""
     for task in tasks:
-        left = deadline - time.monotonic()
-        if left <= 0:
+        if deadline.passed:
             return
-        if np.isfinite(left):
-            task = replace(task, seconds=min(task.seconds or np.inf, left))
+        if deadline.ends:
+            task = replace(task, seconds=min(task.seconds or math.inf, deadline.left))
         node = solve_node(task)
-        while time.monotonic() < deadline and (again := _again(task, node)):
+        while not deadline.passed and (again := _again(task, node)):
             node = solve_node(again[0])
         yield node
 
 
-def in_executor(executor: Executor, tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
+def in_executor(executor: Executor, tasks: Sequence[Task], deadline: Deadline) -> Iterator[Node]:
     """In an executor of the caller's."""
     return workers.in_executor(WORK, executor, tasks, deadline)
 
@@ -57,5 +55,5 @@ def in_executor(executor: Executor, tasks: Sequence[Task], deadline: float) -> I
 class Processes(workers.Processes):
     """In processes of this machine."""
 
-    def __call__(self, tasks: Sequence[Task], deadline: float) -> Iterator[Node]:
+    def __call__(self, tasks: Sequence[Task], deadline: Deadline) -> Iterator[Node]:
         return self.answers(WORK, tasks, deadline)

@@ -13,9 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from dmoc.base.arguments import shown, whole
+from dmoc.base.deadline import Deadline
 from dmoc.base.errors import SearchError
 from dmoc.base.progress import Listener, told
 from dmoc.base.table import Shown, Table
@@ -303,7 +302,7 @@ def search(
 
 
 def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchResult:
-    begin = time.perf_counter()
+    begin, deadline = time.perf_counter(), Deadline.after(settings.seconds)
     tree, notes = Tree(problem, settings), list[str]()
     with ExitStack() as stack:
         if settings.journal is not None:
@@ -312,9 +311,8 @@ def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchRe
                     Journal(settings.journal, identity(problem, settings), settings.resume)
                 )
             )
-        stopped, broken = walked(tree, settings, _workers(settings, stack), begin)
+        stopped, broken = walked(tree, _workers(settings, stack), deadline, begin)
     try:
-        deadline = np.inf if settings.seconds is None else begin + settings.seconds
         notes = state_best(tree, stated, deadline)
     except KeyboardInterrupt:
         stopped = stopped or "the search was interrupted"

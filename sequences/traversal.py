@@ -8,11 +8,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
+from dmoc.base.deadline import Deadline
 from dmoc.sequences.nodes import Node
 from dmoc.sequences.pool import Workers
-from dmoc.sequences.settings import Settings
 from dmoc.sequences.tree import Tree
 from dmoc.solving.workers import NoMoreWork
 
@@ -36,22 +34,21 @@ class Progress:
         return f"{counts}  waiting {self.waiting}  {self.seconds:.0f} s  best {best}"
 
 
-def walked(tree: Tree, settings: Settings, workers: Workers, begin: float) -> tuple[str, str]:
+def walked(tree: Tree, workers: Workers, deadline: Deadline, begin: float) -> tuple[str, str]:
     """Look at nodes until there are no more, and at doubtful ones on finer meshes; return what
     stopped it before that, and what broke it off."""
-    limit = np.inf if settings.seconds is None else settings.seconds
+    settings, stopped = tree.settings, ""
+    looked, refined = (deadline.share(share) for share in (WALKED, REFINED))
 
     def tell() -> None:
         if settings.progress is not None:
             spent = time.perf_counter() - begin
             settings.progress(Progress(tree.counts(), tree.waiting, tree.best(), spent))
 
-    now, stopped = time.monotonic(), ""
     try:
-        for share in (WALKED, REFINED):
-            deadline = now + REFINED * limit
-            stopped = _looked_at(tree, workers, now + share * limit, deadline, tell)
-            for _ in tree.refine(workers, deadline):
+        for until in (looked, refined):
+            stopped = _looked_at(tree, workers, until, refined, tell)
+            for _ in tree.refine(workers, refined):
                 tell()
             if not stopped:
                 break
@@ -67,17 +64,17 @@ def walked(tree: Tree, settings: Settings, workers: Workers, begin: float) -> tu
 
 
 def _looked_at(
-    tree: Tree, workers: Workers, until: float, deadline: float, tell: Callable[[], None]
+    tree: Tree, workers: Workers, until: Deadline, last: Deadline, tell: Callable[[], None]
 ) -> str:
-    """Look at nodes until there are no more, or a time of the monotonic clock; none takes longer
-    than to the deadline.  Return what stopped it."""
+    """Look at nodes until there are no more, or a deadline; none takes longer than to the last
+    one.  Return what stopped it."""
     seconds, most = tree.settings.seconds, tree.settings.max_nodes
     for round_ in tree.rounds():
-        for _ in tree.solve(round_, workers, deadline):
+        for _ in tree.solve(round_, workers, last):
             tell()
-            if time.monotonic() > until:
+            if until.passed:
                 break
-        if seconds is not None and time.monotonic() > until and tree.waiting:
+        if until.passed and tree.waiting:
             return f"the time of {seconds:g} s was used up"
         if most is not None and len(tree.nodes) >= most and tree.waiting:
             return f"the limit of {most} nodes was reached"

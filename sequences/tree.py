@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dmoc.base.deadline import Deadline
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
 from dmoc.sequences.comparison import best_of
@@ -76,7 +76,7 @@ class Tree:
             yield self.frontier[:count]
 
     def solve(
-        self, sequences: list[tuple[str, ...]], workers: Workers, deadline: float
+        self, sequences: list[tuple[str, ...]], workers: Workers, deadline: Deadline
     ) -> Iterator[Node]:
         """Solve sequences; each finished node is recorded and its children join the frontier."""
         most = self.settings.max_nodes
@@ -152,7 +152,7 @@ class Tree:
         ]
         return sorted(nodes, key=lambda n: self._cost(n.sequence))
 
-    def refine(self, workers: Workers, deadline: float) -> Iterator[Node]:
+    def refine(self, workers: Workers, deadline: Deadline) -> Iterator[Node]:
         """Look at doubtful nodes on finer meshes, until none of them is cheaper than the best; on
         the finest where there is none."""
         yield from self._refined(FINER, workers, deadline)
@@ -160,9 +160,9 @@ class Tree:
             yield from self._refined(FINEST, workers, deadline)
 
     def _refined(
-        self, factors: tuple[int, ...], workers: Workers, deadline: float
+        self, factors: tuple[int, ...], workers: Workers, deadline: Deadline
     ) -> Iterator[Node]:
-        while time.monotonic() < deadline:
+        while not deadline.passed:
             nodes = [n for n in self.doubtful() if (n.sequence, factors) not in self.refined]
             if not nodes:
                 return

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -47,7 +46,6 @@ class _Callbacks:
         self.jacobian = (np.repeat(np.arange(jac.shape[0]), np.diff(jac.indptr)), jac.indices)
         self.hessian = (np.repeat(np.arange(nlp.n), np.diff(hess.indptr)), hess.indices)
         self.raised: BaseException | None = None
-        self.deadline = np.inf if options.seconds is None else time.perf_counter() + options.seconds
         self.count = 0
 
     # Uno hands over longer vectors while it looks for a feasible point; the program's come first.
@@ -80,7 +78,7 @@ class _Callbacks:
                 )
         except BaseException as error:  # the solver in between would lose it
             self.raised = error
-        return self.raised is None and time.perf_counter() < self.deadline
+        return self.raised is None and not self.options.deadline.passed
 
 
 def solve_ipopt(
@@ -181,7 +179,7 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
         ("max_iterations", options.iterations),
         ("primal_tolerance", options.violation),
         ("dual_tolerance", min(options.optimality, UNO_TOLERANCE)),
-        ("time_limit", 1e20 if options.seconds is None else options.seconds),
+        ("time_limit", options.deadline.seconds or 1e20),
     ):
         solver.set_option(name, value)
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -66,7 +64,6 @@ def profile(nlp: Transcription, x: Array, options: Options, prepared: KKTLayout)
 def _run(
     nlp: Transcription, x: Array, options: Options, duals: Duals | None, price: Array | None = None
 ) -> Ending:
-    begin = time.perf_counter()
     x = np.clip(x, nlp.lower, nlp.upper)
     start = duals or Duals(np.zeros(nlp.n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
     y = start.rows
@@ -74,10 +71,6 @@ def _run(
     report, count = _listener(options)
     try:
         prepared = _prepared(nlp)
-        if options.seconds is not None:  # the analysis counts too
-            options = replace(
-                options, seconds=max(options.seconds - (time.perf_counter() - begin), 1e-9)
-            )
         result = _minimise(
             nlp, prepared, x, y, z_lower, z_upper, options, duals is not None, price, report
         )
@@ -140,7 +133,7 @@ def _minimise(
         mu=max((WARM if warm else COLD) * abs(nlp.cost(x)), LEAST),
         warm=warm,
         iterations=options.iterations,
-        seconds=np.inf if options.seconds is None else options.seconds,
+        seconds=options.deadline.left,
         report=report,
         every=options.progress is not None,
     )

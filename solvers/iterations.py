@@ -3,8 +3,6 @@ get anywhere."""
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from dmoc.codegen.kernels import Array
@@ -33,9 +31,6 @@ class Tally:
         self.count = 0
         self.best = x
         self._rank = self._ranked(nlp.cost(x), violation(nlp, x))
-        self._deadline = (
-            np.inf if options.seconds is None else time.perf_counter() + options.seconds
-        )
 
     def step(self, x: Array) -> None:
         self.count += 1
@@ -59,7 +54,7 @@ class Tally:
         return max(worst, HELD), cost
 
     def check_time(self) -> None:
-        if time.perf_counter() >= self._deadline:
+        if self.options.deadline.passed:
             raise Stop(Status.TIME_LIMIT)
 
 

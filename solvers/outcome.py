@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.codegen.kernels import Array
 
 # Tolerances and limit of a solve, where it is given none.
@@ -80,7 +81,7 @@ class Options:
         constraint or unknown.
     iterations : int
         Iteration limit.
-    seconds : float or None
+    deadline : Deadline
         Time limit.
     progress : callable, optional
         Called with an :class:`Iteration` after every iteration.
@@ -89,8 +90,19 @@ class Options:
     optimality: float = OPTIMALITY
     violation: float = VIOLATION
     iterations: int = ITERATIONS
-    seconds: float | None = None
+    deadline: Deadline = ENDLESS
     progress: Callable[[Iteration], object] | None = None
+
+    def after(self, iterations: int) -> Options:
+        """What is left after some iterations, which are counted on."""
+        left, tell = max(self.iterations - iterations, 1), self.progress
+        if tell is None or not iterations:
+            return replace(self, iterations=left)
+
+        def counted(i: Iteration) -> None:
+            tell(replace(i, number=i.number + iterations))
+
+        return replace(self, iterations=left, progress=counted)
 
 
 @dataclass(frozen=True)

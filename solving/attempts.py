@@ -3,19 +3,16 @@ ends without a solution."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
-
-import numpy as np
 
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.curvature import SecondOrder, Shape
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.judge import INFEASIBLE, rounded
-from dmoc.solvers.outcome import NOWHERE, Duals, Iteration, Options, Outcome, Status
+from dmoc.solvers.outcome import NOWHERE, Duals, Options, Outcome, Status
 from dmoc.solving.indeterminacy import along
 from dmoc.solving.methods import METHODS, Judged, Method
 from dmoc.solving.programs import Programs
@@ -58,7 +55,6 @@ def attempted(
     programs: Programs, starts: Starts, method: Method, form: str, options: Options
 ) -> Attempt:
     """Solve by a method, and by what takes over from it; say what conflicts where nothing helps."""
-    begin = time.perf_counter()
     nlp = programs.program(method.guided)
     points = [nlp.scaled(x) for x in starts.points]
     minimise = _with(method.minimise(form), starts.duals(nlp))
@@ -71,36 +67,14 @@ def attempted(
     if not compiled:
         return found
     if second is not None and found.outcome.status in (*NOWHERE, Status.ITERATION_LIMIT):
-        left = remaining(options, begin, found.outcome.iterations)
+        left = options.after(found.outcome.iterations)
         found = _taken_over(programs, found, points, left, (method, second))
     ended = found.outcome.status
     lost = ended in UNDECIDED and found.outcome.left.violation > INFEASIBLE
     if ended is Status.INFEASIBLE or lost:
-        left = remaining(options, begin, 0 if lost else found.outcome.iterations)
+        left = options.after(0 if lost else found.outcome.iterations)
         found = _explained(programs, found, starts.points[0], left, minimise)
     return found
-
-
-def remaining(options: Options, begin: float, iterations: int = 0) -> Options:
-    """What is left of the limits of a solve that began at a time and has taken some iterations,
-    which are counted on."""
-    seconds = options.seconds
-    if seconds is not None:
-        seconds = max(seconds - (time.perf_counter() - begin), 1e-9)
-    left = max(options.iterations - iterations, 1)
-    tell = options.progress
-    if tell is None or not iterations:
-        return replace(options, seconds=seconds, iterations=left)
-
-    def counted(i: Iteration) -> None:
-        tell(replace(i, number=i.number + iterations))
-
-    return replace(options, seconds=seconds, iterations=left, progress=counted)
-
-
-def seconds_until(deadline: float) -> float | None:
-    """Seconds until a deadline on the clock of ``time.perf_counter``; None where there is none."""
-    return None if np.isinf(deadline) else max(deadline - time.perf_counter(), 1e-9)
 
 
 def _with(driver: Judged, duals: Duals | None) -> Minimise:
@@ -123,16 +97,15 @@ def _first_success(
 ) -> Attempt:
     """Solve from one start after the other until one succeeds or a limit is reached; else return
     the least violation."""
-    tried: list[Attempt] = []
-    count, begin = 0, time.perf_counter()
+    tried, count = list[Attempt](), 0
     for x in points:
-        left = remaining(options, begin, count)
+        left = options.after(count)
         found = minimum(programs, nlp, x, left, minimise)
         count += found.outcome.iterations
         end = found.outcome
         if end.status is Status.STALLED and end.left.violation <= options.violation:
             # What holds the motion is known there: a fresh barrier often gets on from it.
-            left = remaining(options, begin, count)
+            left = options.after(count)
             again = minimum(programs, found.nlp, end.x, left, minimise)
             count += again.outcome.iterations
             found = again if again.outcome.status is Status.SOLVED else found
@@ -167,14 +140,13 @@ def _explained(
     """Say what conflicts; if nothing does, the search for it has found a feasible motion to solve
     from, and an end without a minimum is none of an infeasible problem.  A method that came to no
     end is told so, unless the least violation is one."""
-    begin = time.perf_counter()
     nlp, outcome = before.nlp, before.outcome
     try:
         diagnosis = diagnose(nlp.problem, nlp.scale, x, options)
     except KeyboardInterrupt:
         return Attempt(nlp, replace(outcome, status=Status.INTERRUPTED))
     if diagnosis.violation <= INFEASIBLE and outcome.iterations < options.iterations:
-        left = remaining(options, begin, outcome.iterations)
+        left = options.after(outcome.iterations)
         again = Attempt(nlp, minimise(nlp, nlp.scaled(diagnosis.x), left))
         if again.outcome.status is not Status.INFEASIBLE:
             found = ascertained(programs, again, left, minimise)
@@ -194,9 +166,8 @@ def minimum(
     programs: Programs, nlp: Transcription, x: Array, options: Options, minimise: Minimise
 ) -> Attempt:
     """Solve from one start to a point that is a minimum to second order, too."""
-    begin = time.perf_counter()
     attempt = minimised(programs, nlp, x, options, minimise)
-    return ascertained(programs, attempt, remaining(options, begin), minimise)
+    return ascertained(programs, attempt, options, minimise)
 
 
 def ascertained(
@@ -211,7 +182,7 @@ def ascertained(
     If they lead to none, or from one saddle to the next for too long, it stays what it is, and is
     called stationary.
     """
-    begin, nlp, outcome = time.perf_counter(), attempt.nlp, attempt.outcome
+    nlp, outcome = attempt.nlp, attempt.outcome
     if outcome.status is not Status.SOLVED and not (
         outcome.status is Status.STALLED and rounded(outcome.left)
     ):
@@ -224,14 +195,14 @@ def ascertained(
     beside = second.cheaper(around)
     if not beside:
         return attempt
-    left = remaining(options, begin, outcome.iterations)
+    left = options.after(outcome.iterations)
     lower = _lower(programs, attempt, beside if saddles else [], left, minimise)
     lower = lower.counting(outcome.iterations + lower.outcome.iterations)
     if lower.outcome.status is not Status.SOLVED:
         return lower
     cost = attempt.cost() * nlp.scale.cost
     lower = lower.saying(f"motions beside a stationary one of cost {cost:.6g} led to it")
-    return ascertained(programs, lower, remaining(options, begin), minimise, saddles - 1)
+    return ascertained(programs, lower, options, minimise, saddles - 1)
 
 
 def _lower(
@@ -243,13 +214,13 @@ def _lower(
 ) -> Attempt:
     """The cheaper minimum of those that motions beside a saddle lead to: the compiled method gets
     there, the method itself has the last word where it keeps the minimum."""
-    begin, nlp, count = time.perf_counter(), saddle.nlp, 0
+    nlp, count = saddle.nlp, 0
     compiled = programs.problem.kernels.backend == COMPILED
     way = _with(METHODS["ipm"].minimise(), None) if compiled else minimise
     ends: list[Attempt] = []
     for z in beside:
         start = programs.free(nlp) if compiled else nlp
-        ends.append(minimised(programs, start, z, remaining(options, begin, count), way))
+        ends.append(minimised(programs, start, z, options.after(count), way))
         count += ends[-1].outcome.iterations
         if ends[-1].outcome.status is Status.INTERRUPTED:
             return ends[-1].counting(count)
@@ -262,7 +233,7 @@ def _lower(
         return stationary.counting(count).saying(said)
     if not compiled:
         return best.counting(count)
-    again = minimised(programs, nlp, best.outcome.x, remaining(options, begin, count), minimise)
+    again = minimised(programs, nlp, best.outcome.x, options.after(count), minimise)
     count += again.outcome.iterations
     ended = again.outcome.status
     kept = ended is Status.SOLVED and again.cost() <= best.cost() + SAME * abs(best.cost())
@@ -274,12 +245,11 @@ def minimised(
 ) -> Attempt:
     """Solve from one start; an estimated minimal time that limits the solution is dropped, because
     the dynamics decide and not the estimate, and collisions without effect become touches."""
-    begin = time.perf_counter()
     outcome = minimise(nlp, x, options)
 
     def continued(nlp: Transcription, before: Outcome) -> Outcome:
         """Solve another program of the same unknowns from where one has ended."""
-        again = minimise(nlp, before.x, remaining(options, begin, before.iterations))
+        again = minimise(nlp, before.x, options.after(before.iterations))
         return replace(again, iterations=before.iterations + again.iterations)
 
     if _limited_by_times(nlp, outcome, options.violation):

@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 
+from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.motion.trajectory import Trajectory
 from dmoc.program.active_constraints import active_bounds
 from dmoc.program.extraction import named_multipliers, trajectory
@@ -80,14 +81,14 @@ def without_effect(motion: Trajectory) -> str:
     )
 
 
-def checked(solution: Solution, seconds: float | None = None) -> Solution:
+def checked(solution: Solution, deadline: Deadline = ENDLESS) -> Solution:
     """The solution with the result of the independent simulation; one that it contradicts is not
     verified."""
     from dmoc.check.checked_motion import OutOfTimeError
 
     start = time.perf_counter()
     try:
-        check = solution.verify(seconds=seconds)
+        check = solution.verify(seconds=deadline.seconds)
     except OutOfTimeError:
         check = None
     spent = {**solution.seconds, "verify": time.perf_counter() - start}

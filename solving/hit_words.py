@@ -8,20 +8,19 @@ where that leads, the courses of one hit after the other are changed as long as 
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 
+from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hit_course import courses_at, states_before
 from dmoc.mechanics.modes import Course
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving.attempts import remaining
 
 # Courses of all hits together that are tried at most, and those that follow each other's motions
 # before it is settled that these lead nowhere.
@@ -62,15 +61,14 @@ def best_way(problem: Problem, solving: Solving, options: Options) -> Solution:
     as is asked for, the cheapest first, until one is confirmed.  Where none does, the course that
     comes nearest to a motion from the guess is solved.  ``options`` limits all of this together.
     """
-    tries = _Tries(problem, solving, options)
+    tries = _Tries(problem, solving, options, options.deadline.share(SHARE))
     tries.follow_the_law()
     tries.change_single_ones()
     if not tries.good:
         tries.enumerate()
     spent, answers, ended = tries.spent, list[Solution](), False
     for words in sorted(tries.good, key=tries.rank) or [tries.nearest()]:
-        left = remaining(options, tries.begin, spent)
-        answers.append(solving.thorough(problem.but(sequence=words), left))
+        answers.append(solving.thorough(problem.but(sequence=words), options.after(spent)))
         spent += answers[-1].iterations
         ended = answers[-1].status in (*CONFIRMED, *ENDING)
         if ended or spent >= options.iterations:
@@ -85,6 +83,8 @@ class _Tries:
 
     Attributes
     ----------
+    deadline : Deadline
+        After it no further way is tried.
     tried : dict of words to Solution or None
         A minimum, where there is one.
     near : dict of words to Solution
@@ -96,7 +96,7 @@ class _Tries:
     problem: Problem
     solving: Solving
     options: Options
-    begin: float = field(default_factory=time.perf_counter)
+    deadline: Deadline
     tried: dict[Words, Solution | None] = field(default_factory=dict)
     near: dict[Words, Solution] = field(default_factory=dict)
     spent: int = 0
@@ -154,13 +154,11 @@ class _Tries:
 
     @property
     def _goes_on(self) -> bool:
-        seconds, spent = self.options.seconds, time.perf_counter() - self.begin
-        return len(self.tried) < MOST_WAYS and (seconds is None or spent < SHARE * seconds)
+        return len(self.tried) < MOST_WAYS and not self.deadline.passed
 
     def _limits(self) -> Options:
-        left = remaining(self.options, self.begin, self.spent)
-        seconds = None if left.seconds is None else SHARE * left.seconds
-        return replace(left, seconds=seconds)
+        left = self.options.after(self.spent)
+        return replace(left, deadline=left.deadline.share(SHARE))
 
     def _try(self, words: Words, starts: int = FEW) -> Solution | None:
         # A start has its own limit of iterations.

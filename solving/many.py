@@ -16,6 +16,7 @@ import numpy as np
 
 from dmoc.base.arguments import executor as executor_of
 from dmoc.base.arguments import flag, listed, positive, shown, whole
+from dmoc.base.deadline import Deadline
 from dmoc.base.errors import DmocError, ProblemError
 from dmoc.base.progress import Listener, told
 from dmoc.codegen.kernels import COMPILED, Array
@@ -89,18 +90,13 @@ class Setting:
 
 @dataclass(frozen=True)
 class Share:
-    """Problems that travel together, by number, or the errors that stand in their place, and the
-    time of the clock (``time.time``, which machines have in common) until which they may take."""
+    """Problems that travel together, by number, or the errors that stand in their place, and until
+    when they may take."""
 
     problems: tuple[tuple[int, Problem | DmocError], ...]
     setting: Setting
-    until: float
+    deadline: Deadline
     attempts: int = 1
-
-    @property
-    def left(self) -> float:
-        """Seconds that are left."""
-        return self.until - time.time()
 
 
 def solve_many(
@@ -209,19 +205,19 @@ def batch_of(
     keywords(setting.method, **setting.options)
     if isinstance(setting.guess, (str, os.PathLike)):
         setting = replace(setting, guess=Solution.load(setting.guess))
-    begin, rows = time.monotonic(), dict[int, Row]()
-    until = np.inf if seconds is None else time.time() + seconds
+    begin, rows = time.perf_counter(), dict[int, Row]()
+    deadline = Deadline.after(seconds)
     reason = NO_TIME
     with ExitStack() as stack:
         tell = stack.enter_context(told(progress, "first solve"))
         try:
-            for found in _answers(problems, setting, workers, executor, until, stack):
+            for found in _answers(problems, setting, workers, executor, deadline, stack):
                 rows |= {row.number: row for row in found}
                 if any(row.status == Status.INTERRUPTED for row in found):
                     raise KeyboardInterrupt
                 if tell is not None:
                     counts = dict(Counter(row.status for row in rows.values()))
-                    spent = time.monotonic() - begin
+                    spent = time.perf_counter() - begin
                     tell(BatchProgress(len(rows), len(problems), counts, spent))
         except KeyboardInterrupt:
             reason = INTERRUPTED
@@ -229,7 +225,7 @@ def batch_of(
             reason = str(error)
     whole_rows = [rows.get(i, Row(i, NOT_TRIED, reason)) for i in range(len(problems))]
     kept = [_with_kernels(r, p) for r, p in zip(whole_rows, problems, strict=True)]
-    return _table(kept, given, setting, time.monotonic() - begin)
+    return _table(kept, given, setting, time.perf_counter() - begin)
 
 
 class _Broken(Exception):  # noqa: N818 - it loses nothing
@@ -241,13 +237,13 @@ def _answers(
     setting: Setting,
     workers: int,
     executor: Executor | None,
-    until: float,
+    deadline: Deadline,
     stack: ExitStack,
 ) -> Iterator[list[Row]]:
     """Rows as they come."""
     numbered = list(enumerate(problems))
     if executor is None and workers == 1:
-        yield from (solve_share(Share((one,), setting, until)) for one in numbered)
+        yield from (solve_share(Share((one,), setting, deadline)) for one in numbered)
         return
     # multiprocessing is loaded for those alone who need it
     from dmoc.solving.workers import NoMoreWork, Processes, Work, in_executor
@@ -255,17 +251,18 @@ def _answers(
     size = TOGETHER if executor is not None else len(numbered) // (SHARES * workers) + 1
     size = min(size, TOGETHER)
     shares = [
-        Share(tuple(numbered[i : i + size]), setting, until) for i in range(0, len(numbered), size)
+        Share(tuple(numbered[i : i + size]), setting, deadline)
+        for i in range(0, len(numbered), size)
     ]
-    work = Work(solve_share, _lost, _again, lambda share: share.left)
-    deadline = time.monotonic() + until - time.time() + UNDER_WAY
+    work = Work(solve_share, _lost, _again, lambda share: share.deadline.left)
+    last = Deadline(deadline.at + UNDER_WAY)
     if executor is None:
         processes = Processes(workers)
         stack.callback(processes.stop)
-        yield from processes.answers(work, shares, deadline)
+        yield from processes.answers(work, shares, last)
         return
     try:
-        yield from in_executor(work, executor, shares, deadline)
+        yield from in_executor(work, executor, shares, last)
     except NoMoreWork as error:
         raise _Broken(f"the executor takes no more work ({error})") from None
 
@@ -274,24 +271,23 @@ def solve_share(share: Share) -> list[Row]:
     """Solve the problems of a share one after the other, in any process."""
     rows: list[Row] = []
     for number, problem in share.problems:
-        left = share.left
-        if left <= 0:
+        if share.deadline.passed:
             break
-        rows.append(_row(number, problem, share.setting, left))
+        rows.append(_row(number, problem, share))
         if rows[-1].status == Status.INTERRUPTED:
             break
     return rows
 
 
-def _row(number: int, problem: Problem | DmocError, setting: Setting, left: float) -> Row:
-    begin = time.perf_counter()
+def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
+    begin, setting = time.perf_counter(), share.setting
     try:
         if isinstance(problem, DmocError):
             raise problem
-        seconds = None if np.isinf(left) else left
         found = solve(
-            problem, setting.method, guess=setting.guess, seconds=seconds, **setting.options
-        )
+            problem, setting.method, guess=setting.guess, seconds=share.deadline.seconds,
+            **setting.options,
+        )  # fmt: skip
     except KeyboardInterrupt:
         return Row(number, Status.INTERRUPTED, Status.INTERRUPTED.sentence)
     except DmocError as error:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dmoc.base.arguments import choice, flag, positive, text, whole
+from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import COMPILED
 from dmoc.problem.problem import Problem
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Options
@@ -95,7 +96,7 @@ def keywords(
         positive(optimality, "optimality", "expected a positive number"),
         positive(violation, "violation", "expected a positive number"),
         whole(iterations, "iterations", 1, MOST_ITERATIONS),
-        _unless_none(seconds, "seconds", "expected a positive time limit, or None"),
+        Deadline.after(_unless_none(seconds, "seconds", "expected a positive time limit, or None")),
     )
     return Keywords(
         None if method is None else choice(method, "method", tuple(METHODS)),

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 
+from dmoc.base.deadline import Deadline
 from dmoc.mechanics.modes import STICK, along
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
@@ -21,7 +21,7 @@ def naming_turns(
     problem: Problem,
     answer: Solution,
     solve: Callable[[Problem], Solution],
-    deadline: float,
+    deadline: Deadline,
 ) -> Solution:
     """The answer; where there is no motion because a hit throws back what slides, its message names
     the sequence that says so.
@@ -32,13 +32,12 @@ def naming_turns(
     answer : Solution
     solve : callable
         Solves a problem from few starts.
-    deadline : float
-        On the clock of ``time.perf_counter``.
+    deadline : Deadline
     """
     if answer.status is not Status.INFEASIBLE:
         return answer
     for words in islice(_turned(problem, ()), MOST_TRIED):
-        if words == problem.sequence or time.perf_counter() > deadline:
+        if words == problem.sequence or deadline.passed:
             continue
         other = problem.but(sequence=words)
         tried = solve(other.meshed([min(n, STEPS) for n in other.phase_steps]))

@@ -3,7 +3,6 @@ them."""
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -14,7 +13,6 @@ from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
-from dmoc.solving.attempts import remaining
 from dmoc.solving.checked_solution import checked, with_proposal
 from dmoc.solving.hit_words import best_way, first_way
 from dmoc.solving.indeterminacy import telling, undetermined
@@ -210,16 +208,16 @@ def _solved(problem: Problem, guess: Given, request: Request, asked: Keywords) -
     """Solve on the mesh of the problem, or to a tolerance."""
     if request.starts is None and guess is not None:
         request = replace(request, starts=1)
-    begin, tolerance = time.perf_counter(), asked.tolerance_of(problem)
+    tolerance = asked.tolerance_of(problem)
     if tolerance is None:
         answer = _bounded(problem, best_on_mesh(problem, guess, request), request)
         fine = replace(_compiled(problem, request), verify=True)
-        answer = naming_steps(problem, answer, partial(_from_motion, fine, begin))
+        answer = naming_steps(problem, answer, partial(_from_motion, fine))
     else:
         loose = LOOSE if asked.tolerance is None else tolerance
         answer = _on_meshes(problem, guess, request, (tolerance, loose))
     answer = _telling_starts(_naming_durations(problem, answer))
-    return with_proposal(_naming_turns(problem, answer, request, begin))
+    return with_proposal(_naming_turns(problem, answer, request))
 
 
 def _on_meshes(
@@ -228,12 +226,11 @@ def _on_meshes(
     """Solve on finer and finer meshes to a tolerance; a larger error, up to a second one, is a
     solution too where they do not lead there."""
     tolerance, loose = tolerances
-    begin, options, steps = time.perf_counter(), request.options, problem.phase_steps
+    options, steps = request.options, problem.phase_steps
     base = min(options.optimality, max(tolerance, BASE_OPTIMALITY))
 
     def wanted(optimality: float) -> Request:
-        sharp = replace(remaining(options, begin), optimality=optimality)
-        return replace(request, options=sharp, verify=False)
+        return replace(request, options=replace(options, optimality=optimality), verify=False)
 
     best = best_on_mesh(problem, guess, wanted(base))
     unrefined = _bounded(problem, best, wanted(base))
@@ -252,10 +249,8 @@ def _on_meshes(
         few = replace(now.options, iterations=min(options.iterations, FROM_COARSE))
         return solved_on_mesh(meshed_as(problem, motion), motion, replace(now, options=few))
 
-    def check(solution: Solution) -> Solution:
-        return checked(solution, remaining(options, begin).seconds)
-
-    answer = refined(problem, tolerance, options.seconds, on_mesh, check)
+    check = partial(checked, deadline=options.deadline)
+    answer = refined(problem, tolerance, options.deadline, on_mesh, check)
     answer = replace(answer, starts=best.starts, found=best.found, others=best.others)
     confirmed = answer.verification is not None and answer.verification.passed
     near = answer.error_estimate is not None and answer.error_estimate <= loose
@@ -269,7 +264,7 @@ def _on_meshes(
 def _bounded(problem: Problem, answer: Solution, request: Request) -> Solution:
     """The answer, unless its cost has no minimum."""
     plain = replace(_compiled(problem, request), verify=False)
-    return bounded(problem, answer, partial(_from_motion, plain, time.perf_counter()))
+    return bounded(problem, answer, partial(_from_motion, plain))
 
 
 def _compiled(problem: Problem, request: Request) -> Request:
@@ -278,10 +273,8 @@ def _compiled(problem: Problem, request: Request) -> Request:
     return replace(request, method=method, options=replace(request.options, progress=None))
 
 
-def _from_motion(request: Request, begin: float, problem: Problem, motion: Solution) -> Solution:
-    """Solve a problem from a motion, in what is left of the time since a moment."""
-    options = remaining(request.options, begin)
-    return solved_on_mesh(meshed_as(problem, motion), motion, replace(request, options=options))
+def _from_motion(request: Request, problem: Problem, motion: Solution) -> Solution:
+    return solved_on_mesh(meshed_as(problem, motion), motion, request)
 
 
 def _naming_durations(problem: Problem, answer: Solution) -> Solution:
@@ -293,17 +286,13 @@ def _naming_durations(problem: Problem, answer: Solution) -> Solution:
     return replace(answer, message=telling(answer.message, sentence))
 
 
-def _naming_turns(problem: Problem, answer: Solution, request: Request, begin: float) -> Solution:
+def _naming_turns(problem: Problem, answer: Solution, request: Request) -> Solution:
     """The answer, with a sequence of the same hits that leads to a motion where it has none."""
-    seconds = request.options.seconds
-    deadline = np.inf if seconds is None else begin + seconds
 
     def few(problem: Problem) -> Solution:
-        plain = _compiled(problem, request)
-        left = replace(plain, options=remaining(plain.options, begin), starts=FEW)
-        return best_on_mesh(problem, None, left)
+        return best_on_mesh(problem, None, replace(_compiled(problem, request), starts=FEW))
 
-    return naming_turns(problem, answer, few, deadline)
+    return naming_turns(problem, answer, few, request.options.deadline)
 
 
 def _telling_starts(s: Solution) -> Solution:

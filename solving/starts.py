@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from dmoc.base.arguments import array, shown
+from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
@@ -53,8 +54,8 @@ class Starts:
         return Duals(*given_multipliers(nlp, self.multipliers))
 
 
-def starts_of(problem: Problem, guess: Given, deadline: float = np.inf) -> Starts:
-    """Read a guess, or make the automatic ones until a time of ``time.perf_counter``.
+def starts_of(problem: Problem, guess: Given, deadline: Deadline = ENDLESS) -> Starts:
+    """Read a guess, or make the automatic ones until a deadline.
 
     Raises
     ------

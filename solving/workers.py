@@ -9,7 +9,6 @@ import os
 import pickle
 import signal
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
@@ -22,6 +21,7 @@ from multiprocessing.process import BaseProcess
 from types import FunctionType, SimpleNamespace
 from typing import Any, Generic, TypeVar
 
+from dmoc.base.deadline import Deadline
 from dmoc.solvers.blas import WAITS
 
 # A worker that is this many times over a task's limit hangs, and is stopped; seconds are added for
@@ -62,18 +62,18 @@ class Work(Generic[Task, Answer]):
     again: Callable[[Task, Answer], Sequence[Task]]
     seconds: Callable[[Task], float]
 
-    def most(self, task: Task) -> float:
-        """Seconds after which a worker hangs."""
-        return HANGS_AFTER * self.seconds(task) + GRACE
+    def deadline(self, task: Task) -> Deadline:
+        """That after which the worker of a task that begins now hangs."""
+        return Deadline.after(HANGS_AFTER * self.seconds(task) + GRACE)
 
     def late(self, task: Task) -> Answer:
-        return self.lost(task, f"the worker did not answer within {self.most(task):.0f} s")
+        return self.lost(task, "the worker did not answer in time")
 
 
 def in_executor(
-    work: Work[Task, Answer], executor: Executor, tasks: Sequence[Task], deadline: float
+    work: Work[Task, Answer], executor: Executor, tasks: Sequence[Task], deadline: Deadline
 ) -> Iterator[Answer]:
-    """Answers from an executor of the caller, until a deadline on the monotonic clock; errors of
+    """Answers from an executor of the caller, until a deadline; errors of
     its workers, and answers that do not come, are taken as a failed attempt.
 
     Raises
@@ -82,9 +82,9 @@ def in_executor(
         If the executor takes no more tasks.
     """
     waiting, running = deque(tasks), dict[Future[Answer], Task]()
-    since: dict[Future[Answer], float] = {}
+    ends: dict[Future[Answer], Deadline] = {}
     try:
-        while (waiting or running) and time.monotonic() < deadline:
+        while (waiting or running) and not deadline.passed:
             while waiting and len(running) < AHEAD:
                 try:
                     future = executor.submit(work.do, waiting[0])
@@ -99,9 +99,7 @@ def in_executor(
                         answer = future.result()
                     except Exception as error:
                         answer = work.lost(task, f"{type(error).__name__}: {error}")
-                elif future.running() and time.monotonic() - since.setdefault(
-                    future, time.monotonic()
-                ) > work.most(task):
+                elif future.running() and ends.setdefault(future, work.deadline(task)).passed:
                     answer = work.late(task)
                 else:
                     continue
@@ -123,14 +121,14 @@ class Processes:
         self.pool: ProcessPoolExecutor | None = None
 
     def answers(
-        self, work: Work[Task, Answer], tasks: Sequence[Task], deadline: float
+        self, work: Work[Task, Answer], tasks: Sequence[Task], deadline: Deadline
     ) -> Iterator[Answer]:
-        """Answers until a deadline on the monotonic clock."""
+        """Answers until a deadline."""
         waiting = deque(tasks)
         # Were running when a worker died: one of them may be to blame, so each runs alone.
         suspects: deque[Task] = deque()
-        running: dict[Future[Answer], tuple[Task, float]] = {}
-        while (waiting or suspects or running) and time.monotonic() < deadline:
+        running: dict[Future[Answer], tuple[Task, Deadline]] = {}
+        while (waiting or suspects or running) and not deadline.passed:
             broken = self._feed(work, waiting, suspects, running)
             done, _ = (
                 wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
@@ -150,11 +148,7 @@ class Processes:
                 suspects.extend(again)
                 if not again:
                     yield answer
-            late = [
-                f
-                for f, (task, since) in running.items()
-                if time.monotonic() - since > work.most(task)
-            ]
+            late = [f for f, (_, end) in running.items() if end.passed]
             if broken or late:
                 for future, (task, _) in running.items():
                     again = (task,)
@@ -172,7 +166,7 @@ class Processes:
         work: Work[Task, Answer],
         waiting: deque[Task],
         suspects: deque[Task],
-        running: dict[Future[Answer], tuple[Task, float]],
+        running: dict[Future[Answer], tuple[Task, Deadline]],
     ) -> bool:
         """Give the workers something to do, suspects alone; whether the pool turns out to be
         broken."""
@@ -183,7 +177,7 @@ class Processes:
                 # Also for ever in a worker process that is started here.
                 with _interrupts_wait():
                     pool = self._workers(source[0])
-                    running[pool.submit(work.do, source[0])] = source[0], time.monotonic()
+                    running[pool.submit(work.do, source[0])] = source[0], work.deadline(source[0])
             except BrokenProcessPool:  # a worker died between two tasks
                 return True
             except OSError:  # and its pool is being closed, just when it was to start another one

@@ -13,7 +13,7 @@ from dmoc.problem.problem import Problem
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving.attempts import attempted, remaining
+from dmoc.solving.attempts import attempted
 from dmoc.solving.checked_solution import checked, solution_of
 from dmoc.solving.methods import METHODS
 from dmoc.solving.multistart.exploration import Effort, coarse_of, explored
@@ -36,7 +36,7 @@ def best_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution:
         return interrupted(problem, guess, request)
     spent, tried = time.perf_counter() - begin, None
     for i, start in enumerate(found.ranked):
-        answer = _answer(problem, start, replace(request, options=remaining(options, begin)))
+        answer = _answer(problem, start, request)
         tried = tried or (answer, i)
         # On the ranking mesh it is settled that the first one is the best, confirmed or not.
         settled = not start.minimum and on_mesh_of(problem, start)
@@ -44,8 +44,7 @@ def best_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution:
             tried = answer, i
             break
     if tried is None:
-        left = replace(request, options=remaining(options, begin))
-        tried = _without_start(problem, guess, left), len(found.ranked)
+        tried = _without_start(problem, guess, request), len(found.ranked)
     answer, i = tried
     confirmed = [s.cost for s in found.ranked if s.minimum]
     if answer.status is Status.NOT_VERIFIED and confirmed:
@@ -72,7 +71,7 @@ def interrupted(problem: Problem, guess: Given, request: Request) -> Solution:
 def _without_start(problem: Problem, guess: Given, request: Request) -> Solution:
     """The answer where no start has led to a motion.  That there is none is told by the compiled
     method, which takes a hundredth of the time that SLSQP takes to find it out."""
-    method, begin = request.method, time.perf_counter()
+    method = request.method
     if method.falls_back_on:
         silent = replace(request.options, progress=None)
         compiled = replace(request, method=METHODS[method.falls_back_on], options=silent)
@@ -80,7 +79,6 @@ def _without_start(problem: Problem, guess: Given, request: Request) -> Solution
         if found.status in (Status.INFEASIBLE, Status.INTERRUPTED):
             told = f"{found.message}; {compiled.method.name} told it, {method.name} was not tried"
             return replace(found, message=told)
-        request = replace(request, options=remaining(request.options, begin))
         guess = found if found.minimum else guess
     return solved_on_mesh(problem, guess, request)
 
@@ -108,7 +106,7 @@ def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
     SLSQP gets a minimum on the problem's own mesh: from others it may take many of its dense
     iterations to a point that is flat, as the switches of inputs at their limits are.
     """
-    method, begin = request.method, time.perf_counter()
+    method = request.method
     problem = meshed_as(problem, start)
     as_asked = request.verify == request.ranks_checked and start.method == method.name
     if on_mesh_of(problem, start):
@@ -123,9 +121,7 @@ def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
         if refined.status is Status.INTERRUPTED:
             return refined
         start = refined if refined.minimum else start
-    return solved_on_mesh(
-        problem, start, replace(request, options=remaining(request.options, begin))
-    )
+    return solved_on_mesh(problem, start, request)
 
 
 def solved_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution:
@@ -133,15 +129,13 @@ def solved_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution
     method, options = request.method, request.options
     method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
     begin = time.perf_counter()
-    deadline = np.inf if options.seconds is None else begin + options.seconds
     with np.errstate(all="ignore"):
-        starts = starts_of(problem, guess, deadline)
+        starts = starts_of(problem, guess, options.deadline)
         guessed = time.perf_counter()
         scale = scale_of(problem, starts.points[0], starts.minimum)
-        left = _in_units(remaining(options, begin), scale.cost)
-        found = attempted(
-            Programs(problem, scale, request.by_rates), starts, method, request.form, left
-        )
+        told = _in_units(options, scale.cost)
+        programs = Programs(problem, scale, request.by_rates)
+        found = attempted(programs, starts, method, request.form, told)
         solved = time.perf_counter()
         seconds = {
             "build": problem.kernels.seconds,
@@ -151,7 +145,7 @@ def solved_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution
         solution = solution_of(found, method.name, seconds)
     if not (request.verify and solution.minimum):
         return solution
-    return checked(solution, remaining(options, begin).seconds)
+    return checked(solution, options.deadline)
 
 
 def _in_units(options: Options, cost: float) -> Options:

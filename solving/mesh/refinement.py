@@ -3,12 +3,12 @@ tolerance."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dmoc.base.deadline import Deadline
 from dmoc.problem.problem import MOST_STEPS, Problem
 from dmoc.program.layout import Layout
 from dmoc.results.solution import Mesh, Solution
@@ -97,7 +97,7 @@ class History:
 
 
 def refined(
-    problem: Problem, tolerance: float, seconds: float | None, solve: Solve, check: Check
+    problem: Problem, tolerance: float, deadline: Deadline, solve: Solve, check: Check
 ) -> Solution:
     """Solve on finer and finer meshes, each from the motion of the one before.
 
@@ -118,13 +118,12 @@ def refined(
     problem : Problem
         Its steps are the first mesh.
     tolerance : float
-    seconds : float, optional
-        Limit.
+    deadline : Deadline
     solve, check : callables
         Solve a problem from the motion of the mesh before or from an automatic guess, to the usual
         optimality or to a given one; check a solution by simulation.
     """
-    begin, past = time.perf_counter(), History()
+    past = History()
     while True:
         s, past = _solved(problem, past, tolerance, solve)
         if s.status == Status.INTERRUPTED:
@@ -146,11 +145,11 @@ def refined(
             if past.last.solution.minimum:
                 reason = f"{mesh} led to another minimum, which costs {s.cost:.6g}"
                 return _best(past, tolerance, check, reason)
-        past = _measured(past, s, problem, tolerance, check, timed=seconds is not None)
+        past = _measured(past, s, problem, tolerance, check, timed=deadline.ends)
         if past.meets(tolerance):
             return _result(past)
         reason, steps = _next(past, tolerance, problem)
-        if not reason and seconds is not None and time.perf_counter() - begin > seconds:
+        if not reason and deadline.passed:
             reason = "the time limit is reached"
         if reason:
             return _best(past, tolerance, check, reason)

@@ -7,7 +7,6 @@ is none.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -20,7 +19,7 @@ from dmoc.problem.problem import Problem
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Minimum, Solution
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving.attempts import Attempt, seconds_until
+from dmoc.solving.attempts import Attempt
 from dmoc.solving.multistart.minima import Basin, cost_of, gathered
 from dmoc.solving.multistart.parallel import attempts_from, free_threads
 from dmoc.solving.multistart.ranking import merged, ranked
@@ -156,7 +155,7 @@ def explored(
     seed : int
         Of the random starts.
     options : Options
-        Tolerances of the minima, and limits: half of its seconds are used.
+        Tolerances of the minima, and limits: half of the time is for the starts.
     verify : bool
         Whether minima are checked by simulation before they are ranked.
     points : mapping of str to array, optional
@@ -167,11 +166,10 @@ def explored(
     KeyboardInterrupt
         If a solve is interrupted.
     """
-    seconds = np.inf if options.seconds is None else options.seconds / 2
-    deadline = time.perf_counter() + seconds
     options = replace(options, progress=None)
-    minima, starts = _minima(problem, effort, seed, options, deadline, points or {})
-    ordered, left = ranked(problem, minima, (effort, verify), options, deadline)
+    half = replace(options, deadline=options.deadline.share(0.5))
+    minima, starts = _minima(problem, effort, seed, half, points or {})
+    ordered, left = ranked(problem, minima, (effort, verify), options, half.deadline)
     coarse = tuple(Minimum(c.cost, c.found, None, c.attempt.nlp.problem.phase_steps) for c in left)
     solutions, found = tuple(s for s, _ in ordered), tuple(n for _, n in ordered)
     return Exploration(solutions, found, coarse, tuple(starts))
@@ -190,7 +188,6 @@ def _minima(
     effort: Effort,
     seed: int,
     options: Options,
-    deadline: float,
     points: Mapping[str, Array],
 ) -> tuple[list[Basin], list[Start]]:
     """Distinct minima on the coarse mesh, the cheapest first, and the starts."""
@@ -199,7 +196,7 @@ def _minima(
     # would live on what they miss, and be far from those of a finer mesh.
     by_rates = effort.by_rates or coarse.phase_steps != problem.phase_steps
     room = effort.guesses if effort.total is None else effort.total - len(points)
-    guesses = [g.x for g in initial_guesses(coarse, deadline, by_rates)][:room]
+    guesses = [g.x for g in initial_guesses(coarse, options.deadline, by_rates)][:room]
     natural = natural_time(coarse)
     most = max(effort.iterations, LASTING) if problem.lasting else effort.iterations
     few = replace(options, iterations=min(options.iterations, most))
@@ -215,20 +212,19 @@ def _minima(
         numbers = range(begin, max(end, begin))
         x = random_motions(coarse, guesses, natural, numbers, seed)
         named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
-        attempts = attempts_from(programs, list(named.values()), few, deadline)
+        attempts = attempts_from(programs, list(named.values()), few)
         starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
         classes = gathered(classes, attempts)
         agreed = effort.agree(classes, len(starts))
         if not agreed and 0 < end == effort.first and 1 < len(classes) <= FEW:
-            left = replace(few, seconds=seconds_until(deadline))
-            agreed = effort.agree(merged(problem, classes, left, effort.by_rates), len(starts))
+            agreed = effort.agree(merged(problem, classes, few, effort.by_rates), len(starts))
         met = _met_best(classes) >= effort.often
         enough = (met and end >= effort.most) or (agreed and end >= effort.first)
         if enough or len(attempts) < len(named):
             break
         named, begin = {}, numbers.stop
     if not classes and effort.widens:
-        classes = _continued(coarse, by_rates, natural, seed, few, deadline)
+        classes = _continued(coarse, by_rates, natural, seed, few)
     return classes, starts
 
 
@@ -249,20 +245,19 @@ def _continued(
     natural: float,
     seed: int,
     options: Options,
-    deadline: float,
 ) -> list[Basin]:
     """Minima that are left when wide limits of the inputs are tightened step by step."""
     if not np.isfinite(coarse.input_bounds).any():
         return []
     wide = _widened(coarse, WIDER[0])
-    points = [g.x for g in initial_guesses(wide, deadline, by_rates)]
+    points = [g.x for g in initial_guesses(wide, options.deadline, by_rates)]
     scale = scale_of(wide, points[0])
     points += list(random_motions(wide, points, natural, range(WIDE_STARTS), seed))
     classes: list[Basin] = []
     for factor in WIDER:
         tightened = _widened(coarse, factor)
         programs = [Programs(tightened, scale, by_rates) for _ in range(free_threads())]
-        classes = gathered([], attempts_from(programs, points, options, deadline))
+        classes = gathered([], attempts_from(programs, points, options))
         points = [c.attempt.nlp.physical(c.attempt.outcome.x) for c in classes[:FOLLOWED]]
         if not points:
             break

@@ -6,10 +6,8 @@ from __future__ import annotations
 import os
 import sys
 import threading
-import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from itertools import chain, takewhile, zip_longest
 
 import numpy as np
@@ -41,7 +39,7 @@ def compiled() -> Minimise:
 
 
 def attempts_from(
-    programs: Sequence[Programs], points: Sequence[Array], options: Options, deadline: float
+    programs: Sequence[Programs], points: Sequence[Array], options: Options
 ) -> list[Attempt]:
     """Attempts from some points in units of the problem, in their order, as many as there is time
     for.
@@ -55,11 +53,11 @@ def attempts_from(
     """
     stopped, count = threading.Event(), min(len(programs), len(points))
     if count <= 1:
-        return _solved(programs[0], points, options, deadline, stopped)
+        return _solved(programs[0], points, options, stopped)
 
     def every(k: int) -> list[Attempt]:
         with np.errstate(all="ignore"):
-            return _solved(programs[k], points[k::count], options, deadline, stopped)
+            return _solved(programs[k], points[k::count], options, stopped)
 
     with ThreadPoolExecutor(count) as pool:
         try:
@@ -74,17 +72,14 @@ def _solved(
     programs: Programs,
     points: Sequence[Array],
     options: Options,
-    deadline: float,
     stopped: threading.Event,
 ) -> list[Attempt]:
     """Attempts one after the other, until the deadline or an event."""
     nlp, minimise, found = programs.program(), compiled(), []
     for x in points:
-        left = deadline - time.perf_counter()
-        if left <= 0 or stopped.is_set():
+        if options.deadline.passed or stopped.is_set():
             break
-        limited = options if np.isinf(left) else replace(options, seconds=left)
-        attempt = minimised(programs, nlp, nlp.scaled(x), limited, minimise)
+        attempt = minimised(programs, nlp, nlp.scaled(x), options, minimise)
         if attempt.outcome.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         found.append(attempt)

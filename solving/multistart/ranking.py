@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dmoc.base.deadline import Deadline
 from dmoc.guess.transfer import pieces_of, unknowns_along
 from dmoc.problem.problem import MOST_STEPS, Problem
 from dmoc.program.extraction import trajectory
@@ -41,10 +41,11 @@ def ranked(
     minima: Sequence[Basin],
     wanted: tuple[Effort, bool],
     options: Options,
-    deadline: float,
+    deadline: Deadline,
 ) -> tuple[list[tuple[Solution, int]], Sequence[Basin]]:
     """Solutions from the minima with the number of starts, the best first, and the minima that were
-    not refined or could not be; ``wanted`` says how many to refine and whether to check them."""
+    not refined or could not be; ``wanted`` says how many to refine and whether to check them.
+    After the deadline, which comes before that of the options, no further one is begun."""
     effort, verify = wanted
     refined: list[_Ranked] = []
     lost: list[Basin] = []
@@ -54,15 +55,11 @@ def ranked(
         passed = bool(confirmed) and coarse.cost > min(confirmed) and k >= effort.refined
         full = len(refined) >= effort.most_refined
         # The first one is refined however late it is: starts that nothing comes of are no use.
-        late = k > 0 and time.perf_counter() > deadline
+        late = k > 0 and deadline.passed
         if passed or full or late:
             rest = minima[k:]
             break
-        left = options
-        if options.seconds is not None:  # the deadline is that of one half of them
-            until = deadline + options.seconds / 2 - time.perf_counter()
-            left = replace(options, seconds=max(until, 1e-9))
-        attempt = _refined(_mesh(problem, coarse), coarse.attempt, left, effort.by_rates)
+        attempt = _refined(_mesh(problem, coarse), coarse.attempt, options, effort.by_rates)
         if attempt.outcome.status is not Status.SOLVED:
             lost.append(coarse)
             continue

@@ -15,6 +15,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, double_integrator, there_and_back
 
 import dmoc
+from dmoc.base.deadline import ENDLESS
 from dmoc.codegen.kernels import Kernels
 from dmoc.guess.automatic import _best_time, initial_guesses
 from dmoc.guess.transfer import times_of_inputs
@@ -139,5 +140,5 @@ def test_of_times_that_keep_the_inputs_the_cheapest_is_taken() -> None:
         problem=SimpleNamespace(phases=1, phase_steps=(20,)),
         trial=lambda choice, final_time, steps: tried[final_time],
     )
-    assert _best_time(planner, (0,), list(tried), np.inf) == 2.0
-    assert _best_time(planner, (0,), [3.0, 4.0], np.inf) == 3.0
+    assert _best_time(planner, (0,), list(tried), ENDLESS) == 2.0
+    assert _best_time(planner, (0,), [3.0, 4.0], ENDLESS) == 3.0

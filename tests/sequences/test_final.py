@@ -12,6 +12,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_on_floor
 
 import dmoc
+from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.models.registry import find
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.traversal import _looked_at
@@ -135,7 +136,7 @@ def test_a_budget_that_is_used_up_by_the_last_node_has_stopped_nothing(
         settings=settings, nodes={1: 0, 2: 0}, waiting=waiting, rounds=lambda: [[]],
         solve=lambda *_: [],
     )  # fmt: skip
-    until = 0.0 if seconds else float("inf")  # in the past
+    until = Deadline(0.0) if seconds else ENDLESS  # in the past
     assert _looked_at(tree, lambda *_: (), until, until, lambda: None) == told
 
 

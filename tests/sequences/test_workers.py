@@ -186,7 +186,7 @@ def test_the_limit_of_a_node_holds_for_the_search_for_the_reason_too(
     limits: list[float] = []
 
     def slow(problem: dmoc.Problem, guess: Any, request: Request) -> dmoc.Solution:
-        left = request.options.seconds
+        left = request.options.deadline.seconds
         assert left is not None
         limits.append(left)
         time.sleep(left)

@@ -8,6 +8,7 @@ import pytest
 from flights import cube_system, flight
 
 import dmoc
+from dmoc.base.deadline import ENDLESS
 from dmoc.check.amplification import Carried, carried, saltation
 from dmoc.check.checked_motion import Motion
 from dmoc.check.judgement import Evidence, judged, measured
@@ -42,7 +43,7 @@ def test_the_prediction_is_near_the_end_and_misses_no_collision(seed: dmoc.Probl
     957 times."""
     for steps in (200, 400):
         solution = dmoc.solve(seed.but(steps=steps), "ipm", verify=False)
-        motion = Motion.of(solution.trajectory, seed.kernels, None)
+        motion = Motion.of(solution.trajectory, seed.kernels, ENDLESS)
         parts = segments(motion)
         flowed, check = carried(motion, parts, saltation), solution.verify()
         assert check.terminal_error / 3 < flowed.end < 10 * check.terminal_error
@@ -74,7 +75,7 @@ def test_a_departure_is_predicted_up_to_a_fifth_of_its_gap(
     cube: Kernels, contacts: tuple[Contact, ...], needed: float
 ) -> None:
     """To a wall at 1 m with 1 m/s, in 2 s there and back, off by a share of the range of 1 m."""
-    motion = Motion.of(flight(cube), cube, None)
+    motion = Motion.of(flight(cube), cube, ENDLESS)
     parts, run = segments(motion), departures(motion, contacts)
     for share, right in ((0.99, needed == 0.0), (1.01, True)):
         off = np.full((len(parts), 6), share * needed)
@@ -82,7 +83,7 @@ def test_a_departure_is_predicted_up_to_a_fifth_of_its_gap(
 
 
 def test_contacts_count_as_planned_within_a_twentieth_of_the_time(cube: Kernels) -> None:
-    motion = Motion.of(flight(cube), cube, None)
+    motion = Motion.of(flight(cube), cube, ENDLESS)
     assert not departures(motion, [Contact("wall", 1.099, 1.0)])
     run = departures(motion, [Contact("wall", 1.101, 1.0), Contact("wall", 1.2, 0.009)])
     assert run.missed_texts == ("the collision with 'wall' at 1 s",)
@@ -92,7 +93,7 @@ def test_contacts_count_as_planned_within_a_twentieth_of_the_time(cube: Kernels)
 def test_one_judgement_excuses_the_end_of_a_run_alone(cube: Kernels) -> None:
     """The end of an open-loop run counts above 25 %, unless the errors on the way explain it; what
     the motion's own segments meet is never excused."""
-    motion = Motion.of(flight(cube), cube, None)
+    motion = Motion.of(flight(cube), cube, ENDLESS)
     parts = segments(motion)
     calm, none = carried(motion, parts, saltation), Departures()
     errors = measured(motion, step_errors(motion), parts, calm, (0.0, 0.0, 0.0))

@@ -18,6 +18,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system
 
 import dmoc
+from dmoc.base.deadline import ENDLESS
 from dmoc.check.amplification import carried, saltation
 from dmoc.check.checked_motion import Motion, OutOfTimeError
 from dmoc.check.segments import segments
@@ -358,7 +359,7 @@ def test_a_force_without_a_slope_at_rest_is_differenced() -> None:
     solution = dmoc.solve(problem, "ipm")
     (phase,) = solution.phases
     at_rest = replace(phase, v=np.vstack([[0.0, 0.0], phase.v[1:]]))
-    motion = Motion.of(replace(solution.trajectory, phases=(at_rest,)), problem.kernels, None)
+    motion = Motion.of(replace(solution.trajectory, phases=(at_rest,)), problem.kernels, ENDLESS)
     parts = segments(motion)
     start = np.hstack([at_rest.q[:1], at_rest.v[:1], np.eye(4).reshape(1, 16)])
     motion.flow.advance(start, motion.steps[0], np.array([0]), np.array([4]))
@@ -375,7 +376,7 @@ def test_the_amplification_of_a_free_mass_is_known() -> None:
         kernels, start={"x": 0}, goal={"x": 0.5, "x_dot": 0}, steps=30, final_time=1.0
     )
     solution = dmoc.solve(problem, "ipm")
-    motion = Motion.of(solution.trajectory, kernels, None)
+    motion = Motion.of(solution.trajectory, kernels, ENDLESS)
     ratio = motion.sizes.v[0] / motion.sizes.q[0]
     known = np.linalg.norm(np.array([[1, ratio], [0, 1]]), 2)
     assert solution.verify().amplification == pytest.approx(known, rel=1e-9)

@@ -14,6 +14,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_on_floor, block_system, unit_mass
 
 import dmoc
+from dmoc.base.deadline import ENDLESS
 from dmoc.program.extraction import given_multipliers
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import Duals, Status
@@ -110,7 +111,7 @@ def solved_until(most: int, ended: Status) -> Solve:
 @pytest.mark.parametrize("ended", [Status.STALLED, Status.INFEASIBLE, Status.ITERATION_LIMIT])
 def test_a_confirmed_mesh_is_kept_where_a_finer_one_fails(ended: Status) -> None:
     problem, exact = block_and_wall.problem(0.8, 20), block_and_wall.known(0.8)[0]
-    answer = refined(problem, 1e-9, None, solved_until(40, ended), checked)
+    answer = refined(problem, 1e-9, ENDLESS, solved_until(40, ended), checked)
     assert answer.steps == (40, 40) and answer.verification and answer.verification.passed
     assert answer.status == "not_verified"  # 1e-9 was asked for
     assert f"the mesh of 160 steps a phase ended {ended}" in answer.message
@@ -120,7 +121,7 @@ def test_a_confirmed_mesh_is_kept_where_a_finer_one_fails(ended: Status) -> None
 
 def test_one_mesh_alone_is_measured_against_a_coarser_one() -> None:
     problem, exact = block_and_wall.problem(0.8, 40), block_and_wall.known(0.8)[0]
-    answer = refined(problem, 5e-3, None, solved_until(40, Status.STALLED), checked)
+    answer = refined(problem, 5e-3, ENDLESS, solved_until(40, Status.STALLED), checked)
     assert answer.status == "solved" and [m.steps[0] for m in answer.meshes] == [20, 40]
     assert "the mesh of 80 steps a phase ended stalled" in answer.message
     assert answer.error_estimate is not None
@@ -134,7 +135,7 @@ def test_a_contradicted_finest_mesh_gives_way_to_a_confirmed_one() -> None:
         seen = checked(solution)
         return seen if max(solution.steps) <= 40 else replace(seen, status=Status.NOT_VERIFIED)
 
-    answer = refined(problem, 1e-9, None, solved_until(80, Status.STALLED), check)
+    answer = refined(problem, 1e-9, ENDLESS, solved_until(80, Status.STALLED), check)
     assert answer.steps == (40, 40)
 
 
@@ -148,7 +149,7 @@ def test_an_equal_cost_is_not_another_minimum() -> None:
         moved = replace(s, trajectory=replace(s.trajectory, phases=phases))
         return moved if max(given.phase_steps) > 40 else s
 
-    answer = refined(problem, 1e-3, None, solve, checked)
+    answer = refined(problem, 1e-3, ENDLESS, solve, checked)
     assert "another minimum" not in answer.message
 
 

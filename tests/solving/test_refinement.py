@@ -13,6 +13,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_on_floor, block_system, unit_mass
 
 import dmoc
+from dmoc.base.deadline import ENDLESS
 from dmoc.base.errors import ProblemError
 from dmoc.solvers.outcome import Status
 from dmoc.solving.checked_solution import checked
@@ -126,7 +127,7 @@ def test_the_first_mesh_alone_is_no_checked_answer() -> None:
     def solve(problem: dmoc.Problem, coarse: dmoc.Solution | None, _: float | None) -> Any:
         return first if coarse is None else replace(first, status=Status.ITERATION_LIMIT)
 
-    found = refined(problem, 1e-3, None, solve, checked)
+    found = refined(problem, 1e-3, ENDLESS, solve, checked)
     assert found.status == "not_verified" and len(found.meshes) == 1
     assert found.message.startswith("one mesh was solved, which gives no estimate of its error")
 
@@ -157,7 +158,7 @@ def test_a_dearer_minimum_takes_the_place_only_of_one_that_is_contradicted(confi
         coarse = max(solution.steps) <= 20
         return seen if confirmed or not coarse else replace(seen, status=Status.NOT_VERIFIED)
 
-    answer = refined(problem, 1e-6, None, solve, check)
+    answer = refined(problem, 1e-6, ENDLESS, solve, check)
     another = "the mesh of 80 steps a phase led to another minimum, which costs 49.1"
     assert (another in answer.message) == confirmed
     assert max(answer.steps) == 20 if confirmed else max(answer.steps) > 20
@@ -172,7 +173,7 @@ def test_a_limit_on_the_finest_mesh_does_not_hide_that_coarser_ones_are_infeasib
         coarse = max(given.phase_steps) < 80
         return found if coarse else replace(found, status=Status.ITERATION_LIMIT, conflicts=())
 
-    answer = refined(problem, 1e-3, None, solve, checked)
+    answer = refined(problem, 1e-3, ENDLESS, solve, checked)
     assert answer.status == "infeasible" and answer.conflicts and max(answer.steps) == 10
 
 
@@ -190,6 +191,6 @@ def test_a_contradiction_is_told_beside_the_estimate() -> None:
         contradicted = replace(seen.verification, passed=False, message="it misses the wall")
         return replace(seen, status=Status.NOT_VERIFIED, verification=contradicted)
 
-    answer = refined(problem, 1e-9, None, solve, check)
+    answer = refined(problem, 1e-9, ENDLESS, solve, check)
     assert answer.status == "not_verified" and "exceeds the tolerance 1e-09, and" in answer.message
     assert "contradicts the finest mesh (it misses the wall): the mesh of 80" in answer.message

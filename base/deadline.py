@@ -1,0 +1,61 @@
+"""The moment until which something may take."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+# Seconds that are left, at least, for those who take no less than a positive number.
+LEAST = 1e-9
+
+
+@dataclass(frozen=True)
+class Deadline:
+    """A moment of the performance counter, infinite where there is no limit.
+
+    To other processes, which may be on other machines, it travels on the clock of the day, which
+    they have in common.
+    """
+
+    at: float = math.inf
+
+    @classmethod
+    def after(cls, seconds: float | None) -> Deadline:
+        """That of a limit that begins now; None is no limit."""
+        return ENDLESS if seconds is None else cls(time.perf_counter() + seconds)
+
+    @property
+    def ends(self) -> bool:
+        """Whether there is a limit."""
+        return self.at < math.inf
+
+    @property
+    def passed(self) -> bool:
+        return time.perf_counter() >= self.at
+
+    @property
+    def left(self) -> float:
+        """Seconds that are left; 0 afterwards."""
+        return max(self.at - time.perf_counter(), 0.0)
+
+    @property
+    def seconds(self) -> float | None:
+        """What is left as users give it: a positive number, or None for no limit."""
+        return max(self.left, LEAST) if self.ends else None
+
+    def share(self, share: float) -> Deadline:
+        """That of a share of what is left."""
+        now = time.perf_counter()
+        return Deadline(now + share * (self.at - now))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _arrived, (self.at - time.perf_counter() + time.time(),)
+
+
+ENDLESS = Deadline()
+
+
+def _arrived(at: float) -> Deadline:
+    """A deadline that has travelled."""
+    return Deadline(at - time.time() + time.perf_counter())

@@ -1,0 +1,103 @@
+"""Time limits: one moment, on one clock, wherever it travels."""
+
+from __future__ import annotations
+
+import math
+import pickle
+import time
+from concurrent.futures import Executor, Future
+from typing import Any
+
+import block_and_wall
+import pytest
+
+import dmoc
+from dmoc.base.deadline import ENDLESS, Deadline
+from dmoc.solving import many, workers
+
+
+@pytest.fixture
+def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """A clock that stands still, and may be moved."""
+    moment = [100.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: moment[0])
+    monkeypatch.setattr(time, "monotonic", lambda: moment[0])
+    return moment
+
+
+def test_a_limit_ends_at_its_moment_and_not_before(now: list[float]) -> None:
+    deadline = Deadline.after(10.0)
+    half = deadline.share(0.5)
+    for now[0], left, passed in ((100.0, 10.0, False), (105.0, 5.0, False), (110.0, 0.0, True)):
+        assert (deadline.left, deadline.passed) == (left, passed) and deadline.ends
+        assert half.passed == (now[0] >= 105.0)
+    assert deadline.seconds is not None and 0 < deadline.seconds < 1e-6
+    assert deadline.share(0.5).passed
+
+
+def test_no_limit_never_ends(now: list[float]) -> None:
+    now[0] = 1e9
+    for deadline in (ENDLESS, Deadline.after(None), ENDLESS.share(0.5)):
+        assert not deadline.ends and not deadline.passed
+        assert deadline.left == math.inf and deadline.seconds is None
+    assert not pickle.loads(pickle.dumps(ENDLESS)).ends
+
+
+def test_a_limit_travels_on_the_time_of_day(
+    now: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To a machine that has been up for longer, in three seconds."""
+    day = [5e8]
+    monkeypatch.setattr(time, "time", lambda: day[0])
+    sent = pickle.dumps(Deadline.after(10.0))
+    now[0], day[0] = 7e4, day[0] + 3.0
+    assert pickle.loads(sent).left == pytest.approx(7.0)
+
+
+def test_a_clock_that_is_set_stops_no_batch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The time of day goes on by a day between two problems."""
+    problem, real, day = block_and_wall.problem(0.8, 10), time.time, [0.0]
+    monkeypatch.setattr(time, "time", lambda: real() + day[0])
+
+    def set_clock(_: object) -> None:
+        day[0] = 86400.0
+
+    batch = dmoc.solve_many([problem, problem], seconds=600.0, progress=set_clock)
+    assert batch.status == ("solved", "solved")
+
+
+class Slow(Executor):
+    """Takes tasks and comes to no end by itself."""
+
+    def __init__(self) -> None:
+        self.tasks = dict[Future[Any], Any]()
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future = Future[Any]()
+        future.set_running_or_notify_cancel()
+        self.tasks[future] = lambda: fn(*args, **kwargs)
+        return future
+
+
+def test_a_worker_may_take_all_its_time_before_it_counts_as_hanging(
+    now: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last of 200 seconds, of which none is left then to multiply."""
+    slow = Slow()
+
+    def waits(running: Any, **_: object) -> tuple[set[Future[Any]], None]:
+        now[0] += 10.0
+        if now[0] > 285.0:
+            for future, task in slow.tasks.items():
+                future.set_result(task())
+        return {f for f in running if f.done()}, None
+
+    def solved(share: many.Share) -> list[many.Row]:
+        return [many.Row(number, "solved", "") for number, _ in share.problems]
+
+    monkeypatch.setattr(workers, "wait", waits)
+    monkeypatch.setattr(many, "solve_share", solved)
+    monkeypatch.setattr(time, "time", lambda: now[0])
+    problem = block_and_wall.problem(0.8, 10)
+    batch = dmoc.solve_many([problem], seconds=200.0, executor=slow)
+    assert batch.status == ("solved",) and len(slow.tasks) == 1
