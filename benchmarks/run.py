@@ -41,15 +41,23 @@ APART = ("ladder",)  # runs only where it is named
 
 def sections(folder: Path) -> dict[str, Callable[[bool], Section]]:
     return {
-        "solve": speed.comparison, "answer": speed.answer, "where": speed.where,
-        "contact": speed.contact, "ladder": lambda quick: ladder.ladder(quick, folder),
-        "growth": lambda quick: speed.growth(quick, folder), "kernels": evaluating.compare,
-        "build": building.compare, "robust": robustness.compare,
+        "solve": speed.comparison,
+        "answer": speed.answer,
+        "where": speed.where,
+        "contact": speed.contact,
+        "ladder": lambda quick: ladder.ladder(quick, folder),
+        "growth": lambda quick: speed.growth(quick, folder),
+        "kernels": evaluating.compare,
+        "build": building.compare,
+        "robust": robustness.compare,
         "campaign": partial(campaign.campaign, campaign.FREE),
-        "contacts": partial(campaign.campaign, campaign.HELD), "invariance": invariance.invariance,
-        "planted": planted.compare, "warm": speed.warm, "search": searching.compare,
+        "contacts": partial(campaign.campaign, campaign.HELD),
+        "invariance": invariance.invariance,
+        "planted": planted.compare,
+        "warm": speed.warm,
+        "search": searching.compare,
         "puck": searching.puck,
-    }  # fmt: skip
+    }
 
 
 def main() -> None:
