@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +13,7 @@ from dmoc.base.arguments import path as path_of
 from dmoc.base.arguments import place
 from dmoc.base.errors import MissingExtraError, OutputError
 from dmoc.base.files import write_whole
+from dmoc.report.labels import letters
 from dmoc.report.style import Style, style_of
 
 if TYPE_CHECKING:
@@ -106,37 +106,6 @@ def inked(axes: Axes, style: Style) -> None:
     axes.tick_params(colors=style.muted, labelcolor=style.ink)
 
 
-def plain(text: str) -> str:
-    """A text of a model or a file as Matplotlib shows it unchanged: a dollar begins no
-    mathematics."""
-    return text.replace("$", r"\$")
-
-
-def symbol(name: str) -> str:
-    """A name as mathematics: greek names become letters, a number at the end and what follows an
-    underscore subscripts."""
-    greek = (
-        "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi "
-        "chi psi omega"
-    ).split()
-    head, _, tail = name.partition("_")
-
-    def letter(text: str) -> str:
-        return f"\\{text}" if text in greek else (text if len(text) == 1 else f"\\mathrm{{{text}}}")
-
-    parts = [letter(part) for part in tail.split("_") if part]
-    numbered = re.fullmatch(r"([A-Za-z]+)([0-9]+)", head)
-    if numbered:
-        head, parts = numbered[1], [numbered[2], *parts]
-    return letter(head) + (f"_{{{','.join(parts)}}}" if parts else "")
-
-
-def _letters(text: str) -> int:
-    """About how many letters a text with mathematics has."""
-    plain = re.sub(r"\\mathrm|\\dot|[$_{} ]", "", text)
-    return len(re.sub(r"\\[a-z]+", "a", plain))
-
-
 def legend_beside(axes: Axes, handles: Sequence[Artist]) -> None:
     """A legend on the right of the axes, where it hides no curve, or over them where
     its words are long; texts alone stand without a gap before them."""
@@ -144,7 +113,7 @@ def legend_beside(axes: Axes, handles: Sequence[Artist]) -> None:
 
     labels = [str(handle.get_label()) for handle in handles]
     place: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
-    if max(map(_letters, labels)) > LONGEST:
+    if max(map(letters, labels)) > LONGEST:
         place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
     drawn = any(not isinstance(h, Line2D) or h.get_linestyle() != "None" for h in handles)
     axes.legend(

@@ -1,209 +1,152 @@
-"""Panels of a motion over time: coordinates, velocities, momenta and inputs, those of one unit
-together."""
+"""Panels of curves over time, drawn with Matplotlib: with jumps, bounds, limits of friction and
+impulses of the events."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dmoc.motion.scene import resampled
-from dmoc.motion.trajectory import Array, Phase, Trajectory
-from dmoc.report import contacts
-from dmoc.report.canvas import legend_beside, plain, symbol
+from dmoc.motion.trajectory import Collision, Trajectory
+from dmoc.report.canvas import SMALL, legend_beside, plain_axes
+from dmoc.report.curves import Panel, contacts_of
 from dmoc.report.style import DOTS, Style
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-Panel: TypeAlias = "tuple[str, Callable[[Axes], None]]"
-# Units of momenta in SI, in which forces are newton.
-MOMENTA = {"m": "N s", "rad": "N m s"}
-# Coordinates without a unit whose ranges differ by more than this have panels of their own.
-APART = 10.0
-# Coordinates, velocities and momenta: in words, and as mathematics.
-WORDS = {"q": "coordinates", "v": "velocities", "p": "momenta"}
-MARKS = {"q": "{}", "v": r"\dot{{{}}}", "p": "p_{{{}}}"}
+# The limits of friction are drawn up to this many times the largest force: beyond it they would
+# flatten the curves.
+FAR = 5.0
+MARGIN = 0.05  # of the height, above a force that is constant
+MARKED = 0.13  # share of the height that one mark of an impulse takes
 
 
-def panels_of(trajectory: Trajectory, velocities: bool, style: Style) -> list[Panel]:
-    """Labels of the panels from top to bottom, and what draws them."""
-    names, units = trajectory.coordinates, trajectory.units
-    found = _states(trajectory, "q", {n: units.get(n, "") for n in names}, style)
-    if velocities:
-        rates = {n: f"{units[n]}/s" if units.get(n) else "" for n in names}
-        found += _states(trajectory, "v", rates, style)
-    momenta = {n: MOMENTA.get(units.get(n, ""), "") for n in names}
-    found += _states(trajectory, "p", momenta, style)
-    found += _inputs(trajectory, style)
-    if contacts.has_normal_forces(trajectory):
-        found.append(
-            ("normal forces [N]", lambda axes: contacts.normal_forces(axes, trajectory, style))
-        )
-    if contacts.has_friction(trajectory):
-        found.append(
-            ("friction [N]", lambda axes: contacts.friction_forces(axes, trajectory, style))
-        )
-    return found
-
-
-def grouped(
-    units: Sequence[str], values: Sequence[Array] | None = None
-) -> list[tuple[str, list[int]]]:
-    """Numbers of quantities by their units, in order; those without a unit by their ranges, if
-    values are given."""
-    found: list[tuple[str, list[int]]] = []
-    for i, unit in enumerate(units):
-        for other, numbers in found:
-            if other == unit and (unit or values is None or _alike(values[i], values[numbers[0]])):
-                numbers.append(i)
-                break
-        else:
-            found.append((unit, [i]))
-    return found
-
-
-def _alike(a: Array, b: Array) -> bool:
-    """Whether two ranges fit on one axis; what stands still fits on any."""
-    spans = sorted((float(np.ptp(a)), float(np.ptp(b))))
-    return spans[0] <= 1e-9 * spans[1] or spans[1] <= APART * spans[0]
-
-
-def _states(
-    trajectory: Trajectory, quantity: str, units: dict[str, str], style: Style
-) -> list[Panel]:
-    values = np.vstack([getattr(phase, quantity) for phase in trajectory.phases]).T
-    texts = [_state(trajectory, quantity, i) for i in range(len(units))]
-    panels: list[Panel] = []
-    for unit, numbers in grouped(list(units.values()), list(values)):
-        label = texts[numbers[0]] if len(numbers) == 1 else WORDS[quantity]
-
-        def draw(axes: Axes, numbers: list[int] = numbers) -> None:
-            lines = draw_states(axes, trajectory, quantity, numbers, style)
-            if len(lines) > 1:
-                legend_beside(axes, lines)
-
-        panels.append((with_unit(label, unit), draw))
-    return panels
-
-
-def _state(trajectory: Trajectory, quantity: str, i: int) -> str:
-    """A coordinate, velocity or momentum as mathematics."""
-    return f"${MARKS[quantity].format(symbol(trajectory.coordinates[i]))}$"
-
-
-def with_unit(label: str, unit: str) -> str:
-    """The label of an axis."""
-    return f"{label} [{plain(unit)}]" if unit else label
-
-
-def draw_states(
-    axes: Axes,
-    trajectory: Trajectory,
-    quantity: str,
-    numbers: list[int],
-    style: Style,
-) -> list[Artist]:
-    """Draw curves of the phases, joined by dots where they jump, and return one of each for a
-    legend."""
-    first: list[Artist] = []
-    for place, i in enumerate(numbers):
-        stroke = style.stroke(i, place)
-        text = _state(trajectory, quantity, i)
-        drawn = [
-            axes.plot(*_curve(phase, quantity, i), **stroke, label=text)[0]
-            for phase in trajectory.phases
-        ]
-        first.append(drawn[0])
-        if quantity == "q":
-            continue
-        for before, after in pairwise(trajectory.phases):
-            ends = (getattr(before, quantity)[-1, i], getattr(after, quantity)[0, i])
-            look = {"color": stroke["color"], "linestyle": DOTS, "lw": 1.2, "gid": "jump"}
-            axes.plot([before.t[-1]] * 2, ends, **look)
-    return first
-
-
-def _curve(phase: Phase, quantity: str, i: int) -> tuple[Array, Array]:
-    """Times and values of a coordinate, velocity or momentum; coordinates are round between few
-    nodes too."""
-    if quantity == "q" and np.isfinite(phase.v).all():
-        t, q = resampled(phase.t, phase.q[:, [i]], phase.v[:, [i]])
-        return t, q[:, 0]
-    return phase.t, getattr(phase, quantity)[:, i]
-
-
-def _inputs(trajectory: Trajectory, style: Style) -> list[Panel]:
-    units = [trajectory.units.get(name, "") for name in trajectory.inputs]
-    panels: list[Panel] = []
-    for unit, numbers in grouped(units):
-        name = f"input ${symbol(trajectory.inputs[numbers[0]])}$"
-
-        def draw(axes: Axes, numbers: list[int] = numbers) -> None:
-            _input_panel(axes, trajectory, numbers, style)
-
-        panels.append((with_unit(name if len(numbers) == 1 else "inputs", unit), draw))
-    return panels
-
-
-def _input_panel(axes: Axes, trajectory: Trajectory, numbers: list[int], style: Style) -> None:
-    curves = draw_inputs(axes, trajectory, numbers, style)
-    handles = curves if len(curves) > 1 else []
-    values = np.vstack([phase.u[:, numbers] for phase in trajectory.phases])
-    handles += _bounds(axes, trajectory, numbers, (float(values.min()), float(values.max())), style)
+def draw_panel(axes: Axes, panel: Panel, motion: Trajectory, style: Style) -> None:
+    """Draw a panel with all that belongs to it, and a legend beside it."""
+    handles = draw_curves(axes, panel, motion.collisions, style)
+    if panel.quantity in "qvpu" and len(handles) == 1:
+        handles = []
+    if panel.quantity == "u":
+        handles += _bounds(axes, panel, style)
+    if panel.quantity in "NT":
+        low, high = axes.get_ylim()
+        limits = min(low, 0.0), high + MARGIN * (high - min(low, 0.0))
+        if panel.quantity == "T":
+            far = FAR * _largest(panel) or np.inf
+            handles += _limits(axes, panel, motion, far, style)
+            low, high = axes.get_ylim()
+            limits = max(low, -far), min(high, far)
+        _impulses(axes, panel, motion, limits, style)
     if handles:
         legend_beside(axes, handles)
 
 
-def draw_inputs(
-    axes: Axes, trajectory: Trajectory, numbers: list[int], style: Style
+def draw_curves(
+    axes: Axes, panel: Panel, events: Sequence[Collision], style: Style
 ) -> list[Artist]:
-    """Draw inputs as they are within the steps, and return one curve of each for a legend."""
+    """Draw curves of the phases, joined by dots where states jump, and lines at the events; return
+    one of each for a legend."""
     first: list[Artist] = []
-    for place, i in enumerate(numbers):
-        look: dict[str, Any] = style.stroke(i, place)
-        look["label"] = f"${symbol(trajectory.inputs[i])}$"
-        drawn: list[Artist] = []
-        for phase in trajectory.phases:
-            values = phase.u[:, i]
-            if trajectory.input_form.width:
-                drawn += axes.plot(trajectory.input_times(phase), values, **look)
-            else:
-                drawn.append(axes.stairs(values, phase.t, baseline=None, lw=1.5, **look))
-        first.append(drawn[0])
+    for place, curve in enumerate(panel.curves):
+        stroke = style.stroke(curve.number, curve.number if curve.contact else place)
+        parts = [(t, v) for t, v in zip(panel.times, curve.values, strict=True) if v is not None]
+        lines = [axes.plot(*part, **stroke, label=f"${curve.label.tex}$")[0] for part in parts]
+        first.append(lines[0])
+        for (t, before), (_, after) in pairwise(parts) if panel.quantity in "vp" else ():
+            look = {"color": stroke["color"], "linestyle": DOTS, "lw": 1.2, "gid": "jump"}
+            axes.plot([t[-1]] * 2, [before[-1], after[0]], **look)
+    for event in events:
+        axes.axvline(event.time, color=style.muted, lw=0.8, ls=(0, (4, 3)), zorder=0)
+    axes.set_ylabel(panel.axis)
+    plain_axes(axes, style)
     return first
 
 
-def _bounds(
-    axes: Axes,
-    trajectory: Trajectory,
-    numbers: list[int],
-    reach: tuple[float, float],
-    style: Style,
-) -> list[Artist]:
+def _dotted(style: Style, label: str) -> Artist:
+    """What a legend says of dotted lines."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=style.muted, linestyle=DOTS, lw=1.2, label=label)
+
+
+def _bounds(axes: Axes, panel: Panel, style: Style) -> list[Artist]:
     """Lines at bounds near the values; what else bounds the inputs as texts: a far line would
     flatten the curves."""
     from matplotlib.lines import Line2D
 
-    low, high = reach
+    values = np.concatenate([v for c in panel.curves for v in c.values if v is not None])
+    low, high = float(values.min()), float(values.max())
     span = max(high - low, 1e-12)
     said: list[Artist] = []
     near = False
-    for i in numbers:
-        colour = style.colours[i % len(style.colours)]
+    for curve in panel.curves:
         far = ["", ""]
-        for side, bound in enumerate(trajectory.input_bounds[i]):
+        for side, bound in enumerate(curve.bounds):
             if low - span <= bound <= high + span:
+                colour = style.stroke(curve.number, 0)["color"]
                 axes.axhline(bound, color=colour, linestyle=DOTS, linewidth=1.2, gid="limit")
                 near = True
             elif np.isfinite(bound):
                 far[side] = rf"\leq {bound:g}" if side else rf"{bound:g}\leq "
         if any(far):
-            text = f"${far[0]}{symbol(trajectory.inputs[i])}{far[1]}$"
+            text = f"${far[0]}{curve.label.tex}{far[1]}$"
             said.append(Line2D([], [], linestyle="none", label=text))
-    if near:
-        said.append(Line2D([], [], color=style.muted, linestyle=DOTS, lw=1.2, label="bounds"))
-    return said
+    return [*said, _dotted(style, "bounds")] if near else said
+
+
+def _largest(panel: Panel) -> float:
+    return max(float(np.abs(v).max()) for c in panel.curves for v in c.values if v is not None)
+
+
+def _limits(axes: Axes, panel: Panel, motion: Trajectory, far: float, style: Style) -> list[Artist]:
+    """What friction cannot exceed as dotted lines behind it, and what they are, with the names of
+    those that lie outside."""
+    outside = []
+    for curve in panel.curves:
+        limits = [limit for limit in curve.limits if limit is not None]
+        if min(limit.min() for limit in limits) > far:
+            outside.append(curve.contact)
+            continue
+        colour = style.stroke(curve.number, 0)["color"]
+        for t, limit in zip(panel.times, curve.limits, strict=True):
+            for side in () if limit is None else (limit, -limit):
+                axes.plot(t, side, color=colour, ls=DOTS, lw=1.2, zorder=1, gid="limit")
+    kinds = {name in phase.closed for phase in motion.phases for name in phase.rubbing}
+    said = " and ".join([r"$\pm\mu N$"] * (True in kinds) + [r"$\pm F$"] * (False in kinds))
+    return [_dotted(style, said + (f" ({', '.join(outside)}: outside)" if outside else ""))]
+
+
+def _impulses(
+    axes: Axes, panel: Panel, motion: Trajectory, limits: tuple[float, float], style: Style
+) -> None:
+    """Marks at the events with the values of their impulses, above the curves; with the names of
+    contacts that have no curve."""
+    numbers, drawn = contacts_of(motion), {curve.contact for curve in panel.curves}
+    rows = 0
+    for event, impulses in zip(motion.collisions, panel.impulses, strict=True):
+        right = event.time > 0.75 * motion.final_time
+        for row, (name, value) in enumerate(impulses.items()):
+            rows = max(rows, row + 1)
+            place = (event.time, 1 - MARKED * (row + 0.5))
+            across = axes.get_xaxis_transform()
+            colour = style.stroke(numbers[name], 0)["color"]
+            axes.plot(*place, "v", color=colour, ms=6, clip_on=False, transform=across)
+            axes.annotate(
+                f"{value:.3g} N s".replace("-", "\N{MINUS SIGN}")
+                + ("" if name in drawn else f" of {name}"),
+                place,
+                xycoords=across,
+                xytext=(-7 if right else 7, 0),
+                textcoords="offset points",
+                ha="right" if right else "left",
+                va="center",
+                fontsize=SMALL,
+                color=colour,
+                bbox={"facecolor": style.paper, "edgecolor": "none", "pad": 0.5},
+            )
+    low, high = limits
+    axes.set_ylim(low, high + (high - low) * rows * MARKED / (1 - rows * MARKED))

@@ -15,18 +15,17 @@ from dmoc.report.canvas import (
     legend_beside,
     new_figure,
     painted,
-    plain,
-    plain_axes,
-    symbol,
     written,
 )
-from dmoc.report.default_drawing import scene_for
-from dmoc.report.panels import draw_inputs, draw_states, grouped, with_unit
+from dmoc.report.curves import panels_of
+from dmoc.report.film import Take
+from dmoc.report.labels import plain
+from dmoc.report.panels import draw_curves
+from dmoc.report.rounding import without_rounding
 from dmoc.report.snapshots import draw_motions, height_of
 from dmoc.report.style import DASHES, DOTS, Style
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -197,61 +196,27 @@ def _motions(motions: Sequence[tuple[str, float, Trajectory]], style: Style) -> 
         axes.text(0.5, 0.5, "no confirmed motion", ha="center", va="center")
         axes.set_axis_off()
         return figure
-    model = motions[0][2]
-    panels = [
-        *[("q", unit, numbers) for unit, numbers in _grouped(model, model.coordinates)],
-        *[("u", unit, numbers) for unit, numbers in _grouped(model, model.inputs)],
-    ]
-    scenes = [scene_for(motion) for _, _, motion in motions]
-    drawn = min(height_of(scenes, WIDE - 0.8), DRAWN) + 0.7
-    figure = new_figure(1.6 + WIDE * len(motions), 0.6 + drawn + HIGH * len(panels))
-    heights = [drawn, *[HIGH] * len(panels)]
-    grid = figure.add_gridspec(len(heights), len(motions), height_ratios=heights)
-    pictures = [figure.add_subplot(grid[0, k]) for k in range(len(motions))]
-    pairs = [(scene, motion) for scene, (_, _, motion) in zip(scenes, motions, strict=True)]
-    draw_motions(pictures, pairs, style)
-    for axes, (name, cost, _) in zip(pictures, motions, strict=True):
-        axes.set_title(f"{plain(name)}\ncost {cost:.6g}", fontsize=9)
-    for row, (quantity, unit, numbers) in enumerate(panels, start=1):
-        first: Axes | None = None
-        for k, (_, _, motion) in enumerate(motions):
-            axes = figure.add_subplot(grid[row, k], sharey=first)
-            curves = _panel(axes, motion, quantity, numbers, style)
-            if k == len(motions) - 1 and len(curves) > 1:
+    takes = [Take(name, without_rounding(motion), cost=cost) for name, cost, motion in motions]
+    beside = [take.trajectory for take in takes]
+    panels = [[p for p in panels_of(m, beside) if p.quantity in "qu"] for m in beside]
+    drawn = min(height_of([take.scene for take in takes], WIDE - 0.8), DRAWN) + 0.7
+    heights = [drawn, *[HIGH] * len(panels[0])]
+    figure = new_figure(1.6 + WIDE * len(takes), 0.6 + sum(heights))
+    grid = figure.subplots(len(heights), len(takes), squeeze=False, height_ratios=heights)
+    draw_motions(grid[0], takes, style)
+    for axes, take in zip(grid[0], takes, strict=True):
+        axes.set_title(f"{plain(take.name)}\ncost {take.cost:.6g}", fontsize=9)
+    for row, places in enumerate(grid[1:]):
+        for k, (axes, take) in enumerate(zip(places, takes, strict=True)):
+            curves = draw_curves(axes, panels[k][row], take.trajectory.collisions, style)
+            axes.margins(x=0)
+            axes.tick_params(labelbottom=row == len(panels[0]) - 1)
+            if k == len(takes) - 1 and len(curves) > 1:
                 legend_beside(axes, curves)
-            if first is None:
-                axes.set_ylabel(_names(model, quantity, unit, numbers))
-            else:
+            if k:
+                axes.sharey(places[0])
                 axes.tick_params(labelleft=False)
-            first = first or axes
-            if row < len(panels):
-                axes.tick_params(labelbottom=False)
-            else:
-                axes.set_xlabel("time $t$ [s]")
+                axes.set_ylabel("")
+    for axes in grid[-1]:
+        axes.set_xlabel("time $t$ [s]")
     return figure
-
-
-def _grouped(motion: Trajectory, names: Sequence[str]) -> list[tuple[str, list[int]]]:
-    return grouped([motion.units.get(name, "") for name in names])
-
-
-def _names(motion: Trajectory, quantity: str, unit: str, numbers: list[int]) -> str:
-    """What the curves of a panel are, with their unit."""
-    known = motion.coordinates if quantity == "q" else motion.inputs
-    many = "coordinates" if quantity == "q" else "inputs"
-    return with_unit(f"${symbol(known[numbers[0]])}$" if len(numbers) == 1 else many, unit)
-
-
-def _panel(
-    axes: Axes, motion: Trajectory, quantity: str, numbers: list[int], style: Style
-) -> list[Artist]:
-    """Draw curves of some coordinates or inputs, and return one of each for a legend."""
-    if quantity == "q":
-        curves = draw_states(axes, motion, "q", numbers, style)
-    else:
-        curves = draw_inputs(axes, motion, numbers, style)
-    for collision in motion.collisions:
-        axes.axvline(collision.time, color=style.muted, lw=0.8, ls=DOTS)
-    axes.margins(x=0)
-    plain_axes(axes, style)
-    return curves

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, cos, sin
-from typing import TYPE_CHECKING, Any
+from math import ceil
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dmoc.motion.scene import Array, Scene, Shape
 from dmoc.motion.trajectory import Trajectory
-from dmoc.report.canvas import SMALL, inked, symbol
+from dmoc.report.canvas import SMALL, inked
+from dmoc.report.film import Take
+from dmoc.report.labels import math
+from dmoc.report.places import Room, room_of
+from dmoc.report.shapes import SEEN, look_of, painter
 from dmoc.report.style import Style
 
 if TYPE_CHECKING:
@@ -24,14 +28,12 @@ FAINT = 0.18  # strength of the first of them
 # What has many strokes is drawn less often: a spring at every third time, a moving wall at both
 # ends.
 OFTEN = {"spring": 3, "wall": SHOTS - 1}
-MARGIN = 0.06  # of the extent, around it
+MARGIN, LEAST = 0.04, 0.08  # around everything, and the least side, in shares of the larger one
 TALLEST, ROOMY = 4.2, 7.4  # inches that all snapshots may take in height, and take in width
 ABOVE, BESIDE = 0.55, 0.45  # inches of a title, and of the numbers beside the axes
 MOST = 12  # phases that are shown apart; more of them are shown together
 CLEARLY = 1.15  # how much larger snapshots must become to be worth a row more
 SMALLEST = 0.6  # inches of the height of a snapshot, at least
-COILS = 6  # of a spring
-HATCH = 0.03  # distance of the strokes behind a wall, in extents
 ARROW = 0.13  # length of the arrow of an impulse, in extents
 
 
@@ -44,30 +46,6 @@ class Layout:
     height: float
 
 
-def extent_of(scene: Scene) -> tuple[Array, Array]:
-    """Lowest and highest point of all shapes along the whole motion, each of shape (2,)."""
-    found = []
-    for shape in scene.shapes:
-        for phase in range(len(scene.times)):
-            values = scene.of(shape, phase)
-            if shape.kind in ("link", "spring", "wall"):
-                found.append(values.reshape(-1, 2))
-            elif shape.kind in ("disc", "box"):
-                half = values[:, 2:3] if shape.kind == "disc" else _half(values)
-                found += [values[:, :2] - half, values[:, :2] + half]
-            elif shape.kind == "point":
-                found.append(values)
-    points = np.vstack(found) if found else np.zeros((1, 2))
-    return points.min(axis=0), points.max(axis=0)
-
-
-def _half(boxes: Array) -> Array:
-    """Half the widths and heights of what encloses turned boxes, shape (n, 2)."""
-    w, h, angle = boxes[:, 2:].T
-    c, s = np.abs(np.cos(angle)), np.abs(np.sin(angle))
-    return np.stack([c * w + s * h, s * w + c * h], axis=1) / 2
-
-
 def joined(scene: Scene) -> Scene:
     """The scene with a phase for each snapshot: its own, or one of all where they are many."""
     if len(scene.times) <= MOST:
@@ -78,7 +56,7 @@ def joined(scene: Scene) -> Scene:
 def layout_of(scene: Scene) -> Layout:
     """The arrangement in which the snapshots are largest."""
     scene = joined(scene)
-    count, (width, height) = len(scene.times), _size(scene)
+    count, (width, height) = len(scene.times), window_of([scene]).sides
     best, largest = Layout(1, count, 0.0), 0.0
     for columns in range(count, 0, -1):
         rows = ceil(count / columns)
@@ -91,38 +69,24 @@ def layout_of(scene: Scene) -> Layout:
     return best
 
 
-def _size(scene: Scene) -> tuple[float, float]:
-    """Width and height of the window on a scene."""
-    (left, right), (low, high) = window_of([scene])
-    return right - left, high - low
+def window_of(scenes: Sequence[Scene]) -> Room:
+    """What snapshots show of the plane."""
+    return room_of(scenes, MARGIN, LEAST)
 
 
-def window_of(scenes: Iterable[Scene]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Limits in x and y around all of some scenes, with a margin; neither way much narrower than
-    the other."""
-    ends = [extent_of(scene) for scene in scenes]
-    low = np.min([end[0] for end in ends], axis=0)
-    high = np.max([end[1] for end in ends], axis=0)
-    half = (0.5 + MARGIN) * np.maximum(high - low, 0.08 * max(*(high - low), 1e-12))
-    (left, bottom), (right, top) = (low + high) / 2 - half, (low + high) / 2 + half
-    return (float(left), float(right)), (float(bottom), float(top))
-
-
-def draw_snapshots(
-    figure: Figure, place: SubplotSpec, scene: Scene, trajectory: Trajectory, style: Style
-) -> None:
+def draw_snapshots(figure: Figure, place: SubplotSpec, take: Take, style: Style) -> None:
     """Draw all phases, each with what happens at its end."""
-    layout, window, unit = layout_of(scene), window_of([scene]), max(_size(scene))
-    apart = len(scene.times) <= MOST
-    scene = joined(scene)
+    layout, window, trajectory = layout_of(take.scene), window_of([take.scene]), take.trajectory
+    apart = len(take.scene.times) <= MOST
+    scene = joined(take.scene)
     grid = place.subgridspec(layout.rows, layout.columns)
     first: Axes | None = None
     for phase in range(len(scene.times)):
         axes = figure.add_subplot(grid[phase // layout.columns, phase % layout.columns])
         _look_through(axes, window)
-        _phase(axes, scene, phase, style, unit)
-        if apart and phase < len(trajectory.collisions):
-            _impulses(axes, scene, trajectory, phase, style, unit)
+        _phase(axes, scene, phase, style, max(window.sides))
+        if apart:
+            _impulses(axes, take, phase, style, max(window.sides))
         axes.set_title(_title(trajectory, phase if apart else None), fontsize=SMALL)
         _frame(axes, trajectory, style, first)
         first = first or axes
@@ -130,30 +94,23 @@ def draw_snapshots(
 
 def height_of(scenes: Sequence[Scene], width: float) -> float:
     """Height in inches of axes through which motions are seen at a width."""
-    (left, right), (low, high) = window_of(scenes)
-    return max(width * (high - low) / (right - left), SMALLEST)
+    wide, tall = window_of(scenes).sides
+    return max(width * tall / wide, SMALLEST)
 
 
-def draw_motions(
-    places: Sequence[Axes], motions: Sequence[tuple[Scene, Trajectory]], style: Style
-) -> None:
+def draw_motions(places: Sequence[Axes], takes: Sequence[Take], style: Style) -> None:
     """Draw whole motions, each into axes of its own, all at one scale."""
-    window = window_of([scene for scene, _ in motions])
-    unit = max(high - low for low, high in window)
-    first: Axes | None = None
-    for axes, (scene, trajectory) in zip(places, motions, strict=True):
+    window = window_of([take.scene for take in takes])
+    for axes, take in zip(places, takes, strict=True):
         _look_through(axes, window)
-        for phase in range(len(scene.times)):
-            _phase(axes, scene, phase, style, unit)
-            if phase < len(trajectory.collisions):
-                _impulses(axes, scene, trajectory, phase, style, unit)
-        _frame(axes, trajectory, style, first)
-        first = first or axes
+        for phase in range(len(take.scene.times)):
+            _phase(axes, take.scene, phase, style, max(window.sides))
+            _impulses(axes, take, phase, style, max(window.sides))
+        _frame(axes, take.trajectory, style, None if axes is places[0] else places[0])
 
 
-def _look_through(axes: Axes, window: tuple[tuple[float, float], tuple[float, float]]) -> None:
-    axes.set_xlim(*window[0])
-    axes.set_ylim(*window[1])
+def _look_through(axes: Axes, window: Room) -> None:
+    axes.set(xlim=window[:2], ylim=window[2:])
     axes.set_aspect("equal", adjustable="box")
 
 
@@ -197,7 +154,7 @@ def _phase(axes: Axes, scene: Scene, phase: int, style: Style, unit: float) -> N
     t = scene.times[phase]
     rows = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], SHOTS)).clip(max=len(t) - 1))
     for shape in scene.shapes:
-        if shape.kind == "contact":
+        if shape.kind not in SEEN:
             continue
         values = scene.of(shape, phase)
         still = _stands_still(scene, shape)
@@ -206,7 +163,10 @@ def _phase(axes: Axes, scene: Scene, phase: int, style: Style, unit: float) -> N
         for row in rows[-1:] if still else rows[:: OFTEN.get(shape.kind, 1)]:
             share = (t[row] - t[0]) / (t[-1] - t[0])
             strength = 1.0 if still else FAINT + (1 - FAINT) * share**1.5
-            draw_shape(axes, shape, values[row], style, unit, strength, still)
+            look = look_of(style, unit, strength=strength, still=still)
+            painter(axes, scene, shape, look)(values[row])
+        if shape.name and still:
+            _label(axes, shape, values[-1], style)
 
 
 def _stands_still(scene: Scene, shape: Shape) -> bool:
@@ -215,119 +175,25 @@ def _stands_still(scene: Scene, shape: Shape) -> bool:
     return bool((np.ptp(values, axis=0) <= 1e-9 * (1 + np.abs(values).max(axis=0))).all())
 
 
-def draw_shape(
-    axes: Axes,
-    shape: Shape,
-    values: Array,
-    style: Style,
-    unit: float,
-    strength: float = 1.0,
-    still: bool = False,
-) -> None:
-    """Draw a shape from its values at one time.
-
-    ``unit`` is the extent of the scene, ``strength`` 0 what cannot be seen and 1 in full.
-    """
-    blue, red = (_mixed(colour, style.paper, strength) for colour in style.colours[:2])
-    colour = style.muted if still else blue
-    order = 2 + strength
-    match shape.kind:
-        case "link":
-            axes.plot(*values.reshape(-1, 2).T, color=colour, linewidth=1.8, zorder=order)
-        case "point":
-            axes.plot(*values, "o", color=red, markersize=6, markeredgewidth=0, zorder=order + 0.2)
-        case "spring":
-            axes.plot(*_coils(values, 0.03 * unit), color=colour, linewidth=1.2, zorder=order)
-        case "wall":
-            _wall(axes, values, style, unit)
-        case _:
-            corners = _round(values) if shape.kind == "disc" else _corners(values)
-            inside = _mixed(colour, style.paper, 0.25)
-            fill: dict[str, Any] = {
-                "facecolor": inside if strength == 1 else "none",
-                "edgecolor": colour,
-            }
-            axes.fill(*corners.T, **fill, linewidth=1.2, zorder=order)
-            if shape.kind == "disc" and values[3]:
-                x, y, r, angle = values
-                spoke = ([x, x + r * cos(angle)], [y, y + r * sin(angle)])
-                axes.plot(*spoke, color=colour, linewidth=1.2, zorder=order)
-    if shape.name and still:
-        _label(axes, shape, values, style)
-
-
 def _label(axes: Axes, shape: Shape, values: Array, style: Style) -> None:
     """The name of what stands still, on its left."""
     x = values[0] - (values[2] if shape.kind == "disc" else 0.0)
     axes.annotate(
-        f"${symbol(shape.name)}$", (x, values[1]), xytext=(-6, 0), textcoords="offset points",
+        math(shape.name), (x, values[1]), xytext=(-6, 0), textcoords="offset points",
         ha="right", va="center", fontsize=SMALL, color=style.ink,
     )  # fmt: skip
 
 
-def _mixed(colour: str, paper: str, strength: float) -> str:
-    """A colour mixed with that of the paper: opaque, so that overlaps do not look like more."""
-    from matplotlib.colors import to_hex, to_rgb
-
-    a, b = np.array(to_rgb(colour)), np.array(to_rgb(paper))
-    return to_hex(tuple((strength * a + (1 - strength) * b).tolist()))
-
-
-def _round(disc: Array) -> Array:
-    x, y, r, _ = disc
-    around = np.linspace(0, 2 * np.pi, 49)
-    return np.stack([x + r * np.cos(around), y + r * np.sin(around)], axis=1)
-
-
-def _corners(box: Array) -> Array:
-    x, y, w, h, angle = box
-    corners = np.array([(-w, -h), (w, -h), (w, h), (-w, h), (-w, -h)]) / 2
-    c, s = cos(angle), sin(angle)
-    return np.asarray(corners @ np.array([(c, s), (-s, c)]) + (x, y))
-
-
-def _coils(ends: Array, width: float) -> tuple[Array, Array]:
-    """A zigzag from one end to the other, straight near both."""
-    a, b = ends[:2], ends[2:]
-    along = b - a
-    across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-300)
-    places = np.concatenate([[0.0], np.linspace(0.12, 0.88, 2 * COILS + 1), [1.0]])
-    side = np.concatenate([[0.0, 0.0], np.tile([1.0, -1.0], COILS)[: 2 * COILS - 1], [0.0, 0.0]])
-    x, y = a[:, None] + along[:, None] * places + width * across[:, None] * side
-    return x, y
-
-
-def _wall(axes: Axes, ends: Array, style: Style, unit: float) -> None:
-    """A line with strokes on its solid side, the right one."""
-    a, b = ends[:2], ends[2:]
-    length = float(np.hypot(*(b - a)))
-    axes.plot(*np.stack([a, b]).T, color=style.muted, linewidth=1.6, zorder=1)
-    if length <= 0:
-        return
-    along = (b - a) / length
-    right = np.array([along[1], -along[0]])
-    step = HATCH * unit
-    starts = a + along * (np.arange(0.5, length / step) * step)[:, None]
-    lines: Any = np.stack([starts, starts + step * (right - along) / 1.6], axis=1)
-    from matplotlib.collections import LineCollection
-
-    strokes = LineCollection(lines, colors=style.muted, linewidths=0.7, zorder=1, clip_on=False)
-    axes.add_collection(strokes, autolim=False)
-
-
-def _impulses(
-    axes: Axes, scene: Scene, trajectory: Trajectory, phase: int, style: Style, unit: float
-) -> None:
+def _impulses(axes: Axes, take: Take, phase: int, style: Style, unit: float) -> None:
     """Arrows where and in which direction the surfaces of the event at the end push."""
-    event = trajectory.collisions[phase]
-    hit = {*event.impulses, event.hit} if not event.grazes else {event.surface}
-    for contact in scene.contacts:
-        if contact.name not in hit:
-            continue
-        x, y, nx, ny = scene.of(contact, phase)[-1]
-        tip = (x + ARROW * unit * nx, y + ARROW * unit * ny)
-        axes.annotate(
-            "", tip, (x, y), annotation_clip=False, zorder=5,
-            arrowprops={"arrowstyle": "-|>", "color": style.colours[1], "linewidth": 1.4,
-                        "shrinkA": 0, "shrinkB": 0},
-        )  # fmt: skip
+    for mark in take.events[phase]["marks"] if phase < len(take.events) else ():
+        way = mark["impulse"]
+        size = float(np.hypot(*way))
+        if size:
+            x, y = mark["at"][:2].tolist()
+            dx, dy = (ARROW * unit / size * way).tolist()
+            axes.annotate(
+                "", (x + dx, y + dy), (x, y), annotation_clip=False, zorder=5,
+                arrowprops={"arrowstyle": "-|>", "color": style.hit, "linewidth": 1.4,
+                            "shrinkA": 0, "shrinkB": 0},
+            )  # fmt: skip

@@ -1,5 +1,5 @@
-"""How figures look: light and dark, in colours that the colour-blind can tell (Okabe & Ito 2008),
-and with line styles that tell the same."""
+"""How figures, films and pages look: light and dark, in colours that the colour-blind can tell
+(Okabe & Ito 2008), and with line styles that tell the same."""
 
 from __future__ import annotations
 
@@ -24,32 +24,48 @@ DOTS = (0, (1, 1.6))
 
 @dataclass(frozen=True)
 class Style:
-    """Colours of a figure.
+    """Colours of a picture.
 
     Attributes
     ----------
     paper, ink, muted, grid : str
         The background, texts, what stands behind, and the lines of the grid.
+    edge, body, mass : str
+        Of a mechanism.
+    hit : str
+        Of events and their impulses.
     colours : tuple of str
-        Of curves.
+        Of curves; ``normal`` and ``friction`` of contact forces are among them.
     tints : tuple of str
         Of areas behind texts; ``free`` where nothing touches.
-    verdicts : mapping of str to str
-        Of the nodes of a search, behind ``on_verdict``.
     alarm : str
         Of what was not solved.
+    verdicts : mapping of str to str
+        Of the nodes of a search, behind ``on_verdict``.
     """
 
     paper: str
     ink: str
     muted: str
     grid: str
+    edge: str
+    body: str
+    mass: str
+    hit: str
     colours: tuple[str, ...]
     tints: tuple[str, ...]
     free: str
-    verdicts: Mapping[str, str]
-    on_verdict: str
     alarm: str
+    verdicts: Mapping[str, str]
+    on_verdict: str = "#101010"
+
+    @property
+    def normal(self) -> str:
+        return self.colours[2]
+
+    @property
+    def friction(self) -> str:
+        return self.colours[3]
 
     def stroke(self, number: int, place: int) -> dict[str, Any]:
         """Colour of the curve of a number, and its line style from its place in a panel."""
@@ -69,6 +85,15 @@ class Style:
             "grid.color": self.grid,
         }
 
+    @property
+    def css(self) -> str:
+        """The same as variables of a page."""
+        names = ("paper", "ink", "muted", "grid", "edge", "body", "mass", "hit", "normal",
+                 "friction")  # fmt: skip
+        colours = {name: getattr(self, name) for name in names} | dict(self.verdicts)
+        colours |= {f"c{i}": colour for i, colour in enumerate(self.colours)}
+        return " ".join(f"--{name}: {colour};" for name, colour in colours.items())
+
 
 VERDICTS = MappingProxyType(
     {
@@ -82,30 +107,36 @@ VERDICTS = MappingProxyType(
         "failed": "#CC79A7",
     }
 )
+# Some colours are darker here and lighter below than the original ones: they are of texts too.
 LIGHT = Style(
     paper="#ffffff",
-    ink="#202020",
-    muted="#767676",
+    ink="#1c1c1c",
+    muted="#5b5b5b",
     grid="#e4e4e4",
-    colours=("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"),
+    edge="#1f4e79",
+    body="#dbe9f3",
+    mass="#c1440e",
+    hit="#b03a00",
+    colours=("#0072b2", "#d55e00", "#007d5b", "#a3457e", "#9a6700", "#2a84b5", "#333333"),
     tints=("#cce3f0", "#f7dfcc", "#b3e2d5", "#f5e4ed", "#faeccc", "#a6d7f3"),
     free="#f4f4f4",
+    alarm="#b00020",
     verdicts=VERDICTS,
-    on_verdict="#101010",
-    alarm="#B00020",
 )
-# The blue and the green of the light style are too dark on black: lighter ones of the same hues.
 DARK = Style(
     paper="#14171a",
     ink="#e8e8e8",
-    muted="#9a9fa5",
+    muted="#a9b0b6",
     grid="#31363b",
-    colours=("#56B4E9", "#FF8A3D", "#2CC79A", "#E39CC6", "#F0E442", "#B7A6FF"),
+    edge="#8cc4ec",
+    body="#24394a",
+    mass="#f2935a",
+    hit="#ffb27a",
+    colours=("#56b4e9", "#f0843a", "#2cc295", "#e39ac4", "#e6b84c", "#9ad4f5", "#e4e4e4"),
     tints=("#1d4460", "#5a2f14", "#145544", "#56384a", "#534b12", "#3b3566"),
     free="#22272b",
+    alarm="#ff6b6b",
     verdicts=VERDICTS,
-    on_verdict="#101010",
-    alarm="#FF6B6B",
 )
 STYLES = {"light": LIGHT, "dark": DARK}
 

@@ -19,11 +19,10 @@ from dmoc.report.canvas import (
     legend_beside,
     new_figure,
     painted,
-    plain,
     plain_axes,
-    symbol,
     written,
 )
+from dmoc.report.labels import math
 from dmoc.report.style import DASHES, Style
 
 if TYPE_CHECKING:
@@ -119,7 +118,7 @@ def _curves(
                 missing, np.full(len(missing), FOOT), "x", color=style.alarm, ms=6,
                 transform=axes.get_xaxis_transform(), label="not solved",
             )  # fmt: skip
-    below.set_xlabel(_label(name))
+    below.set_xlabel(math(name))
     below.set_ylim(bottom=0.0)
     legend_beside(below, below.get_legend_handles_labels()[0])
     return figure
@@ -141,8 +140,8 @@ def _map(
         axes.plot(x[~solved], y[~solved], "x", color=style.alarm, ms=6, label="not solved")
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, fontsize=SMALL)
     inked(axes, style)
-    axes.set_xlabel(_label(name_x))
-    axes.set_ylabel(_label(name_y))
+    axes.set_xlabel(math(name_x))
+    axes.set_ylabel(math(name_y))
     return figure
 
 
@@ -153,11 +152,3 @@ def _edges(places: Array) -> Array:
     half = np.diff(places) / 2
     low, high = places[:1] - half[:1], places[-1:] + half[-1:]
     return np.concatenate([low, places[:-1] + half, high])
-
-
-def _label(column: str) -> str:
-    """The name of a column, with its last word as mathematics if it is a name."""
-    *words, name = column.split(" ")
-    if not name.isidentifier() or not column.isascii() or "$" in column:
-        return plain(column)
-    return " ".join([*words, f"${symbol(name)}$"])

@@ -20,7 +20,7 @@ from PIL import Image
 
 import dmoc
 from dmoc.motion.scene import Array, Scene, Shape
-from dmoc.report.snapshots import draw_shape
+from dmoc.report.shapes import look_of, painter
 from dmoc.report.style import DARK
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -77,10 +77,11 @@ def draw(solution: dmoc.Solution, strobe: Strobe, path: Path) -> None:
     left, right, bottom, top = _window([_ends(shape, values) for shape, values, _ in seen], scene)
     for shape, values, share in seen:
         strength = FAINT + (1 - FAINT) * share**1.6
-        draw_shape(axes, shape, values, DARK, right - left, strength)
+        painter(axes, scene, shape, look_of(DARK, right - left, strength=strength))(values)
     for wall in _walls(scene):
         level = scene.of(wall, 0)[0][1]
-        draw_shape(axes, wall, np.array([left, level, right, level]), DARK, 0.7 * (right - left))
+        place = painter(axes, scene, wall, look_of(DARK, 0.7 * (right - left)))
+        place(np.array([left, level, right, level]))
     axes.set(xlim=(left, right), ylim=(bottom, top))
     content = io.BytesIO()
     figure.savefig(content, dpi=DOTS)

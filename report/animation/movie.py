@@ -16,10 +16,12 @@ import numpy as np
 
 from dmoc.base.errors import MissingExtraError, OutputError
 from dmoc.motion.trajectory import Array
-from dmoc.report.animation.colours import DARK, LIGHT, Colours
-from dmoc.report.animation.film import Film
-from dmoc.report.animation.stage import Drawn, Room, stage_of
+from dmoc.report.animation.page import film_room
+from dmoc.report.animation.stage import Drawn, stage_of
 from dmoc.report.canvas import new_figure
+from dmoc.report.film import Film
+from dmoc.report.places import Room
+from dmoc.report.style import Style
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter
@@ -34,7 +36,7 @@ LOWEST, HIGHEST = 2.4, 5.2  # inches of a mechanism, which has the shape of its 
 ABOVE, BELOW = 0.38, 0.34  # inches of the names over several of them, and of the times under it
 
 
-def movie_of(film: Film, ending: str, speed: float | None, fps: int, dark: bool) -> bytes:
+def movie_of(film: Film, ending: str, speed: float | None, fps: int, style: Style) -> bytes:
     """The content of a GIF or an mp4 of the motions of a film.
 
     Parameters
@@ -45,7 +47,7 @@ def movie_of(film: Film, ending: str, speed: float | None, fps: int, dark: bool)
         Seconds of the motion in a second of the movie.
     fps : int
         Frames in a second.
-    dark : bool
+    style : Style
 
     Raises
     ------
@@ -54,9 +56,8 @@ def movie_of(film: Film, ending: str, speed: float | None, fps: int, dark: bool)
     OutputError
         If the movie would be too long.
     """
-    times = _times(max(motion["duration"] for motion in film["motions"]), speed, fps)
-    colours = DARK if dark else LIGHT
-    figure, stages = _set(film, colours)
+    times = _times(max(take.trajectory.final_time for take in film.takes), speed, fps)
+    figure, stages = _set(film, style)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         path = folder / f"movie{ending}"
@@ -66,7 +67,7 @@ def movie_of(film: Film, ending: str, speed: float | None, fps: int, dark: bool)
             for t in times:
                 for draw in stages:
                     draw(float(t))
-                writer.grab_frame(facecolor=colours.ground)
+                writer.grab_frame(facecolor=style.paper)
         return path.read_bytes()
 
 
@@ -87,33 +88,32 @@ def _told() -> Iterator[None]:
         ) from None
 
 
-def _set(film: Film, colours: Colours) -> tuple[Figure, list[Drawn]]:
+def _set(film: Film, style: Style) -> tuple[Figure, list[Drawn]]:
     """A figure with the mechanisms beside each other, at one scale."""
-    motions = film["motions"]
-    rooms = np.array([motion["bounds"] for motion in motions])
-    left, bottom = rooms[:, ::2].min(axis=0)
-    right, top = rooms[:, 1::2].max(axis=0)
-    high = min(max(WIDTH * (top - bottom) / (right - left), LOWEST), HIGHEST)
-    above = ABOVE if len(motions) > 1 else 0.0  # one motion needs no name
+    takes = film.takes
+    room = film_room([take.scene for take in takes])
+    wide, tall = room.sides
+    high = min(max(WIDTH * tall / wide, LOWEST), HIGHEST)
+    above = ABOVE if len(takes) > 1 else 0.0  # one motion needs no name
     height = 2 * ceil((high + above + BELOW) * DOTS / 2) / DOTS
-    figure = new_figure(WIDTH * len(motions), height)
+    figure = new_figure(WIDTH * len(takes), height)
     figure.set_layout_engine("none")
-    figure.set_facecolor(colours.ground)
-    room = _fitted(left, bottom, right, top, WIDTH / high)
-    share = 1.0 / len(motions)
+    figure.set_facecolor(style.paper)
+    share = 1.0 / len(takes)
     stages: list[Drawn] = []
-    for i, motion in enumerate(motions):
+    for i, take in enumerate(takes):
         axes = figure.add_axes((i * share, BELOW / height, share, high / height))
-        stages.append(stage_of(axes, motion, room, colours))
+        stages.append(stage_of(axes, take, _fitted(room, WIDTH / high), style))
         if above:
-            axes.set_title(motion["name"], color=colours.text, fontsize=11, parse_math=False)
+            axes.set_title(take.name, color=style.ink, fontsize=11, parse_math=False)
     return figure, stages
 
 
-def _fitted(left: float, bottom: float, right: float, top: float, ratio: float) -> Room:
-    """The room of the mechanisms, widened to the shape of its axes."""
-    width = max(right - left, ratio * (top - bottom)) / 2
-    x, y = (left + right) / 2, (bottom + top) / 2
+def _fitted(room: Room, ratio: float) -> Room:
+    """A room, widened to the shape of its axes."""
+    wide, tall = room.sides
+    width = max(wide, ratio * tall) / 2
+    x, y = (room.left + room.right) / 2, (room.bottom + room.top) / 2
     return Room(x - width, x + width, y - width / ratio, y + width / ratio)
 
 

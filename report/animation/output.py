@@ -8,20 +8,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from dmoc.base.arguments import choice, listed, place, positive, shown, whole
+from dmoc.base.arguments import listed, place, positive, shown, whole
 from dmoc.base.arguments import path as path_of
 from dmoc.base.errors import OutputError, ProblemError
 from dmoc.base.files import write_whole
 from dmoc.motion.trajectory import Trajectory
-from dmoc.report.animation.film import Branch, Film, Take, film_of
 from dmoc.report.animation.movie import movie_of
 from dmoc.report.animation.page import page_of
+from dmoc.report.film import Branch, Film, Take
+from dmoc.report.style import style_of
 
 if TYPE_CHECKING:
     from typing import TypeAlias
 
 FORMATS = (".html", ".gif", ".mp4")
-STYLES = ("light", "dark")
 MOST = 3  # motions of a search that a movie shows side by side
 MOST_FRAMES_PER_SECOND = 60
 
@@ -90,8 +90,7 @@ def animate(
     """
     target, takes = path_of(path), _takes(motions)
     models = dict.fromkeys(take.trajectory.model for take in takes)
-    film = film_of(", ".join(models), takes)
-    return _written(film, target, speed, fps, style)
+    return _written(Film(", ".join(models), tuple(takes)), target, speed, fps, style)
 
 
 def animate_tree(
@@ -123,33 +122,30 @@ def animate_tree(
             takes.append(_take(name, solution))
     if target.suffix.lower() != ".html":
         order = {"optimal": 0, "feasible": 1}
-        good = [b for b in branches if b.take is not None and b.verdict in order]
+        good = [b for b in branches if b.motion is not None and b.verdict in order]
         good.sort(key=lambda b: (order[b.verdict], b.cost or 0.0))
         if not good:
             raise ProblemError(
                 "the search has no confirmed motion: a page (.html) shows its verdicts."
             )
-        takes, branches = [takes[b.take or 0] for b in good[:MOST]], []
-    film = film_of(title, takes, branches)
+        takes, branches = [takes[b.motion or 0] for b in good[:MOST]], []
+    film = Film(title, tuple(takes), tuple(branches))
     return _written(film, target, speed, fps, style)
 
 
 def _written(film: Film, path: Path, speed: float | None, fps: int, style: str) -> Path:
-    _check(path, speed, fps, style)
-    if path.suffix.lower() == ".html":
-        write_whole(path, page_of(film).encode())
-    else:
-        write_whole(path, movie_of(film, path.suffix.lower(), speed, fps, style == "dark"))
-    return path
-
-
-def _check(path: Path, speed: object, fps: object, style: object) -> None:
-    if path.suffix.lower() not in FORMATS:
+    ending = path.suffix.lower()
+    if ending not in FORMATS:
         raise OutputError(f"{place(path)} has no known format: end it in .html, .gif or .mp4.")
     if speed is not None:
         positive(speed, "speed", "expected a positive number such as 0.5")
     whole(fps, "fps", 1, MOST_FRAMES_PER_SECOND)
-    choice(style, "style", STYLES, OutputError)
+    colours = style_of(style)
+    if ending == ".html":
+        write_whole(path, page_of(film).encode())
+    else:
+        write_whole(path, movie_of(film, ending, speed, fps, colours))
+    return path
 
 
 def _takes(motions: Any) -> list[Take]:

@@ -7,14 +7,30 @@ import base64
 import hashlib
 import json
 import re
+from collections.abc import Sequence
+from dataclasses import asdict
 from html import escape
 from importlib.resources import files
+from typing import Any
 
-from dmoc.report.animation.colours import as_css
-from dmoc.report.animation.film import Film
+import numpy as np
 
+from dmoc.motion.scene import Array, Scene
+from dmoc.report.curves import Panel
+from dmoc.report.film import Film, Take
+from dmoc.report.places import Room, room_of
+from dmoc.report.style import DARK, LIGHT
+
+FORMAT = 1
 # In the order in which they need each other.
 SCRIPTS = ("values", "elements", "clock", "picture", "curves", "tree", "player")
+# Around a motion, in shares of the larger side, and the least side in shares of the other one.
+MARGIN, LEAST = 0.1, 0.3
+# Digits that are kept of the largest number of an array: finer than a pixel, finer than what is
+# read out.
+DIGITS = 6
+# Samples of a phase of a curve that are kept at most: it has no more pixels.
+MOST = 400
 
 
 def page_of(film: Film) -> str:
@@ -23,12 +39,18 @@ def page_of(film: Film) -> str:
     Its policy lets a browser run the page's own script alone, and fetch nothing.
     """
     script = "\n".join(_source(f"{name}.js") for name in SCRIPTS)
+    themes = f':root {{ {LIGHT.css} }}\n:root[data-theme="dark"] {{ {DARK.css} }}\n'
+    text = json.dumps(
+        document(film), ensure_ascii=False, separators=(",", ":"), allow_nan=False, default=rounded
+    )
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
     filled = {
-        "title": escape(film["title"]),
-        "style": as_css() + _source("page.css"),
+        "title": escape(film.title),
+        "style": themes + _source("page.css"),
         "script": script,
-        "film": _document(film),
-        "policy": f"default-src 'none'; style-src 'unsafe-inline'; script-src '{_digest(script)}'",
+        "film": text.replace("<", "\\u003c"),  # no text ends the element that holds it
+        "policy": policy,
     }
     # What is filled in is not read again: names of a model may look like places to fill.
     return re.sub(r"\{\{(\w+)\}\}", lambda place: filled[place[1]], _source("page.html"))
@@ -39,12 +61,85 @@ def _source(name: str) -> str:
     return (files("dmoc.report.animation") / "player" / name).read_text(encoding="utf-8")
 
 
-def _document(film: Film) -> str:
-    """A film as JSON in which no text can end the element that holds it."""
-    text = json.dumps(film, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    return text.replace("<", "\\u003c")
+def document(film: Film) -> dict[str, Any]:
+    """A film as numbers, texts, lists and mappings, and arrays that :func:`rounded` makes lists."""
+    return {
+        "format": FORMAT,
+        "title": film.title,
+        "motions": [_motion(take) for take in film.takes],
+        "tree": [asdict(branch) for branch in film.tree],
+    }
 
 
-def _digest(script: str) -> str:
-    """What a policy calls a script that may run."""
-    return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+def film_room(scenes: Sequence[Scene]) -> Room:
+    """What a film shows of the plane."""
+    return room_of(scenes, MARGIN, LEAST)
+
+
+def _motion(take: Take) -> dict[str, Any]:
+    motion, scene = take.trajectory, take.scene
+    # Columns that are the same all along are there once; one that does not change is one number.
+    _, first, which = np.unique(
+        np.vstack(scene.values), axis=1, return_index=True, return_inverse=True
+    )
+    columns = which.ravel().tolist()
+    return {
+        "name": take.name,
+        "model": motion.model,
+        "status": take.status,
+        "message": take.message,
+        "cost": take.cost,
+        "duration": motion.final_time,
+        "starts": [float(phase.t[0]) for phase in motion.phases],
+        "modes": [phase.mode for phase in motion.phases],
+        "lasting": motion.lasting,
+        "unit": "m" if motion.scene else "",
+        "shapes": [
+            {"kind": s.kind, "name": s.name, "columns": columns[s.start : s.start + s.size]}
+            for s in scene.shapes
+        ],
+        "parts": [
+            {"times": t, "columns": [_column(v) for v in values.T[first]]}
+            for t, values in zip(scene.times, scene.values, strict=True)
+        ],
+        "bounds": np.array(film_room([scene])),
+        "events": take.events,
+        "panels": [_panel(panel) for panel in take.panels],
+        "arrows": take.arrows,
+        "largest": take.largest,
+    }
+
+
+def _column(values: Array) -> list[float] | float:
+    numbers = rounded(values)
+    return numbers[0] if len(set(numbers)) == 1 else numbers
+
+
+def _panel(panel: Panel) -> dict[str, Any]:
+    def thinned(values: Array | None) -> Array | None:
+        """At most MOST of the values, evenly, with both ends; None if one is infinite."""
+        if values is None or not np.isfinite(values).all():
+            return None
+        if len(values) <= MOST:
+            return values
+        kept: Array = values[np.linspace(0, len(values) - 1, MOST).round().astype(int)]
+        return kept
+
+    curves = []
+    for curve in panel.curves:
+        low, high = (bound if np.isfinite(bound) else None for bound in curve.bounds)
+        label = {"head": curve.label.head, "tail": curve.label.tail}
+        values, limits = (list(map(thinned, parts)) for parts in (curve.values, curve.limits))
+        curves.append({"name": curve.name, "label": label, "number": curve.number, "low": low,
+                       "high": high, "values": values, "limits": limits})  # fmt: skip
+    times = list(map(thinned, panel.times))
+    return {"title": panel.title, "unit": panel.unit, "times": times, "curves": curves}
+
+
+def rounded(values: Array) -> list[float]:
+    """The numbers of an array of one dimension, to DIGITS digits of the largest."""
+    largest = float(np.abs(values).max(initial=0.0))
+    if not largest:
+        return [0.0] * len(values)
+    decimals = DIGITS - 1 - int(np.floor(np.log10(largest)))
+    return [float(v) for v in np.round(values, decimals) + 0.0]

@@ -369,7 +369,7 @@ def test_the_contrast_of_texts_is_enough(opened: Open, page: Path) -> None:
         const luminance = (name) => rgb(name)
           .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
           .reduce((sum, c, k) => sum + c * [0.2126, 0.7152, 0.0722][k], 0);
-        const names = ["--text", "--quiet", "--hit", "--normal", "--friction"];
+        const names = ["--ink", "--muted", "--hit", "--normal", "--friction"];
         return names.map((name) => {
           const pair = [luminance(name), luminance("--card")].sort((a, b) => b - a);
           return (pair[0] + 0.05) / (pair[1] + 0.05);

@@ -178,7 +178,10 @@ def test_legends_and_words_lie_within_the_figure(landed: dmoc.Solution) -> None:
         )
         for i, c in enumerate(landed.collisions)
     )
-    figure = drawn(landed, phases=phases, collisions=events, coordinates=wide)
+    free = np.full((7, 2), (-np.inf, np.inf))
+    figure = drawn(
+        landed, phases=phases, collisions=events, coordinates=wide, coordinate_bounds=free
+    )
     figure.canvas.draw()
     boxes = [a.get_legend().get_window_extent() for a in figure.axes if a.get_legend()]
     boxes += [t.get_window_extent() for a in figure.axes for t in a.texts]

@@ -143,11 +143,11 @@ def test_inputs_are_steps_and_far_bounds_are_told_beside_them(
     inputs = labelled(figure, "input $F$ [N]")
     assert legend(inputs) == [r"$-200\leq F\leq 200$"] and not inputs.texts
     assert not [line for line in inputs.lines if line.get_gid() == "limit"]
-    steps = [patch.get_data() for patch in inputs.patches]
+    steps = curves(inputs)
     assert len(steps) == 2
     for step, phase in zip(steps, solution.phases, strict=True):
-        np.testing.assert_array_equal(step.values, phase.u[:, 0])
-        np.testing.assert_array_equal(step.edges, phase.t)
+        np.testing.assert_array_equal(step[::2], np.column_stack([phase.t[:-1], phase.u[:, 0]]))
+        np.testing.assert_array_equal(step[1::2], np.column_stack([phase.t[1:], phase.u[:, 0]]))
 
 
 def test_a_bound_near_the_inputs_is_drawn_and_the_far_one_told(solution: dmoc.Solution) -> None:

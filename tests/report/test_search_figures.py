@@ -104,17 +104,13 @@ def test_motions_stand_side_by_side_with_their_collisions(
     titles = [f"left\ncost {solution.cost:.6g}", "again\ncost 2"]
     assert [a.get_title() for a in pictures] == titles and len(panels) == 6
     labels = [a.get_ylabel() for a in panels if a.get_ylabel()]
-    assert labels == [r"$\alpha$ [rad]", "$x$ [m]", "$F$ [N]"]
+    assert labels == [r"$\alpha$ [rad]", "$x$ [m]", "input $F$ [N]"]
     assert [a.get_xlabel() for a in panels if a.get_xlabel()] == ["time $t$ [s]"] * 2
     for row, axes in enumerate(panels[::2]):
         assert any(list(a.get_xdata()) == [motion.collisions[0].time] * 2 for a in axes.lines)
-        if row < 2:
-            curves = [a.get_xydata() for a in axes.lines if len(a.get_xdata()) > 2]
-        else:
-            curves = [
-                np.column_stack([s.get_data().edges[:-1], s.get_data().values])
-                for s in axes.patches
-            ]
+        curves = [a.get_xydata() for a in axes.lines if len(a.get_xdata()) > 2]
+        if row == 2:
+            curves = [steps[::2] for steps in curves]  # each step has both of its ends
         wanted = [
             (p.q[:, row] if row < 2 else p.u[:, 0], p.t if row < 2 else p.t[:-1])
             for p in motion.phases
@@ -190,7 +186,7 @@ def test_inputs_of_order_4_are_drawn_at_their_times() -> None:
     )
     motion = dmoc.solve(problem, "ipm").trajectory
     figure = plot_motions([("none", 1.5, motion)])
-    inputs = next(a for a in figure.axes if a.get_ylabel() == "$u$")
+    inputs = next(a for a in figure.axes if a.get_ylabel() == "input $u$")
     (line,) = inputs.lines
     (phase,) = motion.phases
     drawn = np.column_stack([motion.input_times(phase), phase.u[:, 0]])

@@ -1,0 +1,185 @@
+"""A film: motions as what figures, films and pages show of them.
+
+Drawings, curves, events and contact forces are found here once; :mod:`dmoc.report.animation.page`
+writes them as JSON.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypedDict
+
+import numpy as np
+
+from dmoc.motion.scene import Array, Scene
+from dmoc.motion.trajectory import Collision, Trajectory
+from dmoc.report.curves import Panel, panels_of
+from dmoc.report.default_drawing import scene_for
+from dmoc.report.labels import short
+from dmoc.report.rounding import without_rounding
+
+
+class Mark(TypedDict):
+    """A contact that takes part in an event: where it is, with the direction in which the surface
+    pushes, its impulse in the plane as a share of the largest, and what is told of it."""
+
+    contact: str
+    at: Array
+    impulse: Array
+    told: str
+
+
+class Event(TypedDict):
+    """What happens between two phases: its word, its impulses in words, and where it does."""
+
+    time: float
+    word: str
+    told: str
+    marks: list[Mark]
+
+
+class Arrow(TypedDict):
+    """A contact force that is drawn: its curve, by panel and position, and the shape where it
+    acts."""
+
+    panel: int
+    curve: int
+    shape: int
+    kind: str
+
+
+@dataclass(frozen=True)
+class Take:
+    """A motion that is shown.
+
+    Attributes
+    ----------
+    name : str
+    trajectory : Trajectory
+    status, message : str
+        How it was found; empty where nothing is known.
+    cost : float or None
+    """
+
+    name: str
+    trajectory: Trajectory
+    status: str = ""
+    message: str = ""
+    cost: float | None = None
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The drawing of its model, or one made from its coordinates alone."""
+        return scene_for(self.trajectory)
+
+    @cached_property
+    def panels(self) -> list[Panel]:
+        return panels_of(without_rounding(self.trajectory))
+
+    @cached_property
+    def events(self) -> list[Event]:
+        """What happens at the end of each phase but the last, where its contacts are then."""
+        motion = self.trajectory
+        at = {contact.name: contact for contact in self.scene.contacts}
+        sizes = [abs(p) for e in motion.collisions for own in _impulses(e) for p in own.values()]
+        largest = max(sizes, default=0.0) or 1.0
+        events: list[Event] = []
+        for phase, event in enumerate(motion.collisions):
+            names, several = _contacts(event), event.word != event.surface
+            marks: list[Mark] = []
+            for name in names:
+                if name in at:
+                    place = self.scene.of(at[name], phase)[-1]
+                    push = _push(place, event, name) / largest
+                    words = _told(event, name)
+                    marks.append({"contact": name, "at": place, "impulse": push, "told": words})
+            words = ", ".join(_in_words(event, name, several) for name in names).strip(", ")
+            events.append({"time": event.time, "word": event.word, "told": words, "marks": marks})
+        return events
+
+    @cached_property
+    def arrows(self) -> list[Arrow]:
+        """The contact forces whose places are in the scene."""
+        at = {shape.name: i for i, shape in enumerate(self.scene.shapes) if shape.kind == "contact"}
+        return [
+            {"panel": i, "curve": j, "shape": at[curve.contact], "kind": panel.quantity}
+            for i, panel in enumerate(self.panels)
+            for j, curve in enumerate(panel.curves)
+            if curve.contact in at
+        ]
+
+    @cached_property
+    def largest(self) -> float:
+        """What the longest arrow of a force stands for, in newton."""
+        forces = [f for phase in self.trajectory.phases for f in (phase.normal, phase.tangential)]
+        return max((float(np.abs(f).max(initial=0.0)) for f in forces), default=0.0)
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A sequence of a search.
+
+    Attributes
+    ----------
+    sequence : tuple of str
+    name : str
+    verdict : str
+    cost : float or None
+    evidence : tuple of str
+        Why the verdict is what it is.
+    motion : int or None
+        Its motion among the takes of the film.
+    """
+
+    sequence: tuple[str, ...]
+    name: str
+    verdict: str
+    cost: float | None = None
+    evidence: tuple[str, ...] = ()
+    motion: int | None = None
+
+
+@dataclass(frozen=True)
+class Film:
+    """Motions that share a clock, or those of the nodes of a tree."""
+
+    title: str
+    takes: tuple[Take, ...]
+    tree: tuple[Branch, ...] = ()
+
+
+def _push(place: Array, event: Collision, name: str) -> Array:
+    """The impulse of a contact in the plane: P along the normal, T along the normal turned
+    clockwise."""
+    nx, ny = place[2:]
+    normal, friction = (own.get(name, 0.0) for own in _impulses(event))
+    return np.array([normal * nx + friction * ny, normal * ny - friction * nx])
+
+
+def _impulses(event: Collision) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    """The normal impulse of each surface, and the friction."""
+    return event.impulses or {event.surface: event.impulse}, event.tractions
+
+
+def _contacts(event: Collision) -> list[str]:
+    """The contacts that take part in an event."""
+    surface = [event.surface] if event.surface else []
+    parts = (event.impulses, event.tractions, event.lands, event.leaves, event.friction)
+    return list(dict.fromkeys(name for part in (surface, *parts) for name in part))
+
+
+def _told(event: Collision, name: str) -> str:
+    """What happens to a contact in the word of its event, and its impulses."""
+    words = [w for w in event.word.split() if w.lstrip("+-").split(":")[0] == name] or [name]
+    return " ".join([*words, _in_words(event, name, False)]).strip()
+
+
+def _in_words(event: Collision, name: str, named: bool) -> str:
+    """The impulses of a contact."""
+    if event.grazes:
+        return "grazes" if name == event.surface else ""
+    whose = f" of {name}" if named else ""
+    parts = zip(("impulse", "friction"), _impulses(event), strict=True)
+    return ", ".join(f"{what} {short(own[name])}{whose}" for what, own in parts if own.get(name))
