@@ -103,3 +103,9 @@ def test_a_sentence_is_counted_without_its_formulas() -> None:
     page = f"# No\n\nIt is $a + b$ here, `x = y`.\nThen\n\n{formula}\n\nin {{eq}}`a` it is.\n"
     words = [s.split() for s in _sentences(page)]
     assert words == [["It", "is", "here,", "Code."], ["Then"], ["in", "it", "is."]]
+
+
+def test_the_first_page_is_short_and_its_pictures_are_small() -> None:
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 150
+    sizes = {p.name: p.stat().st_size for p in (DOCS / "pictures").iterdir()}
+    assert sizes["swing_up.gif"] <= 600_000 and sum(sizes.values()) <= 1_000_000, sizes
