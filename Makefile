@@ -34,7 +34,7 @@ check: $(VENV)/.installed-test $(VENV)/.installed-check
 	$(BIN)/mypy
 	$(BIN)/mypy tests/whole/typed_script.py
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest tests/codegen/test_generated.py -k committed
+	$(BIN)/python -m pytest tests/codegen/test_generated.py tests/whole/test_text.py -k "committed or test_text"
 
 # Examples that have not changed are not run again; those that have take some minutes in all.
 docs: $(VENV)/.installed-docs
