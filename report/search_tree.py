@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from dmoc.report.labels import plain
 from dmoc.report.panels import draw_curves
 from dmoc.report.rounding import without_rounding
 from dmoc.report.snapshots import draw_motions, height_of
-from dmoc.report.style import DASHES, DOTS, Style
+from dmoc.report.style import SIGNS, Style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,17 +34,6 @@ MOST_LABELS = 130
 ROW, CHARACTER = 0.3, 0.075  # inches of a leaf, and of a character of a label
 TALLEST = 40.0  # inches of a tree
 WIDE, HIGH, DRAWN = 3.4, 1.4, 2.4  # inches of a motion, of its panels, of its drawing at most
-# Edges of labels and points, so that verdicts differ in more than their colours.
-EDGES: dict[str, Any] = {
-    "optimal": "-",
-    "grazes": DASHES[2],
-    "collapses": (0, (9, 1.5, 1.2, 1.5, 1.2, 1.5)),
-    "unverified": DASHES[1],
-    "infeasible": DOTS,
-    "unreachable": DASHES[3],
-    "failed": DASHES[4],
-}
-
 Name = tuple[str, ...]
 
 
@@ -54,7 +43,7 @@ def plot_tree(
     *,
     style: str = "light",
 ) -> Figure:
-    """Draw the tree of sequences: verdict by colour and edge, cost on the nodes.
+    """Draw the tree of sequences: verdict by colour and sign, cost on the nodes.
 
     Parameters
     ----------
@@ -71,7 +60,7 @@ def _tree(nodes: Sequence[tuple[Name, str, float | None]], style: Style) -> Figu
     rows = _rows([s for s, _, _ in nodes])
     depth = max(map(len, rows), default=0)
     noun = noun_of(word for s in rows for word in s)
-    labels = {s: _label(s, cost, noun) for s, _, cost in nodes}
+    labels = {s: f"{SIGNS[verdict][0]} {_label(s, cost, noun)}" for s, verdict, cost in nodes}
     columns = _columns(labels, depth)
     height = min(max(1.6, ROW * (max(rows.values(), default=0.0) + 1) + 1.1), TALLEST)
     figure = new_figure(columns[-1] + 0.5, height)
@@ -114,14 +103,8 @@ def _columns(labels: dict[Name, str], depth: int) -> list[float]:
 
 def _node(axes: Axes, place: tuple[float, float], text: str, verdict: str, style: Style) -> None:
     best = verdict == "optimal"
-    edge = style.ink if best else style.muted
-    box = {
-        "boxstyle": "round,pad=0.28",
-        "facecolor": style.verdicts[verdict],
-        "edgecolor": edge if verdict in EDGES else "none",
-        "linestyle": EDGES.get(verdict, "-"),
-        "linewidth": 1.4 if best else 1.0,
-    }
+    box = {"boxstyle": "round,pad=0.28", "facecolor": style.verdicts[verdict], "linewidth": 1.4,
+           "edgecolor": style.ink if best else "none"}  # fmt: skip
     axes.text(
         *place, text, ha="center", va="center", fontsize=7.5, zorder=2, bbox=box,
         weight="bold" if best else "normal", color=style.on_verdict,
@@ -132,14 +115,10 @@ def _verdict_legend(figure: Figure, verdicts: list[str], style: Style) -> None:
     from matplotlib.patches import Patch
 
     handles = [
-        Patch(
-            facecolor=colour, label=f"{verdict} ({verdicts.count(verdict)})", linewidth=1.0,
-            edgecolor=style.muted if verdict in EDGES else "none",
-            linestyle=EDGES.get(verdict, "-"),
-        )
+        Patch(facecolor=colour, label=f"{SIGNS[verdict][0]} {verdict} ({verdicts.count(verdict)})")
         for verdict, colour in style.verdicts.items()
         if verdict in verdicts
-    ]  # fmt: skip
+    ]
     columns = max(1, int(figure.get_figwidth() / 1.5))
     figure.legend(
         handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=SMALL

@@ -107,6 +107,19 @@ VERDICTS = MappingProxyType(
         "failed": "#CC79A7",
     }
 )
+# Signs of verdicts, and what they mean.
+SIGNS = MappingProxyType(
+    {
+        "optimal": ("\u2605", "optimal"),
+        "feasible": ("\u2713", "feasible"),
+        "grazes": ("~", "grazes: a collision has no effect"),
+        "collapses": ("\u2193", "collapses: a shorter sequence does as well"),
+        "unverified": ("?", "not confirmed by simulation"),
+        "infeasible": ("\u2717", "infeasible: the goal is not reached"),
+        "unreachable": ("\u2298", "unreachable: its last collision cannot be made"),
+        "failed": ("!", "failed: no answer"),
+    }
+)
 # Some colours are darker here and lighter below than the original ones: they are of texts too.
 LIGHT = Style(
     paper="#ffffff",

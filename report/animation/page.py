@@ -19,7 +19,7 @@ from dmoc.motion.scene import Array, Scene
 from dmoc.report.curves import Panel
 from dmoc.report.film import Film, Take
 from dmoc.report.places import Room, room_of
-from dmoc.report.style import DARK, LIGHT
+from dmoc.report.style import DARK, LIGHT, SIGNS
 
 FORMAT = 1
 # In the order in which they need each other.
@@ -67,6 +67,7 @@ def document(film: Film) -> dict[str, Any]:
         "format": FORMAT,
         "title": film.title,
         "motions": [_motion(take) for take in film.takes],
+        "verdicts": dict(SIGNS),
         "tree": [asdict(branch) for branch in film.tree],
     }
 

@@ -33,7 +33,7 @@ def links(axes: Axes) -> set[tuple[tuple[float, float], ...]]:
 def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
     figure = plot_tree(NODES)
     (axes,) = figure.axes
-    shown = {text.get_text(): (text, text.get_position()) for text in axes.texts}
+    shown = {text.get_text()[2:]: (text, text.get_position()) for text in axes.texts}
     assert set(shown) == {"no collision 5.341", "east 0.5351", "west", "west 2", "east 3"}
     columns = list(axes.get_xticks())
     depths = {name: columns.index(place[0]) for name, (_, place) in shown.items()}
@@ -64,7 +64,7 @@ def test_a_tree_shows_sequences_costs_and_verdicts() -> None:
     assert axes.get_xlabel() == "collisions"
     assert [t.get_text() for t in axes.get_xticklabels()] == ["0", "1", "2"]
     (legend,) = figure.legends
-    assert {t.get_text() for t in legend.get_texts()} == {
+    assert {t.get_text()[2:] for t in legend.get_texts()} == {
         "optimal (1)",
         "feasible (2)",
         "unverified (1)",
@@ -76,7 +76,7 @@ def test_a_tree_of_landings_and_friction_is_one_of_events() -> None:
     nodes = [((), "infeasible", None), (("+foot:slip-",), "optimal", 1.0)]
     (axes,) = plot_tree(nodes).axes
     assert axes.get_xlabel() == "events"
-    assert {text.get_text() for text in axes.texts} == {"no event", "+foot:slip- 1"}
+    assert {text.get_text()[2:] for text in axes.texts} == {"no event", "+foot:slip- 1"}
 
 
 def test_a_large_tree_has_points_instead_of_texts() -> None:
@@ -142,9 +142,7 @@ def test_the_best_motions_are_drawn_at_one_scale_and_nothing_is_cut_off(
 def test_verdicts_differ_in_more_than_their_colours() -> None:
     nodes = [((), "optimal", 1.0), *(((v,), v, None) for v in VERDICTS if v != "optimal")]
     (axes,) = plot_tree(nodes).axes
-    boxes = [text.get_bbox_patch() for text in axes.texts]
-    edges = {(str(b.get_linestyle()), b.get_linewidth(), to_hex(b.get_edgecolor())) for b in boxes}
-    assert len(edges) == len(VERDICTS)
+    assert len({text.get_text()[0] for text in axes.texts}) == len(VERDICTS)
     assert to_hex(plot_tree(nodes, style="dark").get_facecolor()) == DARK.paper
 
 
@@ -156,7 +154,7 @@ def test_a_search_draws_its_nodes_and_its_best_motions(
     )
     result = dmoc.search(problem, 1)
     (axes,) = result.plot(tmp_path / "tree.png").axes
-    assert [t.get_text() for t in axes.texts] == [
+    assert [t.get_text()[2:] for t in axes.texts] == [
         f"{name} {node.cost:.4g}"
         for name, node in zip(("no collision", "wall"), result.nodes, strict=True)
     ]

@@ -9,8 +9,9 @@ const FAR = 1; // a bound further from the curves than this many times their ran
 const FAR_FORCE = 5; // nor are limits of friction above this many times the largest force
 const DASHES = ["", "7 3", "2 3", "9 3 2 3", "5 5", "12 4", "2 5"];
 
-function style(i) {
-  return { class: `s${i % 7}`, "stroke-dasharray": DASHES[(i + Math.floor(i / 7)) % 7] };
+// The colour of a curve by its number, as in figures, and its stroke by its place in the panel.
+function style(name, curve, i = 0) {
+  return { class: `${name} s${curve.number % 7}`, "stroke-dasharray": DASHES[(i + Math.floor(i / 7)) % 7] };
 }
 
 // The least and the largest value of panels that are compared, with bounds that are near.
@@ -35,7 +36,7 @@ function makePanel(motion, panel, range, clock) {
   const root = svg("svg", { class: "panel", height: HIGH, role: "img" });
   const still = svg("g");
   const cursor = svg("line", { class: "cursor", y1: TOP, y2: HIGH - BOTTOM });
-  const dots = panel.curves.map((_, i) => svg("circle", { class: `dot s${i % 7}`, r: 4 }));
+  const dots = panel.curves.map((curve) => svg("circle", { ...style("dot", curve), r: 4 }));
   root.append(still, cursor, ...dots);
   const values = panel.curves.map(() => html("output"));
   const [low, high] = range;
@@ -81,7 +82,7 @@ function makePanel(motion, panel, range, clock) {
 // Names of the curves with their strokes, and the values at the cursor.
 function legend(panel, values) {
   const entries = panel.curves.map((curve, i) => {
-    const stroke = svg("path", { ...style(i), d: "M0 4H28", fill: "none", "stroke-width": 2 });
+    const stroke = svg("path", { ...style("curve", curve, i), d: "M0 4H28" });
     const swatch = svg("svg", { viewBox: "0 0 28 8", "aria-hidden": "true" }, stroke);
     const name = html("span", { "aria-label": curve.name }, ...symbol(curve.label));
     return html("li", {}, swatch, name, " = ", values[i]);
@@ -121,11 +122,7 @@ function eventLines(motion, axes) {
 // The strokes of a curve, cut off at the frame: its phases, dotted jumps between them, bounds and limits.
 function strokes(panel, curve, i, axes) {
   const drawn = [];
-  const line = (name, d, dash) => {
-    const element = svg("path", { class: `${name} s${i % 7}`, d });
-    if (dash) set(element, { "stroke-dasharray": dash });
-    drawn.push(element);
-  };
+  const line = (name, d, place) => drawn.push(svg("path", { ...style(name, curve, place), d }));
   const seen = (v) => v !== null && axes.y(v) >= TOP && axes.y(v) <= HIGH - BOTTOM;
   for (const bound of [curve.low, curve.high]) {
     if (seen(bound)) line("limit", path([[LEFT, axes.y(bound)], [axes.width - RIGHT, axes.y(bound)]]));
@@ -143,7 +140,7 @@ function strokes(panel, curve, i, axes) {
     }
     const points = values.map((v, k) => [axes.x(panel.times[phase][k]), axes.y(v)]);
     if (end !== null) line("jump", path([end, points[0]]));
-    line("curve", path(points), DASHES[(i + Math.floor(i / 7)) % 7]);
+    line("curve", path(points), i);
     end = points[points.length - 1];
   });
   const room = { x: LEFT, y: TOP, width: axes.width - LEFT - RIGHT, height: HIGH - TOP - BOTTOM };

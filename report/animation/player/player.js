@@ -78,7 +78,7 @@ function drawTicks(motions) {
 // What stands in the place of a motion that there is not.
 function verdictOf(node) {
   const evidence = node.evidence.map((text) => html("li", {}, text));
-  const told = html("p", {}, VERDICTS[node.verdict][1]);
+  const told = html("p", {}, film.verdicts[node.verdict][1]);
   const list = html("ul", { class: "evidence" }, ...evidence);
   const element = html("section", { class: "motion", id: "verdict", "aria-live": "polite" });
   element.append(html("h2", {}, badge(node.verdict), node.name), told, list);

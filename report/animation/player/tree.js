@@ -1,18 +1,7 @@
 // The sequences of a search as a tree of buttons.
 
-const VERDICTS = {
-  optimal: ["\u2605", "optimal"],
-  feasible: ["\u2713", "feasible"],
-  grazes: ["~", "grazes: a collision has no effect"],
-  collapses: ["\u2193", "collapses: a shorter sequence does as well"],
-  unverified: ["?", "not confirmed by simulation"],
-  infeasible: ["\u2717", "infeasible: the goal is not reached"],
-  unreachable: ["\u2298", "unreachable: its last collision cannot be made"],
-  failed: ["!", "failed: no answer"],
-};
-
 function badge(verdict) {
-  const element = html("span", { class: "verdict", "aria-hidden": "true" }, VERDICTS[verdict][0]);
+  const element = html("span", { class: "verdict", "aria-hidden": "true" }, film.verdicts[verdict][0]);
   element.style.background = `var(--${verdict})`;
   return element;
 }
@@ -47,7 +36,7 @@ function makeTree(nodes, choose) {
 }
 
 function nodeButton(node, act) {
-  const [, meaning] = VERDICTS[node.verdict];
+  const [, meaning] = film.verdicts[node.verdict];
   const last = node.sequence[node.sequence.length - 1] ?? node.name;
   const cost = node.cost === null ? "" : ` ${short(node.cost)}`;
   const button = html("button", { type: "button", role: "treeitem", "aria-level": node.sequence.length + 1 });
@@ -79,7 +68,7 @@ function walk(event, root) {
 
 // What the verdicts are called, with how many there are of each.
 function key(nodes) {
-  const found = Object.keys(VERDICTS).filter((verdict) => nodes.some((node) => node.verdict === verdict));
+  const found = Object.keys(film.verdicts).filter((verdict) => nodes.some((node) => node.verdict === verdict));
   const entries = found.map((verdict) => {
     const count = nodes.filter((node) => node.verdict === verdict).length;
     return html("li", {}, badge(verdict), `${verdict} (${count})`);
