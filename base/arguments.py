@@ -190,7 +190,7 @@ def function(value: Any, what: str, of: str, error: Kind = ProblemError) -> Call
     return call
 
 
-def executor(value: Any, error: Kind = ProblemError) -> Any:
+def executor(value: Any, what: str = "executor", error: Kind = ProblemError) -> Any:
     """Read what solves tasks elsewhere, or None."""
     if value is not None:
         try:
@@ -199,7 +199,7 @@ def executor(value: Any, error: Kind = ProblemError) -> Any:
             fits = False
         if not fits:
             raise error(
-                f"executor = {shown(value)}: expected a concurrent.futures.Executor, or None."
+                f"{what} = {shown(value)}: expected a concurrent.futures.Executor, or None."
             )
     return value
 

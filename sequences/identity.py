@@ -8,25 +8,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from importlib import metadata
 
+from dmoc.base.options import options_of
 from dmoc.problem.problem import Boundary, Problem
 from dmoc.sequences.settings import Settings
 
 # Fields of a problem that the search sets itself, node by node.
 SEARCHED = ("sequence", "durations")
-# Settings that decide which nodes are looked at, when and where, and not what the answer of one is.
-ELSEWHERE = (
-    "max_collisions",
-    "strategy",
-    "beam",
-    "workers",
-    "executor",
-    "seconds",
-    "node_seconds",
-    "max_nodes",
-    "journal",
-    "resume",
-    "progress",
-)
 
 
 def _end(bounds: Boundary) -> object:
@@ -55,9 +42,9 @@ def facts(problem: Problem, settings: Settings) -> dict[str, object]:
             found[f"problem.{field.name}"] = (
                 meaning(problem) if meaning else getattr(problem, field.name)
             )
-    for field in fields(Settings):
-        if field.name not in ELSEWHERE:
-            found[f"settings.{field.name}"] = getattr(settings, field.name)
+    for name, option in options_of(Settings).items():
+        if option.decides:
+            found[f"settings.{name}"] = getattr(settings, name)
     return found
 
 

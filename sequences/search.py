@@ -29,15 +29,7 @@ from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.notes import notes_of
 from dmoc.sequences.pool import Processes, Workers, here, in_executor
 from dmoc.sequences.result import best_of, table_of
-from dmoc.sequences.settings import (
-    MOST,
-    STARTS,
-    Settings,
-    events_of,
-    read,
-    shortest_of,
-    surfaces_of,
-)
+from dmoc.sequences.settings import MOST, STARTS, Settings, settings_of
 from dmoc.sequences.traversal import Progress, walked
 from dmoc.sequences.tree import Tree
 from dmoc.solving.methods import SEARCHING, usual
@@ -263,6 +255,7 @@ def search(
     >>> [node.name for node in result.ranked()][:2]
     ['east', 'west']
     """
+    keywords = {**locals()}
     if not isinstance(problem, Problem):
         raise SearchError(
             f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., "
@@ -279,26 +272,8 @@ def search(
             "happen."
         )
     with told(progress, "first sequence", SearchError) as tell:
-        settings = Settings(
-            max_collisions,
-            surfaces_of(problem, surfaces),
-            events_of(problem, events),
-            strategy,
-            beam,
-            starts,
-            seed,
-            method,
-            workers,
-            executor,
-            seconds,
-            node_seconds,
-            max_nodes,
-            shortest_of(problem, shortest_phase),
-            journal,
-            resume,
-            tell,
-        )
-        return _searched(stated, problem, read(problem, settings))
+        keywords |= {"method": method, "progress": tell}
+        return _searched(stated, problem, settings_of(problem, keywords))
 
 
 def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchResult:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
 
 import numpy as np
 
-from dmoc.base.arguments import choice, executor, flag, names, number, path, positive, shown, whole
+from dmoc.base.arguments import choice, flag, names, number, path, positive, shown, whole
+from dmoc.base.arguments import executor as an_executor
 from dmoc.base.errors import ProblemError, SearchError
+from dmoc.base.options import Option, read
 from dmoc.mechanics.modes import (
     Contacts,
     event_of,
@@ -35,6 +38,9 @@ STARTS = 4
 BEYOND = 4
 DEEPEST = 12  # the tree grows with the power of the depth
 MOST, MOST_WORKERS = 2**31 - 1, 1000  # of what is counted, of processes
+TIME = "expected a positive time, or None"
+# An option that says which nodes are looked at, when or where, and not what the answer of one is.
+Elsewhere = partial(Option, decides=False)
 
 
 @dataclass(frozen=True)
@@ -42,23 +48,23 @@ class Settings:
     """The keywords of :func:`dmoc.search`, with the surfaces and the shortest phase that stand for
     those not given."""
 
-    max_collisions: int
+    max_collisions: Annotated[int, Elsewhere(partial(whole, least=0, most=DEEPEST))]
     surfaces: tuple[str, ...]
     events: tuple[str, ...] | None
-    strategy: str
-    beam: int
-    starts: int
-    seed: int
-    method: str
-    workers: int
-    executor: Executor | None
-    seconds: float | None
-    node_seconds: float | None
-    max_nodes: int | None
+    strategy: Annotated[str, Elsewhere(partial(choice, choices=STRATEGIES))]
+    beam: Annotated[int, Elsewhere(partial(whole, least=1, most=MOST))]
+    starts: Annotated[int, Option(partial(whole, least=0, most=MOST))]
+    seed: Annotated[int, Option(partial(whole, least=0, most=MOST))]
+    method: Annotated[str, Option(partial(choice, choices=METHODS))]
+    workers: Annotated[int, Elsewhere(partial(whole, least=1, most=MOST_WORKERS))]
+    executor: Annotated[Executor | None, Elsewhere(an_executor)]
+    seconds: Annotated[float | None, Elsewhere(partial(positive, expected=TIME))]
+    node_seconds: Annotated[float | None, Elsewhere(partial(positive, expected=TIME))]
+    max_nodes: Annotated[int | None, Elsewhere(partial(whole, least=1, most=MOST))]
     shortest_phase: float
-    journal: str | os.PathLike[str] | None
-    resume: bool
-    progress: Callable[[Any], object] | None
+    journal: Annotated[str | os.PathLike[str] | None, Elsewhere(path)]
+    resume: Annotated[bool, Elsewhere(flag)]
+    progress: Annotated[Callable[[Any], object] | None, Elsewhere()]
 
 
 def surfaces_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...]:
@@ -91,7 +97,7 @@ def events_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...] 
     chosen = tuple(names(given, "events", "words of a sequence", SearchError))
     for word in chosen:
         try:
-            _read(word, problem.touches)
+            _check_word(word, problem.touches)
         except ProblemError as error:
             raise SearchError(f"events: {error}") from None
     if not chosen or len(set(chosen)) < len(chosen):
@@ -101,7 +107,7 @@ def events_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...] 
     return chosen
 
 
-def _read(word: str, contacts: Contacts) -> None:
+def _check_word(word: str, contacts: Contacts) -> None:
     """Refuse a word that is none, whichever surfaces are closed."""
     try:
         event_of(word, contacts)
@@ -162,40 +168,19 @@ def shortest_of(problem: Problem, given: float | None) -> float:
     return shortest
 
 
-def read(problem: Problem, s: Settings) -> Settings:
-    """The settings with their numbers as they were read; refuse what does not fit, by itself and
-    with the problem."""
-    choice(s.strategy, "strategy", STRATEGIES, SearchError)
-    choice(s.method, "method", tuple(METHODS), SearchError)
-    s = replace(s, **_numbers(s), resume=flag(s.resume, "resume", SearchError))
-    executor(s.executor, SearchError)
-    if s.journal is not None:
-        path(s.journal, "journal", SearchError)
-    if s.resume and s.journal is None:
-        raise SearchError("resume needs the journal of the search that shall go on: name it.")
-    _check_problem(problem, s)
-    return s
-
-
-def _numbers(s: Settings) -> dict[str, Any]:
-    numbers: dict[str, Any] = {
-        what: whole(getattr(s, what), what, least, most, SearchError)
-        for what, least, most in (
-            ("max_collisions", 0, DEEPEST),
-            ("beam", 1, MOST),
-            ("starts", 0, MOST),
-            ("seed", 0, MOST),
-            ("workers", 1, MOST_WORKERS),
-        )
+def settings_of(problem: Problem, keywords: Mapping[str, Any]) -> Settings:
+    """The keywords of a search as they are read; what does not fit, by itself and with the problem,
+    is refused."""
+    of_problem = {
+        "surfaces": surfaces_of(problem, keywords["surfaces"]),
+        "events": events_of(problem, keywords["events"]),
+        "shortest_phase": shortest_of(problem, keywords["shortest_phase"]),
     }
-    if s.max_nodes is not None:
-        numbers["max_nodes"] = whole(s.max_nodes, "max_nodes", 1, MOST, SearchError)
-    for what in ("seconds", "node_seconds"):
-        value = getattr(s, what)
-        if value is not None:
-            expected = "expected a positive time, or None"
-            numbers[what] = positive(value, what, expected, SearchError)
-    return numbers
+    settings = read(Settings, {**keywords, **of_problem}, SearchError)
+    if settings.resume and settings.journal is None:
+        raise SearchError("resume needs the journal of the search that shall go on: name it.")
+    _check_problem(problem, settings)
+    return settings
 
 
 def _check_problem(problem: Problem, s: Settings) -> None:

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from dmoc.base.arguments import executor as executor_of
 from dmoc.base.arguments import flag, listed, positive, shown, whole
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import DmocError, ProblemError
+from dmoc.base.options import options_of, read
 from dmoc.base.progress import Listener, told
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.problem.problem import Problem
@@ -25,7 +25,7 @@ from dmoc.results.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Status
 from dmoc.solving.methods import SEARCHING, usual
-from dmoc.solving.request import keywords
+from dmoc.solving.request import LIMIT, Keywords
 from dmoc.solving.solve import solve
 from dmoc.solving.starts import Given
 
@@ -35,9 +35,7 @@ TOGETHER, SHARES = 16, 4
 MOST_WORKERS = 1000
 MOST_PROBLEMS = 1_000_000
 # Arguments of a solve that are the same for all problems.
-OPTIONS = {*signature(solve).parameters} - {
-    "problem", "method", "guess", "seconds", "progress", "reference",
-}  # fmt: skip
+OPTIONS = options_of(Keywords).keys() - {"method", "seconds", "reference"}
 # Every problem is explored only where its caller asks for it: that takes many times as long as a
 # solve.
 STARTS = {"starts": 1}
@@ -195,14 +193,14 @@ def batch_of(
     executor = executor_of(executor)
     flag(setting.keep, "keep")
     if seconds is not None:
-        seconds = positive(seconds, "seconds", "expected a positive time limit, or None")
+        seconds = positive(seconds, "seconds", LIMIT)
     for name, value in setting.options.items():
         if name not in OPTIONS:
             raise ProblemError(
                 f"{name} = {shown(value)} is no argument of solve_many; of solve it takes "
                 f"{', '.join(sorted(OPTIONS))}."
             )
-    keywords(setting.method, **setting.options)
+    read(Keywords, {"method": setting.method, **setting.options}, ProblemError)
     if isinstance(setting.guess, (str, os.PathLike)):
         setting = replace(setting, guess=Solution.load(setting.guess))
     begin, rows = time.perf_counter(), dict[int, Row]()

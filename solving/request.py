@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Annotated
 
 from dmoc.base.arguments import choice, flag, positive, text, whole
 from dmoc.base.deadline import Deadline
+from dmoc.base.options import Option
 from dmoc.codegen.kernels import COMPILED
 from dmoc.problem.problem import Problem
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Options
@@ -16,6 +18,9 @@ from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Form, Method
 AUTOMATIC = 1e-3
 MOST_STARTS = 1_000_000
 MOST_ITERATIONS = 2**31 - 1  # what the compiled method can count
+NUMBER = "expected a positive number"
+NUMBER_OR_NONE = f"{NUMBER}, or None"
+LIMIT = "expected a positive time limit, or None"
 
 
 @dataclass(frozen=True)
@@ -36,24 +41,27 @@ class Request:
 
 @dataclass(frozen=True)
 class Keywords:
-    """The keywords of :func:`dmoc.solve` that mean the same for every problem, as they were read;
-    :func:`keywords` reads them."""
+    """The keywords of :func:`dmoc.solve` that mean the same for every problem, as they were
+    read."""
 
-    method: str | None
-    tolerance: float | None
-    form: str
-    starts: int | None
-    seed: int
-    options: Options
-    verify: bool
-    reference: str
+    method: Annotated[str | None, Option(partial(choice, choices=METHODS))] = None
+    tolerance: Annotated[float | None, Option(partial(positive, expected=NUMBER_OR_NONE))] = None
+    form: Annotated[str, Option(partial(choice, choices=FORMS))] = Form.CONDENSED
+    starts: Annotated[int | None, Option(partial(whole, least=1, most=MOST_STARTS))] = None
+    seed: Annotated[int, Option(partial(whole, least=0, most=MOST_ITERATIONS))] = 0
+    optimality: Annotated[float, Option(partial(positive, expected=NUMBER))] = OPTIMALITY
+    violation: Annotated[float, Option(partial(positive, expected=NUMBER))] = VIOLATION
+    iterations: Annotated[int, Option(partial(whole, least=1, most=MOST_ITERATIONS))] = ITERATIONS
+    seconds: Annotated[float | None, Option(partial(positive, expected=LIMIT))] = None
+    verify: Annotated[bool, Option(flag)] = True
+    reference: Annotated[str, Option(text)] = ""
 
     def tolerance_of(self, problem: Problem) -> float | None:
         """The tolerance of a refinement; None where the mesh of the problem is the only one."""
         return AUTOMATIC if self.tolerance is None and problem.steps is None else self.tolerance
 
     def request(self, problem: Problem) -> Request:
-        """What is asked for of a problem, with its usual method unless one is named.
+        """What is asked for of a problem, with its usual method unless one is named, from now on.
 
         Raises
         ------
@@ -66,52 +74,9 @@ class Keywords:
         method = METHODS[name]
         method.require(problem.kernels.backend)
         method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
-        return Request(
-            method, self.options, self.form, self.verify, self.verify, self.starts, self.seed
-        )
-
-
-def keywords(
-    method: Any = None,
-    *,
-    tolerance: Any = None,
-    form: Any = "condensed",
-    starts: Any = None,
-    seed: Any = 0,
-    optimality: Any = OPTIMALITY,
-    violation: Any = VIOLATION,
-    iterations: Any = ITERATIONS,
-    seconds: Any = None,
-    verify: Any = True,
-    reference: Any = "",
-) -> Keywords:
-    """Read the keywords of :func:`dmoc.solve`.
-
-    Raises
-    ------
-    ProblemError
-        If one of them does not fit.
-    """
-    limits = Options(
-        positive(optimality, "optimality", "expected a positive number"),
-        positive(violation, "violation", "expected a positive number"),
-        whole(iterations, "iterations", 1, MOST_ITERATIONS),
-        Deadline.after(_unless_none(seconds, "seconds", "expected a positive time limit, or None")),
-    )
-    return Keywords(
-        None if method is None else choice(method, "method", tuple(METHODS)),
-        _unless_none(tolerance, "tolerance", "expected a positive number, or None"),
-        choice(form, "form", FORMS),
-        None if starts is None else whole(starts, "starts", 1, MOST_STARTS),
-        whole(seed, "seed", 0, MOST_ITERATIONS),
-        limits,
-        flag(verify, "verify"),
-        text(reference, "reference"),
-    )
-
-
-def _unless_none(value: Any, what: str, expected: str) -> float | None:
-    return None if value is None else positive(value, what, expected)
+        deadline = Deadline.after(self.seconds)
+        limits = Options(self.optimality, self.violation, self.iterations, deadline)
+        return Request(method, limits, self.form, self.verify, self.verify, self.starts, self.seed)
 
 
 def _usual(problem: Problem, tolerance: float | None) -> str:

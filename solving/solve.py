@@ -8,6 +8,8 @@ from functools import partial
 
 import numpy as np
 
+from dmoc.base.errors import ProblemError
+from dmoc.base.options import read
 from dmoc.base.progress import Listener, told
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.problem.problem import Problem
@@ -28,7 +30,7 @@ from dmoc.solving.mesh.one_mesh import (
 from dmoc.solving.mesh.refinement import refined
 from dmoc.solving.methods import METHODS, REFINING, usual
 from dmoc.solving.multistart.exploration import Effort, coarse_of, explored
-from dmoc.solving.request import Keywords, Request, keywords
+from dmoc.solving.request import Keywords, Request
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.sliding_reversals import naming_turns
 from dmoc.solving.starts import Given, starts_of
@@ -154,11 +156,7 @@ def solve(
     :eq:`measures`.
     """
     check_problem(problem)
-    asked = keywords(
-        method, tolerance=tolerance, form=form, starts=starts, seed=seed, optimality=optimality,
-        violation=violation, iterations=iterations, seconds=seconds, verify=verify,
-        reference=reference,
-    )  # fmt: skip
+    asked = read(Keywords, locals(), ProblemError)
     request = asked.request(problem)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
