@@ -61,7 +61,10 @@ def test_the_number_of_steps_that_is_named_passes(name: str, steps: int) -> None
     assert named is not None
     enough = dmoc.solve(PROBLEMS[name](int(named[1])), "ipm", guess=coarse)
     assert enough.solved and enough.cost == pytest.approx(float(named[3]), rel=1e-5)
-    assert steps < enough.steps[0] <= 4 * steps
+    # What the order, 2, and a margin of a fifth ask for, or not many more.
+    assert coarse.verification is not None
+    by_order = 1.2 * coarse.verification.excess**0.5
+    assert steps < enough.steps[0] <= max(4.0, by_order) * steps + 1
 
 
 @pytest.fixture(scope="module")
