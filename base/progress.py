@@ -4,13 +4,13 @@ lines."""
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from importlib import import_module
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from dmoc.base.arguments import Kind, function, shown
+from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError
 
 P = TypeVar("P")
@@ -94,12 +94,12 @@ def _lines() -> Iterator[Line]:
 
 def _seldom(write: Line, between: float) -> Line:
     """A line that leaves out what comes within some seconds of what was written."""
-    due = 0.0
+    due = Deadline(0.0)
 
     def show(text: str) -> None:
         nonlocal due
-        if time.monotonic() >= due:
+        if due.passed:
             write(text)
-            due = time.monotonic() + between
+            due = Deadline.after(between)
 
     return show

@@ -75,7 +75,7 @@ def test_lines_come_every_second(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = [100.0]
-    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    monkeypatch.setattr("time.perf_counter", lambda: now[0])
     with told("lines", "first") as tell:
         assert tell is not None
         for now[0], text in (
