@@ -187,13 +187,14 @@ def _motions(motions: Sequence[tuple[str, float, Trajectory]], style: Style) -> 
         axes.set_title(f"{plain(take.name)}\ncost {take.cost:.6g}", fontsize=9)
     for row, places in enumerate(grid[1:]):
         for k, (axes, take) in enumerate(zip(places, takes, strict=True)):
+            if k:
+                axes.sharey(places[0])
             curves = draw_curves(axes, panels[k][row], take.trajectory.collisions, style)
             axes.margins(x=0)
             axes.tick_params(labelbottom=row == len(panels[0]) - 1)
             if k == len(takes) - 1 and len(curves) > 1:
                 legend_beside(axes, curves)
             if k:
-                axes.sharey(places[0])
                 axes.tick_params(labelleft=False)
                 axes.set_ylabel("")
     for axes in grid[-1]:

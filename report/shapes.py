@@ -62,7 +62,7 @@ def look_of(
 
 
 def painter(axes: Axes, scene: Scene, shape: Shape, look: Look) -> Placed:
-    """Draw a shape, which is seen where it is placed."""
+    """Draw a shape into axes that have their limits; it is seen where it is placed."""
     if shape.kind == "disc":
         values = [scene.of(shape, phase)[:, 3] for phase in range(len(scene.times))]
         return _disc(axes, look, any(angles.any() for angles in values))
@@ -130,7 +130,7 @@ def _spring(axes: Axes, look: Look) -> Placed:
 
 
 def _wall(axes: Axes, look: Look) -> Placed:
-    """A line with strokes on its solid side, to the right of its way."""
+    """A line with strokes on its solid side, to the right of its way, as far as it is seen."""
     from matplotlib.collections import LineCollection
 
     (line,) = axes.plot([], [], color=look.quiet, linewidth=1.6, zorder=1)
@@ -142,7 +142,9 @@ def _wall(axes: Axes, look: Look) -> Placed:
         a, way = values[:2], values[2:] - values[:2]
         length = float(np.hypot(*way)) or 1.0
         along = way / length
-        feet = a + np.arange(0.5 * apart, length, apart)[:, None] * along
+        corners = np.array([(x, y) for x in axes.get_xlim() for y in axes.get_ylim()])
+        ways = ((corners - a) @ along).clip(0.0, length) / apart
+        feet = a + apart * (np.arange(int(ways.min()), int(ways.max())) + 0.5)[:, None] * along
         stroke = 0.65 * apart * np.array([along[1] - along[0], -along[0] - along[1]])
         line.set_data(values[::2], values[1::2])
         strokes.set_segments(list(np.stack([feet, feet + stroke], axis=1)))

@@ -75,6 +75,7 @@ def draw(solution: dmoc.Solution, strobe: Strobe, path: Path) -> None:
         for shape, values in _at(scene, k * solution.final_time / strobe.shots, strobe.repeat)
     ]
     left, right, bottom, top = _window([_ends(shape, values) for shape, values, _ in seen], scene)
+    axes.set(xlim=(left, right), ylim=(bottom, top))
     for shape, values, share in seen:
         strength = FAINT + (1 - FAINT) * share**1.6
         painter(axes, scene, shape, look_of(DARK, right - left, strength=strength))(values)
@@ -82,7 +83,6 @@ def draw(solution: dmoc.Solution, strobe: Strobe, path: Path) -> None:
         level = scene.of(wall, 0)[0][1]
         place = painter(axes, scene, wall, look_of(DARK, 0.7 * (right - left)))
         place(np.array([left, level, right, level]))
-    axes.set(xlim=(left, right), ylim=(bottom, top))
     content = io.BytesIO()
     figure.savefig(content, dpi=DOTS)
     Image.open(content).convert("RGB").quantize(COLOURS).save(path, optimize=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -137,6 +138,15 @@ def test_the_best_motions_are_drawn_at_one_scale_and_nothing_is_cut_off(
         assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
         assert figure.bbox.y0 <= box.y0 and box.y1 <= figure.bbox.y1
     assert {to_hex(a.get_facecolor()) for a in figure.axes} == {DARK.paper}
+
+
+def test_an_axis_of_motions_side_by_side_holds_all_of_them(solution: dmoc.Solution) -> None:
+    motion = solution.trajectory
+    larger = replace(motion, phases=tuple(replace(p, u=5.0 * p.u) for p in motion.phases))
+    largest = max(float(np.abs(p.u).max()) for p in larger.phases)
+    for pair in ((motion, larger), (larger, motion)):
+        *_, one, other = plot_motions([("a", 1.0, pair[0]), ("b", 2.0, pair[1])]).axes
+        assert one.get_ylim() == other.get_ylim() and max(map(abs, one.get_ylim())) >= largest
 
 
 def test_verdicts_differ_in_more_than_their_colours() -> None:

@@ -21,7 +21,7 @@ from dmoc.report.style import LIGHT
 
 
 def axes_with(kind: str, *values: float) -> Axes:
-    axes = Figure().add_subplot()
+    axes = Figure().add_subplot(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
     scene = still(kind, *values)
     painter(axes, scene, scene.shapes[0], look_of(LIGHT, 1.0))(np.array(values))
     return axes
@@ -61,6 +61,12 @@ def test_a_wall_is_hatched_on_the_right_of_its_way(
     for stroke in strokes.get_segments():
         assert np.dot(stroke[1] - stroke[0], solid) > 0
     assert len(strokes.get_segments()) > 20
+
+
+def test_a_wall_without_end_has_strokes_where_it_is_seen() -> None:
+    (strokes,) = axes_with("wall", -1e9, 0.5, 1e9, 0.5).collections
+    feet = np.array([stroke[0] for stroke in strokes.get_segments()])
+    assert 20 < len(feet) < 60 and feet[:, 0].min() < 0.1 and feet[:, 0].max() > 0.9
 
 
 def test_a_spring_goes_from_one_end_to_the_other() -> None:
