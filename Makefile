@@ -74,7 +74,7 @@ test-wheels: $(VENV)/.installed-release
 	$(BIN)/python tools/wheels.py
 
 # The folders of sources are part of what is installed: a changed extension is compiled again.
-SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx simulation/*.pxd program/*.pyx program/*.pxd program/*.[ch] guess/*.pyx guess/*.pxd guess/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
+SOURCES := setup.py pyproject.toml $(wildcard codegen/*.pyx codegen/*.pxd codegen/*.pxi codegen/*.h simulation/*.pyx simulation/*.px[di] program/*.pyx program/*.pxd program/*.[ch] guess/*.pyx guess/*.pxd guess/*.[ch] solvers/*.pyx solvers/*.[ch]) $(wildcard generated/*/kernels.c) $(wildcard generated/*/wrapper.pyx)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

@@ -33,6 +33,7 @@ INNER = (
     "solving.multistart",
 )
 KERNEL = "codegen/dmoc_kernel.h"
+PARTS = [f"simulation/{name}.pxi" for name in ("rows", "dynamics", "dop853")]
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off"]
 # A derivative without entries leaves its function unused, of which clang warns.
 GENERATED_FLAGS = [*FLAGS, "-Wno-unused-function"]
@@ -75,7 +76,7 @@ extensions += [
     Extension(
         "dmoc.simulation.integrator",
         ["simulation/integrator.pyx"],
-        depends=["simulation/elimination.pxd", KERNEL],
+        depends=["simulation/elimination.pxd", *PARTS, KERNEL],
         include_dirs=["codegen"],
         extra_compile_args=SOLVER_FLAGS,
     ),
@@ -128,7 +129,7 @@ setup(
         "dmoc.codegen": ["templates/*.jinja", "*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.h"],
         "dmoc.report.animation": ["player/*"],
         **{
-            f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pyi", "*.c", "*.h"]
+            f"dmoc.{layer}": ["*.pyx", "*.pxd", "*.pxi", "*.pyi", "*.c", "*.h"]
             for layer in ("guess", "program", "solvers", "simulation")
         },
         **{

@@ -85,7 +85,8 @@ def _course(motion: Motion, piece: Piece) -> Course:
     rows = np.hstack([q, v, np.zeros((len(q), 1))])
     start, held = put(motion, piece.mode, rows, t)
     stop, first = start.copy(), np.arange(len(start))
-    ends = motion.flow.advance(stop, piece.steps, first, first + 1, piece.mode, held)
+    mode = None if piece.mode == FREE else piece.mode
+    ends = motion.flow.advance(stop, piece.steps, first, first + 1, mode, held)
     return Course(piece.steps, start, ends, stop)
 
 

@@ -19,7 +19,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Index, Model
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.integrator import Integrator
-from dmoc.simulation.modes import FREE, Mode
+from dmoc.simulation.modes import Mode
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.sizes import Sizes
 
@@ -128,7 +128,7 @@ class Flow:
 
     def advance(
         self, y: Array, steps: Steps, first: Index, last: Index,
-        mode: Mode = FREE, held: Array | None = None,
+        mode: Mode | None = None, held: Array | None = None,
     ) -> Array:  # fmt: skip
         """Integrate rows in place, each over some steps in a mode, where what sticks keeps the
         places ``held`` (n, nt); return the accelerations (n, 2, nq) at both ends of the last
@@ -201,19 +201,19 @@ class Flow:
         jump = self.model.momentum(q, after, t) - self.model.momentum(q, before, t)
         return float((np.abs(jump) / self.sizes.p).max())
 
-    def _resting(self, y: Array, t: float, u: Array) -> Mode:
+    def _resting(self, y: Array, t: float, u: Array) -> Mode | None:
         """The mode in which the state goes on: on a plastic surface that it touches without
-        approaching it, while the acceleration pushes into it, or on none."""
+        approaching it, while the acceleration pushes into it; None for on none."""
         q, v = y[: self.nq], y[self.nq :]
         near = np.flatnonzero(np.abs(self.model.gaps(q, t)) <= self.near)
         if not len(near):
-            return FREE
+            return None
         pushed = self.model.gap_slopes(q, t)[:, :-1] @ self.model.acceleration(q, v, u, t)
         pushed += self.model.gap_accelerations(q, v, t)
         for j in map(int, near):
             if abs(self.rate(y, t, j)) < RELEASED * self.sizes.rate[j] and pushed[j] > 0:
                 return Mode((j,))
-        return FREE
+        return None
 
     def _first_hit(
         self, until: _Until, y1: Array, ends: Array, t1: float
@@ -243,7 +243,11 @@ class Flow:
             )
             over = np.flatnonzero(gaps[:, j] > touch[j])
             over = over[over > outside] if leaving else over
-            if j in until.mode.closed or not len(over) or (leaving and not outside):
+            if (
+                (until.mode and j in until.mode.closed)
+                or not len(over)
+                or (leaving and not outside)
+            ):
                 continue
             k = int(over[0])
             # Starts on the surface: look for the last moment inside.
@@ -281,10 +285,10 @@ class _Until:
     y: Array
     t: float
     inputs: Callable[[float], Array]
-    mode: Mode
+    mode: Mode | None
 
     def __call__(self, end: float) -> tuple[Array, Array]:
         y = self.y[None].copy()
         t, h = np.array([self.t]), np.array([end - self.t])
-        steps = Steps(t, h, self.inputs(self.t), self.inputs(end))
-        return y[0], self.flow.advance(y, steps, FIRST, LAST, self.mode)
+        inputs, mode = (self.inputs(self.t), self.inputs(end)), self.mode
+        return y[0], self.flow.integrator.advance(y, FIRST, LAST, t, h, *inputs, mode)

@@ -1,0 +1,264 @@
+"""DOP853 for rows of states side by side (dormand_prince.py)."""
+
+cdef enum:
+    STAGE = 12       # stages of the method; the slope at the end is one more
+    END = 12         # places of the sums: the end of a step and its error estimates
+    FIFTH = 13
+    THIRD = 14
+    SUMS = 15
+    TERMS = 80       # of all sums, at most
+    ATTENTION = 256  # parts between two looks at the time
+    MOST_PARTS = 64
+
+# Error of an integration over a step, as a share of the sizes, far below the discretisation errors
+# that are to be seen.
+cdef double ACCURACY = 1e-11
+# An error below the first that more parts do not bring below this share of it is one of rounding.
+cdef double ROUNDED = 1e-6, FALLING = 0.5
+
+
+cdef class Method(Dynamics):
+    """Integrates rows of states over steps whose inputs are linear."""
+    cdef ptrdiff_t parts
+    cdef object check_time
+    cdef public double[::1] sizes
+    cdef readonly double worst  # error of the last rows
+    cdef double[::1] start, y, stage, slopes, u0, u1, begin, span, error, before
+    cdef ptrdiff_t[::1] row, which, step
+    cdef ptrdiff_t sum_start[SUMS + 1]
+    cdef ptrdiff_t sum_index[TERMS]
+    cdef double sum_factor[TERMS]
+    cdef double share[STAGE]
+
+    def __init__(self, kernels, par, size, check_time):
+        cdef ptrdiff_t rows, widest
+        super().__init__(kernels, par)
+        rows, widest = self.capacity, 2 * self.nq * (2 * self.nq + 1)
+        self.sizes, self.check_time = np.array(size), check_time
+        if self.sizes.shape[0] != 2 * self.nq + 1:
+            raise ValueError(f"expected {2 * self.nq + 1} sizes")
+        self.start, self.y, self.stage = (_space(rows * widest) for _ in range(3))
+        self.slopes = _space((STAGE + 1) * rows * widest)
+        self.u0, self.u1 = _space(rows * self.nu), _space(rows * self.nu)
+        self.begin, self.span, self.error, self.before = (_space(rows) for _ in range(4))
+        self.row, self.which, self.step = (np.zeros(rows, dtype=np.intp) for _ in range(3))
+        self._sums()
+
+    def _sums(self):
+        """Read the coefficients of the method."""
+        cdef ptrdiff_t k = 0
+        for s, terms in enumerate(((), *sums())):
+            self.sum_start[<ptrdiff_t>s] = k
+            for j, factor in terms:
+                self.sum_index[k], self.sum_factor[k] = j, factor
+                k += 1
+        self.sum_start[SUMS] = k
+        for s, share in enumerate(shares()):
+            self.share[<ptrdiff_t>s + 1] = share
+
+    cdef void moment(self, ptrdiff_t n, double share) noexcept nogil:
+        """Times and inputs at a share of the steps."""
+        cdef ptrdiff_t i
+        for i in range(n):
+            self.t[i] = self.begin[i] + share * self.span[i]
+        for i in range(n * self.nu):
+            self.u[i] = (1 - share) * self.u0[i] + share * self.u1[i]
+
+    cdef void add(
+        self, ptrdiff_t n, ptrdiff_t width, ptrdiff_t s, ptrdiff_t count, double *out
+    ) noexcept nogil:
+        """y plus a part of the step along the sum s of slopes."""
+        cdef ptrdiff_t i, c, e
+        cdef const double *slope
+        cdef double *row
+        cdef double share
+        for i in range(n):
+            row = out + i * width
+            for c in range(width):
+                row[c] = self.y[i * width + c]
+            for e in range(self.sum_start[s], self.sum_start[s + 1]):
+                share = self.span[i] / count * self.sum_factor[e]
+                slope = &self.slopes[(self.sum_index[e] * n + i) * width]
+                for c in range(width):
+                    row[c] += share * slope[c]
+
+    cdef double largest(
+        self, ptrdiff_t n, ptrdiff_t width, ptrdiff_t s, ptrdiff_t count, ptrdiff_t i
+    ) noexcept nogil:
+        """Largest entry of an error estimate of row i relative to the sizes."""
+        cdef ptrdiff_t c, e
+        cdef double total, found = 0.0
+        for c in range(min(width, 2 * self.nq + (width == 2 * self.nq + 1))):
+            total = 0.0
+            for e in range(self.sum_start[s], self.sum_start[s + 1]):
+                total += self.sum_factor[e] * self.slopes[(self.sum_index[e] * n + i) * width + c]
+            found = fmax(found, fabs(self.span[i] / count * total) / self.sizes[c])
+        return found
+
+    cdef int integrate(
+        self, ptrdiff_t n, ptrdiff_t width, ptrdiff_t count, double *ends
+    ) except -1 nogil:
+        """Integrate n rows from ``start`` in ``count`` parts to ``y``, with the estimates of the
+        largest ``error`` of a part (Hairer, Norsett, Wanner, II.10); accelerations at both ends."""
+        cdef ptrdiff_t i, k, s, c, total = n * width, nq = self.nq
+        cdef double fifth, third
+        for c in range(total):
+            self.y[c] = self.start[c]
+        for i in range(n):
+            self.error[i] = 0.0
+        self.moment(n, 0.0)
+        self.slope(n, width, &self.y[0], &self.slopes[0])
+        if ends != NULL:
+            for i in range(n):
+                for c in range(nq):
+                    ends[2 * nq * self.which[self.row[i]] + c] = self.slopes[i * width + nq + c]
+        for k in range(count):
+            for s in range(1, STAGE):
+                self.add(n, width, s, count, &self.stage[0])
+                self.moment(n, (k + self.share[s]) / count)
+                self.slope(n, width, &self.stage[0], &self.slopes[s * total])
+            self.add(n, width, END, count, &self.stage[0])
+            for c in range(total):
+                self.y[c] = self.stage[c]
+            for i in range(n):
+                fifth, third = (
+                    self.largest(n, width, FIFTH, count, i),
+                    self.largest(n, width, THIRD, count, i),
+                )
+                self.error[i] = fmax(
+                    self.error[i], fifth**2 / sqrt(fifth**2 + 0.01 * third**2 + 1e-300)
+                )
+            if k + 1 < count or ends != NULL or self.m:
+                self.moment(n, (k + 1.0) / count)
+            if self.m:
+                self.settle_rows(n, width, &self.y[0], 3)
+            if k + 1 < count or ends != NULL:
+                self.slope(n, width, &self.y[0], &self.slopes[0])
+        if ends != NULL:
+            for i in range(n):
+                for c in range(nq):
+                    ends[2 * nq * self.which[self.row[i]] + nq + c] = self.slopes[i * width + nq + c]
+        for i in range(n):
+            if not finite(2 * nq, &self.y[i * width]) and finite(2 * nq, &self.start[i * width]):
+                self.error[i] = INFINITY
+        self.parts += n * count
+        if self.parts >= ATTENTION:
+            self.parts = 0
+            with gil:
+                self.check_time()
+        return 0
+
+    cdef void put(
+        self, ptrdiff_t i, ptrdiff_t row, ptrdiff_t width, const double *y, const double *t,
+        const double *h, const double *u0, const double *u1
+    ) noexcept nogil:
+        """Make the step of a row the one of place i of what is integrated."""
+        cdef ptrdiff_t c, at = self.which[row], k = self.step[row], nu = self.nu
+        for c in range(width):
+            self.start[i * width + c] = y[at * width + c]
+        for c in range(nu):
+            self.u0[i * nu + c], self.u1[i * nu + c] = u0[k * nu + c], u1[k * nu + c]
+        self.begin[i], self.span[i], self.row[i], self.holds[i] = t[k], h[k], row, at
+
+    cdef int advance_rows(
+        self, ptrdiff_t n, ptrdiff_t width, double *y, const double *t, const double *h,
+        const double *u0, const double *u1, double *ends
+    ) except -1 nogil:
+        """Integrate the rows ``which`` of y, at most ``capacity``, over the steps ``step``."""
+        cdef ptrdiff_t i, c, left = n, again, count = 1
+        cdef double worst
+        cdef double *row
+        for i in range(n):
+            self.put(i, i, width, y, t, h, u0, u1)
+            self.before[i] = INFINITY
+        while left:
+            self.integrate(left, width, count, ends)
+            again, worst = 0, 0.0
+            for i in range(left):
+                if count < MOST_PARTS and ACCURACY < self.error[i] and not (
+                    FALLING * self.before[self.row[i]] < self.error[i] < ROUNDED
+                ):
+                    worst = fmax(worst, self.error[i])
+                    self.before[self.row[i]] = self.error[i]
+                    self.put(again, self.row[i], width, y, t, h, u0, u1)
+                    again += 1
+                else:
+                    self.worst = fmax(self.worst, self.error[i])
+                    row = y + self.which[self.row[i]] * width
+                    for c in range(width):
+                        row[c] = self.y[i * width + c]
+            if again:
+                worst = pow(min(worst / ACCURACY, 1e30), 0.125)
+                count = min(<ptrdiff_t>MOST_PARTS, 2 * max(count, <ptrdiff_t>(count * worst)))
+            left = again
+        return 0
+
+    def advance(
+        self, double[:, ::1] y, const ptrdiff_t[::1] first, const ptrdiff_t[::1] last,
+        const double[::1] t, const double[::1] h, const double[:, ::1] u0,
+        const double[:, ::1] u1, mode=None, held=None
+    ):
+        """Integrate rows in place, each over the steps first to last - 1 of a list; in a step
+        inputs are linear from u0 to u1.
+
+        Parameters
+        ----------
+        y : array of shape (n, width)
+        first, last : arrays of shape (n,)
+        t, h : arrays of shape (N,)
+            Begin and duration of the steps.
+        u0, u1 : arrays of shape (N, nu)
+        mode : Mode, optional
+            What is closed or rubs (:class:`dmoc.simulation.modes.Mode`); nothing, if left out.
+            Rows begin where its conditions hold.
+        held : array of shape (n, nt), optional
+            Places that what sticks keeps.
+
+        Returns
+        -------
+        array of shape (n, 2, nq)
+            Accelerations at both ends of the last steps.
+        """
+        cdef ptrdiff_t n = y.shape[0], width = y.shape[1], N = t.shape[0], nq = self.nq
+        cdef ptrdiff_t begin = 0, i, j, m
+        if width not in (2 * nq, 2 * nq + 1, 2 * nq * (2 * nq + 1)):
+            raise ValueError(f"rows of {width} numbers: expected (q | v), and work or X")
+        if not (h.shape[0] == u0.shape[0] == u1.shape[0] == N):
+            raise ValueError(f"expected {N} steps")
+        if not u0.shape[1] == u1.shape[1] == self.nu:
+            raise ValueError(f"expected {self.nu} inputs")
+        self._enter(mode)
+        self._hold(n, held)
+        if width > 2 * nq + 1 and (self.m or self.sliding):
+            raise ValueError("expected (q | v), and work, of rows in a mode")
+        if not (first.shape[0] == last.shape[0] == n):
+            raise ValueError(f"expected {n} rows")
+        for i in range(n):
+            if not 0 <= first[i] <= last[i] <= N:
+                raise ValueError(f"steps {first[i]} to {last[i]}: expected 0 to {N}")
+        found = np.empty((n, 2, nq))
+        cdef double[:, :, ::1] ends = found
+        self.worst = 0.0
+        with nogil:
+            while begin < n:
+                j, m = 0, 1
+                while m:
+                    m = 0
+                    for i in range(begin, min(begin + self.capacity, n)):
+                        if first[i] + j < last[i]:
+                            self.which[m], self.step[m] = i, first[i] + j
+                            m += 1
+                    self.advance_rows(
+                        m, width, &y[0, 0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], &ends[0, 0, 0]
+                    )
+                    j += 1
+                begin += self.capacity
+        return found
+
+
+cdef bint finite(ptrdiff_t n, const double *x) noexcept nogil:
+    cdef ptrdiff_t i
+    for i in range(n):
+        if not isfinite(x[i]):
+            return False
+    return True
