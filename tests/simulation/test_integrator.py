@@ -220,6 +220,31 @@ def test_forces_of_a_mode_are_those_of_statics(
         assert rows == pytest.approx(np.tile(known, (3, 1)), abs=1e-12)
 
 
+def test_friction_that_is_not_determined_is_the_smallest() -> None:
+    """A puck of 2 kg that sticks on four rails in its plane: of all forces that hold it, those of
+    the least sum of squares."""
+    x, y, f, h = dynamicsymbols("x y f h")
+    m, hold = sp.symbols("m hold")
+    angles = sp.symbols("angle:4")
+    rails = {f"rail{k}": x * sp.cos(c) + y * sp.sin(c) for k, c in enumerate(angles)}
+    kernels = dmoc.build(
+        dmoc.MechanicalSystem(
+            "railed", [x, y], m * (x.diff(T) ** 2 + y.diff(T) ** 2) / 2,
+            {m: 2.0, hold: 9.0, **dict.fromkeys(angles, 0.0)}, [f, h], {x: f, y: h},
+            tangents=rails, friction=dict.fromkeys(rails, hold),
+        )
+    )  # fmt: skip
+    for seed in range(20):
+        r = np.random.default_rng(seed)
+        turns, u = r.uniform(0, np.pi, 4), r.uniform(-5, 5, (9, 2))
+        values = {f"angle{k}": float(turn) for k, turn in enumerate(turns)}
+        flow = Integrator(kernels, parameter_row(kernels, values), np.ones(5), lambda: None)
+        found = flow.reaction(Mode((), (0, 1, 2, 3)), r.uniform(-1, 1, (9, 4)), u, np.zeros(9))
+        forces = -u @ np.linalg.pinv(np.stack([np.cos(turns), np.sin(turns)])).T
+        assert found.acceleration == pytest.approx(np.zeros((9, 2)), abs=1e-11)
+        assert found.tangential == pytest.approx(forces, rel=1e-9, abs=1e-9)
+
+
 def test_what_sticks_stays_at_its_place(bar: Kernels) -> None:
     """For as long as one likes, while the push is below the friction."""
     r, flow = np.random.default_rng(3), integrator(bar)
