@@ -134,15 +134,15 @@ def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBoun
 def _counted(nlp: Transcription) -> dict[Block, tuple[BoundKind, Sequence[str]]]:
     """Rows of which there are some for every node or step, and the names along their second axis,
     once for each quadrature point."""
-    manifest, d = nlp.problem.kernels.manifest, nlp.rows.d
+    manifest, laws = nlp.problem.kernels.manifest, nlp.laws
     surfaces = nlp.problem.kernels.surfaces
     paths = [row["name"] or "" for row in manifest["path_rows"]]
     return {
-        d.gap: (BoundKind.GAP, surfaces),
-        d.gap_inside: (BoundKind.INSIDE, surfaces),
-        **dict.fromkeys(d.paths, (BoundKind.PATH, paths)),
-        d.cone: (BoundKind.CONE, nlp.layout.touch.tangents),
-        d.direction: (BoundKind.DIRECTION, nlp.layout.touch.tangents),
+        laws.step.gap: (BoundKind.GAP, surfaces),
+        laws.step.gap_inside: (BoundKind.INSIDE, surfaces),
+        **dict.fromkeys(laws.path.blocks, (BoundKind.PATH, paths)),
+        laws.contact.cone: (BoundKind.CONE, nlp.layout.touch.tangents),
+        laws.contact.direction: (BoundKind.DIRECTION, nlp.layout.touch.tangents),
     }
 
 

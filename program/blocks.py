@@ -83,6 +83,7 @@ class Numbering:
 
     def __init__(self, first: int = 0) -> None:
         self.next = first
+        self.made: list[Block] = []
 
     def __call__(
         self,
@@ -101,7 +102,8 @@ class Numbering:
             index = np.full(where.shape, NOWHERE)
             index[where] = np.arange(self.next, self.next + count)
         self.next += count
-        return Block(name, index, label, size, nodes)
+        self.made.append(Block(name, index, label, size, nodes))
+        return self.made[-1]
 
 
 def in_columns(values: Index, at: Index, count: int, otherwise: int = NOWHERE) -> Index:

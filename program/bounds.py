@@ -12,9 +12,9 @@ from dmoc.problem.problem import Problem
 from dmoc.problem.surfaces import near_surface
 from dmoc.program.blocks import NOWHERE, Index
 from dmoc.program.hit_stages import STOP
+from dmoc.program.laws.ends import Goal
 from dmoc.program.laws.impact import ImpactLaw
 from dmoc.program.layout import Layout
-from dmoc.program.rows import Goal
 from dmoc.program.scale import Scale
 
 # The smallest step that is distinguishable from none, relative to the final time: shorter steps

@@ -74,9 +74,9 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     def coefficient(
         surface: str,
     ) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
-        known = nlp.law.impact
+        known = nlp.laws.impact.impact
         lam = np.maximum(x[nlp.layout.index_lam[known]], 1e-300)
-        plain = (nlp.law.plain & ~nlp.law.by_rates)[known]
+        plain = (nlp.laws.impact.plain & ~nlp.laws.impact.by_rates)[known]
         law = np.asarray(named.get("energy", np.zeros(0))) * np.where(plain, -2 / lam, 1.0)
         high, low = (
             {**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.5)
@@ -88,13 +88,13 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
         return 2 * (ends[0] - ends[1])
 
     hits = [event.hit for event in problem.events if event.hit]
-    _lay, rows, force = nlp.layout, nlp.rows, np.concatenate([-y, w])
-    time = sum(force[rows.c.final_time.numbers]) + sum(force[rows.d.earliest.numbers])
+    ends, force = nlp.laws.ends, np.concatenate([-y, w])
+    time = sum(force[ends.final_time.numbers]) + sum(force[ends.earliest.numbers])
     return {
         "parameters": {name: change(name, value) for name, value in values.items()},
         "restitution": {s: coefficient(s) for s in dict.fromkeys(hits)},
         "surfaces": _surfaces(nlp, y, w),
-        "final_time": float(time - sum(force[rows.d.latest.numbers])),
+        "final_time": float(time - sum(force[ends.latest.numbers])),
         "start": _ends(nlp, x, z, 0),
         "goal": _ends(nlp, x, z, -1),
         "bounds": _bounds(nlp, z),
@@ -117,12 +117,12 @@ def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
     found = dict.fromkeys(nlp.kernels.surfaces, 0.0)
     names, force = nlp.kernels.surfaces, np.concatenate([y, w])
     impacts = [event.surface for event in nlp.problem.events if event.surface]
-    for name, row in zip(impacts, nlp.rows.c.contact.numbers, strict=True):
+    for name, row in zip(impacts, nlp.laws.impact.contact.numbers, strict=True):
         found[name] -= float(force[row])
-    for block in (nlp.rows.c.closed, nlp.rows.c.lands):
+    for block in (nlp.laws.contact.closed, nlp.laws.contact.lands):
         for row, (_, j) in zip(block.numbers, block.places, strict=True):
             found[names[j]] -= float(force[row])
-    for block in (nlp.rows.d.gap, nlp.rows.d.gap_inside):
+    for block in (nlp.laws.step.gap, nlp.laws.step.gap_inside):
         for j, name in enumerate(names):
             rows = block.index[:, j]
             found[name] -= float(force[rows[rows != NOWHERE]].sum())

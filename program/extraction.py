@@ -3,7 +3,7 @@ kind."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -211,7 +211,7 @@ def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[A
     """Return y, w and z from multipliers by kind; kinds of another shape, or that are not given,
     are zero."""
 
-    def collected(blocks: list[Block]) -> Array:
+    def collected(blocks: Sequence[Block]) -> Array:
         parts = [np.ravel(named.get(b.name, ())) for b in blocks]
         fitting = [
             p if len(p) == b.count else np.zeros(b.count)

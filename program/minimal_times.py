@@ -72,8 +72,8 @@ class WithMinimalTimes(Transcription):
         self.n_in += count
 
     @property
-    def inequalities(self) -> list[Block]:
-        return [*self.rows.inequalities, self._block]
+    def inequalities(self) -> Sequence[Block]:
+        return [*self.laws.inequalities, self._block]
 
     @property
     def minimal_times(self) -> Index:
@@ -105,7 +105,7 @@ class WithMinimalTimes(Transcription):
         )
 
     def lagrangian_gradient(self, x: Array, y: Array, w: Array) -> Array:
-        rest = self.rows.n_in
+        rest = self.laws.n_in
         found = super().lagrangian_gradient(x, y, w[:rest])
         for i, weight in zip(self._phases, w[rest:], strict=True):
             found[self._sorted[i]] -= weight * self._reserve(x, i)[1]
@@ -114,7 +114,7 @@ class WithMinimalTimes(Transcription):
     def lagrangian_hessian(self, x: Array, y: Array, w: Array, sigma: float = 1.0) -> Matrix:
         import scipy.sparse
 
-        rest = self.rows.n_in
+        rest = self.laws.n_in
         found = super().lagrangian_hessian(x, y, w[:rest], sigma)
         for i, weight in zip(self._phases, w[rest:], strict=True):
             if weight:

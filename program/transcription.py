@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -27,14 +28,12 @@ from dmoc.program.elements import (
     structure_of,
 )
 from dmoc.program.evaluator import Evaluator
-from dmoc.program.laws.contact import ContactLaw
-from dmoc.program.laws.hit import HitLaw
 from dmoc.program.laws.impact import ImpactLaw
-from dmoc.program.laws.path import PathLaw
+from dmoc.program.laws.laws import laws_of
 from dmoc.program.layout import Layout
-from dmoc.program.rows import LinearRow, linear_rows, rows_of, terms, unit_entries
 from dmoc.program.scale import Scale
 from dmoc.program.structure_cache import Structures
+from dmoc.program.terms import Places
 
 # Unknowns of a program whose structure is remembered.
 MOST_SHARED = 20_000
@@ -48,12 +47,8 @@ class Transcription(Evaluator):
     ----------
     layout : Layout
         The table of the unknowns.
-    rows : Rows
+    laws : Laws
         The table of the constraints.
-    law : ImpactLaw
-    contact : ContactLaw
-    hits : HitLaw
-    path : PathLaw
     scale : Scale
         Sizes; none by default, so that x and r are in units of the problem.
     unit, row_unit : arrays, shape (n,), (n_eq + n_in,)
@@ -85,17 +80,12 @@ class Transcription(Evaluator):
         self.par = problem.parameter_values
         self.layout = Layout.of(problem)
         touches = np.asarray(touching, dtype=np.intp)
-        self.law = ImpactLaw.of(problem, self.layout, touches, by_rates)
+        impact = ImpactLaw.of(problem, self.layout, touches, by_rates)
         goals = goal_rows(problem, self.layout) if goal_as_rows else []
-        self.limits = limits(problem, self.layout, self.law, self.scale, goals, pulling)
-        free = self.limits[0] != self.limits[1]
-        ends = (free[self.layout.index_q[0]], free[self.layout.index_q[-1]])
-        self.contact = ContactLaw.of(problem, self.layout, self.limits)
-        self.hits = HitLaw.of(problem, self.layout, self.law.touching)
-        self.path = PathLaw.of(problem, self.layout, self.limits)
-        laws = (self.law, self.contact, self.hits)
-        self.rows = rows_of(problem, self.layout, laws, self.path, ends, goals)
-        self.n, self.n_eq, self.n_in = self.layout.size, self.rows.n_eq, self.rows.n_in
+        self.limits = limits(problem, self.layout, impact, self.scale, goals, pulling)
+        self.laws = laws_of(problem, self.layout, impact, self.limits, goals)
+        self.n = self.layout.size
+        self.n_eq, self.n_in = self.laws.n_eq, self.laws.n_in
         self.unit = self.layout.units(self.scale)
         self.lower, self.upper = (limit / self.unit for limit in self.limits)
 
@@ -112,45 +102,39 @@ class Transcription(Evaluator):
         if self.n > MOST_SHARED:
             return structure_of(form)
         return STRUCTURES.of(
-            form, (*self.layout.unknowns, *self.rows.equalities, *self.rows.inequalities)
+            form, (*self.layout.unknowns, *self.laws.equalities, *self.laws.inequalities)
         )
 
     def assemble(self) -> Assembled:
-        m = self.rows.n_eq + self.rows.n_in
+        m = self.laws.n_eq + self.laws.n_in
         constants = np.zeros(m)
-        for line in self._linear_rows:
-            constants[line.row] = line.constant
+        for law in self.laws:
+            for row, constant in law.constants():
+                constants[row] = constant
         numbers = Numbers(
             self.par[0], constants, self.lower, self.upper, self.unit, self.row_unit[:m],
             self.scale.cost,
         )  # fmt: skip
         return assembled(self.structure, numbers)
 
-    @cached_property
-    def _linear_rows(self) -> list[LinearRow]:
-        return linear_rows(self.problem, self.layout, self.rows)
-
     def _form(self) -> Form:
-        problem, lay, rows = self.problem, self.layout, self.rows
-        parts = [(r, c, np.full(len(r), factor)) for r, c, factor in unit_entries(lay, rows)]
-        for line in self._linear_rows:
-            parts.append((np.full(len(line.unknowns), line.row), line.unknowns, line.factors))
-        named = {b.name: b.index for b in (*rows.equalities, *rows.inequalities)}
-        parts += self.contact.entries(named) + self.hits.entries(named)
-        linear = Linear(*(np.concatenate(p) for p in zip(*parts, strict=True)))
-        found = terms(problem, lay, rows, (self.law, self.contact, self.hits), self.path)
-        m = rows.n_eq + rows.n_in
-        return Form(self.kernels, self.par.shape[1], found, linear, self.n, m, rows.n_eq)
+        laws, kernels, m = self.laws, self.kernels, self.laws.n_eq + self.laws.n_in
+        entries = chain.from_iterable(law.entries(laws) for law in laws)
+        linear = Linear(*(np.concatenate(part) for part in zip(*entries, strict=True)))
+        places = Places(self.layout, self.n + m + 1, len(kernels.surfaces))
+        terms = chain.from_iterable(law.terms(places, laws) for law in laws)
+        entering = [term for term in terms if kernels.has(term.kernel) and term.enters]
+        return Form(kernels, self.par.shape[1], entering, linear, self.n, m, laws.n_eq)
 
     @property
-    def equalities(self) -> list[Block]:
+    def equalities(self) -> Sequence[Block]:
         """Blocks of c, in the order of their rows."""
-        return self.rows.equalities
+        return self.laws.equalities
 
     @property
-    def inequalities(self) -> list[Block]:
+    def inequalities(self) -> Sequence[Block]:
         """Blocks of d, in the order of their rows."""
-        return self.rows.inequalities
+        return self.laws.inequalities
 
     @property
     def minimal_times(self) -> Index:

@@ -44,7 +44,7 @@ class Partition:
 
 def partition(nlp: Transcription, segments: int) -> Partition:
     """Cut every phase into at most ``segments`` segments."""
-    layout, rows_of = nlp.layout, nlp.rows.c
+    layout, step, impact = nlp.layout, nlp.laws.step, nlp.laws.impact
     gone_parts, used_parts = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
     for i, (first, last) in enumerate(pairwise(layout.ends)):
         pieces = min(segments, max(1, (last - first) // SHORTEST_SEGMENT))
@@ -55,18 +55,16 @@ def partition(nlp: Transcription, segments: int) -> Partition:
             # Step by step, so that the matrix is banded: the node inside step k, node k + 1 and its
             # time.
             timed = [layout.index_t[nodes][:, None]] if layout.timed else []
-            clocks = [rows_of.time.index[rows][:, None]] if layout.timed else []
+            clocks = [step.time.index[rows][:, None]] if layout.timed else []
             gone_parts.append(
                 np.hstack([layout.index_q_i[rows], layout.index_q[nodes], *timed]).ravel()
             )
             used_parts.append(
-                np.hstack(
-                    [rows_of.inside.index[rows], rows_of.momentum.index[rows], *clocks]
-                ).ravel()
+                np.hstack([step.inside.index[rows], step.momentum.index[rows], *clocks]).ravel()
             )
         if i < layout.phases - 1:  # the velocities beside the collision
             gone_parts += [layout.index_v_a[i], layout.index_v_c[i]]
-            used_parts += [rows_of.arrival.index[i], rows_of.departure.index[i]]
+            used_parts += [impact.arrival.index[i], impact.departure.index[i]]
     gone, used_rows = np.concatenate(gone_parts), np.concatenate(used_parts)
     free = np.ones(nlp.n, dtype=bool)
     free[gone] = False

@@ -149,22 +149,13 @@ def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[
 
 def _prices(nlp: Transcription) -> Array:
     price = np.full(nlp.n_eq + nlp.n_in, LIMITS)
-    c, d = nlp.rows.c, nlp.rows.d
-    for block in (c.goal, c.periodic, d.goal):
+    step, impact, ends, hit = nlp.laws.step, nlp.laws.impact, nlp.laws.ends, nlp.laws.hit
+    for block in (ends.goal, ends.periodic, ends.goal_range):
         price[block.numbers] = 1.0
     for block in (
-        c.momentum,
-        c.inside,
-        c.time,
-        c.arrival,
-        c.departure,
-        c.energy,
-        c.start_velocity,
-        c.goal_velocity,
-        c.within,
-        c.restitution,
-        c.slips,
-    ):
+        step.momentum, step.inside, step.time, impact.arrival, impact.departure, impact.energy,
+        ends.start_velocity, ends.goal_velocity, hit.within, hit.restitution, hit.slips,
+    ):  # fmt: skip
         price[block.numbers] = LAWS
     return price
 
@@ -188,55 +179,67 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
 def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], str]]:
     """Rows of each kind, what is said of one of them that is violated, and the unit of its
     amount."""
-    problem, kernels, rows = nlp.problem, nlp.kernels, nlp.rows
-    units, names, c, d = kernels.manifest["units"], kernels.coordinates, rows.c, rows.d
+    problem, kernels, laws = nlp.problem, nlp.kernels, nlp.laws
+    units, names = kernels.manifest["units"], kernels.coordinates
+    step, impact, at_ends = laws.step, laws.impact, laws.ends
 
     def said(text: str) -> Callable[[int], str]:
         return lambda k: text.format(k=k)
 
-    goals = [*rows.goals, *(g for g, _, _ in rows.limits)]
-    for row, goal in zip((*c.goal.numbers, *d.goal.numbers), goals, strict=True):
+    goals = [*at_ends.fixed_goals, *(g for g, _, _ in at_ends.limits)]
+    for row, goal in zip((*at_ends.goal.numbers, *at_ends.goal_range.numbers), goals, strict=True):
         yield np.array([row]), said(f"the goal of {goal.name} is missed"), _unit(goal.name, units)
     impacts = [(i, event.surface) for i, event in enumerate(problem.events) if event.surface]
-    for (i, surface), row in zip(impacts, c.contact.numbers, strict=True):
+    for (i, surface), row in zip(impacts, impact.contact.numbers, strict=True):
         involved = [names[j] for j in kernels.manifest["surface_coordinates"][surface]]
         unit = _unit(involved[0], units) if len(involved) == 1 else ""
         yield np.array([row]), said(f"collision {i + 1} misses {surface!r}"), unit
     for j, q in enumerate(names):
         yield (
-            c.momentum.index[:, j],
+            step.momentum.index[:, j],
             said(f"the momentum of {q} jumps at node {{k}}"),
             _unit(f"p_{q}", units),
         )
         for inside in range(nlp.layout.inside):
-            column = c.inside.index[:, inside * len(names) + j]
+            column = step.inside.index[:, inside * len(names) + j]
             yield column, said(f"the equation of motion of {q} is violated in step {{k}}"), ""
-    yield c.time.numbers, said("the time jumps"), "s"
-    yield c.arrival.numbers, said("the velocity before a collision does not fit its momentum"), ""
-    yield c.departure.numbers, said("the velocity after a collision does not fit its momentum"), ""
-    yield c.within.numbers, said("a velocity within a hit does not fit its momentum"), ""
-    yield c.final_time.numbers, said("the final time is missed"), "s"
-    relations = [r for r in problem.relations if r.fixed]
-    for row, r in zip(c.periodic.numbers, relations, strict=True):
+    yield step.time.numbers, said("the time jumps"), "s"
+    yield (
+        impact.arrival.numbers,
+        said("the velocity before a collision does not fit its momentum"),
+        "",
+    )
+    yield (
+        impact.departure.numbers,
+        said("the velocity after a collision does not fit its momentum"),
+        "",
+    )
+    yield laws.hit.within.numbers, said("a velocity within a hit does not fit its momentum"), ""
+    yield at_ends.final_time.numbers, said("the final time is missed"), "s"
+    for row, r in zip(at_ends.periodic.numbers, at_ends.relations, strict=True):
         whose = "its value" if r.end == r.start else f"the value of {r.start}"
         text = f"{r.end} at the end misses {whose} at the start"
         yield np.array([row]), said(text), _unit(r.end, units)
-    for end, block in (("start", c.start_velocity), ("goal", c.goal_velocity)):
+    for end, block in (("start", at_ends.start_velocity), ("goal", at_ends.goal_velocity)):
         for row, q in zip(block.numbers, names, strict=False):
             text = f"the momentum of {q} at the {end} does not fit the velocity"
             yield np.array([row]), said(text), _unit(f"p_{q}", units)
-    for (i, surface), row in zip(impacts, c.energy.numbers, strict=True):
+    for (i, surface), row in zip(impacts, impact.energy.numbers, strict=True):
         text = f"collision {i + 1} ({surface}) violates its law of restitution"
         yield np.array([row]), said(text), ""
     for j, surface in enumerate(kernels.surfaces):
-        kept = np.flatnonzero(d.gap.index[:, j] != NOWHERE)
+        kept = np.flatnonzero(step.gap.index[:, j] != NOWHERE)
         passes = [f"the motion passes {surface} at node {k}" for k in kept]
-        yield d.gap.index[kept, j], passes.__getitem__, ""
-    for block in (d.gap_inside, *d.paths, d.earliest, d.latest, d.approach, d.separation):
-        unit = "s" if block in (d.earliest, d.latest) else ""
-        yield block.numbers, _violated(block), unit
-    for block in (*rows.contacts, d.periodic):
-        yield block.numbers, _violated(block), ""
+        yield step.gap.index[kept, j], passes.__getitem__, ""
+    said_above = {
+        step.momentum, step.inside, step.time, step.gap, impact.arrival, impact.departure,
+        impact.energy, impact.contact, laws.hit.within, at_ends.final_time, at_ends.periodic,
+        at_ends.start_velocity, at_ends.goal_velocity, at_ends.goal, at_ends.goal_range,
+    }  # fmt: skip
+    for block in (*laws.equalities, *laws.inequalities):
+        if block not in said_above:
+            timed = block in (at_ends.earliest, at_ends.latest)
+            yield block.numbers, _violated(block), "s" if timed else ""
 
 
 def _violated(block: Block) -> Callable[[int], str]:

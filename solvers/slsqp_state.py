@@ -52,13 +52,13 @@ class Descent:
         """Inequalities that shape the problem from the start: beside collisions, on the times,
         and on steps and impulses."""
         nlp, lay = self.nlp, self.nlp.layout
-        d = nlp.rows.d
+        laws, impact = nlp.laws, nlp.laws.impact
         for c, s in zip(lay.collision_nodes, lay.surfaces, strict=True):
             if s == NOWHERE:  # an event without an impact
                 continue
-            rows = d.gap.index[max(c - 2, 0) : c + 3, s]
+            rows = laws.step.gap.index[max(c - 2, 0) : c + 3, s]
             self.watched_rows[rows[rows != NOWHERE] - nlp.n_eq] = True
-        for block in (d.earliest, d.latest, d.approach, d.separation):
+        for block in (laws.ends.earliest, laws.ends.latest, impact.approach, impact.separation):
             self.watched_rows[block.numbers - nlp.n_eq] = True
         self.watched_rows[nlp.minimal_times] = True
         for index in (lay.index_h, lay.index_lam):

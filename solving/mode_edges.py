@@ -128,23 +128,26 @@ class _Edges:
 
     def _at_rest(self, i: int, k: int, s: int) -> tuple[Bools, Array]:
         """All of the friction could turn."""
-        lay, rows, nodes = self.nlp.layout, self.nlp.rows, self._nodes(i)[1:]
-        held = self._active(rows.d.direction.index[lay.ends[i] : lay.ends[i + 1], k])
-        force, law = lay.index_T[nodes, k], rows.c.sliding.index[nodes, k]
+        lay, law, nodes = self.nlp.layout, self.nlp.laws.contact, self._nodes(i)[1:]
+        held = self._active(law.direction.index[lay.ends[i] : lay.ends[i + 1], k])
+        force, law = lay.index_T[nodes, k], law.sliding.index[nodes, k]
         most = 2 * np.abs(self.outcome.x[force]) * self.nlp.unit[force] / self.nlp.row_unit[law]
         return held, s * self.outcome.duals.y[law] * most
 
     def _at_limit(self, i: int, k: int, side: int, way: int) -> tuple[Bools, Array]:
         """It could slide at the typical rate."""
-        rows, nodes = self.nlp.rows, self._nodes(i)
-        held = self._active(rows.d.cone.index[nodes, k, side])
-        stuck = rows.c.stuck.index[nodes[1:], k]
+        law, nodes = self.nlp.laws.contact, self._nodes(i)
+        held = self._active(law.cone.index[nodes, k, side])
+        stuck = law.stuck.index[nodes[1:], k]
         return held[:-1] & held[1:], way * self.outcome.duals.y[stuck]
 
     def _unloaded(self, i: int, j: int) -> Iterator[range]:
         """It could leave at the typical rate."""
         nodes = self._nodes(i)
-        P, closed = self.nlp.layout.index_P[nodes, j], self.nlp.rows.c.closed.index[nodes[1:], j]
+        P, closed = (
+            self.nlp.layout.index_P[nodes, j],
+            self.nlp.laws.contact.closed.index[nodes[1:], j],
+        )
         held = self.outcome.duals.z[P] > np.maximum(self.outcome.x[P], NO_FORCE)
         saved = np.where(closed == NOWHERE, 0.0, -self.outcome.duals.y[closed])
         free_end = nodes[-1] + 1 == len(self.nlp.rows.c.closed.index) and closed[-1] != NOWHERE

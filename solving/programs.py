@@ -38,10 +38,10 @@ class Programs:
 
     def free(self, nlp: Transcription) -> Transcription:
         """A program without its minimal times."""
-        return self.program(False, np.flatnonzero(nlp.law.touching))
+        return self.program(False, np.flatnonzero(nlp.laws.impact.touching))
 
     def touches(self, nlp: Transcription, at: Iterable[int]) -> Transcription:
         """A program in which some more collisions only touch."""
         return self.program(
-            isinstance(nlp, WithMinimalTimes), [*np.flatnonzero(nlp.law.touching), *at]
+            isinstance(nlp, WithMinimalTimes), [*np.flatnonzero(nlp.laws.impact.touching), *at]
         )

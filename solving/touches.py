@@ -31,7 +31,7 @@ PUSH = 0.05
 
 def suspects(nlp: Transcription, x: Array) -> Index:
     """Hits that hardly approach their surface, or hardly push it; a landing may be soft."""
-    lay, law = nlp.layout, nlp.law
+    lay, law = nlp.layout, nlp.laws.impact
     hits = np.flatnonzero(law.impact & ~law.landing & ~law.touching)
     if not len(hits):
         return np.zeros(0, dtype=np.intp)
@@ -53,7 +53,7 @@ def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
 
 def pays(nlp: Transcription, outcome: Outcome) -> bool:
     """Whether the cost of a minimum that touches falls where a touch becomes a collision."""
-    touching = np.flatnonzero(nlp.law.touching)
+    touching = np.flatnonzero(nlp.laws.impact.touching)
     least = -PAYS * cost_size(nlp, outcome.x)
     return any(slope < least for i in touching for slope in slopes(nlp, outcome, int(i)))
 
@@ -80,7 +80,7 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
         _, inertia = nlp.problem.model.impulse_response(
             q, nlp.problem.model.gap_slopes(q, t)[j, :-1], t
         )
-        row = nlp.rows.c.energy.index[i]
+        row = nlp.laws.impact.energy.index[i]
         return [e * float(duals.y[row]) * size / nlp.row_unit[row] + by_impulse * size / inertia]
     return _by_poisson(nlp, outcome, passage, (by_impulse, slope), (q, t, e))
 
@@ -102,7 +102,7 @@ def _by_poisson(
             return [by_impulse * size / first] if abs(A[0, 1]) <= mu * A[1, 1] else []
         # Sliding that is faster after the hit has its direction before it, which a touch has after.
         faster = max(p.friction[0] * _turning(A, mu, p.friction[0]), 0.0) * (1 + e)
-        row = nlp.rows.d.heads.index[p.event, 1]
+        row = nlp.laws.hit.heads.index[p.event, 1]
         held = outcome.duals.w[row - nlp.n_eq] / nlp.row_unit[row]
         return [(by_impulse + held * faster) * size / first]
     stops = p.friction[0] * _turning(A, mu, p.friction[0]) < 0

@@ -29,8 +29,9 @@ far below the sizes of the motion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,14 +40,18 @@ from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering
 from dmoc.program.contact_table import Touch, phase_nodes, place
+from dmoc.program.laws.law import AT_REST, CONTACT, INPUT, Law, Pivot, key
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled, settled
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
 
-@dataclass(frozen=True, eq=False)
-class ContactLaw:
+
+@dataclass(eq=False)
+class ContactLaw(Law):
     """The contacts that last along the phases of a problem.
 
     Attributes
@@ -61,6 +66,20 @@ class ContactLaw:
     lay: Layout
     mu: Array
     settled: Settled
+    closed: Block = field(init=False)
+    stuck: Block = field(init=False)
+    sliding: Block = field(init=False)
+    at_rest: Block = field(init=False)
+    stopped: Block = field(init=False)
+    lands: Block = field(init=False)
+    stays: Block = field(init=False)
+    sticks: Block = field(init=False)
+    slides: Block = field(init=False)
+    cone: Block = field(init=False)
+    cone_of_impact: Block = field(init=False)
+    direction: Block = field(init=False)
+    direction_at_ends: Block = field(init=False)
+    direction_of_impact: Block = field(init=False)
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> ContactLaw:
@@ -79,9 +98,7 @@ class ContactLaw:
 
     # Rows -----------------------------------------------------------------------------------------
 
-    def equations(self, block: Numbering) -> tuple[Block, ...]:
-        """Rows closed, stuck, sliding, at rest (normal, tangential), and after impacts: lands,
-        stays, sticks, slides."""
+    def equations(self, block: Numbering) -> None:
         lay, touch = self.lay, self.touch
         names, friction = touch.surfaces, touch.tangents
         first = self._is_first
@@ -101,61 +118,60 @@ class ContactLaw:
         def in_a_step(rate: Array, s: Scale) -> Array:
             return np.asarray(rate * s.h[self._phase][:, None])
 
-        return (
-            block(
-                "closed",
-                closed,
-                lambda r, j: f"contact {at(r, j, names)}",
-                lambda s: in_a_step(s.rate, s),
-            ),
-            block(
-                "stuck",
-                stuck,
-                lambda r, j: f"sticking of {at(r, j, friction)}",
-                lambda s: in_a_step(s.slide, s),
-            ),
-            block(
-                "sliding",
-                self._along(touch.rubs & ~touch.sticks),
-                lambda r, j: f"sliding friction of {at(r, j, friction)}",
-                lambda s: s.friction / lay.total,
-            ),
-            block(
-                "at rest",
-                self._ends(touch.is_closed, self.settled.rates),
-                lambda i, j: f"rate of contact {names[j]} {_end(i)}",
-                lambda s: s.rate,
-            ),
-            block(
-                "stopped",
-                self._ends(touch.sticks, self.settled.slides, self._stops),
-                lambda i, j: f"sliding velocity of {friction[j]} {_end(i)}",
-                lambda s: s.slide,
-            ),
-            block("lands", landing, lambda i, j: f"landing of {names[j]} at event {i + 1}", _gap),
-            block(
-                "stays",
-                touch.beside,
-                lambda i, j: f"rate of {names[j]} after event {i + 1}",
-                lambda s: s.rate,
-            ),
-            block(
-                "sticks",
-                touch.rubs_in_impact & touch.sticks[1:],
-                lambda i, j: f"sliding velocity of {friction[j]} after event {i + 1}",
-                lambda s: s.slide,
-            ),
-            block(
-                "slides",
-                touch.rubs_in_impact & ~touch.sticks[1:],
-                lambda i, j: f"sliding friction of {friction[j]} at event {i + 1}",
-                lambda s: s.friction,
-            ),
+        self.closed = block(
+            "closed",
+            closed,
+            lambda r, j: f"contact {at(r, j, names)}",
+            lambda s: in_a_step(s.rate, s),
+        )
+        self.stuck = block(
+            "stuck",
+            stuck,
+            lambda r, j: f"sticking of {at(r, j, friction)}",
+            lambda s: in_a_step(s.slide, s),
+        )
+        self.sliding = block(
+            "sliding",
+            self._along(touch.rubs & ~touch.sticks),
+            lambda r, j: f"sliding friction of {at(r, j, friction)}",
+            lambda s: s.friction / lay.total,
+        )
+        self.at_rest = block(
+            "at rest",
+            self._ends(touch.is_closed, self.settled.rates),
+            lambda i, j: f"rate of contact {names[j]} {_end(i)}",
+            lambda s: s.rate,
+        )
+        self.stopped = block(
+            "stopped",
+            self._ends(touch.sticks, self.settled.slides, self._stops),
+            lambda i, j: f"sliding velocity of {friction[j]} {_end(i)}",
+            lambda s: s.slide,
+        )
+        self.lands = block(
+            "lands", landing, lambda i, j: f"landing of {names[j]} at event {i + 1}", _gap
+        )
+        self.stays = block(
+            "stays",
+            touch.beside,
+            lambda i, j: f"rate of {names[j]} after event {i + 1}",
+            lambda s: s.rate,
+        )
+        self.sticks = block(
+            "sticks",
+            touch.rubs_in_impact & touch.sticks[1:],
+            lambda i, j: f"sliding velocity of {friction[j]} after event {i + 1}",
+            lambda s: s.slide,
+        )
+        self.slides = block(
+            "slides",
+            touch.rubs_in_impact & ~touch.sticks[1:],
+            lambda i, j: f"sliding friction of {friction[j]} at event {i + 1}",
+            lambda s: s.friction,
         )
 
-    def inequalities(self, block: Numbering) -> tuple[Block, ...]:
-        """Rows of the cone, of that of impacts, of directions in steps and on both sides of
-        impacts; the last axis are the two sides."""
+    def inequalities(self, block: Numbering) -> None:
+        """The last axis of cones and of directions of impacts are the two sides."""
         lay, touch = self.lay, self.touch
         friction, nodes, steps = touch.tangents, self._nodes, np.arange(lay.total)
         slides = touch.signs[lay.phase_of_step] != 0
@@ -164,42 +180,40 @@ class ContactLaw:
         def word(i: int, j: int) -> str:
             return FRICTION_WORDS[int(touch.signs[i, j])]
 
-        return (
-            block(
-                "cone",
-                _twice(self._along(self._grips)),
-                lambda r, j, _: f"friction cone of {friction[j]} {place(lay.steps, r)}",
-                lambda s: s.friction[:, None] / lay.total,
-                nodes,
+        self.cone = block(
+            "cone",
+            _twice(self._along(self._grips)),
+            lambda r, j, _: f"friction cone of {friction[j]} {place(lay.steps, r)}",
+            lambda s: s.friction[:, None] / lay.total,
+            nodes,
+        )
+        self.cone_of_impact = block(
+            "cone of an impact",
+            _twice(touch.rubs_in_impact & self._grips[1:]),
+            lambda i, j, _: f"friction cone of {friction[j]} at event {i + 1}",
+            lambda s: s.friction[:, None],
+        )
+        self.direction = block(
+            "direction",
+            slides,
+            lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {friction[j]} in step {k}",
+            lambda s: s.slide * s.h[lay.phase_of_step][: len(slides), None],
+            steps[: len(slides)],
+        )
+        self.direction_at_ends = block(
+            "direction at the ends",
+            self._slides_freely,
+            lambda e, j: f"{word(-e, j)} of {friction[j]} at the {('start', 'end')[e]}",
+            lambda s: s.slide,
+        )
+        self.direction_of_impact = block(
+            "direction of an impact",
+            _twice(touch.rubs_in_impact & ~touch.sticks[1:]),
+            lambda i, j, side: (
+                f"{word(i + (1 if side or not touch.turns[i, j] else 0), j)} of {friction[j]} "
+                f"{'after' if side else 'before'} event {i + 1}"
             ),
-            block(
-                "cone of an impact",
-                _twice(touch.rubs_in_impact & self._grips[1:]),
-                lambda i, j, _: f"friction cone of {friction[j]} at event {i + 1}",
-                lambda s: s.friction[:, None],
-            ),
-            block(
-                "direction",
-                slides,
-                lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {friction[j]} in step {k}",
-                lambda s: s.slide * s.h[lay.phase_of_step][: len(slides), None],
-                steps[: len(slides)],
-            ),
-            block(
-                "direction at the ends",
-                self._slides_freely,
-                lambda e, j: f"{word(-e, j)} of {friction[j]} at the {('start', 'end')[e]}",
-                lambda s: s.slide,
-            ),
-            block(
-                "direction of an impact",
-                _twice(touch.rubs_in_impact & ~touch.sticks[1:]),
-                lambda i, j, side: (
-                    f"{word(i + (1 if side or not touch.turns[i, j] else 0), j)} of {friction[j]} "
-                    f"{'after' if side else 'before'} event {i + 1}"
-                ),
-                lambda s: s.slide[:, None],
-            ),
+            lambda s: s.slide[:, None],
         )
 
     @property
@@ -259,9 +273,8 @@ class ContactLaw:
 
     # Terms ----------------------------------------------------------------------------------------
 
-    def terms(self, places: Places, row: dict[str, Index], momentum: Index) -> list[Term]:
-        """Terms of all rows that are not linear."""
-        lay = self.lay
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        lay, momentum = self.lay, laws.step.momentum.index
         if self.touch.free:
             return []
         nodes, q, t = self._nodes, lay.index_q[self._nodes], places.times(self._nodes)
@@ -272,24 +285,24 @@ class ContactLaw:
         for kernel, impulse, sign in (("normal", P, -1.0), ("traction", T, 1.0)):
             for at, rows in (
                 (np.ones(len(nodes), dtype=bool), momentum[nodes]),
-                (last, row["arrival"]),
-                (first, row["departure"]),
+                (last, laws.impact.arrival.index),
+                (first, laws.impact.departure.index),
             ):
                 when = t[at] if lay.timed else t
                 rows = rows if len(rows) == at.sum() else rows[at]
                 found.append(Term(kernel, (q[at], impulse[at], when), (rows,), sign))
-        found += self._at_events(places, row, momentum)
-        stuck = row["stuck"]
+        found += self._at_events(places, momentum)
+        stuck = self.stuck.index
         before = np.full_like(stuck, NOWHERE)
         before[:-1] = stuck[1:]
         found += [
-            Term("surface", (q, t), (row["closed"],)),
+            Term("surface", (q, t), (self.closed.index,)),
             Term("tangent", (q, t), (stuck,)),
             Term("tangent", (q, t), (before,), -1.0),
         ]
-        return found + self._directions(places, row)
+        return found + self._directions(places)
 
-    def _at_events(self, places: Places, row: dict[str, Index], momentum: Index) -> list[Term]:
+    def _at_events(self, places: Places, momentum: Index) -> list[Term]:
         """Impulses of impacts, and rates before and after them and at both ends."""
         lay, touch = self.lay, self.touch
         nodes = lay.collision_nodes
@@ -300,11 +313,11 @@ class ContactLaw:
             found += [
                 Term("normal", (q, P_c, t), (momentum[nodes],), -1.0),
                 Term("traction", (q, T_c, t), (momentum[nodes],)),
-                Term("surface", (q, t), (row["lands"],)),
-                Term("gap_rate", (q, lay.index_v_c, t), (row["stays"],)),
-                Term("slide_rate", (q, lay.index_v_c, t), (row["sticks"],)),
+                Term("surface", (q, t), (self.lands.index,)),
+                Term("gap_rate", (q, lay.index_v_c, t), (self.stays.index,)),
+                Term("slide_rate", (q, lay.index_v_c, t), (self.sticks.index,)),
             ]
-            direction = row["direction of an impact"]
+            direction = self.direction_of_impact.index
             before = np.where(touch.turns, touch.signs[:-1], touch.signs[1:])
             sides = ((lay.index_v_a, before), (lay.index_v_c, touch.signs[1:]))
             for side, (v, signs) in enumerate(sides):
@@ -314,12 +327,14 @@ class ContactLaw:
         ends = lay.ends
         for e, v in ((0, lay.index_v_B), (-1, lay.index_v_E)):
             for sign in (1.0, -1.0) if len(v) else ():
-                rows = np.where(touch.signs[e] == sign, row["direction at the ends"][e], NOWHERE)
+                rows = np.where(touch.signs[e] == sign, self.direction_at_ends.index[e], NOWHERE)
                 at = ends[[e]]
                 state = (lay.index_q[at], v[None], places.times(at))
                 found.append(Term("slide_rate", state, (rows[None],), sign))
-        for kernel, name in (("gap_rate", "at rest"), ("slide_rate", "stopped")):
-            rows = row[name]
+        for kernel, rows in (
+            ("gap_rate", self.at_rest.index),
+            ("slide_rate", self.stopped.index),
+        ):
             parts = [
                 (ends[:1], lay.index_v_B[None], rows[:1]),
                 (ends[1:-1], lay.index_v_a, rows[1:-1]),
@@ -330,8 +345,8 @@ class ContactLaw:
                     found.append(Term(kernel, (lay.index_q[at], v, places.times(at)), (r,)))
         return found
 
-    def _directions(self, places: Places, row: dict[str, Index]) -> list[Term]:
-        lay, rows = self.lay, row["direction"]
+    def _directions(self, places: Places) -> list[Term]:
+        lay, rows = self.lay, self.direction.index
         signs = self.touch.signs[lay.phase_of_step]
         found = []
         for sign in (1.0, -1.0):
@@ -343,7 +358,7 @@ class ContactLaw:
 
     # Linear rows ----------------------------------------------------------------------------------
 
-    def entries(self, row: dict[str, Index]) -> list[Entries]:
+    def entries(self, laws: Laws) -> list[Entries]:
         """Entries of the rows that say how large friction is: sliding, and cones."""
         lay, touch = self.lay, self.touch
         if touch.free:
@@ -362,7 +377,7 @@ class ContactLaw:
             signs = touch.signs[phase[along], t]
             found += _friction(
                 (lay.index_T[along, t], limit, factor, signs),
-                (row["sliding"][along, t], row["cone"][along, t]),
+                (self.sliding.index[along, t], self.cone.index[along, t]),
                 sides,
             )
             if surface == NOWHERE:
@@ -378,10 +393,36 @@ class ContactLaw:
                     np.full(len(at), self.mu[t]),
                     touch.signs[at + 1, t],
                 ),
-                (row["slides"][at, t], row["cone of an impact"][at, t]),
+                (self.slides.index[at, t], self.cone_of_impact.index[at, t]),
                 sides,
             )
         return found
+
+    # Pivots ---------------------------------------------------------------------------------------
+
+    def pivots(self, laws: Laws) -> Iterator[Pivot]:
+        """Rows of contacts determine their impulses.  Those of the last node are determined through
+        the final state, which belongs to the final group, and so do they."""
+        lay, touch = self.lay, self.touch
+        if touch.free:
+            return
+        nodes, events = self._nodes, lay.collision_nodes
+        last = np.append(nodes[1:] == nodes[:-1], True)
+        yield Pivot(lay.index_T, self.sliding.index, key(nodes - last, INPUT))
+        stopped = np.where(touch.sticks, self.stopped.index[1:], NOWHERE)
+        for impulse, held, rest in (
+            (lay.index_P, self.closed.index, self.at_rest.index),
+            (lay.index_T, self.stuck.index, stopped),
+        ):
+            following = np.full_like(held, NOWHERE)
+            following[:-1] = held[1:]
+            following[last] = NOWHERE
+            yield Pivot(impulse, following, key(nodes, CONTACT))
+            ends = rest[-lay.phases : -1]
+            yield Pivot(impulse[last][:-1], ends, key(nodes[last][:-1] - 1, AT_REST))
+        yield Pivot(lay.index_P_c, self.stays.index, key(events, AT_REST))
+        yield Pivot(lay.index_T_c, self.sticks.index, key(events, AT_REST))
+        yield Pivot(lay.index_T_c, self.slides.index, key(events - 1, INPUT))
 
 
 def _friction(

@@ -30,27 +30,33 @@ Y. Wang and M. T. Mason, Journal of Applied Mechanics 59 (1992) 635-642.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dmoc.base.names import momentum_name
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.modes import STICK
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering, in_columns
+from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Numbering, in_columns
 from dmoc.program.contact_table import Touch, moment
 from dmoc.program.hit_stages import END, MOMENTS, STAGES, STOP, Passage
-from dmoc.program.laws.impact import restitution_of
+from dmoc.program.laws.impact import ImpactLaw, restitution_of
+from dmoc.program.laws.law import COLLISION, Law, Pivot, key
 from dmoc.program.layout import Layout
 from dmoc.program.terms import Places, Term
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
 
 # Columns of the row "halts": before, at the moments, after; of "heads": before, after.
 BEFORE, AFTER = 0, 1 + len(MOMENTS)
 
 
-@dataclass(frozen=True, eq=False)
-class HitLaw:
+@dataclass(eq=False)
+class HitLaw(Law):
     """The impacts with friction of a problem.
 
     Attributes
@@ -70,11 +76,18 @@ class HitLaw:
     mu: Array
     e: Array
     touching: Bools
+    within: Block = field(init=False)
+    restitution: Block = field(init=False)
+    halts: Block = field(init=False)
+    slips: Block = field(init=False)
+    share: Block = field(init=False)
+    bears: Block = field(init=False)
+    heads: Block = field(init=False)
 
     @classmethod
-    def of(cls, problem: Problem, lay: Layout, touching: Bools) -> HitLaw:
+    def of(cls, problem: Problem, lay: Layout, impact: ImpactLaw) -> HitLaw:
         names, e = tuple(problem.kernels.coordinates), restitution_of(problem, lay.surfaces)
-        return cls(lay, names, problem.model.friction, e, touching)
+        return cls(lay, names, problem.model.friction, e, impact.touching)
 
     @property
     def touch(self) -> Touch:
@@ -86,8 +99,7 @@ class HitLaw:
 
     # Rows -----------------------------------------------------------------------------------------
 
-    def equations(self, block: Numbering) -> tuple[Block, ...]:
-        """Rows within, restitution, halts, slips."""
+    def equations(self, block: Numbering) -> None:
         moments, count = self.touch.moments, len(self.touch.impacts)
         halts = np.zeros((count, AFTER + 1), dtype=bool)
         slips = np.zeros((count, STAGES), dtype=bool)
@@ -103,35 +115,33 @@ class HitLaw:
             sides = {BEFORE: f"before event {i + 1}", AFTER: f"after event {i + 1}"}
             return sides.get(column) or moment(i, column - 1)
 
-        return (
-            block(
-                "within",
-                np.repeat(moments[:, :, None], len(names), axis=2),
-                lambda i, m, j: f"{momentum_name(names[j])} {moment(i, m)}",
-                lambda s: s.p,
-            ),
-            block(
-                "restitution",
-                np.asarray(moments[:, END]),
-                lambda i: f"restitution of {self.touch.surfaces[hit[i]]} at event {i + 1}",
-                lambda s: s.lam[hit],
-            ),
-            block(
-                "halts",
-                halts,
-                lambda i, m: f"sliding velocity of {tangents[rubbed[i]]} {place(i, m)}",
-                lambda s: s.slide[rubbed][:, None],
-            ),
-            block(
-                "slips",
-                slips,
-                lambda i, k: f"sliding friction of {self._stage(i, k)}",
-                lambda s: s.friction[rubbed][:, None],
-            ),
+        self.within = block(
+            "within",
+            np.repeat(moments[:, :, None], len(names), axis=2),
+            lambda i, m, j: f"{momentum_name(names[j])} {moment(i, m)}",
+            lambda s: s.p,
+        )
+        self.restitution = block(
+            "restitution",
+            np.asarray(moments[:, END]),
+            lambda i: f"restitution of {self.touch.surfaces[hit[i]]} at event {i + 1}",
+            lambda s: s.lam[hit],
+        )
+        self.halts = block(
+            "halts",
+            halts,
+            lambda i, m: f"sliding velocity of {tangents[rubbed[i]]} {place(i, m)}",
+            lambda s: s.slide[rubbed][:, None],
+        )
+        self.slips = block(
+            "slips",
+            slips,
+            lambda i, k: f"sliding friction of {self._stage(i, k)}",
+            lambda s: s.friction[rubbed][:, None],
         )
 
-    def inequalities(self, block: Numbering) -> tuple[Block, ...]:
-        """Rows share, bears, heads; the last axis of the second are the two sides of the cone."""
+    def inequalities(self, block: Numbering) -> None:
+        """The last axis of ``bears`` are the two sides of the cone."""
         count = len(self.touch.impacts)
         share = np.zeros((count, STAGES), dtype=bool)
         bears = np.zeros((count, STAGES, 2), dtype=bool)
@@ -152,21 +162,19 @@ class HitLaw:
             word = FRICTION_WORDS[of[i].friction[-side]]
             return f"{word} of {tangents[rubbed[i]]} {'after' if side else 'before'} event {i + 1}"
 
-        return (
-            block(
-                "share",
-                share,
-                lambda i, k: f"impulse of {self._stage(i, k)} >= 0",
-                lambda s: s.lam[hit][:, None],
-            ),
-            block(
-                "bears",
-                bears,
-                lambda i, k, _: f"friction cone of {self._stage(i, k)}",
-                lambda s: s.friction[rubbed][:, None, None],
-            ),
-            block("heads", heads, direction, lambda s: s.slide[rubbed][:, None]),
+        self.share = block(
+            "share",
+            share,
+            lambda i, k: f"impulse of {self._stage(i, k)} >= 0",
+            lambda s: s.lam[hit][:, None],
         )
+        self.bears = block(
+            "bears",
+            bears,
+            lambda i, k, _: f"friction cone of {self._stage(i, k)}",
+            lambda s: s.friction[rubbed][:, None, None],
+        )
+        self.heads = block("heads", heads, direction, lambda s: s.slide[rubbed][:, None])
 
     def _stage(self, event: int, stage: int) -> str:
         (p,) = (p for p in self.passages if p.event == event)
@@ -174,10 +182,9 @@ class HitLaw:
 
     # Terms ----------------------------------------------------------------------------------------
 
-    def terms(self, places: Places, row: dict[str, Index], momentum: Index) -> list[Term]:
-        """Terms of all rows that are not linear, and the tangential impulses of hits in the
-        momentum."""
-        lay = self.lay
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        """Those of its rows, and the tangential impulses of hits in the momentum."""
+        lay, momentum = self.lay, laws.step.momentum.index
         if not self.passages:
             return []
         nodes = lay.collision_nodes
@@ -191,7 +198,7 @@ class HitLaw:
             found.append(Term("traction", (q, traction, t), (momentum[nodes],)))
         v_h = places.known(lay.index_v_h)
         for m in range(len(MOMENTS)):
-            rows, here = row["within"][:, m], np.flatnonzero(self.touch.moments[:, m])
+            rows, here = self.within.index[:, m], np.flatnonzero(self.touch.moments[:, m])
             if not len(here):
                 continue
             at, when, rows = q[here], t[here] if lay.timed else t, rows[here]
@@ -201,15 +208,15 @@ class HitLaw:
                 Term("normal", (at, P[here, m], when), (rows,)),
                 Term("traction", (at, T[here, m], when), (rows,), -1.0),
             ]
-        ended = np.where(self.touch.moments[:, END], row["energy"], NOWHERE)
+        ended = np.where(self.touch.moments[:, END], laws.impact.energy.index, NOWHERE)
         found.append(Term("gap_rate", (q, v_h[:, END], t), (in_columns(ended, hit, places.nc),)))
         sides = [lay.index_v_a, *np.moveaxis(v_h, 1, 0), lay.index_v_c]
-        for v, rows in zip(sides, row["halts"].T, strict=True):
+        for v, rows in zip(sides, self.halts.index.T, strict=True):
             found.append(Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, len(self.mu)),)))
         signs = np.array([(p.friction[0], p.friction[-1]) if p else (0, 0) for p in self._by_event])
         for side, v in enumerate((lay.index_v_a, lay.index_v_c)):
             for sign in (1.0, -1.0):
-                rows = np.where(signs[:, side] == sign, row["heads"][:, side], NOWHERE)
+                rows = np.where(signs[:, side] == sign, self.heads.index[:, side], NOWHERE)
                 place = in_columns(rows, rubbed, len(self.mu))
                 found.append(Term("slide_rate", (q, v, t), (place,), sign))
         return found
@@ -221,20 +228,24 @@ class HitLaw:
 
     # Linear rows ----------------------------------------------------------------------------------
 
-    def entries(self, row: dict[str, Index]) -> list[Entries]:
+    def entries(self, laws: Laws) -> list[Entries]:
         """Entries of the linear rows: restitution, and what impulses stages have."""
         found = list[Entries]()
         for p in self.passages:
             i, lay = p.event, self.lay
-            if row["restitution"][i] != NOWHERE:
+            if self.restitution.index[i] != NOWHERE:
                 unknowns = np.array([lay.index_P_h[i, END], lay.index_lam[i]])
                 found.append(
-                    (np.full(2, row["restitution"][i]), unknowns, np.array([1 + self.e[i], -1.0]))
+                    (
+                        np.full(2, self.restitution.index[i]),
+                        unknowns,
+                        np.array([1 + self.e[i], -1.0]),
+                    )
                 )
-            found += self._of_stages(p, row)
+            found += self._of_stages(p)
         return found
 
-    def _of_stages(self, p: Passage, row: dict[str, Index]) -> Iterator[Entries]:
+    def _of_stages(self, p: Passage) -> Iterator[Entries]:
         """Entries of the rows that say how large the impulses of stages are."""
         i, lay, mu = p.event, self.lay, float(self.mu[p.tangent])
         P = [NOWHERE, *lay.index_P_h[i, list(p.moments)], lay.index_lam[i]]
@@ -243,10 +254,10 @@ class HitLaw:
             dP = [(P[k + 1], 1.0), (P[k], -1.0)]
             dT = [(T[k + 1], 1.0), (T[k], -1.0)]
             rows = [
-                (row["slips"][i, k], 1.0, s * mu),
-                (row["share"][i, k], 0.0, 1.0),
-                (row["bears"][i, k, 0], -1.0, mu),
-                (row["bears"][i, k, 1], 1.0, mu),
+                (self.slips.index[i, k], 1.0, s * mu),
+                (self.share.index[i, k], 0.0, 1.0),
+                (self.bears.index[i, k, 0], -1.0, mu),
+                (self.bears.index[i, k, 1], 1.0, mu),
             ]
             for number, by_T, by_P in rows:
                 parts = [(at, f * by_P) for at, f in dP] + [(at, f * by_T) for at, f in dT if by_T]
@@ -257,3 +268,27 @@ class HitLaw:
                         np.array([at for at, _ in used]),
                         np.array([f for _, f in used]),
                     )
+
+    # Pivots ---------------------------------------------------------------------------------------
+
+    def pivots(self, laws: Laws) -> Iterator[Pivot]:
+        """A velocity follows from its momentum, the tangential impulse from the law of sliding or
+        from the rest, and then the normal one from the rate that ends its stage."""
+        lay, energy = self.lay, laws.impact.energy.index
+        for p in self.passages:
+            i, node = p.event, lay.collision_nodes[p.event]
+            before, after = key(node - 1, COLLISION), key(node, COLLISION)
+            for stage, m in enumerate(p.moments):
+                T, P = lay.index_T_h[i, [m]], lay.index_P_h[i, [m]]
+                yield Pivot(lay.index_v_h[i, m], self.within.index[i, m], before)
+                slides = p.friction[stage] != STICK
+                rest = self.halts.index[i, [1 + m]]
+                yield Pivot(T, self.slips.index[i, [stage]] if slides else rest, before)
+                yield Pivot(P, rest if m == STOP else energy[[i]], before)
+            if not p.lands:
+                yield Pivot(lay.index_lam[[i]], self.restitution.index[[i]], before)
+            T_c, last = lay.index_T_c[i, [p.tangent]], len(p.moments)
+            if p.friction[-1] != STICK:
+                yield Pivot(T_c, self.slips.index[i, [last]], before)
+            else:
+                yield Pivot(T_c, self.halts.index[i, [AFTER]], after)

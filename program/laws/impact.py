@@ -24,8 +24,9 @@ alone.  Of a hit with friction the row energy is that of :mod:`dmoc.program.laws
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,16 +34,22 @@ from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Index, Numbering, in_columns, sizes_of
+from dmoc.program.laws.law import COLLISION, Law, Pivot, key
 from dmoc.program.layout import Layout, collision_names
 from dmoc.program.terms import Places, Term, like
 
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
 
-@dataclass(frozen=True, eq=False)
-class ImpactLaw:
+
+@dataclass(eq=False)
+class ImpactLaw(Law):
     """Newton's law at the collisions of a sequence.
 
     Attributes
     ----------
+    problem : Problem
+    lay : Layout
     surfaces : array of int, shape (collisions,)
         NOWHERE for events without an impact.
     e : array, shape (collisions,)
@@ -57,12 +64,20 @@ class ImpactLaw:
         Hits with friction, which obey another law.
     """
 
+    problem: Problem
+    lay: Layout
     surfaces: Index
     e: Array
     touching: Bools
     landing: Bools
     by_rates: Bools
     rough: Bools
+    arrival: Block = field(init=False)
+    departure: Block = field(init=False)
+    energy: Block = field(init=False)
+    contact: Block = field(init=False)
+    approach: Block = field(init=False)
+    separation: Block = field(init=False)
 
     @classmethod
     def of(
@@ -75,7 +90,7 @@ class ImpactLaw:
         rough = np.zeros(len(lay.surfaces), dtype=bool)
         rough[[p.event for p in lay.touch.passages if not p.lands]] = True
         stated = lasts[:-1] | lasts[1:] | by_rates | rough
-        return cls(lay.surfaces, e, touches, landing, stated, rough)
+        return cls(problem, lay, lay.surfaces, e, touches, landing, stated, rough)
 
     @property
     def impact(self) -> Bools:
@@ -93,69 +108,59 @@ class ImpactLaw:
         """Upper bounds of the impulses."""
         return np.where(self.touching | ~self.impact, 0.0, np.inf)
 
-    def equations(self, problem: Problem, block: Numbering) -> tuple[Block, Block, Block, Block]:
-        """Rows of arrival, departure, energy and contact."""
-        at, hit, n = collision_names(problem), self.surfaces, len(self.surfaces)
-        v = [velocity_name(q) for q in problem.kernels.coordinates]
+    def equations(self, block: Numbering) -> None:
+        at, hit, n = collision_names(self.problem), self.surfaces, len(self.surfaces)
+        v = [velocity_name(q) for q in self.problem.kernels.coordinates]
         plain = self.plain
-        return (
-            block(
-                "arrival",
-                (n, len(v)),
-                lambda k, i: f"velocity {v[i]} before {at[k]}",
-                lambda s: s.p,
-            ),
-            block(
-                "departure",
-                (n, len(v)),
-                lambda k, i: f"velocity {v[i]} after {at[k]}",
-                lambda s: s.p,
-            ),
-            block(
-                "energy",
-                self.impact,
-                lambda k: f"energy at {at[k]}",
-                lambda s: np.where(plain, sizes_of(s.rate, hit), s.energy),
-            ),
-            block(
-                "contact",
-                self.impact,
-                lambda k: f"contact at {at[k]}",
-                lambda s: sizes_of(s.gap, hit),
-            ),
+        self.arrival = block(
+            "arrival",
+            (n, len(v)),
+            lambda k, i: f"velocity {v[i]} before {at[k]}",
+            lambda s: s.p,
+        )
+        self.departure = block(
+            "departure",
+            (n, len(v)),
+            lambda k, i: f"velocity {v[i]} after {at[k]}",
+            lambda s: s.p,
+        )
+        self.energy = block(
+            "energy",
+            self.impact,
+            lambda k: f"energy at {at[k]}",
+            lambda s: np.where(plain, sizes_of(s.rate, hit), s.energy),
+        )
+        self.contact = block(
+            "contact",
+            self.impact,
+            lambda k: f"contact at {at[k]}",
+            lambda s: sizes_of(s.gap, hit),
         )
 
-    def inequalities(self, problem: Problem, lay: Layout, block: Numbering) -> tuple[Block, Block]:
-        """Rows of approach and separation."""
-        at, hit, nodes = collision_names(problem), self.surfaces, lay.collision_nodes
-        return (
-            block(
-                "approach",
-                self.impact & ~self.touching,
-                lambda k: f"approach of {at[k]}",
-                lambda s: sizes_of(s.rate, hit),
-                nodes,
-            ),
-            block(
-                "separation",
-                self.impact & ~self.plain,
-                lambda k: f"separation after {at[k]}",
-                lambda s: sizes_of(s.rate, hit),
-                nodes,
-            ),
+    def inequalities(self, block: Numbering) -> None:
+        at, hit, nodes = collision_names(self.problem), self.surfaces, self.lay.collision_nodes
+        self.approach = block(
+            "approach",
+            self.impact & ~self.touching,
+            lambda k: f"approach of {at[k]}",
+            lambda s: sizes_of(s.rate, hit),
+            nodes,
+        )
+        self.separation = block(
+            "separation",
+            self.impact & ~self.plain,
+            lambda k: f"separation after {at[k]}",
+            lambda s: sizes_of(s.rate, hit),
+            nodes,
         )
 
-    def terms(
-        self, lay: Layout, places: Places, momentum: Index, row: Callable[[str], Index]
-    ) -> list[Term]:
-        """Terms of all rows of the law; ``momentum`` are the rows of the nodes' momenta, ``row``
-        gives those of a block by name."""
-        nodes = lay.collision_nodes
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        lay, momentum, nodes = self.lay, laws.step.momentum.index, self.lay.collision_nodes
         if not len(nodes):
             return []
         q, t = lay.index_q[nodes], places.times(nodes)
         lam = self._by_surface(lay.index_lam, places, places.zero)
-        energy, e = row("energy")[:, None], self.e[:, None]
+        energy, e = self.energy.index[:, None], self.e[:, None]
         law = np.where(self.plain[:, None], NOWHERE, energy)
         before, after = places.step(nodes - 1), places.step(nodes)
         no_p, no_cost, no_inside = (
@@ -165,25 +170,35 @@ class ImpactLaw:
         )
         found = [
             Term("normal", (q, lam, t), (momentum[nodes],), -1.0),
-            Term("surface", (q, t), (self._by_surface(row("contact"), places),)),
+            Term("surface", (q, t), (self._by_surface(self.contact.index, places),)),
             Term("impact", before, (law, like(law)), e),
             Term("impact", after, (like(law), law), -e),
             Term("moving_work", (q, lam, t), (law,), -e),
             Term("rate_work", (q, lay.index_v_c, lam, t), (law,), (e - 1) / 2),
-            Term("step", before, (no_p, row("arrival"), no_cost, no_inside)),
-            Term("step", after, (row("departure"), no_p, no_cost, no_inside)),
-            Term("momentum", (q, lay.index_v_a, t), (row("arrival"),), -1.0),
-            Term("momentum", (q, lay.index_v_c, t), (row("departure"),)),
+            Term("step", before, (no_p, self.arrival.index, no_cost, no_inside)),
+            Term("step", after, (self.departure.index, no_p, no_cost, no_inside)),
+            Term("momentum", (q, lay.index_v_a, t), (self.arrival.index,), -1.0),
+            Term("momentum", (q, lay.index_v_c, t), (self.departure.index,)),
         ]
-        plain = np.where(self.plain & ~self.rough, row("energy"), NOWHERE)
+        plain = np.where(self.plain & ~self.rough, self.energy.index, NOWHERE)
         for v, rows, sign in (
-            (lay.index_v_a, row("approach"), 1.0),
-            (lay.index_v_c, row("separation"), -1.0),
+            (lay.index_v_a, self.approach.index, 1.0),
+            (lay.index_v_c, self.separation.index, -1.0),
             (lay.index_v_c, plain, 1.0),
             (lay.index_v_a, np.where(self.e > 0, plain, NOWHERE), e),
         ):
             found.append(Term("gap_rate", (q, v, t), (self._by_surface(rows, places),), sign))
         return found
+
+    def pivots(self, laws: Laws) -> Iterator[Pivot]:
+        """The momenta beside a collision determine the velocities, the contact the step size of the
+        phase that ends in it, and the energy the impulse."""
+        lay, hit, newton = self.lay, self.impact, self.impact & ~self.rough
+        before, after = key(lay.collision_nodes - 1, COLLISION), key(lay.collision_nodes, COLLISION)
+        yield Pivot(lay.index_v_a, self.arrival.index, before)
+        yield Pivot(lay.index_h[:-1][hit], self.contact.index[hit], before[hit])
+        yield Pivot(lay.index_v_c, self.departure.index, after)
+        yield Pivot(lay.index_lam[newton], self.energy.index[newton], after[newton])
 
     def _by_surface(self, values: Index, places: Places, otherwise: int = NOWHERE) -> Index:
         """Values of the collisions in the columns of their surfaces, shape (collisions, nc)."""

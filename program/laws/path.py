@@ -16,20 +16,24 @@ could not move.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Index, Numbering
+from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
 from dmoc.program.terms import Places, Term
 
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
 
-@dataclass(frozen=True, eq=False)
-class PathLaw:
+
+@dataclass(eq=False)
+class PathLaw(Law):
     """The path constraints of a problem.
 
     Attributes
@@ -50,6 +54,10 @@ class PathLaw:
     on_states: Bools
     on_rates: Bools
     at_ends: Bools
+    at_points: Block = field(init=False)
+    at_nodes: Block = field(init=False)
+    at_ends_of_steps: Block = field(init=False)
+    at_ends_of_phases: Block = field(init=False)
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> PathLaw:
@@ -74,8 +82,7 @@ class PathLaw:
 
     # Rows -----------------------------------------------------------------------------------------
 
-    def inequalities(self, block: Numbering) -> tuple[Block, Block, Block, Block]:
-        """Rows at points, at nodes inside phases, at the ends of steps and of phases."""
+    def inequalities(self, block: Numbering) -> None:
         lay, names, count = self.lay, self.names, len(self.names)
         steps, points = np.arange(lay.total), lay.scheme.points
         inner, ends = ~np.isin(np.arange(lay.total + 1), lay.ends), _nodes_of_ends(lay)
@@ -98,38 +105,40 @@ class PathLaw:
             side = "end" if k % 2 else "start"
             return f"{names[j]} at the {side} of phase {k // 2}"
 
-        return (
-            block(
-                "path",
-                np.tile(self._at_points, (lay.total, points)),
-                label("in step {}"),
-                lambda s: np.tile(s.path, points),
-                steps,
-            ),
-            block(
-                "path at nodes",
-                inner[:, None] & by_node,
-                label("at node {}"),
-                lambda s: s.path,
-                # The first of the three nodes that such a row depends on.
-                np.arange(lay.total + 1) - 1,
-            ),
-            block(
-                "path at ends of steps",
-                by_step,
-                label("in step {}"),
-                lambda s: np.tile(s.path, 2),
-                steps,
-            ),
-            block("path at ends", self.at_ends, at_end, lambda s: s.path, ends),
+        self.at_points = block(
+            "path",
+            np.tile(self._at_points, (lay.total, points)),
+            label("in step {}"),
+            lambda s: np.tile(s.path, points),
+            steps,
         )
+        self.at_nodes = block(
+            "path at nodes",
+            inner[:, None] & by_node,
+            label("at node {}"),
+            lambda s: s.path,
+            # The first of the three nodes that such a row depends on.
+            np.arange(lay.total + 1) - 1,
+        )
+        self.at_ends_of_steps = block(
+            "path at ends of steps",
+            by_step,
+            label("in step {}"),
+            lambda s: np.tile(s.path, 2),
+            steps,
+        )
+        self.at_ends_of_phases = block("path at ends", self.at_ends, at_end, lambda s: s.path, ends)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Rows at points, at nodes inside phases, at the ends of steps and of phases."""
+        return self.at_points, self.at_nodes, self.at_ends_of_steps, self.at_ends_of_phases
 
     # Terms ----------------------------------------------------------------------------------------
 
-    def terms(self, places: Places, rows: tuple[Block, ...]) -> list[Term]:
-        """Terms of the rows."""
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay = self.lay
-        points, nodes, ends_of_steps, ends = (block.index for block in rows)
+        points, nodes, ends_of_steps, ends = (block.index for block in self.blocks)
         step = places.step(np.arange(lay.total))
         found = [Term("path", step, (points,)), Term("path_ends", step, (ends_of_steps,))]
         k = np.flatnonzero((nodes != NOWHERE).any(axis=1))

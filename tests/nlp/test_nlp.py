@@ -143,7 +143,7 @@ def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs
             ("arrival", lay.index_v_a[i], -1.0),
             ("departure", lay.index_v_c[i], 1.0),
         ):
-            rows = getattr(nlp.rows.c, name).index[i]
+            rows = getattr(nlp.laws.impact, name).index[i]
             np.testing.assert_allclose(jacobian[np.ix_(rows, unknowns)], sign * mass, rtol=1e-12)
 
 
@@ -158,11 +158,11 @@ def test_the_law_in_the_rates_is_newtons() -> None:
         problem.model.gap_rates(q, x[v], t)[[0, 1], lay.surfaces]
         for v in (lay.index_v_a, lay.index_v_c)
     )
-    rows = nlp.rows.c.energy.numbers
+    rows = nlp.laws.impact.energy.numbers
     np.testing.assert_allclose(
         nlp.equality(x)[rows], after + np.array([0.6, 0.0]) * before, rtol=1e-12
     )
-    assert not nlp.rows.d.separation.count  # it follows from the approach
+    assert not nlp.laws.impact.separation.count  # it follows from the approach
 
 
 def test_every_unknown_has_one_place(nlp: Transcription) -> None:

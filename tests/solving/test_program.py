@@ -21,7 +21,7 @@ def test_programs_are_kept() -> None:
     assert guided is programs.program(guided=True) and free is programs.free(guided) is not guided
     touching = programs.touches(free, [0])
     assert touching is programs.touches(free, [0]) is programs.free(programs.touches(guided, [0]))
-    assert touching.law.touching.tolist() == [True] and not free.law.touching.any()
+    assert touching.laws.impact.touching.tolist() == [True] and not free.laws.impact.touching.any()
 
 
 @pytest.mark.parametrize(("force", "status", "most"), [(200, "solved", 2), (1, "infeasible", 3)])

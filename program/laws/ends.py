@@ -1,0 +1,214 @@
+"""The law of both ends: what a problem says of the final time, of periodic states and of its goal.
+
+::
+
+    velocity    p_B - dL/dv(q_0, v_B) = 0, p_E - dL/dv(q_N, v_E) = 0    where velocities are needed
+    final time  t_E - value = 0, t_E - lower >= 0, upper - t_E >= 0
+    periodic    state at the end - state at the start - difference = 0, or within a range
+    goal        unknown - value = 0, or within a range                  where goals are rows
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.base.names import momentum_name
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem, Relation
+from dmoc.program.blocks import Block, Entries, Index, Numbering
+from dmoc.program.laws.law import Law
+from dmoc.program.layout import Layout
+from dmoc.program.terms import Places, Term
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A value of the goal that is a constraint: the unknown, its range and its name."""
+
+    unknown: int
+    low: float
+    high: float
+    name: str
+
+
+@dataclass(frozen=True)
+class Line:
+    """A row that is linear in x: sum of factors * x[unknowns], and a constant."""
+
+    row: int
+    unknowns: Index
+    factors: Array
+    constant: float
+
+
+@dataclass(eq=False)
+class EndsLaw(Law):
+    """Both ends of a motion; ``goals`` are values of the goal that are constraints instead of
+    bounds."""
+
+    problem: Problem
+    lay: Layout
+    goals: tuple[Goal, ...]
+    start_velocity: Block = field(init=False)
+    goal_velocity: Block = field(init=False)
+    final_time: Block = field(init=False)
+    periodic: Block = field(init=False)
+    goal: Block = field(init=False)
+    earliest: Block = field(init=False)
+    latest: Block = field(init=False)
+    goal_range: Block = field(init=False)
+    periodic_range: Block = field(init=False)
+
+    @property
+    def fixed_goals(self) -> list[Goal]:
+        """Goals of ``goal``."""
+        return [g for g in self.goals if g.low == g.high]
+
+    @property
+    def limits(self) -> list[tuple[Goal, float, float]]:
+        """Goals of ``goal_range``, with a side and its bound."""
+        wide = [g for g in self.goals if g.low < g.high]
+        low = [(g, 1.0, g.low) for g in wide if g.low > -np.inf]
+        return low + [(g, -1.0, g.high) for g in wide if g.high < np.inf]
+
+    @property
+    def relations(self) -> list[Relation]:
+        """Relations between the end and the start of ``periodic``."""
+        return [r for r in self.problem.relations if r.fixed]
+
+    @property
+    def ranges(self) -> list[tuple[Relation, float, float]]:
+        """Those of ``periodic_range``, with a side and its bound."""
+        wide = [r for r in self.problem.relations if not r.fixed]
+        low = [(r, 1.0, r.low) for r in wide if r.low > -np.inf]
+        return low + [(r, -1.0, r.high) for r in wide if r.high < np.inf]
+
+    def equations(self, block: Numbering) -> None:
+        lay, relations, goals = self.lay, self.relations, self.fixed_goals
+        low, high = self.problem.final_time_bounds
+        p = [momentum_name(q) for q in self.problem.kernels.coordinates]
+        ends = self._ends_of(relations)
+        wanted = np.array([g.unknown for g in goals], dtype=np.intp)
+        self.start_velocity = block(
+            "start velocity",
+            lay.index_v_B.shape,
+            lambda i: f"{p[i]} at the start",
+            lambda s: s.p[: len(lay.index_v_B)],
+        )
+        self.goal_velocity = block(
+            "goal velocity",
+            lay.index_v_E.shape,
+            lambda i: f"{p[i]} at the goal",
+            lambda s: s.p[: len(lay.index_v_E)],
+        )
+        self.final_time = block(
+            "final time", (int(low == high),), lambda _: f"final time = {low:g} s", lambda s: s.time
+        )
+        self.periodic = block(
+            "periodic",
+            (len(relations),),
+            lambda i: f"periodic {relations[i].end}",
+            lambda s: lay.units(s)[ends],
+        )
+        self.goal = block(
+            "goal",
+            (len(goals),),
+            lambda i: f"goal of {goals[i].name}",
+            lambda s: lay.units(s)[wanted],
+        )
+
+    def inequalities(self, block: Numbering) -> None:
+        lay, limits, ranges = self.lay, self.limits, self.ranges
+        low, high = self.problem.final_time_bounds
+        bounded = np.array([g.unknown for g, _, _ in limits], dtype=np.intp)
+        turning = self._ends_of([r for r, _, _ in ranges])
+
+        def within(name: str, sign: float, value: float) -> str:
+            return f"{name} {'>=' if sign > 0 else '<='} {value:g}"
+
+        self.earliest = block(
+            "final time >=",
+            (int(0 < low < high),),
+            lambda _: f"final time >= {low:g} s",
+            lambda s: s.time,
+        )
+        self.latest = block(
+            "final time <=",
+            (int(low < high < np.inf),),
+            lambda _: f"final time <= {high:g} s",
+            lambda s: s.time,
+        )
+        self.goal_range = block(
+            "goal",
+            (len(limits),),
+            lambda i: within(f"goal of {limits[i][0].name}", *limits[i][1:]),
+            lambda s: lay.units(s)[bounded],
+        )
+        self.periodic_range = block(
+            "periodic >=",
+            (len(ranges),),
+            lambda i: within(f"periodic {ranges[i][0].end}", *ranges[i][1:]),
+            lambda s: lay.units(s)[turning],
+        )
+
+    def _ends_of(self, relations: list[Relation]) -> Index:
+        states = self.lay.states(self.problem.kernels.coordinates)
+        return np.array([states[r.end][1] for r in relations], dtype=np.intp)
+
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        lay = self.lay
+        return [
+            Term(
+                "momentum",
+                (lay.index_q[[node]], v[None], places.times(np.array([node]))),
+                (block.index[None],),
+                -1.0,
+            )
+            for block, node, v in (
+                (self.start_velocity, 0, lay.index_v_B),
+                (self.goal_velocity, lay.total, lay.index_v_E),
+            )
+            if block.count
+        ]
+
+    def _lines(self) -> Iterator[Line]:
+        lay, (low, high), one = self.lay, self.problem.final_time_bounds, np.ones(1)
+        steps = np.array(lay.steps, dtype=float)
+        for r in (*self.final_time.numbers, *self.earliest.numbers):
+            yield Line(r, lay.index_h, steps, -low)
+        for r in self.latest.numbers:
+            yield Line(r, lay.index_h, -steps, high)
+        states = lay.states(self.problem.kernels.coordinates)
+        related = [*((r, 1.0, r.low) for r in self.relations), *self.ranges]
+        numbers = np.concatenate([self.periodic.numbers, self.periodic_range.numbers])
+        for row, (r, sign, value) in zip(numbers, related, strict=True):
+            between = np.array([states[r.start][0], states[r.end][1]])
+            yield Line(row, between, sign * np.array([-1.0, 1.0]), -sign * value)
+        wanted = [*((g, 1.0, g.low) for g in self.fixed_goals), *self.limits]
+        numbers = np.concatenate([self.goal.numbers, self.goal_range.numbers])
+        for row, (g, sign, value) in zip(numbers, wanted, strict=True):
+            yield Line(row, np.array([g.unknown]), sign * one, -sign * value)
+
+    def entries(self, laws: Laws) -> list[Entries]:
+        lay = self.lay
+        found = [
+            (block.numbers, p[: block.count], np.ones(block.count))
+            for block, p in (
+                (self.start_velocity, lay.index_p_B),
+                (self.goal_velocity, lay.index_p_E),
+            )
+        ]
+        return found + [
+            (np.full(len(line.unknowns), line.row), line.unknowns, line.factors)
+            for line in self._lines()
+        ]
+
+    def constants(self) -> Iterator[tuple[int, float]]:
+        return ((line.row, line.constant) for line in self._lines())

@@ -1,0 +1,63 @@
+"""What every law is: rows of the program, the terms and entries that make them, and the order in
+which they are eliminated.
+
+A law keeps the blocks of its rows as attributes, by which everybody addresses them: ``laws.contact.
+closed``.  Layout, transcription, factorisation and diagnosis go through all laws alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from dmoc.program.blocks import Entries, Index, Numbering
+from dmoc.program.terms import Places, Term
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
+
+# Ranks of pivots within the time of one node.
+INEQUALITY, INPUT, INSIDE, STATE, CONTACT, COLLISION, AT_REST = range(7)
+RANKS = 7
+
+
+class Pivot(NamedTuple):
+    """Unknowns and the rows that determine them, in one shape, and where in the chain both can be
+    eliminated, one key for each place of the first axis or one for all; NOWHERE for none."""
+
+    unknowns: Index
+    rows: Index
+    key: Index | int
+
+
+class Law:
+    """A law contributes nothing unless it says so."""
+
+    def equations(self, block: Numbering) -> None:
+        """Number the rows c = 0 of the law, and keep their blocks."""
+
+    def inequalities(self, block: Numbering) -> None:
+        """Number the rows d >= 0 of the law, and keep their blocks."""
+
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        """Terms of the rows that are not linear, of its own or of other laws, and of the cost."""
+        return []
+
+    def entries(self, laws: Laws) -> list[Entries]:
+        """Entries of the linear rows, of its own or of other laws."""
+        return []
+
+    def constants(self) -> Iterator[tuple[int, float]]:
+        """Rows that have a constant, and which."""
+        yield from ()
+
+    def pivots(self, laws: Laws) -> Iterator[Pivot]:
+        """What determines what, in the order of the chain where keys are the same."""
+        yield from ()
+
+
+def key(node: Index | int, rank: int) -> Index:
+    """Place in the chain of what belongs to a node."""
+    return np.asarray(node) * RANKS + rank

@@ -1,0 +1,138 @@
+"""The law of steps: discrete Euler-Lagrange equations, gaps, and the cost.
+
+::
+
+    momentum  r_plus(k-1) + r_minus(k) - lam grad g(q_c) = 0; + p_B at the start, - p_E at the end
+    inside    r_i(k) = 0                in each step with nodes inside
+    time      t_kp1 - t_k - h = 0       in each step, where the model depends on the time
+    gap       -g(q_k) >= 0              at every node, and inside the steps
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Numbering
+from dmoc.program.laws.law import INSIDE, STATE, Law, Pivot, key
+from dmoc.program.layout import Layout
+from dmoc.program.terms import COST, Places, Term
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
+
+
+@dataclass(eq=False)
+class StepLaw(Law):
+    """The steps of all phases; ``free_ends`` tells which coordinates of the first and of the last
+    node are not fixed."""
+
+    problem: Problem
+    lay: Layout
+    free_ends: tuple[Bools, Bools]
+    momentum: Block = field(init=False)
+    inside: Block = field(init=False)
+    time: Block = field(init=False)
+    gap: Block = field(init=False)
+    gap_inside: Block = field(init=False)
+
+    def equations(self, block: Numbering) -> None:
+        lay, names, nq = self.lay, self.problem.kernels.coordinates, self.lay.nq
+        self.momentum = block(
+            "momentum",
+            (lay.total + 1, nq),
+            lambda k, i: f"momentum of {names[i]} at node {k}",
+            lambda s: s.p,
+        )
+        self.inside = block(
+            "inside",
+            (lay.total, lay.inside * nq),
+            lambda k, i: f"equation of motion of {names[i % nq]} in step {k}",
+            lambda s: np.tile(s.p, lay.inside),
+        )
+        self.time = block(
+            "time", (lay.total * lay.timed,), lambda k: f"time of node {k + 1}", lambda s: s.time
+        )
+
+    def inequalities(self, block: Numbering) -> None:
+        """Gaps have the shapes (nodes, nc) and (nodes inside steps, nc)."""
+        kernels, total, inside = self.problem.kernels, self.lay.total, self.lay.inside
+        surfaces = kernels.surfaces
+        moving = np.isin(surfaces, kernels.manifest["moving_surfaces"])
+        self.gap = block(
+            "gap",
+            self._gaps(),
+            lambda k, j: f"gap to {surfaces[j]} at node {k}",
+            lambda s: s.gap,
+            np.arange(total + 1),
+        )
+        self.gap_inside = block(
+            "gap inside",
+            np.tile(~moving, (total * inside, 1)),
+            lambda k, j: f"gap to {surfaces[j]} inside step {k // inside}",
+            lambda s: s.gap,
+            np.repeat(np.arange(total), inside),
+        )
+
+    def _gaps(self) -> Bools:
+        """Nodes and surfaces whose gap is a constraint.
+
+        Contacts of collisions and those that last hold with equality.  At a fixed end the gap is
+        known and was checked: a constraint that cannot move would have no interior.
+        """
+        problem, lay = self.problem, self.lay
+        manifest, surfaces = problem.kernels.manifest, problem.kernels.surfaces
+        keep = np.ones((lay.total + 1, len(surfaces)), dtype=bool)
+        hits = lay.surfaces != NOWHERE
+        keep[lay.collision_nodes[hits], lay.surfaces[hits]] = False
+        keep[:, [surfaces.index(name) for name in problem.ignored]] = False
+        for i, closed in enumerate(lay.touch.closed):
+            keep[lay.ends[i] : lay.ends[i + 1] + 1, list(closed)] = False
+        for node, lands in zip(lay.collision_nodes, lay.touch.landings, strict=True):
+            keep[node, list(lands)] = False
+        for node, free in zip((0, -1), self.free_ends, strict=True):
+            for j, surface in enumerate(surfaces):
+                moves = node == -1 and surface in manifest["moving_surfaces"]
+                keep[node, j] &= moves or bool(free[manifest["surface_coordinates"][surface]].any())
+        return keep
+
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        lay, momentum = self.lay, self.momentum.index
+        cost, none = np.full((lay.total, 1), COST), np.full((1, 1), places.zero)
+        rows = (momentum[:-1], momentum[1:], cost, self.inside.index)
+        at = lay.index_q, places.times(np.arange(lay.total + 1))
+        within = lay.index_q_i.reshape(-1, lay.nq), none
+        v_E = lay.index_v_E if len(lay.index_v_E) else np.full(lay.nq, NOWHERE)
+        end = (lay.index_q[-1:], places.known(v_E[None]), places.known(lay.time_columns[-1:]))
+        return [
+            Term("step", places.step(np.arange(lay.total)), rows),
+            Term("surface", at, (self.gap.index,), -1.0),
+            Term("surface", within, (self.gap_inside.index,), -1.0),
+            Term("terminal_cost", end, (cost[:1],)),
+        ]
+
+    def entries(self, laws: Laws) -> list[Entries]:
+        """Boundary momenta, and the clock."""
+        lay, t, momentum = self.lay, self.time.numbers, self.momentum.index
+        parts = (
+            (momentum[0], lay.index_p_B, 1.0),
+            (momentum[-1], lay.index_p_E, -1.0),
+            (t, lay.index_t[1:], 1.0),
+            (t, lay.index_t[:-1], -1.0),
+            (t, lay.index_h[lay.phase_of_step[: len(t)]], -1.0),
+        )
+        return [(row, unknown, np.full(len(row), factor)) for row, unknown, factor in parts]
+
+    def pivots(self, laws: Laws) -> Iterator[Pivot]:
+        """The momentum equation of a node determines the next node, those of nodes inside a step
+        come before it."""
+        lay, steps, momentum = self.lay, np.arange(self.lay.total), self.momentum.index
+        inside = lay.index_q_i.reshape(self.inside.index.shape)
+        yield Pivot(inside, self.inside.index, key(steps, INSIDE))
+        yield Pivot(lay.index_q[1:], momentum[:-1], key(steps, STATE))
+        yield Pivot(lay.index_t[1:], self.time.numbers, key(steps[: self.time.count], STATE))
+        yield Pivot(lay.index_p_E, momentum[-1], key(lay.total, STATE))
