@@ -108,6 +108,8 @@ def _solved(
             judge(result, instance, solution, mechanism)
     except dmoc.DmocError as error:
         result.status = f"refused: {error}"
+    except ArithmeticError as error:  # the judge finds no end: the motion is not one
+        result.against.append(str(error))
     except Exception:  # a traceback is a finding, and the other problems go on
         result.status = "traceback"
         result.against = [traceback.format_exc().strip().splitlines()[-1]]
