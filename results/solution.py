@@ -130,8 +130,8 @@ class Solution(Shown, Moving):
     meshes : tuple of Mesh
         The meshes of the refinement.
     duality_gap : float
-        Sum of the products of inequalities and bounds with their multipliers: what the cost may
-        still lose to the solver's tolerance.
+        Sum of the products of the inequalities and bounds that hold the motion with their
+        multipliers: what the cost may still lose to the solver's tolerance.
     starts : int
         How many starts were tried on a coarse mesh; 0 where the solve began from a guess alone.
     found : int

@@ -25,11 +25,13 @@ def cost_size(nlp: Transcription, x: Array) -> float:
 
 def duality_gap(nlp: Transcription, x: Array, duals: Duals) -> float:
     """Sum of the products of inequalities and bounds with their multipliers, in units of the
-    cost: about what a barrier has left of it."""
+    cost: about what a barrier has left of it.  Those that hold nothing, whose distance is larger
+    than their multiplier, are left out: what they take is of second order in the barrier, however
+    many they are."""
     z = np.where(nlp.lower < nlp.upper, duals.z, 0.0)
-    return nlp.scale.cost * float(
-        np.abs(duals.w * nlp.inequality(x)).sum() + np.abs(z * _distance(nlp, x, z)).sum()
-    )
+    force = np.abs(np.concatenate([duals.w, z]))
+    distance = np.abs(np.concatenate([nlp.inequality(x), _distance(nlp, x, z)]))
+    return nlp.scale.cost * float((force * distance)[force > distance].sum())
 
 
 def _distance(nlp: Transcription, x: Array, z: Array) -> Array:

@@ -150,7 +150,9 @@ class _Edges:
         )
         held = self.outcome.duals.z[P] > np.maximum(self.outcome.x[P], NO_FORCE)
         saved = np.where(closed == NOWHERE, 0.0, -self.outcome.duals.y[closed])
-        free_end = nodes[-1] + 1 == len(self.nlp.rows.c.closed.index) and closed[-1] != NOWHERE
+        free_end = (
+            nodes[-1] + 1 == len(self.nlp.laws.contact.closed.index) and closed[-1] != NOWHERE
+        )
         for steps in _runs(held[:-1] & held[1:]):
             lifts = _lifts(len(steps), free_end and steps.stop == len(saved))
             if (lifts @ saved[steps.start : steps.stop]).max() > self._least:

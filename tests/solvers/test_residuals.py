@@ -34,18 +34,20 @@ def test_a_bound_holds_what_would_cost_less_beyond_it(
     assert duals.z[at] == pytest.approx(slope if held else 0.0, rel=1e-9)
 
 
-def test_the_gap_has_inequalities_and_bounds_in_it() -> None:
-    """Products of distances and multipliers, in units of the cost."""
+def test_the_gap_has_what_holds_in_it() -> None:
+    """Products of distances and multipliers, in units of the cost; a multiplier below its distance
+    is what a barrier leaves of what holds nothing."""
     nlp = program(bounds={"u": (-3, 5)}, final_time=(0.5, 2.0), controls="constant")
     y, at = np.zeros(nlp.n), nlp.layout.index_u[:, 0]
     y[nlp.layout.index_h], y[at] = 0.25, 1.0
-    x = nlp.scaled(y)
-    z, w = np.zeros(nlp.n), np.zeros(nlp.n_in)
-    z[at[0]], z[at[1]] = 0.5, -0.25
-    bounds = nlp.scale.cost * (0.5 * 4 + 0.25 * 4) / nlp.unit[at[0]]
-    assert duality_gap(nlp, x, Duals(np.zeros(nlp.n_eq), w, z)) == pytest.approx(bounds, rel=1e-9)
-    w[:] = 2.0
-    rows = nlp.scale.cost * 2.0 * np.abs(nlp.inequality(x)).sum()
-    assert rows > 0
-    found = duality_gap(nlp, x, Duals(np.zeros(nlp.n_eq), w, z))
-    assert found == pytest.approx(bounds + rows, rel=1e-9)
+    x, no_y, no_w = nlp.scaled(y), np.zeros(nlp.n_eq), np.zeros(nlp.n_in)
+    away, z = 4 / nlp.unit[at[0]], np.zeros(nlp.n)
+    z[at[:4]] = 1.1 * away, -1.2 * away, 0.9 * away, -0.9 * away
+    bounds = nlp.scale.cost * 2.3 * away**2
+    assert duality_gap(nlp, x, Duals(no_y, no_w, z)) == pytest.approx(bounds, rel=1e-9)
+    d = np.abs(nlp.inequality(x))
+    for share, counted in ((0.9, 0.0), (1.1, 1.1)):
+        rows = counted * nlp.scale.cost * float((d**2).sum())
+        found = duality_gap(nlp, x, Duals(no_y, share * d, z))
+        assert found == pytest.approx(bounds + rows, rel=1e-9)
+    assert d.min() > 0
