@@ -58,5 +58,5 @@ def problem():
     return dmoc.Problem(
         landing, start={"x": 0, "y": 0}, goal={"x": 1, "x_dot": 0}, contacts=["floor"],
         sequence=["floor:slip+", "floor:stick"], via=[{"x": 0}, {"x": 1}], ignored=["side"],
-        final_time=4, steps=8)
+        final_time=4, steps=12)
 """

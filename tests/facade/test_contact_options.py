@@ -14,7 +14,7 @@ import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.cli.values import read_names, read_periodic, read_via
 
-HELD = "--start x=0 --final-time 4 --steps 8"
+HELD = "--start x=0 --final-time 4 --steps 12"
 PUSHED = f"{HELD} --goal x=1,x_dot=0"
 FALLS = "--start x=0 --start y=0.2 --start x_dot=1"
 SLIDES = "--sequence 'rail:slip+, rail:stick'"

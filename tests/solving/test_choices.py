@@ -13,6 +13,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import unit_mass
 
 import dmoc
+from dmoc.base.deadline import ENDLESS
 from dmoc.guess.automatic import initial_guesses
 from dmoc.program.scaling import scale_of
 from dmoc.solvers.diagnosis import diagnose
@@ -53,7 +54,7 @@ def test_ways_that_are_confirmed_come_first_the_cheapest_before_others() -> None
         return SimpleNamespace(status=status, cost=cost)
 
     none: Any = None
-    ways = _Tries(none, none, Options())
+    ways = _Tries(none, none, Options(), ENDLESS)
     ways.tried |= {
         ("nothing",): None,
         ("doubtful",): tried(Status.NOT_VERIFIED, 0.5),
