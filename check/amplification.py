@@ -70,14 +70,14 @@ def carried(
 
 def _phase_error(parts: Sequence[tuple[Segment, Array]], unit: Array) -> float:
     """The weighed error at the end of the segments of a phase, with their scaled slopes."""
-    off, product, most = np.zeros(len(unit)), np.eye(len(unit)), 0.0
+    off, products = np.zeros(len(unit)), [np.eye(len(unit))]
     for segment, slope in parts:
         off = slope @ off + segment.defect / unit
     for _, slope in reversed(parts):
-        product = product @ slope
-        most = max(most, float(np.linalg.norm(product, np.inf)))
-    if not np.isfinite(product).all():  # it amplifies without limit: its segments are judged alone
+        products.append(products[-1] @ slope)
+    if not np.isfinite(products[-1]).all():  # without limit: its segments are judged alone
         return 0.0
+    most = float(np.abs(products).sum(axis=2).max())
     return float(np.nan_to_num(np.abs(off).max(), nan=np.inf)) / max(1.0, most / STEADY)
 
 
