@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -42,6 +43,8 @@ MOST_LINES = 4
 # Units of momenta by the unit of the coordinate; of another coordinate, the unit of its momentum is
 # not known.
 MOMENTUM_UNITS = {"m": "kg m/s", "rad": "kg m2/s"}
+# Rows of a kind, what is said of one of them that is violated, and the unit of its amount.
+Kind: TypeAlias = tuple[Index, Callable[[int], str], str]
 
 
 @dataclass(frozen=True)
@@ -176,9 +179,20 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
     return [(amount, text) for amount, text in found if amount > NEGLIGIBLE * found[0][0]]
 
 
-def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], str]]:
-    """Rows of each kind, what is said of one of them that is violated, and the unit of its
-    amount."""
+def _kinds(nlp: Transcription) -> Iterator[Kind]:
+    """All rows: those of which more is said than their names, and those of every other block."""
+    ends, worded = nlp.laws.ends, np.zeros(nlp.n_eq + nlp.n_in, dtype=bool)
+    for kind in _in_words(nlp):
+        worded[kind[0]] = True
+        yield kind
+    for block in (*nlp.laws.equalities, *nlp.laws.inequalities):
+        if not worded[block.numbers].all():
+            unit = "s" if block in (ends.earliest, ends.latest) else ""
+            yield block.numbers, _violated(block), unit
+
+
+def _in_words(nlp: Transcription) -> Iterator[Kind]:
+    """Rows that are told in the words of mechanics."""
     problem, kernels, laws = nlp.problem, nlp.kernels, nlp.laws
     units, names = kernels.manifest["units"], kernels.coordinates
     step, impact, at_ends = laws.step, laws.impact, laws.ends
@@ -204,16 +218,9 @@ def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], st
             column = step.inside.index[:, inside * len(names) + j]
             yield column, said(f"the equation of motion of {q} is violated in step {{k}}"), ""
     yield step.time.numbers, said("the time jumps"), "s"
-    yield (
-        impact.arrival.numbers,
-        said("the velocity before a collision does not fit its momentum"),
-        "",
-    )
-    yield (
-        impact.departure.numbers,
-        said("the velocity after a collision does not fit its momentum"),
-        "",
-    )
+    for side, block in (("before", impact.arrival), ("after", impact.departure)):
+        text = f"the velocity {side} a collision does not fit its momentum"
+        yield block.numbers, said(text), ""
     yield laws.hit.within.numbers, said("a velocity within a hit does not fit its momentum"), ""
     yield at_ends.final_time.numbers, said("the final time is missed"), "s"
     for row, r in zip(at_ends.periodic.numbers, at_ends.relations, strict=True):
@@ -231,15 +238,6 @@ def _kinds(nlp: Transcription) -> Iterator[tuple[Index, Callable[[int], str], st
         kept = np.flatnonzero(step.gap.index[:, j] != NOWHERE)
         passes = [f"the motion passes {surface} at node {k}" for k in kept]
         yield step.gap.index[kept, j], passes.__getitem__, ""
-    said_above = {
-        step.momentum, step.inside, step.time, step.gap, impact.arrival, impact.departure,
-        impact.energy, impact.contact, laws.hit.within, at_ends.final_time, at_ends.periodic,
-        at_ends.start_velocity, at_ends.goal_velocity, at_ends.goal, at_ends.goal_range,
-    }  # fmt: skip
-    for block in (*laws.equalities, *laws.inequalities):
-        if block not in said_above:
-            timed = block in (at_ends.earliest, at_ends.latest)
-            yield block.numbers, _violated(block), "s" if timed else ""
 
 
 def _violated(block: Block) -> Callable[[int], str]:
