@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import motions
 import pytest
 from systems import block_system, puck_system
 
@@ -70,3 +71,23 @@ def block() -> Kernels:
 @pytest.fixture(scope="session")
 def puck() -> Kernels:
     return dmoc.build(puck_system())
+
+
+@pytest.fixture(scope="session")
+def ball() -> Kernels:
+    return dmoc.build(motions.ball_system())
+
+
+@pytest.fixture(scope="session")
+def compass() -> Kernels:
+    return dmoc.build(motions.compass_system())
+
+
+@pytest.fixture(scope="session")
+def floor() -> Kernels:
+    return dmoc.build(motions.floor_system())
+
+
+@pytest.fixture(scope="session")
+def rail() -> Kernels:
+    return dmoc.build(motions.rail_system())

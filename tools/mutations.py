@@ -8,7 +8,7 @@ A list (``tools/mutations.toml``) has one entry for each change::
     file = "check/verdict.py"
     old = '"energy error": 0.02'     # stands there once
     new = '"energy error": 0.2'
-    tests = ["tests/simulation/test_limits.py"]     # optional: those nearest to it
+    tests = ["tests/check/test_limits.py"]     # optional: those nearest to it
     survives = "why no test can notice it"          # optional
 
 Without ``tests`` the nearest are the files in ``tests`` that import the module, then the folder of
@@ -176,7 +176,7 @@ def fails_anyway(test: str, copy: Path) -> bool:
 def nearest(file: str) -> Iterator[tuple[str, ...]]:
     """Groups of tests near a file: those that import its module, then the folder of its layer."""
     layer, stem = Path(file).parts[0], Path(file).stem
-    layer = "facade" if layer == "src" else layer
+    layer = "public" if layer == "src" else layer
     names = (f"dmoc.{layer}.{stem} ", f"dmoc.{stem} ", f"from dmoc.{layer} import {stem}")
     files = sorted((ROOT / "tests").rglob("test_*.py"))
     texts = {path: path.read_text(encoding="utf-8") for path in files}
