@@ -7,7 +7,7 @@ velocities v become generalised forces Q_i = F . dv/dq_i'.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +24,12 @@ from sympy.physics.mechanics import (
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
+from dmoc.base.names import name_of
+from dmoc.symbolic.expressions import expression_in
+from dmoc.symbolic.system_fields import MAPPINGS, mapping
+
+IMPORTED = ("name", "coordinates", "lagrangian", "parameters")  # not beside an imported model
+AS_THEY_ARE = ("inputs", "title", "units")  # fields without velocities
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,31 @@ class Imported:
     lagrangian: Any
     forces: dict[Any, Any]
     speeds: dict[Any, Any]
+
+    def fields_with(self, others: Mapping[str, Any], allowed: Iterable[str]) -> dict[str, Any]:
+        """The fields of a system with others beside them, in which speeds become velocities and
+        whose forces are added; ``allowed`` are the names of all fields."""
+        for key in others:
+            if key not in allowed or key in IMPORTED:
+                raise ModelError(
+                    f"{key!r} cannot be given beside an imported model: expected fields such as "
+                    "inputs, surfaces, forces, cost."
+                )
+        fields = {
+            key: value if key in AS_THEY_ARE else self._in_velocities(value)
+            for key, value in others.items()
+        }
+        forces, named = dict(self.forces), {name_of(q): q for q in self.coordinates}
+        for key, force in mapping(fields.get("forces", {}), "forces", MAPPINGS["forces"]).items():
+            q = named.get(key, key) if isinstance(key, str) else key
+            forces[q] = forces.get(q, sp.S.Zero) + expression_in(force, f"the force on {shown(q)}")
+        own = {"coordinates": self.coordinates, "lagrangian": self.lagrangian, "forces": forces}
+        return fields | own
+
+    def _in_velocities(self, value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {key: self._in_velocities(part) for key, part in value.items()}
+        return value.xreplace(self.speeds) if isinstance(value, sp.Basic) else value
 
 
 def from_lagranges_method(method: Any) -> Imported:
@@ -89,13 +120,13 @@ def _speeds(model: Any) -> dict[Any, Any]:
     t = dynamicsymbols._t
     rates = [q.diff(t) for q in model.q]
     others = [u for u in model.u if u not in rates]
-    found = sp.solve(list(model.kdes), others, dict=True) if others else [{}]
-    if len(found) != 1 or set(found[0]) != set(others):
+    solutions = sp.solve(list(model.kdes), others, dict=True) if others else [{}]
+    if len(solutions) != 1 or set(solutions[0]) != set(others):
         raise ModelError(
             "the kinematic differential equations do not give the generalised speeds: expected one "
             "equation for each speed."
         )
-    return dict(found[0])
+    return dict(solutions[0])
 
 
 def _replaced(expression: Any, speeds: dict[Any, Any]) -> Any:

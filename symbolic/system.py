@@ -4,32 +4,22 @@ parameters, cost."""
 from __future__ import annotations
 
 import hashlib
-import math
-import numbers
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import sympy as sp
-from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
-from dmoc.base.arguments import listed, shown
+from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
-from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
+from dmoc.base.names import check_name, name_of
 from dmoc.base.table import Shown, Table
-from dmoc.symbolic.drawing import Part, parts_in, values_of, with_normal
-from dmoc.symbolic.expressions import KINDS, atoms_of, expression_in, slack_of, unknown_symbol
-from dmoc.symbolic.kinks import check_smooth, split
-
-if TYPE_CHECKING:
-    from dmoc.symbolic.interop import Imported
-
-# A parameter or a mass is also multiplied by itself.
-LARGEST_PARAMETER = 1e100
-# What places are made of.
-PLACE = ("coordinates", "the time", "parameters")
+from dmoc.symbolic.drawing import Part, with_normal
+from dmoc.symbolic.expressions import slack_of
+from dmoc.symbolic.system_checks import check, check_names
+from dmoc.symbolic.system_fields import containers_of, entries_of
 
 
 @dataclass(frozen=True)
@@ -135,46 +125,15 @@ class MechanicalSystem(Shown):
     drawing: Sequence[Part] = ()
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
         check_name(self.name, "model")
-        for name in ("coordinates", "inputs"):
-            put(self, name, _sequence(getattr(self, name), name))
-        for name, example in (
-            ("parameters", "{m: 1.0}"),
-            ("surfaces", '{"wall": x <= 1}'),
-            ("path_constraints", '{"speed": v <= 1}'),
-            ("forces", "{x: F}"),
-            ("units", '{x: "m"}'),
-            ("tangents", '{"floor": x}'),
-            ("friction", '{"floor": 0.5}'),
-        ):
-            put(self, name, _mapping(getattr(self, name), name, example))
-        put(self, "path_constraints", _relations(self.path_constraints))
-        self._check_names()
-        put(
-            self,
-            "parameters",
-            {s: _parameter_value(s, value) for s, value in self.parameters.items()},
-        )
-        put(self, "units", self._named_units())
-        if not isinstance(self.title, str) or not self.title.isprintable():
-            raise ModelError(f"title = {shown(self.title)}: expected one line of text.")
-        put(self, "lagrangian", expression_in(self.lagrangian, "the Lagrangian"))
-        put(self, "cost", expression_in(self.cost, "the cost"))
-        put(self, "dissipation", expression_in(self.dissipation, "the dissipation"))
-        put(self, "terminal_cost", expression_in(self.terminal_cost, "the terminal cost"))
-        put(self, "forces", self._normalised_forces())
-        for name, what in (("tangents", "the tangent of"), ("friction", "the friction of")):
-            given = getattr(self, name)
-            put(self, name, {key: expression_in(e, f"{what} {key!r}") for key, e in given.items()})
-        put(
-            self, "drawing", parts_in(self.drawing, dict.fromkeys((*self.surfaces, *self.tangents)))
-        )
-        self._check_friction()
-        self._check_symbols()
-        self._check_kinks()
-        self._check_mass_matrix()
-        self._check_relations()
+        self._put(containers_of(self))
+        check_names(self)
+        self._put(entries_of(self))
+        check(self)
+
+    def _put(self, values: Mapping[str, Any]) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         names = ", ".join(map(name_of, self.coordinates))
@@ -215,7 +174,8 @@ class MechanicalSystem(Shown):
         """
         from dmoc.symbolic.interop import from_lagranges_method
 
-        return cls._imported(name, from_lagranges_method(method), parameters, fields)
+        own = from_lagranges_method(method).fields_with(fields, cls.__dataclass_fields__)
+        return cls(name, parameters=parameters, **own)
 
     @classmethod
     def from_joints(
@@ -234,41 +194,8 @@ class MechanicalSystem(Shown):
         """
         from dmoc.symbolic.interop import from_joints
 
-        return cls._imported(name, from_joints(model), parameters, fields)
-
-    @classmethod
-    def _imported(
-        cls,
-        name: str,
-        model: Imported,
-        parameters: Mapping[Any, float | None],
-        fields: dict[str, Any],
-    ) -> MechanicalSystem:
-        def replaced(value: Any) -> Any:
-            if isinstance(value, Mapping):
-                return {key: replaced(part) for key, part in value.items()}
-            return value.xreplace(model.speeds) if isinstance(value, sp.Basic) else value
-
-        for key in fields:
-            if key not in cls.__dataclass_fields__ or key in (
-                "name",
-                "coordinates",
-                "lagrangian",
-                "parameters",
-            ):
-                raise ModelError(
-                    f"{key!r} cannot be given beside an imported model: expected fields such as "
-                    "inputs, surfaces, forces, cost."
-                )
-        given = {
-            key: value if key in ("inputs", "title", "units") else replaced(value)
-            for key, value in fields.items()
-        }
-        forces, named = dict(model.forces), {name_of(q): q for q in model.coordinates}
-        for key, force in _mapping(given.pop("forces", {}), "forces", "{x: F}").items():
-            q = named.get(key, key) if isinstance(key, str) else key
-            forces[q] = forces.get(q, sp.S.Zero) + expression_in(force, f"the force on {shown(q)}")
-        return cls(name, model.coordinates, model.lagrangian, parameters, forces=forces, **given)
+        own = from_joints(model).fields_with(fields, cls.__dataclass_fields__)
+        return cls(name, parameters=parameters, **own)
 
     # Symbols --------------------------------------------------------------------------------------
 
@@ -332,314 +259,8 @@ class MechanicalSystem(Shown):
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
-    # Checks ---------------------------------------------------------------------------------------
-
-    def _named_units(self) -> dict[str, str]:
-        names = [name_of(s) for s in (*self.coordinates, *self.inputs)]
-        units = {}
-        for symbol, unit in self.units.items():
-            name = name_of(symbol) if isinstance(symbol, (str, sp.Basic)) else ""
-            if name not in names:
-                raise ModelError(
-                    f"unit of {shown(symbol)}: expected a coordinate or an input, one of "
-                    f"{', '.join(names)}."
-                )
-            if not isinstance(unit, str) or not unit.isprintable() or not 0 < len(unit) <= 16:
-                raise ModelError(
-                    f"unit of {name} = {shown(unit)}: expected a short text such as 'rad', 'm' or "
-                    "'N'."
-                )
-            units[name] = unit
-        return units
-
-    def _check_names(self) -> None:
-        if not self.coordinates:
-            raise ModelError(
-                f"model {self.name!r} has no coordinates: give at least one dynamicsymbol."
-            )
-        for q in self.coordinates:
-            if not _is_function_of_time(q):
-                raise ModelError(
-                    f"coordinate {shown(q)} is not a function of time: make it with "
-                    "sympy.physics.mechanics.dynamicsymbols."
-                )
-        for u in self.inputs:
-            if not isinstance(u, sp.Symbol) and not _is_function_of_time(u):
-                raise ModelError(f"input {shown(u)} is not a dynamicsymbol or a Symbol.")
-        for symbol in self.parameters:
-            if not isinstance(symbol, sp.Symbol):
-                raise ModelError(f"parameter {shown(symbol)} is not a SymPy Symbol.")
-            if symbol.is_extended_real is False or not symbol.is_commutative:
-                raise ModelError(
-                    f"the symbol of parameter {symbol} is assumed not to be a real number: make it "
-                    f"as Symbol({symbol.name!r})."
-                )
-        for name in (*self.surfaces, *self.path_constraints):
-            check_name(name, "surface" if name in self.surfaces else "path constraint")
-        rails = [name for name in self.tangents if name not in self.surfaces]
-        for name in rails:
-            check_name(name, "tangent")
-        roles = [(q, "coordinate") for q in self.coordinates] + [(u, "input") for u in self.inputs]
-        roles += [(s, "parameter") for s in self.parameters] + [
-            (s, "surface") for s in self.surfaces
-        ]
-        roles += [(s, "path constraint") for s in self.path_constraints]
-        roles += [(s, "tangent") for s in rails]
-        for symbol, role in roles:
-            check_name(name_of(symbol), role)
-            if name_of(symbol) == "t":
-                raise ModelError(f"the {role} 't' has the name of the time: choose another name.")
-            if name_of(symbol) == "durations" and role in ("coordinate", "input"):
-                raise ModelError(
-                    f"the {role} 'durations' has the name of the times of the phases in a guess: "
-                    "choose another name."
-                )
-        _check_distinct(
-            [
-                (name_of(s), role)
-                for s, role in roles
-                if role in ("surface", "path constraint", "tangent")
-            ]
-        )
-        derived = [
-            (name_of(s), role) for s, role in roles if role in ("coordinate", "input", "parameter")
-        ]
-        for q in self.coordinates:
-            derived.append((velocity_name(name_of(q)), f"velocity of {name_of(q)}"))
-            derived.append((momentum_name(name_of(q)), f"momentum of {name_of(q)}"))
-        _check_distinct(derived)
-
-    def _normalised_forces(self) -> dict[Any, Any]:
-        named = {name_of(q): q for q in self.coordinates}
-        forces: dict[Any, Any] = {}
-        for key, expression in dict(self.forces).items():
-            q = named.get(key, key) if isinstance(key, str) else key
-            if q not in self.coordinates:
-                raise ModelError(
-                    f"the force on {shown(key)} belongs to no coordinate: expected one of "
-                    f"{_listed(self.coordinates)}."
-                )
-            if q in forces:
-                raise ModelError(f"the force on {name_of(q)} is given twice: add both.")
-            forces[q] = expression_in(expression, f"the force on {name_of(q)}")
-        return forces
-
-    def _check_friction(self) -> None:
-        for name in self.friction:
-            if name not in self.tangents:
-                raise ModelError(
-                    f"{shown(name)} has friction but no tangent: give the tangential position of "
-                    f'its contact, as tangents={{"{name}": x}}.'
-                )
-        for name, tau in self.tangents.items():
-            if name not in self.friction:
-                raise ModelError(
-                    f"{shown(name)} has a tangent but no friction: give its coefficient mu, or, of "
-                    f'a rail, its largest force, as friction={{"{name}": 0.5}}; 0 for none.'
-                )
-            if not atoms_of(tau) & set(self.coordinates):
-                raise ModelError(
-                    f"the tangent of {name!r} contains no coordinate: expected a position along "
-                    f"the contact in {_listed(self.coordinates)}."
-                )
-            value = self.friction[name]
-            if value.is_number and value < 0:
-                raise ModelError(
-                    f"the friction of {name!r} is {shown(value)}: expected 0 or a positive number."
-                )
-
-    def _check_symbols(self) -> None:
-        kinds: dict[str, set[Any]] = dict(
-            zip(
-                KINDS,
-                map(set, (self.coordinates, self.velocities, self.inputs, [dynamicsymbols._t],
-                          self.parameters)),
-                strict=True,
-            )
-        )  # fmt: skip
-        state, place = ("coordinates", "velocities", "the time", "parameters"), PLACE
-        parts: list[tuple[str, Any, tuple[str, ...]]] = [
-            ("the Lagrangian", self.lagrangian, state),
-            ("the cost", self.cost, KINDS),
-            ("the dissipation", self.dissipation, state),
-            ("the terminal cost", self.terminal_cost, state),
-        ]
-        parts += [(f"the force on {name_of(q)}", e, KINDS) for q, e in self.forces.items()]
-        parts += [(f"surface {n!r}", g, place) for n, g in self.gaps.items()]
-        parts += [(f"path constraint {n!r}", r, KINDS) for n, r in self.path_functions.items()]
-        parts += [(f"the tangent of {n!r}", e, place) for n, e in self.tangents.items()]
-        parts += [(f"the friction of {n!r}", e, ("parameters",)) for n, e in self.friction.items()]
-        parts += [
-            (f"a {type(part).__name__} of the drawing", e, place)
-            for part in self.shapes
-            for e in values_of(part)
-        ]
-        used: set[Any] = set()
-        for where, expression, allowed in parts:
-            found = atoms_of(expression)
-            used |= found
-            for symbol in sorted(found.difference(*(kinds[kind] for kind in allowed)), key=str):
-                raise ModelError(unknown_symbol(symbol, where, kinds, allowed))
-        for symbol in self.parameters:
-            if symbol not in used:
-                raise ModelError(
-                    f"parameter {symbol} is used nowhere in model {self.name!r}: remove it or use "
-                    "it."
-                )
-        in_forces: set[Any] = set().union(*(atoms_of(e) for e in self.forces.values()))
-        for u in self.inputs:
-            if u not in in_forces:
-                raise ModelError(
-                    f"input {name_of(u)} appears in no force of model {self.name!r}: remove it or "
-                    "use it."
-                )
-
-    def _check_kinks(self) -> None:
-        """Refuse functions that jump, and kinks that cannot be split into smooth functions."""
-        check_smooth(self.lagrangian, "the Lagrangian")
-        check_smooth(self.dissipation, "the dissipation")
-        check_smooth(self.terminal_cost, "the terminal cost", kinks=True)
-        for q, force in self.forces.items():
-            check_smooth(force, f"the force on {name_of(q)}")
-        split(self)
-
-    def _check_mass_matrix(self) -> None:
-        mass = self.mass_matrix
-        for i, q in enumerate(self.coordinates):
-            if all(entry == 0 for entry in mass.row(i)):
-                raise ModelError(
-                    f"the kinetic energy does not contain the velocity of coordinate {name_of(q)}: "
-                    "the mass matrix would be singular; give the coordinate inertia or remove it."
-                )
-        for entry in mass:
-            if (
-                entry.is_number
-                and entry != 0
-                and not 1 / LARGEST_PARAMETER <= abs(entry) <= LARGEST_PARAMETER
-            ):
-                raise ModelError(
-                    f"the mass matrix of model {self.name!r} contains {shown(entry)}: expected "
-                    "masses from 1e-100 to 1e100; use other units."
-                )
-        if any(atoms_of(entry) & set(self.velocities) for entry in mass):
-            raise ModelError(
-                "the kinetic energy is not quadratic in the velocities: the mass matrix depends on "
-                "them."
-            )
-        if _is_singular(mass):
-            raise ModelError(
-                f"the mass matrix of model {self.name!r} is singular (its determinant is zero "
-                f"everywhere): the coordinates {_listed(self.coordinates)} are not independent, or "
-                "one lacks inertia."
-            )
-
-    def _check_relations(self) -> None:
-        for name, gap in self.gaps.items():
-            if not atoms_of(gap) & set(self.coordinates):
-                raise ModelError(
-                    f"surface {name!r} contains no coordinate: expected a relation in "
-                    f"{_listed(self.coordinates)}."
-                )
-
-
-def _sequence(value: Any, what: str) -> tuple[Any, ...]:
-    if isinstance(value, (str, bytes, sp.Basic)):
-        raise ModelError(
-            f"{what} = {shown(value)}: expected a list of dynamicsymbols, such as [x]."
-        )
-    return tuple(listed(value, what, "dynamicsymbols", ModelError))
-
-
-def _mapping(value: Any, what: str, example: str) -> dict[Any, Any]:
-    if not isinstance(value, Mapping):
-        raise ModelError(f"{what} = {shown(value)}: expected a mapping such as {example}.")
-    return dict(value)
-
-
-def _relations(constraints: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Path constraints by name; those of a conjunction have the numbers 1, 2, ... behind it."""
-    found = dict[Any, Any]()
-    for name, relation in constraints.items():
-        joined = isinstance(relation, sp.And) and isinstance(name, str)
-        parts = sorted(relation.args, key=sp.default_sort_key) if joined else [relation]
-        names = [f"{name}_{i + 1}" for i in range(len(parts))] if joined else [name]
-        for one, part in zip(names, parts, strict=True):
-            if one in found:
-                raise ModelError(f"two path constraints have the name {one!r}: rename one.")
-            found[one] = part
-    return found
-
-
-def _parameter_value(symbol: Any, value: Any) -> float | None:
-    """The default value of a parameter as a float that its symbol may have."""
-    if value is None:
-        return None
-    number = math.nan
-    if not isinstance(value, bool) and (
-        isinstance(value, numbers.Real) or (isinstance(value, sp.Expr) and value.is_comparable)
-    ):
-        try:
-            number = float(value)
-        except (OverflowError, ValueError, TypeError):
-            number = math.inf
-    if not math.isfinite(number):
-        raise ModelError(f"parameter {symbol} = {shown(value)}: a finite number was expected.")
-    if value != 0 and not 1 / LARGEST_PARAMETER <= abs(number) <= LARGEST_PARAMETER:
-        raise ModelError(
-            f"parameter {symbol} = {shown(value)}: expected 0 or a magnitude from 1e-100 to 1e100; "
-            "use other units."
-        )
-    for fact in ("positive", "negative", "nonnegative", "nonpositive", "nonzero"):
-        if getattr(symbol, f"is_{fact}") and getattr(sp.Float(number), f"is_{fact}") is False:
-            raise ModelError(
-                f"parameter {symbol} = {shown(value)}: its symbol is assumed to be {fact}; give "
-                "such a value, or make the symbol without it."
-            )
-    return number
-
-
-def _is_function_of_time(symbol: Any) -> bool:
-    return isinstance(symbol, AppliedUndef) and symbol.args == (dynamicsymbols._t,)
-
 
 def check_system(system: Any) -> None:
     """Raise ModelError unless the argument of a function is a system."""
     if not isinstance(system, MechanicalSystem):
         raise ModelError(f"system = {shown(system)}: expected a MechanicalSystem.")
-
-
-def _is_singular(mass: sp.Matrix) -> bool:
-    """Tell whether M is singular at several fixed generic points, hence everywhere."""
-    symbols = sorted(set().union(*(atoms_of(entry) for entry in mass)), key=str)
-    for shift in (0.0, 1.7, 4.1):
-        point = {
-            s: sp.Float(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0, 30)
-            for i, s in enumerate(symbols)
-        }
-        matrix = mass.xreplace(point).evalf(30)
-        # What is singular in one set of units is so in all of them.
-        scale = sp.prod([abs(matrix[i, i]) for i in range(matrix.rows)])
-        if scale == 0:
-            scale = sp.Max(*(abs(entry) for entry in matrix)) ** matrix.rows
-        determinant = abs(matrix.det())
-        if (
-            determinant.is_comparable
-            and scale.is_comparable
-            and determinant > scale * sp.Float("1e-20")
-        ):
-            return False
-    return True
-
-
-def _check_distinct(names: list[tuple[str, str]]) -> None:
-    seen: dict[str, str] = {}
-    for name, role in names:
-        if name in seen:
-            raise ModelError(
-                f"the name {name!r} is used twice, as {seen[name]} and as {role}: rename one."
-            )
-        seen[name] = role
-
-
-def _listed(symbols: Sequence[Any]) -> str:
-    return ", ".join(name_of(s) for s in symbols)

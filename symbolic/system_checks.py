@@ -1,0 +1,256 @@
+"""What makes a system one: its names, symbols, friction, kinks and masses are in order, or one
+sentence says what is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import sympy as sp
+from sympy.core.function import AppliedUndef
+from sympy.physics.mechanics import dynamicsymbols
+
+from dmoc.base.arguments import shown
+from dmoc.base.errors import ModelError
+from dmoc.base.names import check_name, momentum_name, name_of, velocity_name
+from dmoc.symbolic.drawing import values_of
+from dmoc.symbolic.expressions import KINDS, atoms_of, unknown_symbol
+from dmoc.symbolic.kinks import check_smooth, split
+from dmoc.symbolic.system_fields import LARGEST_PARAMETER
+
+if TYPE_CHECKING:
+    from dmoc.symbolic.system import MechanicalSystem
+
+# What places and states are made of.
+PLACE = ("coordinates", "the time", "parameters")
+STATE = ("coordinates", "velocities", "the time", "parameters")
+
+
+def check(system: MechanicalSystem) -> None:
+    """Raise ModelError where the parts of a system do not fit together."""
+    _check_friction(system)
+    _check_symbols(system)
+    _check_kinks(system)
+    _check_mass_matrix(system)
+    for name, gap in system.gaps.items():
+        if not atoms_of(gap) & set(system.coordinates):
+            raise ModelError(
+                f"surface {name!r} contains no coordinate: expected a relation in "
+                f"{_listed(system.coordinates)}."
+            )
+
+
+def check_names(system: MechanicalSystem) -> None:
+    """Raise ModelError unless all symbols are of their kinds and all names are distinct."""
+    _check_kinds(system)
+    symbols = {
+        "coordinate": [name_of(q) for q in system.coordinates],
+        "input": [name_of(u) for u in system.inputs],
+        "parameter": [name_of(s) for s in system.parameters],
+    }
+    labels = {
+        "surface": list(system.surfaces),
+        "path constraint": list(system.path_constraints),
+        "tangent": [name for name in system.tangents if name not in system.surfaces],
+    }
+    for role, names in (symbols | labels).items():
+        for name in names:
+            check_name(name, role)
+            if name == "t":
+                raise ModelError(f"the {role} 't' has the name of the time: choose another name.")
+            if name == "durations" and role in ("coordinate", "input"):
+                raise ModelError(
+                    f"the {role} 'durations' has the name of the times of the phases in a guess: "
+                    "choose another name."
+                )
+    _check_distinct(labels)
+    for q in symbols["coordinate"]:
+        symbols[f"velocity of {q}"] = [velocity_name(q)]
+        symbols[f"momentum of {q}"] = [momentum_name(q)]
+    _check_distinct(symbols)
+
+
+def _check_kinds(system: MechanicalSystem) -> None:
+    """Refuse coordinates, inputs and parameters that are no symbols of their kind."""
+    if not system.coordinates:
+        raise ModelError(
+            f"model {system.name!r} has no coordinates: give at least one dynamicsymbol."
+        )
+    for q in system.coordinates:
+        if not _is_function_of_time(q):
+            raise ModelError(
+                f"coordinate {shown(q)} is not a function of time: make it with "
+                "sympy.physics.mechanics.dynamicsymbols."
+            )
+    for u in system.inputs:
+        if not isinstance(u, sp.Symbol) and not _is_function_of_time(u):
+            raise ModelError(f"input {shown(u)} is not a dynamicsymbol or a Symbol.")
+    for symbol in system.parameters:
+        if not isinstance(symbol, sp.Symbol):
+            raise ModelError(f"parameter {shown(symbol)} is not a SymPy Symbol.")
+        if symbol.is_extended_real is False or not symbol.is_commutative:
+            raise ModelError(
+                f"the symbol of parameter {symbol} is assumed not to be a real number: make it "
+                f"as Symbol({symbol.name!r})."
+            )
+
+
+def _check_friction(system: MechanicalSystem) -> None:
+    """Refuse friction without a tangent, a tangent without friction, and what is neither."""
+    for name in system.friction:
+        if name not in system.tangents:
+            raise ModelError(
+                f"{shown(name)} has friction but no tangent: give the tangential position of "
+                f'its contact, as tangents={{"{name}": x}}.'
+            )
+    for name, tau in system.tangents.items():
+        if name not in system.friction:
+            raise ModelError(
+                f"{shown(name)} has a tangent but no friction: give its coefficient mu, or, of "
+                f'a rail, its largest force, as friction={{"{name}": 0.5}}; 0 for none.'
+            )
+        if not atoms_of(tau) & set(system.coordinates):
+            raise ModelError(
+                f"the tangent of {name!r} contains no coordinate: expected a position along "
+                f"the contact in {_listed(system.coordinates)}."
+            )
+        value = system.friction[name]
+        if value.is_number and value < 0:
+            raise ModelError(
+                f"the friction of {name!r} is {shown(value)}: expected 0 or a positive number."
+            )
+
+
+def _check_symbols(system: MechanicalSystem) -> None:
+    """Refuse symbols where they do not belong, and those that are listed and used nowhere."""
+    kinds = {
+        "coordinates": set(system.coordinates),
+        "velocities": set(system.velocities),
+        "inputs": set(system.inputs),
+        "the time": {dynamicsymbols._t},
+        "parameters": set(system.parameters),
+    }
+    used: set[Any] = set()
+    for where, expression, allowed in _expressions(system):
+        atoms = atoms_of(expression)
+        used |= atoms
+        for symbol in sorted(atoms.difference(*(kinds[kind] for kind in allowed)), key=str):
+            raise ModelError(unknown_symbol(symbol, where, kinds, allowed))
+    for symbol in system.parameters:
+        if symbol not in used:
+            raise ModelError(
+                f"parameter {symbol} is used nowhere in model {system.name!r}: remove it or use it."
+            )
+    in_forces: set[Any] = set().union(*(atoms_of(e) for e in system.forces.values()))
+    for u in system.inputs:
+        if u not in in_forces:
+            raise ModelError(
+                f"input {name_of(u)} appears in no force of model {system.name!r}: remove it or "
+                "use it."
+            )
+
+
+def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str, ...]]]:
+    """Where each expression of a system stands, and the kinds of symbols that belong there."""
+    yield "the Lagrangian", system.lagrangian, STATE
+    yield "the cost", system.cost, KINDS
+    yield "the dissipation", system.dissipation, STATE
+    yield "the terminal cost", system.terminal_cost, STATE
+    for what, expressions, allowed in (
+        ("the force on {}", {name_of(q): e for q, e in system.forces.items()}, KINDS),
+        ("surface {!r}", system.gaps, PLACE),
+        ("path constraint {!r}", system.path_functions, KINDS),
+        ("the tangent of {!r}", system.tangents, PLACE),
+        ("the friction of {!r}", system.friction, ("parameters",)),
+    ):
+        for name, expression in expressions.items():
+            yield what.format(name), expression, allowed
+    for part in system.shapes:
+        for expression in values_of(part):
+            yield f"a {type(part).__name__} of the drawing", expression, PLACE
+
+
+def _check_kinks(system: MechanicalSystem) -> None:
+    """Refuse functions that jump, and kinks that cannot be split into smooth functions."""
+    check_smooth(system.lagrangian, "the Lagrangian")
+    check_smooth(system.dissipation, "the dissipation")
+    check_smooth(system.terminal_cost, "the terminal cost", kinks=True)
+    for q, force in system.forces.items():
+        check_smooth(force, f"the force on {name_of(q)}")
+    split(system)
+
+
+def _check_mass_matrix(system: MechanicalSystem) -> None:
+    """Refuse masses that are singular, that depend on velocities or that no float takes."""
+    mass = system.mass_matrix
+    for i, q in enumerate(system.coordinates):
+        if all(entry == 0 for entry in mass.row(i)):
+            raise ModelError(
+                f"the kinetic energy does not contain the velocity of coordinate {name_of(q)}: "
+                "the mass matrix would be singular; give the coordinate inertia or remove it."
+            )
+    for entry in mass:
+        if (
+            entry.is_number
+            and entry != 0
+            and not 1 / LARGEST_PARAMETER <= abs(entry) <= LARGEST_PARAMETER
+        ):
+            raise ModelError(
+                f"the mass matrix of model {system.name!r} contains {shown(entry)}: expected "
+                "masses from 1e-100 to 1e100; use other units."
+            )
+    if any(atoms_of(entry) & set(system.velocities) for entry in mass):
+        raise ModelError(
+            "the kinetic energy is not quadratic in the velocities: the mass matrix depends on "
+            "them."
+        )
+    if _is_singular(mass):
+        raise ModelError(
+            f"the mass matrix of model {system.name!r} is singular (its determinant is zero "
+            f"everywhere): the coordinates {_listed(system.coordinates)} are not independent, or "
+            "one lacks inertia."
+        )
+
+
+def _is_function_of_time(symbol: Any) -> bool:
+    return isinstance(symbol, AppliedUndef) and symbol.args == (dynamicsymbols._t,)
+
+
+def _is_singular(mass: sp.Matrix) -> bool:
+    """Tell whether M is singular at several fixed generic points, hence everywhere."""
+    symbols = sorted(set().union(*(atoms_of(entry) for entry in mass)), key=str)
+    for shift in (0.0, 1.7, 4.1):
+        point = {
+            s: sp.Float(0.4 + (0.618033988749895 * (i + 1) + shift) % 1.0, 30)
+            for i, s in enumerate(symbols)
+        }
+        matrix = mass.xreplace(point).evalf(30)
+        # What is singular in one set of units is so in all of them.
+        scale = sp.prod([abs(matrix[i, i]) for i in range(matrix.rows)])
+        if scale == 0:
+            scale = sp.Max(*(abs(entry) for entry in matrix)) ** matrix.rows
+        determinant = abs(matrix.det())
+        if (
+            determinant.is_comparable
+            and scale.is_comparable
+            and determinant > scale * sp.Float("1e-20")
+        ):
+            return False
+    return True
+
+
+def _check_distinct(roles: dict[str, list[str]]) -> None:
+    """Refuse a name that stands for two things; ``roles`` are the names of each kind of thing."""
+    role_of: dict[str, str] = {}
+    for role, names in roles.items():
+        for name in names:
+            if name in role_of:
+                raise ModelError(
+                    f"the name {name!r} is used twice, as {role_of[name]} and as {role}: rename "
+                    "one."
+                )
+            role_of[name] = role
+
+
+def _listed(symbols: Sequence[Any]) -> str:
+    return ", ".join(name_of(s) for s in symbols)
