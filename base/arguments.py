@@ -30,7 +30,7 @@ MOST_ENTRIES = (
 Range = tuple[float, float]
 # What `interval` reads: a number, a pair (lower, upper) with None for no bound, None for free.
 Interval: TypeAlias = float | Sequence[float | None] | NDArray[Any] | None
-Kind = type[DmocError]
+ErrorKind = type[DmocError]
 
 
 def is_number(value: Any) -> bool:
@@ -43,7 +43,7 @@ def is_number(value: Any) -> bool:
     return hasattr(type(value), "__float__") or hasattr(type(value), "__index__")
 
 
-def number(value: Any, what: str, error: Kind = ProblemError) -> float:
+def number(value: Any, what: str, error: ErrorKind = ProblemError) -> float:
     """Read a finite number."""
     result = _float(value)
     if result is None or not math.isfinite(result):
@@ -53,7 +53,7 @@ def number(value: Any, what: str, error: Kind = ProblemError) -> float:
     return result
 
 
-def positive(value: Any, what: str, expected: str, error: Kind = ProblemError) -> float:
+def positive(value: Any, what: str, expected: str, error: ErrorKind = ProblemError) -> float:
     """Read a positive finite number."""
     result = _float(value)
     if result is None or not 0 < result < math.inf:
@@ -62,7 +62,7 @@ def positive(value: Any, what: str, expected: str, error: Kind = ProblemError) -
 
 
 def whole(
-    value: Any, what: str, least: int, most: int, error: Kind = ProblemError, unit: str = ""
+    value: Any, what: str, least: int, most: int, error: ErrorKind = ProblemError, unit: str = ""
 ) -> int:
     """Read a whole number from a range."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
@@ -72,14 +72,14 @@ def whole(
     return int(value)
 
 
-def flag(value: Any, what: str, error: Kind = ProblemError) -> bool:
+def flag(value: Any, what: str, error: ErrorKind = ProblemError) -> bool:
     """Read a truth value; a text such as "no" would count as true."""
     if not isinstance(value, (bool, np.bool_)):
         raise error(f"{what} = {shown(value)}: expected True or False.")
     return bool(value)
 
 
-def choice(value: Any, what: str, choices: Iterable[str], error: Kind = ProblemError) -> str:
+def choice(value: Any, what: str, choices: Iterable[str], error: ErrorKind = ProblemError) -> str:
     """Read one of several texts."""
     known = list(choices)
     if not isinstance(value, str) or value not in known:
@@ -88,7 +88,7 @@ def choice(value: Any, what: str, choices: Iterable[str], error: Kind = ProblemE
 
 
 def check_known(
-    name: str, among: Iterable[str], what: str, where: str = "", error: Kind = ProblemError
+    name: str, among: Iterable[str], what: str, where: str = "", error: ErrorKind = ProblemError
 ) -> None:
     """Check that a name is one of those known; the message shows the nearest of them."""
     names = list(among)
@@ -99,7 +99,7 @@ def check_known(
         raise error(f"unknown {what} {shown(name)}{' ' + where if where else ''}: {listed}{hint}.")
 
 
-def text(value: Any, what: str, error: Kind = ProblemError) -> str:
+def text(value: Any, what: str, error: ErrorKind = ProblemError) -> str:
     if not isinstance(value, str):
         raise error(f"{what} = {shown(value)}: expected a text.")
     return str(value)
@@ -129,7 +129,7 @@ def limits(value: Any, what: str, expected: str) -> Range:
 
 
 def listed(
-    value: Any, what: str, of: str, error: Kind = ProblemError, most: int = MOST_ENTRIES
+    value: Any, what: str, of: str, error: ErrorKind = ProblemError, most: int = MOST_ENTRIES
 ) -> list[Any]:
     """Read a list, or anything else that has an order; the order of a set is none, and a
     mapping's values would be ignored."""
@@ -150,7 +150,7 @@ def listed(
     return entries
 
 
-def names(value: Any, what: str, of: str, error: Kind = ProblemError) -> list[str]:
+def names(value: Any, what: str, of: str, error: ErrorKind = ProblemError) -> list[str]:
     """Read a list of texts."""
     entries = listed(value, what, of, error)
     for entry in entries:
@@ -174,7 +174,9 @@ def array(value: Any) -> NDArray[np.float64] | None:
         return raw.astype(float) if raw.dtype.kind in "iuf" else None
 
 
-def function(value: Any, what: str, of: str, error: Kind = ProblemError) -> Callable[[Any], Any]:
+def function(
+    value: Any, what: str, of: str, error: ErrorKind = ProblemError
+) -> Callable[[Any], Any]:
     """Read a function of one argument."""
     try:
         if isinstance(value, type):
@@ -190,7 +192,7 @@ def function(value: Any, what: str, of: str, error: Kind = ProblemError) -> Call
     return call
 
 
-def executor(value: Any, what: str = "executor", error: Kind = ProblemError) -> Any:
+def executor(value: Any, what: str = "executor", error: ErrorKind = ProblemError) -> Any:
     """Read what solves tasks elsewhere, or None."""
     if value is not None:
         try:

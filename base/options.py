@@ -8,7 +8,7 @@ from functools import cache
 from types import NoneType
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from dmoc.base.arguments import Kind
+from dmoc.base.arguments import ErrorKind
 
 T = TypeVar("T")
 
@@ -45,7 +45,7 @@ def options_of(kind: Any) -> Mapping[str, Option]:
     return stated
 
 
-def read(kind: type[T], values: Mapping[str, Any], error: Kind) -> T:
+def read(kind: type[T], values: Mapping[str, Any], error: ErrorKind) -> T:
     """Options from values by name, of which others are ignored; one without a value has its
     default."""
     stated: Any = kind

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, contextmanager
 from importlib import import_module
 from typing import Any, Literal, TypeAlias, TypeVar
 
-from dmoc.base.arguments import Kind, function, shown
+from dmoc.base.arguments import ErrorKind, function, shown
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import ProblemError
 
@@ -22,7 +22,7 @@ BETWEEN_LINES, BETWEEN_SHOWS = 1.0, 0.2  # seconds
 
 @contextmanager
 def told(
-    progress: Listener[P], first: str, error: Kind = ProblemError
+    progress: Listener[P], first: str, error: ErrorKind = ProblemError
 ) -> Iterator[Callable[[P], object] | None]:
     """Yield the function that is to be called with progress; None where nobody wants it.
 

@@ -30,7 +30,7 @@ class OutOfTimeError(SimulationError):
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class ModeSpan:
     """Phases one after the other in the same mode: their numbers, their steps, and the place of the
     first step of each."""
 
@@ -112,17 +112,17 @@ class Motion:
         return _has_modes(self.trajectory, self.model)
 
     @cached_property
-    def pieces(self) -> tuple[Piece, ...]:
+    def pieces(self) -> tuple[ModeSpan, ...]:
         """The phases, those one after the other in the same mode together."""
         together = groupby(range(len(self.modes)), key=self.modes.__getitem__)
         return tuple(self._piece(mode, list(numbers)) for mode, numbers in together)
 
-    def _piece(self, mode: Mode, numbers: list[int]) -> Piece:
+    def _piece(self, mode: Mode, numbers: list[int]) -> ModeSpan:
         steps, names = [self.steps[i] for i in numbers], [f.name for f in fields(Steps)]
         joined = Steps(*(np.concatenate([getattr(s, name) for s in steps]) for name in names))
         begins = np.cumsum([0, *map(len, steps[:-1])])
         phases = tuple(self.trajectory.phases[i] for i in numbers)
-        return Piece(mode, tuple(numbers), phases, joined, begins)
+        return ModeSpan(mode, tuple(numbers), phases, joined, begins)
 
     def error(self, y: Array, t: Array, q_wanted: Array, p_wanted: Array) -> Array:
         """Largest relative error of each row's state y = (q | v ...)."""

@@ -32,7 +32,7 @@ from dmoc.check.segments import segments, step_errors
 from dmoc.check.verdict import PASSING, Verification
 from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import GRAZING, Collision
-from dmoc.simulation.flow import Contact
+from dmoc.simulation.flow import SurfaceContact
 
 
 def judged_with_contacts(motion: Motion) -> Verification:
@@ -80,12 +80,12 @@ class _InFlight:
     were not planned, and, in sentences, those that are met before their time."""
 
     missed: tuple[Collision, ...]
-    met: tuple[Contact, ...]
+    met: tuple[SurfaceContact, ...]
     early: tuple[str, ...]
 
 
 def _in_flight(motion: Motion) -> _InFlight:
-    missed, met, early = list[Collision](), list[Contact](), list[str]()
+    missed, met, early = list[Collision](), list[SurfaceContact](), list[str]()
     for i, phase in enumerate(motion.trajectory.phases):
         if not is_free(motion, i):
             continue
@@ -110,7 +110,7 @@ def _in_flight(motion: Motion) -> _InFlight:
     return _InFlight(tuple(missed), tuple(met), tuple(early))
 
 
-def _too_early(motion: Motion, i: int, contact: Contact) -> bool:
+def _too_early(motion: Motion, i: int, contact: SurfaceContact) -> bool:
     """Whether a contact is met so long before the end of a phase that the gap, which goes on with
     its rate at the end, is further behind the surface than a segment may be off."""
     phase, j = motion.trajectory.phases[i], motion.model.kernels.surfaces.index(contact.surface)

@@ -9,7 +9,7 @@ import numpy as np
 
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, TURNED
-from dmoc.check.contact_law import Event, Outcome, after_event, event_of
+from dmoc.check.contact_law import ImpactEvent, ImpactResult, after_event, event_of
 from dmoc.check.joins import impulsive_change, planned_impulses
 from dmoc.check.measures import imbalance
 from dmoc.codegen.kernels import Array
@@ -61,7 +61,7 @@ def _given(motion: Motion, c: Collision) -> tuple[Array, Array]:
     return planned_impulses(kernels, c)
 
 
-def _law(motion: Motion, i: int, found: Outcome) -> float:
+def _law(motion: Motion, i: int, found: ImpactResult) -> float:
     """Errors of the momentum after an event and of its planned impulses, relative to the largest
     momenta."""
     c, model = motion.trajectory.collisions[i], motion.model
@@ -75,7 +75,7 @@ def _law(motion: Motion, i: int, found: Outcome) -> float:
     return float(np.abs(errors / motion.sizes.p).max())
 
 
-def _own(motion: Motion, i: int, event: Event, found: Outcome) -> float:
+def _own(motion: Motion, i: int, event: ImpactEvent, found: ImpactResult) -> float:
     """Errors of the rates after a hit or a landing relative to the largest of them."""
     if not event.mode.closed:
         return 0.0
@@ -89,7 +89,7 @@ def _own(motion: Motion, i: int, event: Event, found: Outcome) -> float:
     return float(np.abs(new - right).max() / max(float(np.abs([old, new]).max()), soft))
 
 
-def _slack(motion: Motion, c: Collision, found: Outcome) -> float:
+def _slack(motion: Motion, c: Collision, found: ImpactResult) -> float:
     """What an impulse may be off: a share of the largest of its event, or of what would change the
     rate of a gap by a small share of its size."""
     model = motion.model
@@ -99,7 +99,9 @@ def _slack(motion: Motion, c: Collision, found: Outcome) -> float:
     return BEARABLE * float(max(np.abs(found.normal).max(initial=0.0), soft.max(initial=0.0)))
 
 
-def _unbearable(motion: Motion, c: Collision, event: Event, found: Outcome) -> Iterator[str]:
+def _unbearable(
+    motion: Motion, c: Collision, event: ImpactEvent, found: ImpactResult
+) -> Iterator[str]:
     """Impulses that pull or leave the cone, by the law or by the plan, and surfaces that take one
     without a part in the event."""
     model, mode, at = motion.model, event.mode, supports(motion.model.kernels)
@@ -127,7 +129,7 @@ def _unbearable(motion: Motion, c: Collision, event: Event, found: Outcome) -> I
             yield f"{tangents[k]} does not slide with the sign {s:+d} after {c.time:.4g} s"
 
 
-def _turned(motion: Motion, i: int, event: Event, found: Outcome) -> Iterator[str]:
+def _turned(motion: Motion, i: int, event: ImpactEvent, found: ImpactResult) -> Iterator[str]:
     """Contacts whose sliding turns in an impact that presses them: how much of their friction acts
     in either direction, the law of impact does not say."""
     before, c, model = motion.modes[i], motion.trajectory.collisions[i], motion.model
@@ -143,7 +145,9 @@ def _turned(motion: Motion, i: int, event: Event, found: Outcome) -> Iterator[st
             )
 
 
-def _otherwise(motion: Motion, c: Collision, event: Event, found: Outcome) -> Iterator[str]:
+def _otherwise(
+    motion: Motion, c: Collision, event: ImpactEvent, found: ImpactResult
+) -> Iterator[str]:
     """A hit with friction that goes another way than planned, with other impulses: where both ways
     have the same, the motion lies between them."""
     if event.rubs is None or event.hit is None or not c.course or c.course == found.course:
@@ -158,7 +162,7 @@ def _otherwise(motion: Motion, c: Collision, event: Event, found: Outcome) -> It
         )
 
 
-def _approached(motion: Motion, i: int, event: Event) -> Iterator[str]:
+def _approached(motion: Motion, i: int, event: ImpactEvent) -> Iterator[str]:
     """Surfaces hit without being approached, and contacts that leave without opening."""
     c, model = motion.trajectory.collisions[i], motion.model
     surfaces = model.kernels.surfaces

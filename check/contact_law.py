@@ -23,7 +23,7 @@ from dmoc.simulation.poisson import impulses
 
 
 @dataclass(frozen=True)
-class Event:
+class ImpactEvent:
     """Who takes part in what joins two phases.
 
     Attributes
@@ -49,7 +49,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ImpactResult:
     """Rows of velocities (n, nq) after an event, and the impulses of all surfaces (n, nc) and
     tangents (n, nt); the course of friction in the first row, where it is that of Poisson's law."""
 
@@ -59,7 +59,7 @@ class Outcome:
     course: str = ""
 
 
-def event_of(motion: Motion, i: int) -> Event:
+def event_of(motion: Motion, i: int) -> ImpactEvent:
     """What joins the phases i and i + 1."""
     c, kernels = motion.trajectory.collisions[i], motion.model.kernels
     before, after = motion.trajectory.phases[i], motion.trajectory.phases[i + 1]
@@ -69,9 +69,11 @@ def event_of(motion: Motion, i: int) -> Event:
     expected = {*kept, *c.lands}
     if expected != set(after.closed):
         shown = ", ".join(sorted(expected)) or "none"
-        return Event(Mode(), wrong=f"the contacts closed after what happens {when} are {shown}")
+        return ImpactEvent(
+            Mode(), wrong=f"the contacts closed after what happens {when} are {shown}"
+        )
     if not c.surface or c.grazes:
-        return Event(Mode())
+        return ImpactEvent(Mode())
     on = [kernels.surfaces.index(name) for name in (*c.lands, *kept)]
     own, at = motion.modes[i + 1], supports(kernels)
     ours = Mode(
@@ -80,9 +82,9 @@ def event_of(motion: Motion, i: int) -> Event:
         tuple((k, s) for k, s in own.sliding if at[k] in on),
     )
     if hit is None and c.course and len(on) == 1:
-        return Event(Mode((on[0],)), on[0], at.index(on[0]), lands=True)
+        return ImpactEvent(Mode((on[0],)), on[0], at.index(on[0]), lands=True)
     if hit is None:
-        return Event(without_rails(ours, kernels))
+        return ImpactEvent(without_rails(ours, kernels))
     j = kernels.surfaces.index(hit)
     rubs = next((k for k, s in enumerate(at) if s == j and motion.model.friction[k] > 0), None)
     wrong = (
@@ -92,14 +94,14 @@ def event_of(motion: Motion, i: int) -> Event:
         else ""
     )
     with_hit = Mode((j, *ours.closed), ours.sticking, ours.sliding)
-    return Event(with_hit, j, rubs, wrong=wrong)
+    return ImpactEvent(with_hit, j, rubs, wrong=wrong)
 
 
-def after_event(motion: Motion, event: Event, q: Array, v: Array, t: float) -> Outcome:
+def after_event(motion: Motion, event: ImpactEvent, q: Array, v: Array, t: float) -> ImpactResult:
     """What the law makes of rows of states before an event."""
     model, mode = motion.model, event.mode
     if not mode.closed:
-        return Outcome(v, np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt)))
+        return ImpactResult(v, np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt)))
     times = np.full(len(q), t)
     if event.rubs is not None and event.hit is not None:
         e = 0.0 if event.lands else float(motion.flow.restitution[event.hit])
@@ -114,12 +116,12 @@ def after_event(motion: Motion, event: Event, q: Array, v: Array, t: float) -> O
     if event.hit is not None:
         wanted[:, 0] *= 1 + float(motion.flow.restitution[event.hit])
     change, lam = answers(model.mass(q, times), conditions(model, mode, q, times), wanted)
-    return Outcome(v + change, *spread(model, mode, lam))
+    return ImpactResult(v + change, *spread(model, mode, lam))
 
 
 def _with_friction(
     model: Model, contact: tuple[int, int], e: float, q: Array, v: Array, t: Array
-) -> Outcome:
+) -> ImpactResult:
     """One hit with friction, after Poisson: surface and tangent ``contact``."""
     j, k = contact
     directions = conditions(model, Mode((j,), (k,)), q, t).B
@@ -130,4 +132,4 @@ def _with_friction(
     lam = np.array([[f.normal, f.tangential] for f in found])
     normal, tangential = np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt))
     normal[:, j], tangential[:, k] = lam.T
-    return Outcome(v + (pushed @ lam[..., None])[..., 0], normal, tangential, found[0].course)
+    return ImpactResult(v + (pushed @ lam[..., None])[..., 0], normal, tangential, found[0].course)

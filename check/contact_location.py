@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.check.checked_motion import Motion, nodes_of_segments
-from dmoc.check.path_limits import Course
+from dmoc.check.path_limits import IntegratedSteps
 from dmoc.check.runs import SAME_CONTACT
 from dmoc.check.segments import between, put
 from dmoc.codegen.kernels import Array
-from dmoc.simulation.flow import FIRST, LAST, PLACES, TOUCH, Contact, Steps
+from dmoc.simulation.flow import FIRST, LAST, PLACES, TOUCH, Steps, SurfaceContact
 from dmoc.simulation.mode_choice import limits
 from dmoc.simulation.modes import Mode
 from dmoc.simulation.roots import crossing
@@ -36,16 +36,18 @@ class Stage:
     (2, n, nc + 2 nt)."""
 
     segments: NDArray[np.intp]
-    course: Course
+    course: IntegratedSteps
     held: Array
     kept: Array
 
 
-def left(motion: Motion, sizes: tuple[Array, Array, Array]) -> tuple[list[Contact], list[str]]:
+def left(
+    motion: Motion, sizes: tuple[Array, Array, Array]
+) -> tuple[list[SurfaceContact], list[str]]:
     """Contacts that are not planned and are met in phases with closed contacts or friction, and
     what ends a mode elsewhere than planned, in sentences; ``sizes`` are those of contact forces, of
     friction and of sliding velocities that errors of discretisation explain."""
-    met, sentences = list[Contact](), list[str]()
+    met, sentences = list[SurfaceContact](), list[str]()
     for i in range(len(motion.steps)):
         if not is_free(motion, i):
             stages = list(_stages(motion, i))
@@ -64,11 +66,11 @@ def _stages(motion: Motion, i: int) -> Iterator[Stage]:
         on = np.flatnonzero(begins + k < cuts[1:])
         step, start, stop = begins[on] + k, y[on], y[on]
         ends = motion.flow.advance(stop, steps, step, step + 1, mode, held[on])
-        y[on], course = stop, Course(steps.part(step), start, ends, stop)
+        y[on], course = stop, IntegratedSteps(steps.part(step), start, ends, stop)
         yield Stage(on, course, held[on], _kept_at_ends(motion, mode, course))
 
 
-def _kept_at_ends(motion: Motion, mode: Mode, course: Course) -> Array:
+def _kept_at_ends(motion: Motion, mode: Mode, course: IntegratedSteps) -> Array:
     """What a mode keeps above zero at both ends of steps, shape (2, n, nc + 2 nt); infinite for
     surfaces that are open."""
     steps, integrator = course.steps, motion.flow.integrator
@@ -78,7 +80,7 @@ def _kept_at_ends(motion: Motion, mode: Mode, course: Course) -> Array:
     return least
 
 
-def _met(motion: Motion, i: int, course: Course) -> Iterator[Contact]:
+def _met(motion: Motion, i: int, course: IntegratedSteps) -> Iterator[SurfaceContact]:
     """Contacts in steps of a phase that its plan does not have; a phase without closed contacts
     and friction is simulated through its contacts elsewhere."""
     model, nq = motion.model, motion.model.nq
@@ -90,7 +92,7 @@ def _met(motion: Motion, i: int, course: Course) -> Iterator[Contact]:
     for n, j in zip(*np.nonzero(over.any(axis=0)), strict=True):
         name, time = model.kernels.surfaces[j], float(times[int(np.argmax(over[:, n, j])), n])
         if not is_planned(motion, i, name, time):
-            yield Contact(name, time, _jump(motion, course.stop[n], time, j))
+            yield SurfaceContact(name, time, _jump(motion, course.stop[n], time, j))
 
 
 def _jump(motion: Motion, y: Array, t: float, j: int) -> float:

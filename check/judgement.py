@@ -26,7 +26,7 @@ from dmoc.check.verdict import (
     too_coarse,
     unstable,
 )
-from dmoc.simulation.flow import Contact
+from dmoc.simulation.flow import SurfaceContact
 
 
 def measured(
@@ -61,7 +61,7 @@ class Evidence:
     parts: Sequence[Segment]
     flowed: Carried
     terminal: float
-    contacts: Sequence[Contact]
+    contacts: Sequence[SurfaceContact]
 
     @cached_property
     def failures(self) -> list[str]:

@@ -22,7 +22,7 @@ VARYING = 0.05
 
 
 @dataclass(frozen=True)
-class Course:
+class IntegratedSteps:
     """Steps that were integrated from their first nodes: states (n, 2 nq ...) at both ends, and
     the accelerations there (n, 2, nq)."""
 
@@ -65,7 +65,7 @@ class Excess:
         )
 
 
-def path_excess(motion: Motion, courses: Sequence[Course]) -> tuple[Excess, ...]:
+def path_excess(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Excess, ...]:
     """The largest excess of each path constraint that is exceeded.
 
     The size of a constraint is that of its terms, at the time itself; of one in coordinates alone,
@@ -96,7 +96,7 @@ class _Values:
     weights: Array
 
     @classmethod
-    def of(cls, motion: Motion, courses: Sequence[Course]) -> _Values:
+    def of(cls, motion: Motion, courses: Sequence[IntegratedSteps]) -> _Values:
         rows = motion.model.kernels.manifest["path_limits"]
         points = DISCRETISATIONS[motion.trajectory.order].places
         constant = motion.trajectory.input_form.width == 0

@@ -15,7 +15,7 @@ from dmoc.check.joins import JOINED
 from dmoc.check.segments import Segment, put
 from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import GRAZING, Collision
-from dmoc.simulation.flow import FIRST, Contact, Lost
+from dmoc.simulation.flow import FIRST, Lost, SurfaceContact
 
 # A contact belongs to a planned collision if it happens within this share of the final time from
 # it.
@@ -25,12 +25,12 @@ EXPLAINED = 5.0
 ASTRAY = 100.0  # ranges from the motion at which an open-loop run ends
 
 
-def open_loop(motion: Motion) -> tuple[float, list[Contact]]:
+def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:
     """Simulate from the start with the motion's inputs; return the terminal error and the
     contacts."""
     flow, sizes, nq = motion.flow, motion.sizes, motion.model.nq
     first, last = motion.trajectory.phases[0], motion.trajectory.phases[-1]
-    y, contacts = np.concatenate([first.q[0], first.v[0]]), list[Contact]()
+    y, contacts = np.concatenate([first.q[0], first.v[0]]), list[SurfaceContact]()
     far = ASTRAY * sizes.q
     try:
         for phase, steps in zip(motion.trajectory.phases, motion.steps, strict=True):
@@ -63,19 +63,19 @@ def through_plan(motion: Motion) -> float:
     return float(motion.error(y, phase.t[-1:], phase.q[-1:], phase.p[-1:])[0])
 
 
-def on_the_way(motion: Motion) -> list[Contact]:
+def on_the_way(motion: Motion) -> list[SurfaceContact]:
     """Contacts met in segments, each simulated from the motion's own state; one that ends in
     a planned collision meets it a little early or late."""
     phases = range(len(motion.trajectory.phases))
     return [contact for i in phases for contact in contacts_of_phase(motion, i)]
 
 
-def contacts_of_phase(motion: Motion, i: int) -> list[Contact]:
+def contacts_of_phase(motion: Motion, i: int) -> list[SurfaceContact]:
     """Contacts met in the segments of one phase."""
-    contacts, phase = list[Contact](), motion.trajectory.phases[i]
+    contacts, phase = list[SurfaceContact](), motion.trajectory.phases[i]
     upper = motion.flow.upper(motion.steps[i])
     for first, last in pairwise(map(int, nodes_of_segments(phase.steps))):
-        met = list[Contact]()
+        met = list[SurfaceContact]()
         try:
             y = _segment(motion, i, upper, (first, last), met)
             if last == phase.steps and i < len(motion.trajectory.collisions):
@@ -87,7 +87,7 @@ def contacts_of_phase(motion: Motion, i: int) -> list[Contact]:
 
 
 def _segment(
-    motion: Motion, i: int, upper: Array, span: tuple[int, int], met: list[Contact]
+    motion: Motion, i: int, upper: Array, span: tuple[int, int], met: list[SurfaceContact]
 ) -> Array:
     """Simulate a segment; where its planned collision is met early, the end is that of the
     motion without the impact."""
@@ -109,7 +109,7 @@ def _segment(
         k += 1
 
 
-def _planned(motion: Motion, contact: Contact, i: int, end: float) -> bool:
+def _planned(motion: Motion, contact: SurfaceContact, i: int, end: float) -> bool:
     collisions = motion.trajectory.collisions
     window = SAME_CONTACT * motion.sizes.time
     return (
@@ -119,7 +119,9 @@ def _planned(motion: Motion, contact: Contact, i: int, end: float) -> bool:
     )
 
 
-def _late(motion: Motion, i: int, y: Array, t: float, met: list[Contact]) -> list[Contact]:
+def _late(
+    motion: Motion, i: int, y: Array, t: float, met: list[SurfaceContact]
+) -> list[SurfaceContact]:
     """The planned collision where a segment ends just before it: by the rate of the gap."""
     collision = motion.trajectory.collisions[i]
     if not collision.surface or any(_planned(motion, c, i, t) for c in met):
@@ -128,7 +130,7 @@ def _late(motion: Motion, i: int, y: Array, t: float, met: list[Contact]) -> lis
     gap = float(motion.model.gaps(y[: motion.model.nq], t)[j])
     rate = motion.flow.rate(y, t, j)
     if rate > 0 and -gap <= SAME_CONTACT * motion.sizes.time * rate:
-        return [Contact(collision.surface, t, 1.0)]
+        return [SurfaceContact(collision.surface, t, 1.0)]
     return []
 
 
@@ -137,7 +139,7 @@ class Departures:
     """Planned collisions that a simulation misses, and other contacts that it meets."""
 
     missed: tuple[Collision, ...] = ()
-    extra: tuple[Contact, ...] = ()
+    extra: tuple[SurfaceContact, ...] = ()
 
     def __bool__(self) -> bool:
         return bool(self.missed or self.extra)
@@ -152,7 +154,7 @@ class Departures:
         return tuple(dict.fromkeys(texts))
 
 
-def departures(motion: Motion, contacts: Sequence[Contact]) -> Departures:
+def departures(motion: Motion, contacts: Sequence[SurfaceContact]) -> Departures:
     """Match contacts with planned collisions by surface and time: those that are missed, and of
     the other contacts those that do not merely graze."""
     left, missed = list(contacts), list[Collision]()
@@ -165,7 +167,7 @@ def departures(motion: Motion, contacts: Sequence[Contact]) -> Departures:
     return Departures(tuple(missed), tuple(c for c in left if c.jump > GRAZING))
 
 
-def _same(motion: Motion, planned: Collision, contact: Contact) -> bool:
+def _same(motion: Motion, planned: Collision, contact: SurfaceContact) -> bool:
     """Whether a contact is a planned collision."""
     near = abs(contact.time - planned.time) <= SAME_CONTACT * motion.sizes.time
     return contact.surface == planned.surface and near
@@ -179,7 +181,7 @@ def predicted(motion: Motion, run: Departures, parts: Sequence[Segment], deviati
     missed = run.missed[:1]
     before = [c for c in run.extra if not missed or c.time < missed[0].time]
 
-    def explained(c: Collision | Contact, gap: float) -> bool:
+    def explained(c: Collision | SurfaceContact, gap: float) -> bool:
         return EXPLAINED * _moved(motion, c, parts, deviations) >= gap
 
     return all(explained(c, _made_up(motion, c)) for c in missed) and all(
@@ -188,7 +190,7 @@ def predicted(motion: Motion, run: Departures, parts: Sequence[Segment], deviati
 
 
 def _moved(
-    motion: Motion, c: Collision | Contact, parts: Sequence[Segment], deviations: Array
+    motion: Motion, c: Collision | SurfaceContact, parts: Sequence[Segment], deviations: Array
 ) -> float:
     """How far deviations move the gap of a contact at its time."""
     phases, q = motion.trajectory.phases, _state(motion, c.time)[: motion.model.nq]
@@ -206,7 +208,7 @@ def _made_up(motion: Motion, c: Collision) -> float:
     return SAME_CONTACT * motion.sizes.time * abs(rate)
 
 
-def _clearance(motion: Motion, c: Contact) -> float:
+def _clearance(motion: Motion, c: SurfaceContact) -> float:
     """How far the motion itself is from a surface that a run meets."""
     q = _state(motion, c.time)[: motion.model.nq]
     return -float(motion.model.gaps(q, c.time)[motion.model.kernels.surfaces.index(c.surface)])

@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dmoc.check.checked_motion import Motion, Piece, nodes_of_segments
-from dmoc.check.path_limits import Course, Excess, path_excess
+from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
+from dmoc.check.path_limits import Excess, IntegratedSteps, path_excess
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Index
 from dmoc.simulation.flow import PLACES
@@ -79,7 +79,7 @@ def step_errors(motion: Motion) -> StepErrors:
     )
 
 
-def _course(motion: Motion, piece: Piece) -> Course:
+def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:
     """The steps of a piece, with their work."""
     q, v, _, t = piece.nodes(slice(-1))
     rows = np.hstack([q, v, np.zeros((len(q), 1))])
@@ -87,10 +87,10 @@ def _course(motion: Motion, piece: Piece) -> Course:
     stop, first = start.copy(), np.arange(len(start))
     mode = None if piece.mode == FREE else piece.mode
     ends = motion.flow.advance(stop, piece.steps, first, first + 1, mode, held)
-    return Course(piece.steps, start, ends, stop)
+    return IntegratedSteps(piece.steps, start, ends, stop)
 
 
-def _errors_on(motion: Motion, piece: Piece, course: Course) -> StepErrors:
+def _errors_on(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> StepErrors:
     inside, nq = motion.nodes_inside, motion.model.nq
     times, path = between(motion, course, np.concatenate([PLACES[1:], inside]))
     path, nodes = np.split(path, [len(PLACES) - 1])
@@ -107,7 +107,7 @@ def _errors_on(motion: Motion, piece: Piece, course: Course) -> StepErrors:
     )
 
 
-def between(motion: Motion, course: Course, places: Array) -> tuple[Array, Array]:
+def between(motion: Motion, course: IntegratedSteps, places: Array) -> tuple[Array, Array]:
     """Times and positions at places within steps, shapes (places, n) and (places, n, nq)."""
     parts = (course.start, course.ends, course.stop, course.steps.h)
     path = motion.flow.integrator.between(*parts, places)
@@ -155,7 +155,7 @@ def segments(motion: Motion) -> list[Segment]:
     return [segment for piece in motion.pieces for segment in _segments_of(motion, piece)]
 
 
-def _segments_of(motion: Motion, piece: Piece) -> list[Segment]:
+def _segments_of(motion: Motion, piece: ModeSpan) -> list[Segment]:
     """The segments of a piece, integrated side by side."""
     phases, m = motion.trajectory.phases, 2 * motion.model.nq
     places = [
@@ -186,7 +186,7 @@ def _segments_of(motion: Motion, piece: Piece) -> list[Segment]:
 
 
 def _differences(
-    motion: Motion, piece: Piece, start: tuple[Array, Array], first: Index, last: Index
+    motion: Motion, piece: ModeSpan, start: tuple[Array, Array], first: Index, last: Index
 ) -> tuple[Array, Array]:
     """Ends of segments from starts (q | v) at times, and their derivatives by the starts, from
     differences."""

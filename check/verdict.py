@@ -12,7 +12,7 @@ from dmoc.check.arcs import PENETRATION
 from dmoc.check.path_limits import Excess
 from dmoc.check.runs import EXPLAINED
 from dmoc.codegen.kernels import Array
-from dmoc.simulation.flow import Contact
+from dmoc.simulation.flow import SurfaceContact
 
 # What a motion may miss and still count as confirmed, relative to the sizes of the motion
 # (:mod:`dmoc.simulation.sizes`).  A path constraint that holds at the nodes is exceeded by a share
@@ -96,7 +96,7 @@ class Verification(Shown):
     extra_contacts: tuple[str, ...]
     penetration: float
     limit_excess: float
-    contacts: tuple[Contact, ...]
+    contacts: tuple[SurfaceContact, ...]
     force_error: float = 0.0
     path_excess: float = 0.0
     phase_error: float = 0.0

@@ -18,7 +18,7 @@ from dmoc.solving.methods import METHODS
 PACKAGES = ("numpy", "scipy", "sympy", "symengine", "cython")
 
 
-class State(StrEnum):
+class PartState(StrEnum):
     """What a part is like: there, not there and not needed, or a reason for trouble."""
 
     OK = "ok"
@@ -26,7 +26,7 @@ class State(StrEnum):
     WRONG = "wrong"
 
 
-COLOURS = {State.OK: "", State.ABSENT: "dim", State.WRONG: "red"}
+COLOURS = {PartState.OK: "", PartState.ABSENT: "dim", PartState.WRONG: "red"}
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Finding:
 
     part: str
     found: str
-    state: State = State.OK
+    state: PartState = PartState.OK
     cure: str = ""
 
 
@@ -44,7 +44,7 @@ def doctor(
 ) -> None:
     """Show compiler, versions, cache and optional parts, what is missing, and what cures it."""
     findings = [*_versions(), _compiler(), _cache(), *_models(), *_extras()]
-    wrong = [f.part for f in findings if f.state is State.WRONG]
+    wrong = [f.part for f in findings if f.state is PartState.WRONG]
     if json_:
         emit({"well": not wrong, "parts": [asdict(f) for f in findings]}, "-")
     else:
@@ -76,7 +76,7 @@ def _print(findings: list[Finding], wrong: list[str]) -> None:
     if wrong:
         out.print(Text(f"Not well: {', '.join(wrong)}.", style="red"))
         return
-    absent = sum(f.state is State.ABSENT for f in findings)
+    absent = sum(f.state is PartState.ABSENT for f in findings)
     rest = f"; {absent} optional part{'s are' if absent > 1 else ' is'} not there" if absent else ""
     out.print(Text(f"All is well{rest}.", style="green"))
 
@@ -102,7 +102,7 @@ def _compiler() -> Finding:
             f"{error} Until then shipped models are solved with their compiled kernels, others "
             "with NumPy kernels, which are much slower."
         )
-        return Finding("C compiler", "cannot be used", State.WRONG, told)
+        return Finding("C compiler", "cannot be used", PartState.WRONG, told)
 
 
 def _cache() -> Finding:
@@ -118,7 +118,7 @@ def _cache() -> Finding:
         why = f"it cannot be written ({error.strerror})"
     if why:
         return Finding(
-            "kernel cache", f"{cache} is not used", State.WRONG,
+            "kernel cache", f"{cache} is not used", PartState.WRONG,
             f"{why}: set DMOC_CACHE to a folder of your own",
         )  # fmt: skip
     entries = sum(1 for p in cache.iterdir() if p.is_dir())
@@ -146,7 +146,7 @@ def _models() -> Iterator[Finding]:
         try:
             kernels = load_installed(f"dmoc.generated.{name}")
         except BuildError as error:
-            yield Finding(f"model {name}", "cannot be used", State.WRONG, str(error))
+            yield Finding(f"model {name}", "cannot be used", PartState.WRONG, str(error))
             continue
         yield Finding(f"model {name}", "compiled" if kernels else "built on first use")
 
@@ -165,4 +165,4 @@ def _extras() -> Iterator[Finding]:
             yield Finding(name, version(name))
         except PackageNotFoundError:
             cure = f"pip install 'dmoc[{extra}]' ({what})"
-            yield Finding(name, "not installed", State.ABSENT, cure)
+            yield Finding(name, "not installed", PartState.ABSENT, cure)

@@ -24,7 +24,7 @@ from dmoc.cli.options import (
 
 
 @dataclass(frozen=True)
-class Course:
+class CourseOptions:
     """What happens, in how many steps and how long."""
 
     sequence: SequenceOption = None
@@ -33,7 +33,7 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Values:
+class ValueOptions:
     """Values by name."""
 
     set_: SetOption = None
@@ -52,7 +52,7 @@ class Values:
 
 
 @dataclass(frozen=True)
-class Conditions:
+class ConditionOptions:
     """Laws of impact, and what holds at the start and at the end."""
 
     restitution: RestitutionOption = None

@@ -15,7 +15,7 @@ from dmoc.cli.options import out_option
 NAME = "my_system"  # in the templates
 
 
-class Kind(StrEnum):
+class TemplateKind(StrEnum):
     """What the file begins with."""
 
     collision = "collision"
@@ -28,12 +28,12 @@ def new(
         str, typer.Argument(help="Name of the system and of its file.", show_default=False)
     ],
     kind: Annotated[
-        Kind,
+        TemplateKind,
         typer.Option(
             help="A block that bounces off a wall; a block that rests and slides on a rough floor; "
             "a pendulum that meets nothing."
         ),
-    ] = Kind.collision,
+    ] = TemplateKind.collision,
     target: Annotated[Path, out_option("Folder of the file.", "DIR")] = Path(),
 ) -> None:
     """Write a system file to begin with.
@@ -77,7 +77,7 @@ def _check_hidden(name: str) -> None:
         )
 
 
-def _text(kind: Kind) -> str:
+def _text(kind: TemplateKind) -> str:
     from importlib import resources
 
     place = resources.files("dmoc.cli").joinpath("templates", f"{kind.value}.py")

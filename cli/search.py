@@ -18,7 +18,7 @@ from dmoc.cli.console import (
     prepare,
     written,
 )
-from dmoc.cli.groups import Conditions, Course, Values
+from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
 from dmoc.cli.options import (
     NOT_SOLVED,
     ControlsOption,
@@ -79,8 +79,8 @@ def search(
     method: MethodOption = None,
     order: OrderOption = None,
     controls: ControlsOption = None,
-    values: Values,
-    conditions: Conditions,
+    values: ValueOptions,
+    conditions: ConditionOptions,
     shortest_phase: Annotated[
         float | None,
         typer.Option(
@@ -122,7 +122,7 @@ def search(
     from dmoc.sequences.search import search as search_sequences
 
     reference = registry.find(model)
-    course = Course(steps=None if steps is None else str(steps), final_time=final_time)
+    course = CourseOptions(steps=None if steps is None else str(steps), final_time=final_time)
     fields = problem_fields(reference.defaults, course, values, conditions, controls)
     fields |= {"sequence": (), "durations": None, "via": None}
     prepare(target, json_)

@@ -18,7 +18,7 @@ from dmoc.cli.console import (
     prepare,
     written,
 )
-from dmoc.cli.groups import Conditions, Course, Values
+from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
 from dmoc.cli.options import (
     METHOD_HELP,
     NOT_SOLVED,
@@ -36,7 +36,7 @@ from dmoc.cli.values import (
     problem_fields,
     read_guess,
 )
-from dmoc.solving.methods import DEFAULT, REFINING, Form
+from dmoc.solving.methods import DEFAULT, REFINING, ProgramForm
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 def solve(
     *,
     model: ModelArgument,
-    course: Course,
+    course: CourseOptions,
     method: Annotated[
         str | None,
         typer.Option(
@@ -65,12 +65,12 @@ def solve(
     ] = None,
     order: OrderOption = None,
     form: Annotated[
-        Form,
+        ProgramForm,
         typer.Option(help="For slsqp: condensed, or the full program (small numbers of steps)."),
-    ] = Form.CONDENSED,
+    ] = ProgramForm.CONDENSED,
     controls: ControlsOption = None,
-    values: Values,
-    conditions: Conditions,
+    values: ValueOptions,
+    conditions: ConditionOptions,
     via: ViaOption = None,
     sensitivities: Annotated[
         bool,

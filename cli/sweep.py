@@ -17,7 +17,7 @@ from dmoc.cli.console import (
     out,
     written,
 )
-from dmoc.cli.groups import Conditions, Course, Values
+from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
 from dmoc.cli.options import (
     NOT_SOLVED,
     BoundOption,
@@ -52,11 +52,11 @@ def sweep(
     start: StartOption = None,
     goal: GoalOption = None,
     bound: BoundOption = None,
-    course: Course,
+    course: CourseOptions,
     method: MethodOption = None,
     order: OrderOption = None,
     controls: ControlsOption = None,
-    conditions: Conditions,
+    conditions: ConditionOptions,
     via: ViaOption = None,
     guess: GuessOption = None,
     starts: Annotated[
@@ -89,7 +89,7 @@ def sweep(
     from dmoc.solving.sweep import sweep as swept
 
     _check_targets(target, plot, json_)
-    ranges, firsts = _ranges(Values(set_, bound, start, goal))
+    ranges, firsts = _ranges(ValueOptions(set_, bound, start, goal))
     known = read_guess(guess)
     reference = registry.find(model)
     fields = problem_fields(reference.defaults, course, firsts, conditions, controls, via)
@@ -137,7 +137,7 @@ def _check_targets(target: Path | None, plot: Path | None, json_: str | None) ->
             check_file(path)
 
 
-def _ranges(given: Values) -> tuple[dict[str, dict[str, list[Any]]], Values]:
+def _ranges(given: ValueOptions) -> tuple[dict[str, dict[str, list[Any]]], ValueOptions]:
     """What is varied, by field and name; and the options with the first value of each range in its
     place."""
     ranges: dict[str, dict[str, list[Any]]] = {}
@@ -160,4 +160,6 @@ def _ranges(given: Values) -> tuple[dict[str, dict[str, list[Any]]], Values]:
         raise ProblemError(
             "no value is a range: give one as FROM:TO:COUNT, such as --set l=0.4:0.8:50."
         )
-    return ranges, Values(firsts["parameters"], firsts["bounds"], firsts["start"], firsts["goal"])
+    return ranges, ValueOptions(
+        firsts["parameters"], firsts["bounds"], firsts["start"], firsts["goal"]
+    )

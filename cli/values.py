@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dmoc.base.errors import ProblemError
-from dmoc.cli.groups import Conditions, Course, Values
+from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
 from dmoc.cli.options import Controls
 
 if TYPE_CHECKING:
@@ -22,9 +22,9 @@ RELATION = re.compile(r"(?:([^\s=+-]+)\s*=\s*)?([^\s=+-]+)\s*(?:([+-])\s*(\S+))?
 
 def problem_fields(
     defaults: Mapping[str, Any],
-    course: Course,
-    values: Values,
-    conditions: Conditions,
+    course: CourseOptions,
+    values: ValueOptions,
+    conditions: ConditionOptions,
     controls: Controls | None,
     via: str | None = None,
 ) -> dict[str, Any]:

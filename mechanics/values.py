@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.base.arguments import Kind, check_known, is_number, number, shown
+from dmoc.base.arguments import ErrorKind, check_known, is_number, number, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import name_of
 from dmoc.codegen.kernels import Array, Kernels
 
 
 def parameter_row(
-    kernels: Kernels, changes: Mapping[Any, Any], error: Kind = ProblemError
+    kernels: Kernels, changes: Mapping[Any, Any], error: ErrorKind = ProblemError
 ) -> Array:
     """Parameter values in the model's order, shape (1, npar): the model's own, some of them
     changed."""
@@ -31,7 +31,7 @@ def parameter_row(
     return np.array([list(values.values())], dtype=float)
 
 
-def restitution_row(kernels: Kernels, given: Any, error: Kind = ProblemError) -> Array:
+def restitution_row(kernels: Kernels, given: Any, error: ErrorKind = ProblemError) -> Array:
     """Coefficients of restitution in the order of the surfaces, shape (nc,).
 
     Given is one for all surfaces, or a mapping from surfaces; those that it leaves out are elastic.
@@ -50,13 +50,13 @@ def restitution_row(kernels: Kernels, given: Any, error: Kind = ProblemError) ->
     return np.array(coefficients, dtype=float)
 
 
-def _coefficient(value: Any, what: str, error: Kind) -> float:
+def _coefficient(value: Any, what: str, error: ErrorKind) -> float:
     if not is_number(value) or not 0 <= number(value, what, error) <= 1:
         raise error(f"{what} = {shown(value)}: expected a number from 0 (plastic) to 1 (elastic).")
     return float(value)
 
 
-def by_name(given: Any, what: str, error: Kind = ProblemError) -> dict[str, Any]:
+def by_name(given: Any, what: str, error: ErrorKind = ProblemError) -> dict[str, Any]:
     """Read a mapping from names, as texts or symbols, to values."""
     if not isinstance(given, Mapping):
         raise error(f"{what} = {shown(given)}: expected a mapping from names to values.")

@@ -21,7 +21,7 @@ from dmoc.report.labels import short
 from dmoc.report.rounding import without_rounding
 
 
-class Mark(TypedDict):
+class EventMark(TypedDict):
     """A contact that takes part in an event: where it is, with the direction in which the surface
     pushes, its impulse in the plane as a share of the largest, and what is told of it."""
 
@@ -31,13 +31,13 @@ class Mark(TypedDict):
     told: str
 
 
-class Event(TypedDict):
+class FilmEvent(TypedDict):
     """What happens between two phases: its word, its impulses in words, and where it does."""
 
     time: float
     word: str
     told: str
-    marks: list[Mark]
+    marks: list[EventMark]
 
 
 class Arrow(TypedDict):
@@ -79,16 +79,16 @@ class Take:
         return panels_of(without_rounding(self.trajectory))
 
     @cached_property
-    def events(self) -> list[Event]:
+    def events(self) -> list[FilmEvent]:
         """What happens at the end of each phase but the last, where its contacts are then."""
         motion = self.trajectory
         at = {contact.name: contact for contact in self.scene.contacts}
         sizes = [abs(p) for e in motion.collisions for own in _impulses(e) for p in own.values()]
         largest = max(sizes, default=0.0) or 1.0
-        events: list[Event] = []
+        events: list[FilmEvent] = []
         for phase, event in enumerate(motion.collisions):
             names, several = _contacts(event), event.word != event.surface
-            marks: list[Mark] = []
+            marks: list[EventMark] = []
             for name in names:
                 if name in at:
                     place = self.scene.of(at[name], phase)[-1]

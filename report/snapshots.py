@@ -38,7 +38,7 @@ ARROW = 0.13  # length of the arrow of an impulse, in extents
 
 
 @dataclass(frozen=True)
-class Layout:
+class SnapshotGrid:
     """Rows and columns of snapshots, and the height of all in inches."""
 
     rows: int
@@ -53,11 +53,11 @@ def joined(scene: Scene) -> Scene:
     return Scene(scene.shapes, (np.concatenate(scene.times),), (np.vstack(scene.values),))
 
 
-def layout_of(scene: Scene) -> Layout:
+def layout_of(scene: Scene) -> SnapshotGrid:
     """The arrangement in which the snapshots are largest."""
     scene = joined(scene)
     count, (width, height) = len(scene.times), window_of([scene]).sides
-    best, largest = Layout(1, count, 0.0), 0.0
+    best, largest = SnapshotGrid(1, count, 0.0), 0.0
     for columns in range(count, 0, -1):
         rows = ceil(count / columns)
         scale = min(
@@ -65,7 +65,7 @@ def layout_of(scene: Scene) -> Layout:
         )
         if scale > CLEARLY * largest:
             each = max(scale * height, SMALLEST)
-            best, largest = Layout(rows, columns, rows * (each + ABOVE) + 0.3), scale
+            best, largest = SnapshotGrid(rows, columns, rows * (each + ABOVE) + 0.3), scale
     return best
 
 

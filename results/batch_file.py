@@ -13,7 +13,7 @@ from dmoc.results.schema import (
     LARGEST_TEXT,
     Choice,
     Context,
-    Kind,
+    FieldKind,
     Listed,
     Mapped,
     Name,
@@ -30,7 +30,7 @@ from dmoc.results.schema import (
 class Repeated:
     """Texts of a column: those there are, and for each row the number of its own."""
 
-    kind: Kind
+    kind: FieldKind
 
     def write(self, value: Any, where: str, put: Put) -> dict[str, Any]:
         numbers = {text: i for i, text in enumerate(dict.fromkeys(value))}

@@ -17,7 +17,7 @@ from dmoc.results.schema import (
     LARGEST_TEXT,
     Choice,
     Context,
-    Kind,
+    FieldKind,
     Record,
     Refused,
     dumped,
@@ -49,7 +49,7 @@ class ResultFile:
     """
 
     name: str
-    kind: Kind
+    kind: FieldKind
     version: str
     format: int
     noun: str

@@ -58,7 +58,7 @@ class Context:
             raise Refused(f"{where} has {number} entries, expected {expected}")
 
 
-class Kind(Protocol):
+class FieldKind(Protocol):
     """A kind of value."""
 
     def write(self, value: Any, where: str, put: Put) -> Any:
@@ -68,7 +68,7 @@ class Kind(Protocol):
         """Return the value that JSON stands for; raise Refused if it is of another kind."""
 
 
-def dumped(kind: Kind, value: Any, put: Put = no_arrays) -> str:
+def dumped(kind: FieldKind, value: Any, put: Put = no_arrays) -> str:
     """Return a value as JSON text."""
     return json.dumps(kind.write(value, "", put))
 
@@ -223,7 +223,7 @@ class Choice:
 class Either:
     """A value of the first kind that takes it."""
 
-    def __init__(self, *kinds: Kind) -> None:
+    def __init__(self, *kinds: FieldKind) -> None:
         self.kinds = kinds
 
     def write(self, value: Any, where: str, put: Put) -> Any:
@@ -249,7 +249,7 @@ class Either:
 class Listed:
     """A tuple of values of one kind."""
 
-    kind: Kind
+    kind: FieldKind
     size: Size = None
 
     def write(self, value: Any, where: str, put: Put) -> list[Any]:
@@ -262,11 +262,11 @@ class Listed:
 
 
 @dataclass(frozen=True)
-class Numbers:
+class ShortArray:
     """A short array, within the text."""
 
     size: Size = None
-    kind: Kind = Number()
+    kind: FieldKind = Number()
 
     def write(self, value: Any, where: str, put: Put) -> list[Any]:
         return Listed(self.kind).write(np.asarray(value).tolist(), where, put)
@@ -279,9 +279,9 @@ class Numbers:
 class Mapped:
     """A mapping of texts to values of one kind."""
 
-    kind: Kind
+    kind: FieldKind
     size: Size = None
-    names: Kind = Text()
+    names: FieldKind = Text()
 
     def write(self, value: Any, where: str, put: Put) -> dict[str, Any]:
         return {
@@ -341,7 +341,7 @@ class Record:
     """
 
     make: Callable[..., Any]
-    fields: Mapping[str, Kind]
+    fields: Mapping[str, FieldKind]
     wrong: Callable[[Any], str | None] = lambda _: None
 
     def write(self, value: Any, where: str, put: Put) -> dict[str, Any]:

@@ -17,9 +17,9 @@ from dmoc.results.schema import (
     Name,
     Nothing,
     Number,
-    Numbers,
     Put,
     Record,
+    ShortArray,
     Stored,
     Text,
     Whole,
@@ -84,7 +84,7 @@ def _wrong(simulation: Simulation) -> str | None:
 PHASES = Record(
     dict,
     {
-        "nodes": Numbers(kind=Whole(2)),
+        "nodes": ShortArray(kind=Whole(2)),
         "t": Stored("N"),
         "q": Stored("N", "nq"),
         "p": Stored("N", "nq"),

@@ -26,15 +26,15 @@ from dmoc.results.schema import (
     Name,
     Nothing,
     Number,
-    Numbers,
     Put,
     Record,
+    ShortArray,
     Stored,
     Text,
     Whole,
 )
 from dmoc.results.solution import Mesh, Minimum, Solution
-from dmoc.simulation.flow import Contact
+from dmoc.simulation.flow import SurfaceContact
 from dmoc.solvers.outcome import Status
 
 FORMAT, OLDEST = 11, 6  # the format that is written, and the oldest that is read
@@ -170,10 +170,10 @@ COLLISION = Record(
     {
         "surface": Either(Choice(("",)), Name()),
         "time": Number(),
-        "position": Numbers("nq"),
+        "position": ShortArray("nq"),
         "impulse": Number(),
-        "momentum_before": Numbers("nq"),
-        "momentum_after": Numbers("nq"),
+        "momentum_before": ShortArray("nq"),
+        "momentum_after": ShortArray("nq"),
         "rate_before": Number(),
         "rate_after": Number(),
         "grazes": Flag(),
@@ -245,7 +245,9 @@ MINIMUM = Record(
         "steps": Listed(Whole(1)),
     },
 )
-CONTACT = Record(Contact, {"surface": Name(), "time": Number(), "jump": Number(special=True)})
+CONTACT = Record(
+    SurfaceContact, {"surface": Name(), "time": Number(), "jump": Number(special=True)}
+)
 PROPOSAL = Record(
     Proposal,
     {
@@ -275,7 +277,7 @@ VERIFICATION = Record(
         "terminal_error": Number(special=True),
         "amplification": Number(special=True),
         "max_defect": Number(special=True),
-        "segment_defects": Numbers(kind=Number(special=True)),
+        "segment_defects": ShortArray(kind=Number(special=True)),
         "energy_error": Number(special=True),
         "impact_error": Number(special=True),
         "missed_contacts": Listed(Text()),

@@ -52,7 +52,7 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class Node:
+class ContactState:
     """A state after a step: time, row (q | v), and its contact and friction forces."""
 
     t: float
@@ -62,25 +62,25 @@ class Node:
 
 
 @dataclass(frozen=True)
-class Mark:
+class ModeChange:
     """A moment with impacts or another mode after it: the states on both sides, with the forces
     there, and the mode that begins."""
 
-    before: Node
-    after: Node
+    before: ContactState
+    after: ContactState
     mode: Mode
 
 
 @dataclass(eq=False)
-class Journal:
+class MotionRecord:
     """What happens on the way: collisions, moments between two modes, and the stretches of contact
     and friction, of which some go on; ``last`` is the state that was reached."""
 
     collisions: list[Collision] = field(default_factory=list)
     stretches: list[Stretch] = field(default_factory=list)
     going: dict[tuple[str, int | None], float] = field(default_factory=dict)
-    marks: list[Mark] = field(default_factory=list)
-    last: Node | None = None
+    marks: list[ModeChange] = field(default_factory=list)
+    last: ContactState | None = None
 
     def note(self, model: Model, mode: Mode | None, t: float) -> bool:
         """A mode begins, or, without one, the simulation ends; return whether it is another
@@ -97,7 +97,9 @@ class Journal:
         return changed
 
 
-def nodes(setting: Setting, y: Array, u: Array, first: int, journal: Journal) -> Iterator[Node]:
+def nodes(
+    setting: Setting, y: Array, u: Array, first: int, journal: MotionRecord
+) -> Iterator[ContactState]:
     """States at the end of the steps from ``first`` on, each with its inputs u (steps, nu)."""
     reach, k = Reach(), first
     while k < len(u):
@@ -112,16 +114,16 @@ def nodes(setting: Setting, y: Array, u: Array, first: int, journal: Journal) ->
         reach = Reach(*map(float, so_far))
         for state, normal, tangential in zip(*rows, strict=True):
             k += 1
-            journal.last = Node(k * setting.h, state, normal, tangential)
+            journal.last = ContactState(k * setting.h, state, normal, tangential)
             yield journal.last
 
 
-def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> Node:
+def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> ContactState:
     """A state with the forces of its mode."""
     model, times = setting.model, np.array([t])
     found = setting.integrator.reaction(mode, y[None], u[None], times)
     found = borne(model, mode, found, y[None, : model.nq], times)
-    return Node(t, y, found.normal[0], found.tangential[0])
+    return ContactState(t, y, found.normal[0], found.tangential[0])
 
 
 def start(setting: Setting, y: Array, u: Array, t: float) -> Mode:
@@ -150,7 +152,11 @@ def _place(setting: Setting, y: Array, u: Array, t: float, reach: Reach) -> Plac
 
 
 def through_step(
-    setting: Setting, y: Array, u: Array, span: tuple[float, float], known: tuple[Reach, Journal]
+    setting: Setting,
+    y: Array,
+    u: Array,
+    span: tuple[float, float],
+    known: tuple[Reach, MotionRecord],
 ) -> tuple[Array, Mode]:
     """The state after a step with constant inputs, and its mode there."""
     model, (reach, journal), (begin, end) = setting.model, known, span
@@ -162,7 +168,7 @@ def through_step(
         place, mode = _resolved(setting, place, (mode, hints), reach, journal)
         changed = journal.note(model, mode, place.t)
         if before is not None and (changed or len(journal.collisions) > struck_before):
-            journal.marks.append(Mark(before, node(setting, mode, place.y, u, place.t), mode))
+            journal.marks.append(ModeChange(before, node(setting, mode, place.y, u, place.t), mode))
         if end - place.t <= SHORTEST * setting.h:
             return place.y, mode
         way = _Way.of(setting, place, mode)
@@ -189,7 +195,7 @@ def through_step(
     )
 
 
-def _events_shown(model: Model, modes: list[Mode], journal: Journal) -> Iterator[str]:
+def _events_shown(model: Model, modes: list[Mode], journal: MotionRecord) -> Iterator[str]:
     """What alternates in the last events: surfaces that are hit, and modes."""
     for name in dict.fromkeys(c.surface for c in journal.collisions[-MOST_SHOWN:]):
         yield f"hits of {name!r}"
@@ -202,7 +208,7 @@ def _events_shown(model: Model, modes: list[Mode], journal: Journal) -> Iterator
 
 
 def _resolved(
-    setting: Setting, place: Place, before: tuple[Mode, Hints], reach: Reach, journal: Journal
+    setting: Setting, place: Place, before: tuple[Mode, Hints], reach: Reach, journal: MotionRecord
 ) -> tuple[Place, Mode]:
     """The place after the impacts on what it touches and approaches, and the mode that follows."""
     model, nq = setting.model, setting.model.nq

@@ -36,7 +36,7 @@ FIRST, LAST = np.array([0]), np.array([1])  # the step of a list of one
 
 
 @dataclass(frozen=True)
-class Contact:
+class SurfaceContact:
     """A contact met by a simulation; ``jump`` is its largest change of a momentum relative to
     the largest momentum."""
 
@@ -166,7 +166,9 @@ class Flow:
             y, *inputs, first, last, PLACES, upper, self.near, q_wanted, astray
         )
 
-    def through_contacts(self, y: Array, steps: Steps, k: int, contacts: list[Contact]) -> Array:
+    def through_contacts(
+        self, y: Array, steps: Steps, k: int, contacts: list[SurfaceContact]
+    ) -> Array:
         """Integrate a state over a step, through the contacts that it meets, which are added to
         ``contacts``."""
         t0, nq = float(steps.t[k]), self.nq
@@ -191,7 +193,9 @@ class Flow:
             after, _, rate = self.impact(q, v, t, j, float(self.restitution[j]))
             if rate <= 0:  # leaves by itself
                 after = v
-            contacts.append(Contact(self.model.kernels.surfaces[j], t, self._jump(q, v, after, t)))
+            contacts.append(
+                SurfaceContact(self.model.kernels.surfaces[j], t, self._jump(q, v, after, t))
+            )
             y[nq:] = after
             if t1 - t <= 1e-12 * self.sizes.time:
                 return y

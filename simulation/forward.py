@@ -17,9 +17,9 @@ from dmoc.mechanics.model import ROUNDING, Model
 from dmoc.mechanics.values import by_name, parameter_row, restitution_row
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_motion import (
-    Journal,
-    Mark,
-    Node,
+    ContactState,
+    ModeChange,
+    MotionRecord,
     Stretch,
     node,
     nodes,
@@ -71,7 +71,7 @@ class Run:
     normal: Array
     tangential: Array
     notes: tuple[str, ...]
-    marks: tuple[Mark, ...]
+    marks: tuple[ModeChange, ...]
     model: Model
     restitution: Array
     step_size: float
@@ -137,7 +137,7 @@ def simulate(
     )  # fmt: skip
 
 
-def _notes(model: Model, marks: list[Mark]) -> Iterator[str]:
+def _notes(model: Model, marks: list[ModeChange]) -> Iterator[str]:
     """What the laws of contact and friction do not determine, each mode once."""
     for mode, mark in {mark.mode: mark for mark in reversed(marks)}.items():
         at = mark.after
@@ -165,7 +165,7 @@ class _Recorded:
     normal: Array
     tangential: Array
 
-    def put(self, row: int, model: Model, at: Node) -> None:
+    def put(self, row: int, model: Model, at: ContactState) -> None:
         q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
         self.q[row], self.p[row] = q, model.momentum(q, v, at.t)
         self.normal[row], self.tangential[row] = at.normal, at.tangential
@@ -196,7 +196,9 @@ class _Task:
         return np.zeros((rows, self.model.nc)), np.zeros((rows, self.model.nt))
 
 
-def _from_impact_to_impact(run: _Task, e: Array, q: Array, p: Array) -> tuple[_Recorded, Journal]:
+def _from_impact_to_impact(
+    run: _Task, e: Array, q: Array, p: Array
+) -> tuple[_Recorded, MotionRecord]:
     """The motion by the variational integrator, as far as that goes."""
     model = run.model
     stepper = Stepper(model.kernels, model.par, e)
@@ -215,7 +217,7 @@ def _from_impact_to_impact(run: _Task, e: Array, q: Array, p: Array) -> tuple[_R
         before = [c for c in stepper.collisions if c[0] < first]
         journal.collisions[:0] = _collisions(model, before)
         return recorded, journal
-    journal = Journal(list(_collisions(model, stepper.collisions)))
+    journal = MotionRecord(list(_collisions(model, stepper.collisions)))
     return _Recorded(*found, *run.forces(len(found[0]))), journal
 
 
@@ -236,12 +238,12 @@ def _collisions(model: Model, given: list[list[Any]]) -> Iterator[Collision]:
 
 def _through_contacts(
     run: _Task, e: Array, q: Array, v: Array, first: int, found: _Recorded
-) -> Journal:
+) -> MotionRecord:
     """The motion from the step ``first`` on by the continuous equations of its modes."""
-    setting, journal = Setting(run.model, e, run.h), Journal()
+    setting, journal = Setting(run.model, e, run.h), MotionRecord()
     t = first * run.h
     y = on_surfaces(setting, np.concatenate([q, v]), t, ROUNDING)
-    journal.last = Node(t, y, np.zeros(run.model.nc), np.zeros(run.model.nt))
+    journal.last = ContactState(t, y, np.zeros(run.model.nc), np.zeros(run.model.nt))
     if first % run.every == 0:
         mode = start(setting, y, run.u[first], t)
         found.put(first // run.every, run.model, node(setting, mode, y, run.u[first], t))

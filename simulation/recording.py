@@ -12,7 +12,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
-from dmoc.simulation.contact_motion import Node
+from dmoc.simulation.contact_motion import ContactState
 from dmoc.simulation.forward import Run
 from dmoc.simulation.modes import Mode
 
@@ -90,7 +90,7 @@ def _events(run: Run) -> Iterator[_Event]:
         yield _Event(time, _side(model, mark.before), _side(model, mark.after), mark.mode, here)
 
 
-def _side(model: Model, at: Node) -> _Side:
+def _side(model: Model, at: ContactState) -> _Side:
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
     return _Side(q, v, model.momentum(q[None], v[None], at.t)[0], at.normal, at.tangential)
 

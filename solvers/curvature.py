@@ -55,7 +55,7 @@ DISTANCES, CORRECTIONS, KEPT, CONFIRMED = (0.3, 0.1, 0.03, 0.01, 3e-3), 6, 1e-6,
 LEAST_FALL = 1e-9
 
 
-class Shape(enum.Enum):
+class Landscape(enum.Enum):
     """The cost of the motions around a stationary one."""
 
     BOWL = "strict minimum"
@@ -68,7 +68,7 @@ class Curvature:
     """The shape; where it is no bowl the least curvature, in its unit, and its direction in scaled
     unknowns, the largest of which changes by its size."""
 
-    shape: Shape
+    shape: Landscape
     least: float = np.inf
     direction: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -90,18 +90,18 @@ class SecondOrder:
         that keep them are free to go; one that leaves them has to lead into the feasible set.
         """
         if self._bowl(-LEVEL, self.held):
-            return Curvature(Shape.BOWL)
+            return Curvature(Landscape.BOWL)
         without = self._least(self.held)
-        if without.shape is Shape.BOWL or not self.perhaps.any():
+        if without.shape is Landscape.BOWL or not self.perhaps.any():
             return without
         kept = self._least(self.held | self.perhaps)
-        sided = kept.shape is not Shape.SADDLE and self._inwards(without.direction)
+        sided = kept.shape is not Landscape.SADDLE and self._inwards(without.direction)
         return without if sided else kept
 
     def cheaper(self, along: Curvature) -> list[Array]:
         """Motions on both sides of a saddle that keep the constraints and cost less, none where
         the direction turns out to lead to no such motion."""
-        if along.shape is not Shape.SADDLE:
+        if along.shape is not Landscape.SADDLE:
             return []
         self._signs(1.0, self.held, bent=False)
         motions = (self._cheaper(side * along.direction, along.least) for side in (1.0, -1.0))
@@ -228,7 +228,7 @@ class SecondOrder:
         """The least curvature and its direction, by inverse iteration."""
         shift = self._bowl_from(held)
         if shift is None:  # no numbers to go by
-            return Curvature(Shape.BOWL)
+            return Curvature(Landscape.BOWL)
         n, least = self.nlp.n, np.inf
         d = np.where(self.free & ~held[:n], np.random.default_rng(0).normal(size=n), 0.0)
         for _ in range(ITERATIONS):
@@ -236,14 +236,14 @@ class SecondOrder:
             d = self._solved(np.concatenate([pull, np.zeros(len(held) - n)]))[:n]
             length = float(d @ (self.weights * d))
             if not length > 0:  # nothing is free to go
-                return Curvature(Shape.BOWL)
+                return Curvature(Landscape.BOWL)
             before, least = least, float(d @ pull) / length / self._unit - shift
             d = np.where(held[:n], 0.0, d / np.sqrt(length))
             if abs(least - before) <= SETTLED * abs(least):
                 break
-        shape = Shape.SADDLE if least < FALLS else Shape.VALLEY
+        shape = Landscape.SADDLE if least < FALLS else Landscape.VALLEY
         if FALLS <= least < -LEVEL or least > LEVEL or not self._tangent(d, held):
-            return Curvature(Shape.BOWL)
+            return Curvature(Landscape.BOWL)
         return Curvature(shape, least, d / np.abs(d).max())
 
     def _tangent(self, d: Array, held: Bools) -> bool:

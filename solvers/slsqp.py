@@ -28,7 +28,7 @@ from dmoc.solvers.judge import INFEASIBLE, meets
 from dmoc.solvers.kkt import residuals, violation, with_bounds, worst_constraints
 from dmoc.solvers.outcome import Duals, Ending, Options, Residuals, Status
 from dmoc.solvers.polish import polish
-from dmoc.solvers.slsqp_runs import REFUSED, FollowingRun, Run
+from dmoc.solvers.slsqp_runs import REFUSED, FollowingRun, SlsqpRun
 from dmoc.solvers.slsqp_state import Descent
 
 # SLSQP iterations between two metrics: enough to settle the active set, few enough to profit from
@@ -121,7 +121,7 @@ def _round(descent: Descent, x: Array, tally: Tally) -> tuple[Array, Residuals, 
         return x, residuals(descent.nlp, x, with_bounds(descent.nlp, x, descent.y, descent.w)), True
     working = descent.working(x)
     on = descent.equation_error(x) <= ON_EQUATIONS
-    run = FollowingRun(descent, x, metric, working) if on else Run(descent, x, metric, working)
+    run = FollowingRun(descent, x, metric, working) if on else SlsqpRun(descent, x, metric, working)
     x, y, w, converged = run.minimise(RUN, tally)
     descent.take_multipliers(x, y, w, working)
     return (

@@ -35,7 +35,7 @@ ROUNDING, CHORD, MOST_GROWTH = 100.0, 0.1, 1e3
 LEAST_SHRINK = 0.02
 
 
-class Setting(Protocol):
+class RunContext(Protocol):
     """What a run needs to know of the descent that it is part of."""
 
     nlp: Transcription
@@ -58,7 +58,7 @@ class Working:
 
 
 @dataclass
-class _Point:
+class _Trial:
     """A trial point: completed unknowns, and the derivatives once they are asked for."""
 
     s: Array
@@ -66,12 +66,12 @@ class _Point:
     reduced: Reduced | None = None
 
 
-class Run:
+class SlsqpRun:
     """One run of SLSQP in Y = Y_0 + S s over a working set, with the kept equations as
     constraints."""
 
     def __init__(
-        self, setting: Setting, x: Array, metric: tuple[Array, Array], working: Working
+        self, setting: RunContext, x: Array, metric: tuple[Array, Array], working: Working
     ) -> None:
         self.setting, self.working = setting, working
         self.S = np.hstack([CONSTRAINT_SCALE * metric[0], metric[1]])
@@ -80,7 +80,7 @@ class Run:
         self._times = np.flatnonzero(np.isin(setting.parts.kept, setting.nlp.layout.index_h))
         bound = np.concatenate([working.lower, working.upper])
         self.by_elimination = bound[setting.is_eliminated[bound]]
-        self._point = _Point(np.full(self.S.shape[1], np.nan), None)
+        self._point = _Trial(np.full(self.S.shape[1], np.nan), None)
         self.tally: Tally | None = None
 
     def _complete(self, s: Array) -> Array | None:
@@ -96,11 +96,11 @@ class Run:
         """Derivatives with respect to s of what has the given ones with respect to y."""
         return np.asarray(slopes @ self.S)
 
-    def _at(self, s: Array) -> _Point:
+    def _at(self, s: Array) -> _Trial:
         if self.tally is not None:
             self.tally.check_time()
         if not np.array_equal(self._point.s, s):
-            self._point = _Point(s.copy(), self._complete(s))
+            self._point = _Trial(s.copy(), self._complete(s))
         return self._point
 
     def _derivatives(self, s: Array) -> Reduced:
@@ -211,7 +211,7 @@ class Run:
         return -found[:n_eq], np.maximum(found[n_eq:], 0.0)
 
 
-class FollowingRun(Run):
+class FollowingRun(SlsqpRun):
     """A run along the manifold of the kept equations: y = y_0 + null s + move r, where r(s) solves
     them.
 
@@ -220,11 +220,11 @@ class FollowingRun(Run):
     """
 
     def __init__(
-        self, setting: Setting, x: Array, metric: tuple[Array, Array], working: Working
+        self, setting: RunContext, x: Array, metric: tuple[Array, Array], working: Working
     ) -> None:
         super().__init__(setting, x, metric, working)
         self.move, self.S = metric
-        self._point = _Point(np.full(self.S.shape[1], np.nan), None)
+        self._point = _Trial(np.full(self.S.shape[1], np.nan), None)
         self.r = self._trial_r = np.zeros(self.move.shape[1])
         self._accepted: Linearised | None = None  # at the last point that SLSQP has accepted
 

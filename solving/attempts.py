@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.curvature import SecondOrder, Shape
+from dmoc.solvers.curvature import Landscape, SecondOrder
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.judge import INFEASIBLE, rounded
 from dmoc.solvers.outcome import NOWHERE, Duals, Options, Outcome, Status
@@ -190,7 +190,7 @@ def ascertained(
     plain = programs.free(nlp)
     second = SecondOrder(plain, outcome.x, replace(outcome.duals, w=outcome.duals.w[: plain.n_in]))
     around = second.curvature()
-    if around.shape is Shape.VALLEY:
+    if around.shape is Landscape.VALLEY:
         return attempt.saying(along(plain, around.direction))
     beside = second.cheaper(around)
     if not beside:

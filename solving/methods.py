@@ -22,7 +22,7 @@ Driver: TypeAlias = "Callable[[Transcription, Array, Options, Duals | None], End
 Judged: TypeAlias = "Callable[[Transcription, Array, Options, Duals | None], Outcome]"
 
 
-class Form(StrEnum):
+class ProgramForm(StrEnum):
     """The program that slsqp gets: coordinates eliminated by the equations of motion, or all there
     is."""
 
@@ -30,7 +30,7 @@ class Form(StrEnum):
     FULL = "full"
 
 
-FORMS = tuple(form.value for form in Form)
+FORMS = tuple(form.value for form in ProgramForm)
 
 
 @dataclass(frozen=True)
@@ -71,11 +71,12 @@ class Method:
     falls_back_on: str | None = None
     uses_blas: bool = True
 
-    def minimise(self, form: str = Form.CONDENSED) -> Judged:
+    def minimise(self, form: str = ProgramForm.CONDENSED) -> Judged:
         """The function that minimises a program from scaled unknowns, and judges where it ends."""
         from dmoc.solvers.judge import judged
 
-        module, name = (self.full if form == Form.FULL and self.full else self.driver).split(":")
+        where = self.full if self.full and form == ProgramForm.FULL else self.driver
+        module, name = where.split(":")
         driver: Driver = getattr(import_module(module), name)
         limit: AbstractContextManager[None] = nullcontext()
         if self.uses_blas:

@@ -12,7 +12,7 @@ from dmoc.base.options import Option
 from dmoc.codegen.kernels import COMPILED
 from dmoc.problem.problem import Problem
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Options
-from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Form, Method, usual
+from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method, ProgramForm, usual
 
 # Tolerance where neither steps nor a tolerance are given.
 AUTOMATIC = 1e-3
@@ -31,7 +31,7 @@ class Request:
 
     method: Method
     options: Options
-    form: str = Form.CONDENSED
+    form: str = ProgramForm.CONDENSED
     verify: bool = True
     ranks_checked: bool = True
     starts: int | None = 1
@@ -46,7 +46,7 @@ class Keywords:
 
     method: Annotated[str | None, Option(partial(choice, choices=METHODS))] = None
     tolerance: Annotated[float | None, Option(partial(positive, expected=NUMBER_OR_NONE))] = None
-    form: Annotated[str, Option(partial(choice, choices=FORMS))] = Form.CONDENSED
+    form: Annotated[str, Option(partial(choice, choices=FORMS))] = ProgramForm.CONDENSED
     starts: Annotated[int | None, Option(partial(whole, least=1, most=MOST_STARTS))] = None
     seed: Annotated[int, Option(partial(whole, least=0, most=MOST_ITERATIONS))] = 0
     optimality: Annotated[float, Option(partial(positive, expected=NUMBER))] = OPTIMALITY

@@ -34,7 +34,7 @@ from dmoc.symbolic.continuous import Continuous, dot
 
 
 @dataclass(frozen=True)
-class Point:
+class QuadraturePoint:
     """A quadrature point: its place c and weight b, the shape functions and their derivatives at
     c by node (first, last, inside), and the functions of the system in the symbols of the point,
     with the input of the step's start side and of its end side."""
@@ -60,7 +60,7 @@ class StepElement:
     """The element in the symbols of its quadrature points, which the total derivative :meth:`D`
     resolves."""
 
-    points: tuple[Point, ...]
+    points: tuple[QuadraturePoint, ...]
     q_k: tuple[Any, ...]
     q_kp1: tuple[Any, ...]
     q_i: tuple[Any, ...]
@@ -148,7 +148,7 @@ class StepElement:
         first = self.gradient(expression)
         return [[self.D(first[i], j) if j >= i else 0 for j in range(size)] for i in range(size)]
 
-    def _sum(self, value: Callable[[Point], Any]) -> Any:
+    def _sum(self, value: Callable[[QuadraturePoint], Any]) -> Any:
         """h sum_i b_i value_i."""
         parts = [self.h * p.b * value(p) for p in self.points]
         return sum(parts[1:], start=parts[0])
@@ -157,7 +157,7 @@ class StepElement:
     def L_d(self) -> Any:
         return self._sum(lambda p: p.start.L)
 
-    def _force(self, node: int, side: Callable[[Point], Continuous]) -> list[Any]:
+    def _force(self, node: int, side: Callable[[QuadraturePoint], Continuous]) -> list[Any]:
         def component(j: int) -> Any:
             return self._sum(lambda p: p.phi[node] * side(p).Q[j])
 
@@ -257,10 +257,10 @@ def at_ends(
 def _point(
     nodes: Sequence[Any], c: Any, exact: Callable[[Any], Any], start: Continuous, end: Continuous,
     b: Any = 0,
-) -> Point:  # fmt: skip
+) -> QuadraturePoint:  # fmt: skip
     """The place c of a step of nodes."""
     phi, slope = (tuple(exact(s) for s in _shapes(nodes, c, d)) for d in (0, 1))
-    return Point(exact(c), exact(b), phi, slope, start, end)
+    return QuadraturePoint(exact(c), exact(b), phi, slope, start, end)
 
 
 def quadrature(degree: int) -> tuple[list[Any], list[Any]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dmoc.motion.trajectory import Array
-from dmoc.report.film import Arrow, Mark, Take
+from dmoc.report.film import Arrow, EventMark, Take
 from dmoc.report.labels import math, short
 from dmoc.report.places import Room, phase_at, values_at
 from dmoc.report.shapes import SEEN, Placed, look_of, painter
@@ -135,7 +135,7 @@ def _force(axes: Axes, take: Take, arrow: Arrow, room: Room, style: Style) -> Dr
     return draw
 
 
-def _beside(axes: Axes, mark: Mark, room: Room, width: float) -> tuple[float, float]:
+def _beside(axes: Axes, mark: EventMark, room: Room, width: float) -> tuple[float, float]:
     """How far from a contact, in points, the middle of a text of a width stands on the side that
     the surface is on, within the picture."""
     x, _, nx, ny = mark["at"]

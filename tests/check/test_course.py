@@ -12,7 +12,7 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.check.path_limits import Course
+from dmoc.check.path_limits import IntegratedSteps
 from dmoc.simulation.flow import Steps
 
 T = dynamicsymbols._t
@@ -26,7 +26,7 @@ def test_a_course_is_the_polynomial_of_degree_five() -> None:
     steps = Steps(np.array([begin]), np.array([h]), np.array([[1.0]]), np.array([[3.0]]))
     ends = np.array([[[bend(begin)], [bend(begin + h)]]])
     start, stop = (np.array([[place(t), rate(t), 0.0]]) for t in (begin, begin + h))
-    course = Course(steps, start, ends, stop)
+    course = IntegratedSteps(steps, start, ends, stop)
     for share in (0.0, 0.2, 0.5, 0.9, 1.0):
         q, v, u, t = course.at(share)
         at = begin + share * h

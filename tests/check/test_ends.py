@@ -16,7 +16,7 @@ from dmoc.check.runs import Departures, departures, predicted
 from dmoc.check.segments import segments, step_errors
 from dmoc.check.verdict import is_unstable
 from dmoc.codegen.kernels import Kernels
-from dmoc.simulation.flow import Contact
+from dmoc.simulation.flow import SurfaceContact
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def cube() -> Kernels:
     return dmoc.build(cube_system())
 
 
-HIT, EARLY, LATE = (Contact("wall", t, 1.0) for t in (1.0, 0.5, 1.5))
+HIT, EARLY, LATE = (SurfaceContact("wall", t, 1.0) for t in (1.0, 0.5, 1.5))
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ HIT, EARLY, LATE = (Contact("wall", t, 1.0) for t in (1.0, 0.5, 1.5))
     ],
 )
 def test_a_departure_is_predicted_up_to_a_fifth_of_its_gap(
-    cube: Kernels, contacts: tuple[Contact, ...], needed: float
+    cube: Kernels, contacts: tuple[SurfaceContact, ...], needed: float
 ) -> None:
     """To a wall at 1 m with 1 m/s, in 2 s there and back, off by a share of the range of 1 m."""
     motion = Motion.of(flight(cube), cube, ENDLESS)
@@ -84,8 +84,10 @@ def test_a_departure_is_predicted_up_to_a_fifth_of_its_gap(
 
 def test_contacts_count_as_planned_within_a_twentieth_of_the_time(cube: Kernels) -> None:
     motion = Motion.of(flight(cube), cube, ENDLESS)
-    assert not departures(motion, [Contact("wall", 1.099, 1.0)])
-    run = departures(motion, [Contact("wall", 1.101, 1.0), Contact("wall", 1.2, 0.009)])
+    assert not departures(motion, [SurfaceContact("wall", 1.099, 1.0)])
+    run = departures(
+        motion, [SurfaceContact("wall", 1.101, 1.0), SurfaceContact("wall", 1.2, 0.009)]
+    )
     assert run.missed_texts == ("the collision with 'wall' at 1 s",)
     assert run.extra_texts == ("a contact with 'wall' at 1.101 s",)
 

@@ -19,7 +19,7 @@ from matplotlib.image import imread
 import dmoc
 from dmoc.base import errors
 from dmoc.base.errors import BuildError
-from dmoc.cli.new import Kind
+from dmoc.cli.new import TemplateKind
 from dmoc.solvers.outcome import Status
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -155,7 +155,7 @@ COSTS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [kind.value for kind in Kind])
+@pytest.mark.parametrize("kind", [kind.value for kind in TemplateKind])
 def test_what_a_new_file_says_comes_next_works(run: Run, tmp_path: Path, kind: str) -> None:
     _, out, _ = run("new begun --kind", kind)
     commands = [line.strip() for line in out.splitlines() if line.startswith("    ")]

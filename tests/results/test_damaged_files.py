@@ -19,7 +19,7 @@ from dmoc.motion.scene import Scene, Shape
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 from dmoc.results import archive as archives
 from dmoc.results import solution_file
-from dmoc.results.schema import Either, Listed, Mapped, Number, Numbers, Record, Refused
+from dmoc.results.schema import Either, Listed, Mapped, Number, Record, Refused, ShortArray
 from dmoc.results.solution_file import FORMAT
 from dmoc.sequences import nodes
 from dmoc.sequences.journal import Journal
@@ -63,7 +63,7 @@ def test_every_field_is_declared(record: Record, made: type) -> None:
 
 def test_kinds_take_numbers_and_lists_of_them() -> None:
     """As a mapping of texts to numbers or lists of numbers needs it."""
-    kind = Mapped(Either(Number(), Numbers()))
+    kind = Mapped(Either(Number(), ShortArray()))
     given = {"cost": 2.0, "q": np.array([1.0, 0.5])}
     written = kind.write(given, "", lambda *_: None)
     assert json.loads(json.dumps(written)) == {"cost": 2.0, "q": [1.0, 0.5]}
@@ -74,7 +74,7 @@ def test_kinds_take_numbers_and_lists_of_them() -> None:
 
 
 def test_a_size_is_the_same_wherever_it_appears() -> None:
-    kind = Record(dict, {"names": Listed(Number(), "n"), "values": Numbers("n")})
+    kind = Record(dict, {"names": Listed(Number(), "n"), "values": ShortArray("n")})
     with pytest.raises(Refused, match="values has 3 entries, expected 2"):
         kind.read({"names": [1, 2], "values": [1, 2, 3]}, "", solution_file.Context())
 

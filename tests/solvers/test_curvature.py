@@ -12,7 +12,7 @@ import scipy.linalg
 import scipy.sparse
 
 from dmoc.solvers.compiled import kkt_pattern
-from dmoc.solvers.curvature import FALLS, LEVEL, Curvature, SecondOrder, Shape
+from dmoc.solvers.curvature import FALLS, LEVEL, Curvature, Landscape, SecondOrder
 from dmoc.solvers.kkt_layout import KKTLayout
 from dmoc.solvers.outcome import Duals
 
@@ -135,16 +135,16 @@ def test_shapes_are_those_of_dense_eigenvalues() -> None:
         p = drawn(number)
         around, signs = p.curvature(), reduced(p)
         if not len(signs) or signs[0] > 0:
-            assert around.shape is Shape.BOWL, number
+            assert around.shape is Landscape.BOWL, number
         else:
-            assert around.shape is Shape.SADDLE, number
+            assert around.shape is Landscape.SADDLE, number
             d = around.direction
             assert np.abs(p.A @ d).max(initial=0.0) < 1e-6
             assert np.abs(p.G[p.w > 0] @ d).max(initial=0.0) < 1e-4
             assert not d[(p.z != 0) | (p.lower == p.upper)].any()
             assert d @ p.Q @ d / (d @ d) == pytest.approx(signs[0], rel=0.2)
         seen.append(around.shape)
-    assert min(seen.count(shape) for shape in (Shape.BOWL, Shape.SADDLE)) > 50
+    assert min(seen.count(shape) for shape in (Landscape.BOWL, Landscape.SADDLE)) > 50
 
 
 def test_motions_beside_a_saddle_keep_the_constraints_and_cost_less() -> None:
@@ -167,32 +167,32 @@ def test_a_direction_without_curvature_is_a_valley(scale: float) -> None:
     """Along (1, 1, 0) nothing changes; with x_0 held only a bowl is left."""
     Q = scale * np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 2.0]])
     around = Quadratic.of(Q, np.ones(3)).curvature()
-    assert around.shape is Shape.VALLEY
+    assert around.shape is Landscape.VALLEY
     np.testing.assert_allclose(np.abs(around.direction), [1, 1, 0], atol=1e-6)
     held = Quadratic.of(Q, np.ones(3), lower=[1, -9, -9], z=[scale, 0, 0]).curvature()
-    assert held.shape is Shape.BOWL
-    assert Quadratic.of(np.zeros((2, 2)), np.ones(2)).curvature().shape is Shape.VALLEY
+    assert held.shape is Landscape.BOWL
+    assert Quadratic.of(np.zeros((2, 2)), np.ones(2)).curvature().shape is Landscape.VALLEY
 
 
 def test_bounds_without_multipliers_limit_directions_to_one_side() -> None:
     """-x^2/2 at x = 0 >= 0 falls inwards; -x y with x, y >= 0 does too, x y falls outwards only."""
     edge = {"lower": np.zeros(1)}
-    assert Quadratic.of([[-1.0]], [0.0], **edge).curvature().shape is Shape.SADDLE
-    assert Quadratic.of([[1.0]], [0.0], **edge).curvature().shape is Shape.BOWL
+    assert Quadratic.of([[-1.0]], [0.0], **edge).curvature().shape is Landscape.SADDLE
+    assert Quadratic.of([[1.0]], [0.0], **edge).curvature().shape is Landscape.BOWL
     corner = {"lower": np.zeros(2)}
     off = np.array([[0.0, 1.0], [1.0, 0.0]])
-    assert Quadratic.of(-off, np.zeros(2), **corner).curvature().shape is Shape.SADDLE
-    assert Quadratic.of(off, np.zeros(2), **corner).curvature().shape is Shape.BOWL
+    assert Quadratic.of(-off, np.zeros(2), **corner).curvature().shape is Landscape.SADDLE
+    assert Quadratic.of(off, np.zeros(2), **corner).curvature().shape is Landscape.BOWL
     rows = {"G": np.eye(2), "h": np.zeros(2), "w": np.zeros(2)}
     for upper in (np.inf, 9.0):  # a bound of one and a row of the other
         mixed = {"lower": [0.0, -9.0], "upper": [upper, 9.0]}
         mixed |= {name: a[1:] for name, a in rows.items()}
         for sides in (rows, mixed):
-            assert Quadratic.of(-off, np.zeros(2), **sides).curvature().shape is Shape.SADDLE
-            assert Quadratic.of(off, np.zeros(2), **sides).curvature().shape is Shape.BOWL
+            assert Quadratic.of(-off, np.zeros(2), **sides).curvature().shape is Landscape.SADDLE
+            assert Quadratic.of(off, np.zeros(2), **sides).curvature().shape is Landscape.BOWL
     mirrored = {"upper": [0.0, 9.0]} | {name: a[1:] for name, a in rows.items()}
-    assert Quadratic.of(off, np.zeros(2), **mirrored).curvature().shape is Shape.SADDLE
-    assert Quadratic.of(-off, np.zeros(2), **mirrored).curvature().shape is Shape.BOWL
+    assert Quadratic.of(off, np.zeros(2), **mirrored).curvature().shape is Landscape.SADDLE
+    assert Quadratic.of(-off, np.zeros(2), **mirrored).curvature().shape is Landscape.BOWL
 
 
 @pytest.mark.parametrize(
@@ -205,7 +205,7 @@ def test_a_bound_is_idle_that_is_far_beside_its_multiplier(
     """x y falls along (1, -1), out of the corner x, y >= 0, as long as that may hold it."""
     corner = {"lower": np.zeros(2), "z": np.full(2, force)}
     p = Quadratic.of([[0.0, 1.0], [1.0, 0.0]], np.full(2, distance), **corner)
-    assert p.curvature().shape is (Shape.SADDLE if idle else Shape.BOWL)
+    assert p.curvature().shape is (Landscape.SADDLE if idle else Landscape.BOWL)
 
 
 @pytest.mark.parametrize(
@@ -230,14 +230,18 @@ def test_a_fall_counts_beyond_rounding_errors_and_what_a_violation_gives(
 
 def test_numbers_of_a_barrier_tell_what_holds() -> None:
     """Products of distances and multipliers of 1e-8, as an interior point leaves them."""
-    for z, shape in ((0.5, Shape.BOWL), (1e-8, Shape.SADDLE)):
+    for z, shape in ((0.5, Landscape.BOWL), (1e-8, Landscape.SADDLE)):
         x = 1e-8 / z
         p = Quadratic.of([[-1.0]], [x], lower=[0.0], z=[z])
         assert p.curvature().shape is shape
 
 
 def test_a_fall_of_rounding_errors_is_none() -> None:
-    shapes = {100 * FALLS: Shape.SADDLE, FALLS / 100: Shape.BOWL, LEVEL / 100: Shape.VALLEY}
+    shapes = {
+        100 * FALLS: Landscape.SADDLE,
+        FALLS / 100: Landscape.BOWL,
+        LEVEL / 100: Landscape.VALLEY,
+    }
     for least, shape in shapes.items():
         p = Quadratic.of(np.diag([1.0, least]), [0.0, 0.0])
         assert p.curvature().shape is shape
