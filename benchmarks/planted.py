@@ -22,7 +22,7 @@ import dmoc
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import parameter_row
+from dmoc.mechanics.model_values import parameter_row
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 
 SIZES = (0.001, 0.003, 0.01, 0.03, 0.1)

@@ -16,10 +16,10 @@ from dmoc.base.errors import SimulationError
 from dmoc.check.arcs import allowance, arcs_of
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import parameter_row, restitution_row
+from dmoc.mechanics.model_values import parameter_row, restitution_row
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
+from dmoc.simulation.contact_modes import RAIL, Mode, mode_of, supports
 from dmoc.simulation.flow import Flow, Steps
-from dmoc.simulation.modes import RAIL, Mode, mode_of, supports
 from dmoc.simulation.sizes import Sizes, sizes_of
 
 SEGMENTS = 10  # of a phase

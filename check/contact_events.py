@@ -14,7 +14,7 @@ from dmoc.check.joins import impulsive_change, planned_impulses
 from dmoc.check.measures import imbalance
 from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import Collision
-from dmoc.simulation.modes import RAIL, columns, supports
+from dmoc.simulation.contact_modes import RAIL, columns, supports
 
 
 @dataclass(frozen=True)

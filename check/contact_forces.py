@@ -12,8 +12,8 @@ from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_location import ON_TIME
 from dmoc.check.segments import largest, put
 from dmoc.codegen.kernels import Array
+from dmoc.simulation.contact_modes import RAIL, Mode, columns, conditions, supports
 from dmoc.simulation.indeterminate_forces import nearest
-from dmoc.simulation.modes import RAIL, Mode, columns, conditions, supports
 from dmoc.simulation.sizes import NOTHING, pushes
 
 # What a force may pull or exceed its cone by, as a share of the largest of its contact, and what a

@@ -10,7 +10,7 @@ import numpy as np
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
-from dmoc.simulation.modes import (
+from dmoc.simulation.contact_modes import (
     Mode,
     answers,
     columns,

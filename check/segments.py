@@ -15,8 +15,8 @@ from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
 from dmoc.check.path_limits import Excess, IntegratedSteps, path_excess
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Index
+from dmoc.simulation.contact_modes import FREE, Mode
 from dmoc.simulation.flow import PLACES
-from dmoc.simulation.modes import FREE, Mode
 from dmoc.simulation.sizes import penetration
 
 PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow

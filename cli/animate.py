@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from dmoc.cli.console import style_of, written
-from dmoc.cli.options import out_option
+from dmoc.cli.shared_options import out_option
 
 
 def animate(

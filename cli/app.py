@@ -20,9 +20,9 @@ from dmoc.cli.export import export, report
 from dmoc.cli.groups import spread
 from dmoc.cli.model import build, derive, generate, models
 from dmoc.cli.new import new
-from dmoc.cli.options import BAD_INPUT
 from dmoc.cli.result import plot, verify
 from dmoc.cli.search import search
+from dmoc.cli.shared_options import BAD_INPUT
 from dmoc.cli.simulate import simulate
 from dmoc.cli.solve import solve
 from dmoc.cli.sweep import sweep

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from dmoc.cli.console import emit, out
-from dmoc.cli.options import BAD_INPUT
+from dmoc.cli.shared_options import BAD_INPUT
 from dmoc.solving.methods import METHODS
 
 PACKAGES = ("numpy", "scipy", "sympy", "symengine", "cython")

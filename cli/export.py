@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from dmoc.cli.console import written
-from dmoc.cli.options import SolutionArgument, out_option
+from dmoc.cli.shared_options import SolutionArgument, out_option
 
 
 def export(
@@ -18,7 +18,7 @@ def export(
 ) -> None:
     """Write the motion of a solution as a table: time, phase, states, inputs, contact forces."""
     from dmoc.base.files import write_whole
-    from dmoc.motion.export import written_as
+    from dmoc.motion.motion_tables import written_as
     from dmoc.results.solution import Solution
 
     path = target or solution.with_suffix(".csv")

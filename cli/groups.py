@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from functools import wraps
 from typing import Any, get_type_hints
 
-from dmoc.cli.options import (
+from dmoc.cli.shared_options import (
     BoundOption,
     ContactsOption,
     FinalTimeOption,

@@ -13,7 +13,7 @@ from dmoc.base.discretisation import ORDERS_SHOWN
 from dmoc.base.errors import OutputError
 from dmoc.base.files import write_whole
 from dmoc.cli.console import out, print_text, written
-from dmoc.cli.options import ModelArgument, out_option
+from dmoc.cli.shared_options import ModelArgument, out_option
 
 
 class TextFormat(StrEnum):
@@ -56,7 +56,7 @@ def derive(
     ] = None,
 ) -> None:
     """Print every step of the derivation of a model."""
-    from dmoc.inspection.derivation import derive as derive_system
+    from dmoc.inspection.system_derivation import derive as derive_system
     from dmoc.models.registry import find
 
     derivation = derive_system(find(model).system(), order)

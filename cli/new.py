@@ -10,7 +10,7 @@ import typer
 
 from dmoc.base.errors import ModelError, OutputError
 from dmoc.cli.console import out, written
-from dmoc.cli.options import out_option
+from dmoc.cli.shared_options import out_option
 
 NAME = "my_system"  # in the templates
 

@@ -10,7 +10,7 @@ import typer
 
 from dmoc.base.table import print_table
 from dmoc.cli.console import emit, out, prepare, style_of, written
-from dmoc.cli.options import NOT_SOLVED, DarkOption, JsonOption, SolutionArgument, out_option
+from dmoc.cli.shared_options import NOT_SOLVED, DarkOption, JsonOption, SolutionArgument, out_option
 
 
 def verify(

@@ -19,7 +19,11 @@ from dmoc.cli.console import (
     written,
 )
 from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
-from dmoc.cli.options import (
+from dmoc.cli.option_values import (
+    problem_fields,
+    read_names,
+)
+from dmoc.cli.shared_options import (
     NOT_SOLVED,
     ControlsOption,
     DarkOption,
@@ -29,10 +33,6 @@ from dmoc.cli.options import (
     ModelArgument,
     OrderOption,
     out_option,
-)
-from dmoc.cli.values import (
-    problem_fields,
-    read_names,
 )
 
 if TYPE_CHECKING:
@@ -118,8 +118,8 @@ def search(
     """Search for the best sequence of collisions."""
     from dmoc.models import registry
     from dmoc.problem.problem import Problem
-    from dmoc.sequences.result import table_of
     from dmoc.sequences.search import search as search_sequences
+    from dmoc.sequences.search_table import table_of_search
 
     reference = registry.find(model)
     course = CourseOptions(steps=None if steps is None else str(steps), final_time=final_time)
@@ -155,7 +155,7 @@ def search(
 
     def tell() -> None:
         if not quiet:
-            print_table(table_of(result, verbose), out)
+            print_table(table_of_search(result, verbose), out)
             written(*files)
 
     in_turn(

@@ -19,7 +19,11 @@ from dmoc.cli.console import (
     written,
 )
 from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
-from dmoc.cli.options import (
+from dmoc.cli.option_values import (
+    problem_fields,
+    read_guess,
+)
+from dmoc.cli.shared_options import (
     METHOD_HELP,
     NOT_SOLVED,
     ControlsOption,
@@ -32,10 +36,6 @@ from dmoc.cli.options import (
     out_option,
 )
 from dmoc.cli.summaries import print_sensitivities
-from dmoc.cli.values import (
-    problem_fields,
-    read_guess,
-)
 from dmoc.solving.methods import DEFAULT, REFINING, ProgramForm
 
 if TYPE_CHECKING:

@@ -18,7 +18,14 @@ from dmoc.cli.console import (
     written,
 )
 from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
-from dmoc.cli.options import (
+from dmoc.cli.option_values import (
+    by_name,
+    problem_fields,
+    read_guess,
+    read_range,
+    separate,
+)
+from dmoc.cli.shared_options import (
     NOT_SOLVED,
     BoundOption,
     ControlsOption,
@@ -33,13 +40,6 @@ from dmoc.cli.options import (
     StartOption,
     ViaOption,
     out_option,
-)
-from dmoc.cli.values import (
-    by_name,
-    problem_fields,
-    read_guess,
-    read_range,
-    separate,
 )
 
 ENDINGS = (".csv", ".npz")

@@ -29,7 +29,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import in_contact
 from dmoc.guess.tracking import reflected
 from dmoc.guess.transfer import times_of_inputs
-from dmoc.mechanics.values import by_name
+from dmoc.mechanics.model_values import by_name
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
 

@@ -59,7 +59,7 @@ class Model:
     ----------
     kernels : Kernels
     par : array of shape (1, npar)
-        As :func:`dmoc.mechanics.values.parameter_row` reads them.
+        As :func:`dmoc.mechanics.model_values.parameter_row` reads them.
     """
 
     kernels: Kernels

@@ -29,6 +29,7 @@ from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.codegen.system_kernels import kernels_of
 from dmoc.mechanics.model import Model
+from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
 from dmoc.mechanics.modes import (
     Contacts,
     Event,
@@ -39,9 +40,8 @@ from dmoc.mechanics.modes import (
     mode_of,
     words_along,
 )
-from dmoc.mechanics.values import by_name, parameter_row, restitution_row
 from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
-from dmoc.problem.statement import statement_in_short, table_of
+from dmoc.problem.statement import statement_in_short, table_of_problem
 
 if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
@@ -283,7 +283,7 @@ class Problem(Shown):
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
-        return table_of(self)
+        return table_of_problem(self)
 
     def but(self, **changes: Any) -> Problem:
         """Return the same problem with some fields replaced."""

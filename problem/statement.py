@@ -18,7 +18,7 @@ def statement_in_short(problem: Problem) -> str:
     return f"{_sequence(problem)}; {_steps(problem)}, order {problem.order}"
 
 
-def table_of(problem: Problem) -> Table:
+def table_of_problem(problem: Problem) -> Table:
     """The statement, one line for each part that was given."""
     rows = tuple((name, text) for name, text in _rows(problem) if text)
     return Table(rows, title=f"problem of {problem.kernels.name}")

@@ -59,7 +59,7 @@ def new_figure(width: float, height: float) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    from dmoc.report.notebook import ShownFigure
+    from dmoc.report.shown_figure import ShownFigure
 
     figure = ShownFigure(
         figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD)

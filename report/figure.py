@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dmoc.base.arguments import flag
 from dmoc.base.errors import OutputError
 from dmoc.motion.trajectory import Trajectory
-from dmoc.report import modes
+from dmoc.report import mode_strip
 from dmoc.report.canvas import WIDTH, new_figure, painted, written
 from dmoc.report.film import Take
 from dmoc.report.panels import draw_panel
@@ -59,7 +59,7 @@ def plot(
 def _drawn(trajectory: Trajectory, velocities: bool, style: Style) -> Figure:
     take = Take("", trajectory)
     panels = [panel for panel in take.panels if velocities or panel.quantity != "v"]
-    strip = modes.strip_height(trajectory)
+    strip = mode_strip.strip_height(trajectory)
     each = HIGH if len(panels) <= FEW else LOW
     heights = [layout_of(take.scene).height, *([strip] if strip else []), *[each] * len(panels)]
     figure = new_figure(WIDTH, sum(heights) + 0.6)
@@ -78,6 +78,6 @@ def _drawn(trajectory: Trajectory, velocities: bool, style: Style) -> Figure:
     above = curves[0]
     if strip:
         above = figure.add_subplot(grid[1], sharex=curves[0])
-        modes.mode_strip(above, trajectory, style)
-    modes.event_names(above, trajectory, style)
+        mode_strip.mode_strip(above, trajectory, style)
+    mode_strip.event_names(above, trajectory, style)
     return figure

@@ -18,7 +18,7 @@ from dmoc.base.errors import MissingExtraError
 from dmoc.base.files import write_whole
 from dmoc.base.table import Shown, Table
 from dmoc.motion.trajectory import Array, noun_of
-from dmoc.results.batch_table import column_of, counted, table_of
+from dmoc.results.batch_table import column_of, counted, table_of_batch
 from dmoc.solvers.outcome import Status
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class Batch(Shown):
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
-        return table_of(self)
+        return table_of_batch(self)
 
     def __len__(self) -> int:
         return len(self.status)
@@ -216,7 +216,7 @@ class Batch(Shown):
         ProblemError
             If this is no sweep, or one over more than two values.
         """
-        from dmoc.report.sweep import plot_sweep
+        from dmoc.report.sweep_figure import plot_sweep
 
         return plot_sweep(
             self.given, self.cost, self.final_time, self.collision_times, self.solved, path,

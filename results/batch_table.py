@@ -20,7 +20,7 @@ RESULTS = re.compile(
 )
 
 
-def table_of(batch: Batch) -> Table:
+def table_of_batch(batch: Batch) -> Table:
     """What was given and found, one row for each problem."""
     times = [f"{batch.noun} {i + 1} [s]" for i in range(batch.collision_times.shape[1])]
     rows = []

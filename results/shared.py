@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from dmoc.base.files import write_whole
-from dmoc.motion import export
+from dmoc.motion import motion_tables
 from dmoc.motion.states import State, state_at
 from dmoc.motion.trajectory import Trajectory
 
@@ -56,14 +56,14 @@ class Moving:
 
     def to_frame(self) -> DataFrame:
         """The motion as a pandas DataFrame: a row for each node of each phase, two at a collision;
-        see :mod:`dmoc.motion.export`.  ``frame.attrs["units"]`` has the units that are known.
+        see :mod:`dmoc.motion.motion_tables`.  ``frame.attrs["units"]`` has the units that are known.
 
         Raises
         ------
         MissingExtraError
             If pandas is not installed.
         """
-        return export.to_frame(self.trajectory)
+        return motion_tables.to_frame(self.trajectory)
 
     def to_xarray(self) -> Dataset:
         """The same table as an xarray Dataset over ``time``, with the coordinate ``phase``.
@@ -73,7 +73,7 @@ class Moving:
         MissingExtraError
             If xarray is not installed.
         """
-        return export.to_xarray(self.trajectory)
+        return motion_tables.to_xarray(self.trajectory)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write the same table as comma-separated values, with all digits, and with units in the
@@ -84,7 +84,7 @@ class Moving:
         OutputError
             If the file cannot be written.
         """
-        return write_whole(path, export.to_csv(self.trajectory).encode())
+        return write_whole(path, motion_tables.to_csv(self.trajectory).encode())
 
     def to_json(self, path: str | os.PathLike[str]) -> Path:
         """Write the same table, by columns, with units, parameters and collisions as JSON.
@@ -94,7 +94,7 @@ class Moving:
         OutputError
             If the file cannot be written.
         """
-        return write_whole(path, export.to_json(self.trajectory).encode())
+        return write_whole(path, motion_tables.to_json(self.trajectory).encode())
 
     def plot(
         self,

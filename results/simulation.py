@@ -18,7 +18,7 @@ from dmoc.base.files import write_whole
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import by_name, parameter_row
+from dmoc.mechanics.model_values import by_name, parameter_row
 from dmoc.motion.scene import Scene
 from dmoc.motion.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
 from dmoc.results.shared import Moving

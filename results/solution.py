@@ -26,7 +26,7 @@ from dmoc.motion.trajectory import (
 from dmoc.program.active_constraints import ActiveBound
 from dmoc.results.proposal import Proposal
 from dmoc.results.shared import Moving
-from dmoc.results.solution_table import table_of
+from dmoc.results.solution_table import table_of_solution
 from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ class Solution(Shown, Moving):
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
-        return table_of(self)
+        return table_of_solution(self)
 
     @property
     def solved(self) -> bool:

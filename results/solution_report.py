@@ -18,7 +18,7 @@ from dmoc.base.html import page, picture, section
 from dmoc.base.table import Cell, Table, html_of, plain
 from dmoc.motion.trajectory import Array, Trajectory, impulses_told
 from dmoc.report.canvas import new_figure
-from dmoc.results.solution_table import table_of
+from dmoc.results.solution_table import table_of_solution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,7 +52,7 @@ def title_of(solution: Solution) -> str:
 def tables(solution: Solution) -> Iterator[Table]:
     """The parts of a report in words, each with its title."""
     yield Table(tuple(_stated(solution.trajectory)), title="Problem")
-    yield Table(table_of(solution).rows, title="Result")
+    yield Table(table_of_solution(solution).rows, title="Result")
     if solution.starts:
         yield Table(
             tuple(_found(solution)),

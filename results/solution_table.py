@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 MOST_OTHERS = 5  # minima that are listed
 
 
-def table_of(solution: Solution) -> Table:
+def table_of_solution(solution: Solution) -> Table:
     """What was found, and how."""
     rows = (
         *_outcome(solution),

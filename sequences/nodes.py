@@ -23,7 +23,7 @@ from dmoc.results.schema import (
     plain,
 )
 from dmoc.results.solution import Solution
-from dmoc.sequences.result import table_of_node
+from dmoc.sequences.search_table import table_of_node
 from dmoc.solvers.outcome import Status
 from dmoc.solving.multistart.exploration import Start
 

@@ -28,7 +28,7 @@ from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.notes import notes_of
 from dmoc.sequences.pool import Processes, Workers, here, in_executor
-from dmoc.sequences.result import best_of, table_of
+from dmoc.sequences.search_table import best_in_words, table_of_search
 from dmoc.sequences.settings import MOST, STARTS, Settings, settings_of
 from dmoc.sequences.traversal import Progress, walked
 from dmoc.sequences.tree import Tree
@@ -72,11 +72,11 @@ class SearchResult(Shown):
 
     def __repr__(self) -> str:
         found = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items())
-        return f"<SearchResult of {self.problem.kernels.name}: {best_of(self)}; {found}>"
+        return f"<SearchResult of {self.problem.kernels.name}: {best_in_words(self)}; {found}>"
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
-        return table_of(self)
+        return table_of_search(self)
 
     @property
     def noun(self) -> str:

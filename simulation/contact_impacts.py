@@ -11,8 +11,8 @@ from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
+from dmoc.simulation.contact_modes import RAIL, Mode, Reaction, conditions, supports
 from dmoc.simulation.mode_choice import Blow, Place, plastic_blow
-from dmoc.simulation.modes import RAIL, Mode, Reaction, conditions, supports
 from dmoc.simulation.poisson import impulses
 from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
 

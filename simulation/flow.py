@@ -18,8 +18,8 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Index, Model
 from dmoc.motion.trajectory import Collision
+from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.integrator import Integrator
-from dmoc.simulation.modes import Mode
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.sizes import Sizes
 

@@ -14,7 +14,7 @@ from dmoc.base.errors import SimulationError
 from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import ROUNDING, Model
-from dmoc.mechanics.values import by_name, parameter_row, restitution_row
+from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_motion import (
     ContactState,

@@ -2,9 +2,9 @@
 a floor and against a wall, or of a rod that sticks at both ends, only some sums of forces have an
 effect.
 
-Of the forces that have the same effect :func:`dmoc.simulation.modes.reaction` has the smallest.
-Those may pull or leave a cone of friction where others do not: a mode is possible if any of them
-are borne.
+Of the forces that have the same effect :func:`dmoc.simulation.contact_modes.reaction` has the
+smallest.  Those may pull or leave a cone of friction where others do not: a mode is possible if any
+of them are borne.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
-from dmoc.simulation.modes import (
+from dmoc.simulation.contact_modes import (
     RAIL,
     REDUNDANT,
     Mode,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import Index
-from dmoc.simulation.modes import Mode, Reaction
+from dmoc.simulation.contact_modes import Mode, Reaction
 
 class Integrator:
     sizes: Array

@@ -27,7 +27,7 @@ from elimination cimport factor, shortest, solve
 import numpy as np
 
 from dmoc.simulation.dormand_prince import shares, sums
-from dmoc.simulation.modes import Reaction
+from dmoc.simulation.contact_modes import Reaction
 
 # Error that shows that a step is too long to be followed.
 cdef double ASTRAY = 1e-6

@@ -20,9 +20,7 @@ from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
-from dmoc.simulation.indeterminate_forces import borne
-from dmoc.simulation.integrator import Integrator
-from dmoc.simulation.modes import (
+from dmoc.simulation.contact_modes import (
     RAIL,
     Mode,
     Reaction,
@@ -32,6 +30,8 @@ from dmoc.simulation.modes import (
     supports,
     without_rails,
 )
+from dmoc.simulation.indeterminate_forces import borne
+from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.tolerances import Tolerances
 
 # Accelerations that differ by less than this share of what all forces make of them are the same.

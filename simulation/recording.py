@@ -12,9 +12,9 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
+from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.contact_motion import ContactState
 from dmoc.simulation.forward import Run
-from dmoc.simulation.modes import Mode
 
 # Events closer than this share of the time are one moment, and no node lies between them.
 ONCE = 1e-12

@@ -23,7 +23,7 @@ from dmoc.program.contact_table import node_shares
 from dmoc.program.minimal_times import phase_minimal_time
 from dmoc.program.scale import Scale
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.ipm import least_violation, solve
+from dmoc.solvers.ipm import least_violation, solve_ipm
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
 
@@ -124,7 +124,7 @@ def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[
     if not problem.lasting:
         return ()
     nlp = Transcription(problem, scale, pulling=True)
-    ending = solve(nlp, nlp.scaled(x), options)
+    ending = solve_ipm(nlp, nlp.scaled(x), options)
     if ending.status is not Status.SOLVED:
         return ()
     lay, y = nlp.layout, nlp.physical(ending.x)

@@ -36,7 +36,7 @@ BARRIER_END = 1e-9
 STRETCH = 1.25
 
 
-def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
+def solve_ipm(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
     """Minimise from x, with compiled kernels; with ``duals`` x is a neighbouring solution."""
     return _run(nlp, x, options, duals)
 

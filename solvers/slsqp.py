@@ -46,7 +46,9 @@ NEAR_EQUATIONS = 0.1
 ON_EQUATIONS = 1e-8
 
 
-def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
+def solve_slsqp(
+    nlp: Transcription, x: Array, options: Options, duals: Duals | None = None
+) -> Ending:
     """Minimise from x on the condensed program.
 
     Multipliers tell whether x is a solution already, which stays one where the first run of SLSQP

@@ -28,7 +28,9 @@ IDLE_ITERATIONS = 100
 FRESH_STARTS = 3
 
 
-def solve(nlp: Transcription, x: Array, options: Options, duals: Duals | None = None) -> Ending:
+def solve_slsqp_full(
+    nlp: Transcription, x: Array, options: Options, duals: Duals | None = None
+) -> Ending:
     """Minimise from x; multipliers of a neighbouring solution do not serve."""
     x = np.clip(x, nlp.lower, nlp.upper)
     tally = Tally(nlp, options, x)

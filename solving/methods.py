@@ -137,8 +137,8 @@ METHODS = {
         Method(
             "slsqp",
             "sequential quadratic programming",
-            "dmoc.solvers.slsqp:solve",
-            full="dmoc.solvers.slsqp_full:solve",
+            "dmoc.solvers.slsqp:solve_slsqp",
+            full="dmoc.solvers.slsqp_full:solve_slsqp_full",
             most_inputs=2000,  # memory grows with the square of the inputs, time with the cube
             guided=True,
             falls_back_on="ipm",
@@ -146,7 +146,7 @@ METHODS = {
         Method(
             "ipm",
             "compiled interior point",
-            "dmoc.solvers.ipm:solve",
+            "dmoc.solvers.ipm:solve_ipm",
             needs_compiled=True,
             uses_blas=False,
         ),

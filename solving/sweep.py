@@ -14,7 +14,7 @@ import numpy as np
 from dmoc.base.arguments import check_known, is_number, listed
 from dmoc.base.errors import DmocError, ProblemError
 from dmoc.base.progress import Listener
-from dmoc.mechanics.values import by_name
+from dmoc.mechanics.model_values import by_name
 from dmoc.problem.problem import Problem
 from dmoc.results.batch import Batch
 from dmoc.solving.many import MOST_PROBLEMS, STARTS, BatchProgress, Setting, batch_of, method_for

@@ -264,7 +264,7 @@ def _force(slopes: Any, v: Any) -> Place:
     return (0, 0) if sp.simplify(x) == 0 and sp.simplify(y) == 0 else (x, y)
 
 
-def table_of(drawing: Iterable[Part]) -> list[list[Any]]:
+def table_of_drawing(drawing: Iterable[Part]) -> list[list[Any]]:
     """Kind, name, first column and number of columns of each shape."""
     table: list[list[Any]] = []
     start = 0

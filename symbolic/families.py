@@ -30,7 +30,7 @@ from dmoc.symbolic.continuous import (
     right_hand_side,
 )
 from dmoc.symbolic.discrete import StepElement, step_element
-from dmoc.symbolic.drawing import table_of, values_of
+from dmoc.symbolic.drawing import table_of_drawing, values_of
 from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.kernel_family import family
 from dmoc.symbolic.kinks import split
@@ -84,7 +84,7 @@ def model_key(system: MechanicalSystem, order: int = 2) -> str:
     check_system(system)
     order = known_order(order)
     lines = [str(FORMAT), model_fingerprint(system, order), _title(system)]
-    for (kind, name, *_), part in zip(table_of(system.drawing), system.shapes, strict=True):
+    for (kind, name, *_), part in zip(table_of_drawing(system.drawing), system.shapes, strict=True):
         lines += [f"{kind} {name}", *map(sp.srepr, values_of(part))]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
@@ -138,7 +138,7 @@ def _facts(
             name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
             for name, tau in zip(system.tangents, f.tau, strict=True)
         },
-        "drawing": table_of(system.drawing),
+        "drawing": table_of_drawing(system.drawing),
         "parameters": {
             name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
         },

@@ -14,7 +14,7 @@ from systems import unit_mass
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import parameter_row
+from dmoc.mechanics.model_values import parameter_row
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 
 T = dynamicsymbols._t

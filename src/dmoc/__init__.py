@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dmoc.base.errors import DmocError
     from dmoc.check.check import verify
-    from dmoc.inspection.derivation import derive
+    from dmoc.inspection.system_derivation import derive
     from dmoc.models.registry import build, load
     from dmoc.problem.problem import Problem
     from dmoc.report.animation import animate
@@ -72,7 +72,7 @@ _PLACES = {
     "Wall": "dmoc.symbolic.drawing",
     "animate": "dmoc.report.animation",
     "build": "dmoc.models.registry",
-    "derive": "dmoc.inspection.derivation",
+    "derive": "dmoc.inspection.system_derivation",
     "load": "dmoc.models.registry",
     "search": "dmoc.sequences.search",
     "sensitivities": "dmoc.solving.sensitivity",

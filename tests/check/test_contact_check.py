@@ -66,7 +66,7 @@ def discrete(kernels: Kernels, motion: Trajectory, steps: int) -> Trajectory:
     from scipy.optimize import root
 
     from dmoc.mechanics.model import Model
-    from dmoc.mechanics.values import parameter_row
+    from dmoc.mechanics.model_values import parameter_row
 
     phase, model = motion.phases[0], Model(kernels, parameter_row(kernels, {}))
     h, nq, none = phase.duration / steps, model.nq, np.zeros((1, 0))

@@ -12,7 +12,7 @@ import pytest
 
 import dmoc
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import parameter_row
+from dmoc.mechanics.model_values import parameter_row
 from dmoc.motion.trajectory import Trajectory
 from dmoc.simulation.sizes import sizes_of
 

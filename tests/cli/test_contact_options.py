@@ -12,7 +12,7 @@ from commands import CONTACT_MODELS, Run
 
 import dmoc
 from dmoc.base.errors import ProblemError
-from dmoc.cli.values import read_names, read_periodic, read_via
+from dmoc.cli.option_values import read_names, read_periodic, read_via
 
 HELD = "--start x=0 --final-time 4 --steps 12"
 PUSHED = f"{HELD} --goal x=1,x_dot=0"

@@ -8,7 +8,7 @@ import pytest
 
 import dmoc
 from dmoc.base.errors import ProblemError
-from dmoc.cli.values import read_guess
+from dmoc.cli.option_values import read_guess
 
 
 def test_keyframes_by_name() -> None:

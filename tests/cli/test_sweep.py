@@ -11,7 +11,7 @@ import pytest
 from commands import Run
 
 import dmoc
-from dmoc.cli.values import read_range
+from dmoc.cli.option_values import read_range
 from dmoc.models.registry import find
 from dmoc.solving import many
 

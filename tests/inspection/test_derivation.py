@@ -20,8 +20,8 @@ from dmoc.base.errors import OutputError
 from dmoc.cli.app import app
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.operation_counts import count_of
-from dmoc.inspection.derivation import small_problem
 from dmoc.inspection.kernel_check import checked
+from dmoc.inspection.system_derivation import small_problem
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 

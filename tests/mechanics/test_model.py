@@ -14,7 +14,7 @@ from dmoc.base.errors import ProblemError, SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.algebra import is_positive
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import parameter_row, restitution_row
+from dmoc.mechanics.model_values import parameter_row, restitution_row
 
 ROOT = Path(__file__).resolve().parents[2]
 # Who may name kernels: the model, and the code that makes them.

@@ -22,7 +22,7 @@ from dmoc.base.discretisation import ORDERS
 from dmoc.base.errors import MissingExtraError, MotionError
 from dmoc.cli.app import app
 from dmoc.models.registry import find
-from dmoc.motion.export import columns
+from dmoc.motion.motion_tables import columns
 from dmoc.motion.states import Names, state_at
 
 G = 9.81

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dmoc.base.errors import ProblemError
-from dmoc.report.sweep import plot_sweep
+from dmoc.report.sweep_figure import plot_sweep
 
 
 def test_one_value_gives_the_cost_and_the_times_in_its_order(tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ import dmoc
 from dmoc.base.table import TONES, Table, html_of, print_table, text_of, toned
 from dmoc.models.registry import find
 from dmoc.sequences.nodes import Node, Verdict
-from dmoc.sequences.result import table_of
 from dmoc.sequences.search import SearchResult
+from dmoc.sequences.search_table import table_of_search
 from dmoc.symbolic.derivation import mathml
 
 
@@ -142,7 +142,7 @@ def test_the_table_of_a_search_is_narrow_and_tells_why_on_request(
     why = "none of 8 starts led to it " * 5
     nodes = (Node(long, Verdict.INFEASIBLE, evidence=(why,)), Node(("left",), Verdict.FAILED))
     result = SearchResult(nodes, None, True, (), 1.0, objects["problem"])
-    short, told = text_of(table_of(result)), text_of(table_of(result, why=True))
+    short, told = text_of(table_of_search(result)), text_of(table_of_search(result, why=True))
     assert max(map(len, f"{short}\n{told}".splitlines())) <= 80 and "…" not in short + told
     assert short.count("right") == told.count("right") == 12
     assert "none of 8" not in short and told.count("starts led") >= 4 and "--verbose" in short

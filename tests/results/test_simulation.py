@@ -18,7 +18,7 @@ from dmoc.base.errors import DmocError, ModelError, MotionError, SimulationError
 from dmoc.cli.app import app
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
-from dmoc.motion.export import columns
+from dmoc.motion.motion_tables import columns
 from dmoc.results.simulation import mean_inputs
 
 G = 10.0

@@ -16,7 +16,7 @@ import dmoc
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import parameter_row
+from dmoc.mechanics.model_values import parameter_row
 from dmoc.results.simulation import Simulation
 from dmoc.simulation.mode_choice import Place, plastic_blow
 from dmoc.simulation.simultaneous_impacts import simultaneous

@@ -13,7 +13,7 @@ import dmoc
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.simulation import contact_motion
-from dmoc.simulation.modes import Mode
+from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.poisson import impulses
 
 T = dynamicsymbols._t

@@ -12,9 +12,9 @@ import dmoc
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import parameter_row
+from dmoc.mechanics.model_values import parameter_row
+from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.mode_choice import _borne
-from dmoc.simulation.modes import Mode
 
 T = dynamicsymbols._t
 x, y, a = dynamicsymbols("x y a")

@@ -214,8 +214,8 @@ def test_iterations_are_counted_once(seed: dmoc.Problem) -> None:
     x = initial_guesses(weak)[0].x
     for limit in range(20, 60, 3):
         seen: list[Iteration] = []
-        outcome = ipm.solve(nlp, x, Options(iterations=limit, progress=seen.append))
-        assert ipm.solve(nlp, x, Options(iterations=limit)).iterations == outcome.iterations
+        outcome = ipm.solve_ipm(nlp, x, Options(iterations=limit, progress=seen.append))
+        assert ipm.solve_ipm(nlp, x, Options(iterations=limit)).iterations == outcome.iterations
         assert outcome.iterations == limit
         assert [i.number for i in seen] == list(range(1, limit + 1))
 

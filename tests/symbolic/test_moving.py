@@ -12,7 +12,7 @@ from systems import block_system, driven_system
 
 import dmoc
 from dmoc.mechanics.model import Model
-from dmoc.mechanics.values import parameter_row
+from dmoc.mechanics.model_values import parameter_row
 from dmoc.symbolic.continuous import impact_work, readable
 from dmoc.symbolic.discrete import StepElement, lobatto_nodes, step_element
 

@@ -26,7 +26,7 @@ HEAD, WHY = ("sequence", "verdict", "cost"), "durations [s], minima and evidence
 UNEXPLAINED = TONES.keys() - {"optimal", "feasible"}
 
 
-def table_of(result: SearchResult, why: bool = False) -> Table:
+def table_of_search(result: SearchResult, why: bool = False) -> Table:
     """The nodes, the cheapest first, and what they come to; with durations and evidence if
     wanted."""
     nodes = sorted(result.nodes, key=lambda n: (n.cost is None, n.cost or 0.0, len(n.sequence)))
@@ -45,7 +45,9 @@ def table_of(result: SearchResult, why: bool = False) -> Table:
     if not why and any(n.verdict.value in UNEXPLAINED for n in nodes[:MOST_ROWS]):
         notes.append("note: dmoc search --verbose, or evidence of the nodes, tells why")
     rate = f"{len(nodes) / max(result.seconds, 1e-9):.1f} a second"
-    notes.append(f"{best_of(result)}; {len(nodes)} sequences in {result.seconds:.1f} s ({rate})")
+    notes.append(
+        f"{best_in_words(result)}; {len(nodes)} sequences in {result.seconds:.1f} s ({rate})"
+    )
     return Table(
         rows,
         (*HEAD, WHY) if why else HEAD,
@@ -75,7 +77,7 @@ def _evidence_of(node: Node) -> str:
     return "; ".join(part for part in (durations, minima, *node.evidence[:2]) if part)
 
 
-def best_of(result: SearchResult) -> str:
+def best_in_words(result: SearchResult) -> str:
     """The answer in a few words."""
     if result.best is None:
         return "no confirmed motion"

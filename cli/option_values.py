@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from dmoc.base.errors import ProblemError
 from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
-from dmoc.cli.options import Controls
+from dmoc.cli.shared_options import Controls
 
 if TYPE_CHECKING:
     from dmoc.results.solution import Solution
