@@ -56,7 +56,8 @@ class Moving:
 
     def to_frame(self) -> DataFrame:
         """The motion as a pandas DataFrame: a row for each node of each phase, two at a collision;
-        see :mod:`dmoc.motion.motion_tables`.  ``frame.attrs["units"]`` has the units that are known.
+        see :mod:`dmoc.motion.motion_tables`.  ``frame.attrs["units"]`` has the units that are
+        known.
 
         Raises
         ------

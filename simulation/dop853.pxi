@@ -209,7 +209,7 @@ cdef class Method(Dynamics):
             Begin and duration of the steps.
         u0, u1 : arrays of shape (N, nu)
         mode : Mode, optional
-            What is closed or rubs (:class:`dmoc.simulation.modes.Mode`); nothing, if left out.
+            What is closed or rubs (a ``Mode`` of ``contact_modes``); nothing, if left out.
             Rows begin where its conditions hold.
         held : array of shape (n, nt), optional
             Places that what sticks keeps.
