@@ -1,4 +1,4 @@
-"""Starts for motions with contacts that last: straight ways, put onto the contacts of their modes,
+"""Starts for motions that are held: straight ways, put where contacts of their modes hold them,
 with the impulses that come closest to the balance of momentum."""
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ from dmoc.guess.hits import through_hits, with_hidden
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
 from dmoc.problem.problem import Problem, midpoints
-from dmoc.program.blocks import NOWHERE
-from dmoc.program.contact_table import phase_nodes
 from dmoc.program.layout import Layout
 
 # Gauss-Newton steps onto the contacts of a mode, and the largest of a coordinate, in its reach.
@@ -54,7 +52,7 @@ def in_contact(problem: Problem, x: Array) -> Array:
     without either are as they were."""
     lay = Layout.of(problem)
     x = with_hidden(problem, lay, through_hits(problem, lay, x))
-    if lay.touch.free:
+    if not any(map(lay.reactions, range(lay.phases))):
         return x
     x = x.copy()
     _put_onto(problem, lay, x)
@@ -63,7 +61,7 @@ def in_contact(problem: Problem, x: Array) -> Array:
 
 
 def _put_onto(problem: Problem, lay: Layout, x: Array) -> None:
-    """Move the positions of each phase onto its contacts, those that stick to where they are at the
+    """Move the positions of each phase to where it is held, what sticks to where it is at the
     phase's first node."""
     t = lay.times(x)
     fixed = [
@@ -82,19 +80,14 @@ def _put_onto(problem: Problem, lay: Layout, x: Array) -> None:
 
 
 def _onto(problem: Problem, lay: Layout, i: int, q: Array, t: Array, free: Array) -> Array:
-    """Rows of positions on the contacts of phase i, by Gauss-Newton steps in reaches."""
-    model, reach, touch = problem.model, problem.reach, lay.touch
-    closed = list(touch.closed[i])
-    sticking = [int(k) for k in np.flatnonzero(touch.sticks[i])]
-    if not closed and not sticking:
+    """Rows of positions where phase i is held, by Gauss-Newton steps in reaches."""
+    model, reach = problem.model, problem.reach
+    holding = [r for r in lay.reactions(i) if r.held]
+    if not holding:
         return q
     for _ in range(PROJECTIONS):
-        tau = model.tangents(q, t)[:, sticking]
-        miss = np.hstack([model.gaps(q, t)[:, closed], tau - tau[:1]])
-        slopes = np.concatenate(
-            [model.gap_slopes(q, t)[:, closed, :-1], model.tangent_slopes(q, t)[:, sticking, :-1]],
-            axis=1,
-        )
+        miss = np.hstack([r.misses(model, q, t) for r in holding])
+        slopes = np.concatenate([r.slopes(model, q, t)[:, r.holds] for r in holding], axis=1)
         slopes = slopes * (reach * free)[:, None, :]
         finite = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(miss).all(axis=1)
         step = np.zeros_like(q)
@@ -107,31 +100,26 @@ def _onto(problem: Problem, lay: Layout, i: int, q: Array, t: Array, free: Array
 
 def _balance(problem: Problem, lay: Layout, x: Array) -> None:
     """Impulses at the nodes of phases that leave the least imbalance of the momenta."""
-    model, touch = problem.model, lay.touch
+    model, t = problem.model, lay.times(x)
     starts, ends = model.step_momenta(lay.step_inputs(x))
-    nodes, t = phase_nodes(lay.steps), lay.times(x)
-    q = np.ascontiguousarray(x[lay.index_q[nodes]])
-    normal = model.gap_slopes(q, t[nodes])[:, :, :-1]
-    along = model.tangent_slopes(q, t[nodes])[:, :, :-1]
-    mass = model.mass(q, t[nodes])
-    rows = np.concatenate([[0], np.cumsum(np.array(lay.steps) + 1)])
+    q = x[lay.index_q]
     for i, steps in enumerate(lay.steps):
-        closed, rubs = list(touch.closed[i]), [k for k, _ in touch.rubbing[i]]
-        if not closed and not rubs:
+        reactions = lay.reactions(i)
+        if not reactions:
             continue
-        inner, node = rows[i] + np.arange(1, steps), int(lay.ends[i]) + np.arange(1, steps)
-        missing = ends[node - 1] - starts[node]
-        G = np.concatenate([normal[inner][:, closed], -along[inner][:, rubs]], axis=1)
-        response = [solved(mass[inner], np.ascontiguousarray(G[:, m])) for m in range(G.shape[1])]
+        nodes = int(lay.ends[i]) + np.arange(1, steps)
+        missing = ends[nodes - 1] - starts[nodes]
+        at, mass = np.ascontiguousarray(q[nodes]), model.mass(q[nodes], t[nodes])
+        G = np.concatenate([-r.sign * r.slopes(model, at, t[nodes]) for r in reactions], axis=1)
+        response = [solved(mass, np.ascontiguousarray(G[:, m])) for m in range(G.shape[1])]
         A = G @ np.stack(response, axis=2)
-        b = (G @ solved(mass[inner], missing)[..., None])[..., 0]
+        b = (G @ solved(mass, missing)[..., None])[..., 0]
         good = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
-        found = np.zeros((steps - 1, G.shape[1]))
-        found[good] = (np.linalg.pinv(A[good], rcond=1e-8) @ b[good][..., None])[..., 0]
-        x[lay.index_P[np.ix_(inner, closed)]] = np.maximum(found[:, : len(closed)], 0.0)
-        x[lay.index_T[np.ix_(inner, rubs)]] = found[:, len(closed) :]
-        for index in (lay.index_P, lay.index_T):
-            for row, inner in ((rows[i], 1), (rows[i + 1] - 1, -2)):
-                used = index[row] != NOWHERE
-                beside = rows[i] + (inner if inner > 0 else steps - 1)
-                x[index[row, used]] = x[index[beside, used]] / 2
+        impulses = np.zeros((steps - 1, G.shape[1]))
+        impulses[good] = (np.linalg.pinv(A[good], rcond=1e-8) @ b[good][..., None])[..., 0]
+        first = 0
+        for r in reactions:
+            pushed = impulses[:, first : first + len(r.columns)]
+            first += len(r.columns)
+            x[r.unknowns[1:-1]] = pushed if r.pulls else np.maximum(pushed, 0.0)
+            x[r.unknowns[0]], x[r.unknowns[-1]] = x[r.unknowns[1]] / 2, x[r.unknowns[-2]] / 2

@@ -91,9 +91,9 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     if not np.isfinite(lam).all() or not np.isfinite(pushed).all():
         return
     moments = list(p.moments)
-    x[lay.index_P_h[i, moments]], x[lay.index_T_h[i, moments]] = lam[:-1].T
-    x[lay.index_v_h[i, moments]] = v + lam[:-1] @ pushed.T
-    x[lay.index_lam[i]], x[lay.index_T_c[i, p.tangent]] = lam[-1]
+    x[lay.hit.P_h[i, moments]], x[lay.hit.T_h[i, moments]] = lam[:-1].T
+    x[lay.hit.v_h[i, moments]] = v + lam[:-1] @ pushed.T
+    x[lay.index_lam[i]], x[lay.contact.T_c[i, p.tangent]] = lam[-1]
     x[lay.index_v_c[i]] = v + pushed @ lam[-1]
 
 

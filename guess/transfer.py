@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import through_hits, with_hidden
 from dmoc.motion.trajectory import Trajectory
 from dmoc.problem.problem import Problem
-from dmoc.program.contact_table import node_shares
 from dmoc.program.layout import Layout
+from dmoc.program.reactions import node_shares
 
 # How far inside of its step an input at a node counts where inputs may jump there, as a share of
 # the step.
@@ -23,15 +23,14 @@ INSIDE = 1e-6
 @dataclass(frozen=True)
 class Piece:
     """A phase to follow: times t of positions q and velocities v, times t_u of inputs u, and the
-    forces of contacts that last, in the columns of surfaces and tangents."""
+    forces of its reactions by their kind."""
 
     t: Array
     q: Array
     v: Array
     t_u: Array
     u: Array
-    normal: Array | None = None
-    tangential: Array | None = None
+    forces: Mapping[str, Array] = field(default_factory=dict)
 
     def positions(self, t: Array) -> Array:
         """The cubics through the nodes, with their velocities, at times of shape (n,)."""
@@ -45,7 +44,7 @@ class Piece:
 
 def pieces_of(trajectory: Trajectory) -> list[Piece]:
     return [
-        Piece(p.t, p.q, p.v, times_of_inputs(trajectory.controls, p.t), p.u, p.normal, p.tangential)
+        Piece(p.t, p.q, p.v, times_of_inputs(trajectory.controls, p.t), p.u, p.forces)
         for p in trajectory.phases
     ]
 
@@ -99,23 +98,17 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
 
 
 def _push(lay: Layout, pieces: Sequence[Piece], x: Array) -> None:
-    """Impulses of contacts that last, from the forces of the pieces; where a piece has none of the
-    phase's contacts they stay zero."""
-    if lay.touch.free:
-        return
+    """Impulses of reactions from the forces of the pieces; where a piece has none of the phase's
+    they stay zero."""
     for i, (piece, n) in enumerate(zip(pieces, lay.steps, strict=True)):
         weight, share = x[lay.index_h[i]] * node_shares(n), np.linspace(0, 1, n + 1)
-        rows = lay.rows_of_phase(i)
-        rubs = tuple(k for k, _ in lay.touch.rubbing[i])
-        for index, columns, forces in (
-            (lay.index_P, lay.touch.closed[i], piece.normal),
-            (lay.index_T, rubs, piece.tangential),
-        ):
-            if forces is None or forces.shape[1:] != (len(columns),):
+        for reaction in lay.reactions(i):
+            forces = piece.forces.get(reaction.kind)
+            if forces is None or forces.shape[1:] != (len(reaction.columns),):
                 continue
             at = np.linspace(0, 1, len(forces))
-            for column, force in zip(columns, forces.T, strict=True):
-                x[index[rows, column]] = weight * np.interp(share, at, force)
+            for unknowns, force in zip(reaction.unknowns.T, forces.T, strict=True):
+                x[unknowns] = weight * np.interp(share, at, force)
 
 
 def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
@@ -129,23 +122,17 @@ def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
         v = np.gradient(nodes, h[i], axis=0)
         rows = slice(lay.row_u_k[first], lay.row_u_kp1[last - 1] + 1)
         times = times_of_inputs(lay.form.name, at)
-        forces = _forces(lay, x, i)
-        pieces.append(Piece(at, nodes, v, times, x[lay.index_u][rows], *forces))
+        pieces.append(Piece(at, nodes, v, times, x[lay.index_u][rows], _forces(lay, x, i)))
     for index, side, k in ((lay.index_v_a, pieces[:-1], -1), (lay.index_v_c, pieces[1:], 0)):
         for known, piece in zip(x[index], side, strict=True):
             piece.v[k] = known
     return unknowns_along(problem, pieces, list(x[lay.index_lam]))
 
 
-def _forces(lay: Layout, x: Array, i: int) -> tuple[Array, Array]:
-    """Forces of the contacts that last in phase i."""
-    n, rows = lay.steps[i], lay.rows_of_phase(i)
-    weight = x[lay.index_h[i]] * node_shares(n)[:, None]
-    rubs = [k for k, _ in lay.touch.rubbing[i]]
-    if lay.touch.free:
-        return np.zeros((n + 1, 0)), np.zeros((n + 1, 0))
-    normal, tangential = lay.index_P[rows][:, list(lay.touch.closed[i])], lay.index_T[rows][:, rubs]
-    return x[normal] / weight, x[tangential] / weight
+def _forces(lay: Layout, x: Array, i: int) -> dict[str, Array]:
+    """Forces of the reactions of phase i, by their kind."""
+    weight = x[lay.index_h[i]] * node_shares(lay.steps[i])[:, None]
+    return {r.kind: r.impulses(x) / weight for r in lay.reactions(i)}
 
 
 def times_of_inputs(controls: str, t: Array) -> Array:

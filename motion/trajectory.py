@@ -82,6 +82,12 @@ class Phase:
         return not (self.closed or self.rubbing)
 
     @property
+    def forces(self) -> dict[str, Array]:
+        """Forces at the nodes by their kind, those of contacts that there are."""
+        kinds = {"normal": self.normal, "tangential": self.tangential}
+        return {kind: forces for kind, forces in kinds.items() if forces.shape[1]}
+
+    @property
     def mode(self) -> str:
         """What is in contact, and how it rubs, as "left:stick"; "free" where nothing is."""
         return mode_word(self.closed, self.rubbing)

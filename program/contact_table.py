@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -12,8 +13,16 @@ from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.modes import STICK
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Index, Numbering
+from dmoc.program.blocks import NOWHERE, Bools, Index, Numbering
 from dmoc.program.hit_stages import MOMENTS, Passage, passage_of
+from dmoc.program.reactions import (
+    GAPS,
+    TANGENTS,
+    Reaction,
+    members,
+    place,
+    rows_of_phase,
+)
 
 
 @dataclass(frozen=True)
@@ -137,76 +146,81 @@ class Touch:
             found[p.event, list(p.moments)] = True
         return found
 
-    def unknowns(
-        self, block: Numbering, steps: tuple[int, ...], velocities: tuple[str, ...]
-    ) -> tuple[Block, ...]:
-        """Blocks of P and T, in rows of :func:`phase_nodes`, of P_c and T_c, and of v_h, P_h and
-        T_h."""
-        nodes = [0] * len(steps) if self.free else [n + 1 for n in steps]
-        count, names = sum(steps), (self.surfaces, self.tangents)
-        moments = self.moments
-        hit, rubbed = self.passing
-        return (
+
+@dataclass(frozen=True, eq=False)
+class ContactUnknowns:
+    """Impulses of the contacts of a touch.
+
+    Attributes
+    ----------
+    P, T : arrays of int, shapes (phase nodes, nc) and (phase nodes, nt)
+        Normal and tangential impulses in the rows of :func:`~dmoc.program.reactions.phase_nodes`;
+        of a touch where no contact lasts without rows.
+    P_c, T_c : arrays of int, shapes (events, nc) and (events, nt)
+        Those that closed contacts take in an impact beside lam, T_c also that of a hit with
+        friction.
+    """
+
+    steps: tuple[int, ...]
+    touch: Touch
+    P: Index
+    T: Index
+    P_c: Index
+    T_c: Index
+
+    @classmethod
+    def of(cls, block: Numbering, steps: tuple[int, ...], touch: Touch) -> ContactUnknowns:
+        nodes = [0] * len(steps) if touch.free else [n + 1 for n in steps]
+        count, surfaces, tangents = sum(steps), touch.surfaces, touch.tangents
+        blocks = (
             block(
                 "P",
-                np.repeat(self.is_closed, nodes, axis=0),
-                lambda r, j: f"contact impulse of {names[0][j]} {place(steps, r)}",
+                np.repeat(touch.is_closed, nodes, axis=0),
+                lambda r, j: f"contact impulse of {surfaces[j]} {place(steps, r)}",
                 lambda s: s.lam / count,
             ),
             block(
                 "T",
-                np.repeat(self.rubs, nodes, axis=0),
-                lambda r, j: f"friction impulse of {names[1][j]} {place(steps, r)}",
+                np.repeat(touch.rubs, nodes, axis=0),
+                lambda r, j: f"friction impulse of {tangents[j]} {place(steps, r)}",
                 lambda s: s.friction / count,
             ),
             block(
                 "P_c",
-                self.beside,
-                lambda i, j: f"impulse of {names[0][j]} at event {i + 1}",
+                touch.beside,
+                lambda i, j: f"impulse of {surfaces[j]} at event {i + 1}",
                 lambda s: s.lam,
             ),
             block(
                 "T_c",
-                self.rubs_in_impact | self.passes,
-                lambda i, j: f"friction impulse of {names[1][j]} at event {i + 1}",
+                touch.rubs_in_impact | touch.passes,
+                lambda i, j: f"friction impulse of {tangents[j]} at event {i + 1}",
                 lambda s: s.friction,
             ),
-            block(
-                "v_h",
-                np.repeat(moments[:, :, None], len(velocities), axis=2),
-                lambda i, m, j: f"{velocities[j]} {moment(i, m)}",
-                lambda s: s.v,
-            ),
-            block(
-                "P_h",
-                moments,
-                lambda i, m: f"impulse of {names[0][hit[i]]} {moment(i, m)}",
-                lambda s: s.lam[hit][:, None],
-            ),
-            block(
-                "T_h",
-                moments,
-                lambda i, m: f"friction impulse of {names[1][rubbed[i]]} {moment(i, m)}",
-                lambda s: s.friction[rubbed][:, None],
-            ),
         )
+        return cls(steps, touch, *(b.index for b in blocks))
 
+    def reactions(self, i: int) -> Iterator[Reaction]:
+        """Those of a phase: of its closed contacts, and of what rubs."""
+        closed, rubbing = self.touch.closed[i], self.touch.rubbing[i]
+        rows = rows_of_phase(self.steps, i)
+        if closed:
+            index, holds = self.P[rows][:, list(closed)], np.ones(len(closed), dtype=bool)
+            names = tuple(self.touch.surfaces[j] for j in closed)
+            yield Reaction("normal", names, GAPS, closed, index, -1.0, holds, True, False)
+        if rubbing:
+            columns = tuple(k for k, _ in rubbing)
+            sticks = np.array([sign == STICK for _, sign in rubbing])
+            index = self.T[rows][:, list(columns)]
+            names = tuple(self.touch.tangents[k] for k in columns)
+            yield Reaction("tangential", names, TANGENTS, columns, index, 1.0, sticks, False, True)
 
-def moment(event: int, which: int) -> str:
-    """A moment within an impact in words."""
-    return f"{MOMENTS[which]} at event {event + 1}"
-
-
-def place(steps: tuple[int, ...], row: int) -> str:
-    """The node and the phase of a row of phase nodes."""
-    phase = int(np.searchsorted(np.cumsum([n + 1 for n in steps]), row, side="right"))
-    return f"at node {phase_nodes(steps)[row]} in phase {phase}"
-
-
-def phase_nodes(steps: tuple[int, ...]) -> Index:
-    """The node of each node of each phase; those that two phases share come twice."""
-    ends = np.concatenate([[0], np.cumsum(steps)])
-    return np.concatenate([np.arange(a, b + 1) for a, b in pairwise(ends)])
+    def impulses_at(self, x: Array, i: int) -> tuple[dict[str, float], dict[str, float]]:
+        """Normal and tangential impulses of event i beside lam, by name."""
+        return (
+            {self.touch.surfaces[j]: float(x[k]) for j, k in members(self.P_c[i])},
+            {self.touch.tangents[j]: float(x[k]) for j, k in members(self.T_c[i])},
+        )
 
 
 def touch_of(problem: Problem) -> Touch:
@@ -246,8 +260,3 @@ def touch_of(problem: Problem) -> Touch:
             if event.course is not None
         ),
     )
-
-
-def node_shares(steps: int) -> Array:
-    """What each node of a phase stands for, in steps."""
-    return np.concatenate([[0.5], np.ones(steps - 1), [0.5]])

@@ -14,9 +14,9 @@ from dmoc.mechanics.modes import changes
 from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Index
-from dmoc.program.contact_table import node_shares
+from dmoc.program.blocks import NOWHERE, Block
 from dmoc.program.layout import Layout
+from dmoc.program.reactions import node_shares
 from dmoc.program.transcription import Transcription
 
 # A collision that changes no momentum by more than this share of its size has no effect.
@@ -39,12 +39,11 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         first, last = int(lay.ends[i]), int(lay.ends[i + 1])
         t = begin + h[i] * np.arange(steps + 1)
         at = np.ascontiguousarray(q[first : last + 1])
-        normal, tangential = _impulses(lay, x, i)
         p = np.vstack([p_start[first : first + 1], p_end[first:last]])
-        p = p + _pushed(nlp, at, t, normal, tangential)
-        p = _along_contacts(nlp, i, (at, p, t))
+        p = _as_held(nlp, i, (at, p + _pushed(nlp, x, i, at, t), t))
         inputs = u[lay.row_u_k[first] : lay.row_u_kp1[last - 1] + 1]
         mode, weight = problem.modes[i], h[i] * node_shares(steps)[:, None]
+        forces = {r.kind: _forces(r.impulses(x) / weight) for r in lay.reactions(i)}
         v = problem.model.velocity(at, p, t)
         phases.append(
             Phase(
@@ -55,8 +54,8 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 np.ascontiguousarray(inputs),
                 mode.closed,
                 dict(mode.rubbing),
-                _forces(normal[:, list(lay.touch.closed[i])] / weight),
-                _forces(tangential[:, [k for k, _ in lay.touch.rubbing[i]]] / weight),
+                forces.get("normal", np.zeros((steps + 1, 0))),
+                forces.get("tangential", np.zeros((steps + 1, 0))),
                 *_inside(nlp, t, at, v, q_i[first:last]),
             )
         )
@@ -111,19 +110,6 @@ def _inside(nlp: Transcription, t: Array, q: Array, v: Array, q_i: Array) -> tup
     return flat, nlp.problem.model.momentum(flat, rows, times)
 
 
-def _impulses(lay: Layout, x: Array, i: int) -> tuple[Array, Array]:
-    """Normal and tangential impulses at the nodes of phase i, shapes (N + 1, nc) and (N + 1, nt);
-    zero where there is no contact."""
-    if lay.touch.free:
-        nodes = lay.steps[i] + 1
-        return np.zeros((nodes, len(lay.touch.surfaces))), np.zeros(
-            (nodes, len(lay.touch.tangents))
-        )
-    rows = slice(int(lay.ends[i]) + i, int(lay.ends[i + 1]) + i + 1)
-    padded = np.append(x, 0.0)  # NOWHERE is its last entry
-    return padded[lay.index_P[rows]], padded[lay.index_T[rows]]
-
-
 def _forces(of_nodes: Array) -> Array:
     """Forces at the nodes of a phase from impulses by the time that they stand for; at its ends,
     where that is half a step and leaves an error of first order, those of the nodes beside
@@ -134,49 +120,40 @@ def _forces(of_nodes: Array) -> Array:
     return of_nodes
 
 
-def _pushed(nlp: Transcription, q: Array, t: Array, normal: Array, tangential: Array) -> Array:
-    """What impulses add to the momenta of a phase at its nodes: at the first one back to where the
+def _pushed(nlp: Transcription, x: Array, i: int, q: Array, t: Array) -> Array:
+    """What impulses add to the momenta of phase i at its nodes: at the first one back to where the
     phase begins, at the others to the middle of the impulse, at the last one all of it."""
-    if nlp.layout.touch.free:
-        return np.zeros_like(q)
-    model = nlp.problem.model
-    change = np.einsum("kj,kji->ki", tangential, model.tangent_slopes(q, t)[:, :, :-1])
-    change -= np.einsum("kj,kji->ki", normal, model.gap_slopes(q, t)[:, :, :-1])
+    change = np.zeros_like(q)
+    for r in nlp.layout.reactions(i):
+        slopes = r.slopes(nlp.problem.model, q, t)
+        change += r.sign * np.einsum("kj,kji->ki", r.impulses(x), slopes)
     change[0] *= -1
     change[1:-1] /= 2
-    return np.asarray(change)
+    return change
 
 
-def _along_contacts(nlp: Transcription, i: int, states: tuple[Array, Array, Array]) -> Array:
-    """Momenta of a phase at the states (q, p, t) of its nodes, moved the shortest way, measured by
-    the masses, to where closed contacts and what sticks have no rates."""
-    model, touch, (q, p, t) = nlp.problem.model, nlp.layout.touch, states
-    closed, sticking = list(touch.closed[i]), np.flatnonzero(touch.sticks[i])
-    if not closed and not len(sticking):
+def _as_held(nlp: Transcription, i: int, states: tuple[Array, Array, Array]) -> Array:
+    """Momenta of phase i at the states (q, p, t) of its nodes, moved the shortest way, measured by
+    the masses, to where what is held has no rates."""
+    model, (q, p, t) = nlp.problem.model, states
+    holding = [r for r in nlp.layout.reactions(i) if r.held]
+    if not holding:
         return p
-    slopes = [model.gap_slopes(q, t)[:, closed, :-1], model.tangent_slopes(q, t)[:, sticking, :-1]]
-    C, v, mass = np.concatenate(slopes, axis=1), model.velocity(q, p, t), model.mass(q, t)
-    rates = np.hstack(
-        [model.gap_rates(q, v, t)[:, closed], model.slide_rates(q, v, t)[:, sticking]]
-    )
+    v, mass = model.velocity(q, p, t), model.mass(q, t)
+    C = np.concatenate([r.slopes(model, q, t)[:, r.holds] for r in holding], axis=1)
+    rates = np.hstack([r.rates(model, q, v, t) for r in holding])
     response = [solved(mass, np.ascontiguousarray(C[:, m])) for m in range(C.shape[1])]
     impulses = solved(C @ np.stack(response, axis=2), rates)
-    found = p - np.einsum("kmi,km->ki", C, impulses)
-    return np.where(np.isfinite(found), found, p)
+    moved = p - np.einsum("kmi,km->ki", C, impulses)
+    return np.where(np.isfinite(moved), moved, p)
 
 
 def _impulses_of_event(lay: Layout, x: Array, i: int) -> tuple[dict[str, float], dict[str, float]]:
     """Normal and tangential impulses of an event, by name."""
-    touch = lay.touch
-    normal = {touch.surfaces[j]: float(x[k]) for j, k in _at(lay.index_P_c[i])}
-    if touch.impacts[i]:
-        normal |= {touch.surfaces[int(lay.surfaces[i])]: float(x[lay.index_lam[i]])}
-    return normal, {touch.tangents[j]: float(x[k]) for j, k in _at(lay.index_T_c[i])}
-
-
-def _at(index: Index) -> list[tuple[int, int]]:
-    """Places and numbers of what there is in a row."""
-    return [(int(j), int(index[j])) for j in np.flatnonzero(index != NOWHERE)]
+    normal, tangential = lay.contact.impulses_at(x, i)
+    if lay.touch.impacts[i]:
+        normal |= {lay.touch.surfaces[int(lay.surfaces[i])]: float(x[lay.index_lam[i]])}
+    return normal, tangential
 
 
 def _rates(nlp: Transcription, x: Array, i: int, t: float) -> tuple[float, float]:

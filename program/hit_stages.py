@@ -9,7 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from dmoc.mechanics.modes import STICK, Course
+from dmoc.program.blocks import Bools, Index, Numbering
 
 # Moments within an impact.
 END, STOP = 0, 1
@@ -68,6 +71,51 @@ class Passage:
         return tuple(
             k for k in range(1, last + 1) if k != self.bears(e) and not (given and k == last)
         )
+
+
+def moment(event: int, which: int) -> str:
+    """A moment within an impact in words."""
+    return f"{MOMENTS[which]} at event {event + 1}"
+
+
+@dataclass(frozen=True, eq=False)
+class HitUnknowns:
+    """Velocities v_h, shape (events, moments, nq), and impulses P_h and T_h until then, shape
+    (events, moments), at the moments within impacts with friction."""
+
+    v_h: Index
+    P_h: Index
+    T_h: Index
+
+    @classmethod
+    def of(
+        cls, block: Numbering, moments: Bools, contacts: tuple[Index, Index],
+        names: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]],
+    ) -> HitUnknowns:  # fmt: skip
+        """The unknowns of events with some ``moments``; ``contacts`` are the surface and the
+        tangent of each, ``names`` those of velocities, surfaces and tangents."""
+        (hit, rubbed), (velocities, surfaces, tangents) = contacts, names
+        blocks = (
+            block(
+                "v_h",
+                np.repeat(moments[:, :, None], len(velocities), axis=2),
+                lambda i, m, j: f"{velocities[j]} {moment(i, m)}",
+                lambda s: s.v,
+            ),
+            block(
+                "P_h",
+                moments,
+                lambda i, m: f"impulse of {surfaces[hit[i]]} {moment(i, m)}",
+                lambda s: s.lam[hit][:, None],
+            ),
+            block(
+                "T_h",
+                moments,
+                lambda i, m: f"friction impulse of {tangents[rubbed[i]]} {moment(i, m)}",
+                lambda s: s.friction[rubbed][:, None],
+            ),
+        )
+        return cls(*(b.index for b in blocks))
 
 
 def passage_of(event: int, contact: tuple[int, int], course: Course, lands: bool) -> Passage:

@@ -1,18 +1,15 @@
 """The table of the unknowns, the only place that knows their order.
 
-    x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i | P | T | P_c | T_c
-         | v_h | P_h | T_h | s)
+    x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i | s | those of laws)
 
 h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases;
 u: inputs, in the rows of their form (:class:`~dmoc.base.discretisation.InputForm`); lam: impulses,
 one a collision; p_B, p_E: momenta at both ends; v_B, v_E: velocities at both ends, only where the
 problem needs them; v_a, v_c: velocities before and after the collisions; t: times of the nodes,
-only where the model depends on them; q_i: coordinates of the nodes inside the steps; P, T: normal
-and tangential impulses of the contacts that last, at the nodes of each phase; P_c, T_c: those that
-closed contacts take in an impact beside lam, T_c also that of a hit with friction; v_h, P_h, T_h:
-velocities within an impact with friction, and its impulses until then, see
-:mod:`dmoc.program.laws.hit`; s: hidden unknowns for functions with kinks
-(:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.
+only where the model depends on them; q_i: coordinates of the nodes inside the steps; s: hidden
+unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.  Laws
+that push have unknowns of their own: :class:`~dmoc.program.contact_table.ContactUnknowns`,
+:class:`~dmoc.program.hit_stages.HitUnknowns`.
 """
 
 from __future__ import annotations
@@ -29,7 +26,9 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Index, Numbering, sizes_of
-from dmoc.program.contact_table import Touch, touch_of
+from dmoc.program.contact_table import ContactUnknowns, Touch, touch_of
+from dmoc.program.hit_stages import HitUnknowns
+from dmoc.program.reactions import Reaction
 from dmoc.program.scale import Scale
 
 # Layouts that are remembered, and the steps of one that is not.
@@ -67,14 +66,9 @@ class Layout:
     index_v_c: Index
     index_t: Index
     index_q_i: Index
-    index_P: Index
-    index_T: Index
-    index_P_c: Index
-    index_T_c: Index
-    index_v_h: Index
-    index_P_h: Index
-    index_T_h: Index
     index_s: Index
+    contact: ContactUnknowns
+    hit: HitUnknowns
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
@@ -154,9 +148,9 @@ class Layout:
         """First node of each phase, and the last node of all."""
         return np.concatenate([[0], np.cumsum(self.steps)])
 
-    def rows_of_phase(self, i: int) -> slice:
-        """Rows of P and T that belong to phase i."""
-        return slice(int(self.ends[i]) + i, int(self.ends[i + 1]) + i + 1)
+    def reactions(self, i: int) -> tuple[Reaction, ...]:
+        """What pushes along phase i, of all laws."""
+        return tuple(self.contact.reactions(i))
 
     @cached_property
     def collision_nodes(self) -> Index:
@@ -290,7 +284,7 @@ def _laid_out(kind: Kind) -> Layout:
         return f"at inner node {j} of" if scheme.inside > 1 else "inside"
 
     block = Numbering()
-    table = (
+    motion = (
         block("h", (phases,), lambda i: f"step size of phase {i}", lambda s: s.h),
         block("q", (total + 1, nq), lambda k, i: f"{names[i]} at node {k}", lambda s: s.q),
         block(
@@ -333,7 +327,6 @@ def _laid_out(kind: Kind) -> Layout:
             lambda k, i: f"{names[i % nq]} {place_inside(i // nq)} step {k}",
             lambda s: np.tile(s.q, scheme.inside),
         ),
-        *kind.touch.unknowns(block, steps, tuple(v)),
         block(
             "s",
             (len(row_steps), len(kind.hidden)),
@@ -341,10 +334,15 @@ def _laid_out(kind: Kind) -> Layout:
             lambda s: s.s,
         ),
     )
-    indices = {f"index_{b.name}": b.index for b in table}
+    indices = {f"index_{b.name}": b.index for b in motion}
+    touch = kind.touch
+    contact = ContactUnknowns.of(block, steps, touch)
+    words = (tuple(v), touch.surfaces, touch.tangents)
+    hit = HitUnknowns.of(block, touch.moments, touch.passing, words)
     return Layout(
-        nq, len(u), steps, form, scheme, kind.timed, surfaces, kind.touch, table, **indices
-    )
+        nq, len(u), steps, form, scheme, kind.timed, surfaces, touch, tuple(block.made),
+        **indices, contact=contact, hit=hit,
+    )  # fmt: skip
 
 
 _shared = lru_cache(maxsize=SHARED)(_laid_out)

@@ -28,7 +28,6 @@ from dmoc.program.elements import (
     structure_of,
 )
 from dmoc.program.evaluator import Evaluator
-from dmoc.program.laws.impact import ImpactLaw
 from dmoc.program.laws.laws import laws_of
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
@@ -80,10 +79,10 @@ class Transcription(Evaluator):
         self.par = problem.parameter_values
         self.layout = Layout.of(problem)
         touches = np.asarray(touching, dtype=np.intp)
-        impact = ImpactLaw.of(problem, self.layout, touches, by_rates)
         goals = goal_rows(problem, self.layout) if goal_as_rows else []
-        self.limits = limits(problem, self.layout, impact, self.scale, goals, pulling)
-        self.laws = laws_of(problem, self.layout, impact, self.limits, goals)
+        self.laws = laws_of(problem, self.layout, touches, goals, by_rates, pulling)
+        self.limits = limits(problem, self.layout, self.laws, self.scale, goals)
+        self.laws.number(problem, self.limits)
         self.n = self.layout.size
         self.n_eq, self.n_in = self.laws.n_eq, self.laws.n_in
         self.unit = self.layout.units(self.scale)

@@ -278,8 +278,8 @@ def extended(parent: Solution, problem: Problem) -> Array:
             last.v[part] + sign * bend / np.ptp(last.t[part])
             for part, sign in ((slice(k + 1), 1), (slice(k, None), -1))
         ]
-    before = replace(last, t=last.t[: k + 1], q=q[: k + 1], v=rates[0], normal=None)
-    after = replace(last, t=last.t[k:], q=q[k:], v=rates[1], normal=None)
+    before = replace(last, t=last.t[: k + 1], q=q[: k + 1], v=rates[0], forces={})
+    after = replace(last, t=last.t[k:], q=q[k:], v=rates[1], forces={})
     pieces = [*earlier, before, after]
     if not problem.explicit_time:  # else the surface, too, is where it is at its time
         pieces = equally_long(pieces)

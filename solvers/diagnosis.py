@@ -19,8 +19,8 @@ from dmoc.guess.hits import jams
 from dmoc.problem.problem import Problem
 from dmoc.program.active_constraints import active_bounds
 from dmoc.program.blocks import NOWHERE, Block, Index
-from dmoc.program.contact_table import node_shares
 from dmoc.program.minimal_times import phase_minimal_time
+from dmoc.program.reactions import node_shares
 from dmoc.program.scale import Scale
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.ipm import least_violation, solve_ipm
@@ -132,16 +132,17 @@ def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[
     for j, surface in enumerate(problem.kernels.surfaces):
         pulls = [
             (float(force[k]), float(t[lay.ends[i] + k]))
-            for i in range(lay.phases)
-            for at in [lay.index_P[lay.rows_of_phase(i), j]]
-            if len(at) and at[0] != NOWHERE
-            for force in [y[at] / (y[lay.index_h[i]] * node_shares(lay.steps[i]))]
+            for i, steps in enumerate(lay.steps)
+            for r in lay.reactions(i)
+            if not r.pulls and surface in r.names
+            for impulse in [r.impulses(y)[:, r.names.index(surface)]]
+            for force in [impulse / (y[lay.index_h[i]] * node_shares(steps))]
             for k in [int(np.argmin(force))]
         ]
         force, when = min(pulls, default=(0.0, 0.0))
         if force < 0:
             found.append(f"{surface} would have to pull with {-force:.3g} N at {when:.3g} s")
-        for i, k in enumerate(lay.index_P_c[:, j]):
+        for i, k in enumerate(lay.contact.P_c[:, j]):
             if k != NOWHERE and y[k] < 0:
                 found.append(
                     f"{surface} would have to pull with an impulse of {-y[k]:.3g} N s at event "

@@ -130,7 +130,7 @@ class _Edges:
         """All of the friction could turn."""
         lay, law, nodes = self.nlp.layout, self.nlp.laws.contact, self._nodes(i)[1:]
         held = self._active(law.direction.index[lay.ends[i] : lay.ends[i + 1], k])
-        force, law = lay.index_T[nodes, k], law.sliding.index[nodes, k]
+        force, law = lay.contact.T[nodes, k], law.sliding.index[nodes, k]
         most = 2 * np.abs(self.outcome.x[force]) * self.nlp.unit[force] / self.nlp.row_unit[law]
         return held, s * self.outcome.duals.y[law] * most
 
@@ -145,7 +145,7 @@ class _Edges:
         """It could leave at the typical rate."""
         nodes = self._nodes(i)
         P, closed = (
-            self.nlp.layout.index_P[nodes, j],
+            self.nlp.layout.contact.P[nodes, j],
             self.nlp.laws.contact.closed.index[nodes[1:], j],
         )
         held = self.outcome.duals.z[P] > np.maximum(self.outcome.x[P], NO_FORCE)
@@ -226,12 +226,9 @@ def _part(piece: Piece, a: int, b: int) -> Piece:
     """A piece from its node a to its node b; it keeps the inputs of all."""
     nodes = slice(a, b + 1)
 
-    def of(forces: Array | None) -> Array | None:
-        return None if forces is None or not forces.size else forces[nodes]
-
     return replace(
         piece, t=piece.t[nodes], q=piece.q[nodes], v=piece.v[nodes],
-        normal=of(piece.normal), tangential=of(piece.tangential),
+        forces={kind: forces[nodes] for kind, forces in piece.forces.items()},
     )  # fmt: skip
 
 

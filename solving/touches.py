@@ -113,7 +113,7 @@ def _by_poisson(
     )
     if not goes_on or (p.late and not stops):
         return []
-    stop = float(by_unknown[nlp.layout.index_P_h[p.event, STOP]])
+    stop = float(by_unknown[nlp.layout.hit.P_h[p.event, STOP]])
     if p.late:
         return [(by_impulse + share * stop) * size / first for share in (1.0, 1 + e)]
     after_all = [(by_impulse + stop) * size / first] if stops else []

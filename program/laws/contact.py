@@ -39,10 +39,12 @@ from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering
-from dmoc.program.contact_table import Touch, phase_nodes, place
+from dmoc.program.contact_table import Touch
+from dmoc.program.interior import bound_once, give_way
 from dmoc.program.laws.law import AT_REST, CONTACT, INPUT, Law, Pivot, key
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled, settled
+from dmoc.program.reactions import phase_nodes, place
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
@@ -59,13 +61,16 @@ class ContactLaw(Law):
     lay : Layout
     mu : array, shape (nt,)
         Coefficients of friction of surfaces, largest forces of rails.
+    pulling : bool
+        Closed contacts may pull, to see how strongly they would have to.
     settled : Settled
         Rows that the fixed values of the problem settle.
     """
 
     lay: Layout
     mu: Array
-    settled: Settled
+    pulling: bool
+    settled: Settled = field(init=False)
     closed: Block = field(init=False)
     stuck: Block = field(init=False)
     sliding: Block = field(init=False)
@@ -81,20 +86,31 @@ class ContactLaw(Law):
     direction_at_ends: Block = field(init=False)
     direction_of_impact: Block = field(init=False)
 
-    @classmethod
-    def of(cls, problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> ContactLaw:
-        if lay.touch.free:
-            return cls.of_none(lay, problem.model.friction)
-        return cls(lay, problem.model.friction, settled(problem, lay, limits))
-
-    @classmethod
-    def of_none(cls, lay: Layout, mu: Array) -> ContactLaw:
-        """That of a layout where no contact lasts, so that nothing is settled of any."""
-        return cls(lay, mu, Settled.nothing(lay))
-
     @property
     def touch(self) -> Touch:
         return self.lay.touch
+
+    def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
+        lay, touch, unknowns = self.lay, self.touch, self.lay.contact
+        if touch.free:
+            return
+        held = [
+            (np.arange(lay.ends[i], lay.ends[i + 1] + 1), surface)
+            for i, mode in enumerate(problem.modes)
+            for surface in mode.closed
+        ]
+        give_way(problem, lay, box, scale, held)
+        bound_once(problem, lay, box)
+        if not self.pulling:
+            for index in (unknowns.P, unknowns.P_c):
+                box[index[index != NOWHERE], 0] = 0.0
+        smooth = touch.sticks & (self.mu == 0)  # they hold nothing
+        box[unknowns.T[self._along(smooth)]] = 0.0
+        box[unknowns.T_c[smooth[1:] & touch.rubs_in_impact]] = 0.0
+
+    def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
+        lay = self.lay
+        self.settled = Settled.nothing(lay) if self.touch.free else settled(problem, lay, limits)
 
     # Rows -----------------------------------------------------------------------------------------
 
@@ -278,7 +294,7 @@ class ContactLaw(Law):
         if self.touch.free:
             return []
         nodes, q, t = self._nodes, lay.index_q[self._nodes], places.times(self._nodes)
-        P, T = places.known(lay.index_P), places.known(lay.index_T)
+        P, T = places.known(lay.contact.P), places.known(lay.contact.T)
         first, last = self._is_first, self._is_last
         first[0] = last[-1] = False  # the ends of the motion have momenta of their own
         found = []
@@ -307,7 +323,7 @@ class ContactLaw(Law):
         lay, touch = self.lay, self.touch
         nodes = lay.collision_nodes
         q, t = lay.index_q[nodes], places.times(nodes)
-        P_c, T_c = places.known(lay.index_P_c), places.known(lay.index_T_c)
+        P_c, T_c = places.known(lay.contact.P_c), places.known(lay.contact.T_c)
         found = []
         if len(nodes):
             found += [
@@ -372,11 +388,11 @@ class ContactLaw(Law):
             if surface == NOWHERE:
                 limit, factor = lay.index_h[phase[along]], self.mu[t] * weight[along]
             else:
-                limit = lay.index_P[along, surface]
+                limit = lay.contact.P[along, surface]
                 factor = np.full(len(along), self.mu[t])
             signs = touch.signs[phase[along], t]
             found += _friction(
-                (lay.index_T[along, t], limit, factor, signs),
+                (lay.contact.T[along, t], limit, factor, signs),
                 (self.sliding.index[along, t], self.cone.index[along, t]),
                 sides,
             )
@@ -384,11 +400,11 @@ class ContactLaw(Law):
                 continue
             at = np.flatnonzero(events[:, t])
             normal = np.where(
-                lay.surfaces[at] == surface, lay.index_lam[at], lay.index_P_c[at, surface]
+                lay.surfaces[at] == surface, lay.index_lam[at], lay.contact.P_c[at, surface]
             )
             found += _friction(
                 (
-                    lay.index_T_c[at, t],
+                    lay.contact.T_c[at, t],
                     normal,
                     np.full(len(at), self.mu[t]),
                     touch.signs[at + 1, t],
@@ -408,11 +424,11 @@ class ContactLaw(Law):
             return
         nodes, events = self._nodes, lay.collision_nodes
         last = np.append(nodes[1:] == nodes[:-1], True)
-        yield Pivot(lay.index_T, self.sliding.index, key(nodes - last, INPUT))
+        yield Pivot(lay.contact.T, self.sliding.index, key(nodes - last, INPUT))
         stopped = np.where(touch.sticks, self.stopped.index[1:], NOWHERE)
         for impulse, held, rest in (
-            (lay.index_P, self.closed.index, self.at_rest.index),
-            (lay.index_T, self.stuck.index, stopped),
+            (lay.contact.P, self.closed.index, self.at_rest.index),
+            (lay.contact.T, self.stuck.index, stopped),
         ):
             following = np.full_like(held, NOWHERE)
             following[:-1] = held[1:]
@@ -420,9 +436,9 @@ class ContactLaw(Law):
             yield Pivot(impulse, following, key(nodes, CONTACT))
             ends = rest[-lay.phases : -1]
             yield Pivot(impulse[last][:-1], ends, key(nodes[last][:-1] - 1, AT_REST))
-        yield Pivot(lay.index_P_c, self.stays.index, key(events, AT_REST))
-        yield Pivot(lay.index_T_c, self.sticks.index, key(events, AT_REST))
-        yield Pivot(lay.index_T_c, self.slides.index, key(events - 1, INPUT))
+        yield Pivot(lay.contact.P_c, self.stays.index, key(events, AT_REST))
+        yield Pivot(lay.contact.T_c, self.sticks.index, key(events, AT_REST))
+        yield Pivot(lay.contact.T_c, self.slides.index, key(events - 1, INPUT))
 
 
 def _friction(

@@ -41,11 +41,12 @@ from dmoc.mechanics.modes import STICK
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Numbering, in_columns
-from dmoc.program.contact_table import Touch, moment
-from dmoc.program.hit_stages import END, MOMENTS, STAGES, STOP, Passage
+from dmoc.program.contact_table import Touch
+from dmoc.program.hit_stages import END, MOMENTS, STAGES, STOP, Passage, moment
 from dmoc.program.laws.impact import ImpactLaw, restitution_of
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
 from dmoc.program.layout import Layout
+from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
 if TYPE_CHECKING:
@@ -88,6 +89,13 @@ class HitLaw(Law):
     def of(cls, problem: Problem, lay: Layout, impact: ImpactLaw) -> HitLaw:
         names, e = tuple(problem.kernels.coordinates), restitution_of(problem, lay.surfaces)
         return cls(lay, names, problem.model.friction, e, impact.touching)
+
+    def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
+        P_h = self.lay.hit.P_h
+        struck, stops = P_h[~self.touching], P_h[self.touching, STOP]
+        box[struck[struck != NOWHERE], 0] = 0.0
+        # Of a touch, the impulse of compression is zero by its equation, and no bound beside it.
+        box[stops[stops != NOWHERE]] = 0.0
 
     @property
     def touch(self) -> Touch:
@@ -190,13 +198,13 @@ class HitLaw(Law):
         nodes = lay.collision_nodes
         q, t = lay.index_q[nodes], places.times(nodes)
         hit, rubbed = self.touch.passing
-        P = places.known(in_columns(lay.index_P_h, hit, places.nc))
-        T = places.known(in_columns(lay.index_T_h, rubbed, len(self.mu)))
+        P = places.known(in_columns(lay.hit.P_h, hit, places.nc))
+        T = places.known(in_columns(lay.hit.T_h, rubbed, len(self.mu)))
         found = []
         if self.touch.free:  # else the law of contacts that last adds them all
-            traction = places.known(lay.index_T_c)
+            traction = places.known(lay.contact.T_c)
             found.append(Term("traction", (q, traction, t), (momentum[nodes],)))
-        v_h = places.known(lay.index_v_h)
+        v_h = places.known(lay.hit.v_h)
         for m in range(len(MOMENTS)):
             rows, here = self.within.index[:, m], np.flatnonzero(self.touch.moments[:, m])
             if not len(here):
@@ -234,7 +242,7 @@ class HitLaw(Law):
         for p in self.passages:
             i, lay = p.event, self.lay
             if self.restitution.index[i] != NOWHERE:
-                unknowns = np.array([lay.index_P_h[i, END], lay.index_lam[i]])
+                unknowns = np.array([lay.hit.P_h[i, END], lay.index_lam[i]])
                 found.append(
                     (
                         np.full(2, self.restitution.index[i]),
@@ -248,8 +256,8 @@ class HitLaw(Law):
     def _of_stages(self, p: Passage) -> Iterator[Entries]:
         """Entries of the rows that say how large the impulses of stages are."""
         i, lay, mu = p.event, self.lay, float(self.mu[p.tangent])
-        P = [NOWHERE, *lay.index_P_h[i, list(p.moments)], lay.index_lam[i]]
-        T = [NOWHERE, *lay.index_T_h[i, list(p.moments)], lay.index_T_c[i, p.tangent]]
+        P = [NOWHERE, *lay.hit.P_h[i, list(p.moments)], lay.index_lam[i]]
+        T = [NOWHERE, *lay.hit.T_h[i, list(p.moments)], lay.contact.T_c[i, p.tangent]]
         for k, s in enumerate(p.friction):
             dP = [(P[k + 1], 1.0), (P[k], -1.0)]
             dT = [(T[k + 1], 1.0), (T[k], -1.0)]
@@ -279,15 +287,15 @@ class HitLaw(Law):
             i, node = p.event, lay.collision_nodes[p.event]
             before, after = key(node - 1, COLLISION), key(node, COLLISION)
             for stage, m in enumerate(p.moments):
-                T, P = lay.index_T_h[i, [m]], lay.index_P_h[i, [m]]
-                yield Pivot(lay.index_v_h[i, m], self.within.index[i, m], before)
+                T, P = lay.hit.T_h[i, [m]], lay.hit.P_h[i, [m]]
+                yield Pivot(lay.hit.v_h[i, m], self.within.index[i, m], before)
                 slides = p.friction[stage] != STICK
                 rest = self.halts.index[i, [1 + m]]
                 yield Pivot(T, self.slips.index[i, [stage]] if slides else rest, before)
                 yield Pivot(P, rest if m == STOP else energy[[i]], before)
             if not p.lands:
                 yield Pivot(lay.index_lam[[i]], self.restitution.index[[i]], before)
-            T_c, last = lay.index_T_c[i, [p.tangent]], len(p.moments)
+            T_c, last = lay.contact.T_c[i, [p.tangent]], len(p.moments)
             if p.friction[-1] != STICK:
                 yield Pivot(T_c, self.slips.index[i, [last]], before)
             else:

@@ -34,8 +34,10 @@ from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Index, Numbering, in_columns, sizes_of
+from dmoc.program.interior import give_way
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
 from dmoc.program.layout import Layout, collision_names
+from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term, like
 
 if TYPE_CHECKING:
@@ -107,6 +109,15 @@ class ImpactLaw(Law):
     def most_impulse(self) -> Array:
         """Upper bounds of the impulses."""
         return np.where(self.touching | ~self.impact, 0.0, np.inf)
+
+    def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
+        lay = self.lay
+        box[lay.index_lam] = np.stack([np.zeros(len(lay.index_lam)), self.most_impulse], axis=1)
+        surfaces = [
+            (np.array([node]), event.surface)
+            for node, event in zip(lay.collision_nodes, problem.events, strict=True)
+        ]
+        give_way(problem, lay, box, scale, ((nodes, name) for nodes, name in surfaces if name))
 
     def equations(self, block: Numbering) -> None:
         at, hit, n = collision_names(self.problem), self.surfaces, len(self.surfaces)

@@ -1,5 +1,6 @@
-"""What every law is: rows of the program, the terms and entries that make them, and the order in
-which they are eliminated.
+"""What every law is: bounds, rows of the program, the terms and entries that make them, and the
+order in which they are eliminated.  Its unknowns and what they push are in its table
+(:class:`~dmoc.program.layout.Layout`, :mod:`dmoc.program.reactions`).
 
 A law keeps the blocks of its rows as attributes, by which everybody addresses them: ``laws.contact.
 closed``.  Layout, transcription, factorisation and diagnosis go through all laws alike.
@@ -12,7 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Entries, Index, Numbering
+from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
 if TYPE_CHECKING:
@@ -34,6 +38,14 @@ class Pivot(NamedTuple):
 
 class Law:
     """A law contributes nothing unless it says so."""
+
+    def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
+        """Put the bounds of the law's unknowns into ``box``, shape (n, 2), and those that it would
+        leave no interior out of the way."""
+
+    def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
+        """Note what the fixed values among the lower and upper ``limits`` of the unknowns settle:
+        no row says it again."""
 
     def equations(self, block: Numbering) -> None:
         """Number the rows c = 0 of the law, and keep their blocks."""

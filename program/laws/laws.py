@@ -14,7 +14,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import Block, Numbering
+from dmoc.program.blocks import Block, Index, Numbering
 from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.ends import EndsLaw, Goal
 from dmoc.program.laws.hit import HitLaw
@@ -23,9 +23,10 @@ from dmoc.program.laws.law import Law
 from dmoc.program.laws.path import PathLaw
 from dmoc.program.laws.step import StepLaw
 from dmoc.program.layout import SHARED, Layout
+from dmoc.program.presolve import Settled
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Laws:
     """All laws of a program, in the order of their rows, and the blocks of all rows."""
 
@@ -35,8 +36,8 @@ class Laws:
     ends: EndsLaw
     contact: ContactLaw
     hit: HitLaw
-    equalities: tuple[Block, ...]
-    inequalities: tuple[Block, ...]
+    equalities: tuple[Block, ...] = ()
+    inequalities: tuple[Block, ...] = ()
 
     @property
     def n_eq(self) -> int:
@@ -49,47 +50,52 @@ class Laws:
     def __iter__(self) -> Iterator[Law]:
         return iter((self.step, self.path, self.impact, self.ends, self.contact, self.hit))
 
+    def number(self, problem: Problem, limits: tuple[Array, Array]) -> None:
+        """Number the rows of a problem whose unknowns have some lower and upper limits."""
+        shared = (self.contact, self.hit) if _is_untouched(self.contact.lay) else ()
+        laws = [law for law in self if law not in shared]
+        block = Numbering()
+        for law in laws:
+            law.settle(problem, limits)
+            law.equations(block)
+        count = len(block.made)
+        for law in laws:
+            law.inequalities(block)
+        self.equalities, self.inequalities = tuple(block.made[:count]), tuple(block.made[count:])
+
 
 def laws_of(
-    problem: Problem,
-    lay: Layout,
-    impact: ImpactLaw,
-    limits: tuple[Array, Array],
-    goals: Sequence[Goal],
-) -> Laws:
-    """The laws of a problem, whose unknowns have limits; ``goals`` are those that are constraints
-    instead of bounds."""
-    free = limits[0] != limits[1]
-    ends = (free[lay.index_q[0]], free[lay.index_q[-1]])
-    step, path = StepLaw(problem, lay, ends), PathLaw.of(problem, lay, limits)
-    at_ends = EndsLaw(problem, lay, tuple(goals))
-    numbered: tuple[Law, ...] = step, path, impact, at_ends
-    if lay.touch.free and not lay.touch.passages:
+    problem: Problem, lay: Layout, touching: Index, goals: Sequence[Goal], by_rates: bool = False,
+    pulling: bool = False,
+) -> Laws:  # fmt: skip
+    """The laws of a problem, without the numbers of their rows; ``goals`` are those that are
+    constraints instead of bounds, the other arguments are those of the program."""
+    impact = ImpactLaw.of(problem, lay, touching, by_rates)
+    if _is_untouched(lay):
         contact, hit = _untouched(lay)
     else:
-        contact = ContactLaw.of(problem, lay, limits)
+        contact = ContactLaw(lay, problem.model.friction, pulling)
         hit = HitLaw.of(problem, lay, impact)
-        numbered = *numbered, contact, hit
-    block = Numbering()
-    for law in numbered:
-        law.equations(block)
-    count = len(block.made)
-    for law in numbered:
-        law.inequalities(block)
-    made = tuple(block.made)
-    return Laws(step, path, impact, at_ends, contact, hit, made[:count], made[count:])
+    return Laws(
+        StepLaw(problem, lay), PathLaw.of(problem, lay), impact,
+        EndsLaw(problem, lay, tuple(goals)), contact, hit,
+    )  # fmt: skip
+
+
+def _is_untouched(lay: Layout) -> bool:
+    """Whether no contact lasts and no impact has friction."""
+    return lay.touch.free and not lay.touch.passages
 
 
 @lru_cache(maxsize=SHARED)
 def _untouched(lay: Layout) -> tuple[ContactLaw, HitLaw]:
-    """Laws of contacts where none lasts and no impact has friction: their blocks have no members,
-    so that all programs of a layout share them."""
+    """Laws of contacts where there are none: their blocks have no members, so that all programs of
+    a layout share them."""
     mu, events = np.zeros(len(lay.touch.tangents)), len(lay.surfaces)
-    laws = (
-        ContactLaw.of_none(lay, mu),
-        HitLaw(lay, (), mu, np.zeros(events), np.zeros(events, bool)),
-    )
-    for law in laws:
+    contact = ContactLaw(lay, mu, False)
+    contact.settled = Settled.nothing(lay)
+    hit = HitLaw(lay, (), mu, np.zeros(events), np.zeros(events, bool))
+    for law in (contact, hit):
         law.equations(Numbering())
         law.inequalities(Numbering())
-    return laws
+    return contact, hit

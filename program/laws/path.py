@@ -53,16 +53,15 @@ class PathLaw(Law):
     on_inputs: Bools
     on_states: Bools
     on_rates: Bools
-    at_ends: Bools
+    at_ends: Bools = field(init=False)
     at_points: Block = field(init=False)
     at_nodes: Block = field(init=False)
     at_ends_of_steps: Block = field(init=False)
     at_ends_of_phases: Block = field(init=False)
 
     @classmethod
-    def of(cls, problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> PathLaw:
-        manifest = problem.kernels.manifest
-        rows = manifest["path_rows"]
+    def of(cls, problem: Problem, lay: Layout) -> PathLaw:
+        rows = problem.kernels.manifest["path_rows"]
         return cls(
             lay,
             tuple(
@@ -72,8 +71,11 @@ class PathLaw(Law):
             np.array([row["inputs"] for row in rows], dtype=bool),
             np.array([bool(row["coordinates"]) or row["velocities"] for row in rows], dtype=bool),
             np.array([row["velocities"] and not row["inputs"] for row in rows], dtype=bool),
-            _ends(problem, lay, rows, limits[0] == limits[1]),
         )
+
+    def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
+        rows = problem.kernels.manifest["path_rows"]
+        self.at_ends = _ends(problem, self.lay, rows, limits[0] == limits[1])
 
     @property
     def _at_points(self) -> Bools:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Numbering
 from dmoc.program.laws.law import INSIDE, STATE, Law, Pivot, key
@@ -33,12 +34,16 @@ class StepLaw(Law):
 
     problem: Problem
     lay: Layout
-    free_ends: tuple[Bools, Bools]
+    free_ends: tuple[Bools, Bools] = field(init=False)
     momentum: Block = field(init=False)
     inside: Block = field(init=False)
     time: Block = field(init=False)
     gap: Block = field(init=False)
     gap_inside: Block = field(init=False)
+
+    def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
+        free = limits[0] != limits[1]
+        self.free_ends = free[self.lay.index_q[0]], free[self.lay.index_q[-1]]
 
     def equations(self, block: Numbering) -> None:
         lay, names, nq = self.lay, self.problem.kernels.coordinates, self.lay.nq

@@ -148,7 +148,7 @@ def test_keyframes_come_down_on_contacts_that_last() -> None:
     q, landing, sticking = x[lay.index_q], *lay.collision_nodes
     assert np.abs(q[landing:, 1]).max() < 1e-12
     assert np.ptp(q[sticking:-1, 0]) < 1e-12  # the goal is fixed
-    pushed = x[lay.index_P[lay.rows_of_phase(2), 0]]
+    pushed = x[lay.reactions(2)[0].unknowns[:, 0]]
     assert pushed[2:-2] == pytest.approx(10.0 * 0.5 / 8)
     # The landing takes the rate of the way to it, and keeps nothing of it.
     assert x[lay.index_lam[0]] == pytest.approx(-x[lay.index_v_a[0, 1]])

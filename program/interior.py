@@ -1,0 +1,58 @@
+"""Bounds that contacts would leave no interior: they give way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.problem.surfaces import near_surface
+from dmoc.program.blocks import Index
+from dmoc.program.layout import Layout
+from dmoc.program.scale import Scale
+
+# A bound that lies on a surface gives way by this share of the coordinate's size.
+GIVES_WAY = 1e-3
+
+
+def give_way(
+    problem: Problem, lay: Layout, box: Array, scale: Scale, held: Iterable[tuple[Index, str]]
+) -> None:
+    """Move bounds of a coordinate that a surface holds where they are; ``held`` are nodes and
+    their surfaces."""
+    manifest = problem.kernels.manifest
+    for nodes, surface in held:
+        involved = manifest["surface_coordinates"][surface]
+        if len(involved) > 1 or surface in manifest["moving_surfaces"]:
+            continue
+        j = int(involved[0])
+        unknowns = lay.index_q[nodes, j]
+        unknowns = unknowns[box[unknowns, 0] < box[unknowns, 1]]
+        for side, sign in enumerate((-1.0, 1.0)):
+            for limit in np.unique(box[unknowns, side]):
+                q = np.zeros(problem.nq)
+                q[j] = limit
+                if np.isfinite(limit) and near_surface(problem, q, surface):
+                    way = sign * GIVES_WAY * max(abs(limit), scale.q[j])
+                    box[unknowns[box[unknowns, side] == limit], side] = limit + way
+
+
+def bound_once(problem: Problem, lay: Layout, box: Array) -> None:
+    """Of a coordinate along which a contact sticks, one node of the phase has the bounds of all,
+    and none beside one where the coordinate is fixed."""
+    if problem.explicit_time:
+        return
+    on = problem.kernels.manifest["tangent_coordinates"]
+    for i, mode in enumerate(problem.modes):
+        nodes = np.arange(lay.ends[i], lay.ends[i + 1] + 1)
+        for tangent in mode.sticking:
+            if len(on[tangent]) > 1:
+                continue
+            j = int(on[tangent][0])
+            unknowns = lay.index_q[nodes, j]
+            fixed = box[unknowns, 0] == box[unknowns, 1]
+            usual = (box[unknowns] == problem.coordinate_bounds[j]).all(axis=1) & ~fixed
+            usual[0] &= fixed.any()
+            box[unknowns[usual]] = (-np.inf, np.inf)
