@@ -90,7 +90,7 @@ class Motion:
         return cls(trajectory, model, sizes, flow, tuple(steps), modes, check_time)
 
     @property
-    def joints(self) -> Iterator[tuple[Collision, Phase, Phase]]:
+    def events(self) -> Iterator[tuple[Collision, Phase, Phase]]:
         """The events with the phases before and after them."""
         phases = self.trajectory.phases
         return zip(self.trajectory.collisions, phases, phases[1:], strict=False)

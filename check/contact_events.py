@@ -10,11 +10,11 @@ import numpy as np
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, TURNED
 from dmoc.check.contact_law import ImpactEvent, ImpactResult, after_event, event_of
-from dmoc.check.joins import impulsive_change, planned_impulses
+from dmoc.check.joins import impulsive_change, planned_impulses, unheld
 from dmoc.check.measures import imbalance
 from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import Collision
-from dmoc.simulation.contact_modes import RAIL, columns, supports
+from dmoc.simulation.contact_modes import RAIL, supports
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def _law(motion: Motion, i: int, found: ImpactResult) -> float:
     change = impulsive_change(motion, c, q, _given(motion, c))
     errors = [
         after.p[0] - model.momentum(q, found.velocity[0], c.time),
-        after.p[0] - before.p[-1] - change,
+        unheld(model, q, c.time, after.p[0] - before.p[-1] - change),
     ]
     return float(np.abs(errors / motion.sizes.p).max())
 
@@ -94,7 +94,7 @@ def _slack(motion: Motion, c: Collision, found: ImpactResult) -> float:
     rate of a gap by a small share of its size."""
     model = motion.model
     normals = np.ascontiguousarray(model.gap_slopes(c.position, c.time)[:, :-1])
-    inertia = (normals * columns(model.mass(c.position, c.time)[None], normals[None])[0].T).sum(1)
+    inertia = (normals * model.responses(c.position, normals, c.time).T).sum(1)
     soft = TURNED * motion.sizes.rate / np.where(inertia > 0, inertia, np.inf)
     return BEARABLE * float(max(np.abs(found.normal).max(initial=0.0), soft.max(initial=0.0)))
 

@@ -10,9 +10,10 @@ import numpy as np
 
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_location import ON_TIME
+from dmoc.check.joins import DRIFT, OFF
 from dmoc.check.segments import largest, put
 from dmoc.codegen.kernels import Array
-from dmoc.simulation.contact_modes import RAIL, Mode, columns, conditions, supports
+from dmoc.simulation.contact_modes import RAIL, Mode, conditions, supports
 from dmoc.simulation.indeterminate_forces import nearest
 from dmoc.simulation.sizes import NOTHING, pushes
 
@@ -24,9 +25,6 @@ BEARABLE, TURNED = 0.01, 1e-3
 SMOOTH = 1e-5
 # What a contact may still push with where it leaves, as a share of its largest force.
 PRESSED = 0.05
-# A closed contact may be off its surface, and what sticks off its place, by this share of the
-# sizes, and their rates by the second share.
-OFF, DRIFT = 1e-4, 0.02
 
 
 @dataclass(frozen=True)
@@ -238,9 +236,8 @@ def _paradoxes(motion: Motion, i: int) -> Iterator[str]:
         return
     rails_alone = Mode(mode.closed, (), mode.sliding)
     c = conditions(model, rails_alone, phase.q, phase.t)
-    M = model.mass(phase.q, phase.t)
     for place, j in enumerate(mode.closed):
-        pushed = columns(M, c.B[:, [place]])[..., 0]
+        pushed = model.responses(phase.q, c.B[:, place], phase.t)
         wrong = np.flatnonzero(~((c.C[:, place] * pushed).sum(axis=1) < 0))
         if len(wrong):
             yield (

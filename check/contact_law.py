@@ -13,7 +13,7 @@ from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import (
     Mode,
     answers,
-    columns,
+    condition_rates,
     conditions,
     spread,
     supports,
@@ -106,17 +106,11 @@ def after_event(motion: Motion, event: ImpactEvent, q: Array, v: Array, t: float
     if event.rubs is not None and event.hit is not None:
         e = 0.0 if event.lands else float(motion.flow.restitution[event.hit])
         return _with_friction(model, (event.hit, event.rubs), e, q, v, times)
-    rates = np.hstack(
-        [
-            model.gap_rates(q, v, times)[:, list(mode.closed)],
-            model.slide_rates(q, v, times)[:, list(mode.sticking)],
-        ]
-    )
-    wanted = -rates
+    wanted = -condition_rates(model, mode, q, v, times)
     if event.hit is not None:
         wanted[:, 0] *= 1 + float(motion.flow.restitution[event.hit])
     change, lam = answers(model.mass(q, times), conditions(model, mode, q, times), wanted)
-    return ImpactResult(v + change, *spread(model, mode, lam))
+    return ImpactResult(v + change, *spread(model, mode, lam)[:2])
 
 
 def _with_friction(
@@ -124,8 +118,8 @@ def _with_friction(
 ) -> ImpactResult:
     """One hit with friction, after Poisson: surface and tangent ``contact``."""
     j, k = contact
-    directions = conditions(model, Mode((j,), (k,)), q, t).B
-    pushed = columns(model.mass(q, t), directions)
+    directions = conditions(model, Mode((j,), (k,)), q, t).B[:, :2]
+    pushed = model.responses(q, directions, t)
     rates = np.stack([-model.gap_rates(q, v, t)[:, j], model.slide_rates(q, v, t)[:, k]], axis=1)
     mu = float(model.friction[k])
     found = [impulses(r, A, mu, e) for r, A in zip(rates, directions @ pushed, strict=True)]

@@ -9,11 +9,15 @@ import numpy as np
 
 from dmoc.check.checked_motion import Motion
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import Collision
 
 # Both sides of an event share a node: times and positions differ by rounding errors, momenta by
 # what a solver leaves of the balance.  Shares of the sizes.
 JOINED, BALANCED = 1e-6, 1e-4
+# A joint may be off, as a closed contact off its surface and what sticks off its place, by this
+# share of the sizes, and their rates by the second share.
+OFF, DRIFT = 1e-4, 0.02
 
 
 def planned_impulses(kernels: Kernels, c: Collision) -> tuple[Array, Array]:
@@ -32,9 +36,15 @@ def impulsive_change(motion: Motion, c: Collision, q: Array, planned: tuple[Arra
     return np.asarray(change - normal @ motion.model.gap_slopes(q, c.time)[:, :-1])
 
 
+def unheld(model: Model, q: Array, t: float, jump: Array) -> Array:
+    """What of a jump of the momentum the impulses of joints do not explain."""
+    return model.with_joints(model.mass(q, t), jump, q, t)
+
+
 def torn(motion: Motion) -> list[str]:
     """What does not hold together, in sentences."""
-    return [*_times(motion), *_momenta(motion), *_positions(motion), *_balances(motion)]
+    held = (*_momenta(motion), *_positions(motion), *_balances(motion))
+    return [*_times(motion), *held, *_disjoint(motion)]
 
 
 def _times(motion: Motion) -> Iterator[str]:
@@ -44,7 +54,7 @@ def _times(motion: Motion) -> Iterator[str]:
         back = np.flatnonzero(~(np.diff(phase.t) > 0))
         if len(back):
             yield f"the time does not go on after {phase.t[back[0]]:.6g} s"
-    for c, before, after in motion.joints:
+    for c, before, after in motion.events:
         if not abs(after.t[0] - before.t[-1]) <= most:
             yield f"a phase ends at {before.t[-1]:.6g} s and the next begins at {after.t[0]:.6g} s"
         if not abs(c.time - before.t[-1]) <= most:
@@ -66,23 +76,42 @@ def _momenta(motion: Motion) -> Iterator[str]:
 def _positions(motion: Motion) -> Iterator[str]:
     """Positions that jump at an event or from its record."""
     names = motion.trajectory.coordinates
-    for c, before, after in motion.joints:
+    for c, before, after in motion.events:
         jumps = np.array([after.q[0] - before.q[-1], c.position - before.q[-1]])
         k, which = _worst(jumps / motion.sizes.q, JOINED)
         if which >= 0:
             yield f"{names[which]} jumps by {jumps[k, which]:.4g} at {_event(c)}"
 
 
+def _disjoint(motion: Motion) -> Iterator[str]:
+    """Joints that are not kept at nodes, and rates at which they would come apart."""
+    model, names = motion.model, motion.model.kernels.joints
+    if not names:
+        return
+    for phase in motion.trajectory.phases:
+        place, rate = motion.sizes.along(model.joint_slopes(phase.q, phase.t))
+        off, rates = model.joints(phase.q, phase.t), model.joint_rates(phase.q, phase.v, phase.t)
+        k, j = _worst(off / place, OFF)
+        if j >= 0:
+            yield f"the joint {names[j]!r} is off by {off[k, j]:.3g} at {phase.t[k]:.4g} s"
+        k, j = _worst(rates / rate, DRIFT)
+        if j >= 0:
+            yield (
+                f"the joint {names[j]!r} comes apart with {rates[k, j]:.3g} at {phase.t[k]:.4g} s"
+            )
+
+
 def _balances(motion: Motion) -> Iterator[str]:
     """Momenta that jump from the record of an event, or, where nothing stays in contact, by
     something else than the impulses; with contacts the law of impact compares them."""
     names = motion.trajectory.coordinates
-    for c, before, after in motion.joints:
+    for c, before, after in motion.events:
         jumps = [before.p[-1] - c.momentum_before, after.p[0] - c.momentum_after]
         if before.free and after.free:
             planned = planned_impulses(motion.model.kernels, c)
             change = impulsive_change(motion, c, before.q[-1], planned)
-            jumps.append(after.p[0] - before.p[-1] - change)
+            jump = after.p[0] - before.p[-1] - change
+            jumps.append(unheld(motion.model, before.q[-1], c.time, jump))
         k, which = _worst(np.array(jumps) / motion.sizes.p, BALANCED)
         if which >= 0:
             yield (

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
 from dmoc.check.path_limits import Excess, IntegratedSteps, path_excess
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.model import Index
+from dmoc.mechanics.bound_kernels import Index
 from dmoc.simulation.contact_modes import FREE, Mode
 from dmoc.simulation.flow import PLACES
 from dmoc.simulation.sizes import penetration
@@ -25,12 +25,17 @@ PERTURBED = 1e-6  # change of a state, in sizes, that shows the linearised flow
 def put(motion: Motion, mode: Mode, y: Array, t: Array) -> tuple[Array, Array]:
     """Rows (q | v ...) moved to where the conditions of a mode hold, and the tangential positions
     that they keep."""
-    if not (mode.closed or mode.sticking):
+    if not _holds(motion, mode):
         return y, np.zeros((len(y), motion.model.nt))
     y = y.copy()
     held = motion.model.tangents(np.ascontiguousarray(y[:, : motion.model.nq]), t)
     motion.flow.integrator.settle(mode, y, t, held)
     return y, held
+
+
+def _holds(motion: Motion, mode: Mode) -> bool:
+    """Whether a mode has conditions that hold positions."""
+    return bool(mode.closed or mode.sticking or motion.model.nj)
 
 
 def _errors(motion: Motion, mode: Mode, y: Array, nodes: Sequence[Array]) -> tuple[Array, Array]:
@@ -40,7 +45,7 @@ def _errors(motion: Motion, mode: Mode, y: Array, nodes: Sequence[Array]) -> tup
     q, v, p, t = nodes
     planned, _ = put(motion, mode, np.hstack([q, v]), t)
     at, rates = (np.ascontiguousarray(a) for a in np.hsplit(planned, 2))
-    if mode.closed or mode.sticking:
+    if _holds(motion, mode):
         p = p + motion.model.momentum(at, rates, t) - motion.model.momentum(q, v, t)
     return motion.error(y, t, at, p), y[:, : planned.shape[1]] - planned
 
@@ -167,7 +172,7 @@ def _segments_of(motion: Motion, piece: ModeSpan) -> list[Segment]:
     first, last = (np.array([begins[place[0]] + place[n] for place in places]) for n in (1, 2))
     q, v, _, t = (np.array([getattr(phases[i], x)[a] for i, a, _ in places]) for x in "qvpt")
     start = np.hstack([q, v])
-    if piece.mode != FREE:
+    if piece.mode != FREE or motion.model.nj:
         ends, slopes = _differences(motion, piece, (start, t), first, last)
     else:
         ends = np.hstack([start, np.tile(np.eye(m).ravel(), (len(start), 1))])

@@ -107,6 +107,10 @@ class Kernels(Shown):
         return list(self.manifest["tangents"])
 
     @property
+    def joints(self) -> list[str]:
+        return list(self.manifest.get("joints", ()))
+
+    @property
     def parameters(self) -> dict[str, float | None]:
         return dict(self.manifest["parameters"])
 

@@ -1,6 +1,6 @@
 """A model with its parameter values: the kernels as functions of states and steps.
 
-This is the one place that knows the names of the kernels and of their outputs beside the terms of
+This and :mod:`dmoc.mechanics.bound_kernels` know the names of the kernels beside the terms of
 the program (:mod:`dmoc.program.rows`, :mod:`dmoc.program.laws.impact`) and the integrators of
 :mod:`dmoc.simulation`.
 
@@ -17,73 +17,22 @@ quantities side by side.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from dmoc.codegen.kernels import Array, Kernels
+from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.bound_kernels import BoundKernels, as_column, as_rows
 
-# Matrix outputs that are read here, and their kernels.
-MATRICES = {
-    "M_D": "dynamics_jac",
-    "F_D": "dynamics_jac",
-    "g_D": "surface_jac",
-    "gamma_D": "gap_rate_jac",
-    "tau_D": "tangent_jac",
-    "sigma_D": "slide_rate_jac",
-    "p_D": "momentum_jac",
-    "C_d_D": "step_jac",
-    "r_d_D": "path_jac",
-    "r_s_D": "path_limit_jac",
-    "s_D": "hidden_jac",
-    "Phi_D": "terminal_cost_jac",
-    "T_min_D": "min_time_jac",
-}
 # A point lies on a surface up to this share of the gap's own size: what rounding leaves of
 # coordinates that were computed.
 ROUNDING = 1e-12
-# Relative change of a coordinate or parameter that tells how much of a gap comes from it.
-NUDGE = 1e-3
-
-Index = NDArray[np.intp]
 
 
-@dataclass(frozen=True, eq=False)
-class Model:
-    """Kernels bound to parameter values.
-
-    Attributes
-    ----------
-    kernels : Kernels
-    par : array of shape (1, npar)
-        As :func:`dmoc.mechanics.model_values.parameter_row` reads them.
-    """
-
-    kernels: Kernels
-    par: Array
-
-    @cached_property
-    def nq(self) -> int:
-        """Number of coordinates."""
-        return len(self.kernels.coordinates)
-
-    @cached_property
-    def nu(self) -> int:
-        """Number of inputs."""
-        return len(self.kernels.inputs)
-
-    @cached_property
-    def nc(self) -> int:
-        """Number of surfaces."""
-        return len(self.kernels.surfaces)
-
-    @cached_property
-    def nt(self) -> int:
-        """Number of tangents."""
-        return len(self.kernels.tangents)
+class Model(BoundKernels):
+    """Kernels bound to parameter values, as functions of states and steps."""
 
     # Equations of motion --------------------------------------------------------------------------
 
@@ -91,12 +40,12 @@ class Model:
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
     ) -> tuple[Array, Array]:
         """M and F of the equations of motion M q'' = F, shapes (..., nq, nq) and (..., nq)."""
-        M, F = self._at("dynamics", q, self._state(v), self._input(u), _column(t))
+        M, F = self._at("dynamics", q, self._state(v), self._input(u), as_column(t))
         return M.reshape(*F.shape, self.nq), F
 
     def balance(self, q: Array, v: Array, u: Array, t: Array) -> tuple[Array, Array, Array]:
         """M, F and the power Q . v - dL/dt of rows of states, shapes (n, nq, nq), (n, nq), (n,)."""
-        rows = (_rows(q), _rows(v), _rows(u), _column(t), self.par)
+        rows = (as_rows(q), as_rows(v), as_rows(u), as_column(t), self.par)
         M, F = self.kernels.call("dynamics", *rows)
         power = self.kernels.call("force", *rows)[1]
         return M.reshape(*F.shape, self.nq), F, power[:, 0]
@@ -108,15 +57,41 @@ class Model:
     def acceleration(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
     ) -> Array:
-        """M^-1 F, shape (..., nq); not a number where M is singular."""
-        return solved(*self.equations(q, v, u, t))
+        """M^-1 F where the joints hold, shape (..., nq); not a number where M is singular."""
+        M, F = self.equations(q, v, u, t)
+        if self.nj:
+            bent = self.joint_accelerations(q, np.zeros_like(q) if v is None else v, t)
+            F = self.with_joints(M, F, q, t, bent)
+        return solved(M, F)
+
+    def with_joints(
+        self, M: Array, F: Array, q: Array, t: ArrayLike = 0.0, bent: Array | None = None
+    ) -> Array:
+        """Forces or impulses F with those of the joints beside them, F + J^T lam with
+        J M^-1 (F + J^T lam) + bent = 0: one at each position (..., nq), or several (..., m, nq)."""
+        if not self.nj:
+            return F
+        J, rows = self.joint_slopes(q, t)[..., :-1], F if F.ndim > q.ndim else F[..., None, :]
+        response = solved(M, np.ascontiguousarray(np.swapaxes(J, -1, -2)))
+        missing = rows @ response + (0.0 if bent is None else bent[..., None, :])
+        lam = solved(J @ response, np.ascontiguousarray(np.swapaxes(missing, -1, -2)))
+        return np.asarray((rows - np.swapaxes(lam, -1, -2) @ J).reshape(F.shape))
+
+    def responses(self, q: Array, B: Array, t: ArrayLike = 0.0) -> Array:
+        """Changes M^-1 B^T of velocities by impulses B where the joints hold: of one at each
+        position (..., nq) of this shape, of several (..., m, nq) as columns (..., nq, m)."""
+        M = self.mass(q, t)
+        impulses = self.with_joints(M, B, q, t)
+        if B.ndim == q.ndim:
+            return solved(M, impulses)
+        return solved(M, np.ascontiguousarray(np.swapaxes(impulses, -1, -2)))
 
     def equations_slopes(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
     ) -> tuple[Array, Array]:
         """Derivatives of M and F with respect to (q, v), shapes (..., nq, nq, 2 nq), (..., nq, 2
         nq)."""
-        M, F = self._at("dynamics_jac", q, self._state(v), self._input(u), _column(t))
+        M, F = self._at("dynamics_jac", q, self._state(v), self._input(u), as_column(t))
         state = slice(2 * self.nq)  # the derivatives with respect to u and t follow
         forces = self._full("F_D", F)[..., state]
         return self._full("M_D", M)[..., state].reshape(
@@ -127,22 +102,22 @@ class Model:
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0
     ) -> Array:
         """B = dQ/du, shape (..., nq, nu)."""
-        (B,) = self._at("input_matrix", q, self._state(v), self._input(u), _column(t))
+        (B,) = self._at("input_matrix", q, self._state(v), self._input(u), as_column(t))
         return B.reshape(*B.shape[:-1], self.nq, self.nu)
 
     # Momentum and energy --------------------------------------------------------------------------
 
     def momentum(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """p = dL/dv, shape (..., nq)."""
-        return self._at("momentum", q, self._state(v), _column(t))[0]
+        return self._at("momentum", q, self._state(v), as_column(t))[0]
 
     def momentum_slopes(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """Derivatives of p with respect to (q, v, t), shape (..., nq, 2 nq + 1)."""
-        return self._full("p_D", self._at("momentum_jac", q, self._state(v), _column(t))[0])
+        return self._full("p_D", self._at("momentum_jac", q, self._state(v), as_column(t))[0])
 
     def energy(self, q: Array, v: Array | None = None, t: ArrayLike = 0.0) -> Array:
         """E = v . p - L, shape (...)."""
-        return self._at("energy", q, self._state(v), _column(t))[0][..., 0]
+        return self._at("energy", q, self._state(v), as_column(t))[0][..., 0]
 
     def velocity(self, q: Array, p: Array, t: ArrayLike = 0.0) -> Array:
         """v = M^-1 (p - dL/dv(q, 0, t)), shape (..., nq); not a number where M is singular."""
@@ -152,21 +127,19 @@ class Model:
 
     def gaps(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Gaps g <= 0, shape (..., nc)."""
-        return self._at("surface", q, _column(t))[0] if self.nc else np.zeros((*q.shape[:-1], 0))
+        return self._values("surface", self.nc, q, as_column(t))
 
     def gap_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Derivatives of the gaps with respect to (q, t), shape (..., nc, nq + 1)."""
-        if not self.nc:
-            return np.zeros((*q.shape[:-1], 0, self.nq + 1))
-        return self._full("g_D", self._at("surface_jac", q, _column(t))[0])
+        return self._matrix("g_D", (self.nc, self.nq + 1), q, as_column(t))
 
     def gap_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Rates of the gaps along a motion, shape (..., nc)."""
-        return (
-            self._at("gap_rate", q, _rows(v), _column(t))[0]
-            if self.nc
-            else np.zeros((*q.shape[:-1], 0))
-        )
+        return self._values("gap_rate", self.nc, q, as_rows(v), as_column(t))
+
+    def gap_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Second derivatives of the gaps along a motion without acceleration, shape (..., nc)."""
+        return self._bent("gamma_D", self.nc, q, v, t)
 
     def gap_sizes(self, q: Array, t: float = 0.0) -> Array:
         """Sizes of the gaps at one position, shape (nc,): the sum of what each coordinate and each
@@ -174,25 +147,17 @@ class Model:
 
         Rounding errors of a gap are about 1e-16 of its size, whatever its unit.
         """
-        known = np.concatenate([q, self.par[0]])
-        nudges = 1 + NUDGE * np.vstack([np.zeros(known.size), np.eye(known.size)])
-        places, values = np.split(nudges * known, [self.nq], axis=1)
-        rows = (np.ascontiguousarray(places), _column(t), np.ascontiguousarray(values))
-        gaps = self.kernels.call("surface", *rows)[0] if self.nc else np.zeros((2, 0))
-        return np.asarray(np.abs(gaps[1:] - gaps[0]).sum(axis=0) / NUDGE)
+        return self._sizes("surface", self.nc, q, t)
 
     def gap_rounding(self, q: Array, t: float = 0.0) -> Array:
         """Gaps up to which a position lies on the surfaces, shape (nc,)."""
         return ROUNDING * self.gap_sizes(q, t)
 
     def impulse_response(self, q: Array, n: Array, t: float = 0.0) -> tuple[Array, float]:
-        """Change M^-1 n of the velocity by a unit impulse along n, shape (nq,), and n . M^-1 n."""
-        change = solved(self.mass(q, t), n)
+        """Change M^-1 n of the velocity by a unit impulse along n, shape (nq,), and n . M^-1 n,
+        where the joints hold."""
+        change = self.responses(q, n, t)
         return change, float(n @ change)
-
-    def gap_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
-        """Second derivatives of the gaps along a motion without acceleration, shape (..., nc)."""
-        return self._bent("gap_rate", "gamma_D", self.nc, q, v, t)
 
     # Friction -------------------------------------------------------------------------------------
 
@@ -204,33 +169,43 @@ class Model:
 
     def tangents(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Tangential positions tau, shape (..., nt)."""
-        return self._at("tangent", q, _column(t))[0] if self.nt else np.zeros((*q.shape[:-1], 0))
+        return self._values("tangent", self.nt, q, as_column(t))
 
     def tangent_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Derivatives of the tangential positions with respect to (q, t), shape (..., nt, nq +
         1)."""
-        if not self.nt:
-            return np.zeros((*q.shape[:-1], 0, self.nq + 1))
-        return self._full("tau_D", self._at("tangent_jac", q, _column(t))[0])
+        return self._matrix("tau_D", (self.nt, self.nq + 1), q, as_column(t))
 
     def slide_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Sliding velocities sigma, shape (..., nt)."""
-        if not self.nt:
-            return np.zeros((*q.shape[:-1], 0))
-        return self._at("slide_rate", q, _rows(v), _column(t))[0]
+        return self._values("slide_rate", self.nt, q, as_rows(v), as_column(t))
 
     def slide_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
         """Second derivatives of the tangential positions along a motion without acceleration, shape
         (..., nt)."""
-        return self._bent("slide_rate", "sigma_D", self.nt, q, v, t)
+        return self._bent("sigma_D", self.nt, q, v, t)
 
-    def _bent(self, kernel: str, slopes: str, size: int, q: Array, v: Array, t: ArrayLike) -> Array:
-        """What a rate changes by along v and with the time."""
-        if not size:
-            return np.zeros((*q.shape[:-1], 0))
-        rate_D = self._full(slopes, self._at(f"{kernel}_jac", q, _rows(v), _column(t))[0])
-        bent = (rate_D[..., : self.nq] @ v[..., None])[..., 0]
-        return np.asarray(bent + rate_D[..., 2 * self.nq])
+    # Joints ---------------------------------------------------------------------------------------
+
+    def joints(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """What joints keep at zero in every phase, phi, shape (..., nj)."""
+        return self._values("joint", self.nj, q, as_column(t))
+
+    def joint_slopes(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """Its derivatives with respect to (q, t), shape (..., nj, nq + 1)."""
+        return self._matrix("phi_D", (self.nj, self.nq + 1), q, as_column(t))
+
+    def joint_rates(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Its rates along a motion, shape (..., nj)."""
+        return self._values("joint_rate", self.nj, q, as_rows(v), as_column(t))
+
+    def joint_accelerations(self, q: Array, v: Array, t: ArrayLike = 0.0) -> Array:
+        """Its second derivatives along a motion without acceleration, shape (..., nj)."""
+        return self._bent("phi_dot_D", self.nj, q, v, t)
+
+    def joint_rounding(self, q: Array, t: float = 0.0) -> Array:
+        """What of phi rounding leaves where a position fits the joints, shape (nj,)."""
+        return ROUNDING * self._sizes("joint", self.nj, q, t)
 
     # Drawing --------------------------------------------------------------------------------------
 
@@ -238,32 +213,31 @@ class Model:
         """Values of the shapes of the drawing, shape (..., columns)."""
         if not self.kernels.has("drawing"):
             return np.zeros((*q.shape[:-1], 0))
-        return self._at("drawing", q, _column(t))[0]
+        return self._at("drawing", q, as_column(t))[0]
 
     # Costs ----------------------------------------------------------------------------------------
 
     def running_cost(self, q: Array, v: Array | None, u: Array, t: ArrayLike = 0.0) -> Array:
         """The integrand of the cost, shape (...)."""
-        return self._at("running_cost", q, self._state(v), _rows(u), _column(t))[0][..., 0]
+        return self._at("running_cost", q, self._state(v), as_rows(u), as_column(t))[0][..., 0]
 
     def running_cost_curvatures(
         self, q: Array, v: Array | None, u: Array, t: ArrayLike = 0.0
     ) -> Array:
         """Second derivatives of the integrand in each input, shape (..., nu)."""
-        return self._at("running_cost", q, self._state(v), _rows(u), _column(t))[1]
+        return self._at("running_cost", q, self._state(v), as_rows(u), as_column(t))[1]
 
     def terminal_cost(self, q: Array, v: Array, t: ArrayLike) -> Array:
         """The cost of the state and the time at the end, shape (...)."""
-        if not self.kernels.has("terminal_cost"):
-            return np.zeros(q.shape[:-1])
-        return self._at("terminal_cost", q, _rows(v), _column(t))[0][..., 0]
+        size = int(self.kernels.has("terminal_cost"))
+        cost = self._values("terminal_cost", size, q, as_rows(v), as_column(t))
+        return np.asarray(cost.sum(axis=-1))
 
     def terminal_cost_slopes(self, q: Array, v: Array, t: ArrayLike) -> Array:
         """Its derivatives with respect to (q, v, t), shape (..., 2 nq + 1)."""
-        if not self.kernels.has("terminal_cost"):
-            return np.zeros((*q.shape[:-1], 2 * self.nq + 1))
-        (slopes,) = self._at("terminal_cost_jac", q, _rows(v), _column(t))
-        return self._full("Phi_D", slopes)[..., 0, :]
+        size = int(self.kernels.has("terminal_cost"))
+        slopes = self._matrix("Phi_D", (size, 2 * self.nq + 1), q, as_rows(v), as_column(t))
+        return np.asarray(slopes.sum(axis=-2))
 
     # Steps ----------------------------------------------------------------------------------------
 
@@ -306,15 +280,16 @@ class Model:
 
     def path_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Path constraints of states, shape (..., nr)."""
-        return self._at("path_limit", q, _rows(v), _rows(u), _column(t))[0]
+        return self._at("path_limit", q, as_rows(v), as_rows(u), as_column(t))[0]
 
     def path_slopes_at(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Their derivatives with respect to (q, v, u, t), shape (..., nr, 2 nq + nu + 1)."""
-        return self._full("r_s_D", self._at("path_limit_jac", q, _rows(v), _rows(u), _column(t))[0])
+        (slopes,) = self._at("path_limit_jac", q, as_rows(v), as_rows(u), as_column(t))
+        return self._full("r_s_D", slopes)
 
     def path_terms(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Sums of the absolute values of the terms of the path constraints, shape (..., nr)."""
-        (terms,) = self._at("path_terms", q, _rows(v), _rows(u), _column(t))
+        (terms,) = self._at("path_terms", q, as_rows(v), as_rows(u), as_column(t))
         counts = [row["terms"] for row in self.kernels.manifest["path_limits"]]
         begins = np.cumsum([0, *counts[:-1]])
         return np.asarray(np.add.reduceat(np.abs(terms), begins, axis=-1))
@@ -323,15 +298,12 @@ class Model:
 
     def hidden(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """What the hidden unknowns are at a minimum, shape (..., ns)."""
-        if not self.kernels.has("hidden"):
-            return np.zeros((*q.shape[:-1], 0))
-        return self._at("hidden", q, _rows(v), _rows(u), _column(t))[0]
+        return self._values("hidden", self.ns, q, as_rows(v), as_rows(u), as_column(t))
 
     def hidden_slopes(self, q: Array, v: Array, u: Array, t: ArrayLike) -> Array:
         """Their derivatives with respect to (q, v, u, t), shape (..., ns, 2 nq + nu + 1)."""
-        if not self.kernels.has("hidden"):
-            return np.zeros((*q.shape[:-1], 0, 2 * self.nq + self.nu + 1))
-        return self._full("s_D", self._at("hidden_jac", q, _rows(v), _rows(u), _column(t))[0])
+        shape = self.ns, 2 * self.nq + self.nu + 1
+        return self._matrix("s_D", shape, q, as_rows(v), as_rows(u), as_column(t))
 
     # Minimal times --------------------------------------------------------------------------------
 
@@ -343,61 +315,11 @@ class Model:
     def minimal_times(self, q_k: Array, q_kp1: Array, h: float, q_c: Array, a: Array) -> Array:
         """Shortest time to each surface at the acceleration a, from the middle of a phase's
         first step (q_k, q_kp1, h) to its collision q_c, shape (nc,)."""
-        return self._at("min_time", q_k, _rows(q_kp1), _column(h), _rows(q_c), _rows(a))[0]
+        return self._at("min_time", q_k, as_rows(q_kp1), as_column(h), as_rows(q_c), as_rows(a))[0]
 
     def minimal_time_slopes(
         self, q_k: Array, q_kp1: Array, h: float, q_c: Array, a: Array
     ) -> Array:
         """Its derivatives with respect to (q_k, q_kp1, h, q_c, a), shape (nc, 4 nq + 1)."""
-        rows = (_rows(q_kp1), _column(h), _rows(q_c), _rows(a))
+        rows = (as_rows(q_kp1), as_column(h), as_rows(q_c), as_rows(a))
         return self._full("T_min_D", self._at("min_time_jac", q_k, *rows)[0])
-
-    # Rows -----------------------------------------------------------------------------------------
-
-    def _at(self, kernel: str, q: Array, *rows: Array) -> tuple[Array, ...]:
-        """Results of a kernel at rows of states, or at a single one without the leading axis."""
-        found = self.kernels.call(kernel, _rows(q), *rows, self.par)
-        return found if q.ndim > 1 else tuple([a[0] for a in found])
-
-    def _state(self, v: Array | None) -> Array:
-        return self._rest if v is None else _rows(v)
-
-    def _input(self, u: Array | None) -> Array:
-        return self._idle if u is None else _rows(u)
-
-    @cached_property
-    def _rest(self) -> Array:
-        return np.zeros((1, self.nq))
-
-    @cached_property
-    def _idle(self) -> Array:
-        return np.zeros((1, self.nu))
-
-    @cached_property
-    def _places(self) -> dict[str, tuple[list[int], Index, Index]]:
-        """Shape, rows and columns of the stored entries of each matrix."""
-        found = {}
-        for name, kernel in MATRICES.items():
-            if self.kernels.has(kernel):
-                outputs = self.kernels.manifest["kernels"][kernel]["outputs"]
-                (shape,) = (o["shape"] for o in outputs if o["name"] == name)
-                found[name] = (shape, *self.kernels.pattern(kernel, name))
-        return found
-
-    def _full(self, matrix: str, stored: Array) -> Array:
-        """Matrices from their stored entries, shape (..., rows, columns)."""
-        shape, rows, columns = self._places[matrix]
-        full = np.zeros((*stored.shape[:-1], *shape))
-        full[..., rows, columns] = stored
-        return full
-
-
-def _rows(a: Array) -> Array:
-    """Rows as kernels take them; a vector is one row."""
-    a = np.ascontiguousarray(a)
-    return a if a.ndim > 1 else a[None]
-
-
-def _column(t: ArrayLike) -> Array:
-    """Times, or other numbers one a row, as kernels take them."""
-    return np.ascontiguousarray(t, dtype=float)[:, None]

@@ -9,7 +9,6 @@ import numpy as np
 
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import RAIL, Mode, Reaction, conditions, supports
 from dmoc.simulation.mode_choice import Blow, Place, plastic_blow
@@ -103,8 +102,8 @@ def _uncoupled(model: Model, at: Place, j: int, on: list[int]) -> bool:
     if not others:
         return True
     rubs = tuple(k for k, s in enumerate(supports(model.kernels)) if s in on)
-    c = conditions(model, Mode((j, *others), rubs), q, t).C[0]
-    A = c @ solved(model.mass(q, t)[0], c.T)
+    c = conditions(model, Mode((j, *others), rubs), q, t).C[0, : len(on) + len(rubs)]
+    A = c @ model.responses(q[0], c, at.t)
     at_j = np.array(
         [True, *[False] * len(others), *[supports(model.kernels)[k] == j for k in rubs]]
     )
@@ -117,10 +116,10 @@ def _one_by_one(model: Model, at: Place, e: Array) -> Struck:
     plastic."""
     q, v = at.y[: model.nq], at.y[model.nq : 2 * model.nq]
     normals, rates = model.gap_slopes(q, at.t)[:, :-1], model.gap_rates(q, v, at.t)
-    response = normals @ solved(model.mass(q, at.t), normals.T)
+    changes = model.responses(q, normals, at.t)
     small = at.small
     found = simultaneous(
-        model.gaps(q, at.t), small.gap, rates, small.rate / NOISE, response, e, 0.0
+        model.gaps(q, at.t), small.gap, rates, small.rate / NOISE, normals @ changes, e, 0.0
     )
     if found is None:
         raise SimulationError(
@@ -128,7 +127,7 @@ def _one_by_one(model: Model, at: Place, e: Array) -> Struck:
             "simulated, change the start or give the surfaces a restitution below 1."
         )
     for j, impulse in found:
-        v = v - impulse * solved(model.mass(q, at.t), normals[j])
+        v = v - impulse * changes[:, j]
     return Struck(v, tuple((j, impulse, 0.0) for j, impulse in found))
 
 
@@ -136,9 +135,9 @@ def _alone(model: Model, at: Place, j: int, tangent: int | None, e: float) -> St
     """An impact on one surface, after Poisson where it has friction."""
     nq = model.nq
     q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
-    M = model.mass(q[0], at.t)
-    D = conditions(model, Mode((j,), () if tangent is None else (tangent,)), q, t).B[0]
-    pushed = solved(M, D.T)
+    contact = Mode((j,), () if tangent is None else (tangent,))
+    D = conditions(model, contact, q, t).B[0, : 1 if tangent is None else 2]
+    pushed = model.responses(q[0], D, at.t)
     approach = -float(model.gap_rates(q, v, t)[0, j])
     if tangent is None:
         impulse = -(1 + e) * approach / float(D[0] @ pushed[:, 0])

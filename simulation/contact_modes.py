@@ -1,5 +1,10 @@
 """The modes of a motion: which contacts are closed and what sticks or slides.
 
+A mode is a set of conditions: closed contacts, what sticks, and the joints of the model, which hold
+in every mode.  Each has a gradient C, a direction B in which its force pushes, and second-order
+terms.  A closed contact breaks where its force would pull, what sticks where its friction holds it
+no more (:func:`dmoc.simulation.mode_choice.kept`); a joint does not break.
+
 What a mode makes of accelerations and forces says :mod:`dmoc.simulation.integrator`.  An impact
 obeys the same relations with impulses for forces and rates for second derivatives.
 """
@@ -39,18 +44,19 @@ FREE = Mode()
 
 @dataclass(frozen=True)
 class Reaction:
-    """Accelerations (n, nq), contact forces (n, nc) and friction forces (n, nt) of rows of states;
-    zero where a surface is open or a tangent does not rub."""
+    """Accelerations (n, nq), contact forces (n, nc), friction forces (n, nt) and forces of joints
+    (n, nj) of rows of states; zero where a surface is open or a tangent does not rub."""
 
     acceleration: Array
     normal: Array
     tangential: Array
+    joint: Array
 
 
 @dataclass(frozen=True)
 class Conditions:
     """Conditions of a mode at rows of states: their gradients C and the directions B in which a
-    unit of their multipliers pushes, both (n, m, nq), closed contacts before what sticks."""
+    unit of their multipliers pushes, both (n, m, nq): closed contacts, what sticks, joints."""
 
     C: Array
     B: Array
@@ -109,11 +115,18 @@ def conditions(model: Model, mode: Mode, q: Array, t: Array) -> Conditions:
     for k, s in mode.sliding:
         if at[k] != RAIL:
             pushes[:, closed.index(at[k])] -= s * model.friction[k] * along[:, k]
-    sticking = along[:, list(mode.sticking)]
+    held = along[:, list(mode.sticking)], model.joint_slopes(q, t)[..., :-1]
     return Conditions(
-        np.concatenate([normals[:, closed], sticking], axis=1),
-        np.concatenate([pushes, sticking], axis=1),
+        np.concatenate([normals[:, closed], *held], axis=1),
+        np.concatenate([pushes, *held], axis=1),
     )
+
+
+def condition_rates(model: Model, mode: Mode, q: Array, v: Array, t: Array) -> Array:
+    """Rates (n, m) of the conditions of a mode at rows of states."""
+    normal, along = model.gap_rates(q, v, t), model.slide_rates(q, v, t)
+    held = normal[:, list(mode.closed)], along[:, list(mode.sticking)]
+    return np.hstack([*held, model.joint_rates(q, v, t)])
 
 
 def answers(M: Array, c: Conditions, wanted: Array) -> tuple[Array, Array]:
@@ -129,16 +142,18 @@ def answers(M: Array, c: Conditions, wanted: Array) -> tuple[Array, Array]:
     return (response @ lam[..., None])[..., 0], lam
 
 
-def spread(model: Model, mode: Mode, lam: Array) -> tuple[Array, Array]:
-    """Multipliers (n, m) of a mode as forces of all surfaces (n, nc) and tangents (n, nt)."""
+def spread(model: Model, mode: Mode, lam: Array) -> tuple[Array, Array, Array]:
+    """Multipliers (n, m) of a mode as forces of all surfaces (n, nc), tangents (n, nt) and joints
+    (n, nj)."""
     normal, tangential = np.zeros((len(lam), model.nc)), np.zeros((len(lam), model.nt))
     count, at = len(mode.closed), supports(model.kernels)
     normal[:, list(mode.closed)] = lam[:, :count]
-    tangential[:, list(mode.sticking)] = lam[:, count:]
+    rest = count + len(mode.sticking)
+    tangential[:, list(mode.sticking)] = lam[:, count:rest]
     for k, s in mode.sliding:
         held = 1.0 if at[k] == RAIL else normal[:, at[k]]
         tangential[:, k] = -s * model.friction[k] * held
-    return normal, tangential
+    return normal, tangential, lam[:, rest:]
 
 
 def columns(M: Array, B: Array) -> Array:

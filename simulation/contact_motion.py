@@ -241,9 +241,11 @@ def _records(
     q = place.y[: model.nq].copy()
     p, normals = model.momentum(q, v, place.t), model.gap_slopes(q, place.t)[:, :-1]
     along = dict(zip(kernels.tangents, model.tangent_slopes(q, place.t)[:, :-1], strict=True))
+    M = model.mass(q, place.t)
     for j, impulse, traction in found:
         name = kernels.surfaces[j]
         change = -impulse * normals[j] + traction * along.get(name, np.zeros(model.nq))
+        change = model.with_joints(M, change, q, place.t)
         yield Collision(
             name, place.t, q, impulse, p, p + change,
             lands=(name,) if j in mode.closed else (),

@@ -11,18 +11,19 @@ cdef enum:
 cdef class Dynamics:
     """The equations of motion of one model, for one thread."""
     cdef object kernels
-    cdef bint ready  # for modes with contacts or friction
-    cdef ptrdiff_t nq, nu, nc, nt, capacity
+    cdef bint ready  # for joints, and modes with contacts or friction
+    cdef ptrdiff_t nq, nu, nc, nt, nj, capacity
     cdef Rows dynamics, force, dynamics_jac, surface, tangent, gap_rate, slide_rate
-    cdef Rows gap_rate_jac, slide_rate_jac
+    cdef Rows gap_rate_jac, slide_rate_jac, joint, joint_rate, joint_rate_jac
     cdef double[::1] par, at, rates, u, t, mass, f, Q, power, M_D, F_D, G
     cdef ptrdiff_t[::1] pivot, M_row, M_column, F_row, F_column
-    # Conditions of the mode: their number, their gradients C and the directions B of their pushes
-    # at one state, what sliding tangents push by, and the places of surfaces and tangents.
+    # Conditions of the mode, those of closed contacts, of what sticks and of joints: their number,
+    # their gradients C and the directions B of their pushes at one state, what sliding tangents
+    # push by, and the places of surfaces and tangents; joints are the last.
     cdef ptrdiff_t m, closed, sticking, sliding
     cdef ptrdiff_t[::1] closed_at, sticks_at, slides_at, presses, support, exchange
-    cdef ptrdiff_t[::1] gamma_row, gamma_column, sigma_row, sigma_column
-    cdef double[::1] mu, push, gamma_D, sigma_D, g, tau, C, B, along, bent, lam, change
+    cdef ptrdiff_t[::1] gamma_row, gamma_column, sigma_row, sigma_column, phi_row, phi_column
+    cdef double[::1] mu, push, gamma_D, sigma_D, phi_D, g, tau, phi, C, B, along, bent, lam, change
     cdef double[::1] responses, A, scaled, V, unit, wanted, spare
     # Places (n, nt) that what sticks keeps, and which of them are those of the rows.
     cdef const double[:, ::1] held
@@ -45,18 +46,19 @@ cdef class Dynamics:
         self.F_D = _space(rows * self.F_row.shape[0])
         self.G = _space(2 * nq * nq)
         self.pivot, self.holds = np.zeros(nq, dtype=np.intp), np.zeros(rows, dtype=np.intp)
-        self.kernels, self.nt = kernels, len(kernels.tangents)
+        self.kernels, self.nt, self.nj = kernels, len(kernels.tangents), len(kernels.joints)
         if self.nc:
             self.surface = Rows(kernels, "surface")
 
     def _contacts(self):
-        """Make what modes with contacts or friction need."""
-        cdef ptrdiff_t nq = self.nq, rows = self.capacity, most = self.nc + self.nt
+        """Make what joints, and modes with contacts or friction, need."""
+        cdef ptrdiff_t nq = self.nq, rows = self.capacity, most = self.nc + self.nt + self.nj
         kernels, surfaces, self.ready = self.kernels, self.kernels.surfaces, True
         places = [surfaces.index(n) if n in surfaces else -1 for n in kernels.tangents]
         self.support = np.array([*places, -1], dtype=np.intp)
         none = np.zeros(0, dtype=np.intp)
         self.gamma_row = self.gamma_column = self.sigma_row = self.sigma_column = none
+        self.phi_row = self.phi_column = none
         if self.nc:
             self.gap_rate, self.gap_rate_jac = (
                 Rows(kernels, name) for name in ("gap_rate", "gap_rate_jac")
@@ -70,8 +72,15 @@ cdef class Dynamics:
             self.sigma_row, self.sigma_column = map(np.array, places)
             par = np.asarray(self.par)[None, : self.par.shape[0] - 1]
             self.mu = np.array(kernels.call("friction", np.array(par))[0][0])
+        if self.nj:
+            self.joint, self.joint_rate, self.joint_rate_jac = (
+                Rows(kernels, name) for name in ("joint", "joint_rate", "joint_rate_jac")
+            )
+            places = kernels.pattern("joint_rate_jac", "phi_dot_D")
+            self.phi_row, self.phi_column = map(np.array, places)
         self.gamma_D = _space(rows * self.gamma_row.shape[0])
         self.sigma_D = _space(rows * self.sigma_row.shape[0])
+        self.phi_D, self.phi = _space(rows * self.phi_row.shape[0]), _space(rows * self.nj)
         self.g, self.tau = _space(rows * self.nc), _space(rows * self.nt)
         self.lam = _space(rows * most)
         self.C, self.B, self.along = _space(most * nq), _space(most * nq), _space(self.nt * nq)
@@ -85,20 +94,21 @@ cdef class Dynamics:
         self.held = np.zeros((1, max(self.nt, 1)))
 
     def _enter(self, mode):
-        """Go by the conditions of a mode; without one, by none."""
+        """Go by the conditions of a mode, without one by those of free flight, and of joints."""
         cdef ptrdiff_t i, k
         self.m = self.closed = self.sticking = self.sliding = 0
-        if mode is None:
+        if mode is None and not self.nj:
             return
         if not self.ready:
             self._contacts()
+        mode = FREE if mode is None else mode
         closed, sticking, sliding = mode.closed, mode.sticking, mode.sliding
         if not all(0 <= j < self.nc for j in closed) or not all(
             0 <= k < self.nt for k in (*sticking, *(k for k, _ in sliding))
         ):
             raise ValueError(f"expected some of {self.nc} surfaces and of {self.nt} tangents")
         self.closed, self.sticking, self.sliding = len(closed), len(sticking), len(sliding)
-        self.m = self.closed + self.sticking
+        self.m = self.closed + self.sticking + self.nj
         self.closed_at[:], self.sticks_at[:], self.slides_at[:] = -1, -1, -1
         for i, j in enumerate(closed):
             self.closed_at[<ptrdiff_t>j] = i
@@ -203,6 +213,9 @@ cdef class Dynamics:
         if self.sticking or self.sliding:
             results[0] = &self.sigma_D[0]
             self.slide_rate_jac.run(n, args, stride, results)
+        if self.nj:
+            results[0] = &self.phi_D[0]
+            self.joint_rate_jac.run(n, args, stride, results)
         return 0
 
     cdef void conditions(self, ptrdiff_t i, const double *v, double *F) noexcept nogil:
@@ -227,6 +240,9 @@ cdef class Dynamics:
             p = self.slides_at[self.sigma_row[e]]
             if p >= 0 and nq <= c < 2 * nq:
                 self.along[p * nq + c - nq] = self.sigma_D[i * self.sigma_row.shape[0] + e]
+        for e in range(self.phi_row.shape[0]):
+            p = self.closed + self.sticking + self.phi_row[e]
+            self.enter(p, self.phi_column[e], self.phi_D[i * self.phi_row.shape[0] + e], v)
         for e in range(self.m * nq):
             self.B[e] = -self.C[e] if e < self.closed * nq else self.C[e]
         for p in range(self.sliding):
@@ -314,8 +330,8 @@ cdef class Dynamics:
     cdef int settle_rows(
         self, ptrdiff_t n, ptrdiff_t width, double *y, ptrdiff_t turns
     ) except -1 nogil:
-        """Move n rows at the times t to where closed gaps are zero and what sticks is at its place,
-        and, in the third turn, to where neither has a rate."""
+        """Move n rows at the times t to where closed gaps and joints are zero and what sticks is at
+        its place, and, in the third turn, to where none has a rate."""
         cdef ptrdiff_t nq = self.nq, turn, i, j, c
         cdef double *state
         for turn in range(turns):  # Newton's method, from errors of integration
@@ -331,6 +347,8 @@ cdef class Dynamics:
                         self.wanted[self.sticks_at[j]] = -self.tau[i * self.nt + j]
                         if turn < 2:
                             self.wanted[self.sticks_at[j]] += self.held[self.holds[i], j]
+                for j in range(self.nj):
+                    self.wanted[self.closed + self.sticking + j] = -self.phi[i * self.nj + j]
                 if turn == 2:
                     state += nq
                 if factor(&self.mass[i * nq * nq], &self.pivot[0], nq, nq):
@@ -344,7 +362,8 @@ cdef class Dynamics:
     cdef int values(
         self, ptrdiff_t n, ptrdiff_t width, const double *y, bint rates
     ) except -1 nogil:
-        """Masses, gradients, and gaps and tangential positions, or their rates, of n rows."""
+        """Masses, gradients, and gaps, tangential positions and joints, or their rates, of n
+        rows."""
         cdef const double *args[DMOC_MOST]
         cdef ptrdiff_t stride[DMOC_MOST]
         cdef double *results[DMOC_MOST]
@@ -372,14 +391,20 @@ cdef class Dynamics:
                 self.slide_rate.run(n, args, stride, results)
             else:
                 self.tangent.run(n, args, stride, results)
+        if self.nj:
+            results[0] = &self.phi[0]
+            if rates:
+                self.joint_rate.run(n, args, stride, results)
+            else:
+                self.joint.run(n, args, stride, results)
         return 0
 
     def settle(
         self, mode, double[:, ::1] y, const double[::1] t, held, bint rates=True
     ):
         """Move rows y = (q | v ...) at the times t (n,), in place, the shortest way by the masses
-        to where the conditions of a mode hold: closed gaps are zero, what sticks is at its place
-        ``held`` (n, nt), and, if ``rates``, neither has a rate."""
+        to where the conditions of a mode hold: closed gaps and joints are zero, what sticks is at
+        its place ``held`` (n, nt), and, if ``rates``, none has a rate."""
         cdef ptrdiff_t n = y.shape[0], begin = 0, i, count, turns = 3 if rates else 2
         self._enter(mode)
         self._rows(n, y.shape[1], t.shape[0])
@@ -404,10 +429,11 @@ cdef class Dynamics:
         self._rows(n, y.shape[1], t.shape[0])
         if u.shape[0] != n or u.shape[1] != self.nu:
             raise ValueError(f"expected {self.nu} inputs of {n} rows")
-        accelerations, normals, tangentials = (
-            np.zeros((n, max(size, 1))) for size in (nq, self.nc, self.nt)
+        accelerations, normals, tangentials, joints = (
+            np.zeros((n, max(size, 1))) for size in (nq, self.nc, self.nt, self.nj)
         )
         cdef double[:, ::1] a = accelerations, normal = normals, tangential = tangentials
+        cdef double[:, ::1] joint = joints
         with nogil:
             while begin < n:
                 count = min(self.capacity, n - begin)
@@ -422,8 +448,12 @@ cdef class Dynamics:
                     for j in range(nq):
                         a[begin + i, j] = self.rates[i * 2 * nq + nq + j]
                     self.spread(i, &normal[begin + i, 0], &tangential[begin + i, 0])
+                    for j in range(self.nj):
+                        joint[begin + i, j] = self.lam[(i + 1) * self.m - self.nj + j]
                 begin += count
-        return Reaction(accelerations, normals[:, : self.nc], tangentials[:, : self.nt])
+        return Reaction(
+            accelerations, normals[:, : self.nc], tangentials[:, : self.nt], joints[:, : self.nj]
+        )
 
     cdef void spread(self, ptrdiff_t i, double *normal, double *tangential) noexcept nogil:
         """The multipliers of row i as forces of surfaces and tangents."""

@@ -16,7 +16,8 @@ from functools import partial
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.model import Index, Model
+from dmoc.mechanics.bound_kernels import Index
+from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.integrator import Integrator
@@ -90,13 +91,6 @@ class Flow:
 
     # Surfaces -------------------------------------------------------------------------------------
 
-    def response(self, q: Array, t: float, n: Array) -> Array:
-        """M^-1 n, for one position or rows of them."""
-        try:
-            return np.asarray(np.linalg.solve(self.model.mass(q, t), n[..., None])[..., 0])
-        except np.linalg.LinAlgError:
-            raise Lost from None
-
     def rate(self, y: Array, t: float, j: int) -> float:
         """Rate of a gap."""
         slope = self.model.gap_slopes(y[: self.nq], t)[j]
@@ -104,10 +98,11 @@ class Flow:
 
     def impact(self, q: Array, v: Array, t: float, j: int, e: float) -> tuple[Array, Array, Array]:
         """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) gamma / (n . M^-1 n); the
-        impulse lam and the rate gamma before it.  For one state, or rows of them."""
+        impulse lam and the rate gamma before it; not numbers where M is singular.  For one state,
+        or rows of them."""
         slope = self.model.gap_slopes(q, t)[..., j, :]
         n = slope[..., :-1]
-        response = self.response(q, t, n)
+        response = self.model.responses(q, n, t)
         rate = (n * v).sum(axis=-1) + slope[..., -1]
         impulse = (1 + e) * rate / (n * response).sum(axis=-1)
         return v - impulse[..., None] * response, impulse, rate
@@ -119,10 +114,7 @@ class Flow:
         if collision.grazes:
             return v, nothing
         j = self.model.kernels.surfaces.index(collision.surface)
-        try:
-            return self.impact(q, v, collision.time, j, float(self.restitution[j]))[:2]
-        except Lost:
-            return np.full_like(v, np.nan), np.full_like(nothing, np.nan)
+        return self.impact(q, v, collision.time, j, float(self.restitution[j]))[:2]
 
     # Steps ----------------------------------------------------------------------------------------
 
@@ -191,6 +183,8 @@ class Flow:
             y = until(at)[0] if at > t else y.copy()
             t, q, v = at, y[:nq].copy(), y[nq:].copy()
             after, _, rate = self.impact(q, v, t, j, float(self.restitution[j]))
+            if not np.isfinite(after).all():
+                raise Lost
             if rate <= 0:  # leaves by itself
                 after = v
             contacts.append(

@@ -30,6 +30,7 @@ from dmoc.simulation.indeterminate_forces import names_without_effect
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.simultaneous_impacts import Lasting
 from dmoc.simulation.stepper import Stepper
+from dmoc.simulation.tolerances import RATE
 
 # Steps of a run: more take weeks.
 MOST_STEPS = 10**12
@@ -114,8 +115,8 @@ def simulate(
     e = restitution_row(kernels, restitution, SimulationError)
     run = _Task(model, u, h, every)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
-        _check_start(model, q)
-        if model.friction.any():
+        _check_start(model, q, v)
+        if model.friction.any() or model.nj:
             found = run.recorded(q, model.momentum(q, v))
             journal = _through_contacts(run, e, q, v, 0, found)
         else:
@@ -253,8 +254,8 @@ def _through_contacts(
     return journal
 
 
-def _check_start(model: Model, q: Array) -> None:
-    """Refuse a position behind a surface."""
+def _check_start(model: Model, q: Array, v: Array) -> None:
+    """Refuse a position behind a surface, and a state that its joints do not allow."""
     gaps = model.gaps(q)
     for name, gap, near in zip(model.kernels.surfaces, gaps, model.gap_rounding(q), strict=True):
         if gap > max(near, LEFT_OF_ZERO):
@@ -262,6 +263,16 @@ def _check_start(model: Model, q: Array) -> None:
                 f"position lies behind surface {name!r} by {gap:g}: expected a start in "
                 "front of it, or on it."
             )
+    slopes = np.abs(model.joint_slopes(q))
+    sizes = model.joint_rounding(q), RATE * (slopes @ np.append(np.abs(v), 1.0))
+    values = model.joints(q), model.joint_rates(q, v)
+    for what, off, size in zip(("position", "velocity"), values, sizes, strict=True):
+        for name, by, near in zip(model.kernels.joints, off, size, strict=True):
+            if not abs(by) <= max(near, LEFT_OF_ZERO):
+                raise SimulationError(
+                    f"{what} does not fit joint {name!r}, which is off by {by:g}: expected a start "
+                    "that keeps it at zero."
+                )
 
 
 # What a user gives --------------------------------------------------------------------------------

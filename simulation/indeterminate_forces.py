@@ -46,53 +46,57 @@ def without_effect(model: Model, mode: Mode, q: Array, t: Array) -> Array:
 def borne(model: Model, mode: Mode, found: Reaction, q: Array, t: Array) -> Reaction:
     """A reaction whose forces are those with the same effect that stay furthest from pulling and
     from the edges of their cones, in rows whose smallest forces are not borne."""
-    bad = np.flatnonzero(~(_margins(model, mode, found) >= 0).all(axis=1))
-    if not len(bad) or len(mode.closed) + len(mode.sticking) < 2:
+    margins = _margins(model, mode, (found.normal, found.tangential))
+    bad = np.flatnonzero(~(margins >= 0).all(axis=1))
+    if not len(bad) or len(mode.closed) + len(mode.sticking) + model.nj < 2:
         return found
     free = without_effect(model, mode, q[bad], t[bad])
     if not np.isfinite(free).all() or not free.any():
         return found
-    normal, tangential = found.normal.copy(), found.tangential.copy()
+    normal, tangential, joint = found.normal.copy(), found.tangential.copy(), found.joint.copy()
     for row, P in zip(bad, free, strict=True):
-        one = Reaction(found.acceleration, found.normal[[row]], found.tangential[[row]])
+        forces = found.normal[[row]], found.tangential[[row]]
         changes = spread(model, mode, P.T)
-        best = _furthest(model, mode, one, changes)
+        best = _furthest(model, mode, forces, changes)
         normal[row] += best @ changes[0]
         tangential[row] += best @ (changes[1] - spread(model, mode, 0 * P.T)[1])
-    return Reaction(found.acceleration, normal, tangential)
+        joint[row] += best @ changes[2]
+    return Reaction(found.acceleration, normal, tangential, joint)
 
 
 def nearest(
     model: Model, mode: Mode, found: Reaction, q: Array, t: Array, planned: Array
 ) -> Reaction:
     """A reaction with the same effect whose forces are next to planned ones of what is closed and
-    what sticks (n, m)."""
-    if planned.shape[1] < 2:
+    what sticks (n, count); those of joints are what they are."""
+    if planned.shape[1] + model.nj < 2:
         return found
     free = without_effect(model, mode, q, t)
     if not np.isfinite(free).all() or not free.any():
         return found
     own = np.hstack([found.normal[:, list(mode.closed)], found.tangential[:, list(mode.sticking)]])
-    lam = own + (free @ (planned - own)[..., None])[..., 0]
+    lam = np.hstack([own, found.joint])
+    off = np.hstack([planned - own, np.zeros_like(found.joint)])
+    lam = lam + (free @ off[..., None])[..., 0]
     return Reaction(found.acceleration, *spread(model, mode, lam))
 
 
 def names_without_effect(model: Model, mode: Mode, q: Array, t: float) -> tuple[list[str], ...]:
     """Surfaces whose contact forces, and tangents whose friction, are not determined."""
-    if len(mode.closed) + len(mode.sticking) < 2:
+    if len(mode.closed) + len(mode.sticking) + model.nj < 2:
         return [], []
     free = np.diagonal(without_effect(model, mode, q[None], np.array([t]))[0]) > 0
     on, rubs, count = model.kernels.surfaces, model.kernels.tangents, len(mode.closed)
     return (
         [on[j] for j, loose in zip(mode.closed, free, strict=False) if loose],
-        [rubs[k] for k, loose in zip(mode.sticking, free[count:], strict=True) if loose],
+        [rubs[k] for k, loose in zip(mode.sticking, free[count:], strict=False) if loose],
     )
 
 
-def _margins(model: Model, mode: Mode, found: Reaction) -> Array:
+def _margins(model: Model, mode: Mode, forces: tuple[Array, Array]) -> Array:
     """What must not be negative, rows of contact forces and of what friction holds beyond the
     force that sticks, in either direction."""
-    at, N, T = supports(model.kernels), found.normal, found.tangential
+    at, (N, T) = supports(model.kernels), forces
     rows = [N[:, j] for j in mode.closed]
     for k in mode.sticking:
         held = model.friction[k] * (np.ones(len(N)) if at[k] == RAIL else N[:, at[k]])
@@ -100,14 +104,15 @@ def _margins(model: Model, mode: Mode, found: Reaction) -> Array:
     return np.stack(rows, axis=1) if rows else np.zeros((len(N), 0))
 
 
-def _furthest(model: Model, mode: Mode, found: Reaction, changes: tuple[Array, Array]) -> Array:
+def _furthest(
+    model: Model, mode: Mode, forces: tuple[Array, Array], changes: tuple[Array, Array, Array]
+) -> Array:
     """How much of each change makes the least margin largest: a linear program; nothing where it
     has no solution."""
     from scipy.optimize import linprog  # here, because the check does without SciPy
 
-    least = _margins(model, mode, found)[0]
-    none = Reaction(found.acceleration, 0 * changes[0], 0 * changes[1])
-    changed = Reaction(found.acceleration, *changes)
+    least = _margins(model, mode, forces)[0]
+    none, changed = (0 * changes[0], 0 * changes[1]), changes[:2]
     slopes = (_margins(model, mode, changed) - _margins(model, mode, none)).T
     size = float(np.abs(least).max())
     if not size > 0:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.mechanics.model import Index
+from dmoc.mechanics.bound_kernels import Index
 from dmoc.simulation.contact_modes import Mode, Reaction
 
 class Integrator:

@@ -3,17 +3,18 @@
 
 A row is (q | v), (q | v | work) or (q | v | X), of 2 nq, 2 nq + 1 or 2 nq + (2 nq)^2 numbers.  The
 work is the integral of the power Q . v - dL/dt and of that of the contacts; X, row by row, is the
-derivative of (q | v) with respect to what a row starts from, X' = J X with the derivative J of
-(v, M^-1 F) by (q, v), where nothing is closed or rubs.
+derivative of (q | v) with respect to what a row starts from, X' = D X with the derivative D of
+(v, M^-1 F) by (q, v), where nothing is closed, rubs or is joined.
 
 In a mode the motion obeys (equation :eq:`dae` of the theory)
 
-    M a = F(q, v, u, t) - sum_j N_j grad g_j + sum_k T_k grad tau_k
+    M a = F(q, v, u, t) - sum_j N_j grad g_j + sum_k T_k grad tau_k + sum_i J_i grad phi_i
 
-with g_j'' = 0 of closed surfaces and tau_k'' = 0 of what sticks; T_k = -s mu N_j of a contact that
-slides with the sign s of tau_k', -s F of a rail.  After every part of a step the rows are moved
-back, the shortest way by the masses, to where the conditions of the mode hold: errors of
-integration do not open a contact or let it slip.  Free flight is the empty mode.
+with g_j'' = 0 of closed surfaces, tau_k'' = 0 of what sticks and phi_i'' = 0 of all joints, which
+are the model's and hold in every mode; T_k = -s mu N_j of a contact that slides with the sign s of
+tau_k', -s F of a rail.  After every part of a step the rows are moved back, the shortest way by the
+masses, to where the conditions of the mode hold: errors of integration do not open a contact or let
+it slip.  Free flight is the empty mode.
 
 The method is DOP853, that of Hairer, Norsett and Wanner of order 8 (dormand_prince.py), in as many
 equal parts as its error estimate asks for.  Kernels in C run without the GIL; kernels on NumPy take
@@ -27,7 +28,7 @@ from elimination cimport factor, shortest, solve
 import numpy as np
 
 from dmoc.simulation.dormand_prince import shares, sums
-from dmoc.simulation.contact_modes import Reaction
+from dmoc.simulation.contact_modes import FREE, Reaction
 
 # Error that shows that a step is too long to be followed.
 cdef double ASTRAY = 1e-6

@@ -25,6 +25,7 @@ from dmoc.simulation.contact_modes import (
     Mode,
     Reaction,
     answers,
+    condition_rates,
     conditions,
     spread,
     supports,
@@ -170,16 +171,17 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
     rates, sigma = model.gap_rates(q, v, t)[0], model.slide_rates(q, v, t)[0]
     wanted = -(1 + e * (rates > at.small.rate)) * rates
     slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]
+    inertia = np.einsum("ji,ij->j", slopes[0], model.responses(q[0], slopes[0], at.t))
+    noise = at.small.rate / np.where(inertia > 0, inertia, 1.0)
     found: dict[Mode, Blow] = {}
 
     def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
         mode = without_rails(mode, model.kernels)
-        aims = np.concatenate([wanted[list(mode.closed)], -sigma[list(mode.sticking)]])[None]
+        aims = -condition_rates(model, mode, q, v, t)
+        aims[0, : len(mode.closed)] = wanted[list(mode.closed)]
         change, lam = answers(M, conditions(model, mode, q, t), aims)
-        normal, tangential = (part[0] for part in spread(model, mode, lam))
+        normal, tangential, _ = (part[0] for part in spread(model, mode, lam))
         gap_rates, slides = rates + slopes[0] @ change[0], sigma + slopes[1] @ change[0]
-        inertia = np.einsum("ji,ij->j", slopes[0], solved(M[0], slopes[0].T))
-        noise = at.small.rate / np.where(inertia > 0, inertia, 1.0)
         found[mode] = Blow(v[0] + change[0], normal, tangential)
         least = np.array([noise[j] if j != RAIL else 0.0 for j in supports(model.kernels)])
         return (

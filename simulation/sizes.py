@@ -55,6 +55,17 @@ class Sizes:
     exchanged: float
     acceleration: float
 
+    def along(self, slopes: Array) -> tuple[Array, Array]:
+        """Sizes of functions of the position and the time, and of their rates, by their slopes
+        (n, m, nq + 1) at positions of the motion."""
+        return _along(slopes, self.q, self.v, self.time)
+
+
+def _along(slopes: Array, q: Array, v: Array, time: float) -> tuple[Array, Array]:
+    slope = np.abs(slopes).max(axis=0)
+    place, rate = slope @ np.append(q, time), slope @ np.append(v, 1.0)
+    return np.maximum(place, NOTHING), np.maximum(rate, NOTHING)
+
 
 @dataclass(frozen=True)
 class _Nodes:
@@ -90,13 +101,8 @@ def sizes_of(trajectory: Trajectory, model: Model) -> Sizes:
     energies = np.abs(model.energy(nodes.q, nodes.v, nodes.t))
     energy = max(kinetic, float(force @ way), float(least @ p), ROUNDING * float(energies.max()))
 
-    def along(slopes: Array) -> tuple[Array, Array]:
-        slope = np.abs(slopes).max(axis=0)
-        place, rate = slope @ np.append(q, time), slope @ np.append(v, 1.0)
-        return np.maximum(place, NOTHING), np.maximum(rate, NOTHING)
-
-    gap, rate = along(model.gap_slopes(nodes.q, nodes.t))
-    place, slide = along(model.tangent_slopes(nodes.q, nodes.t))
+    gap, rate = _along(model.gap_slopes(nodes.q, nodes.t), q, v, time)
+    place, slide = _along(model.tangent_slopes(nodes.q, nodes.t), q, v, time)
     acceleration = max(strongest, fastest / time, speed / time)
     exchanged = max(energy, _lifted(model, nodes))
     return Sizes(q, v, p, gap, rate, place, slide, time, energy, exchanged, acceleration)

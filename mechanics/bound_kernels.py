@@ -1,0 +1,154 @@
+"""The kernels of a model bound to its parameter values, evaluated at single states or rows of
+them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dmoc.codegen.kernels import Array, Kernels
+
+# Matrix outputs that are read here, and their kernels.
+MATRICES = {
+    "M_D": "dynamics_jac",
+    "F_D": "dynamics_jac",
+    "g_D": "surface_jac",
+    "gamma_D": "gap_rate_jac",
+    "tau_D": "tangent_jac",
+    "sigma_D": "slide_rate_jac",
+    "phi_D": "joint_jac",
+    "phi_dot_D": "joint_rate_jac",
+    "p_D": "momentum_jac",
+    "C_d_D": "step_jac",
+    "r_d_D": "path_jac",
+    "r_s_D": "path_limit_jac",
+    "s_D": "hidden_jac",
+    "Phi_D": "terminal_cost_jac",
+    "T_min_D": "min_time_jac",
+}
+# Relative change of a coordinate or parameter that tells how much of a value comes from it.
+NUDGE = 1e-3
+
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class BoundKernels:
+    """Kernels bound to parameter values, with the sizes of their model.
+
+    Attributes
+    ----------
+    kernels : Kernels
+    par : array of shape (1, npar)
+        As :func:`dmoc.mechanics.model_values.parameter_row` reads them.
+    """
+
+    kernels: Kernels
+    par: Array
+
+    @cached_property
+    def nq(self) -> int:
+        """Number of coordinates."""
+        return len(self.kernels.coordinates)
+
+    @cached_property
+    def nu(self) -> int:
+        """Number of inputs."""
+        return len(self.kernels.inputs)
+
+    @cached_property
+    def nc(self) -> int:
+        """Number of surfaces."""
+        return len(self.kernels.surfaces)
+
+    @cached_property
+    def nt(self) -> int:
+        """Number of tangents."""
+        return len(self.kernels.tangents)
+
+    @cached_property
+    def nj(self) -> int:
+        """Number of joints."""
+        return len(self.kernels.joints)
+
+    @cached_property
+    def ns(self) -> int:
+        """Number of hidden unknowns."""
+        return len(self.kernels.manifest["hidden"])
+
+    def _at(self, kernel: str, q: Array, *rows: Array) -> tuple[Array, ...]:
+        """Results of a kernel at rows of states, or at a single one without the leading axis."""
+        found = self.kernels.call(kernel, as_rows(q), *rows, self.par)
+        return found if q.ndim > 1 else tuple([a[0] for a in found])
+
+    def _values(self, kernel: str, size: int, q: Array, *rows: Array) -> Array:
+        """The one result of a kernel, shape (..., size); a model has none for no values."""
+        return self._at(kernel, q, *rows)[0] if size else np.zeros((*q.shape[:-1], 0))
+
+    def _matrix(self, name: str, shape: tuple[int, int], q: Array, *rows: Array) -> Array:
+        """A matrix of first derivatives, the one of its kernel; a model has none of no rows."""
+        if not shape[0]:
+            return np.zeros((*q.shape[:-1], *shape))
+        return self._full(name, self._at(MATRICES[name], q, *rows)[0])
+
+    def _bent(self, rate_D: str, size: int, q: Array, v: Array, t: ArrayLike) -> Array:
+        """What rates change by along v and with the time."""
+        slopes = self._matrix(rate_D, (size, 2 * self.nq + 1), q, as_rows(v), as_column(t))
+        along = (slopes[..., : self.nq] @ v[..., None])[..., 0]
+        return np.asarray(along + slopes[..., 2 * self.nq])
+
+    def _sizes(self, kernel: str, size: int, q: Array, t: float) -> Array:
+        """Sizes of the values of a kernel at one position: the sum of what each coordinate and
+        each parameter contributes, shape (size,)."""
+        numbers = np.concatenate([q, self.par[0]])
+        nudges = 1 + NUDGE * np.vstack([np.zeros(numbers.size), np.eye(numbers.size)])
+        places, values = np.split(nudges * numbers, [self.nq], axis=1)
+        inputs = (np.ascontiguousarray(places), as_column(t), np.ascontiguousarray(values))
+        found = self.kernels.call(kernel, *inputs)[0] if size else np.zeros((2, 0))
+        return np.asarray(np.abs(found[1:] - found[0]).sum(axis=0) / NUDGE)
+
+    def _state(self, v: Array | None) -> Array:
+        return self._rest if v is None else as_rows(v)
+
+    def _input(self, u: Array | None) -> Array:
+        return self._idle if u is None else as_rows(u)
+
+    @cached_property
+    def _rest(self) -> Array:
+        return np.zeros((1, self.nq))
+
+    @cached_property
+    def _idle(self) -> Array:
+        return np.zeros((1, self.nu))
+
+    @cached_property
+    def _places(self) -> dict[str, tuple[list[int], Index, Index]]:
+        """Shape, rows and columns of the stored entries of each matrix."""
+        found = {}
+        for name, kernel in MATRICES.items():
+            if self.kernels.has(kernel):
+                outputs = self.kernels.manifest["kernels"][kernel]["outputs"]
+                (shape,) = (o["shape"] for o in outputs if o["name"] == name)
+                found[name] = (shape, *self.kernels.pattern(kernel, name))
+        return found
+
+    def _full(self, matrix: str, stored: Array) -> Array:
+        """Matrices from their stored entries, shape (..., rows, columns)."""
+        shape, rows, columns = self._places[matrix]
+        full = np.zeros((*stored.shape[:-1], *shape))
+        full[..., rows, columns] = stored
+        return full
+
+
+def as_rows(a: Array) -> Array:
+    """Rows as kernels take them; a vector is one row."""
+    a = np.ascontiguousarray(a)
+    return a if a.ndim > 1 else a[None]
+
+
+def as_column(t: ArrayLike) -> Array:
+    """Times, or other numbers one a row, as kernels take them."""
+    return np.ascontiguousarray(t, dtype=float)[:, None]

@@ -1,0 +1,201 @@
+"""Joints phi(q, t) = 0, which hold in every phase: simulated and checked beside the same motions in
+coordinates that need none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import motions
+import numpy as np
+import pytest
+from joined import joined
+from scipy.integrate import solve_ivp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+from dmoc.base.errors import SimulationError
+from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.model import Model
+from dmoc.mechanics.model_values import parameter_row
+from dmoc.motion.trajectory import Trajectory
+from dmoc.simulation.contact_modes import Mode
+from dmoc.simulation.integrator import Integrator
+from dmoc.simulation.poisson import impulses
+
+T, G = dynamicsymbols._t, 9.81
+X, Y, A, B = dynamicsymbols("x y a b")
+
+
+def bob(backend: str = "compiled", **fields: object) -> Kernels:
+    """A unit mass on a rod of one metre."""
+    lagrangian = (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - G * Y
+    system = dmoc.MechanicalSystem("bob", [X, Y], lagrangian, {}, **fields)  # type: ignore[arg-type]
+    return joined(system, {"rod": (X**2 + Y**2 - 1) / 2}, backend)
+
+
+def dumbbell(**fields: object) -> Kernels:
+    """Two unit masses at (x, y) and (a, b), one metre apart."""
+    speeds = sum(s.diff(T) ** 2 for s in (X, Y, A, B)) / 2
+    system = dmoc.MechanicalSystem(
+        "dumbbell", [X, Y, A, B], speeds - G * (Y + B), {}, surfaces={"floor": Y >= 0}, **fields
+    )  # type: ignore[arg-type]
+    return joined(system, {"rod": (X - A) ** 2 + (Y - B) ** 2 - 1})
+
+
+def integrator(kernels: Kernels) -> tuple[Model, Integrator]:
+    model = Model(kernels, parameter_row(kernels, {}))
+    return model, Integrator(kernels, model.par, np.ones(2 * model.nq + 1), lambda: None)
+
+
+def swing(kernels: Kernels, angle: float, rate: float, steps: int, **more: object) -> object:
+    s, c = np.sin(angle), np.cos(angle)
+    return dmoc.simulate(
+        kernels, [s, -c], [rate * c, rate * s], step_size=0.01, steps=steps, **more
+    )  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("backend", ["compiled", "numpy"])
+def test_a_mass_on_a_rod_is_a_pendulum(backend: str) -> None:
+    kernels = bob(backend)
+    run = swing(kernels, 1.2, 0.5, 300)
+    angle = solve_ivp(
+        lambda t, z: [z[1], -G * np.sin(z[0])], (0, 3), [1.2, 0.5], "DOP853", run.t,
+        rtol=1e-12, atol=1e-12,
+    ).y  # fmt: skip
+    expected = motions.columns(np.sin(angle[0]), -np.cos(angle[0]))
+    np.testing.assert_allclose(run.q, expected, atol=1e-9)
+    check = dmoc.verify(run.trajectory, kernels)
+    assert check.passed and check.max_defect < 1e-12
+    _, flow = integrator(kernels)
+    y = np.ascontiguousarray(np.hstack([run.q, run.v]))
+    rod = flow.reaction(Mode(), y, np.zeros((len(y), 0)), run.t).joint[:, 0]
+    np.testing.assert_allclose(rod, -(angle[1] ** 2 + G * np.cos(angle[0])), rtol=1e-8)
+
+
+def test_a_pendulum_hits_a_wall_with_its_rate() -> None:
+    kernels = bob(surfaces={"wall": X <= 0.5})
+    run = swing(kernels, -1.2, 0.0, 150, restitution=0.5)
+    (hit,) = run.collisions
+    rate = np.sqrt(2 * G * (np.cos(np.pi / 6) - np.cos(1.2)))  # energy of the swing
+    c, s = np.cos(np.pi / 6), 0.5
+    np.testing.assert_allclose(hit.momentum_before, rate * np.array([c, s]), rtol=1e-9)
+    np.testing.assert_allclose(hit.momentum_after, -rate / 2 * np.array([c, s]), rtol=1e-9)
+    assert hit.impulse == pytest.approx(1.5 * rate / c, rel=1e-9)  # its moment turns the rate
+    check = dmoc.verify(run.trajectory, kernels)
+    assert check.passed and check.impact_error < 1e-12
+
+
+def rests_and_falls(kernels: Kernels) -> dmoc.Simulation:
+    """A dumbbell with its lower end on a smooth floor, let go at 30 degrees from upright."""
+    s, c = np.sin(np.pi / 6), np.cos(np.pi / 6)
+    return dmoc.simulate(kernels, [0, 0, s, c], None, step_size=0.005, steps=60, restitution=0.0)
+
+
+def test_a_dumbbell_slides_on_a_smooth_floor_as_it_falls() -> None:
+    kernels = dumbbell()
+    run = rests_and_falls(kernels)
+
+    # The centre falls by cos(angle)/2; m = 2, and 1/2 about the centre.
+    def fall(t: float, z: np.ndarray) -> list[float]:
+        s, c = np.sin(z[0]), np.cos(z[0])
+        return [z[1], (G * s - s * c * z[1] ** 2 / 2) / (0.5 + s**2 / 2)]
+
+    z = solve_ivp(fall, (0, 0.3), [np.pi / 6, 0], "DOP853", run.t, rtol=1e-12, atol=1e-12).y
+    np.testing.assert_allclose(run.q[:, 3], np.cos(z[0]), atol=1e-9)
+    np.testing.assert_allclose(run.q[:, 0] + run.q[:, 2], 0.5, atol=1e-9)  # nothing pushes sideways
+    bend = np.array([fall(0, row)[1] for row in z.T])
+    centre = -(np.sin(z[0]) * bend + np.cos(z[0]) * z[1] ** 2) / 2
+    np.testing.assert_allclose(run.normal[:, 0], 2 * (centre + G), rtol=1e-7)
+    check = dmoc.verify(run.trajectory, kernels)
+    assert check.passed and check.force_error < 1e-9
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.9])
+def test_a_dumbbell_lands_with_friction_as_a_rigid_rod(mu: float) -> None:
+    kernels = dumbbell(tangents={"floor": X}, friction={"floor": mu})
+    s, c = np.sin(0.4), np.cos(0.4)
+    start = [0, 0, s, c], [1.0, -2.0, 1.0, -2.0]
+    run = dmoc.simulate(kernels, *start, step_size=0.002, steps=2, restitution=0.5)
+    (hit,) = run.collisions
+    # A rod of mass 2 and 1/2 about its centre, which is (s, c)/2 beside the end that hits.
+    A = np.array([[0.5 + s**2 / 2, -s * c / 2], [-s * c / 2, 0.5 + c**2 / 2]])
+    law = impulses(np.array([-2.0, 1.0]), A, mu, 0.5)
+    assert hit.impulse == pytest.approx(law.normal, rel=1e-9)
+    assert hit.tractions["floor"] == pytest.approx(law.tangential, rel=1e-9)
+    change = hit.momentum_after - hit.momentum_before
+    np.testing.assert_allclose(change[:2] + change[2:], [law.tangential, law.normal], rtol=1e-9)
+    spin = (change[2] - change[0]) * c / 2 - (change[3] - change[1]) * s / 2
+    np.testing.assert_allclose(spin, (-law.tangential * c + law.normal * s) / 2, rtol=1e-9)
+    assert dmoc.verify(run.trajectory, kernels).passed
+
+
+def test_a_dumbbell_that_lands_flat_keeps_its_rod() -> None:
+    kernels = joined(
+        dmoc.MechanicalSystem(
+            "flat", [X, Y, A, B], sum(s.diff(T) ** 2 for s in (X, Y, A, B)) / 2 - G * (Y + B), {},
+            surfaces={"left": Y >= 0, "right": B >= 0},
+        ),
+        {"rod": (X - A) ** 2 + (Y - B) ** 2 - 1},
+    )  # fmt: skip
+    run = dmoc.simulate(
+        kernels, [0, 0.05, 1, 0.05], [0.3, -1, 0.3, -1], step_size=0.01, steps=20, restitution=0.0
+    )
+    np.testing.assert_allclose(run.q[-1], [0.06, 0, 1.06, 0], atol=1e-9)
+    np.testing.assert_allclose(run.normal[-1], [G, G], rtol=1e-9)
+    assert dmoc.verify(run.trajectory, kernels).passed
+
+
+def changed(motion: Trajectory, **changes: object) -> Trajectory:
+    first, *rest = motion.phases
+    return replace(motion, phases=(replace(first, **changes), *rest))  # type: ignore[arg-type]
+
+
+def test_a_joint_that_is_not_kept_contradicts_a_motion() -> None:
+    kernels = bob()
+    motion = swing(kernels, 1.2, 0.5, 100).trajectory
+    assert dmoc.verify(motion, kernels).passed
+    q = motion.phases[0].q.copy()
+    q[40] *= 1.001
+    check = dmoc.verify(changed(motion, q=q), kernels)
+    assert not check.passed
+    assert "the joint 'rod' is off by 0.001 at 0.4 s" in check.message
+    v = motion.phases[0].v.copy()
+    v[40] += 0.2 * motion.phases[0].q[40]
+    check = dmoc.verify(changed(motion, v=v, p=v), kernels)
+    assert not check.passed
+    assert "the joint 'rod' comes apart with 0.2 at 0.4 s" in check.message
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "message"),
+    [
+        ([0.1, -1.0], None, "position does not fit joint 'rod', which is off by 0.005"),
+        ([0.0, -1.0], [1.0, 0.1], "velocity does not fit joint 'rod', which is off by -0.1"),
+    ],
+)
+def test_a_start_that_does_not_fit_a_joint_is_refused(
+    position: list[float], velocity: list[float] | None, message: str
+) -> None:
+    with pytest.raises(SimulationError, match=message):
+        dmoc.simulate(bob(), position, velocity, step_size=0.01, steps=1)
+
+
+def test_responses_and_accelerations_are_those_of_a_body_with_joints() -> None:
+    model, flow = integrator(dumbbell())
+    r = np.random.default_rng(1)
+    q, v = r.uniform(-1, 1, (2, 5, 4))
+    end = q[:, :2] - q[:, 2:]
+    q[:, 2:] = q[:, :2] - end / np.linalg.norm(end, axis=1)[:, None]
+    y = np.ascontiguousarray(np.hstack([q, v]))
+    a = model.acceleration(q, v)
+    np.testing.assert_allclose(
+        a, flow.reaction(Mode(), y, np.zeros((5, 0)), np.zeros(5)).acceleration, rtol=1e-12
+    )
+    bend = 2 * ((q[:, :2] - q[:, 2:]) * (a[:, :2] - a[:, 2:])).sum(axis=1)
+    np.testing.assert_allclose(bend, -2 * ((v[:, :2] - v[:, 2:]) ** 2).sum(axis=1), rtol=1e-12)
+    responses = model.responses(q, np.tile(np.eye(4), (5, 1, 1)))
+    direction = q[:, :2] - q[:, 2:]
+    along = np.hstack([direction, -direction]) / np.sqrt(2)
+    np.testing.assert_allclose(
+        responses, np.eye(4) - along[:, :, None] * along[:, None], atol=1e-12
+    )
