@@ -34,7 +34,7 @@ from dmoc.solving.checked_solution import without_effect
 from dmoc.solving.mesh.one_mesh import on_mesh_of, solved_on_mesh
 from dmoc.solving.methods import METHODS
 from dmoc.solving.mode_edges import restated
-from dmoc.solving.multistart.exploration import Effort, Exploration, Start, coarse_of, explored
+from dmoc.solving.multistart.exploration import Effort, Start, coarse_of, explored
 from dmoc.solving.request import Request
 from dmoc.solving.starts import Given
 
@@ -100,19 +100,19 @@ def _from_parent(task: Task) -> Node:
     compiled kernels."""
     starts: list[Start] = []
     deadline = Deadline.after(task.seconds)
-    given: list[tuple[str, Array | None]] = [("automatic", None)]
+    guesses: list[tuple[str, Array | None]] = [("automatic", None)]
     if task.parent is not None:
-        given.insert(0, ("parent", extended(task.parent, task.problem)))
+        guesses.insert(0, ("parent", extended(task.parent, task.problem)))
     if task.proposer is not None:
-        given.insert(0, ("proposal", restated(task.problem, task.proposer)))
-    for name, x in given:
+        guesses.insert(0, ("proposal", restated(task.problem, task.proposer)))
+    for name, x in guesses:
         s = _solved(task.problem, task.method, x, deadline)
         starts.append(Start(name, s.status, s.cost if s.converged else None))
         if s.converged:
             return replace(_node(task, [s]), starts=tuple(starts))
         if deadline.passed:
             return _late(task, starts)
-    evidence = (f"no start came to an answer ({_told(starts)})",)
+    evidence = (f"no start came to an answer ({_ends_of(starts)})",)
     return Node(task.sequence, Verdict.FAILED, evidence=evidence, starts=tuple(starts))
 
 
@@ -137,27 +137,26 @@ def _explored(task: Task) -> Node:
         iterations=ITERATIONS,
         guesses=GUESSES,
         by_rates=True,
+        seed=task.seed,
     )
-    options = Options(deadline=deadline)
-    with np.errstate(all="ignore"):
-        found = explored(task.problem, effort, task.seed, options, points=points)
-    solutions = list(found.ranked)
+    exploration = explored(task.problem, effort, Options(deadline=deadline), points)
+    starts, solutions = exploration.starts, list(exploration.solutions)
     if not solutions:
         # The starts have half of the time.
         if half.passed:
-            return _late(task, found.starts)
+            return _late(task, starts)
         try:
-            rest = _without_minimum(task, coarse, found, deadline)
+            rest = _without_minimum(task, coarse, starts, deadline)
         except _TimeIsUp:
-            return _late(task, found.starts)
+            return _late(task, starts)
         if isinstance(rest, Node):
             return rest
         solutions = [rest]
     if task.method != solutions[0].method or not on_mesh_of(task.problem, solutions[0]):
         driven = _solved(task.problem, task.method, solutions[0], deadline)
         solutions = [driven, *solutions[1:]] if driven.converged else solutions
-    minima = sorted({s.cost for s in solutions} | {m.cost for m in found.coarse})
-    return replace(_node(task, solutions), starts=found.starts, minima=tuple(minima))
+    minima = sorted({s.cost for s in solutions} | {basin.cost for basin in exploration.coarse})
+    return replace(_node(task, solutions), starts=starts, minima=tuple(minima))
 
 
 def _on_finer_meshes(task: Task, node: Node) -> Node:
@@ -174,11 +173,11 @@ def _on_finer_meshes(task: Task, node: Node) -> Node:
         if not fine.converged or fine.verification is None:
             return _doubted(node, f"{on_it} no motion was found: {fine.message}")
         if fine.minimum:
-            known = (
+            before_it = (
                 f"with {max(steps)} steps a phase it costs {node.cost:.6g}, and {node.evidence[0]}"
             )
             confirmed = _node(task, [fine])
-            evidence = (f"{confirmed.evidence[0]}, {on_it}", known, *node.evidence[1:])
+            evidence = (f"{confirmed.evidence[0]}, {on_it}", before_it, *node.evidence[1:])
             minima = tuple(sorted({fine.cost, *(c for c in node.minima if c != node.cost)}))
             return replace(
                 confirmed, evidence=evidence, starts=node.starts, minima=minima,
@@ -251,7 +250,7 @@ def _node(task: Task, solutions: Sequence[Solution]) -> Node:
     )
 
 
-def _told(starts: Sequence[Start]) -> str:
+def _ends_of(starts: Sequence[Start]) -> str:
     """How starts have ended, with their numbers."""
     counts = Counter(str(s.status) for s in starts)
     return ", ".join(f"{n} {status}" for status, n in counts.items())
@@ -291,7 +290,7 @@ def extended(parent: Solution, problem: Problem) -> Array:
 
 
 def _without_minimum(
-    task: Task, coarse: Problem, found: Exploration, deadline: Deadline
+    task: Task, coarse: Problem, starts: Sequence[Start], deadline: Deadline
 ) -> Node | Solution:
     """Why no start has led to a minimum: infeasible, unreachable; or a solution from the feasible
     motion that the search for the reason has found.
@@ -301,8 +300,8 @@ def _without_minimum(
     _TimeIsUp
         If the deadline comes before the answer.
     """
-    starts = f"no motion was found from {len(found.starts)} starts ({_told(found.starts)})"
-    node = Node(task.sequence, Verdict.INFEASIBLE, starts=found.starts)
+    tried = f"no motion was found from {len(starts)} starts ({_ends_of(starts)})"
+    node = Node(task.sequence, Verdict.INFEASIBLE, starts=tuple(starts))
     whole = _least(coarse, deadline)
     if whole.violation <= INFEASIBLE:
         on_coarse = _solved(coarse, "ipm", whole.x, deadline, verify=False)
@@ -312,13 +311,13 @@ def _without_minimum(
         if deadline.passed:
             raise _TimeIsUp
         why = (
-            f"{starts}; one of {max(coarse.phase_steps)} steps a phase obeys all conditions, "
+            f"{tried}; one of {max(coarse.phase_steps)} steps a phase obeys all conditions, "
             f"from which none of {max(task.problem.phase_steps)} was found: {fine.message}"
         )
-        known = fine.status is Status.INFEASIBLE
-        verdict = Verdict.INFEASIBLE if known else Verdict.FAILED
+        infeasible = fine.status is Status.INFEASIBLE
+        verdict = Verdict.INFEASIBLE if infeasible else Verdict.FAILED
         return replace(node, verdict=verdict, evidence=(why,))
-    evidence = (starts, *whole.sentences)
+    evidence = (tried, *whole.sentences)
     if task.problem.sequence and whole.least:
         # Only the collisions, and as much time as there is: what happens after them is another
         # matter.
@@ -326,20 +325,20 @@ def _without_minimum(
         latest = (None, coarse.final_time_bounds[1])
         there = _least(coarse.but(start=start, goal={}, periodic=(), final_time=latest), deadline)
         if there.violation > INFEASIBLE and there.least:
-            evidence = (starts, *there.sentences)
+            evidence = (tried, *there.sentences)
             return replace(node, verdict=Verdict.UNREACHABLE, evidence=evidence)
     return replace(node, evidence=evidence)
 
 
 def _least(problem: Problem, deadline: Deadline) -> Diagnosis:
     """The least violation from any of the automatic guesses."""
-    found: list[Diagnosis] = []
+    diagnoses = list[Diagnosis]()
     for guess in initial_guesses(problem, deadline):
         options = Options(deadline=deadline)
         scale = scale_of(problem, guess.x)
-        found.append(diagnose(problem, scale, guess.x, options, by_rates=True))
-        if found[-1].violation <= INFEASIBLE:
-            return found[-1]
+        diagnoses.append(diagnose(problem, scale, guess.x, options, by_rates=True))
+        if diagnoses[-1].violation <= INFEASIBLE:
+            return diagnoses[-1]
         if deadline.passed:
             raise _TimeIsUp
-    return min(found, key=lambda d: (not d.least, d.violation))
+    return min(diagnoses, key=lambda d: (not d.least, d.violation))

@@ -104,10 +104,3 @@ def checked(solution: Solution, deadline: Deadline = ENDLESS) -> Solution:
         return replace(solution, message=solution.message + more)
     message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
     return replace(solution, status=Status.NOT_VERIFIED, message=message)
-
-
-def with_proposal(solution: Solution) -> Solution:
-    """The solution with its proposal in its message."""
-    if solution.proposal is None:
-        return solution
-    return replace(solution, message=f"{solution.message}; {solution.proposal}")

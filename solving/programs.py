@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dmoc.codegen.kernels import COMPILED
 from dmoc.problem.problem import Problem
 from dmoc.program.minimal_times import WithMinimalTimes
 from dmoc.program.scale import Scale
@@ -25,6 +26,11 @@ class Programs:
     scale: Scale
     by_rates: bool = False
     _made: dict[tuple[bool, tuple[int, ...]], Transcription] = field(default_factory=dict)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the kernels are."""
+        return self.problem.kernels.backend == COMPILED
 
     def program(self, guided: bool = False, touching: Iterable[int] = ()) -> Transcription:
         """The program in which the given collisions touch their surface without an impulse."""

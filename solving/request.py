@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 from dmoc.base.arguments import choice, flag, positive, text, whole
 from dmoc.base.deadline import Deadline
@@ -16,6 +16,9 @@ from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method, Prog
 
 # Tolerance where neither steps nor a tolerance are given.
 AUTOMATIC = 1e-3
+# The error up to which a motion that the check confirms is a solution where nobody has asked for a
+# tolerance and finer meshes do not lead to the usual one: the check itself allows as much.
+LOOSE = 1e-2
 MOST_STARTS = 1_000_000
 MOST_ITERATIONS = 2**31 - 1  # what the compiled method can count
 NUMBER = "expected a positive number"
@@ -25,9 +28,13 @@ LIMIT = "expected a positive time limit, or None"
 
 @dataclass(frozen=True)
 class Request:
-    """How a problem shall be solved; its parts are checked.  ``verify`` is for the solution,
-    ``ranks_checked`` for the minima among which it is chosen; ``by_rates`` states the law of impact
-    in the rates of the gaps."""
+    """How a problem shall be solved; its parts are checked.
+
+    ``verify`` is for the solution, ``ranks_checked`` for the minima among which it is chosen;
+    ``by_rates`` states the law of impact in the rates of the gaps.  ``tolerance`` is that of a
+    refinement, None where the mesh of the problem is the only one; where finer meshes do not lead
+    there, an error up to ``loose`` that the check confirms is a solution too.
+    """
 
     method: Method
     options: Options
@@ -37,6 +44,17 @@ class Request:
     starts: int | None = 1
     seed: int = 0
     by_rates: bool = False
+    tolerance: float | None = None
+    loose: float = LOOSE
+
+    def within(self, **limits: Any) -> Request:
+        """The same with other options."""
+        return replace(self, options=replace(self.options, **limits))
+
+    def compiled(self, problem: Problem) -> Request:
+        """The same for other meshes: silent, by the compiled method if the problem has one."""
+        method = METHODS[usual(REFINING, problem.kernels.backend == COMPILED)]
+        return replace(self.within(progress=None), method=method)
 
 
 @dataclass(frozen=True)
@@ -56,10 +74,6 @@ class Keywords:
     verify: Annotated[bool, Option(flag)] = True
     reference: Annotated[str, Option(text)] = ""
 
-    def tolerance_of(self, problem: Problem) -> float | None:
-        """The tolerance of a refinement; None where the mesh of the problem is the only one."""
-        return AUTOMATIC if self.tolerance is None and problem.steps is None else self.tolerance
-
     def request(self, problem: Problem) -> Request:
         """What is asked for of a problem, with its usual method unless one is named, from now on.
 
@@ -70,13 +84,19 @@ class Keywords:
         MissingExtraError
             If the package of the method is not installed.
         """
-        name = self.method or _usual(problem, self.tolerance_of(problem))
-        method = METHODS[name]
+        tolerance, loose = self.tolerance, self.tolerance or LOOSE
+        if tolerance is None and problem.steps is None:
+            tolerance = AUTOMATIC
+        method = METHODS[self.method or _usual(problem, tolerance)]
         method.require(problem.kernels.backend)
         method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
-        deadline = Deadline.after(self.seconds)
-        limits = Options(self.optimality, self.violation, self.iterations, deadline)
-        return Request(method, limits, self.form, self.verify, self.verify, self.starts, self.seed)
+        limits = Options(
+            self.optimality, self.violation, self.iterations, Deadline.after(self.seconds)
+        )
+        return Request(
+            method, limits, self.form, self.verify, self.verify, self.starts, self.seed,
+            tolerance=tolerance, loose=loose,
+        )  # fmt: skip
 
 
 def _usual(problem: Problem, tolerance: float | None) -> str:

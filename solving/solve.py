@@ -1,51 +1,20 @@
-"""Solve a problem: programs, starts, a method, the check, and meshes where a tolerance asks for
-them."""
+"""Solve a problem: read what is asked for, then one way or the best of several."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import partial
-
-import numpy as np
+from dataclasses import replace
 
 from dmoc.base.errors import ProblemError
 from dmoc.base.options import read
 from dmoc.base.progress import Listener, told
-from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
-from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration, Options, Status
-from dmoc.solving.checked_solution import checked, with_proposal
-from dmoc.solving.hit_words import best_way, first_way
-from dmoc.solving.indeterminacy import telling, undetermined
-from dmoc.solving.mesh.confirmation import naming_steps
-from dmoc.solving.mesh.one_mesh import (
-    best_on_mesh,
-    interrupted,
-    meshed_as,
-    on_coarse_mesh,
-    on_mesh_of,
-    solved_on_mesh,
-)
-from dmoc.solving.mesh.refinement import refined
-from dmoc.solving.methods import METHODS, REFINING, usual
-from dmoc.solving.multistart.exploration import Effort, coarse_of, explored
-from dmoc.solving.request import Keywords, Request
+from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration
+from dmoc.solving.answer import answer_of
+from dmoc.solving.open_hits import best_way
+from dmoc.solving.request import Keywords
 from dmoc.solving.sensitivity import check_problem
-from dmoc.solving.sliding_reversals import naming_turns
-from dmoc.solving.starts import Given, starts_of
-from dmoc.solving.unbounded_cost import bounded
-
-# The error up to which a motion that the check confirms is a solution where nobody has asked for a
-# tolerance and finer meshes do not lead to the usual one: the check itself allows as much.
-LOOSE = 1e-2
-# Starts of another sequence, of which it is asked whether it leads to a motion.
-FEW = 16
-# Iterations on a mesh that begins with the motion of a coarser one: more lead elsewhere.
-FROM_COARSE = 300
-# A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
-# may be driven further down.
-BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
+from dmoc.solving.starts import Given
 
 
 def solve(
@@ -156,157 +125,11 @@ def solve(
     :eq:`measures`.
     """
     check_problem(problem)
-    asked = read(Keywords, locals(), ProblemError)
-    request = asked.request(problem)
+    request = read(Keywords, locals(), ProblemError).request(problem)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
     with told(progress, "first guess") as tell:
-        request = replace(request, options=replace(request.options, progress=tell))
+        request = request.within(progress=tell)
         if problem.open_hits:
-            try:
-                return best_way(problem, _Ways(guess, request, asked), request.options)
-            except KeyboardInterrupt:
-                return interrupted(first_way(problem), guess, request)
-        return _solved(problem, guess, request, asked)
-
-
-@dataclass(frozen=True)
-class _Ways:
-    """Solves a problem of hits with friction that do not say how they go, way by way."""
-
-    guess: Given
-    request: Request
-    asked: Keywords
-
-    def thorough(self, way: Problem, options: Options) -> Solution:
-        return _solved(way, self.guess, replace(self.request, options=options), self.asked)
-
-    def rough(self, way: Problem, options: Options, starts: int) -> Solution | None:
-        if way.kernels.backend != COMPILED:
-            s = self.alone(way, options)
-            return s if s.minimum else None
-        effort = Effort.of(min(self.request.starts or starts, starts))
-        points, seed = on_coarse_mesh(way, self.guess), self.request.seed
-        with np.errstate(all="ignore"):
-            minima = explored(coarse_of(way), effort, seed, options, points=points).ranked
-        return minima[0] if minima else None
-
-    def start(self, way: Problem) -> Array:
-        return starts_of(way, self.guess).points[0]
-
-    def alone(self, way: Problem, options: Options) -> Solution:
-        guess = on_coarse_mesh(way, self.guess).get("given")
-        s = solved_on_mesh(coarse_of(way), guess, replace(self.request, options=options))
-        if s.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        return s
-
-
-def _solved(problem: Problem, guess: Given, request: Request, asked: Keywords) -> Solution:
-    """Solve on the mesh of the problem, or to a tolerance."""
-    if request.starts is None and guess is not None:
-        request = replace(request, starts=1)
-    tolerance = asked.tolerance_of(problem)
-    if tolerance is None:
-        answer = _bounded(problem, best_on_mesh(problem, guess, request), request)
-        fine = replace(_compiled(problem, request), verify=True)
-        answer = naming_steps(problem, answer, partial(_from_motion, fine))
-    else:
-        loose = LOOSE if asked.tolerance is None else tolerance
-        answer = _on_meshes(problem, guess, request, (tolerance, loose))
-    answer = _telling_starts(_naming_durations(problem, answer))
-    return with_proposal(_naming_turns(problem, answer, request))
-
-
-def _on_meshes(
-    problem: Problem, guess: Given, request: Request, tolerances: tuple[float, float]
-) -> Solution:
-    """Solve on finer and finer meshes to a tolerance; a larger error, up to a second one, is a
-    solution too where they do not lead there."""
-    tolerance, loose = tolerances
-    options, steps = request.options, problem.phase_steps
-    base = min(options.optimality, max(tolerance, BASE_OPTIMALITY))
-
-    def wanted(optimality: float) -> Request:
-        return replace(request, options=replace(options, optimality=optimality), verify=False)
-
-    best = best_on_mesh(problem, guess, wanted(base))
-    unrefined = _bounded(problem, best, wanted(base))
-    if unrefined is not best:
-        return unrefined
-
-    def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
-        if coarse is None and sharper is None and problem.phase_steps == steps:
-            return unrefined
-        now = wanted(base if sharper is None else max(sharper, LEAST_OPTIMALITY))
-        motion = coarse or (
-            unrefined if on_mesh_of(problem, unrefined) and unrefined.minimum else None
-        )
-        if motion is None:  # many starts have led nowhere, and begin on the same coarse mesh
-            return best_on_mesh(problem, guess, replace(now, starts=1))
-        few = replace(now.options, iterations=min(options.iterations, FROM_COARSE))
-        return solved_on_mesh(meshed_as(problem, motion), motion, replace(now, options=few))
-
-    check = partial(checked, deadline=options.deadline)
-    answer = refined(problem, tolerance, options.deadline, on_mesh, check)
-    answer = replace(answer, starts=best.starts, found=best.found, others=best.others)
-    confirmed = answer.verification is not None and answer.verification.passed
-    near = answer.error_estimate is not None and answer.error_estimate <= loose
-    if answer.status is Status.NOT_VERIFIED and confirmed and near:
-        status = Status.GRAZES if any(c.grazes for c in answer.collisions) else Status.SOLVED
-        message = f"a local minimum was found, confirmed by simulation; {answer.message}"
-        answer = replace(answer, status=status, message=message)
-    return answer
-
-
-def _bounded(problem: Problem, answer: Solution, request: Request) -> Solution:
-    """The answer, unless its cost has no minimum."""
-    plain = replace(_compiled(problem, request), verify=False)
-    return bounded(problem, answer, partial(_from_motion, plain))
-
-
-def _compiled(problem: Problem, request: Request) -> Request:
-    """The request for further meshes: silent, by the compiled method if there is one."""
-    method = METHODS[usual(REFINING, problem.kernels.backend == COMPILED)]
-    return replace(request, method=method, options=replace(request.options, progress=None))
-
-
-def _from_motion(request: Request, problem: Problem, motion: Solution) -> Solution:
-    return solved_on_mesh(meshed_as(problem, motion), motion, request)
-
-
-def _naming_durations(problem: Problem, answer: Solution) -> Solution:
-    """The answer; durations that a problem with contacts that last does not determine are told in
-    its message, unless a refinement has told it."""
-    if not (answer.minimum and problem.lasting and problem.phases > 1):
-        return answer
-    sentence = undetermined(problem.meshed(answer.steps), answer)
-    return replace(answer, message=telling(answer.message, sentence))
-
-
-def _naming_turns(problem: Problem, answer: Solution, request: Request) -> Solution:
-    """The answer, with a sequence of the same hits that leads to a motion where it has none."""
-
-    def few(problem: Problem) -> Solution:
-        return best_on_mesh(problem, None, replace(_compiled(problem, request), starts=FEW))
-
-    return naming_turns(problem, answer, few, request.options.deadline)
-
-
-def _telling_starts(s: Solution) -> Solution:
-    """The answer with what is known of the starts in its message."""
-    if not s.starts:
-        return s
-    told = f"{s.found} of {s.starts} starts led to it, "
-    if not s.others:
-        told += "none to another one"
-    elif len(s.others) == 1:
-        told += "others to one other minimum"
-    else:
-        told += f"others to {len(s.others)} other minima"
-    if not s.found:
-        told = f"none of {s.starts} starts on a coarse mesh led to a motion"
-        if s.others:
-            several = "one minimum" if len(s.others) == 1 else f"{len(s.others)} minima"
-            told = f"{s.starts} starts led to {several} on a coarse mesh alone"
-    return replace(s, message=f"{s.message}; {told}")
+            return best_way(problem, guess, request)
+        return answer_of(problem, guess, request)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,6 @@ from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import attempted
 from dmoc.solving.checked_solution import checked, solution_of
-from dmoc.solving.methods import METHODS
 from dmoc.solving.multistart.exploration import Effort, coarse_of, explored
 from dmoc.solving.programs import Programs
 from dmoc.solving.request import Request
@@ -26,44 +26,49 @@ def best_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution:
     """Solve on one mesh, from the best of many starts or from a guess alone."""
     if request.starts == 1 or problem.kernels.backend != COMPILED:
         return solved_on_mesh(problem, guess, request)
-    options, begin = request.options, time.perf_counter()
+    effort = Effort.of(request.starts, request.seed, request.ranks_checked)
+    begin = time.perf_counter()
     try:
-        with np.errstate(all="ignore"):
-            effort = Effort.of(request.starts)
-            points = on_coarse_mesh(problem, guess)
-            found = explored(problem, effort, request.seed, options, request.ranks_checked, points)
+        points = on_coarse_mesh(problem, guess)
+        exploration = explored(problem, effort, request.options, points)
     except KeyboardInterrupt:
         return interrupted(problem, guess, request)
-    spent, tried = time.perf_counter() - begin, None
-    for i, start in enumerate(found.ranked):
-        answer = _answer(problem, start, request)
-        tried = tried or (answer, i)
-        # On the ranking mesh it is settled that the first one is the best, confirmed or not.
-        settled = not start.minimum and on_mesh_of(problem, start)
-        if answer.minimum or settled or answer.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
-            tried = answer, i
-            break
-    if tried is None:
-        tried = _without_start(problem, guess, request), len(found.ranked)
-    answer, i = tried
-    confirmed = [s.cost for s in found.ranked if s.minimum]
+    spent = {"build": problem.kernels.seconds, "explore": time.perf_counter() - begin}
+    answer, i = _best_of(problem, exploration.solutions, request)
+    if answer is None:
+        answer = _without_start(problem, guess, request)
+    confirmed = [s.cost for s in exploration.solutions if s.minimum]
     if answer.status is Status.NOT_VERIFIED and confirmed:
         message = f"{answer.message}; the best minimum that is confirmed costs {min(confirmed):.6g}"
         answer = replace(answer, message=message)
     return replace(
         answer,
-        starts=len(found.starts),
-        found=found.found[i] if i < len(found.found) else 0,
-        others=found.others(i),
-        seconds={"build": problem.kernels.seconds, "explore": spent}
-        | {"guess": 0.0, "solve": 0.0}
-        | dict(answer.seconds),
+        starts=len(exploration.starts),
+        found=exploration.ranked[i].minimum.starts if i < len(exploration.ranked) else 0,
+        others=exploration.others(i),
+        seconds=spent | {"guess": 0.0, "solve": 0.0} | dict(answer.seconds),
     )
+
+
+def _best_of(
+    problem: Problem, minima: Sequence[Solution], request: Request
+) -> tuple[Solution | None, int]:
+    """The answer from the first of some ranked minima that leads to one, with its number; else that
+    from the first of all."""
+    first = None
+    for i, start in enumerate(minima):
+        answer = _from_minimum(problem, start, request)
+        # On the ranking mesh it is settled that the first one is the best, confirmed or not.
+        settled = not start.minimum and on_mesh_of(problem, start)
+        if answer.minimum or settled or answer.status in (Status.INTERRUPTED, Status.TIME_LIMIT):
+            return answer, i
+        first = first or answer
+    return first, 0
 
 
 def interrupted(problem: Problem, guess: Given, request: Request) -> Solution:
     """The answer where Ctrl-C has come before there was one."""
-    stopped = replace(request, options=replace(request.options, iterations=1), verify=False)
+    stopped = replace(request.within(iterations=1), verify=False)
     status = Status.INTERRUPTED
     return replace(solved_on_mesh(problem, guess, stopped), status=status, message=status.sentence)
 
@@ -73,13 +78,12 @@ def _without_start(problem: Problem, guess: Given, request: Request) -> Solution
     method, which takes a hundredth of the time that SLSQP takes to find it out."""
     method = request.method
     if method.falls_back_on:
-        silent = replace(request.options, progress=None)
-        compiled = replace(request, method=METHODS[method.falls_back_on], options=silent)
-        found = solved_on_mesh(problem, guess, compiled)
-        if found.status in (Status.INFEASIBLE, Status.INTERRUPTED):
-            told = f"{found.message}; {compiled.method.name} told it, {method.name} was not tried"
-            return replace(found, message=told)
-        guess = found if found.minimum else guess
+        compiled = request.compiled(problem)
+        s = solved_on_mesh(problem, guess, compiled)
+        if s.status in (Status.INFEASIBLE, Status.INTERRUPTED):
+            message = f"{s.message}; {compiled.method.name} told it, {method.name} was not tried"
+            return replace(s, message=message)
+        guess = s if s.minimum else guess
     return solved_on_mesh(problem, guess, request)
 
 
@@ -87,41 +91,38 @@ def on_coarse_mesh(problem: Problem, guess: Given) -> dict[str, Array]:
     """A guess that was given on the coarse mesh, by name."""
     if guess is None:
         return {}
-    x = starts_of(problem, guess).points[0]
-    return {"given": on_mesh(coarse_of(problem), problem, x)}
-
-
-def meshed_as(problem: Problem, solution: Solution) -> Problem:
-    """The problem, on the mesh of a solution where it leaves its own open."""
-    return problem if problem.steps is not None else problem.meshed(solution.steps)
+    with np.errstate(all="ignore"):
+        x = starts_of(problem, guess).points[0]
+        return {"given": on_mesh(coarse_of(problem), problem, x)}
 
 
 def on_mesh_of(problem: Problem, solution: Solution) -> bool:
     return problem.steps is None or solution.steps == problem.phase_steps
 
 
-def _answer(problem: Problem, start: Solution, request: Request) -> Solution:
+def _from_minimum(problem: Problem, start: Solution, request: Request) -> Solution:
     """The solution from a minimum on the ranking mesh: itself where that is the problem's.
 
     SLSQP gets a minimum on the problem's own mesh: from others it may take many of its dense
     iterations to a point that is flat, as the switches of inputs at their limits are.
     """
     method = request.method
-    problem = meshed_as(problem, start)
-    as_asked = request.verify == request.ranks_checked and start.method == method.name
     if on_mesh_of(problem, start):
-        given = as_asked and request.options.progress is None
-        return start if given else solved_on_mesh(problem, start, request)
-    if method.falls_back_on:
-        silent = replace(request.options, progress=None)
-        compiled = METHODS[method.falls_back_on]
-        refined = solved_on_mesh(
-            problem, start, replace(request, method=compiled, options=silent, verify=False)
-        )
+        as_asked = request.verify == request.ranks_checked and start.method == method.name
+        if as_asked and request.options.progress is None:
+            return start
+    elif method.falls_back_on:
+        refined = solved_on_mesh(problem, start, replace(request.compiled(problem), verify=False))
         if refined.status is Status.INTERRUPTED:
             return refined
         start = refined if refined.minimum else start
-    return solved_on_mesh(problem, start, request)
+    return solved_from(problem, start, request)
+
+
+def solved_from(problem: Problem, motion: Solution, request: Request) -> Solution:
+    """Solve from a motion, on its mesh where the problem leaves its own open."""
+    mesh = problem if problem.steps is not None else problem.meshed(motion.steps)
+    return solved_on_mesh(mesh, motion, request)
 
 
 def solved_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution:
@@ -133,16 +134,16 @@ def solved_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution
         starts = starts_of(problem, guess, options.deadline)
         guessed = time.perf_counter()
         scale = scale_of(problem, starts.points[0], starts.minimum)
-        told = _in_units(options, scale.cost)
         programs = Programs(problem, scale, request.by_rates)
-        found = attempted(programs, starts, method, request.form, told)
+        limits = _in_units(options, scale.cost)
+        attempt = attempted(programs, starts, method, request.form, limits)
         solved = time.perf_counter()
         seconds = {
             "build": problem.kernels.seconds,
             "guess": guessed - begin,
             "solve": solved - guessed,
         }
-        solution = solution_of(found, method.name, seconds)
+        solution = solution_of(attempt, method.name, seconds)
     if not (request.verify and solution.minimum):
         return solution
     return checked(solution, options.deadline)

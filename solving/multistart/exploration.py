@@ -22,7 +22,7 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import Attempt
 from dmoc.solving.multistart.minima import Basin, cost_of, gathered
 from dmoc.solving.multistart.parallel import attempts_from, free_threads
-from dmoc.solving.multistart.ranking import merged, ranked
+from dmoc.solving.multistart.ranking import Ranked, merged, ranked
 from dmoc.solving.programs import Programs
 
 # Steps of a phase on the coarse mesh.  With 12, motions with many collisions mislead, and their
@@ -67,6 +67,10 @@ class Effort:
         All starts, where their number is given.
     by_rates : bool
         Whether the law of impact is stated in the rates of the gaps where minima are ranked, too.
+    seed : int
+        Of the random starts.
+    verifies : bool
+        Whether minima are checked by simulation before they are ranked.
     """
 
     first: int = 16
@@ -83,18 +87,18 @@ class Effort:
     guesses: int | None = None
     total: int | None = None
     by_rates: bool = False
+    seed: int = 0
+    verifies: bool = True
 
     @classmethod
-    def of(cls, starts: int | None) -> Effort:
+    def of(cls, starts: int | None, seed: int, verifies: bool = True) -> Effort:
         """As many starts as it seems to take, or a given number."""
-        if starts is None:
-            return cls()
-        return cls(widens=False, total=starts)
+        return cls(widens=starts is None, total=starts, seed=seed, verifies=verifies)
 
-    def agree(self, classes: Sequence[Basin], starts: int) -> bool:
+    def agree(self, minima: Sequence[Basin], starts: int) -> bool:
         """Whether so many of the starts, and of those with a minimum, have met the best one."""
-        best = _met_best(classes)
-        share = self.agreeing * sum(c.found for c in classes)
+        best = _met_best(minima)
+        share = self.agreeing * sum(basin.starts for basin in minima)
         return best > 0 and best >= max(share, self.leading * starts)
 
 
@@ -113,36 +117,35 @@ class Exploration:
 
     Attributes
     ----------
-    ranked : tuple of Solution
+    ranked : tuple of Ranked
         Minima on the ranking mesh, the best first: confirmed ones before others.
-    found : tuple of int
-        How many starts have led to each.
-    coarse : tuple of Minimum
+    coarse : tuple of Basin
         Minima that were not refined, or could not be.
     starts : tuple of Start
     """
 
-    ranked: tuple[Solution, ...]
-    found: tuple[int, ...]
-    coarse: tuple[Minimum, ...]
+    ranked: tuple[Ranked, ...]
+    coarse: tuple[Basin, ...]
     starts: tuple[Start, ...]
+
+    @property
+    def solutions(self) -> tuple[Solution, ...]:
+        return tuple(r.solution for r in self.ranked)
 
     def others(self, best: int) -> tuple[Minimum, ...]:
         """The minima other than the answer, the cheapest first."""
-        refined = [
-            Minimum(s.cost, n, s.status, s.steps)
-            for i, (s, n) in enumerate(zip(self.ranked, self.found, strict=True))
-            if i != best
-        ]
-        return tuple(sorted((*refined, *self.coarse), key=lambda m: m.cost))
+        others = [Minimum(c.cost, c.starts, None, c.problem.phase_steps) for c in self.coarse]
+        for i, r in enumerate(self.ranked):
+            if i != best:
+                s = r.solution
+                others.append(Minimum(s.cost, r.minimum.starts, s.status, s.steps))
+        return tuple(sorted(others, key=lambda m: m.cost))
 
 
 def explored(
     problem: Problem,
     effort: Effort,
-    seed: int,
     options: Options,
-    verify: bool = True,
     points: Mapping[str, Array] | None = None,
 ) -> Exploration:
     """Look for minima from many starts.
@@ -152,12 +155,8 @@ def explored(
     problem : Problem
         With compiled kernels.
     effort : Effort
-    seed : int
-        Of the random starts.
     options : Options
         Tolerances of the minima, and limits: half of the time is for the starts.
-    verify : bool
-        Whether minima are checked by simulation before they are ranked.
     points : mapping of str to array, optional
         Further starts by name, unknowns of the problem on :func:`coarse_of` mesh.
 
@@ -168,11 +167,10 @@ def explored(
     """
     options = replace(options, progress=None)
     half = replace(options, deadline=options.deadline.share(0.5))
-    minima, starts = _minima(problem, effort, seed, half, points or {})
-    ordered, left = ranked(problem, minima, (effort, verify), options, half.deadline)
-    coarse = tuple(Minimum(c.cost, c.found, None, c.attempt.nlp.problem.phase_steps) for c in left)
-    solutions, found = tuple(s for s, _ in ordered), tuple(n for _, n in ordered)
-    return Exploration(solutions, found, coarse, tuple(starts))
+    with np.errstate(all="ignore"):
+        minima, starts = _minima(problem, effort, half, points or {})
+        refined, coarse = ranked(problem, minima, effort, options, half.deadline)
+    return Exploration(tuple(refined), tuple(coarse), tuple(starts))
 
 
 def coarse_of(problem: Problem) -> Problem:
@@ -184,11 +182,7 @@ def coarse_of(problem: Problem) -> Problem:
 
 
 def _minima(
-    problem: Problem,
-    effort: Effort,
-    seed: int,
-    options: Options,
-    points: Mapping[str, Array],
+    problem: Problem, effort: Effort, options: Options, points: Mapping[str, Array]
 ) -> tuple[list[Basin], list[Start]]:
     """Distinct minima on the coarse mesh, the cheapest first, and the starts."""
     coarse = coarse_of(problem)
@@ -203,48 +197,43 @@ def _minima(
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     scale = scale_of(coarse, next(iter(named.values())))
     programs = [Programs(coarse, scale, by_rates) for _ in range(free_threads())]
-    classes: list[Basin] = []
-    starts: list[Start] = []
+    minima, starts = list[Basin](), list[Start]()
     begin, ends = 0, [0, effort.first, effort.most, effort.more]
     if effort.total is not None:
         ends = [max(effort.total - len(named), 0)]
     for end in ends:
         numbers = range(begin, max(end, begin))
-        x = random_motions(coarse, guesses, natural, numbers, seed)
+        x = random_motions(coarse, guesses, natural, numbers, effort.seed)
         named |= {f"random {k + 1}": x_k for k, x_k in zip(numbers, x, strict=True)}
         attempts = attempts_from(programs, list(named.values()), few)
         starts += [_start(name, a) for name, a in zip(named, attempts, strict=False)]
-        classes = gathered(classes, attempts)
-        agreed = effort.agree(classes, len(starts))
-        if not agreed and 0 < end == effort.first and 1 < len(classes) <= FEW:
-            agreed = effort.agree(merged(problem, classes, few, effort.by_rates), len(starts))
-        met = _met_best(classes) >= effort.often
+        minima = gathered(minima, attempts)
+        agreed = effort.agree(minima, len(starts))
+        if not agreed and 0 < end == effort.first and 1 < len(minima) <= FEW:
+            agreed = effort.agree(merged(problem, minima, few, effort.by_rates), len(starts))
+        met = _met_best(minima) >= effort.often
         enough = (met and end >= effort.most) or (agreed and end >= effort.first)
         if enough or len(attempts) < len(named):
             break
         named, begin = {}, numbers.stop
-    if not classes and effort.widens:
-        classes = _continued(coarse, by_rates, natural, seed, few)
-    return classes, starts
+    if not minima and effort.widens:
+        minima = _tightened(coarse, by_rates, natural, effort.seed, few)
+    return minima, starts
 
 
-def _met_best(classes: Sequence[Basin]) -> int:
+def _met_best(minima: Sequence[Basin]) -> int:
     """Starts that have met the least cost, whatever the durations: where a motion may wait, many
     minima cost the same."""
-    return sum(c.found for c in classes if c.costs_as(classes[0]))
+    return sum(basin.starts for basin in minima if basin.costs_as(minima[0]))
 
 
 def _start(name: str, attempt: Attempt) -> Start:
-    solved = attempt.outcome.status is Status.SOLVED
-    return Start(name, attempt.outcome.status, cost_of(attempt) if solved else None)
+    solved = attempt.status is Status.SOLVED
+    return Start(name, attempt.status, cost_of(attempt) if solved else None)
 
 
-def _continued(
-    coarse: Problem,
-    by_rates: bool,
-    natural: float,
-    seed: int,
-    options: Options,
+def _tightened(
+    coarse: Problem, by_rates: bool, natural: float, seed: int, options: Options
 ) -> list[Basin]:
     """Minima that are left when wide limits of the inputs are tightened step by step."""
     if not np.isfinite(coarse.input_bounds).any():
@@ -253,15 +242,15 @@ def _continued(
     points = [g.x for g in initial_guesses(wide, options.deadline, by_rates)]
     scale = scale_of(wide, points[0])
     points += list(random_motions(wide, points, natural, range(WIDE_STARTS), seed))
-    classes: list[Basin] = []
+    minima = list[Basin]()
     for factor in WIDER:
         tightened = _widened(coarse, factor)
         programs = [Programs(tightened, scale, by_rates) for _ in range(free_threads())]
-        classes = gathered([], attempts_from(programs, points, options))
-        points = [c.attempt.nlp.physical(c.attempt.outcome.x) for c in classes[:FOLLOWED]]
+        minima = gathered([], attempts_from(programs, points, options))
+        points = [b.attempt.nlp.physical(b.attempt.outcome.x) for b in minima[:FOLLOWED]]
         if not points:
             break
-    return classes
+    return minima
 
 
 def _widened(problem: Problem, factor: float) -> Problem:

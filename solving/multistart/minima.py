@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
 from dmoc.solvers.outcome import Status
 from dmoc.solving.attempts import Attempt
 
@@ -17,18 +18,28 @@ SAME_COST, SAME_TIMES = 1e-5, 1e-3
 
 @dataclass(frozen=True)
 class Basin:
-    """Attempts that ended in the same minimum: the first one, how many, its cost in units."""
+    """Starts that led to the same minimum: the attempt of the first one, its cost and durations in
+    units, and how many they are."""
 
     attempt: Attempt
     cost: float
     durations: Array
-    found: int = 1
+    starts: int = 1
 
     @classmethod
     def of(cls, attempt: Attempt) -> Basin:
         nlp, x = attempt.nlp, attempt.outcome.x
         h = nlp.physical(x)[nlp.layout.index_h]
         return cls(attempt, cost_of(attempt), h * np.array(nlp.layout.steps))
+
+    @property
+    def problem(self) -> Problem:
+        """The problem on the mesh of the minimum."""
+        return self.attempt.nlp.problem
+
+    def met_by(self, starts: int) -> Basin:
+        """The same with more starts."""
+        return replace(self, starts=self.starts + starts)
 
     def costs_as(self, other: Basin) -> bool:
         """Whether both cost the same, compared with the size of the cost."""
@@ -50,18 +61,17 @@ def cost_of(attempt: Attempt) -> float:
     return attempt.nlp.cost(attempt.outcome.x) * attempt.nlp.scale.cost
 
 
-def gathered(classes: list[Basin], attempts: Sequence[Attempt]) -> list[Basin]:
+def gathered(minima: list[Basin], attempts: Sequence[Attempt]) -> list[Basin]:
     """The distinct minima, the cheapest first, with some attempts more."""
     for attempt in attempts:
-        if attempt.outcome.status is Status.SOLVED:
-            classes = joined(classes, Basin.of(attempt))
-    return classes
+        if attempt.status is Status.SOLVED:
+            minima = joined(minima, Basin.of(attempt))
+    return minima
 
 
-def joined(classes: list[Basin], found: Basin) -> list[Basin]:
-    """The distinct minima, the cheapest first, with one more and those who found it."""
-    for i, known in enumerate(classes):
-        if known.same(found):
-            more = replace(known, found=known.found + found.found)
-            return [*classes[:i], more, *classes[i + 1 :]]
-    return sorted([*classes, found], key=lambda c: c.cost)
+def joined(minima: list[Basin], new: Basin) -> list[Basin]:
+    """The distinct minima, the cheapest first, with one more and the starts that led to it."""
+    for i, basin in enumerate(minima):
+        if basin.same(new):
+            return [*minima[:i], basin.met_by(new.starts), *minima[i + 1 :]]
+    return sorted([*minima, new], key=lambda basin: basin.cost)

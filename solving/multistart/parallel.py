@@ -14,11 +14,9 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.solvers.outcome import Options, Status
-from dmoc.solving.attempts import Attempt, Minimise, minimised
-from dmoc.solving.methods import METHODS
+from dmoc.solving.attempts import Attempt, LocalSolver
 from dmoc.solving.programs import Programs
 
-COMPILED_METHOD = METHODS["ipm"]
 MOST_THREADS = 8
 
 
@@ -30,12 +28,6 @@ def free_threads() -> int:
     if not (alone and threading.current_thread() is threading.main_thread()):
         return 1
     return min(len(os.sched_getaffinity(0)), MOST_THREADS)
-
-
-def compiled() -> Minimise:
-    """The compiled method, from a start without multipliers."""
-    driver = COMPILED_METHOD.minimise()
-    return lambda nlp, x, options: driver(nlp, x, options, None)
 
 
 def attempts_from(
@@ -61,10 +53,9 @@ def attempts_from(
 
     with ThreadPoolExecutor(count) as pool:
         try:
-            found = list(pool.map(every, range(count)))
+            rows = zip_longest(*pool.map(every, range(count)))
         finally:
             stopped.set()
-    rows = zip_longest(*found)
     return list(takewhile(lambda a: a is not None, chain.from_iterable(rows)))
 
 
@@ -75,12 +66,11 @@ def _solved(
     stopped: threading.Event,
 ) -> list[Attempt]:
     """Attempts one after the other, until the deadline or an event."""
-    nlp, minimise, found = programs.program(), compiled(), []
+    nlp, solver, attempts = programs.program(), LocalSolver.compiled(programs), list[Attempt]()
     for x in points:
         if options.deadline.passed or stopped.is_set():
             break
-        attempt = minimised(programs, nlp, nlp.scaled(x), options, minimise)
-        if attempt.outcome.status is Status.INTERRUPTED:
+        attempts.append(solver.minimised(nlp, nlp.scaled(x), options))
+        if attempts[-1].status is Status.INTERRUPTED:
             raise KeyboardInterrupt
-        found.append(attempt)
-    return found
+    return attempts

@@ -35,7 +35,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 # What one start has led to: nothing.
-NOTHING = Exploration((), (), (), (Start("automatic 1", Status.INFEASIBLE, None),))
+NOTHING = Exploration((), (), (Start("automatic 1", Status.INFEASIBLE, None),))
 
 
 def no_violation(

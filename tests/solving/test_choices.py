@@ -4,7 +4,7 @@ minimal times that were only estimated."""
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -19,10 +19,11 @@ from dmoc.program.scaling import scale_of
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.outcome import Duals, Options, Outcome, Residuals, Status
 from dmoc.solving import attempts
-from dmoc.solving.hit_words import _Tries
+from dmoc.solving.attempts import LocalSolver
 from dmoc.solving.multistart.exploration import Effort
 from dmoc.solving.multistart.minima import Basin
-from dmoc.solving.multistart.ranking import _Ranked
+from dmoc.solving.multistart.ranking import Ranked
+from dmoc.solving.open_hits import _Tries
 
 NONE = np.zeros(0)
 
@@ -40,12 +41,12 @@ def test_starts_agree_where_most_minima_and_enough_starts_are_the_best() -> None
 
 
 def test_a_collision_without_effect_ranks_behind_a_dearer_one_with_it() -> None:
-    def ranked(status: Status, cost: float) -> _Ranked:
+    def ranked(status: Status, cost: float) -> Ranked:
         solution: Any = SimpleNamespace(status=status, cost=cost)
         minimum: Any = None
-        return _Ranked(minimum, solution, 1, cost)
+        return Ranked(minimum, solution, cost)
 
-    best = sorted([ranked(Status.GRAZES, 1.0), ranked(Status.SOLVED, 2.0)], key=_Ranked.rank)[0]
+    best = sorted([ranked(Status.GRAZES, 1.0), ranked(Status.SOLVED, 2.0)], key=Ranked.rank)[0]
     assert best.solution.status is Status.SOLVED
 
 
@@ -54,7 +55,7 @@ def test_ways_that_are_confirmed_come_first_the_cheapest_before_others() -> None
         return SimpleNamespace(status=status, cost=cost)
 
     none: Any = None
-    ways = _Tries(none, none, Options(), ENDLESS)
+    ways = _Tries(none, none, none, ENDLESS)
     ways.tried |= {
         ("nothing",): None,
         ("doubtful",): tried(Status.NOT_VERIFIED, 0.5),
@@ -91,9 +92,9 @@ def test_the_collision_of_a_touch_is_taken_where_it_costs_less(
     monkeypatch.setattr(attempts, "suspects", lambda nlp, x: np.zeros(1, dtype=np.intp))
     monkeypatch.setattr(attempts, "pays", lambda nlp, outcome: True)
     monkeypatch.setattr(attempts, "pushed", lambda nlp, x, at: x)
-    nlp, programs = program(), SimpleNamespace(touches=lambda nlp, at: program())
+    nlp, programs = program(), cast(Any, SimpleNamespace(touches=lambda nlp, at: program()))
     method = Ends((1.0, 0.0), (1.5, 0.0), (collision, 0.0))
-    found = attempts.minimised(programs, nlp, np.ones(1), Options(), method)  # type: ignore[arg-type]
+    found = LocalSolver(programs, method).minimised(nlp, np.ones(1), Options())
     assert found.outcome.x == cost and found.outcome.iterations == 3
     assert method.programs[2] is found.nlp is nlp
 
@@ -105,9 +106,9 @@ def test_an_estimated_minimal_time_that_holds_a_solution_is_dropped(
     timed, free = program(timed=True), program()
     programs: Any = SimpleNamespace(free=lambda nlp: free)
     method = Ends((2.0, 0.3), (1.0, 0.0))
-    found = attempts.minimised(programs, timed, np.ones(1), Options(), method)
+    found = LocalSolver(programs, method).minimised(timed, np.ones(1), Options())
     assert found.nlp is free and found.outcome.x == 1.0
-    kept = attempts.minimised(programs, timed, np.ones(1), Options(), Ends((2.0, 0.0)))
+    kept = LocalSolver(programs, Ends((2.0, 0.0))).minimised(timed, np.ones(1), Options())
     assert kept.nlp is timed
 
 

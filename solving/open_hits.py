@@ -10,17 +10,21 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 
 from dmoc.base.deadline import Deadline
-from dmoc.codegen.kernels import Array
+from dmoc.codegen.kernels import COMPILED
 from dmoc.guess.hit_course import courses_at, states_before
 from dmoc.mechanics.modes import Course
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
-from dmoc.solvers.outcome import Options, Status
+from dmoc.solvers.outcome import Status
+from dmoc.solving.answer import answer_of
+from dmoc.solving.mesh.one_mesh import interrupted, on_coarse_mesh, solved_on_mesh
+from dmoc.solving.multistart.exploration import Effort, coarse_of, explored
+from dmoc.solving.request import Request
+from dmoc.solving.starts import Given, starts_of
 
 # Courses of all hits together that are tried at most, and those that follow each other's motions
 # before it is settled that these lead nowhere.
@@ -36,45 +40,42 @@ ENDING = (Status.INTERRUPTED, Status.TIME_LIMIT)
 Words = tuple[str, ...]
 
 
-class Solving(Protocol):
-    """Solves the problem of one way within limits: as is asked for, or on a coarse mesh,
-    from few starts, which may lead to nothing, or from the guess alone; and gives its guess."""
-
-    def thorough(self, way: Problem, options: Options) -> Solution: ...
-
-    def rough(self, way: Problem, options: Options, starts: int) -> Solution | None: ...
-
-    def alone(self, way: Problem, options: Options) -> Solution: ...
-
-    def start(self, way: Problem) -> Array: ...
-
-
 def first_way(problem: Problem) -> Problem:
     """The problem with some course of its hits."""
     return problem.but(sequence=[word for word, *_ in _words(problem)])
 
 
-def best_way(problem: Problem, solving: Solving, options: Options) -> Solution:
+def best_way(problem: Problem, guess: Given, request: Request) -> Solution:
     """The best solution among the courses of the hits with friction.
 
     Courses are solved from few starts on a coarse mesh; those that lead to a motion are solved
     as is asked for, the cheapest first, until one is confirmed.  Where none does, the course that
-    comes nearest to a motion from the guess is solved.  ``options`` limits all of this together.
+    comes nearest to a motion from the guess is solved.  The limits are those of all this together.
     """
-    tries = _Tries(problem, solving, options, options.deadline.share(SHARE))
+    try:
+        return _best_way(problem, guess, request)
+    except KeyboardInterrupt:
+        return interrupted(first_way(problem), guess, request)
+
+
+def _best_way(problem: Problem, guess: Given, request: Request) -> Solution:
+    options = request.options
+    tries = _Tries(problem, guess, request, options.deadline.share(SHARE))
     tries.follow_the_law()
     tries.change_single_ones()
     if not tries.good:
         tries.enumerate()
     spent, answers, ended = tries.spent, list[Solution](), False
     for words in sorted(tries.good, key=tries.rank) or [tries.nearest()]:
-        answers.append(solving.thorough(problem.but(sequence=words), options.after(spent)))
+        left = replace(request, options=options.after(spent))
+        answers.append(answer_of(problem.but(sequence=words), guess, left))
         spent += answers[-1].iterations
         ended = answers[-1].status in (*CONFIRMED, *ENDING)
         if ended or spent >= options.iterations:
             break
     answer = answers[-1 if ended else 0]
-    return _told(replace(answer, iterations=spent), len(tries.good), len(tries.tried))
+    told = _ways_in_words(answer, len(tries.good), len(tries.tried))
+    return replace(answer, iterations=spent, message=f"{answer.message}; {told}")
 
 
 @dataclass
@@ -94,8 +95,8 @@ class _Tries:
     """
 
     problem: Problem
-    solving: Solving
-    options: Options
+    guess: Given
+    request: Request
     deadline: Deadline
     tried: dict[Words, Solution | None] = field(default_factory=dict)
     near: dict[Words, Solution] = field(default_factory=dict)
@@ -114,7 +115,8 @@ class _Tries:
         """Try the courses that the law takes in the guess, and then, as long as they lead to no
         motion, those that it takes where they end."""
         way = first_way(self.problem)
-        words = _said(self.problem, courses_at(way, states_before(way, self.solving.start(way))))
+        x = starts_of(way, self.guess).points[0]
+        words = _said(self.problem, courses_at(way, states_before(way, x)))
         for _ in range(LAPS):
             if words in self.tried or self._try(words, STARTS) is not None or not self._goes_on:
                 return
@@ -156,23 +158,42 @@ class _Tries:
     def _goes_on(self) -> bool:
         return len(self.tried) < MOST_WAYS and not self.deadline.passed
 
-    def _limits(self) -> Options:
-        left = self.options.after(self.spent)
-        return replace(left, deadline=left.deadline.share(SHARE))
+    def _within_share(self) -> Request:
+        """What one try may take."""
+        left = self.request.options.after(self.spent)
+        return replace(self.request, options=left).within(deadline=left.deadline.share(SHARE))
 
     def _try(self, words: Words, starts: int = FEW) -> Solution | None:
-        # A start has its own limit of iterations.
-        limits = replace(self._limits(), iterations=self.options.iterations)
-        self.tried[words] = self.solving.rough(self.problem.but(sequence=words), limits, starts)
+        """The best minimum on a coarse mesh, from some starts; a start has its own limit of
+        iterations."""
+        way, request = self.problem.but(sequence=words), self._within_share()
+        request = request.within(iterations=self.request.options.iterations)
+        if way.kernels.backend == COMPILED:
+            effort = Effort.of(min(request.starts or starts, starts), request.seed)
+            points = on_coarse_mesh(way, self.guess)
+            minima = explored(coarse_of(way), effort, request.options, points).solutions
+            self.tried[words] = minima[0] if minima else None
+        else:
+            s = self._from_guess(way, request)
+            self.tried[words] = s if s.minimum else None
         return self.tried[words]
 
     def _alone(self, words: Words) -> Solution:
+        """Where the guess alone leads."""
         if words not in self.near:
-            limits = self._limits()
-            few = replace(limits, iterations=max(limits.iterations // (2 * LAPS), 1))
-            self.near[words] = self.solving.alone(self.problem.but(sequence=words), few)
+            request = self._within_share()
+            few = max(request.options.iterations // (2 * LAPS), 1)
+            way = self.problem.but(sequence=words)
+            self.near[words] = self._from_guess(way, request.within(iterations=few))
             self.spent += self.near[words].iterations
         return self.near[words]
+
+    def _from_guess(self, way: Problem, request: Request) -> Solution:
+        guess = on_coarse_mesh(way, self.guess).get("given")
+        s = solved_on_mesh(coarse_of(way), guess, request)
+        if s.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        return s
 
 
 def _words(problem: Problem) -> list[list[str]]:
@@ -191,14 +212,13 @@ def _said(problem: Problem, courses: Mapping[int, Course]) -> Words:
     return tuple(said())
 
 
-def _told(answer: Solution, good: int, ways: int) -> Solution:
-    """The answer with what is known of the other courses."""
+def _ways_in_words(answer: Solution, good: int, ways: int) -> str:
+    """What is known of the other courses."""
     words = ", ".join(c.word for c in answer.collisions)
     if not good:
-        told = (
+        return (
             f"none of {ways} ways through the hits with friction led to a motion; this is {words}"
         )
-    else:
-        told = f"{good} of {ways} ways through the hits with friction led to a motion, the best is"
-        told += f" {words}"
-    return replace(answer, message=f"{answer.message}; {told}")
+    return (
+        f"{good} of {ways} ways through the hits with friction led to a motion, the best is {words}"
+    )

@@ -1,0 +1,101 @@
+"""The answer to a problem: on its mesh or to a tolerance, with what can be told of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+from dmoc.problem.problem import Problem
+from dmoc.results.solution import Solution
+from dmoc.solvers.outcome import Status
+from dmoc.solving.checked_solution import checked
+from dmoc.solving.indeterminacy import telling, undetermined
+from dmoc.solving.mesh.confirmation import naming_steps
+from dmoc.solving.mesh.one_mesh import best_on_mesh, on_mesh_of, solved_from, solved_on_mesh
+from dmoc.solving.mesh.refinement import refined
+from dmoc.solving.request import Request
+from dmoc.solving.sliding_reversals import naming_turns
+from dmoc.solving.starts import Given
+from dmoc.solving.unbounded_cost import bounded
+
+# Starts of another sequence, of which it is asked whether it leads to a motion.
+FEW = 16
+# Iterations on a mesh that begins with the motion of a coarser one: more lead elsewhere.
+FROM_COARSE = 300
+# A mesh is solved to the tolerance of a refinement, but not below what rounding allows; the barrier
+# may be driven further down.
+BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
+
+
+def answer_of(problem: Problem, guess: Given, request: Request) -> Solution:
+    """Solve on the mesh of the problem, or to a tolerance."""
+    if request.starts is None and guess is not None:
+        request = replace(request, starts=1)
+    tolerance, of_mesh = request.tolerance, request
+    if tolerance is not None:
+        base = min(request.options.optimality, max(tolerance, BASE_OPTIMALITY))
+        of_mesh = replace(request.within(optimality=base), verify=False)
+    best = best_on_mesh(problem, guess, of_mesh)
+    further = of_mesh.compiled(problem)
+
+    def solve(verify: bool, problem: Problem, motion: Solution) -> Solution:
+        return solved_from(problem, motion, replace(further, verify=verify))
+
+    answer = bounded(problem, best, partial(solve, False))
+    if tolerance is None:
+        answer = naming_steps(problem, answer, partial(solve, True))
+    elif answer is best:
+        answer = _refined(problem, guess, of_mesh, best)
+    if answer.minimum and problem.lasting and problem.phases > 1:
+        sentence = undetermined(problem.meshed(answer.steps), answer)
+        answer = replace(answer, message=telling(answer.message, sentence))
+    if answer.starts:
+        answer = replace(answer, message=f"{answer.message}; {_starts_in_words(answer)}")
+
+    def few(problem: Problem) -> Solution:
+        return best_on_mesh(problem, None, replace(request.compiled(problem), starts=FEW))
+
+    answer = naming_turns(problem, answer, few, request.options.deadline)
+    if answer.proposal is None:
+        return answer
+    return replace(answer, message=f"{answer.message}; {answer.proposal}")
+
+
+def _refined(problem: Problem, guess: Given, request: Request, first: Solution) -> Solution:
+    """Solve on finer and finer meshes to a tolerance, from what the first one has led to; a larger
+    error is a solution too where they do not lead there."""
+    tolerance, options, steps = request.tolerance or 0.0, request.options, problem.phase_steps
+
+    def on_mesh(problem: Problem, coarse: Solution | None, sharper: float | None) -> Solution:
+        if coarse is None and sharper is None and problem.phase_steps == steps:
+            return first
+        optimality = options.optimality if sharper is None else max(sharper, LEAST_OPTIMALITY)
+        now = request.within(optimality=optimality)
+        motion = coarse or (first if first.minimum and on_mesh_of(problem, first) else None)
+        if motion is None:  # many starts have led nowhere, and begin on the same coarse mesh
+            return solved_on_mesh(problem, guess, now)
+        few = now.within(iterations=min(options.iterations, FROM_COARSE))
+        return solved_from(problem, motion, few)
+
+    check = partial(checked, deadline=options.deadline)
+    answer = refined(problem, tolerance, options.deadline, on_mesh, check)
+    answer = replace(answer, starts=first.starts, found=first.found, others=first.others)
+    confirmed = answer.verification is not None and answer.verification.passed
+    near = answer.error_estimate is not None and answer.error_estimate <= request.loose
+    if answer.status is Status.NOT_VERIFIED and confirmed and near:
+        status = Status.GRAZES if any(c.grazes for c in answer.collisions) else Status.SOLVED
+        message = f"a local minimum was found, confirmed by simulation; {answer.message}"
+        answer = replace(answer, status=status, message=message)
+    return answer
+
+
+def _starts_in_words(s: Solution) -> str:
+    """What the starts have led to."""
+    several, other = len(s.others), "other " if s.found else ""
+    minima = f"one {other}minimum" if several == 1 else f"{several} {other}minima"
+    if s.found:
+        others = f"others to {minima}" if several else "none to another one"
+        return f"{s.found} of {s.starts} starts led to it, {others}"
+    if several:
+        return f"{s.starts} starts led to {minima} on a coarse mesh alone"
+    return f"none of {s.starts} starts on a coarse mesh led to a motion"
