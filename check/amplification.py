@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
-from dmoc.check.contact_law import after_event, event_of
 from dmoc.check.segments import PERTURBED, Segment
 from dmoc.codegen.kernels import Array
 
@@ -37,17 +36,14 @@ class Carried:
         return float(np.nan_to_num(self.deviations[-1], nan=np.inf).max())
 
 
-def carried(
-    motion: Motion, segments: Sequence[Segment], through: Callable[[Motion, int, Array], Array]
-) -> Carried:
-    """Carry the errors of segments to the ends of those that follow; ``through`` is the derivative
-    of the state after an event by that before it."""
+def carried(motion: Motion, segments: Sequence[Segment]) -> Carried:
+    """Carry the errors of segments to the ends of those that follow."""
     unit = np.concatenate([motion.sizes.q, motion.sizes.v])
     slopes = [segment.slope / unit[:, None] * unit for segment in segments]
     deviations, errors = [], np.zeros((len(unit), 0))
     product, products = np.eye(len(unit)), [np.eye(len(unit))]
     events = [
-        through(motion, one.phase, unit) if one.phase < other.phase else None
+        event_slope(motion, one.phase, unit) if one.phase < other.phase else None
         for one, other in pairwise(segments)
     ]
     for segment, slope, event in zip(segments, slopes, [*events, None], strict=True):
@@ -81,40 +77,22 @@ def _phase_error(parts: Sequence[tuple[Segment, Array]], unit: Array) -> float:
     return float(np.nan_to_num(np.abs(off).max(), nan=np.inf)) / max(1.0, most / STEADY)
 
 
-def saltation(motion: Motion, i: int, unit: Array) -> Array:
-    """Derivative of the state after a collision, at its planned time, with respect to the state
-    before it, in sizes."""
-    trajectory, flow, nq = motion.trajectory, motion.flow, motion.model.nq
-    c, before, after = trajectory.collisions[i], trajectory.phases[i], trajectory.phases[i + 1]
-    j, t = motion.model.kernels.surfaces.index(c.surface), c.time
-    slope = motion.model.gap_slopes(before.q[-1], t)[j]
-    rate = float(slope[:nq] @ before.v[-1] + slope[nq])
-    if c.grazes or not rate > 0:
-        return np.eye(2 * nq)
-    ends = (
-        (before, -1, motion.steps[i].u1[-1]),
-        (after, 0, motion.steps[i + 1].u0[0]),
-    )
-    a = [motion.model.acceleration(p.q[k], p.v[k], u, t) for p, k, u in ends]
-
-    def through(y: Array) -> Array:
-        q, v = y[:, :nq], y[:, nq:]
-        late = -((q - before.q[-1]) @ slope[:nq])[:, None] / rate  # until the surface is met
-        q, v = q + late * v, v + late * a[0]
-        v = flow.planned_impact(c, q, v)[0]
-        return np.hstack([q - late * v, v - late * a[1]])
-
-    y = np.concatenate([before.q[-1], before.v[-1]])
-    changes = PERTURBED * np.diag(unit)
-    return (through(y + changes) - through(y - changes)).T / (2 * PERTURBED * unit[:, None])
-
-
 def event_slope(motion: Motion, i: int, unit: Array) -> Array:
     """Derivative of the state after an event, at its planned time, by the state before it, in
-    sizes."""
-    phase, nq = motion.trajectory.phases[i], motion.model.nq
-    start = np.concatenate([phase.q[-1], phase.v[-1]])
+    sizes.  A collision happens where its surface is met; events between modes, at their time."""
+    p, model, nq = motion.passages[i], motion.model, motion.model.nq
+    start = np.concatenate([p.before.q[-1], p.before.v[-1]])
     rows = start + PERTURBED * np.vstack([np.diag(unit), -np.diag(unit)])
-    q, v = (np.ascontiguousarray(rows[:, k * nq : (k + 1) * nq]) for k in (0, 1))
-    ends = np.hstack([q, after_event(motion, event_of(motion, i), q, v, phase.t[-1]).velocity])
+    q, v = (np.ascontiguousarray(part) for part in np.hsplit(rows, 2))
+    late, a = np.zeros((len(q), 1)), np.zeros((2, nq))
+    if not motion.has_modes:
+        j = model.kernels.surfaces.index(p.c.surface)
+        if p.c.grazes or not p.rates[0, j] > 0:
+            return np.eye(2 * nq)
+        late = -((q - p.before.q[-1]) @ p.normals[j])[:, None] / p.rates[0, j]
+        sides = (p.before, -1, motion.steps[i].u1[-1]), (p.after, 0, motion.steps[i + 1].u0[0])
+        a = np.array([model.acceleration(x.q[k], x.v[k], u, p.c.time) for x, k, u in sides])
+    q, v = q + late * v, v + late * a[0]
+    v = p.after_law(q, v).velocity
+    ends = np.hstack([q - late * v, v - late * a[1]])
     return np.asarray((ends[: 2 * nq] - ends[2 * nq :]).T / (2 * PERTURBED * unit[:, None]))

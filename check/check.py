@@ -10,7 +10,9 @@ there by the linearised flow.
 Where the motion itself lies on a surface, held there by its inputs, a simulation may enter the
 surface by a little.
 
-A motion with lasting contacts or friction is checked in :mod:`dmoc.check.contact_check`.
+With lasting contacts or friction the flow is that of the planned modes
+(:mod:`dmoc.check.planned_run`), and contact forces and what contacts can bear are compared too
+(:mod:`dmoc.check.contact_forces`).
 """
 
 from __future__ import annotations
@@ -20,13 +22,15 @@ import numpy as np
 from dmoc.base.arguments import positive, shown
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import SimulationError
-from dmoc.check.amplification import carried, saltation
+from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion
-from dmoc.check.contact_check import judged_with_contacts
+from dmoc.check.contact_forces import force_errors
+from dmoc.check.events import event_errors
 from dmoc.check.joins import torn
-from dmoc.check.judgement import Evidence, judged, measured
-from dmoc.check.measures import energy_error, impact_errors, wrong_places
-from dmoc.check.runs import departures, on_the_way, open_loop
+from dmoc.check.judgement import FORCE, Evidence, judged, measured
+from dmoc.check.measures import wrong_places
+from dmoc.check.planned_run import planned_run
+from dmoc.check.runs import open_run
 from dmoc.check.segments import segments, step_errors
 from dmoc.check.verdict import Verification
 from dmoc.codegen.kernels import Kernels
@@ -96,19 +100,16 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
         expected = "expected a positive time limit, or None"
         seconds = positive(seconds, "seconds", expected, SimulationError)
     with np.errstate(all="ignore"):
-        motion = Motion.of(trajectory, kernels, Deadline.after(seconds))
-        return judged_with_contacts(motion) if motion.has_modes else _judged(motion)
+        return _judged(Motion.of(trajectory, kernels, Deadline.after(seconds)))
 
 
 def _judged(motion: Motion) -> Verification:
     """Measure a motion and judge it."""
     steps, parts = step_errors(motion), segments(motion)
-    terminal, contacts = open_loop(motion)
-    flowed = carried(motion, parts, saltation)
-    events = energy_error(motion, steps.work), *impact_errors(motion)
-    errors = measured(motion, steps, parts, flowed, events)
-    told = torn(motion) + wrong_places(motion, "collision")
-    found = Evidence(told, errors, steps.path, parts, flowed, terminal, contacts)
-    run = departures(motion, contacts)
-    way = run if found.failures else departures(motion, on_the_way(motion))
-    return judged(motion, found, run, way)
+    forces, events = force_errors(motion), event_errors(motion, steps.work)
+    run = planned_run(motion, forces.sizes) if motion.has_modes else open_run(motion)
+    flowed = carried(motion, parts)
+    errors = measured(motion, steps, parts, flowed, events) | {FORCE: forces.largest}
+    sentences = [*torn(motion), *wrong_places(motion)]
+    sentences += [*forces.contradictions, *events.contradictions, *run.contradictions]
+    return judged(motion, Evidence(sentences, errors, steps.path, parts, flowed, run))

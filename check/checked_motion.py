@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,11 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
 from dmoc.check.arcs import allowance, arcs_of
+from dmoc.check.passages import Passage, passage_of
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row, restitution_row
-from dmoc.motion.trajectory import Collision, Phase, Trajectory
+from dmoc.motion.trajectory import Phase, Trajectory
 from dmoc.simulation.contact_modes import RAIL, Mode, mode_of, supports
 from dmoc.simulation.flow import Flow, Steps
 from dmoc.simulation.sizes import Sizes, sizes_of
@@ -89,11 +90,13 @@ class Motion:
         flow = Flow(model, sizes, restitution, allowed, check_time)
         return cls(trajectory, model, sizes, flow, tuple(steps), modes, check_time)
 
-    @property
-    def events(self) -> Iterator[tuple[Collision, Phase, Phase]]:
-        """The events with the phases before and after them."""
-        phases = self.trajectory.phases
-        return zip(self.trajectory.collisions, phases, phases[1:], strict=False)
+    @cached_property
+    def passages(self) -> tuple[Passage, ...]:
+        """What joins the phases."""
+        joined = zip(self.trajectory.collisions, pairwise(self.trajectory.phases), strict=True)
+        parts = zip(joined, self.modes[1:], strict=True)
+        restitution = self.flow.restitution
+        return tuple(passage_of(self.model, restitution, *part, own) for part, own in parts)
 
     @cached_property
     def nodes_inside(self) -> Array:
@@ -108,8 +111,18 @@ class Motion:
 
     @cached_property
     def has_modes(self) -> bool:
-        """Whether contacts last or something rubs."""
-        return _has_modes(self.trajectory, self.model)
+        """Whether contacts last or something rubs, or should: rails do always, and surfaces with
+        friction where they are hit."""
+        trajectory, at = self.trajectory, supports(self.model.kernels)
+        hit = {
+            self.model.kernels.surfaces.index(c.surface) for c in trajectory.collisions if c.surface
+        }
+        rubs = np.array([j == RAIL or j in hit for j in at], dtype=bool)
+        return (
+            not all(phase.free for phase in trajectory.phases)
+            or any(c.lands or c.leaves or not c.surface for c in trajectory.collisions)
+            or bool((rubs & (self.model.friction > 0)).any())
+        )
 
     @cached_property
     def pieces(self) -> tuple[ModeSpan, ...]:
@@ -156,20 +169,6 @@ def _check_shapes(trajectory: Trajectory) -> None:
                     f"{name} of the phase from {phase.t[0]:.4g} s on has the shape "
                     f"{getattr(phase, name).shape}: expected {shape} for its {phase.steps} steps."
                 )
-
-
-def _has_modes(trajectory: Trajectory, model: Model) -> bool:
-    """Whether contacts last or something rubs in a motion, or should: rails do always, and
-    surfaces with friction where they are hit."""
-    hit = {c.surface for c in trajectory.collisions}
-    rubs = np.array(
-        [j == RAIL or model.kernels.surfaces[j] in hit for j in supports(model.kernels)], dtype=bool
-    )
-    return (
-        any(p.closed or p.rubbing for p in trajectory.phases)
-        or any(c.lands or c.leaves or not c.surface for c in trajectory.collisions)
-        or bool((rubs & (model.friction > 0)).any())
-    )
 
 
 def nodes_of_segments(steps: int) -> NDArray[np.intp]:

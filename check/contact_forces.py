@@ -78,25 +78,28 @@ class ForceErrors:
     motion, in sentences, and the largest force of each contact (nc,) and friction (nt,)."""
 
     largest: float
-    told: tuple[str, ...]
+    contradictions: tuple[str, ...]
     sizes: tuple[Array, Array]
 
 
 def force_errors(motion: Motion) -> ForceErrors:
     """Compare the forces of all phases with the flow's."""
+    if not motion.has_modes:
+        return ForceErrors(0.0, (), (np.zeros(motion.model.nc), np.zeros(motion.model.nt)))
     found = [forces(motion, i) for i in range(len(motion.modes))]
     normal, tangential = _sizes(motion, found)
-    worst, told = 0.0, list[str]()
+    worst, sentences = 0.0, left_out(motion)
     for i, (mode, flow) in enumerate(zip(motion.modes, found, strict=True)):
         if not mode.closed and not mode.sticking and not mode.sliding:
             continue
         worst = max(worst, _difference(motion, i, flow, (normal, tangential)))
-        told += _off(motion, i)
-        told += _paradoxes(motion, i)
-        told += _pulling(motion, i, flow, normal)
-        told += _slipping(motion, i, flow, tangential)
-        told += _turning(motion, i)
-    return ForceErrors(worst, tuple(told), (normal, tangential))
+        sentences += _off(motion, i)
+        sentences += _paradoxes(motion, i)
+        sentences += _pulling(motion, i, flow, normal)
+        sentences += _slipping(motion, i, flow, tangential)
+        sentences += _turning(motion, i)
+    sentences += still_held(motion, (normal, tangential))
+    return ForceErrors(worst, tuple(sentences), (normal, tangential))
 
 
 def still_held(motion: Motion, sizes: tuple[Array, Array]) -> Iterator[str]:

@@ -41,18 +41,16 @@ class Stage:
     kept: Array
 
 
-def left(
-    motion: Motion, sizes: tuple[Array, Array, Array]
-) -> tuple[list[SurfaceContact], list[str]]:
+def left(motion: Motion, slack: Array) -> tuple[list[SurfaceContact], list[str]]:
     """Contacts that are not planned and are met in phases with closed contacts or friction, and
-    what ends a mode elsewhere than planned, in sentences; ``sizes`` are those of contact forces, of
-    friction and of sliding velocities that errors of discretisation explain."""
+    what ends a mode elsewhere than planned, in sentences; ``slack`` are the contact forces,
+    friction and sliding velocities (nc + 2 nt) that errors of discretisation explain."""
     met, sentences = list[SurfaceContact](), list[str]()
     for i in range(len(motion.steps)):
         if not is_free(motion, i):
             stages = list(_stages(motion, i))
             met += [contact for stage in stages for contact in _met(motion, i, stage.course)]
-            sentences += passed_limits(motion, i, stages, np.concatenate(sizes))
+            sentences += passed_limits(motion, i, stages, slack)
     return met, sentences
 
 

@@ -8,8 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
-from dmoc.codegen.kernels import Array, Kernels
-from dmoc.mechanics.model import Model
+from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import Collision
 
 # Both sides of an event share a node: times and positions differ by rounding errors, momenta by
@@ -18,27 +17,6 @@ JOINED, BALANCED = 1e-6, 1e-4
 # A joint may be off, as a closed contact off its surface and what sticks off its place, by this
 # share of the sizes, and their rates by the second share.
 OFF, DRIFT = 1e-4, 0.02
-
-
-def planned_impulses(kernels: Kernels, c: Collision) -> tuple[Array, Array]:
-    """The planned impulses of all surfaces and tangents in an event."""
-    normal = {c.surface: c.impulse, **c.impulses} if c.surface else c.impulses
-    return (
-        np.array([normal.get(name, 0.0) for name in kernels.surfaces]),
-        np.array([c.tractions.get(name, 0.0) for name in kernels.tangents]),
-    )
-
-
-def impulsive_change(motion: Motion, c: Collision, q: Array, planned: tuple[Array, Array]) -> Array:
-    """Change of the momentum by impulses of surfaces and tangents at a position."""
-    normal, tangential = planned
-    change = tangential @ motion.model.tangent_slopes(q, c.time)[:, :-1]
-    return np.asarray(change - normal @ motion.model.gap_slopes(q, c.time)[:, :-1])
-
-
-def unheld(model: Model, q: Array, t: float, jump: Array) -> Array:
-    """What of a jump of the momentum the impulses of joints do not explain."""
-    return model.with_joints(model.mass(q, t), jump, q, t)
 
 
 def torn(motion: Motion) -> list[str]:
@@ -54,7 +32,8 @@ def _times(motion: Motion) -> Iterator[str]:
         back = np.flatnonzero(~(np.diff(phase.t) > 0))
         if len(back):
             yield f"the time does not go on after {phase.t[back[0]]:.6g} s"
-    for c, before, after in motion.events:
+    for p in motion.passages:
+        c, before, after = p.c, p.before, p.after
         if not abs(after.t[0] - before.t[-1]) <= most:
             yield f"a phase ends at {before.t[-1]:.6g} s and the next begins at {after.t[0]:.6g} s"
         if not abs(c.time - before.t[-1]) <= most:
@@ -76,7 +55,8 @@ def _momenta(motion: Motion) -> Iterator[str]:
 def _positions(motion: Motion) -> Iterator[str]:
     """Positions that jump at an event or from its record."""
     names = motion.trajectory.coordinates
-    for c, before, after in motion.events:
+    for p in motion.passages:
+        c, before, after = p.c, p.before, p.after
         jumps = np.array([after.q[0] - before.q[-1], c.position - before.q[-1]])
         k, which = _worst(jumps / motion.sizes.q, JOINED)
         if which >= 0:
@@ -105,13 +85,11 @@ def _balances(motion: Motion) -> Iterator[str]:
     """Momenta that jump from the record of an event, or, where nothing stays in contact, by
     something else than the impulses; with contacts the law of impact compares them."""
     names = motion.trajectory.coordinates
-    for c, before, after in motion.events:
+    for p in motion.passages:
+        c, before, after = p.c, p.before, p.after
         jumps = [before.p[-1] - c.momentum_before, after.p[0] - c.momentum_after]
         if before.free and after.free:
-            planned = planned_impulses(motion.model.kernels, c)
-            change = impulsive_change(motion, c, before.q[-1], planned)
-            jump = after.p[0] - before.p[-1] - change
-            jumps.append(unheld(motion.model, before.q[-1], c.time, jump))
+            jumps.append(p.missing)
         k, which = _worst(np.array(jumps) / motion.sizes.p, BALANCED)
         if which >= 0:
             yield (

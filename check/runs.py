@@ -10,12 +10,11 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.check.checked_motion import Motion, nodes_of_segments
-from dmoc.check.contact_law import after_event, event_of
 from dmoc.check.joins import JOINED
-from dmoc.check.segments import Segment, put
+from dmoc.check.segments import Segment
 from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import GRAZING, Collision
-from dmoc.simulation.flow import FIRST, Lost, SurfaceContact
+from dmoc.simulation.flow import Lost, SurfaceContact
 
 # A contact belongs to a planned collision if it happens within this share of the final time from
 # it.
@@ -23,6 +22,45 @@ SAME_CONTACT = 0.05
 # An open-loop run may leave a motion by so many times what the errors of its segments predict.
 EXPLAINED = 5.0
 ASTRAY = 100.0  # ranges from the motion at which an open-loop run ends
+
+
+@dataclass(frozen=True)
+class Departures:
+    """Planned collisions that a simulation misses, and other contacts that it meets."""
+
+    missed: tuple[Collision, ...] = ()
+    extra: tuple[SurfaceContact, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.missed or self.extra)
+
+    @property
+    def missed_texts(self) -> tuple[str, ...]:
+        return tuple(f"the collision with {c.surface!r} at {c.time:.4g} s" for c in self.missed)
+
+    @property
+    def extra_texts(self) -> tuple[str, ...]:
+        texts = (f"a contact with {c.surface!r} at {c.time:.4g} s" for c in self.extra)
+        return tuple(dict.fromkeys(texts))
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run from the start to the end: the error at the end, the contacts that are reported, where
+    they depart from the plan, where those of segments do (None: nobody has looked), and what
+    contradicts the motion on the way, in sentences."""
+
+    terminal: float
+    contacts: Sequence[SurfaceContact]
+    departures: Departures
+    way: Departures | None = None
+    contradictions: Sequence[str] = ()
+
+
+def open_run(motion: Motion) -> Run:
+    """The run through the contacts that it meets."""
+    terminal, contacts = open_loop(motion)
+    return Run(terminal, contacts, departures(motion, contacts))
 
 
 def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:
@@ -46,21 +84,6 @@ def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:
     except Lost:
         return np.inf, contacts
     return float(motion.error(y[None], last.t[-1:], last.q[-1:], last.p[-1:])[0]), contacts
-
-
-def through_plan(motion: Motion) -> float:
-    """The error at the end of a simulation from the start, which goes through the planned modes and
-    events at their planned times."""
-    nq, phases = motion.model.nq, motion.trajectory.phases
-    y = np.hstack([phases[0].q[:1], phases[0].v[:1]])
-    for i, (phase, mode) in enumerate(zip(phases, motion.modes, strict=True)):
-        y, held = put(motion, mode, y, phase.t[:1])
-        motion.flow.advance(y, motion.steps[i], FIRST, np.array([phase.steps]), mode, held)
-        if i + 1 < len(phases):
-            q, v = (np.ascontiguousarray(a) for a in np.split(y, [nq], axis=1))
-            v = after_event(motion, event_of(motion, i), q, v, float(phase.t[-1])).velocity
-            y = np.hstack([q, v])
-    return float(motion.error(y, phase.t[-1:], phase.q[-1:], phase.p[-1:])[0])
 
 
 def on_the_way(motion: Motion) -> list[SurfaceContact]:
@@ -132,26 +155,6 @@ def _late(
     if rate > 0 and -gap <= SAME_CONTACT * motion.sizes.time * rate:
         return [SurfaceContact(collision.surface, t, 1.0)]
     return []
-
-
-@dataclass(frozen=True)
-class Departures:
-    """Planned collisions that a simulation misses, and other contacts that it meets."""
-
-    missed: tuple[Collision, ...] = ()
-    extra: tuple[SurfaceContact, ...] = ()
-
-    def __bool__(self) -> bool:
-        return bool(self.missed or self.extra)
-
-    @property
-    def missed_texts(self) -> tuple[str, ...]:
-        return tuple(f"the collision with {c.surface!r} at {c.time:.4g} s" for c in self.missed)
-
-    @property
-    def extra_texts(self) -> tuple[str, ...]:
-        texts = (f"a contact with {c.surface!r} at {c.time:.4g} s" for c in self.extra)
-        return tuple(dict.fromkeys(texts))
 
 
 def departures(motion: Motion, contacts: Sequence[SurfaceContact]) -> Departures:

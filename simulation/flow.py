@@ -18,7 +18,6 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.model import Model
-from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.roots import crossing
@@ -106,15 +105,6 @@ class Flow:
         rate = (n * v).sum(axis=-1) + slope[..., -1]
         impulse = (1 + e) * rate / (n * response).sum(axis=-1)
         return v - impulse[..., None] * response, impulse, rate
-
-    def planned_impact(self, collision: Collision, q: Array, v: Array) -> tuple[Array, Array]:
-        """Velocity after a planned collision and its impulse by the law of impact; one that grazes
-        has none.  For one state, or rows of them."""
-        nothing = np.zeros(v.shape[:-1])
-        if collision.grazes:
-            return v, nothing
-        j = self.model.kernels.surfaces.index(collision.surface)
-        return self.impact(q, v, collision.time, j, float(self.restitution[j]))[:2]
 
     # Steps ----------------------------------------------------------------------------------------
 

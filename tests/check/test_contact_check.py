@@ -8,7 +8,9 @@ from dataclasses import replace
 import motions
 import numpy as np
 import pytest
+import sympy as sp
 from flights import Change, phase_changed
+from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import SimulationError
@@ -329,3 +331,23 @@ def test_between_two_inputs_every_force_between_theirs_is_right(rail: Kernels) -
     assert not check.passed and "error of a contact force" in check.message
     beyond = dmoc.verify(phase_changed(0, u=1.5 * u)(motion), rail)
     assert "rail would have to stick with 1.2 N at 0.25 s, where it holds 1 N" in beyond.message
+
+
+@pytest.mark.parametrize("mu", [0.4, 0.6, 1.0])
+def test_friction_that_both_ends_of_a_rod_could_bear_is_borne_where_it_lands(mu: float) -> None:
+    """One end stands, the other falls and lands: only that is pressed, so that it alone has
+    friction, though as far as the rod is concerned either end could hold it back."""
+    x, y, a = dynamicsymbols("x y a")
+    ends = (x, y), (x + sp.sin(a), y + sp.cos(a))
+    speeds = sum(s.diff(dynamicsymbols._t) ** 2 for s in (*ends[0], *ends[1]))
+    system = dmoc.MechanicalSystem(
+        "falling_rod", [x, y, a], speeds / 2 - 9.81 * (ends[0][1] + ends[1][1]), {},
+        surfaces={"foot": y >= 0, "end": ends[1][1] >= 0}, tangents={"foot": x, "end": ends[1][0]},
+        friction={"foot": mu, "end": mu},
+    )  # fmt: skip
+    kernels = dmoc.build(system, backend="numpy")
+    run = dmoc.simulate(kernels, [0, 0, 0.4], None, step_size=0.01, steps=80, restitution=0.0)
+    (landing,) = run.collisions
+    assert landing.tractions["end"] < -0.1 * mu and not landing.tractions.get("foot")
+    check = dmoc.verify(run.trajectory, kernels)
+    assert check.passed, check.message

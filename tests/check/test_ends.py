@@ -9,10 +9,11 @@ from flights import cube_system, flight
 
 import dmoc
 from dmoc.base.deadline import ENDLESS
-from dmoc.check.amplification import Carried, carried, saltation
+from dmoc.check.amplification import Carried, carried
 from dmoc.check.checked_motion import Motion
+from dmoc.check.events import EventErrors
 from dmoc.check.judgement import Evidence, judged, measured
-from dmoc.check.runs import Departures, departures, predicted
+from dmoc.check.runs import Departures, Run, departures, predicted
 from dmoc.check.segments import segments, step_errors
 from dmoc.check.verdict import is_unstable
 from dmoc.codegen.kernels import Kernels
@@ -45,7 +46,7 @@ def test_the_prediction_is_near_the_end_and_misses_no_collision(seed: dmoc.Probl
         solution = dmoc.solve(seed.but(steps=steps), "ipm", verify=False)
         motion = Motion.of(solution.trajectory, seed.kernels, ENDLESS)
         parts = segments(motion)
-        flowed, check = carried(motion, parts, saltation), solution.verify()
+        flowed, check = carried(motion, parts), solution.verify()
         assert check.terminal_error / 3 < flowed.end < 10 * check.terminal_error
         followed, stray = (departures(motion, contacts) for contacts in (check.contacts, ()))
         assert not followed and predicted(motion, followed, parts, flowed.deviations)
@@ -97,13 +98,13 @@ def test_one_judgement_excuses_the_end_of_a_run_alone(cube: Kernels) -> None:
     the motion's own segments meet is never excused."""
     motion = Motion.of(flight(cube), cube, ENDLESS)
     parts = segments(motion)
-    calm, none = carried(motion, parts, saltation), Departures()
-    errors = measured(motion, step_errors(motion), parts, calm, (0.0, 0.0, 0.0))
+    calm, none = carried(motion, parts), Departures()
+    errors = measured(motion, step_errors(motion), parts, calm, EventErrors(0.0, 0.0, 0.0))
     wild = Carried(1000.0, np.full((len(parts), 6), 0.11), 0.0)
     stray = Departures(extra=(EARLY,))
 
     def check(end: float, flowed: Carried, run: Departures, way: Departures) -> dmoc.Verification:
-        return judged(motion, Evidence([], errors, (), parts, flowed, end, ()), run, way)
+        return judged(motion, Evidence([], errors, (), parts, flowed, Run(end, (), run, way)))
 
     assert check(0.249, calm, none, none).passed
     assert "terminal error 0.251 exceeds 0.25: too coarse" in check(0.251, calm, none, none).message

@@ -19,7 +19,7 @@ from systems import block_system, driven_system
 
 import dmoc
 from dmoc.base.deadline import ENDLESS
-from dmoc.check.amplification import carried, saltation
+from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion, OutOfTimeError
 from dmoc.check.segments import segments
 from dmoc.codegen.kernels import Kernels
@@ -381,7 +381,7 @@ def test_a_force_without_a_slope_at_rest_is_differenced() -> None:
     start = np.hstack([at_rest.q[:1], at_rest.v[:1], np.eye(4).reshape(1, 16)])
     motion.flow.advance(start, motion.steps[0], np.array([0]), np.array([4]))
     assert not np.isfinite(start[0, 4:]).all()
-    amplified = carried(motion, parts, saltation).amplification
+    amplified = carried(motion, parts).amplification
     assert amplified == pytest.approx(solution.verify().amplification, rel=1e-5)
 
 

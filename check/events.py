@@ -1,0 +1,174 @@
+"""The events of a motion beside their laws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.check.checked_motion import Motion
+from dmoc.check.contact_forces import BEARABLE, TURNED
+from dmoc.check.passages import Passage
+from dmoc.simulation.contact_modes import RAIL, supports
+from dmoc.simulation.sizes import Sizes
+
+SOFT = 1e-6  # own rates of a collision count by at least this share of the largest
+
+
+@dataclass(frozen=True)
+class EventErrors:
+    """Largest imbalance of energy, of a phase relative to what the motion exchanges, of an event to
+    its kinetic energy; errors of the law of impact, relative to the largest momenta and rates and
+    to the rates of the event itself; and what contradicts the motion, in sentences."""
+
+    energy: float
+    law: float
+    own: float
+    contradictions: tuple[str, ...] = ()
+
+
+def event_errors(motion: Motion, work: tuple[float, ...]) -> EventErrors:
+    """Compare the energies of phases with their work, and the events with their laws."""
+    sizes, fit = motion.sizes, [p for p in motion.passages if not p.wrong]
+    law = _contact_errors if motion.has_modes else _impact_errors
+    own, shares = zip(*[law(p, sizes) for p in fit], strict=True) if fit else ((0.0,), (0.0,))
+    energies = [_imbalance(motion, work), *[_energy_jump(p) / sizes.energy for p in fit]]
+    energy, share, own_share = (
+        float(np.nan_to_num(np.max(part), nan=np.inf)) for part in (energies, shares, own)
+    )
+    sentences = [p.wrong for p in motion.passages if p.wrong]
+    if motion.has_modes:
+        sentences += [sentence for p in fit for sentence in _contradictions(p, sizes)]
+    return EventErrors(energy, share, own_share, tuple(sentences))
+
+
+def _imbalance(motion: Motion, work: tuple[float, ...]) -> float:
+    """Largest difference of the change of energy in a phase and the work, friction's too, relative
+    to the energy that the motion exchanges."""
+    differences, ends = [], [0, -1]
+    for phase, done in zip(motion.trajectory.phases, work, strict=True):
+        first, last = motion.model.energy(phase.q[ends], phase.v[ends], phase.t[ends])
+        differences.append(abs(last - first - done))
+    return float(np.max(differences)) / motion.sizes.exchanged
+
+
+def _energy_jump(p: Passage) -> float:
+    """Difference of the energy after an event from that by the law."""
+    q, v = np.vstack([p.before.q[-1:], p.after.q[:1]]), np.vstack([p.law.velocity, p.after.v[:1]])
+    by_law, after = p.model.energy(q, v, np.array([p.before.t[-1], p.after.t[0]]))
+    return abs(float(after - by_law))
+
+
+def _impact_errors(p: Passage, sizes: Sizes) -> tuple[float, float]:
+    """Errors of the rate after a collision, of the impulse, and rates that approach after it or
+    leave before it: relative to the rates of the collision itself, and to the largest rate."""
+    j = p.model.kernels.surfaces.index(p.c.surface)
+    before, after, right = p.rates[:, j]
+    _, inertia = p.model.impulse_response(p.before.q[-1], p.normals[j], p.c.time)
+    impulse = abs(float(p.law.normal[0, j]) - p.c.impulse) * inertia
+    off = after - (0.0 if p.c.grazes else right)
+    largest = float(np.nan_to_num(np.max([abs(off), impulse, -before, after]), nan=np.inf))
+    own = max(abs(before), abs(after), SOFT * float(sizes.rate[j]))
+    return 0.0 if p.c.grazes else largest / own, largest / float(sizes.rate[j])
+
+
+def _contact_errors(p: Passage, sizes: Sizes) -> tuple[float, float]:
+    """Errors of the rates after a hit or a landing relative to the largest of them, and errors of
+    the momentum after an event and of its planned impulses, relative to the largest momenta."""
+    off = p.after.p[0] - p.model.momentum(p.before.q[-1], p.law.velocity[0], p.c.time)
+    share, closed = float(np.abs([off, p.missing] / sizes.p).max()), list(p.mode.closed)
+    if not closed:
+        return 0.0, share
+    before, after, right = p.rates[:, closed]
+    soft = TURNED * float(sizes.rate[closed].max())  # a landing may have no rate at all
+    return float(np.abs(after - right).max() / max(np.abs([before, after]).max(), soft)), share
+
+
+def _contradictions(p: Passage, sizes: Sizes) -> Iterator[str]:
+    """What of an event its law does not allow, in sentences."""
+    slack = _slack(p, sizes)
+    yield from _unbearable(p, sizes, slack)
+    yield from _otherwise(p, slack)
+    yield from _turned(p, slack)
+    yield from _approached(p, sizes)
+
+
+def _slack(p: Passage, sizes: Sizes) -> float:
+    """What an impulse may be off: a share of the largest of its event, or of what would change the
+    rate of a gap by a small share of its size."""
+    response = p.model.responses(p.before.q[-1], p.normals, p.c.time)
+    inertia = (p.normals * response.T).sum(axis=1)
+    soft = TURNED * sizes.rate / np.where(inertia > 0, inertia, np.inf)
+    return BEARABLE * float(max(np.abs(p.law.normal).max(initial=0.0), soft.max(initial=0.0)))
+
+
+def _unbearable(p: Passage, sizes: Sizes, slack: float) -> Iterator[str]:
+    """Impulses that pull or leave the cone, by the law or by the plan, and surfaces that take one
+    without a part in the event."""
+    model, at, time = p.model, supports(p.model.kernels), p.c.time
+    normal, tangential = (0 * part if p.c.grazes else part for part in p.planned)
+    surfaces, tangents = model.kernels.surfaces, model.kernels.tangents
+    for j, name in enumerate(surfaces):
+        least = min(float(p.law.normal[0, j]), normal[j])
+        if least < -slack:
+            yield f"{name} would have to pull with an impulse of {-least:.4g} N s at {time:.4g} s"
+        if j not in p.mode.closed and normal[j] > slack:
+            yield f"{name} takes an impulse at {time:.4g} s without being hit or closed"
+    for k, name in enumerate(tangents):
+        held = model.friction[k] * p.law.normal[0, at[k]] if at[k] != RAIL else 0.0
+        needed = max(abs(float(p.law.tangential[0, k])), abs(tangential[k]))
+        if needed > held + slack * max(model.friction[k], 1.0):
+            yield (
+                f"{name} would need an impulse of friction of {needed:.4g} N s at {time:.4g} s, "
+                f"where it holds {max(held, 0.0):.4g} N s"
+            )
+    sigma = model.slide_rates(p.before.q[-1], p.law.velocity[0], time)
+    for k, s in p.mode.sliding:
+        if p.rubs is None and s * sigma[k] < -TURNED * sizes.slide[k]:
+            yield f"{tangents[k]} does not slide with the sign {s:+d} after {time:.4g} s"
+
+
+def _turned(p: Passage, slack: float) -> Iterator[str]:
+    """Contacts whose sliding turns in an impact that presses them: how much of their friction acts
+    in either direction, the law of impact does not say."""
+    model = p.model
+    for k, s in p.mode.sliding:
+        name, pressed = (
+            model.kernels.tangents[k],
+            float(p.law.normal[0, supports(model.kernels)[k]]),
+        )
+        if p.before.rubbing.get(name) == -s and model.friction[k] * pressed > slack:
+            yield (
+                f"{name} turns round in the impact at {p.c.time:.4g} s, which "
+                f"presses it with {pressed:.4g} N s: that is known only of contacts that the "
+                "impact does not press"
+            )
+
+
+def _otherwise(p: Passage, slack: float) -> Iterator[str]:
+    """A hit with friction that goes another way than planned, with other impulses: where both ways
+    have the same, the motion lies between them."""
+    c, course = p.c, p.law.course
+    if p.rubs is None or p.hit is None or not c.course or c.course == course:
+        return
+    normal, tangential = p.planned
+    off = normal[p.hit] - p.law.normal[0, p.hit], tangential[p.rubs] - p.law.tangential[0, p.rubs]
+    if max(map(abs, off)) > slack:
+        yield (
+            f"by Poisson's law the hit of {c.surface} at {c.time:.4g} s goes {course}, not "
+            f"{c.course} as planned"
+        )
+
+
+def _approached(p: Passage, sizes: Sizes) -> Iterator[str]:
+    """Surfaces hit without being approached, and contacts that leave without opening."""
+    c, surfaces = p.c, p.model.kernels.surfaces
+    before, after = p.rates[:2] / sizes.rate
+    for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
+        if before[surfaces.index(name)] < -TURNED:
+            yield f"{name} is not approached where it is hit at {c.time:.4g} s"
+    released = (p.hit,) if p.hit is not None and not p.lands else ()
+    for j in {*map(surfaces.index, c.leaves), *released}:
+        if after[j] > TURNED:
+            yield f"{surfaces[j]} is entered where it should open at {c.time:.4g} s"

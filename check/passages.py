@@ -1,0 +1,180 @@
+"""What joins two phases, and its law: hits, landings, contacts that stay closed through them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
+from dmoc.motion.trajectory import Collision, Phase
+from dmoc.simulation.contact_modes import (
+    FREE,
+    Mode,
+    Reaction,
+    answers,
+    condition_rates,
+    conditions,
+    spread,
+    supports,
+    without_rails,
+)
+from dmoc.simulation.indeterminate_forces import borne
+from dmoc.simulation.poisson import impulses
+
+
+@dataclass(frozen=True)
+class ImpactResult:
+    """Rows of velocities (n, nq) after an event, and the impulses of all surfaces (n, nc) and
+    tangents (n, nt); the course of friction in the first row, where it is that of Poisson's law."""
+
+    velocity: Array
+    normal: Array
+    tangential: Array
+    course: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """What joins two phases.
+
+    Attributes
+    ----------
+    model : Model
+    restitution : array of shape (nc,)
+    c : Collision
+        What is planned.
+    before, after : Phase
+    mode : Mode
+        Surfaces that take impulses, and the friction of their tangents.
+    hit : int or None
+        The one of them that is released, by its coefficient of restitution.
+    rubs : int or None
+        Its tangent where it has friction: then it is hit alone, after Poisson; or that of a landing
+        during which sliding stops.
+    lands : bool
+        The surface that is hit stays closed.
+    wrong : str
+        What of the plan does not fit together; empty if nothing.
+    """
+
+    model: Model
+    restitution: Array
+    c: Collision
+    before: Phase
+    after: Phase
+    mode: Mode = FREE
+    hit: int | None = None
+    rubs: int | None = None
+    lands: bool = False
+    wrong: str = ""
+
+    @cached_property
+    def planned(self) -> tuple[Array, Array]:
+        """The planned impulses of all surfaces and tangents."""
+        c, kernels = self.c, self.model.kernels
+        normal = {c.surface: c.impulse, **c.impulses} if c.surface else c.impulses
+        return (
+            np.array([normal.get(name, 0.0) for name in kernels.surfaces]),
+            np.array([c.tractions.get(name, 0.0) for name in kernels.tangents]),
+        )
+
+    @cached_property
+    def law(self) -> ImpactResult:
+        """What the law makes of the end of the phase before; of impulses that have the same effect
+        those that are borne."""
+        q, t = self.before.q[-1:], np.array([self.c.time])
+        result = self.after_law(q, self.before.v[-1:])
+        joints = np.zeros((1, self.model.nj))
+        smallest = Reaction(result.velocity, result.normal, result.tangential, joints)
+        best = borne(self.model, self.mode, smallest, q, t)
+        return replace(result, normal=best.normal, tangential=best.tangential)
+
+    @cached_property
+    def rates(self) -> Array:
+        """Rates of all gaps before, after, and after by the law, shape (3, nc)."""
+        v = np.vstack([self.before.v[-1:], self.after.v[:1], self.law.velocity])
+        q = np.repeat(self.before.q[-1:], 3, axis=0)
+        return self.model.gap_rates(q, v, np.full(3, self.c.time))
+
+    @cached_property
+    def normals(self) -> Array:
+        """Gradients of the gaps, shape (nc, nq)."""
+        return np.ascontiguousarray(self.model.gap_slopes(self.before.q[-1], self.c.time)[:, :-1])
+
+    @cached_property
+    def missing(self) -> Array:
+        """Change of the momentum that the planned impulses do not explain, nor joints, (nq,)."""
+        q, t, model = self.before.q[-1], self.c.time, self.model
+        normal, tangential = self.planned
+        change = tangential @ model.tangent_slopes(q, t)[:, :-1] - normal @ self.normals
+        jump = self.after.p[0] - self.before.p[-1] - change
+        return model.with_joints(model.mass(q, t), jump, q, t)
+
+    def after_law(self, q: Array, v: Array) -> ImpactResult:
+        """What the law makes of rows of states before the event."""
+        model, mode, t = self.model, self.mode, np.full(len(q), self.c.time)
+        if not mode.closed:
+            return ImpactResult(v, np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt)))
+        if self.rubs is not None and self.hit is not None:
+            return self._with_friction((self.hit, self.rubs), q, v, t)
+        wanted = -condition_rates(model, mode, q, v, t)
+        if self.hit is not None:
+            wanted[:, 0] *= 1 + self.restitution[self.hit]
+        change, lam = answers(model.mass(q, t), conditions(model, mode, q, t), wanted)
+        return ImpactResult(v + change, *spread(model, mode, lam)[:2])
+
+    def _with_friction(
+        self, contact: tuple[int, int], q: Array, v: Array, t: Array
+    ) -> ImpactResult:
+        """One hit with friction, after Poisson: surface and tangent ``contact``."""
+        model, (j, k) = self.model, contact
+        e, mu = 0.0 if self.lands else float(self.restitution[j]), float(model.friction[k])
+        directions = conditions(model, Mode((j,), (k,)), q, t).B[:, :2]
+        pushed = model.responses(q, directions, t)
+        rates = model.gap_rates(q, v, t)[:, j], model.slide_rates(q, v, t)[:, k]
+        rows = zip(np.stack([-rates[0], rates[1]], axis=1), directions @ pushed, strict=True)
+        courses = [impulses(row, response, mu, e) for row, response in rows]
+        lam = np.array([[each.normal, each.tangential] for each in courses])
+        normal, tangential = np.zeros((len(q), model.nc)), np.zeros((len(q), model.nt))
+        normal[:, j], tangential[:, k] = lam.T
+        after = v + (pushed @ lam[..., None])[..., 0]
+        return ImpactResult(after, normal, tangential, courses[0].course)
+
+
+def passage_of(
+    model: Model, restitution: Array, c: Collision, phases: tuple[Phase, Phase], own: Mode
+) -> Passage:
+    """What joins two phases, the later one in its mode ``own``."""
+    before, after = phases
+    parts = model, restitution, c, before, after
+    stay = [name for name in before.closed if name not in c.leaves]
+    when, expected = f"at {c.time:.4g} s", {*stay, *c.lands}
+    if expected != set(after.closed):
+        shown = ", ".join(sorted(expected)) or "none"
+        return Passage(*parts, wrong=f"the contacts closed after what happens {when} are {shown}")
+    if not c.surface or c.grazes:
+        return Passage(*parts)
+    on = [model.kernels.surfaces.index(name) for name in (*c.lands, *stay)]
+    at = supports(model.kernels)
+    ours = Mode(
+        tuple(on),
+        tuple(k for k in own.sticking if at[k] in on),
+        tuple((k, s) for k, s in own.sliding if at[k] in on),
+    )
+    if c.surface in c.lands:
+        if c.course and len(on) == 1:
+            return Passage(*parts, Mode((on[0],)), on[0], at.index(on[0]), lands=True)
+        return Passage(*parts, without_rails(ours, model.kernels))
+    j = model.kernels.surfaces.index(c.surface)
+    rubs = next((k for k, s in enumerate(at) if s == j and model.friction[k] > 0), None)
+    wrong = (
+        f"the hit of {c.surface!r} {when} has friction, and other contacts are closed: its law is "
+        "known for one contact alone"
+        if rubs is not None and on
+        else ""
+    )
+    with_hit = Mode((j, *ours.closed), ours.sticking, ours.sliding)
+    return Passage(*parts, with_hit, j, rubs, wrong=wrong)
