@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import shlex
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
+import typer.main
 from commands import FALLING, Model, Run
 
 from dmoc.cli import main
+
+COMMANDS = cache(typer.main.get_command)  # Typer reads all signatures anew whenever it is called
 
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(typer.main, "get_command", COMMANDS)
 
     def call(words: str = "", *more: str) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["dmoc", *shlex.split(words), *more])

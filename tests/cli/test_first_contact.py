@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import pickle
 import platform
 import re
@@ -160,8 +159,12 @@ def test_what_a_new_file_says_comes_next_works(run: Run, tmp_path: Path, kind: s
     _, out, _ = run("new begun --kind", kind)
     commands = [line.strip() for line in out.splitlines() if line.startswith("    ")]
     assert len(commands) == 3
-    tools = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    texts = [printed("sh", "-c", command, cwd=tmp_path, env=tools) for command in commands]
+    assert commands[0] == "python begun.py"
+    texts = [printed(sys.executable, "begun.py", cwd=tmp_path)]
+    for command in commands[1:]:
+        code, out, err = run(command.removeprefix("dmoc "))
+        assert code == 0 and not err and command.startswith("dmoc ")
+        texts.append(out)
     rows = dict(re.findall(r"^ (\w+) +(\S+)", texts[0], re.MULTILINE))
     assert rows["status"] == "solved:"
     cost = float(rows["cost"])

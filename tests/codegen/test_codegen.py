@@ -41,49 +41,45 @@ AWKWARD = [
 
 
 @pytest.fixture(scope="module")
-def awkward() -> tuple[Model, Model, list[sp.Expr]]:
-    """One model whose inputs act by the awkward expressions, on both backends."""
-    q, inputs = dynamicsymbols("q"), dynamicsymbols(f"u0:{len(AWKWARD)}")
-    p = sp.Symbol("p")
+def awkward() -> tuple[Kernels, Kernels, list[sp.Expr]]:
+    """A model on both backends whose force is the sum of the awkward expressions, each times a
+    parameter."""
+    q, p = dynamicsymbols("q"), sp.Symbol("p")
+    weights = sp.symbols(f"weight0:{len(AWKWARD)}")
     expressions = [sp.sympify(text, locals={"q": q, "p": p}) for text in AWKWARD]
     system = dmoc.MechanicalSystem(
-        "awkward", coordinates=[q], inputs=inputs, lagrangian=q.diff(T) ** 2 / 2,
-        forces={q: sum(u * e for u, e in zip(inputs, expressions, strict=True))},
-        parameters={p: 1.3},
+        "awkward", [q], q.diff(T) ** 2 / 2, {p: 1.3} | dict.fromkeys(weights, 0.0),
+        forces={q: sum(w * e for w, e in zip(weights, expressions, strict=True))},
     )  # fmt: skip
-    compiled, numpy = (
-        Model(kernels, np.array([[1.3]]))
-        for kernels in (dmoc.build(system), dmoc.build(system, backend="numpy"))
-    )
-    return compiled, numpy, expressions
+    return dmoc.build(system), dmoc.build(system, backend="numpy"), expressions
 
 
-def values(model: Model, at: float) -> tuple[np.ndarray, np.ndarray]:
-    """The expressions and their derivatives by q: the forces of one input after the other."""
-    q, u = np.full((len(AWKWARD), 1), at), np.eye(len(AWKWARD))
-    still = np.zeros_like(q)
-    slopes = model.equations_slopes(q, still, u)[1]
-    return model.equations(q, still, u)[1][:, 0], slopes[:, 0, 0]
+def values(kernels: Kernels, at: float) -> np.ndarray:
+    """The expressions in the first row, their derivatives by q in the second."""
+    q, still, none = np.full((1, 1), at), np.zeros((1, 1)), np.zeros((1, 0))
+    columns = []
+    for weights in np.eye(len(AWKWARD)):
+        model = Model(kernels, np.array([[1.3, *weights]]))
+        value = model.equations(q, still, none)[1][0, 0]
+        columns.append((value, model.equations_slopes(q, still, none)[1][0, 0, 0]))
+    return np.array(columns).T
 
 
-def test_awkward_expressions_equal_mpmath(awkward: tuple[Model, Model, list[sp.Expr]]) -> None:
-    compiled, numpy, expressions = awkward
+def test_awkward_expressions_equal_mpmath(awkward: tuple[Kernels, Kernels, list[sp.Expr]]) -> None:
+    *backends, expressions = awkward
     q, p = dynamicsymbols("q"), sp.Symbol("p")
     for value in (0.7, 1.9):
-        for model in (compiled, numpy):
-            found = values(model, value)[0]
-            for text, expression, result in zip(AWKWARD, expressions, found, strict=True):
-                exact = mpmath.mpf(
-                    sp.N(expression.subs({q: sp.Float(value, 40), p: sp.Float(1.3, 40)}), 40)
-                )
-                assert abs(result - exact) <= 2e-14 * max(1, abs(exact)), text
+        point = {q: sp.Float(value, 40), p: sp.Float(1.3, 40)}
+        exact = [mpmath.mpf(sp.N(e.subs(point), 40)) for e in expressions]
+        for kernels in backends:
+            for text, a, b in zip(AWKWARD, values(kernels, value)[0], exact, strict=True):
+                assert abs(a - b) <= 2e-14 * max(1, abs(b)), text
 
 
 def test_derivatives_of_awkward_expressions_equal_differences(
-    awkward: tuple[Model, Model, list[sp.Expr]],
+    awkward: tuple[Kernels, Kernels, list[sp.Expr]],
 ) -> None:
-    compiled, _, _ = awkward
-    at, step = 0.7, 1e-6
+    at, step, compiled = 0.7, 1e-6, awkward[0]
     slope = values(compiled, at)[1]
     difference = (values(compiled, at + step)[0] - values(compiled, at - step)[0]) / (2 * step)
     assert (np.abs(slope - difference) <= 1e-7 * np.maximum(1, np.abs(difference))).all()

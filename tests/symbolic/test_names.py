@@ -35,7 +35,7 @@ MADE = """x_m x_dot_m t_m x_k x_kp1 x_i x_1 x_2 x_dot_1 x_dot_2 t_1 t_2 t_k t_0 
 NAMES = sorted({*MADE, "short", "lambda", "double"})
 INSIDE = ["x_1", "x_dot_2", "x_i", "t_1", "t_k", "h", "u_k", "mu_i_0", "r_i_x", "x_kp1"]
 VALUES = [round(0.1 + 0.01 * i, 2) for i in range(len(NAMES))]
-GROUPS = [NAMES[i : i + 14] for i in range(0, len(NAMES), 14)]
+GROUPS = [NAMES[i : i + 40] for i in range(0, len(NAMES), 40)]
 
 
 def plain(names: list[str]) -> list[str]:
@@ -75,13 +75,20 @@ def assert_same(kernels: Kernels, reference: Kernels) -> None:
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12, err_msg=name)
 
 
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("assumptions", [{}, {"real": True}], ids=["any", "real"])
+# How symbols are replaced depends on what they are assumed to be, and not on the order.
+@pytest.mark.parametrize(
+    ("assumptions", "order"), [({}, 2), *(({"real": True}, order) for order in ORDERS)]
+)
 def test_parameters_of_any_name_leave_the_kernels_as_they_are(
     assumptions: dict[str, bool], order: int
 ) -> None:
-    found = dmoc.build(model(sp.symbols(NAMES, **assumptions)), order=order, backend="numpy")
-    assert_same(found, dmoc.build(model(sp.symbols(plain(NAMES))), order=order, backend="numpy"))
+    kernels = dmoc.build(model(sp.symbols(NAMES, **assumptions)), order=order, backend="numpy")
+    assert_same(kernels, reference(order))
+
+
+@cache
+def reference(order: int) -> Kernels:
+    return dmoc.build(model(sp.symbols(plain(NAMES))), order=order, backend="numpy")
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -136,17 +143,17 @@ def derived(names: tuple[str, ...], order: int) -> Derivation:
 def test_the_derivation_prints_what_is_true_for_parameters_of_any_name(
     names: list[str], order: int
 ) -> None:
-    derivation, reference = derived(tuple(names), order), derived(tuple(plain(names)), order)
+    derivation, other = derived(tuple(names), order), derived(tuple(plain(names)), order)
     mine, others = (dict(zip(s, VALUES, strict=False)) for s in (names, plain(names)))
     state = {"x": 0.3, "x_dot": 0.6, "t": 0.8}
     for left in ("L", "E", "Phi"):
         assert read(derivation, left, mine | state) == pytest.approx(
-            read(reference, left, others | state), rel=1e-13
+            read(other, left, others | state), rel=1e-13
         ), left
-    mine, others = step_of(derivation, mine), step_of(reference, others)
+    mine, others = step_of(derivation, mine), step_of(other, others)
     for left in ("L_d", "D3_Ld", "r_minus_x", "e_plus", "C_d"):
         assert read(derivation, left, mine) == pytest.approx(
-            read(reference, left, others), rel=1e-12
+            read(other, left, others), rel=1e-12
         ), left
     assert not set(names) & {e.name for s in derivation.sections for e in s.equations}
 
@@ -158,14 +165,15 @@ def test_a_marked_name_is_explained_and_has_its_own_latex() -> None:
     assert "~" not in str(dmoc.derive(model([sp.Symbol("mass")])))
 
 
+# Nodes inside a step have names of their own at each order.
+INSIDE_PAIRS = [("x", "x_1"), ("x", "x_k")]
+PAIRS = [("x", "x_ddot"), ("r_plus", "k"), ("mu", "delta"), ("delta", "ddot")]
+
+
 @pytest.mark.parametrize(
-    "pair",
-    [
-        ("x", "x_ddot"), ("r_plus", "k"), ("x", "x_1"), ("x", "x_k"), ("mu", "delta"),
-        ("delta", "ddot"),
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("order", ORDERS)
+    ("pair", "order"),
+    [*((p, 2) for p in PAIRS), *((p, order) for p in INSIDE_PAIRS for order in ORDERS)],
+)
 def test_no_two_symbols_of_a_derivation_look_the_same(pair: tuple[str, str], order: int) -> None:
     a, b = (dynamicsymbols(name) for name in pair)
     system = dmoc.MechanicalSystem(

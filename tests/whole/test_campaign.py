@@ -79,9 +79,9 @@ def test_a_rod_is_hit_by_poissons_law(
     assert outcome.tangential[0] == pytest.approx(tangential, abs=1e-8)
 
 
-def solved(instance: Instance) -> Solved:
+def solved(instance: Instance, steps: int) -> Solved:
     kernels = dmoc.build(system_of(instance))
-    solution = dmoc.solve(dmoc.Problem(kernels, steps=40, **instance.problem), "ipm")
+    solution = dmoc.solve(dmoc.Problem(kernels, steps=steps, **instance.problem), "ipm")
     assert solution.solved, solution.message
     return instance, solution, ContactMechanism(instance.description)
 
@@ -93,7 +93,7 @@ def bounced() -> Solved:
         "final_time": 1.0, "restitution": 0.5, "parameters": {"wall": 1.0},
         "bounds": {"u": (-40.0, 40.0)},
     }  # fmt: skip
-    return solved(Instance(block(), fields, block_cost(1.0, 1.0, 0.0, 1.0, 0.5)))
+    return solved(Instance(block(), fields, block_cost(1.0, 1.0, 0.0, 1.0, 0.5)), 16)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def pushed() -> Solved:
         "sequence": ["floor:slip+", "floor:stick"], "final_time": 4.0,
         "parameters": {"mu": 0.1, "g": 10.0},
     }  # fmt: skip
-    return solved(Instance(block_on(False), fields))
+    return solved(Instance(block_on(False), fields), 12)
 
 
 def judged(instance: Instance, solution: dmoc.Solution, mechanism: ContactMechanism) -> list[str]:
@@ -201,4 +201,4 @@ def test_a_leg_that_hangs_still_at_the_start_has_a_size(number: int) -> None:
     problem = dmoc.Problem(dmoc.build(system_of(instance)), steps=40, **instance.problem)
     inertia = problem.inertia * problem.reach**2
     assert inertia.min() > 1e-8 * inertia.max()
-    assert judged(*solved(instance)) == []
+    assert judged(*solved(instance, 40)) == []
