@@ -1,13 +1,13 @@
-"""Every example runs cold, ends confirmed, and draws its motion."""
+"""Every example runs, ends confirmed, and draws its motion."""
 
 from __future__ import annotations
 
 import re
+import runpy
 import sys
 from pathlib import Path
 
 import pytest
-from commands import printed
 
 pytestmark = pytest.mark.slow
 
@@ -20,9 +20,17 @@ NAMES = (
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_example(name: str, tmp_path: Path) -> None:
-    script = EXAMPLES / f"{name}.py"
-    text = printed(sys.executable, script, tmp_path, cwd=tmp_path, env={"COLUMNS": "200"})
+def test_example(
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", str(tmp_path)])
+    runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+    text = capsys.readouterr().out
     assert "solved" in text and "known" in text
     assert sorted(p.name for p in tmp_path.iterdir()) == [f"{name}.npz", f"{name}.png"]
 
