@@ -59,8 +59,8 @@ def test_methods_agree_with_slsqp(
     else:
         make = {"block": block_problem, "puck": puck_problem}[name]
         problem = make(request.getfixturevalue(name))
-    reference = dmoc.solve(problem, verify=False)
-    solution = dmoc.solve(problem, method=method, verify=False)
+    reference = dmoc.solve(problem, starts=1, verify=False)
+    solution = dmoc.solve(problem, method=method, starts=1, verify=False)
     assert solution.status == "solved", solution.message
     assert solution.cost == pytest.approx(reference.cost, rel=1e-6)
     assert solution.final_time == pytest.approx(reference.final_time, rel=1e-4)
@@ -80,7 +80,7 @@ def test_seed_is_solved_and_verified(seed: dmoc.Problem) -> None:
 
 def test_a_thousand_steps_a_phase(seed: dmoc.Problem) -> None:
     """The costs of DESIGN's ladder go to 129.986 with the square of the step."""
-    solution = dmoc.solve(seed.but(steps=1000), method="ipm")
+    solution = dmoc.solve(seed.but(steps=1000), method="ipm", starts=1)
     assert solution.solved
     assert solution.cost == pytest.approx(129.986 - (129.986 - 129.6024) / 100, abs=2e-3)
     with pytest.raises(ProblemError, match="method ipm"):
@@ -109,30 +109,33 @@ def test_free_boundary_values_are_found(seed: dmoc.Problem) -> None:
     """Unknowns at the start that no equation of the chain determines end up in the final group
     of the factorisation."""
     problem = seed.but(start={"alpha": (1.1, 1.3), "x": 0.0, "alpha_dot": (-0.5, 0.5)}, steps=40)
-    a, b = (dmoc.solve(problem, method=m, verify=False) for m in ("ipm", "slsqp"))
+    a, b = (dmoc.solve(problem, method=m, starts=1, verify=False) for m in ("ipm", "slsqp"))
     assert a.status == b.status == "solved"
     assert a.cost == pytest.approx(b.cost, rel=1e-5)
 
 
 def test_a_neighbouring_solution_saves_iterations(seed: dmoc.Problem) -> None:
-    first = dmoc.solve(seed, method="ipm", verify=False)
+    first = dmoc.solve(seed, method="ipm", starts=1, verify=False)
     near = seed.but(parameters={"m_c": 1.05})
     cold = dmoc.solve(near, method="ipm", starts=1, verify=False)
-    warm = dmoc.solve(near, method="ipm", guess=first, verify=False)
+    warm = dmoc.solve(near, method="ipm", guess=first, starts=1, verify=False)
     assert warm.status == cold.status == "solved"
     assert warm.cost == pytest.approx(cold.cost, rel=1e-8)
     assert warm.iterations < 0.7 * cold.iterations
-    again = dmoc.solve(seed, method="ipm", guess=first, verify=False)
+    again = dmoc.solve(seed, method="ipm", guess=first, starts=1, verify=False)
     assert again.status == "solved" and again.iterations <= 5
 
 
 def test_a_solution_of_another_mesh_or_order_is_a_guess(seed: dmoc.Problem, block: Kernels) -> None:
-    first = dmoc.solve(seed.but(steps=[10, 10]), method="ipm", verify=False)
+    first = dmoc.solve(seed.but(steps=[10, 10]), method="ipm", starts=1, verify=False)
     for problem in (
         seed.but(steps=[12, 8]),
         seed.but(kernels=dmoc.load("cart_pendulum", order=4), steps=12, controls=None),
     ):
-        assert dmoc.solve(problem, method="ipm", guess=first, verify=False).status == "solved"
+        assert (
+            dmoc.solve(problem, method="ipm", guess=first, starts=1, verify=False).status
+            == "solved"
+        )
     with pytest.raises(ProblemError, match="guess has 1 collisions: expected a motion with 2"):
         dmoc.solve(seed.but(sequence=["left", "left"]), method="ipm", guess=first)
     with pytest.raises(
@@ -163,18 +166,19 @@ def test_a_bound_of_a_duration_counts_more_than_the_shortest_phase(seed: dmoc.Pr
     problem = seed.but(steps=20, final_time=(None, 100.0), durations=[(None, 0.0966), (None, 2.0)])
     assert (Transcription(problem).lower <= Transcription(problem).upper).all()
     for method in ("ipm", "slsqp"):
-        solution = dmoc.solve(problem, method=method, verify=False)
+        solution = dmoc.solve(problem, method=method, starts=1, verify=False)
         assert solution.status == "solved" and solution.phases[0].duration <= 0.0966 + 1e-9
     problem = seed.but(final_time=(None, 100.0), durations=[(0.001, None), (None, 0.9)])
     assert not any(
-        "phase 0 >= 0.1" in b for b in dmoc.solve(problem, method="ipm", verify=False).active_bounds
+        "phase 0 >= 0.1" in b
+        for b in dmoc.solve(problem, method="ipm", starts=1, verify=False).active_bounds
     )
 
 
 def test_multipliers_survive_a_file(seed: dmoc.Problem, tmp_path: Path) -> None:
-    first = dmoc.solve(seed, method="ipm")
+    first = dmoc.solve(seed, method="ipm", starts=1)
     loaded = dmoc.Solution.load(first.save(tmp_path / "s.npz"))
-    assert dmoc.solve(seed, method="ipm", guess=loaded, verify=False).iterations <= 5
+    assert dmoc.solve(seed, method="ipm", guess=loaded, starts=1, verify=False).iterations <= 5
 
 
 # Limits -------------------------------------------------------------------------------------------
@@ -183,10 +187,10 @@ def test_multipliers_survive_a_file(seed: dmoc.Problem, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", SPARSE)
 def test_limits_are_kept(seed: dmoc.Problem, method: str) -> None:
-    few = dmoc.solve(seed, method=method, iterations=3)
+    few = dmoc.solve(seed, method=method, starts=1, iterations=3)
     assert few.status == "iteration_limit" and few.iterations <= 3
     assert len(few.phases) == 2 and np.isfinite(few.cost)
-    late = dmoc.solve(seed.but(steps=300), method=method, seconds=1e-3)
+    late = dmoc.solve(seed.but(steps=300), method=method, starts=1, seconds=1e-3)
     assert late.status == "time_limit"
 
 
@@ -227,6 +231,7 @@ def test_what_a_callback_prints_is_seen(
     dmoc.solve(
         seed.but(steps=20),
         method=method,
+        starts=1,
         iterations=3,
         progress=lambda i: print(f"iteration {i.number}"),
     )
@@ -237,7 +242,8 @@ def test_two_threads_may_use_uno(block: Kernels) -> None:
     with ThreadPoolExecutor(2) as pool:
         solutions = list(
             pool.map(
-                lambda _: dmoc.solve(block_problem(block), method="uno", verify=False), range(4)
+                lambda _: dmoc.solve(block_problem(block), method="uno", starts=1, verify=False),
+                range(4),
             )
         )
     assert [s.status for s in solutions] == ["solved"] * 4
@@ -298,7 +304,7 @@ def test_kernels_on_numpy_give_the_same_program_and_no_interior_point() -> None:
     np.testing.assert_allclose(
         a.program.curvatures(x, y, 0.5), b.program.curvatures(x, y, 0.5), rtol=1e-13, atol=1e-12
     )
-    assert dmoc.solve(problems[1], verify=False).status == "solved"
+    assert dmoc.solve(problems[1], starts=1, verify=False).status == "solved"
 
 
 # Infeasible is an answer --------------------------------------------------------------------------
@@ -307,7 +313,7 @@ def test_kernels_on_numpy_give_the_same_program_and_no_interior_point() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
 def test_a_weak_force_misses_the_goal(seed: dmoc.Problem, method: str) -> None:
-    solution = dmoc.solve(seed.but(bounds={"F": (-1, 1)}, steps=40), method=method)
+    solution = dmoc.solve(seed.but(bounds={"F": (-1, 1)}, steps=40), method=method, starts=1)
     assert solution.status == "infeasible" and not solution.solved
     assert (
         solution.conflicts[0].startswith("the goal of alpha is missed by 1.0")
@@ -320,7 +326,8 @@ def test_a_weak_force_misses_the_goal(seed: dmoc.Problem, method: str) -> None:
 
 
 def test_a_phase_shorter_than_the_shortest_time_is_named(seed: dmoc.Problem) -> None:
-    solution = dmoc.solve(seed.but(durations=[(None, 0.05), (None, None)]), method="ipm")
+    problem = seed.but(durations=[(None, 0.05), (None, None)])
+    solution = dmoc.solve(problem, method="ipm", starts=1)
     assert solution.status == "infeasible"
     text = " | ".join(solution.conflicts)
     assert "collision 1 misses 'left' by 0.0144 rad" in text
@@ -337,7 +344,7 @@ def test_the_miss_of_a_block_has_the_amount_of_the_closed_form(block: Kernels) -
         block, start={"x": 0.0}, sequence=["wall"], steps=50, bounds={"u": (-1, 1)},
         durations=[(None, 1.0), (None, None)], final_time=(None, 2.0),
     )  # fmt: skip
-    solution = dmoc.solve(problem, method="ipm")
+    solution = dmoc.solve(problem, method="ipm", starts=1)
     assert solution.status == "infeasible"
     assert solution.conflicts[0] == "collision 1 misses 'wall' by 0.5"
     assert "about 1.41 s, the bounds allow 1 s" in solution.conflicts[1]
@@ -349,7 +356,7 @@ def test_a_goal_is_missed_by_what_is_lacking(block: Kernels, goal: object) -> No
     problem = dmoc.Problem(
         block, start={"x": 0.0}, goal={"x": goal}, steps=50, bounds={"u": (-1, 1)}, final_time=1.0
     )
-    solution = dmoc.solve(problem, method="ipm")
+    solution = dmoc.solve(problem, method="ipm", starts=1)
     assert solution.status == "infeasible"
     assert solution.conflicts[0] == "the goal of x is missed by 0.2"
     assert "u <= 1 in 50 steps" in solution.conflicts[-1]
@@ -474,7 +481,7 @@ def test_a_goal_on_the_surface_that_is_hit(block: Kernels, e: float) -> None:
     """The gap of a fixed goal is no constraint: it has no interior, and its multiplier would
     hide that the motion is no minimum."""
     problem = there_and_back(block, goal={"x": 1.0, "x_dot": 0.0}, steps=20, restitution=e)
-    one, other = (dmoc.solve(problem, method) for method in ("ipm", "slsqp"))
+    one, other = (dmoc.solve(problem, method, starts=1) for method in ("ipm", "slsqp"))
     assert one.status == other.status == "solved"
     assert one.cost == pytest.approx(other.cost, rel=1e-6)
 
@@ -487,11 +494,12 @@ def test_a_limit_at_the_surface_itself(order: int) -> None:
         dmoc.build(block_system(), order=order), start={"x": 0.0}, goal={"x": 0.0, "x_dot": 0.0},
         sequence=["wall"], steps=20, final_time=1.0, restitution=0.5,
     )  # fmt: skip
-    free = dmoc.solve(problem, "ipm")
+    free = dmoc.solve(problem, "ipm", starts=1)
     for method in ("ipm", "slsqp"):
-        held = dmoc.solve(problem.but(bounds={"x": (None, 1.0)}), method)
+        held = dmoc.solve(problem.but(bounds={"x": (None, 1.0)}), method, starts=1)
         assert held.solved and held.cost == pytest.approx(free.cost, rel=1e-6)
-    assert dmoc.solve(problem.but(bounds={"x": (None, 0.9)}), "ipm").status == "infeasible"
+    beyond = problem.but(bounds={"x": (None, 0.9)})
+    assert dmoc.solve(beyond, "ipm", starts=1).status == "infeasible"
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@ impacts, and both directions of the same equations."""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,7 @@ def test_derivatives_equal_differences(
     )
 
 
+@cache
 def chain(order: int) -> Kernels:
     """Three masses on a line with nonlinear springs between them and walls: total momentum is
     conserved in free flight."""
@@ -135,6 +137,7 @@ def test_momentum_maps_are_conserved_under_symmetry(order: int, values: list[flo
     np.testing.assert_allclose(angular, angular[0], atol=1e-11)
 
 
+@cache
 def planets(order: int) -> Kernels:
     x, y = dynamicsymbols("x y")
     potential = -1 / sp.sqrt(x**2 + y**2 + sp.Rational(1, 4))
