@@ -24,8 +24,8 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Block
 from dmoc.program.transcription import Transcription
 from dmoc.symbolic.derivation import sections
+from dmoc.symbolic.derivation.document import Derivation
 from dmoc.symbolic.derivation.notebook import section_html, system_html
-from dmoc.symbolic.derivation.sections import Derivation
 from dmoc.symbolic.families import model_spec
 from dmoc.symbolic.system import MechanicalSystem
 

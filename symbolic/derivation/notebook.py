@@ -16,7 +16,7 @@ from dmoc.symbolic.derivation import mathml
 from dmoc.symbolic.derivation.symbols import latex_symbol
 
 if TYPE_CHECKING:
-    from dmoc.symbolic.derivation.sections import Derivation, Equation, Section
+    from dmoc.symbolic.derivation.document import Derivation, Equation, Section
     from dmoc.symbolic.system import MechanicalSystem
 
 _SLOT = re.compile(r"D([123])_Ld(?:_(.+))?")

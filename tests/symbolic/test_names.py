@@ -16,7 +16,7 @@ import dmoc
 from dmoc.base.discretisation import ORDERS
 from dmoc.base.errors import ModelError
 from dmoc.codegen.kernels import Kernels
-from dmoc.symbolic.derivation.sections import Derivation
+from dmoc.symbolic.derivation.document import Derivation
 
 pytestmark = pytest.mark.slow
 

@@ -18,7 +18,7 @@ from dmoc.symbolic.continuous import (
     readable,
     right_hand_side,
 )
-from dmoc.symbolic.derivation.sections import tangents
+from dmoc.symbolic.derivation.discrete_sections import tangents
 from dmoc.symbolic.discrete import StepElement, step_element
 
 

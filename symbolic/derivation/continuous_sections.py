@@ -1,0 +1,112 @@
+"""Sections of what is continuous: Lagrangian, momenta, forces, motion, surfaces, friction, and the
+shortest time to a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import sympy as sp
+
+from dmoc.symbolic.continuous import (
+    Continuous,
+    dot,
+    energy,
+    gradient,
+    input_matrix,
+    mass_matrix,
+    momenta,
+    right_hand_side,
+)
+from dmoc.symbolic.derivation.document import (
+    Equation,
+    Section,
+    definition,
+    definitions,
+    latex_of,
+    upright,
+)
+from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
+from dmoc.symbolic.families import approach, first_root
+from dmoc.symbolic.system import MechanicalSystem
+
+
+def continuous_sections(
+    system: MechanicalSystem, f: Continuous, own: DisplayNames
+) -> Iterable[Section]:
+    names = [str(q) for q in f.q]
+    tex = [latex_symbol(str(q)) for q in f.q]
+    accelerations = [own.symbol(f"{n}_ddot", "acceleration") for n in names]
+    time = ", t" if f.L.has(f.t) else ""
+    yield Section(
+        "Lagrangian",
+        f"L(q, q'{time}) with the coordinates q = (" + ", ".join(names) + ").",
+        (definition(own, "L", "L", f.L),),
+    )
+    yield Section("Momenta", "p = dL/dq'.", tuple(definitions(own, "p", names, tex, momenta(f))))
+    yield Section(
+        "Mass matrix", "M = d2L/dq'2.", (definition(own, "M", "M", sp.Matrix(mass_matrix(f))),)
+    )
+    yield Section("Energy", "E = p . q' - L.", (definition(own, "E", "E", sp.expand(energy(f))),))
+    work = dot(f.Q, [own.symbol(f"delta_{n}", "variation") for n in names])
+    forces = [Equation("delta W", r"\delta W", work), *definitions(own, "Q", names, tex, f.Q)]
+    if f.u:
+        forces.append(Equation("dQ/du", r"\partial Q / \partial u", sp.Matrix(input_matrix(f))))
+    yield Section("Virtual work and generalised forces", "delta W = Q . delta q.", tuple(forces))
+    left = sp.Matrix(mass_matrix(f)) * sp.Matrix(accelerations)
+    motion = [
+        Equation(sp.sstr(a), latex_of(a), b, a)
+        for a, b in zip(left, right_hand_side(f), strict=True)
+    ]
+    partial = " - d2L/dq'dt" if time else ""
+    yield Section(
+        "Equations of motion", f"M q'' = dL/dq - (d2L/dq'dq) q'{partial} + Q.", tuple(motion)
+    )
+    if f.g:
+        equations = []
+        for name, g in zip(system.surfaces, f.g, strict=True):
+            tag = f"g_{upright(name)}"
+            equations.append(definition(own, f"g_{name}", tag, g))
+            slope = sp.Matrix([gradient(g, f.q)])
+            equations.append(Equation(f"grad g_{name}", rf"\nabla {tag}", slope))
+            if g.has(f.t):
+                equations.append(Equation(f"dg_{name}/dt", rf"\partial_t {tag}", g.diff(f.t)))
+        yield Section(
+            "Unilateral constraints",
+            "g <= 0; the gradient points out of the admissible set.",
+            tuple(equations),
+        )
+    if f.tau:
+        equations = []
+        for name, tau, mu in zip(system.tangents, f.tau, f.mu, strict=True):
+            tag = upright(name)
+            equations.append(definition(own, f"tau_{name}", rf"\tau_{tag}", tau))
+            letter, symbol = ("mu", r"\mu") if name in system.surfaces else ("F", "F")
+            equations.append(definition(own, f"{letter}_{name}", f"{symbol}_{tag}", mu))
+        yield Section(
+            "Friction",
+            "Tangential positions tau. A contact that sticks keeps tau, with a tangential impulse "
+            "|T| <= mu P and P the normal one; one that slides with the sign s has T = -s mu P. A "
+            "rail has the largest force F instead of mu P/h.",
+            tuple(equations),
+        )
+
+
+def minimal_time_section(
+    system: MechanicalSystem, f: Continuous, own: DisplayNames
+) -> Iterable[Section]:
+    if not f.g or any(g.has(f.t) for g in f.g):
+        return
+    a = [own.symbol(f"{q}_ddot_bar", "averaged") for q in f.q]
+    half_way = {q: own.symbol(f"{q}_bar", "half-way") for q in f.q}
+    equations = []
+    for name, g in zip(system.surfaces, f.g, strict=True):
+        time = first_root(*approach(g, f, a, half_way))
+        tag = rf"T_{{\min,{upright(name)}}}"
+        equations.append(definition(own, f"T_min_{name}", tag, time))
+    yield Section(
+        "Minimal collision time",
+        "First root of g + g' t + g'' t^2/2. The accelerations (_ddot_bar) are constant: M q'' = "
+        "F at averaged coefficients, half-way (_bar) between the phase's start and its collision, "
+        "with the inputs at the bounds that drive towards the surface.",
+        tuple(equations),
+    )
