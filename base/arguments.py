@@ -81,9 +81,9 @@ def flag(value: Any, what: str, error: ErrorKind = ProblemError) -> bool:
 
 def choice(value: Any, what: str, choices: Iterable[str], error: ErrorKind = ProblemError) -> str:
     """Read one of several texts."""
-    known = list(choices)
-    if not isinstance(value, str) or value not in known:
-        raise error(f"{what} = {shown(value)}: expected one of {', '.join(known)}.")
+    names = list(choices)
+    if not isinstance(value, str) or value not in names:
+        raise error(f"{what} = {shown(value)}: expected one of {', '.join(names)}.")
     return str(value)
 
 

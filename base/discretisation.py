@@ -53,10 +53,10 @@ class InputForm:
         """Times that the rows of u of a phase with nodes at t stand for, shape (rows,)."""
         import numpy as np
 
-        found = np.empty(self.rows(len(t) - 1))
+        times = np.empty(self.rows(len(t) - 1))
         at = self.starts(len(t) - 1)
-        found[at], found[at + self.width] = t[:-1], t[1:]
-        return found if self.width else (t[:-1] + t[1:]) / 2
+        times[at], times[at + self.width] = t[:-1], t[1:]
+        return times if self.width else (t[:-1] + t[1:]) / 2
 
     @property
     def jumps(self) -> bool:

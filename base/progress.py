@@ -21,7 +21,7 @@ BETWEEN_LINES, BETWEEN_SHOWS = 1.0, 0.2  # seconds
 
 
 @contextmanager
-def told(
+def listener(
     progress: Listener[P], first: str, error: ErrorKind = ProblemError
 ) -> Iterator[Callable[[P], object] | None]:
     """Yield the function that is to be called with progress; None where nobody wants it.

@@ -78,12 +78,12 @@ def rich_table(table: Table) -> RichTable:
     """The table for a console."""
     from rich.table import Table as RichTable
 
-    found = RichTable(box=None, header_style="bold", show_header=bool(table.head))
+    shown = RichTable(box=None, header_style="bold", show_header=bool(table.head))
     for name in table.head:
-        found.add_column(name, overflow="fold")  # nothing is cut
+        shown.add_column(name, overflow="fold")  # nothing is cut
     for row in table.rows:
-        found.add_row(*map(_text, row))
-    return found
+        shown.add_row(*map(_text, row))
+    return shown
 
 
 def _text(cell: Cell) -> Text:

@@ -28,8 +28,8 @@ def methods(incomplete: str) -> list[tuple[str, str]]:
 def surfaces(context: typer.Context, incomplete: str) -> list[str]:
     """Surfaces, one after the other with commas between them."""
     before, comma, last = incomplete.rpartition(APART)
-    known = _manifest(context).get("surfaces", [])
-    return [f"{before}{comma}{name}" for name in known if name.startswith(last)]
+    surfaces = _manifest(context).get("surfaces", [])
+    return [f"{before}{comma}{name}" for name in surfaces if name.startswith(last)]
 
 
 def parameters(context: typer.Context, incomplete: str) -> list[str]:
@@ -39,15 +39,15 @@ def parameters(context: typer.Context, incomplete: str) -> list[str]:
 
 def bounded(context: typer.Context, incomplete: str) -> list[str]:
     """Inputs and coordinates as NAME=."""
-    known = _manifest(context)
-    return _assigned([*known.get("inputs", []), *known.get("coordinates", [])], incomplete)
+    manifest = _manifest(context)
+    return _assigned([*manifest.get("inputs", []), *manifest.get("coordinates", [])], incomplete)
 
 
 def states(context: typer.Context, incomplete: str) -> list[str]:
     """Coordinates, velocities and momenta as NAME=."""
-    known = _manifest(context).get("coordinates", [])
+    coordinates = _manifest(context).get("coordinates", [])
     forms = ("{}", "{}_dot", "p_{}")
-    return _assigned([form.format(name) for form in forms for name in known], incomplete)
+    return _assigned([form.format(name) for form in forms for name in coordinates], incomplete)
 
 
 def _assigned(names: Any, incomplete: str) -> list[str]:

@@ -98,11 +98,11 @@ def _compiler() -> Finding:
     try:
         return Finding("C compiler", " ".join(tried_compiler()))
     except BuildError as error:
-        told = (
+        cure = (
             f"{error} Until then shipped models are solved with their compiled kernels, others "
             "with NumPy kernels, which are much slower."
         )
-        return Finding("C compiler", "cannot be used", PartState.WRONG, told)
+        return Finding("C compiler", "cannot be used", PartState.WRONG, cure)
 
 
 def _cache() -> Finding:

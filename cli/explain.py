@@ -52,11 +52,11 @@ def _page() -> str:
 def _entries(text: str, asked: str) -> list[str]:
     """The entries with a title, or found by words, that are asked for or part of it."""
     by_title = {e.partition("\n")[0]: f"## {e}" for e in text.split("\n## ")[1:]}
-    known = {title: {title, *WORDS.findall(words)} for words, title in ROW.findall(text)}
+    named = {title: {title, *WORDS.findall(words)} for words, title in ROW.findall(text)}
     wanted = asked.lower()
-    exact = [t for t, names in known.items() if wanted in {n.lower() for n in names}]
-    found = exact or [t for t, names in known.items() if any(_is_in(n, wanted) for n in names)]
-    return [by_title[title] for title in dict.fromkeys(found)]
+    exact = [t for t, names in named.items() if wanted in {n.lower() for n in names}]
+    titles = exact or [t for t, names in named.items() if any(_is_in(n, wanted) for n in names)]
+    return [by_title[title] for title in dict.fromkeys(titles)]
 
 
 def _is_in(words: str, message: str) -> bool:

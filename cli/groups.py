@@ -79,12 +79,12 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
         ]
 
     @wraps(command)
-    def spread_out(**given: Any) -> None:
+    def spread_out(**options: Any) -> None:
         grouped = {
-            name: group(**{f.name: given.pop(f.name) for f in fields(group)})
+            name: group(**{f.name: options.pop(f.name) for f in fields(group)})
             for name, group in groups.items()
         }
-        command(**given, **grouped)
+        command(**options, **grouped)
 
     read: Any = spread_out
     read.__signature__ = signature.replace(parameters=parameters)

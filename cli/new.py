@@ -69,8 +69,8 @@ def _check_hidden(name: str) -> None:
     from importlib.machinery import PathFinder
 
     elsewhere = [place for place in sys.path if place not in ("", str(Path.cwd()))]
-    known = name in ("dmoc", *sys.stdlib_module_names)
-    if known or PathFinder.find_spec(name, elsewhere) is not None:
+    taken = name in ("dmoc", *sys.stdlib_module_names)
+    if taken or PathFinder.find_spec(name, elsewhere) is not None:
         raise ModelError(
             f"system name {name!r} is that of a module, which {name}.py would hide from Python: "
             "choose another name."

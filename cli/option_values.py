@@ -49,19 +49,19 @@ def problem_fields(
         fields["ignored"] = read_names(conditions.ignored)
     if via is not None:
         fields["via"] = read_via(via)
-    for name, option, given in values.by_field():
-        pairs = read_pairs(given, option)
+    for name, option, texts in values.by_field():
+        pairs = read_pairs(texts, option)
         fields[name] = {**fields.get(name, {}), **pairs}
         replace_rest(fields[name], pairs)
     return fields
 
 
-def replace_rest(values: dict[str, Any], given: dict[str, Any]) -> None:
+def replace_rest(values: dict[str, Any], chosen: dict[str, Any]) -> None:
     """A velocity replaces the default momentum of the same coordinate, and the reverse."""
-    for name in given:
-        if name.endswith("_dot") and f"p_{name[:-4]}" not in given:
+    for name in chosen:
+        if name.endswith("_dot") and f"p_{name[:-4]}" not in chosen:
             values.pop(f"p_{name[:-4]}", None)
-        if name.startswith("p_") and f"{name[2:]}_dot" not in given:
+        if name.startswith("p_") and f"{name[2:]}_dot" not in chosen:
             values.pop(f"{name[2:]}_dot", None)
 
 
@@ -77,8 +77,8 @@ def read_periodic(text: str) -> tuple[str, ...] | dict[str, Any]:
         return parts
     relations: dict[str, Any] = {}
     for part in parts:
-        found = RELATION.fullmatch(part)
-        end, start, sign, by = found.groups() if found else (None, None, None, None)
+        match = RELATION.fullmatch(part)
+        end, start, sign, by = match.groups() if match else (None, None, None, None)
         end = start if sign is None and end is None else end
         if end is None or start is None or end in relations:
             raise ProblemError(
@@ -106,11 +106,11 @@ def read_via(text: str) -> list[dict[str, Any] | None]:
     ]
 
 
-def read_restitution(given: list[str]) -> float | dict[str, Any]:
+def read_restitution(texts: list[str]) -> float | dict[str, Any]:
     """Read one number for all surfaces, or SURFACE=E for some."""
-    given = separate(given)
-    numbers = [text for text in given if "=" not in text]
-    if numbers and len(given) > 1:
+    texts = separate(texts)
+    numbers = [text for text in texts if "=" not in text]
+    if numbers and len(texts) > 1:
         raise ProblemError(
             f"--restitution {numbers[0]} stands beside others: give one number for all surfaces, "
             "or SURFACE=E for each."
@@ -119,15 +119,15 @@ def read_restitution(given: list[str]) -> float | dict[str, Any]:
         return read_number(
             numbers[0], "--restitution", "expected a number from 0 to 1, or SURFACE=E"
         )
-    return read_pairs(given, "--restitution")
+    return read_pairs(texts, "--restitution")
 
 
-def read_guess(given: list[str] | None) -> Solution | dict[str, Any] | None:
+def read_guess(texts: list[str] | None) -> Solution | dict[str, Any] | None:
     """Read one solution file, or NAME=V1,V2,... for some coordinates, inputs and the durations."""
-    files = [text for text in given or [] if "=" not in text or Path(text).exists()]
-    if not given:
+    files = [text for text in texts or [] if "=" not in text or Path(text).exists()]
+    if not texts:
         return None
-    if files and len(given) > 1:
+    if files and len(texts) > 1:
         raise ProblemError(
             f"--guess {files[0]} stands beside others: give one file, or NAME=V1,V2,... for each "
             "coordinate and input."
@@ -137,7 +137,7 @@ def read_guess(given: list[str] | None) -> Solution | dict[str, Any] | None:
 
         return Solution.load(files[0])
     courses: dict[str, Any] = {}
-    for text in given:
+    for text in texts:
         name, _, values = text.partition("=")
         name, what = name.strip(), f"--guess {name.strip()}"
         if not name or name in courses:
@@ -147,14 +147,14 @@ def read_guess(given: list[str] | None) -> Solution | dict[str, Any] | None:
     return courses
 
 
-def separate(given: list[str] | None) -> list[str]:
-    """What an option that may be repeated is given, also with commas in one text."""
-    return [part for text in given or [] for part in read_names(text) or [text]]
+def separate(texts: list[str] | None) -> list[str]:
+    """What an option that may be repeated is passed, also with commas in one text."""
+    return [part for text in texts or [] for part in read_names(text) or [text]]
 
 
-def read_pairs(given: list[str] | None, option: str) -> dict[str, Any]:
+def read_pairs(texts: list[str] | None, option: str) -> dict[str, Any]:
     """Read NAME=VALUE of an option that may be repeated, also with commas between them."""
-    return by_name((read_pair(text, option) for text in separate(given)), option)
+    return by_name((read_pair(text, option) for text in separate(texts)), option)
 
 
 def by_name(pairs: Iterable[tuple[str, Any]], option: str) -> dict[str, Any]:

@@ -84,11 +84,11 @@ def simulate(
     from dmoc.results.solution import Solution
 
     prepare(target, None)
-    given: dict[str, Any] = {}
+    laws: dict[str, Any] = {}
     if set_:
-        given["parameters"] = read_pairs(set_, "--set")
+        laws["parameters"] = read_pairs(set_, "--set")
     if restitution:
-        given["restitution"] = read_restitution(restitution)
+        laws["restitution"] = read_restitution(restitution)
     if model.endswith(".npz"):
         for option, value in (
             ("--start", start), ("--final-time", final_time), ("--input", input_),
@@ -98,8 +98,8 @@ def simulate(
                 raise SimulationError(f"{option} goes with a model: a solution file has its own.")
         solution = Solution.load(model)
         if own_model is not None:
-            given["model"] = registry.load(own_model, order=solution.trajectory.order)
-        _show(simulated(solution, steps=steps, **given), target, dark)
+            laws["model"] = registry.load(own_model, order=solution.trajectory.order)
+        _show(simulated(solution, steps=steps, **laws), target, dark)
         return
     if own_model is not None:
         raise SimulationError("--model goes with a solution file: a model is named alone.")
@@ -120,23 +120,23 @@ def simulate(
             step_size=final_time / max(count, 1),
             steps=count,
             inputs=[_values(input_, "--input", kernels)[name] for name in kernels.inputs],
-            **given,
+            **laws,
         ),
         target,
         dark,
     )
 
 
-def _values(given: list[str] | None, option: str, kernels: Kernels) -> dict[str, Any]:
+def _values(texts: list[str] | None, option: str, kernels: Kernels) -> dict[str, Any]:
     """What is given by name, beside zeros."""
-    known = kernels.inputs
+    names = kernels.inputs
     if option == "--start":
-        known = [*kernels.coordinates, *(f"{name}_dot" for name in kernels.coordinates)]
-    values: dict[str, Any] = dict.fromkeys(known, 0.0)
-    for name, value in read_pairs(given, option).items():
+        names = [*kernels.coordinates, *(f"{name}_dot" for name in kernels.coordinates)]
+    values: dict[str, Any] = dict.fromkeys(names, 0.0)
+    for name, value in read_pairs(texts, option).items():
         if name not in values:
             raise SimulationError(
-                f"{option} {name}: expected one of {', '.join(known) or 'no inputs'}."
+                f"{option} {name}: expected one of {', '.join(names) or 'no inputs'}."
             )
         if not isinstance(value, float):
             raise SimulationError(f"{option} {name}: expected a number.")
@@ -144,23 +144,23 @@ def _values(given: list[str] | None, option: str, kernels: Kernels) -> dict[str,
     return values
 
 
-def _show(found: Simulation, target: Path | None, dark: bool) -> None:
+def _show(motion: Simulation, target: Path | None, dark: bool) -> None:
     """Write and tell a simulation."""
     files: list[Path] = []
 
     def save() -> None:
         if target is not None:
-            files.append(found.save(target / "simulation.npz"))
-            files.append(found.to_csv(target / "simulation.csv"))
+            files.append(motion.save(target / "simulation.npz"))
+            files.append(motion.to_csv(target / "simulation.csv"))
 
     def tell() -> None:
-        print_table(found.summary(), out)
+        print_table(motion.summary(), out)
         written(*files)
 
     in_turn(
         save,
         tell,
         lambda: (
-            None if target is None else draw(target / "simulation.png", found.plot, False, dark)
+            None if target is None else draw(target / "simulation.png", motion.plot, False, dark)
         ),
     )

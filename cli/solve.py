@@ -105,7 +105,7 @@ def solve(
     from dmoc.solving.sensitivity import sensitivities as differentiated
     from dmoc.solving.solve import solve as solved
 
-    known = read_guess(guess)
+    first_motion = read_guess(guess)
     reference = registry.find(model)
     fields = problem_fields(reference.defaults, course, values, conditions, controls, via)
     prepare(target, json_)
@@ -120,7 +120,7 @@ def solve(
         method,
         tolerance=tolerance,
         form=form.value,
-        guess=known,
+        guess=first_motion,
         starts=starts,
         seed=seed,
         iterations=iterations,
@@ -143,8 +143,8 @@ def solve(
             print_table(solution.summary(), out)
             if not solution.solved:
                 out.print(f"Help: dmoc explain {solution.status}", style="dim")
-            for found in derivatives:
-                print_sensitivities(found)
+            for slopes in derivatives:
+                print_sensitivities(slopes)
             written(*files)
 
     in_turn(

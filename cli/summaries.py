@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def print_sensitivities(derivatives: Sensitivities) -> None:
     """Derivatives of the cost by kind and name."""
     table = Table("dJ/d ...", "", "", box=None, header_style="bold")
-    for kind, found in derivatives.items():
-        named = found.items() if isinstance(found, dict) else [("", found)]
+    for kind, slopes in derivatives.items():
+        named = slopes.items() if isinstance(slopes, dict) else [("", slopes)]
         for name, value in named:
             table.add_row(kind.replace("_", " "), name, f"{value:.6g}")
     out.print(table)

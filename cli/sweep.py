@@ -90,7 +90,7 @@ def sweep(
 
     _check_targets(target, plot, json_)
     ranges, firsts = _ranges(ValueOptions(set_, bound, start, goal))
-    known = read_guess(guess)
+    first_motion = read_guess(guess)
     reference = registry.find(model)
     fields = problem_fields(reference.defaults, course, firsts, conditions, controls, via)
     problem = Problem(reference.kernels(order, progress=True), **fields)
@@ -103,7 +103,7 @@ def sweep(
         bounds=ranges["bounds"],
         method=method,
         workers=workers,
-        guess=known,
+        guess=first_motion,
         starts=starts,
         seconds=seconds,
         progress=True,
@@ -137,25 +137,25 @@ def _check_targets(target: Path | None, plot: Path | None, json_: str | None) ->
             check_file(path)
 
 
-def _ranges(given: ValueOptions) -> tuple[dict[str, dict[str, list[Any]]], ValueOptions]:
+def _ranges(values: ValueOptions) -> tuple[dict[str, dict[str, list[Any]]], ValueOptions]:
     """What is varied, by field and name; and the options with the first value of each range in its
     place."""
     ranges: dict[str, dict[str, list[Any]]] = {}
     firsts: dict[str, list[str]] = {}
-    for field, option, texts in given.by_field():
+    for field, option, texts in values.by_field():
         ranges[field], firsts[field] = {}, []
         named = by_name(((t.partition("=")[0].strip(), t) for t in separate(texts)), option)
         for name, text in named.items():
             value = text.partition("=")[2]
-            values = read_range(value, f"{option} {name}")
-            if values is None:
+            numbers = read_range(value, f"{option} {name}")
+            if numbers is None:
                 firsts[field].append(text)
             elif field == "bounds":
-                ranges[field][name] = [(-abs(v), abs(v)) for v in values]
-                firsts[field].append(f"{name}={-abs(values[0])!r}:{abs(values[0])!r}")
+                ranges[field][name] = [(-abs(v), abs(v)) for v in numbers]
+                firsts[field].append(f"{name}={-abs(numbers[0])!r}:{abs(numbers[0])!r}")
             else:
-                ranges[field][name] = values
-                firsts[field].append(f"{name}={values[0]!r}")
+                ranges[field][name] = numbers
+                firsts[field].append(f"{name}={numbers[0]!r}")
     if not any(ranges.values()):
         raise ProblemError(
             "no value is a range: give one as FROM:TO:COUNT, such as --set l=0.4:0.8:50."

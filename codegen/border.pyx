@@ -14,15 +14,15 @@ def functions(capsule):
     cdef Function function
     cdef int i
     table = <const dmoc_table *>PyCapsule_GetPointer(capsule, DMOC_TABLE)
-    found = {}
+    functions = {}
     for i in range(table.entries):
         function = Function.__new__(Function)
         function.entry = &table.entry[i]
         name = function.entry.name.decode()
         if max(function.entry.inputs, function.entry.outputs) > DMOC_MOST:
             raise ValueError(f"{name}: more than {DMOC_MOST} inputs or outputs")
-        found[name] = function
-    return found
+        functions[name] = function
+    return functions
 
 
 cdef str _name(dmoc_array array):

@@ -65,11 +65,11 @@ class Kernels(Shown):
             rows.append(("tangents", ", ".join(self.tangents)))
         if m["path_constraints"]:
             rows.append(("path constraints", ", ".join(m["path_constraints"])))
-        known = (
+        values = (
             f"{name} = {'to be given' if value is None else format(value, 'g')}"
             for name, value in self.parameters.items()
         )
-        rows.append(("parameters", ", ".join(known) or "none"))
+        rows.append(("parameters", ", ".join(values) or "none"))
         rows.append(("kernels", f"{len(m['kernels'])}, {stored} results, {self.backend}"))
         if self.seconds:
             rows.append(("built", f"in {self.seconds:.2f} s"))
@@ -166,20 +166,20 @@ class Kernels(Shown):
     @cached_property
     def _patterns(self) -> dict[tuple[str, str], tuple[NDArray[np.intp], NDArray[np.intp]]]:
         """Rows and columns of every matrix output; read-only, because all share them."""
-        found = {}
+        slots = {}
         for kernel, facts in self.manifest["kernels"].items():
             for o in facts["outputs"]:
                 if "rows" in o:
                     places = np.array([o["rows"], o["columns"]], dtype=np.intp)
                     places.flags.writeable = False
-                    found[kernel, o["name"]] = (places[0], places[1])
-        return found
+                    slots[kernel, o["name"]] = (places[0], places[1])
+        return slots
 
 
 def _listed(names: list[str], units: Mapping[str, str]) -> str:
     """Names with their units."""
-    given = (f"{name} [{units[name]}]" if name in units else name for name in names)
-    return ", ".join(given) or "none"
+    labels = (f"{name} [{units[name]}]" if name in units else name for name in names)
+    return ", ".join(labels) or "none"
 
 
 def _size(output: Mapping[str, Any]) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from dmoc.base.arguments import choice, flag, shown
 from dmoc.base.discretisation import known_order
 from dmoc.base.errors import BuildError, ModelError, ProblemError
-from dmoc.base.progress import Listener, told
+from dmoc.base.progress import Listener, listener
 from dmoc.codegen.build import build_cached, numpy_kernels
 from dmoc.codegen.kernels import Kernels
 
@@ -75,7 +75,7 @@ def build(
     order = known_order(order)
     choice(backend, "backend", BACKENDS, BuildError)
     flag(force, "force", BuildError)
-    with told(progress, f"{system.name}: looking for its kernels", BuildError) as tell:
+    with listener(progress, f"{system.name}: looking for its kernels", BuildError) as tell:
 
         def deriving() -> ModelSpec:
             if tell is not None:

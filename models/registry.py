@@ -146,9 +146,9 @@ def _shipped(name: str) -> Reference:
     if entry is None and name.endswith(".py"):
         raise ModelError(f"{name} names a file without an object in it: expected {name}:name.")
     if entry is None:
-        known = ", ".join(sorted(catalogue.ENTRIES))
+        models = ", ".join(sorted(catalogue.ENTRIES))
         raise ModelError(
-            f"unknown model {shown(name)}: expected one of {known}, or a file as file.py:name."
+            f"unknown model {shown(name)}: expected one of {models}, or a file as file.py:name."
         )
     model = entry.model
 
@@ -197,10 +197,10 @@ def _made(module: types.ModuleType, path: Path, name: str) -> Any:
         )
     if not callable(made):
         return made
-    given = inspect.signature(made).parameters.values()
+    parameters = inspect.signature(made).parameters.values()
     needed = [
         p.name
-        for p in given
+        for p in parameters
         if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
     ]
     if needed:

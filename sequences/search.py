@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from dmoc.base.arguments import shown, whole
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import SearchError
-from dmoc.base.progress import Listener, told
+from dmoc.base.progress import Listener, listener
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import COMPILED
 from dmoc.motion.trajectory import noun_of
@@ -271,7 +271,7 @@ def search(
             "surfaces and events are both given: give events alone, which names all that may "
             "happen."
         )
-    with told(progress, "first sequence", SearchError) as tell:
+    with listener(progress, "first sequence", SearchError) as tell:
         keywords |= {"method": method, "progress": tell}
         return _searched(stated, problem, settings_of(problem, keywords))
 

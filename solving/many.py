@@ -18,7 +18,7 @@ from dmoc.base.arguments import flag, listed, positive, shown, whole
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import DmocError, ProblemError
 from dmoc.base.options import options_of, read
-from dmoc.base.progress import Listener, told
+from dmoc.base.progress import Listener, listener
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.problem.problem import Problem
 from dmoc.results.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
@@ -207,7 +207,7 @@ def batch_of(
     deadline = Deadline.after(seconds)
     reason = NO_TIME
     with ExitStack() as stack:
-        tell = stack.enter_context(told(progress, "first solve"))
+        tell = stack.enter_context(listener(progress, "first solve"))
         try:
             for found in _answers(problems, setting, workers, executor, deadline, stack):
                 rows |= {row.number: row for row in found}

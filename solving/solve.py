@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from dmoc.base.errors import ProblemError
 from dmoc.base.options import read
-from dmoc.base.progress import Listener, told
+from dmoc.base.progress import Listener, listener
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration
@@ -128,7 +128,7 @@ def solve(
     request = read(Keywords, locals(), ProblemError).request(problem)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
-    with told(progress, "first guess") as tell:
+    with listener(progress, "first guess") as tell:
         request = request.within(progress=tell)
         if problem.open_hits:
             return best_way(problem, guess, request)

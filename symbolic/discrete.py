@@ -94,16 +94,16 @@ class StepElement:
     @property
     def definitions(self) -> tuple[tuple[Any, Any], ...]:
         """Position, velocity and time of the quadrature points in terms of x_k."""
-        found = []
+        values = []
         for p in self.points:
             f = p.start
             columns = list(zip(*self.nodes, strict=True))
-            found += [(s, dot(p.phi, column)) for s, column in zip(f.q, columns, strict=True)]
-            found += [
+            values += [(s, dot(p.phi, column)) for s, column in zip(f.q, columns, strict=True)]
+            values += [
                 (s, dot(p.slope, column) / self.h) for s, column in zip(f.v, columns, strict=True)
             ]
-            found.append((f.t, self.t_k + p.c * self.h))
-        return tuple(found)
+            values.append((f.t, self.t_k + p.c * self.h))
+        return tuple(values)
 
     def D(self, expression: Any, i: int) -> Any:
         """Total derivative of an expression in the symbols of the points, u_k, u_kp1 and h with
@@ -287,11 +287,11 @@ def _roots(polynomial: Any, x: Any) -> list[Any]:
 def _shapes(nodes: Sequence[Any], c: Any, derivative: int = 0) -> list[Any]:
     """Lagrange polynomials of the nodes at c, or their derivatives."""
     x = sp.Symbol("x")
-    found = []
+    weights = []
     for a in nodes:
         polynomial = sp.prod([(x - b) / (a - b) for b in nodes if b != a])
-        found.append(sp.radsimp(sp.expand(polynomial.diff(x, derivative).subs(x, c))))
-    return found
+        weights.append(sp.radsimp(sp.expand(polynomial.diff(x, derivative).subs(x, c))))
+    return weights
 
 
 def _renamed(f: Continuous, number: int, make: Callable[[str], Any]) -> Continuous:

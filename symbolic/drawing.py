@@ -188,16 +188,16 @@ Part: TypeAlias = Link | Point | Disc | Box | Spring | Wall | Contact
 PARTS = (Link, Point, Disc, Box, Spring, Wall, Contact)
 
 
-def parts_in(given: Any, contacts: Iterable[str]) -> tuple[Part, ...]:
+def parts_in(drawing: Any, contacts: Iterable[str]) -> tuple[Part, ...]:
     """Read a drawing, whose contacts are some of those named; raise ModelError for what is none."""
     names = list(contacts)
-    known = ", ".join(part.__name__ for part in PARTS)
-    if not isinstance(given, Sequence) or isinstance(given, str):
-        raise ModelError(f"drawing = {shown(given)}: expected a list of shapes out of {known}.")
+    kinds = ", ".join(part.__name__ for part in PARTS)
+    if not isinstance(drawing, Sequence) or isinstance(drawing, str):
+        raise ModelError(f"drawing = {shown(drawing)}: expected a list of shapes out of {kinds}.")
     seen: set[str] = set()
-    for part in given:
+    for part in drawing:
         if not isinstance(part, PARTS):
-            raise ModelError(f"the drawing contains {shown(part)}: expected shapes out of {known}.")
+            raise ModelError(f"the drawing contains {shown(part)}: expected shapes out of {kinds}.")
         if not isinstance(part, Contact):
             continue
         if part.surface not in names:
@@ -208,7 +208,7 @@ def parts_in(given: Any, contacts: Iterable[str]) -> tuple[Part, ...]:
         if part.surface in seen:
             raise ModelError(f"the drawing has two Contacts of {part.surface!r}: give one.")
         seen.add(part.surface)
-    return tuple(given)
+    return tuple(drawing)
 
 
 def values_of(part: Part) -> tuple[Any, ...]:

@@ -167,11 +167,11 @@ def _step_kernels(f: Continuous, e: StepElement) -> list[KernelSpec]:
          {"e_plus": [e.e_plus], "e_minus": [e.e_minus]}),
     ]  # fmt: skip
     par = Input("par", f.par)
-    found = [
+    groups = [
         family(name, text, inputs, values, par, e.D, e.definitions)
         for name, text, values in families
     ]
-    return [kernel for kernels in found for kernel in kernels] + path_kernels(f, e, inputs)
+    return [kernel for kernels in groups for kernel in kernels] + path_kernels(f, e, inputs)
 
 
 def _state_kernels(f: Continuous) -> list[KernelSpec]:

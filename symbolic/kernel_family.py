@@ -39,7 +39,7 @@ def family(
         Output.matrix(f"{a}_D", [gradient_of(e) for e in v], size) for a, v in outputs.items()
     )
     text = f"First derivatives of `{name}` with respect to ({listed})."
-    found = [
+    specs = [
         KernelSpec(name, summary, arguments, values, definitions),
         KernelSpec(f"{name}_jac", text, arguments, slopes, definitions),
     ]
@@ -54,7 +54,7 @@ def family(
         ]
         curvatures = (Output.matrix("hess", rows, size, upper=True),)
         text = f"Second derivatives of the weighted sum of all results of `{name}`."
-        found.append(
+        specs.append(
             KernelSpec(f"{name}_hess", text, (*arguments, *weights), curvatures, definitions)
         )
-    return found
+    return specs

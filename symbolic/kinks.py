@@ -113,9 +113,9 @@ class _Lifted:
         raise _refused(e, self.where)
 
     def _unknown(self, kink: Any, sign: int) -> Any:
-        known = [s for s, other in self.unknowns if other == kink]
-        if known:
-            return known[0]
+        same = [s for s, other in self.unknowns if other == kink]
+        if same:
+            return same[0]
         s = sp.Dummy(f"s_{len(self.unknowns)}", real=True)
         self.unknowns.append((s, kink))
         for value in _values(kink):

@@ -14,7 +14,7 @@ import pytest
 
 import dmoc
 from dmoc.base.errors import BuildError, DmocError, ProblemError, SearchError
-from dmoc.base.progress import told
+from dmoc.base.progress import listener
 
 
 def problem() -> dmoc.Problem:
@@ -76,7 +76,7 @@ def test_lines_come_every_second(
 ) -> None:
     now = [100.0]
     monkeypatch.setattr("time.perf_counter", lambda: now[0])
-    with told("lines", "first") as tell:
+    with listener("lines", "first") as tell:
         assert tell is not None
         for now[0], text in (
             (100.5, "too soon"),
@@ -94,7 +94,7 @@ def test_a_line_on_a_terminal_shows_text_as_it_is_and_goes_when_it_ends(
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
-    with told(True, "first [bold]guess") as tell:
+    with listener(True, "first [bold]guess") as tell:
         assert tell is not None
     assert "first [bold]guess" in terminal.getvalue()
     assert terminal.getvalue().endswith("\x1b[2K")  # the line is cleared
