@@ -86,7 +86,7 @@ def event_slope(motion: Motion, i: int, unit: Array) -> Array:
     q, v = (np.ascontiguousarray(part) for part in np.hsplit(rows, 2))
     late, a = np.zeros((len(q), 1)), np.zeros((2, nq))
     if not motion.has_modes:
-        j = model.kernels.surfaces.index(p.c.surface)
+        j = model.surface_numbers[p.c.surface]
         if p.c.grazes or not p.rates[0, j] > 0:
             return np.eye(2 * nq)
         late = -((q - p.before.q[-1]) @ p.normals[j])[:, None] / p.rates[0, j]

@@ -37,14 +37,14 @@ def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
     if not model.nc:
         return found
     hits = [
-        (model.kernels.surfaces.index(c.surface), c.time)
+        (model.surface_numbers[c.surface], c.time)
         for c in trajectory.collisions
         if c.surface and not c.grazes
     ]
     for phase in trajectory.phases:
         on, h = model.gaps(phase.q, phase.t) >= -ON_ARC * sizes.gap, phase.step_size
         local = gap_sizes_at(model, sizes, phase.q, phase.t)
-        on[:, [model.kernels.surfaces.index(name) for name in phase.closed]] = False
+        on[:, [model.surface_numbers[name] for name in phase.closed]] = False
         for k, j in zip(*np.nonzero(on), strict=True):
             t = float(phase.t[k])
             if not any(surface == j and abs(t - at) <= 2.5 * h for surface, at in hits):

@@ -10,16 +10,18 @@ from itertools import groupby, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.arguments import check_known
 from dmoc.base.deadline import Deadline
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
 from dmoc.check.arcs import allowance, arcs_of
 from dmoc.check.passages import Passage, passage_of
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.bound_kernels import RAIL
+from dmoc.mechanics.contact_mode import Mode, mode_by_names
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row, restitution_row
 from dmoc.motion.trajectory import Phase, Trajectory
-from dmoc.simulation.contact_modes import RAIL, Mode, mode_of, supports
 from dmoc.simulation.flow import Flow, Steps
 from dmoc.simulation.sizes import Sizes, sizes_of
 
@@ -73,7 +75,7 @@ class Motion:
         _check_shapes(trajectory)
         restitution = restitution_row(kernels, trajectory.restitution, SimulationError)
         model = Model(kernels, parameter_row(kernels, trajectory.parameters, SimulationError))
-        modes = tuple(mode_of(phase, kernels) for phase in trajectory.phases)
+        modes = tuple(_mode_of(phase, model) for phase in trajectory.phases)
         sizes = sizes_of(trajectory, model)
         arcs = arcs_of(trajectory, model, sizes)
         steps = [
@@ -113,15 +115,16 @@ class Motion:
     def has_modes(self) -> bool:
         """Whether contacts last or something rubs, or should: rails do always, and surfaces with
         friction where they are hit."""
-        trajectory, at = self.trajectory, supports(self.model.kernels)
-        hit = {
-            self.model.kernels.surfaces.index(c.surface) for c in trajectory.collisions if c.surface
-        }
-        rubs = np.array([j == RAIL or j in hit for j in at], dtype=bool)
+        trajectory, model = self.trajectory, self.model
+        hit = {model.surface_numbers[c.surface] for c in trajectory.collisions if c.surface}
         return (
             not all(phase.free for phase in trajectory.phases)
             or any(c.lands or c.leaves or not c.surface for c in trajectory.collisions)
-            or bool((rubs & (self.model.friction > 0)).any())
+            or any(
+                j in (RAIL, *hit)
+                for j, mu in zip(model.supports, model.friction, strict=True)
+                if mu
+            )
         )
 
     @cached_property
@@ -169,6 +172,24 @@ def _check_shapes(trajectory: Trajectory) -> None:
                     f"{name} of the phase from {phase.t[0]:.4g} s on has the shape "
                     f"{getattr(phase, name).shape}: expected {shape} for its {phase.steps} steps."
                 )
+
+
+def _mode_of(phase: Phase, model: Model) -> Mode:
+    """The mode of a phase."""
+    for names, known, what, forces in (
+        (phase.closed, model.surface_numbers, "closed surface", phase.normal),
+        (phase.rubbing, model.tangent_numbers, "rubbing tangent", phase.tangential),
+    ):
+        for name in names:
+            check_known(name, known, what, error=SimulationError)
+        shape = (len(phase.t), len(names))
+        if names and forces.shape != shape:
+            kind = "normal" if names is phase.closed else "tangential"
+            raise SimulationError(
+                f"{kind} forces of the phase from {phase.t[0]:.4g} s on have the shape "
+                f"{forces.shape}: expected {shape}, a column for each of {', '.join(names)}."
+            )
+    return mode_by_names(model, phase.closed, phase.rubbing)
 
 
 def nodes_of_segments(steps: int) -> NDArray[np.intp]:

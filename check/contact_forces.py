@@ -13,7 +13,9 @@ from dmoc.check.contact_location import ON_TIME
 from dmoc.check.joins import DRIFT, OFF
 from dmoc.check.segments import largest, put
 from dmoc.codegen.kernels import Array
-from dmoc.simulation.contact_modes import RAIL, Mode, conditions, supports
+from dmoc.mechanics.bound_kernels import RAIL
+from dmoc.mechanics.contact_mode import Mode
+from dmoc.simulation.contact_modes import conditions
 from dmoc.simulation.indeterminate_forces import nearest
 from dmoc.simulation.sizes import NOTHING, pushes
 
@@ -126,7 +128,7 @@ def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
 
 
 def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
-    model, at, mode = motion.model, supports(motion.model.kernels), motion.modes[i + 1]
+    model, mode = motion.model, motion.modes[i + 1]
     c, after = motion.trajectory.collisions[i], motion.trajectory.phases[i + 1]
     if c.surface:
         return  # an impact may set it off
@@ -139,12 +141,12 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
         others = tuple(pair for pair in mode.sliding if pair[0] != k)
         kept = replace(mode, sticking=(*mode.sticking, k), sliding=others)
         found = motion.flow.integrator.reaction(kept, np.hstack([q, v]), u[: len(t)], t)
-        bears = model.friction[k] * (1.0 if at[k] == RAIL else found.normal[:, at[k]])
+        bears = model.bearing(found.normal)[:, k]
         spare = bears - np.abs(found.tangential[:, k])
         if (spare > PRESSED * size[k]).all():
             yield (
                 f"{model.kernels.tangents[k]} begins to slide at {c.time:.4g} s, where friction "
-                f"holds it: it has {np.broadcast_to(bears, spare.shape)[0]:.4g} N and needs "
+                f"holds it: it has {bears[0]:.4g} N and needs "
                 f"{abs(found.tangential[0, k]):.4g} N"
             )
 
@@ -155,7 +157,7 @@ def left_out(motion: Motion) -> list[str]:
     for phase in motion.trajectory.phases:
         span = f"from {phase.t[0]:.4g} to {phase.t[-1]:.4g} s"
         for name, j, mu in zip(
-            kernels.tangents, supports(kernels), motion.model.friction, strict=True
+            kernels.tangents, motion.model.supports, motion.model.friction, strict=True
         ):
             touches = j == RAIL or kernels.surfaces[j] in phase.closed
             if mu > 0 and touches and name not in phase.rubbing:
@@ -173,12 +175,8 @@ def _sizes(motion: Motion, found: list[Forces]) -> tuple[Array, Array]:
     q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
     normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
     smooth = SMOOTH * pushes(model, motion.sizes, q, t, model.tangent_slopes(q, t))
-    at = supports(model.kernels)
-    possible = [
-        mu if j == RAIL else mu * normal[j] for j, mu in zip(at, model.friction, strict=True)
-    ]
     taken = np.max([np.abs(f.tangential).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
-    friction = np.maximum.reduce([np.array(possible).reshape(model.nt), BEARABLE * taken, smooth])
+    friction = np.maximum.reduce([model.bearing(normal), BEARABLE * taken, smooth])
     return np.maximum(normal, NOTHING), np.maximum(friction, NOTHING)
 
 
@@ -261,12 +259,9 @@ def _pulling(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str]
 
 def _slipping(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str]:
     """Friction beyond what its contact or rail holds."""
-    phase, model, at = motion.trajectory.phases[i], motion.model, supports(motion.model.kernels)
+    phase, model = motion.trajectory.phases[i], motion.model
     for j in motion.modes[i].sticking:
-        mu = model.friction[j]
-        bears = mu * (
-            np.ones_like(flow.tangential[..., j]) if at[j] == RAIL else flow.normal[..., at[j]]
-        )
+        bears = model.bearing(flow.normal)[..., j]
         needs = np.abs(flow.tangential[..., j])
         beyond = (needs - bears).max(axis=0)
         k = int(np.argmax(beyond))

@@ -19,7 +19,7 @@ from dmoc.check.path_limits import IntegratedSteps
 from dmoc.check.runs import SAME_CONTACT
 from dmoc.check.segments import between, put
 from dmoc.codegen.kernels import Array
-from dmoc.simulation.contact_modes import Mode
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.simulation.flow import FIRST, LAST, PLACES, TOUCH, Steps, SurfaceContact
 from dmoc.simulation.mode_choice import limits
 from dmoc.simulation.roots import crossing

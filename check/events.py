@@ -10,7 +10,7 @@ import numpy as np
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, TURNED
 from dmoc.check.passages import Passage
-from dmoc.simulation.contact_modes import RAIL, supports
+from dmoc.mechanics.bound_kernels import RAIL
 from dmoc.simulation.sizes import Sizes
 
 SOFT = 1e-6  # own rates of a collision count by at least this share of the largest
@@ -63,7 +63,7 @@ def _energy_jump(p: Passage) -> float:
 def _impact_errors(p: Passage, sizes: Sizes) -> tuple[float, float]:
     """Errors of the rate after a collision, of the impulse, and rates that approach after it or
     leave before it: relative to the rates of the collision itself, and to the largest rate."""
-    j = p.model.kernels.surfaces.index(p.c.surface)
+    j = p.model.surface_numbers[p.c.surface]
     before, after, right = p.rates[:, j]
     _, inertia = p.model.impulse_response(p.before.q[-1], p.normals[j], p.c.time)
     impulse = abs(float(p.law.normal[0, j]) - p.c.impulse) * inertia
@@ -106,7 +106,7 @@ def _slack(p: Passage, sizes: Sizes) -> float:
 def _unbearable(p: Passage, sizes: Sizes, slack: float) -> Iterator[str]:
     """Impulses that pull or leave the cone, by the law or by the plan, and surfaces that take one
     without a part in the event."""
-    model, at, time = p.model, supports(p.model.kernels), p.c.time
+    model, time = p.model, p.c.time
     normal, tangential = (0 * part if p.c.grazes else part for part in p.planned)
     surfaces, tangents = model.kernels.surfaces, model.kernels.tangents
     for j, name in enumerate(surfaces):
@@ -115,8 +115,9 @@ def _unbearable(p: Passage, sizes: Sizes, slack: float) -> Iterator[str]:
             yield f"{name} would have to pull with an impulse of {-least:.4g} N s at {time:.4g} s"
         if j not in p.mode.closed and normal[j] > slack:
             yield f"{name} takes an impulse at {time:.4g} s without being hit or closed"
+    bearing = np.where(np.array(model.supports) == RAIL, 0.0, model.bearing(p.law.normal[0]))
     for k, name in enumerate(tangents):
-        held = model.friction[k] * p.law.normal[0, at[k]] if at[k] != RAIL else 0.0
+        held = float(bearing[k])
         needed = max(abs(float(p.law.tangential[0, k])), abs(tangential[k]))
         if needed > held + slack * max(model.friction[k], 1.0):
             yield (
@@ -136,7 +137,7 @@ def _turned(p: Passage, slack: float) -> Iterator[str]:
     for k, s in p.mode.sliding:
         name, pressed = (
             model.kernels.tangents[k],
-            float(p.law.normal[0, supports(model.kernels)[k]]),
+            float(p.law.normal[0, model.supports[k]]),
         )
         if p.before.rubbing.get(name) == -s and model.friction[k] * pressed > slack:
             yield (

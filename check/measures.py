@@ -32,7 +32,7 @@ def _off_surface(motion: Motion) -> Iterator[tuple[str, float]]:
     """Those surfaces, with the gap."""
     for c in motion.trajectory.collisions:
         for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
-            j = motion.model.kernels.surfaces.index(name)
+            j = motion.model.surface_numbers[name]
             gap = float(motion.model.gaps(c.position, c.time)[j])
             if not abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]:
                 yield name, gap

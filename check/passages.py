@@ -8,19 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import FREE, Mode, without_rails
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import Collision, Phase
-from dmoc.simulation.contact_modes import (
-    FREE,
-    Mode,
-    Reaction,
-    answers,
-    condition_rates,
-    conditions,
-    spread,
-    supports,
-    without_rails,
-)
+from dmoc.simulation.contact_modes import Reaction, answers, condition_rates, conditions, spread
 from dmoc.simulation.indeterminate_forces import borne
 from dmoc.simulation.poisson import impulses
 
@@ -157,8 +148,8 @@ def passage_of(
         return Passage(*parts, wrong=f"the contacts closed after what happens {when} are {shown}")
     if not c.surface or c.grazes:
         return Passage(*parts)
-    on = [model.kernels.surfaces.index(name) for name in (*c.lands, *stay)]
-    at = supports(model.kernels)
+    on = [model.surface_numbers[name] for name in (*c.lands, *stay)]
+    at = model.supports
     ours = Mode(
         tuple(on),
         tuple(k for k in own.sticking if at[k] in on),
@@ -167,9 +158,9 @@ def passage_of(
     if c.surface in c.lands:
         if c.course and len(on) == 1:
             return Passage(*parts, Mode((on[0],)), on[0], at.index(on[0]), lands=True)
-        return Passage(*parts, without_rails(ours, model.kernels))
-    j = model.kernels.surfaces.index(c.surface)
-    rubs = next((k for k, s in enumerate(at) if s == j and model.friction[k] > 0), None)
+        return Passage(*parts, without_rails(model, ours))
+    j = model.surface_numbers[c.surface]
+    rubs = model.rough.get(j)
     wrong = (
         f"the hit of {c.surface!r} {when} has friction, and other contacts are closed: its law is "
         "known for one contact alone"

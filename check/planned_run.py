@@ -71,7 +71,7 @@ def _softly(motion: Motion, i: int) -> bool:
     """Whether a phase ends on its surface with hardly a rate, so that a simulation may just not
     reach it."""
     c, phase = motion.trajectory.collisions[i], motion.trajectory.phases[i]
-    j = motion.model.kernels.surfaces.index(c.surface)
+    j = motion.model.surface_numbers[c.surface]
     rate = motion.model.gap_rates(phase.q[-1], phase.v[-1], c.time)[j]
     return bool(rate <= TURNED * motion.sizes.rate[j])
 
@@ -79,7 +79,7 @@ def _softly(motion: Motion, i: int) -> bool:
 def _too_early(motion: Motion, i: int, contact: SurfaceContact) -> bool:
     """Whether a contact is met so long before the end of a phase that the gap, which goes on with
     its rate at the end, is further behind the surface than a segment may be off."""
-    phase, j = motion.trajectory.phases[i], motion.model.kernels.surfaces.index(contact.surface)
+    phase, j = motion.trajectory.phases[i], motion.model.surface_numbers[contact.surface]
     early = float(phase.t[-1]) - contact.time
     rate = float(motion.model.gap_rates(phase.q[-1], phase.v[-1], phase.t[-1])[j])
     behind = early * rate > PASSING["segment error"] * motion.sizes.gap[j]

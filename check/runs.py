@@ -149,7 +149,7 @@ def _late(
     collision = motion.trajectory.collisions[i]
     if not collision.surface or any(_planned(motion, c, i, t) for c in met):
         return []
-    j = motion.model.kernels.surfaces.index(collision.surface)
+    j = motion.model.surface_numbers[collision.surface]
     gap = float(motion.model.gaps(y[: motion.model.nq], t)[j])
     rate = motion.flow.rate(y, t, j)
     if rate > 0 and -gap <= SAME_CONTACT * motion.sizes.time * rate:
@@ -199,14 +199,14 @@ def _moved(
     phases, q = motion.trajectory.phases, _state(motion, c.time)[: motion.model.nq]
     ends = [phases[part.phase].t[part.last] for part in parts[:-1]]
     k = np.searchsorted(ends, c.time - JOINED * motion.sizes.time)
-    j = motion.model.kernels.surfaces.index(c.surface)
+    j = motion.model.surface_numbers[c.surface]
     slope = np.abs(motion.model.gap_slopes(q, c.time)[j, :-1])
     return float(slope @ (deviations[k, : len(q)] * motion.sizes.q))
 
 
 def _made_up(motion: Motion, c: Collision) -> float:
     """How far the gap of a collision moves, by its rate, in the time in which it counts."""
-    j = motion.model.kernels.surfaces.index(c.surface)
+    j = motion.model.surface_numbers[c.surface]
     rate = motion.flow.rate(_state(motion, c.time), c.time, j)
     return SAME_CONTACT * motion.sizes.time * abs(rate)
 
@@ -214,7 +214,7 @@ def _made_up(motion: Motion, c: Collision) -> float:
 def _clearance(motion: Motion, c: SurfaceContact) -> float:
     """How far the motion itself is from a surface that a run meets."""
     q = _state(motion, c.time)[: motion.model.nq]
-    return -float(motion.model.gaps(q, c.time)[motion.model.kernels.surfaces.index(c.surface)])
+    return -float(motion.model.gaps(q, c.time)[motion.model.surface_numbers[c.surface]])
 
 
 def _state(motion: Motion, t: float) -> Array:

@@ -15,7 +15,7 @@ from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
 from dmoc.check.path_limits import Excess, IntegratedSteps, path_excess
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
-from dmoc.simulation.contact_modes import FREE, Mode
+from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.simulation.flow import PLACES
 from dmoc.simulation.sizes import penetration
 

@@ -32,6 +32,7 @@ MATRICES = {
 # Relative change of a coordinate or parameter that tells how much of a value comes from it.
 NUDGE = 1e-3
 
+RAIL = -1  # the surface of a tangent that belongs to none
 Index = NDArray[np.intp]
 
 
@@ -68,6 +69,21 @@ class BoundKernels:
     def nt(self) -> int:
         """Number of tangents."""
         return len(self.kernels.tangents)
+
+    @cached_property
+    def surface_numbers(self) -> dict[str, int]:
+        """The place of each surface in the model."""
+        return {name: j for j, name in enumerate(self.kernels.surfaces)}
+
+    @cached_property
+    def tangent_numbers(self) -> dict[str, int]:
+        """The place of each tangent in the model."""
+        return {name: k for k, name in enumerate(self.kernels.tangents)}
+
+    @cached_property
+    def supports(self) -> tuple[int, ...]:
+        """The surface that each tangent belongs to, or RAIL."""
+        return tuple(self.surface_numbers.get(name, RAIL) for name in self.tangent_numbers)
 
     @cached_property
     def nj(self) -> int:

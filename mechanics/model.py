@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
-from dmoc.mechanics.bound_kernels import BoundKernels, as_column, as_rows
+from dmoc.mechanics.bound_kernels import RAIL, BoundKernels, as_column, as_rows
 
 # A point lies on a surface up to this share of the gap's own size: what rounding leaves of
 # coordinates that were computed.
@@ -166,6 +166,17 @@ class Model(BoundKernels):
         """Coefficients mu of surfaces and largest forces of rails, in the order of the tangents,
         shape (nt,)."""
         return self.kernels.call("friction", self.par)[0][0] if self.nt else np.zeros(0)
+
+    @cached_property
+    def rough(self) -> dict[int, int]:
+        """The tangent of each surface with friction."""
+        return {j: k for k, j in enumerate(self.supports) if j != RAIL and self.friction[k] > 0}
+
+    def bearing(self, normal: Array) -> Array:
+        """What friction can hold at most beside contact forces (..., nc): mu N of surfaces, and the
+        largest force of rails, shape (..., nt)."""
+        pressed = np.concatenate([normal, np.ones((*normal.shape[:-1], 1))], axis=-1)
+        return np.asarray(self.friction * pressed[..., list(self.supports)])  # a rail is the last
 
     def tangents(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Tangential positions tau, shape (..., nt)."""

@@ -145,7 +145,7 @@ def _check_start_in_contact(problem: Problem) -> None:
     v = _fixed_velocity(problem, q) if fixed.all() else None
     gaps, sizes = model.gaps(q), model.gap_sizes(q)
     for name in mode.closed:
-        j = problem.kernels.surfaces.index(name)
+        j = problem.model.surface_numbers[name]
         if not fixed[manifest["surface_coordinates"][name]].all():
             continue
         if abs(gaps[j]) > OFF_CONTACT * sizes[j]:
@@ -159,11 +159,11 @@ def _check_start_in_contact(problem: Problem) -> None:
     if v is None:
         return
     for name in mode.sticking:
-        j = problem.kernels.tangents.index(name)
+        j = problem.model.tangent_numbers[name]
         rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
         _check_rate(name, "slides", rate, slope, v)
     for name, sign in mode.rubbing.items():
-        j = problem.kernels.tangents.index(name)
+        j = problem.model.tangent_numbers[name]
         rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
         if sign * rate < -OFF_CONTACT * _size(slope, v):
             told, other = f"{FRICTION_WORDS[sign]}", f"{FRICTION_WORDS[-sign]}"
@@ -194,8 +194,8 @@ def _check_independent(problem: Problem, phase: int, mode: PhaseMode) -> None:
     most = 0
     for share in (0.0, 0.3, 1.0):
         at = q + share * problem.reach * rng.standard_normal(problem.nq)
-        normal = model.gap_slopes(at)[[problem.kernels.surfaces.index(n) for n in mode.closed]]
-        along = model.tangent_slopes(at)[[problem.kernels.tangents.index(n) for n in mode.sticking]]
+        normal = model.gap_slopes(at)[[problem.model.surface_numbers[n] for n in mode.closed]]
+        along = model.tangent_slopes(at)[[problem.model.tangent_numbers[n] for n in mode.sticking]]
         slopes = np.vstack([normal, along])[:, :-1] * problem.reach
         if slopes.size and np.isfinite(slopes).all():
             most = max(most, int(np.linalg.matrix_rank(slopes)))

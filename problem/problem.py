@@ -30,16 +30,8 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.codegen.system_kernels import kernels_of
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
-from dmoc.mechanics.modes import (
-    Contacts,
-    Event,
-    PhaseMode,
-    along,
-    courses_of,
-    is_open,
-    mode_of,
-    words_along,
-)
+from dmoc.mechanics.modes import Contacts, Event, PhaseMode, along, is_open, mode_of, words_along
+from dmoc.mechanics.possible_words import courses_of
 from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
 from dmoc.problem.statement import statement_in_short, table_of_problem
 
@@ -476,7 +468,7 @@ class Problem(Shown):
         surfaces = [event.surface for event in self.events if event.surface]
         if not surfaces or not self.unsaid.any():
             return q
-        j, at = self.kernels.surfaces.index(surfaces[0]), q.copy()
+        j, at = self.model.surface_numbers[surfaces[0]], q.copy()
         inertia = np.abs(np.diagonal(self.model.mass(q)))
         with np.errstate(all="ignore"):
             for _ in range(NEWTON):
@@ -508,7 +500,7 @@ class Problem(Shown):
         if self.kernels.surfaces:
             slopes, gaps = self.model.gap_slopes(start), np.abs(self.model.gaps(start))
             gaps = np.where(gaps <= self.model.gap_rounding(start), 0.0, gaps)
-            for j in {self.kernels.surfaces.index(e.surface) for e in self.events if e.surface}:
+            for j in {self.model.surface_numbers[e.surface] for e in self.events if e.surface}:
                 size = np.abs(slopes[j, :-1])
                 with np.errstate(divide="ignore", invalid="ignore"):
                     away = np.where(size > 0, gaps[j] / size, 0.0)
@@ -536,7 +528,7 @@ class Problem(Shown):
             times = np.linspace(0.0, time, MOVING)
             gaps = self.model.gaps(np.tile(self.start_position, (MOVING, 1)), times)
             slopes = np.abs(self.model.gap_slopes(self.start_position)[:, :-1])
-            for j in {self.kernels.surfaces.index(e.surface) for e in self.events if e.surface}:
+            for j in {self.model.surface_numbers[e.surface] for e in self.events if e.surface}:
                 moved = np.ptp(gaps[:, j]) / slopes[j]
                 swing = np.where(np.isfinite(moved), np.maximum(swing, moved), swing)
         root = np.sqrt(np.abs(self.inertia))

@@ -68,7 +68,7 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
     involved = problem.kernels.manifest["surface_coordinates"][surface]
     if len(involved) > 1:
         return []
-    j, row, found = int(involved[0]), problem.kernels.surfaces.index(surface), []
+    j, row, found = int(involved[0]), problem.model.surface_numbers[surface], []
 
     def gap(s: float) -> float:
         return float(problem.model.gaps(q + s * (np.arange(problem.nq) == j), t)[row])
@@ -122,7 +122,7 @@ def _cross(a: float, b: float) -> bool:
 
 
 def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:
-    q, reach, row = q.copy(), problem.reach, problem.kernels.surfaces.index(surface)
+    q, reach, row = q.copy(), problem.reach, problem.model.surface_numbers[surface]
     gap, slope = problem.model.gaps(q, t)[row], problem.model.gap_slopes(q, t)[row, :-1]
     for _ in range(STEPS):
         if abs(gap) <= problem.model.gap_rounding(q, t)[row]:
@@ -147,5 +147,5 @@ def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:
 
 def near_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> bool:
     """Whether a point is meant to lie on a surface: the gap is a small share of its own size."""
-    j = problem.kernels.surfaces.index(surface)
+    j = problem.model.surface_numbers[surface]
     return bool(abs(problem.model.gaps(q, t)[j]) <= NEAR * problem.model.gap_sizes(q, t)[j])

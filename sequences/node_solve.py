@@ -265,7 +265,7 @@ def extended(parent: Solution, problem: Problem) -> Array:
     steps = len(last.t) - 1
     k, q, rates = steps // 2, last.q, [last.v[: steps // 2 + 1], last.v[steps // 2 :]]
     if event.surface:
-        j = problem.kernels.surfaces.index(event.surface)
+        j = problem.model.surface_numbers[event.surface]
         gaps = problem.model.gaps(last.q, last.t)[:, j]
         inner = slice(max(1, steps // 10), steps - max(1, steps // 10) + 1)
         k = int(np.argmax(gaps[inner])) + inner.start

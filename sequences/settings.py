@@ -15,14 +15,8 @@ from dmoc.base.arguments import choice, flag, names, number, path, positive, sho
 from dmoc.base.arguments import executor as an_executor
 from dmoc.base.errors import ProblemError, SearchError
 from dmoc.base.options import Option, read
-from dmoc.mechanics.modes import (
-    Contacts,
-    event_of,
-    mode_of,
-    possible_after,
-    word_between,
-    words_after,
-)
+from dmoc.mechanics.modes import Contacts, event_of, mode_of, word_between
+from dmoc.mechanics.possible_words import possible_after, words_after
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
 from dmoc.solving.methods import METHODS

@@ -9,8 +9,9 @@ import numpy as np
 
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import RAIL, Mode, Reaction, conditions, supports
+from dmoc.simulation.contact_modes import Reaction, conditions
 from dmoc.simulation.mode_choice import Blow, Place, plastic_blow
 from dmoc.simulation.poisson import impulses
 from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
@@ -49,24 +50,21 @@ def struck(model: Model, at: Place, found: Reaction, restitution: Array, h: floa
     on = [int(j) for j in np.flatnonzero(model.gaps(q, at.t) >= -at.small.gap)]
     hit = [j for j in on if rates[j] > at.small.rate[j]]
     e = _effective(model, at, found, restitution, h)
-    tangent = {
-        j: k for k, j in enumerate(supports(model.kernels)) if j != RAIL and model.friction[k] > 0
-    }
-    rough = [j for j in on if j in tangent]
+    rough = [j for j in on if j in model.rough]
     carrying = bool((found.normal[0] > at.small.force).any())
     names = ", ".join(repr(surfaces[j]) for j in on)
     if not rough and not carrying:
         return _one_by_one(model, at, e)
     if len(hit) == 1 and _uncoupled(model, at, hit[0], on):
-        return _alone(model, at, hit[0], tangent.get(hit[0]), float(e[hit[0]]))
-    if any(e[j] > 0 for j in hit if j in tangent):
+        return _alone(model, at, hit[0], model.rough.get(hit[0]), float(e[hit[0]]))
+    if any(e[j] > 0 for j in hit if j in model.rough):
         raise SimulationError(
             f"the contacts {names} with friction are hit at once at t = {at.t:.6g} s: such an "
             "impact is known for a restitution of 0 only, give them that."
         )
     blow = plastic_blow(model, at, on, e)
     if blow is not None and not _gains(model, at, blow):
-        return Struck(blow.velocity, tuple(_felt(blow, on, tangent)))
+        return Struck(blow.velocity, tuple(_felt(blow, on, model.rough)))
     if not rough:
         return _one_by_one(model, at, e)
     raise SimulationError(
@@ -101,12 +99,10 @@ def _uncoupled(model: Model, at: Place, j: int, on: list[int]) -> bool:
     others = [k for k in on if k != j]
     if not others:
         return True
-    rubs = tuple(k for k, s in enumerate(supports(model.kernels)) if s in on)
+    rubs = tuple(k for k, s in enumerate(model.supports) if s in on)
     c = conditions(model, Mode((j, *others), rubs), q, t).C[0, : len(on) + len(rubs)]
     A = c @ model.responses(q[0], c, at.t)
-    at_j = np.array(
-        [True, *[False] * len(others), *[supports(model.kernels)[k] == j for k in rubs]]
-    )
+    at_j = np.array([True, *[False] * len(others), *[model.supports[k] == j for k in rubs]])
     size = np.sqrt(np.outer(np.diag(A), np.diag(A)))
     return bool((np.abs(A)[np.ix_(at_j, ~at_j)] <= COUPLED * size[np.ix_(at_j, ~at_j)]).all())
 

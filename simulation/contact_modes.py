@@ -11,35 +11,20 @@ obeys the same relations with impulses for forces and rates for second derivativ
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from dmoc.base.arguments import check_known
-from dmoc.base.errors import SimulationError
-from dmoc.codegen.kernels import Array, Kernels
+from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.bound_kernels import RAIL
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
-from dmoc.motion.trajectory import Phase
 
 # Singular values below this share of the largest are those of conditions that say the same twice.
 REDUNDANT = 1e-11
 # Determinant, measured by the sizes of its rows and columns, of conditions that are far from that.
 REGULAR = 1e-6
-RAIL = -1  # the surface of a tangent that belongs to none
-
-
-@dataclass(frozen=True)
-class Mode:
-    """Closed surfaces, tangents that stick, and tangents that slide with their signs, each by its
-    place in the model."""
-
-    closed: tuple[int, ...] = ()
-    sticking: tuple[int, ...] = ()
-    sliding: tuple[tuple[int, int], ...] = ()
-
-
-FREE = Mode()
 
 
 @dataclass(frozen=True)
@@ -62,55 +47,11 @@ class Conditions:
     B: Array
 
 
-def supports(kernels: Kernels) -> tuple[int, ...]:
-    """The surface that each tangent belongs to, or RAIL."""
-    surfaces = kernels.surfaces
-    return tuple(surfaces.index(n) if n in surfaces else RAIL for n in kernels.tangents)
-
-
-def mode_of(phase: Phase, kernels: Kernels) -> Mode:
-    """The mode of a phase; what rubs at an open surface has no part in it."""
-    for name in phase.closed:
-        check_known(name, kernels.surfaces, "closed surface", error=SimulationError)
-    for name in phase.rubbing:
-        check_known(name, kernels.tangents, "rubbing tangent", error=SimulationError)
-    for forces, what, names in (
-        (phase.normal, "normal", phase.closed),
-        (phase.tangential, "tangential", phase.rubbing),
-    ):
-        shape = (len(phase.t), len(names))
-        if names and forces.shape != shape:
-            raise SimulationError(
-                f"{what} forces of the phase from {phase.t[0]:.4g} s on have the shape "
-                f"{forces.shape}: expected {shape}, a column for each of {', '.join(names)}."
-            )
-    states = [
-        (kernels.tangents.index(name), s)
-        for name, s in phase.rubbing.items()
-        if name in phase.closed or name not in kernels.surfaces
-    ]
-    return Mode(
-        tuple(kernels.surfaces.index(name) for name in phase.closed),
-        tuple(k for k, s in states if s == 0),
-        tuple((k, s) for k, s in states if s != 0),
-    )
-
-
-def without_rails(mode: Mode, kernels: Kernels) -> Mode:
-    """A mode as it is during an impact, in which rails have no part."""
-    at = supports(kernels)
-    return replace(
-        mode,
-        sticking=tuple(k for k in mode.sticking if at[k] != RAIL),
-        sliding=tuple((k, s) for k, s in mode.sliding if at[k] != RAIL),
-    )
-
-
 def conditions(model: Model, mode: Mode, q: Array, t: Array) -> Conditions:
     """The conditions of a mode at rows of positions."""
     normals = model.gap_slopes(q, t)[..., :-1]
     along = model.tangent_slopes(q, t)[..., :-1]
-    closed, at = list(mode.closed), supports(model.kernels)
+    closed, at = list(mode.closed), model.supports
     pushes = -normals[:, closed]
     for k, s in mode.sliding:
         if at[k] != RAIL:
@@ -146,13 +87,13 @@ def spread(model: Model, mode: Mode, lam: Array) -> tuple[Array, Array, Array]:
     """Multipliers (n, m) of a mode as forces of all surfaces (n, nc), tangents (n, nt) and joints
     (n, nj)."""
     normal, tangential = np.zeros((len(lam), model.nc)), np.zeros((len(lam), model.nt))
-    count, at = len(mode.closed), supports(model.kernels)
-    normal[:, list(mode.closed)] = lam[:, :count]
+    count = len(mode.closed)
     rest = count + len(mode.sticking)
+    normal[:, list(mode.closed)] = lam[:, :count]
     tangential[:, list(mode.sticking)] = lam[:, count:rest]
-    for k, s in mode.sliding:
-        held = 1.0 if at[k] == RAIL else normal[:, at[k]]
-        tangential[:, k] = -s * model.friction[k] * held
+    if mode.sliding:
+        slide, signs = map(list, zip(*mode.sliding, strict=True))
+        tangential[:, slide] = -np.array(signs) * model.bearing(normal)[:, slide]
     return normal, tangential, lam[:, rest:]
 
 

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import Mode, names_of
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import FRICTION_WORDS, Collision
 from dmoc.simulation.contact_impacts import struck
-from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.indeterminate_forces import borne
-from dmoc.simulation.mode_choice import Hints, Place, Setting, limits, mode_at, names_of, slack
+from dmoc.simulation.mode_choice import Hints, Place, Setting, limits, mode_at, slack
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.tolerances import Reach, reached, tolerances
 

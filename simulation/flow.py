@@ -17,8 +17,8 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.sizes import Sizes

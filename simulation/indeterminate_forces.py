@@ -12,17 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import (
-    RAIL,
-    REDUNDANT,
-    Mode,
-    Reaction,
-    columns,
-    conditions,
-    spread,
-    supports,
-)
+from dmoc.simulation.contact_modes import REDUNDANT, Reaction, columns, conditions, spread
 
 # Entries of a projection on forces without effect above this are more than rounding errors.
 UNDETERMINED = 1e-6
@@ -96,12 +88,9 @@ def names_without_effect(model: Model, mode: Mode, q: Array, t: float) -> tuple[
 def _margins(model: Model, mode: Mode, forces: tuple[Array, Array]) -> Array:
     """What must not be negative, rows of contact forces and of what friction holds beyond the
     force that sticks, in either direction."""
-    at, (N, T) = supports(model.kernels), forces
-    rows = [N[:, j] for j in mode.closed]
-    for k in mode.sticking:
-        held = model.friction[k] * (np.ones(len(N)) if at[k] == RAIL else N[:, at[k]])
-        rows += [held - T[:, k], held + T[:, k]]
-    return np.stack(rows, axis=1) if rows else np.zeros((len(N), 0))
+    (N, T), stuck = forces, list(mode.sticking)
+    held, rubs = model.bearing(N)[:, stuck], T[:, stuck]
+    return np.hstack([N[:, list(mode.closed)], held - rubs, held + rubs])
 
 
 def _furthest(

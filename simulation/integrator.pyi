@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.bound_kernels import Index
-from dmoc.simulation.contact_modes import Mode, Reaction
+from dmoc.mechanics.contact_mode import Mode
+from dmoc.simulation.contact_modes import Reaction
 
 class Integrator:
     sizes: Array

@@ -27,8 +27,9 @@ from elimination cimport factor, shortest, solve
 
 import numpy as np
 
+from dmoc.mechanics.contact_mode import FREE
+from dmoc.simulation.contact_modes import Reaction
 from dmoc.simulation.dormand_prince import shares, sums
-from dmoc.simulation.contact_modes import FREE, Reaction
 
 # Error that shows that a step is too long to be followed.
 cdef double ASTRAY = 1e-6

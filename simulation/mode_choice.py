@@ -9,7 +9,7 @@ impulses of a plastic impact.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -19,18 +19,10 @@ import numpy as np
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.bound_kernels import RAIL
+from dmoc.mechanics.contact_mode import Mode, without_rails
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import (
-    RAIL,
-    Mode,
-    Reaction,
-    answers,
-    condition_rates,
-    conditions,
-    spread,
-    supports,
-    without_rails,
-)
+from dmoc.simulation.contact_modes import Reaction, answers, condition_rates, conditions, spread
 from dmoc.simulation.indeterminate_forces import borne
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.tolerances import Tolerances
@@ -176,14 +168,14 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
     found: dict[Mode, Blow] = {}
 
     def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
-        mode = without_rails(mode, model.kernels)
+        mode = without_rails(model, mode)
         aims = -condition_rates(model, mode, q, v, t)
         aims[0, : len(mode.closed)] = wanted[list(mode.closed)]
         change, lam = answers(M, conditions(model, mode, q, t), aims)
         normal, tangential, _ = (part[0] for part in spread(model, mode, lam))
         gap_rates, slides = rates + slopes[0] @ change[0], sigma + slopes[1] @ change[0]
         found[mode] = Blow(v[0] + change[0], normal, tangential)
-        least = np.array([noise[j] if j != RAIL else 0.0 for j in supports(model.kernels)])
+        least = np.array([noise[j] if j != RAIL else 0.0 for j in model.supports])
         return (
             bool((gap_rates[list(opened)] <= at.small.rate[list(opened)]).all())
             and all(s * slides[k] >= -at.small.slide[k] for k, s in mode.sliding)
@@ -192,7 +184,7 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
 
     at_any_speed = np.full(model.nt, np.inf)
     mode = _first(model, list(on), sigma, at_any_speed, Hints(), holds, rails=False)
-    return None if mode is None else found[without_rails(mode, model.kernels)]
+    return None if mode is None else found[without_rails(model, mode)]
 
 
 def _borne(
@@ -200,8 +192,7 @@ def _borne(
 ) -> bool:
     """Whether no contact pulls and all that sticks is held."""
     normal, tangential = forces
-    at = supports(model.kernels)
-    bears = [mu if j == RAIL else mu * normal[j] for j, mu in zip(at, model.friction, strict=True)]
+    bears = model.bearing(normal)
     return bool((normal >= -small).all()) and all(
         abs(tangential[k]) <= bears[k] + slack[k] for k in mode.sticking
     )
@@ -212,12 +203,11 @@ def _first(
     rails: bool,
 ) -> Mode | None:  # fmt: skip
     """The first combination that holds; those of the hints come first, then what sticks."""
-    at = supports(model.kernels)
-    tangent = {j: k for k, j in enumerate(at) if j != RAIL and model.friction[k] > 0}
+    at = model.supports
     rubs = [k for k, j in enumerate(at) if rails and j == RAIL and model.friction[k] > 0]
-    options = [_options(j, tangent.get(j), sigma, small, hints) for j in on]
+    options = [_options(j, model.rough.get(j), sigma, small, hints) for j in on]
     options += [_signs(k, sigma, small, hints) for k in rubs]
-    keys = [*[tangent.get(j, RAIL) for j in on], *rubs]
+    keys = [*[model.rough.get(j, RAIL) for j in on], *rubs]
     if math.prod(map(len, options)) > MOST_COMBINATIONS:
         raise SimulationError(
             f"{len(options)} contacts and rails are touched at once: these are too many states of "
@@ -270,10 +260,8 @@ def kept(model: Model, mode: Mode, found: Reaction, q: Array, v: Array, t: Array
     least = -model.gaps(q, t)
     least[:, list(mode.closed)] = found.normal[:, list(mode.closed)]
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
-    at = supports(model.kernels)
-    for k in mode.sticking:
-        held = 1.0 if at[k] == RAIL else found.normal[:, at[k]]
-        bears[:, k] = model.friction[k] * held - np.abs(found.tangential[:, k])
+    stuck = list(mode.sticking)
+    bears[:, stuck] = (model.bearing(found.normal) - np.abs(found.tangential))[:, stuck]
     sigma = model.slide_rates(q, v, t)
     for k, s in mode.sliding:
         slides[:, k] = s * sigma[:, k]
@@ -285,13 +273,3 @@ def slack(mode: Mode, small: Tolerances) -> Array:
     kept = small.gap.copy()
     kept[list(mode.closed)] = small.force[list(mode.closed)]
     return np.concatenate([kept, small.hold, small.slide])
-
-
-def names_of(model: Model, mode: Mode) -> Iterator[tuple[str, int | None]]:
-    """What is closed, with None, and what rubs, with 0 or its sign."""
-    for j in mode.closed:
-        yield model.kernels.surfaces[j], None
-    for k in mode.sticking:
-        yield model.kernels.tangents[k], 0
-    for k, s in mode.sliding:
-        yield model.kernels.tangents[k], s

@@ -9,10 +9,10 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
-from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.contact_motion import ContactState
 from dmoc.simulation.forward import Run
 

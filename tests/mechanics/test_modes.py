@@ -6,16 +6,8 @@ import pytest
 
 from dmoc.base.errors import ProblemError
 from dmoc.mechanics import modes
-from dmoc.mechanics.modes import (
-    Contacts,
-    Course,
-    courses_of,
-    event_of,
-    mode_of,
-    possible_after,
-    words_after,
-    words_along,
-)
+from dmoc.mechanics.modes import Contacts, Course, event_of, mode_of, words_along
+from dmoc.mechanics.possible_words import courses_of, possible_after, words_after
 from dmoc.motion.trajectory import COURSES
 
 FEET = Contacts(("left", "right", "wall"), ("left", "right", "rail"), (), ("left", "right"))

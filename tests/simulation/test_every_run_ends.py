@@ -12,8 +12,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.simulation import contact_motion
-from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.poisson import impulses
 
 T = dynamicsymbols._t

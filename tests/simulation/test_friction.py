@@ -11,9 +11,9 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row
-from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.mode_choice import _borne
 
 T = dynamicsymbols._t

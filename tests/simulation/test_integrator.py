@@ -23,10 +23,10 @@ from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion, OutOfTimeError
 from dmoc.check.segments import segments
 from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row
 from dmoc.simulation import dormand_prince
-from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.roots import crossing
 

@@ -15,10 +15,10 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row
 from dmoc.motion.trajectory import Trajectory
-from dmoc.simulation.contact_modes import Mode
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.poisson import impulses
 
