@@ -56,9 +56,9 @@ def checked(system: MechanicalSystem, kernels: Kernels, seed: int = 0) -> tuple[
     """
     with mp.workdps(DIGITS):
         for k in range(POINTS):
-            found = _at_random(system, kernels, np.random.default_rng([seed, k]))
-            if found and np.isfinite([c.error for c in found]).all():
-                return found
+            errors = _at_random(system, kernels, np.random.default_rng([seed, k]))
+            if errors and np.isfinite([c.error for c in errors]).all():
+                return errors
     return ()
 
 
@@ -68,17 +68,17 @@ def _at_random(
     values = np.array(
         [rng.uniform(0.5, 1.5) if x is None else x for x in kernels.parameters.values()]
     )
-    found = []
+    errors = []
     for name, function in _families(system, kernels, values).items():
         if not kernels.has(name):
             continue
         sizes = [size for _, size in kernels.manifest["kernels"][name]["inputs"]][:-1]
         x = rng.uniform(0.2, 0.9, sum(sizes))
         try:
-            found += _compared(kernels, name, (function, x, sizes), values, rng)
+            errors += _compared(kernels, name, (function, x, sizes), values, rng)
         except (TypeError, ValueError, ZeroDivisionError):
             return ()  # a function is not real there
-    return tuple(found)
+    return tuple(errors)
 
 
 def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict[str, Function]:
@@ -87,22 +87,22 @@ def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict
     smooth = f.smooth(system, [sp.Dummy(real=True) for _ in unknowns])
     kinks = f.with_rows(system, [kink for _, kink in unknowns])
     plain, of_steps, hidden = (_Reference(g, kernels, values) for g in (f, smooth, kinks))
-    found = plain.families | {name: of_steps.families[name] for name in OF_STEPS}
-    return found | {"hidden": lambda x: {"s": hidden.r(x)}}
+    families = plain.families | {name: of_steps.families[name] for name in OF_STEPS}
+    return families | {"hidden": lambda x: {"s": hidden.r(x)}}
 
 
 def _compared(
-    kernels: Kernels, name: str, known: tuple[Function, Array, list[int]], values: Array,
+    kernels: Kernels, name: str, reference: tuple[Function, Array, list[int]], values: Array,
     rng: np.random.Generator,
 ) -> list[Checked]:  # fmt: skip
     """A kernel and those of its derivatives."""
-    function, x, sizes = known
+    function, x, sizes = reference
     parts = np.split(x, np.cumsum(sizes)[:-1]) if sizes else []
     rows = [*(part[None] for part in parts), values[None]]
     point, d, e = ([mp.mpf(float(z)) for z in v] for v in (x, *rng.normal(size=(2, len(x)))))
     wanted = function(point)
-    given = dict(zip(kernels.outputs(name), kernels.call(name, *rows), strict=True))
-    found = [Checked(name, max(_error(given[a][0], v) for a, v in wanted.items()))]
+    values_of = dict(zip(kernels.outputs(name), kernels.call(name, *rows), strict=True))
+    errors_of = [Checked(name, max(_error(values_of[a][0], v) for a, v in wanted.items()))]
     if kernels.has(f"{name}_jac"):
         high, low = (function(_moved(point, d, s * STEP)) for s in (1, -1))
         errors = []
@@ -113,7 +113,7 @@ def _compared(
             along = np.zeros(len(slope))
             np.add.at(along, at[0], entries[0] * np.array(d, dtype=float)[at[1]])
             errors.append(_error(along, slope))
-        found.append(Checked(f"{name}_jac", max(errors)))
+        errors_of.append(Checked(f"{name}_jac", max(errors)))
     if kernels.has(f"{name}_hess"):
         weights = {a: rng.normal(size=len(v)) for a, v in wanted.items()}
         (entries,) = kernels.call(f"{name}_hess", *rows, *(w[None] for w in weights.values()))
@@ -121,8 +121,8 @@ def _compared(
         i, j = kernels.pattern(f"{name}_hess", "hess")
         v, w = (np.array(way, dtype=float) for way in (d, e))
         both = np.where(i == j, v[i] * w[j], v[i] * w[j] + v[j] * w[i])
-        found.append(Checked(f"{name}_hess", _error(np.array([entries[0] @ both]), [bent])))
-    return found
+        errors_of.append(Checked(f"{name}_hess", _error(np.array([entries[0] @ both]), [bent])))
+    return errors_of
 
 
 def _curvature(
@@ -142,12 +142,12 @@ def _moved(x: Vector, d: Vector, share: Any) -> Vector:
     return [a + share * b for a, b in zip(x, d, strict=True)]
 
 
-def _error(given: Array, wanted: Sequence[Any]) -> float:
+def _error(values: Array, wanted: Sequence[Any]) -> float:
     """The largest difference relative to the largest value."""
     if not len(wanted):
         return 0.0
-    size = max(max(abs(w) for w in wanted), max(abs(mp.mpf(float(g))) for g in given))
-    worst = max(abs(mp.mpf(float(g)) - w) for g, w in zip(given, wanted, strict=True))
+    size = max(max(abs(w) for w in wanted), max(abs(mp.mpf(float(g))) for g in values))
+    worst = max(abs(mp.mpf(float(g)) - w) for g, w in zip(values, wanted, strict=True))
     return float(worst / size) if size else 0.0
 
 
@@ -309,7 +309,7 @@ class _Reference:
         """States (q, v, u, t) at the quadrature points of a step with the input of the start side
         and of the end side, places, weights, and the shape functions there."""
         ways, (u_k, u_kp1), h, t_k = self._parts(x)
-        found = []
+        states = []
         for c, b in zip(*self._rule[:2], strict=True):
             q, v, phi = self._polynomial(ways, c, h)
             if self.scheme.degree == 1:
@@ -318,8 +318,8 @@ class _Reference:
                 between = [(1 - c) * a + c * e for a, e in zip(u_k, u_kp1, strict=True)]
                 sides = (between, between)
             start, end = ([*q, *v, *u, t_k + c * h] for u in sides)
-            found.append((start, end, c, b, phi))
-        return found
+            states.append((start, end, c, b, phi))
+        return states
 
     def _polynomial(self, ways: list[Vector], c: Any, h: Any) -> tuple[Vector, Vector, Vector]:
         """Position and velocity of the polynomial of a step at a place, and the shape functions."""

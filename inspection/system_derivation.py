@@ -120,21 +120,21 @@ def derive(system: MechanicalSystem, order: int = 2) -> SystemDerivation:
     -----
     The sections follow equations :eq:`hamilton` to :eq:`law` of the theory.
     """
-    found = sections.derive(system, order)
-    return SystemDerivation(found.title, found.sections, system, order)
+    stated = sections.derive(system, order)
+    return SystemDerivation(stated.title, stated.sections, system, order)
 
 
-def derivation_page(found: SystemDerivation) -> str:
+def derivation_page(derivation: SystemDerivation) -> str:
     """The page of a derivation."""
-    kernels = build(found.system, order=found.order)
+    kernels = build(derivation.system, order=derivation.order)
     parts = [
-        section("System", system_html(found.system)),
-        section("Derivation", "".join(section_html(s) for s in found.sections)),
+        section("System", system_html(derivation.system)),
+        section("Derivation", "".join(section_html(s) for s in derivation.sections)),
         section("A small problem", _small(kernels)),
-        section("Kernels", _work(found)),
-        section("Check of the numbers", _check(found.system, kernels)),
+        section("Kernels", _work(derivation)),
+        section("Check of the numbers", _check(derivation.system, kernels)),
     ]
-    return page(f"{found.title}, order {found.order}", "".join(parts))
+    return page(f"{derivation.title}, order {derivation.order}", "".join(parts))
 
 
 def _small(kernels: Kernels) -> str:
@@ -146,9 +146,9 @@ def _small(kernels: Kernels) -> str:
             "unknowns is not shown."
         )
     nlp = Transcription(problem)
-    told = ", ".join(problem.sequence) or "no collision"
+    sequence = ", ".join(problem.sequence) or "no collision"
     text = (
-        f"Free at both ends, sequence: {told}; {STEPS} steps in each of {problem.phases} "
+        f"Free at both ends, sequence: {sequence}; {STEPS} steps in each of {problem.phases} "
         f"phases: {nlp.n} unknowns, {nlp.n_eq} equations, {nlp.n_in} inequalities."
     )
     tables = "".join(
@@ -206,9 +206,11 @@ def _patterns(nlp: Transcription) -> str:
     return f'<div class="row">{"".join(pictures)}</div>'
 
 
-def _work(found: SystemDerivation) -> str:
+def _work(derivation: SystemDerivation) -> str:
     """How much each kernel computes."""
-    counts = [count_of(kernel) for kernel in model_spec(found.system, found.order).kernels]
+    counts = [
+        count_of(kernel) for kernel in model_spec(derivation.system, derivation.order).kernels
+    ]
     rows = tuple(
         (c.kernel, str(c.results), str(c.shared), str(c.operations), str(c.calls)) for c in counts
     )
@@ -223,14 +225,14 @@ def _work(found: SystemDerivation) -> str:
 
 def _check(system: MechanicalSystem, kernels: Kernels) -> str:
     """The kernels beside an independent evaluation."""
-    found = checked(system, kernels)
-    if not found:
+    errors = checked(system, kernels)
+    if not errors:
         return paragraph(
             "The functions of the system are not real at any of the random points: the kernels "
             "were not compared."
         )
-    worst = max(found, key=lambda c: c.error)
-    left_out = sorted(set(kernels.manifest["kernels"]) - {c.kernel for c in found})
+    worst = max(errors, key=lambda c: c.error)
+    left_out = sorted(set(kernels.manifest["kernels"]) - {c.kernel for c in errors})
     text = (
         "Each kernel at a random point beside the definitions, evaluated from the system's "
         "functions in 90 digits with differences for all derivatives and a quadrature of its own; "
@@ -239,6 +241,6 @@ def _check(system: MechanicalSystem, kernels: Kernels) -> str:
     )
     text += f" Not compared: {', '.join(left_out)}." if left_out else ""
     rows = tuple(
-        (c.kernel, ((f"{c.error:.1e}", "good" if c.error < AGREES else "bad"),)) for c in found
+        (c.kernel, ((f"{c.error:.1e}", "good" if c.error < AGREES else "bad"),)) for c in errors
     )
     return paragraph(text) + html_of(Table(rows, ("kernel", "largest relative error")))

@@ -19,6 +19,7 @@ from dmoc.base.files import write_whole
 from dmoc.base.table import Shown, Table
 from dmoc.motion.trajectory import Array, noun_of
 from dmoc.results.batch_table import column_of, counted, table_of_batch
+from dmoc.results.result_file import Saved
 from dmoc.solvers.outcome import Status
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ APART = ","  # between events, as in the option of a sequence
 
 
 @dataclass(frozen=True, eq=False)
-class Batch(Shown):
+class Batch(Shown, Saved):
     """Results of :func:`dmoc.solve_many` and :func:`dmoc.sweep`, one row for each of n problems, in
     their order.
 
@@ -81,6 +82,8 @@ class Batch(Shown):
     ['start x', 'status', 'cost', 'final_time']
     >>> path = batch.to_csv("puck.csv")
     """
+
+    file_module = "dmoc.results.batch_file"
 
     given: Mapping[str, Array]
     status: tuple[str, ...]
@@ -137,14 +140,14 @@ class Batch(Shown):
         """The table by columns: what is given, the results, a column for the time and the impulse
         of each collision, and the message last.  A parameter that is called like a result, such as
         ``cost``, has the column "parameter cost"."""
-        found: dict[str, Sequence[Any]] = {column_of(k): list(v) for k, v in self.given.items()}
-        found |= {"status": self.status, "cost": list(self.cost)}
-        found |= {"final_time": list(self.final_time), "collisions": self.collisions}
+        table: dict[str, Sequence[Any]] = {column_of(k): list(v) for k, v in self.given.items()}
+        table |= {"status": self.status, "cost": list(self.cost)}
+        table |= {"final_time": list(self.final_time), "collisions": self.collisions}
         for i in range(self.collision_times.shape[1]):
-            found[f"time_{i + 1}"] = list(self.collision_times[:, i])
-            found[f"impulse_{i + 1}"] = list(self.impulses[:, i])
-        found["iterations"] = [int(n) for n in self.iterations]
-        return found | {"check": self.check, "seconds": list(self.seconds), "message": self.message}
+            table[f"time_{i + 1}"] = list(self.collision_times[:, i])
+            table[f"impulse_{i + 1}"] = list(self.impulses[:, i])
+        table["iterations"] = [int(n) for n in self.iterations]
+        return table | {"check": self.check, "seconds": list(self.seconds), "message": self.message}
 
     def to_frame(self) -> DataFrame:
         """The table as a pandas DataFrame.
@@ -178,34 +181,6 @@ class Batch(Shown):
         for row in zip(*columns.values(), strict=True):
             writer.writerow(map(_cell, row))
         return write_whole(path, stream.getvalue().encode())
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the table, without solutions, to a file that :meth:`load` reads.
-
-        Raises
-        ------
-        OutputError
-            If the file cannot be written, or the messages are more than it can hold.
-        """
-        from dmoc.results.batch_file import FILE
-        from dmoc.results.result_file import content_of
-
-        return write_whole(path, content_of(FILE, self))
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Batch:
-        """Read a file that :meth:`save` has written.
-
-        Raises
-        ------
-        SolutionFileError
-            If the file cannot be read, is damaged, or is something else.
-        """
-        from dmoc.results.batch_file import FILE
-        from dmoc.results.result_file import load
-
-        batch: Batch = load(FILE, path)
-        return batch
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, style: str = "light") -> Figure:
         """Draw a sweep over one or two values: the cost and the times of collisions over the value,

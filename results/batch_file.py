@@ -40,11 +40,11 @@ class Repeated:
             "at": Stored("n").write(at, f"{where}.at", put),
         }
 
-    def read(self, given: Any, where: str, context: Context) -> tuple[str, ...]:
-        found = Record(dict, {"texts": Listed(self.kind), "at": Stored("n")}).read(
-            given, where, context
+    def read(self, data: Any, where: str, context: Context) -> tuple[str, ...]:
+        parts = Record(dict, {"texts": Listed(self.kind), "at": Stored("n")}).read(
+            data, where, context
         )
-        texts, at = found["texts"], found["at"]
+        texts, at = parts["texts"], parts["at"]
         context.check("n", len(at), where)
         if not np.isin(at, np.arange(len(texts))).all():
             raise Refused(f"{where} has a row without a text")

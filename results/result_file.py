@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
 
 from dmoc.base.arguments import path as path_of
-from dmoc.base.arguments import place
+from dmoc.base.arguments import place, shown, text
 from dmoc.base.errors import OutputError, SolutionFileError
+from dmoc.base.files import write_whole
 from dmoc.motion.trajectory import Array
 from dmoc.results.archive import LARGEST, Archive, pack
 from dmoc.results.schema import (
@@ -80,12 +82,6 @@ def content_of(file: ResultFile, result: Any) -> bytes:
     return pack(text, arrays)
 
 
-def load(file: ResultFile, path: str | os.PathLike[str]) -> Any:
-    """Read the result that a file holds; raise SolutionFileError where it is none."""
-    named = path_of(path, error=SolutionFileError)
-    return result_in(file, _bytes_of(named), place(named))
-
-
 def _bytes_of(path: Path) -> bytes:
     """The content of what may be a file of a result."""
     name = place(path)
@@ -136,3 +132,53 @@ def _check_format(file: ResultFile, header: Any, name: str) -> None:
         raise SolutionFileError(
             f"{name} has format {said(version)}, expected {file.format}: {file.again}."
         )
+
+
+class Saved:
+    """A result that files hold; FILE of the module ``file_module`` says how."""
+
+    file_module: ClassVar[str]
+
+    @classmethod
+    def _file(cls) -> ResultFile:
+        file: ResultFile = import_module(cls.file_module).FILE
+        return file
+
+    def to_bytes(self) -> bytes:
+        """Return the content of an .npz file."""
+        return content_of(self._file(), self)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write an .npz file that :meth:`load` reads.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written, which leaves an existing one as it was, or does not hold
+            so much.
+        """
+        return write_whole(path, self.to_bytes())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a file that :meth:`save` has written.
+
+        Raises
+        ------
+        SolutionFileError
+            If the file is missing, cannot be read, is damaged, too large, or something else.
+        """
+        named = path_of(path, error=SolutionFileError)
+        result: Self = result_in(cls._file(), _bytes_of(named), place(named))
+        return result
+
+    @classmethod
+    def from_bytes(cls, content: bytes, name: str = "the data") -> Self:
+        """Read the content of an .npz file; ``name`` is what errors call it."""
+        text(name, "name", SolutionFileError)
+        if not isinstance(content, bytes):
+            raise SolutionFileError(
+                f"content = {shown(content)}: expected the bytes of a {cls._file().noun}."
+            )
+        result: Self = result_in(cls._file(), content, place(name))
+        return result

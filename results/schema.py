@@ -64,7 +64,7 @@ class FieldKind(Protocol):
     def write(self, value: Any, where: str, put: Put) -> Any:
         """Return the value as JSON, and put arrays beside it."""
 
-    def read(self, given: Any, where: str, context: Context) -> Any:
+    def read(self, data: Any, where: str, context: Context) -> Any:
         """Return the value that JSON stands for; raise Refused if it is of another kind."""
 
 
@@ -86,25 +86,25 @@ def plain(text: str) -> Any:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
         raise Refused("its text has a field twice")
-    return found
+    return fields
 
 
-def said(given: object) -> str:
+def said(data: object) -> str:
     """Foreign text in a message: quoted, short, on one line."""
     text = (
-        ascii(given)
-        if isinstance(given, (str, int, float, type(None)))
-        else f"a {type(given).__name__}"
+        ascii(data)
+        if isinstance(data, (str, int, float, type(None)))
+        else f"a {type(data).__name__}"
     )
     return text if len(text) <= LONGEST_SAID else text[:LONGEST_SAID] + "..."
 
 
-def _expect(right: bool, given: object, where: str, expected: str) -> None:
+def _expect(right: bool, data: object, where: str, expected: str) -> None:
     if not right:
-        raise Refused(f"{where or 'its content'} is {said(given)}, expected {expected}")
+        raise Refused(f"{where or 'its content'} is {said(data)}, expected {expected}")
 
 
 def _at(where: str, name: object) -> str:
@@ -119,8 +119,8 @@ class Nothing:
         if value is not None:
             raise TypeError(f"{where}: {value!r} is not None")
 
-    def read(self, given: Any, where: str, context: Context) -> None:
-        _expect(given is None, given, where, "nothing")
+    def read(self, data: Any, where: str, context: Context) -> None:
+        _expect(data is None, data, where, "nothing")
 
 
 @dataclass(frozen=True)
@@ -134,16 +134,16 @@ class Number:
     def write(self, value: Any, where: str, put: Put) -> float:
         return float(value)
 
-    def read(self, given: Any, where: str, context: Context) -> float:
-        number = isinstance(given, float) or (_is_whole(given) and abs(given) <= LARGEST_INTEGER)
-        _expect(number, given, where, "a number")
+    def read(self, data: Any, where: str, context: Context) -> float:
+        number = isinstance(data, float) or (_is_whole(data) and abs(data) <= LARGEST_INTEGER)
+        _expect(number, data, where, "a number")
         _expect(
-            self.special or self.low <= given <= self.high,
-            given,
+            self.special or self.low <= data <= self.high,
+            data,
             where,
             f"a number from {self.low:g} to {self.high:g}",
         )
-        return float(given)
+        return float(data)
 
 
 @dataclass(frozen=True)
@@ -155,14 +155,14 @@ class Whole:
     def write(self, value: Any, where: str, put: Put) -> int:
         return int(value)
 
-    def read(self, given: Any, where: str, context: Context) -> int:
-        right = _is_whole(given) and self.low <= given <= LARGEST_INTEGER
-        _expect(right, given, where, f"a whole number of at least {self.low}")
-        return int(given)
+    def read(self, data: Any, where: str, context: Context) -> int:
+        right = _is_whole(data) and self.low <= data <= LARGEST_INTEGER
+        _expect(right, data, where, f"a whole number of at least {self.low}")
+        return int(data)
 
 
-def _is_whole(given: Any) -> bool:
-    return isinstance(given, int) and not isinstance(given, bool)
+def _is_whole(data: Any) -> bool:
+    return isinstance(data, int) and not isinstance(data, bool)
 
 
 @dataclass(frozen=True)
@@ -172,9 +172,9 @@ class Flag:
     def write(self, value: Any, where: str, put: Put) -> bool:
         return bool(value)
 
-    def read(self, given: Any, where: str, context: Context) -> bool:
-        _expect(isinstance(given, bool), given, where, "true or false")
-        return bool(given)
+    def read(self, data: Any, where: str, context: Context) -> bool:
+        _expect(isinstance(data, bool), data, where, "true or false")
+        return bool(data)
 
 
 @dataclass(frozen=True)
@@ -185,10 +185,10 @@ class Text:
     def write(self, value: Any, where: str, put: Put) -> str:
         return "".join(c if c == "\n" or c.isprintable() else "?" for c in str(value))
 
-    def read(self, given: Any, where: str, context: Context) -> str:
-        right = isinstance(given, str) and given.replace("\n", "").isprintable()
-        _expect(right, given, where, "a printable text")
-        return str(given)
+    def read(self, data: Any, where: str, context: Context) -> str:
+        right = isinstance(data, str) and data.replace("\n", "").isprintable()
+        _expect(right, data, where, "a printable text")
+        return str(data)
 
 
 @dataclass(frozen=True)
@@ -198,11 +198,9 @@ class Name:
     def write(self, value: Any, where: str, put: Put) -> str:
         return str(value)
 
-    def read(self, given: Any, where: str, context: Context) -> str:
-        _expect(
-            isinstance(given, str) and NAME.fullmatch(given) is not None, given, where, "a name"
-        )
-        return str(given)
+    def read(self, data: Any, where: str, context: Context) -> str:
+        _expect(isinstance(data, str) and NAME.fullmatch(data) is not None, data, where, "a name")
+        return str(data)
 
 
 @dataclass(frozen=True)
@@ -214,10 +212,10 @@ class Choice:
     def write(self, value: Any, where: str, put: Put) -> Any:
         return value
 
-    def read(self, given: Any, where: str, context: Context) -> Any:
-        found = [v for v in self.values if v == given and not isinstance(given, bool)]
-        _expect(bool(found), given, where, "one of " + ", ".join(map(str, self.values)))
-        return found[0]
+    def read(self, data: Any, where: str, context: Context) -> Any:
+        matching = [v for v in self.values if v == data and not isinstance(data, bool)]
+        _expect(bool(matching), data, where, "one of " + ", ".join(map(str, self.values)))
+        return matching[0]
 
 
 class Either:
@@ -235,14 +233,14 @@ class Either:
                 continue
         return last.write(value, where, put)
 
-    def read(self, given: Any, where: str, context: Context) -> Any:
+    def read(self, data: Any, where: str, context: Context) -> Any:
         *first, last = self.kinds
         for kind in first:
             try:
-                return kind.read(given, where, context.inside())
+                return kind.read(data, where, context.inside())
             except Refused:
                 continue
-        return last.read(given, where, context)
+        return last.read(data, where, context)
 
 
 @dataclass(frozen=True)
@@ -255,10 +253,10 @@ class Listed:
     def write(self, value: Any, where: str, put: Put) -> list[Any]:
         return [self.kind.write(v, _at(where, i), put) for i, v in enumerate(value)]
 
-    def read(self, given: Any, where: str, context: Context) -> tuple[Any, ...]:
-        _expect(isinstance(given, list), given, where, "a list")
-        context.check(self.size, len(given), where)
-        return tuple([self.kind.read(g, _at(where, i), context) for i, g in enumerate(given)])
+    def read(self, data: Any, where: str, context: Context) -> tuple[Any, ...]:
+        _expect(isinstance(data, list), data, where, "a list")
+        context.check(self.size, len(data), where)
+        return tuple([self.kind.read(g, _at(where, i), context) for i, g in enumerate(data)])
 
 
 @dataclass(frozen=True)
@@ -271,8 +269,8 @@ class ShortArray:
     def write(self, value: Any, where: str, put: Put) -> list[Any]:
         return Listed(self.kind).write(np.asarray(value).tolist(), where, put)
 
-    def read(self, given: Any, where: str, context: Context) -> Array:
-        return np.array(Listed(self.kind, self.size).read(given, where, context), dtype=float)
+    def read(self, data: Any, where: str, context: Context) -> Array:
+        return np.array(Listed(self.kind, self.size).read(data, where, context), dtype=float)
 
 
 @dataclass(frozen=True)
@@ -289,13 +287,13 @@ class Mapped:
             for name, v in value.items()
         }
 
-    def read(self, given: Any, where: str, context: Context) -> dict[str, Any]:
-        _expect(isinstance(given, dict), given, where, "a mapping")
-        context.check(self.size, len(given), where)
-        names = {name: self.names.read(name, f"a name in {where}", context) for name in given}
+    def read(self, data: Any, where: str, context: Context) -> dict[str, Any]:
+        _expect(isinstance(data, dict), data, where, "a mapping")
+        context.check(self.size, len(data), where)
+        names = {name: self.names.read(name, f"a name in {where}", context) for name in data}
         return {
             names[name]: self.kind.read(value, _at(where, name), context)
-            for name, value in given.items()
+            for name, value in data.items()
         }
 
 
@@ -315,8 +313,8 @@ class Stored:
             put(where, array)
         return list(array.shape)
 
-    def read(self, given: Any, where: str, context: Context) -> Array:
-        shape = Listed(Whole()).read(given, f"the shape of {where}", context)
+    def read(self, data: Any, where: str, context: Context) -> Array:
+        shape = Listed(Whole()).read(data, f"the shape of {where}", context)
         wanted = self.shape or (None,) * len(shape)
         if len(shape) != len(wanted) or not 1 <= len(shape) <= 2:
             raise Refused(
@@ -345,33 +343,33 @@ class Record:
     wrong: Callable[[Any], str | None] = lambda _: None
 
     def write(self, value: Any, where: str, put: Put) -> dict[str, Any]:
-        given = (
+        data = (
             value
             if isinstance(value, Mapping)
             else {name: getattr(value, name) for name in self.fields}
         )
-        if set(given) != set(self.fields):
+        if set(data) != set(self.fields):
             raise ValueError(
-                f"{where}: {sorted(set(given) ^ set(self.fields))} are not in both, the value and "
+                f"{where}: {sorted(set(data) ^ set(self.fields))} are not in both, the value and "
                 "its declaration"
             )
         return {
-            name: kind.write(given[name], _at(where, name), put)
+            name: kind.write(data[name], _at(where, name), put)
             for name, kind in self.fields.items()
         }
 
-    def read(self, given: Any, where: str, context: Context) -> Any:
-        _expect(isinstance(given, dict), given, where, "a mapping")
-        for name in given:
+    def read(self, data: Any, where: str, context: Context) -> Any:
+        _expect(isinstance(data, dict), data, where, "a mapping")
+        for name in data:
             if name not in self.fields:
                 raise Refused(f"{_at(where, said(name))} is unknown")
         for name in self.fields:
-            if name not in given:
+            if name not in data:
                 raise Refused(f"{_at(where, name)} is missing")
         within = context.inside()
         value = self.make(
             **{
-                name: kind.read(given[name], _at(where, name), within)
+                name: kind.read(data[name], _at(where, name), within)
                 for name, kind in self.fields.items()
             }
         )

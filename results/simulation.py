@@ -3,10 +3,8 @@ inputs."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,13 +12,13 @@ from numpy.typing import ArrayLike
 
 from dmoc.base.arguments import positive, shown, whole
 from dmoc.base.errors import SimulationError
-from dmoc.base.files import write_whole
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row
 from dmoc.motion.scene import Scene
 from dmoc.motion.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
+from dmoc.results.result_file import Saved
 from dmoc.results.shared import Moving
 from dmoc.results.solution import Solution, check_same_model, kernels_for
 from dmoc.simulation import forward
@@ -45,7 +43,7 @@ MOST_EVENTS = 12  # collisions and stretches of contact that a table lists
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation(Shown, Moving):
+class Simulation(Shown, Moving, Saved):
     """Result of :func:`dmoc.simulate`.
 
     Attributes
@@ -81,6 +79,8 @@ class Simulation(Shown, Moving):
     ((11, 2), 1)
     """
 
+    file_module = "dmoc.results.simulation_file"
+
     t: Array
     q: Array
     p: Array
@@ -108,34 +108,6 @@ class Simulation(Shown, Moving):
         """The drawing of the model along the motion; None where the model has none, and where
         there are more than 1000 events."""
         return self.trajectory.scene
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the simulation to an .npz file.
-
-        Raises
-        ------
-        OutputError
-            If the file cannot be written, or there are more events than it can hold.
-        """
-        from dmoc.results.result_file import content_of
-        from dmoc.results.simulation_file import FILE
-
-        return write_whole(path, content_of(FILE, self))
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Simulation:
-        """Read a file that :meth:`save` has written.
-
-        Raises
-        ------
-        SolutionFileError
-            If the file cannot be read, is damaged, or is something else.
-        """
-        from dmoc.results.result_file import load
-        from dmoc.results.simulation_file import FILE
-
-        simulation: Simulation = load(FILE, path)
-        return simulation
 
 
 def _rows(s: Simulation) -> Iterator[tuple[str, str]]:
@@ -238,8 +210,8 @@ def simulate(
     True
     """
     if isinstance(kernels, Solution):
-        given = _Given(position, velocity, inputs, parameters, restitution)
-        return _recorded(_replayed(kernels, model, given, step_size, steps, every))
+        changes = _Given(position, velocity, inputs, parameters, restitution)
+        return _recorded(_replayed(kernels, model, changes, step_size, steps, every))
     if model is not None:
         raise SimulationError(
             f"model = {shown(model)}: expected none beside kernels; it goes with a solution."
@@ -288,11 +260,11 @@ class _Given:
 
 
 def _replayed(
-    solution: Solution, given_model: Kernels | None, given: _Given, step_size: float | None,
+    solution: Solution, model: Kernels | None, changes: _Given, step_size: float | None,
     steps: int | None, every: int,
 ) -> forward.Run:  # fmt: skip
     """Simulate a solution with what the caller leaves of it."""
-    motion, kernels = solution.trajectory, kernels_for(solution, given_model, SimulationError)
+    motion, kernels = solution.trajectory, kernels_for(solution, model, SimulationError)
     check_same_model(solution, kernels)
     if motion.ignored:
         raise SimulationError(
@@ -302,20 +274,20 @@ def _replayed(
     count = _steps(motion, step_size, steps)
     h = motion.final_time / count
     parameters = dict(motion.parameters)
-    if given.parameters is not None:
-        parameters |= by_name(given.parameters, "parameters", SimulationError)
-    position = given.position
+    if changes.parameters is not None:
+        parameters |= by_name(changes.parameters, "parameters", SimulationError)
+    position = changes.position
     if position is None:
         position = _on_surfaces(kernels, parameters, motion.phases[0].q[0])
     return forward.simulate(
         kernels,
         position,
-        _start_velocity(motion) if given.velocity is None else given.velocity,
+        _start_velocity(motion) if changes.velocity is None else changes.velocity,
         step_size=h,
         steps=count,
-        inputs=mean_inputs(motion, count) if given.inputs is None else given.inputs,
+        inputs=mean_inputs(motion, count) if changes.inputs is None else changes.inputs,
         parameters=parameters,
-        restitution=motion.restitution if given.restitution is None else given.restitution,
+        restitution=motion.restitution if changes.restitution is None else changes.restitution,
         every=every,
     )
 

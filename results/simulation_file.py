@@ -44,30 +44,30 @@ class Together:
         modes = {name: [getattr(p, name) for p in value] for name in ("closed", "rubbing")}
         return PHASES.write(together | modes | {"nodes": [len(p.t) for p in value]}, where, put)
 
-    def read(self, given: Any, where: str, context: Context) -> tuple[Phase, ...]:
-        found = PHASES.read(given, where, context)
-        nodes = found["nodes"].astype(int)
+    def read(self, data: Any, where: str, context: Context) -> tuple[Phase, ...]:
+        table = PHASES.read(data, where, context)
+        nodes = table["nodes"].astype(int)
         ends = np.cumsum(nodes)[:-1]
-        rows = {name: np.split(found[name], ends) for name in ("t", "q", "p", "v")}
-        rows["u"] = np.split(found["u"], np.cumsum(nodes - 1)[:-1])
-        for name, modes in (("normal", found["closed"]), ("tangential", found["rubbing"])):
+        rows = {name: np.split(table[name], ends) for name in ("t", "q", "p", "v")}
+        rows["u"] = np.split(table["u"], np.cumsum(nodes - 1)[:-1])
+        for name, modes in (("normal", table["closed"]), ("tangential", table["rubbing"])):
             widths = np.array([len(mode) for mode in modes], dtype=int)
-            parts = np.split(found[name], np.cumsum(nodes * widths)[:-1])
+            parts = np.split(table[name], np.cumsum(nodes * widths)[:-1])
             rows[name] = [a.reshape(n, w) for a, n, w in zip(parts, nodes, widths, strict=True)]
         names = (*ROWS, "closed", "rubbing", "normal", "tangential")
-        columns = (rows.get(name, found.get(name)) for name in names)
+        columns = (rows.get(name, table.get(name)) for name in names)
         return tuple(Phase(*fields) for fields in zip(*columns, strict=True))
 
 
-def _wrong_phases(found: dict[str, Any]) -> str | None:
+def _wrong_phases(rows: dict[str, Any]) -> str | None:
     """What of the rows of phases does not fit together."""
-    nodes = found["nodes"]
-    if not len(nodes) or not (len(nodes) == len(found["closed"]) == len(found["rubbing"])):
+    nodes = rows["nodes"]
+    if not len(nodes) or not (len(nodes) == len(rows["closed"]) == len(rows["rubbing"])):
         return "its phases have no modes"
-    if nodes.sum() != len(found["t"]) or nodes.sum() - len(nodes) != len(found["u"]):
+    if nodes.sum() != len(rows["t"]) or nodes.sum() - len(nodes) != len(rows["u"]):
         return "its phases have other numbers of rows than declared"
-    for name, modes in (("normal", found["closed"]), ("tangential", found["rubbing"])):
-        if sum(n * len(mode) for n, mode in zip(nodes, modes, strict=True)) != len(found[name]):
+    for name, modes in (("normal", rows["closed"]), ("tangential", rows["rubbing"])):
+        if sum(n * len(mode) for n, mode in zip(nodes, modes, strict=True)) != len(rows[name]):
             return f"its phases have other {name} forces than declared"
     return None
 

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dmoc.base.arguments import path as path_of
-from dmoc.base.arguments import place, shown, text
+from dmoc.base.arguments import shown
 from dmoc.base.errors import DmocError, ModelError, SolutionFileError
-from dmoc.base.files import write_whole
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import (
@@ -25,6 +24,7 @@ from dmoc.motion.trajectory import (
 )
 from dmoc.program.active_constraints import ActiveBound
 from dmoc.results.proposal import Proposal
+from dmoc.results.result_file import Saved
 from dmoc.results.shared import Moving
 from dmoc.results.solution_table import table_of_solution
 from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
@@ -86,7 +86,7 @@ class Minimum:
 
 
 @dataclass(frozen=True)
-class Solution(Shown, Moving):
+class Solution(Shown, Moving, Saved):
     """Result of :func:`dmoc.solve`.
 
     Attributes
@@ -162,6 +162,8 @@ class Solution(Shown, Moving):
     >>> dmoc.Solution.load(path).cost == solution.cost
     True
     """
+
+    file_module = "dmoc.results.solution_file"
 
     status: Status
     message: str
@@ -321,52 +323,6 @@ class Solution(Shown, Moving):
             return {}
         return {"error_estimate": self.error_estimate, "meshes": [asdict(m) for m in self.meshes]}
 
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the solution to an .npz file.
-
-        Raises
-        ------
-        OutputError
-            If the file cannot be written; an existing file is then left as it was.
-        """
-        return write_whole(path, self.to_bytes())
-
-    def to_bytes(self) -> bytes:
-        """Return the content of an .npz file."""
-        from dmoc.results.result_file import content_of
-        from dmoc.results.solution_file import FILE
-
-        return content_of(FILE, self)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Solution:
-        """Read a solution from an .npz file.
-
-        Raises
-        ------
-        SolutionFileError
-            If the file is missing, damaged, too large, or no solution file.
-        """
-        from dmoc.results.result_file import load
-        from dmoc.results.solution_file import FILE
-
-        solution: Solution = load(FILE, path)
-        return solution
-
-    @classmethod
-    def from_bytes(cls, content: bytes, name: str = "the data") -> Solution:
-        """Read a solution from the content of an .npz file; ``name`` is what errors call it."""
-        from dmoc.results.result_file import result_in
-        from dmoc.results.solution_file import FILE
-
-        text(name, "name", SolutionFileError)
-        if not isinstance(content, bytes):
-            raise SolutionFileError(
-                f"content = {shown(content)}: expected the bytes of a solution file."
-            )
-        solution: Solution = result_in(FILE, content, place(name))
-        return solution
-
 
 def kernels_of_file(solution: Solution) -> Kernels:
     """The kernels of a solution: its own, or, where it comes from a file, those of a shipped
@@ -384,22 +340,22 @@ def kernels_of_file(solution: Solution) -> Kernels:
     return load_for_file(solution.reference or solution.trajectory.model, solution.trajectory.order)
 
 
-def kernels_for(solution: Solution, given: Any, error: type[DmocError]) -> Kernels:
+def kernels_for(solution: Solution, kernels: Any, error: type[DmocError]) -> Kernels:
     """The kernels that are given with a solution, or its own."""
-    if given is None:
+    if kernels is None:
         return kernels_of_file(solution)
-    if not isinstance(given, Kernels):
+    if not isinstance(kernels, Kernels):
         raise error(
-            f"the model of the solution = {shown(given)}: expected kernels from dmoc.build(system) "
-            "or dmoc.load(name)."
+            f"the model of the solution = {shown(kernels)}: expected kernels from "
+            "dmoc.build(system) or dmoc.load(name)."
         )
-    return given
+    return kernels
 
 
 def check_same_model(solution: Solution, kernels: Kernels) -> None:
     """Raise SolutionFileError unless the kernels are those of the solution's model."""
-    wanted, given = solution.trajectory.fingerprint, kernels.manifest["fingerprint"]
-    if wanted != given:
+    wanted, theirs = solution.trajectory.fingerprint, kernels.manifest["fingerprint"]
+    if wanted != theirs:
         raise SolutionFileError(
             f"the solution was made for another version of model {solution.trajectory.model!r} "
             f"than {kernels.name!r} as it is now: solve again, or give the model it was made for."
@@ -410,15 +366,15 @@ def _check_names(motion: Trajectory, kernels: Kernels) -> None:
     """Refuse a motion of the model of some kernels that has other names than the model."""
     if motion.fingerprint != kernels.manifest["fingerprint"]:
         return  # the check of a motion says so
-    for what, given, expected in (
+    for what, names, expected in (
         ("coordinates", motion.coordinates, kernels.coordinates),
         ("inputs", motion.inputs, kernels.inputs),
         ("parameters", motion.parameters, kernels.parameters),
         ("surfaces", motion.restitution, kernels.surfaces),
     ):
-        if list(given) != list(expected):
+        if list(names) != list(expected):
             raise SolutionFileError(
-                f"the solution has the {what} {', '.join(given) or 'none'}, its model "
+                f"the solution has the {what} {', '.join(names) or 'none'}, its model "
                 f"{kernels.name!r} {', '.join(expected) or 'none'}: the file is damaged, solve "
                 "again."
             )

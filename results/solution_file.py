@@ -132,8 +132,8 @@ class Bound:
     def write(self, value: Any, where: str, put: Put) -> str:
         return Text().write(value, where, put)
 
-    def read(self, given: Any, where: str, context: Context) -> ActiveBound:
-        return ActiveBound.read(Text().read(given, where, context))
+    def read(self, data: Any, where: str, context: Context) -> ActiveBound:
+        return ActiveBound.read(Text().read(data, where, context))
 
 
 SIGN = Choice((-1, 0, 1))  # of friction

@@ -79,8 +79,8 @@ def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
         *zip(motion.inputs, motion.input_bounds, strict=True),
         *zip(motion.coordinates, motion.coordinate_bounds, strict=True),
     ]
-    told = [f"{name}: {b[0]:g} to {b[1]:g}" for name, b in bounds if np.isfinite(b).any()]
-    yield "bounds", ", ".join(told) or "none"
+    limited = [f"{name}: {b[0]:g} to {b[1]:g}" for name, b in bounds if np.isfinite(b).any()]
+    yield "bounds", ", ".join(limited) or "none"
     restitution = ", ".join(f"{name} {e:g}" for name, e in motion.restitution.items())
     yield "restitution", restitution or "no surfaces"
     if motion.friction:
@@ -108,8 +108,8 @@ def _found(s: Solution) -> Iterator[tuple[Cell, ...]]:
     steps = "+".join(str(phase.steps) for phase in s.phases)
     yield f"{s.cost:.7g}", str(s.found), f"{s.status}, this one", steps
     for other in s.others:
-        known = "coarse mesh only" if other.status is None else str(other.status)
-        yield f"{other.cost:.7g}", str(other.found), known, "+".join(map(str, other.steps))
+        status = "coarse mesh only" if other.status is None else str(other.status)
+        yield f"{other.cost:.7g}", str(other.found), status, "+".join(map(str, other.steps))
 
 
 def _explored(s: Solution) -> str:
@@ -121,13 +121,13 @@ def _explored(s: Solution) -> str:
 
 def _verified(s: Solution) -> Iterator[tuple[Cell, ...]]:
     for name, value in s.verification.to_dict().items() if s.verification else ():
-        told = ", ".join(map(str, value)) or "none" if isinstance(value, (list, tuple)) else value
+        text = ", ".join(map(str, value)) or "none" if isinstance(value, (list, tuple)) else value
         if isinstance(value, bool):
-            told = "yes" if value else "no"
+            text = "yes" if value else "no"
         elif isinstance(value, float):
-            told = f"{value:.3g}"
-        if told != "":
-            yield name.replace("_", " "), str(told)
+            text = f"{value:.3g}"
+        if text != "":
+            yield name.replace("_", " "), str(text)
 
 
 def _caption(s: Solution) -> str:

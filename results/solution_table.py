@@ -54,12 +54,12 @@ def _motion(s: Solution) -> Iterator[tuple[Cell, ...]]:
 
 def _minima(s: Solution) -> Iterator[tuple[Cell, ...]]:
     for other in s.others[:MOST_OTHERS]:
-        known = "coarse mesh" if other.status is None else str(other.status).replace("_", " ")
+        seen = "coarse mesh" if other.status is None else str(other.status).replace("_", " ")
         # Costs of two meshes differ by the error of the mesh, to either side.
         if other.status is not None and other.steps != s.steps:
-            known += f" in {'+'.join(map(str, other.steps))} steps"
+            seen += f" in {'+'.join(map(str, other.steps))} steps"
         starts = "1 start" if other.found == 1 else f"{other.found} starts"
-        yield "other minimum", f"{other.cost:.7g} ({known}), from {starts}"
+        yield "other minimum", f"{other.cost:.7g} ({seen}), from {starts}"
     more = len(s.others) - MOST_OTHERS
     if more > 0:
         yield "", f"and {more} more"

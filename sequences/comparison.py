@@ -28,13 +28,13 @@ def best_of(nodes: Iterable[Node]) -> Node | None:
 def judged(nodes: Mapping[Sequence, Node]) -> list[Node]:
     """The nodes with verdicts that need the others: the optimal one, and those that collapse."""
     best = best_of(nodes.values())
-    found = []
+    whole = []
     for node in nodes.values():
         if best is not None and node.sequence == best.sequence:
-            found.append(node.judged(Verdict.OPTIMAL))
+            whole.append(node.judged(Verdict.OPTIMAL))
         else:
-            found.append(_collapsed(node, nodes))
-    return found
+            whole.append(_collapsed(node, nodes))
+    return whole
 
 
 def _collapsed(node: Node, nodes: Mapping[Sequence, Node]) -> Node:

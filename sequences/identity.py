@@ -35,17 +35,17 @@ MEANING: Mapping[str, Callable[[Problem], object]] = {
 
 def facts(problem: Problem, settings: Settings) -> dict[str, object]:
     """All that the answer of a node depends on, by field."""
-    found: dict[str, object] = {"version": metadata.version("dmoc")}
+    facts: dict[str, object] = {"version": metadata.version("dmoc")}
     for field in fields(Problem):
         if field.name not in SEARCHED:
             meaning = MEANING.get(field.name)
-            found[f"problem.{field.name}"] = (
+            facts[f"problem.{field.name}"] = (
                 meaning(problem) if meaning else getattr(problem, field.name)
             )
     for name, option in options_of(Settings).items():
         if option.decides:
-            found[f"settings.{name}"] = getattr(settings, name)
-    return found
+            facts[f"settings.{name}"] = getattr(settings, name)
+    return facts
 
 
 def identity(problem: Problem, settings: Settings) -> str:

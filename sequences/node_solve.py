@@ -33,10 +33,9 @@ from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.checked_solution import without_effect
 from dmoc.solving.mesh.one_mesh import on_mesh_of, solved_on_mesh
 from dmoc.solving.methods import METHODS
-from dmoc.solving.mode_edges import restated
 from dmoc.solving.multistart.exploration import Effort, Start, coarse_of, explored
 from dmoc.solving.request import Request
-from dmoc.solving.starts import Given
+from dmoc.solving.starts import Given, restated
 
 # Automatic guesses beside the parent's motion, and minima that are refined at most.  Random starts
 # are tried where none of these has led to a minimum: on the seed's 127 sequences of at most 6

@@ -18,16 +18,16 @@ def notes_of(tree: Tree, nodes: Sequence[Node], best: Node | None, stopped: str)
     noun = noun_of(word for n in nodes for word in n.sequence)
     notes = []
     if stopped:
-        known, were = _counted(tree.waiting, "known sequence"), _were(tree.waiting)
-        notes.append(f"{stopped}: {known} {were} not looked at")
+        waiting = _counted(tree.waiting, "known sequence")
+        notes.append(f"{stopped}: {waiting} {_were(tree.waiting)} not looked at")
     if tree.passed_over:
         notes.append(f"the beam passed over {_counted(tree.passed_over, 'sequence')}")
     if tree.refused:
-        sequence, told = next(iter(tree.refused.items()))
+        sequence, reason = next(iter(tree.refused.items()))
         notes.append(
             f"{_counted(len(tree.refused), 'sequence')} {_were(len(tree.refused))} left out that "
             "no problem can have, such as "
-            f"{', '.join(sequence)}: {told}"
+            f"{', '.join(sequence)}: {reason}"
         )
     by_depth = [
         min(

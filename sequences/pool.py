@@ -6,14 +6,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import TypeAlias
 
 from dmoc.base.deadline import Deadline
 from dmoc.sequences.node_solve import Task, lost, solve_node
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.solvers.outcome import Status
-from dmoc.solving import workers
+from dmoc.solving.workforce import Work, workforce
 
 ATTEMPTS = 2
 
@@ -31,7 +33,7 @@ def _again(task: Task, node: Node) -> tuple[Task, ...]:
 
 # Seconds after which a node without a limit hangs, as one with this limit does.
 LONGEST = 600.0
-WORK = workers.Work(solve_node, lost, _again, lambda task: task.seconds or LONGEST)
+WORK = Work(solve_node, lost, _again, lambda task: task.seconds or LONGEST)
 
 
 def here(tasks: Sequence[Task], deadline: Deadline) -> Iterator[Node]:
@@ -47,13 +49,11 @@ def here(tasks: Sequence[Task], deadline: Deadline) -> Iterator[Node]:
         yield node
 
 
-def in_executor(executor: Executor, tasks: Sequence[Task], deadline: Deadline) -> Iterator[Node]:
-    """In an executor of the caller's."""
-    return workers.in_executor(WORK, executor, tasks, deadline)
-
-
-class Processes(workers.Processes):
-    """In processes of this machine."""
-
-    def __call__(self, tasks: Sequence[Task], deadline: Deadline) -> Iterator[Node]:
-        return self.answers(WORK, tasks, deadline)
+@contextmanager
+def workers_of(workers: int, executor: Executor | None) -> Iterator[Workers]:
+    """Who solves the nodes: this process alone, or others."""
+    if executor is None and workers == 1:
+        yield here
+        return
+    with workforce(workers, executor) as others:
+        yield partial(others, WORK)

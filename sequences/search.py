@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +26,7 @@ from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.notes import notes_of
-from dmoc.sequences.pool import Processes, Workers, here, in_executor
+from dmoc.sequences.pool import workers_of
 from dmoc.sequences.search_table import best_in_words, table_of_search
 from dmoc.sequences.settings import MOST, STARTS, Settings, settings_of
 from dmoc.sequences.traversal import Progress, walked
@@ -71,8 +70,8 @@ class SearchResult(Shown):
     broken: str = ""
 
     def __repr__(self) -> str:
-        found = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items())
-        return f"<SearchResult of {self.problem.kernels.name}: {best_in_words(self)}; {found}>"
+        counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items())
+        return f"<SearchResult of {self.problem.kernels.name}: {best_in_words(self)}; {counts}>"
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
@@ -286,24 +285,14 @@ def _searched(stated: Problem, problem: Problem, settings: Settings) -> SearchRe
                     Journal(settings.journal, identity(problem, settings), settings.resume)
                 )
             )
-        stopped, broken = walked(tree, _workers(settings, stack), deadline, begin)
+        workers = stack.enter_context(workers_of(settings.workers, settings.executor))
+        stopped, broken = walked(tree, workers, deadline, begin)
     try:
         notes = state_best(tree, stated, deadline)
     except KeyboardInterrupt:
         stopped = stopped or "the search was interrupted"
     result = _result(tree, stopped, time.perf_counter() - begin)
     return replace(result, broken=broken, notes=(*result.notes, *notes))
-
-
-def _workers(settings: Settings, stack: ExitStack) -> Workers:
-    """Who solves the nodes."""
-    if settings.executor is not None:
-        return partial(in_executor, settings.executor)
-    if settings.workers == 1:
-        return here
-    processes = Processes(settings.workers)
-    stack.callback(processes.stop)
-    return processes
 
 
 def _result(tree: Tree, stopped: str, seconds: float) -> SearchResult:

@@ -61,34 +61,37 @@ class Settings:
     progress: Annotated[Callable[[Any], object] | None, Elsewhere()]
 
 
-def surfaces_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...]:
+def surfaces_of(problem: Problem, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """The surfaces that may be hit: all of the model, or some of them."""
-    known = problem.kernels.surfaces
-    if not known and problem.kernels.tangents and given is None:
+    surfaces = problem.kernels.surfaces
+    if not surfaces and problem.kernels.tangents and wanted is None:
         return ()
-    if not known:
+    if not surfaces:
         raise SearchError(
             f"model {problem.kernels.name!r} has no surfaces: there are no sequences to search."
         )
-    chosen = tuple(known if given is None else names(given, "surfaces", "surfaces", SearchError))
+    chosen = tuple(
+        surfaces if wanted is None else names(wanted, "surfaces", "surfaces", SearchError)
+    )
     for name in chosen:
-        if name not in known:
+        if name not in surfaces:
             raise SearchError(
-                f"unknown surface {shown(name)} in surfaces: expected some of {', '.join(known)}."
+                f"unknown surface {shown(name)} in surfaces: expected some of "
+                f"{', '.join(surfaces)}."
             )
     if not chosen or len(set(chosen)) < len(chosen):
         raise SearchError(
             f"surfaces = {', '.join(chosen) or 'none'}: expected each surface once, and at least "
-            f"one of {', '.join(known)}."
+            f"one of {', '.join(surfaces)}."
         )
     return chosen
 
 
-def events_of(problem: Problem, given: Sequence[str] | None) -> tuple[str, ...] | None:
+def events_of(problem: Problem, wanted: Sequence[str] | None) -> tuple[str, ...] | None:
     """The words that may happen; None for all that can."""
-    if given is None:
+    if wanted is None:
         return None
-    chosen = tuple(names(given, "events", "words of a sequence", SearchError))
+    chosen = tuple(names(wanted, "events", "words of a sequence", SearchError))
     for word in chosen:
         try:
             _check_word(word, problem.touches)
@@ -149,15 +152,15 @@ def refusal(problem: Problem, sequence: tuple[str, ...]) -> str:
     return ""
 
 
-def shortest_of(problem: Problem, given: float | None) -> float:
+def shortest_of(problem: Problem, wanted: float | None) -> float:
     """The shortest duration of a phase; 0 for none."""
     latest = problem.final_time_bounds[1]
-    if given is None:
+    if wanted is None:
         return SHORTEST * latest if np.isfinite(latest) else 0.0
-    shortest = number(given, "shortest_phase", SearchError)
+    shortest = number(wanted, "shortest_phase", SearchError)
     if shortest < 0:
         raise SearchError(
-            f"shortest_phase = {shown(given)}: expected a duration in seconds, 0 or more."
+            f"shortest_phase = {shown(wanted)}: expected a duration in seconds, 0 or more."
         )
     return shortest
 

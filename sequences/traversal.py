@@ -12,7 +12,7 @@ from dmoc.base.deadline import Deadline
 from dmoc.sequences.nodes import Node
 from dmoc.sequences.pool import Workers
 from dmoc.sequences.tree import Tree
-from dmoc.solving.workers import NoMoreWork
+from dmoc.solving.workforce import NoMoreWork
 
 # Shares of a search's time: after the first one doubtful nodes are looked at on finer meshes, after
 # the second one the best is stated once more.
@@ -55,8 +55,7 @@ def walked(tree: Tree, workers: Workers, deadline: Deadline, begin: float) -> tu
     except KeyboardInterrupt:
         return "the search was interrupted", ""
     except NoMoreWork as error:
-        broken = f"the executor takes no more work ({error})"
-        return broken, broken
+        return str(error), str(error)
     except sqlite3.Error as error:
         broken = f"journal {settings.journal} could not be written ({error})"
         return broken, broken

@@ -120,8 +120,8 @@ class Tree:
         if child in self.proposed and (child in self.nodes or child in self.frontier):
             return
         simple = hits_alone(self.problem, self.settings)
-        if told := "" if simple else refusal(self.problem, child):
-            self.refused[child] = told
+        if reason := "" if simple else refusal(self.problem, child):
+            self.refused[child] = reason
         else:
             self.frontier.append(child)
 

@@ -36,7 +36,7 @@ def answer_of(problem: Problem, guess: Given, request: Request) -> Solution:
         base = min(request.options.optimality, max(tolerance, BASE_OPTIMALITY))
         of_mesh = replace(request.within(optimality=base), verify=False)
     best = best_on_mesh(problem, guess, of_mesh)
-    further = of_mesh.compiled(problem)
+    further = of_mesh.compiled()
 
     def solve(verify: bool, problem: Problem, motion: Solution) -> Solution:
         return solved_from(problem, motion, replace(further, verify=verify))
@@ -53,7 +53,7 @@ def answer_of(problem: Problem, guess: Given, request: Request) -> Solution:
         answer = replace(answer, message=f"{answer.message}; {_starts_in_words(answer)}")
 
     def few(problem: Problem) -> Solution:
-        return best_on_mesh(problem, None, replace(request.compiled(problem), starts=FEW))
+        return best_on_mesh(problem, None, replace(request.compiled(), starts=FEW))
 
     answer = naming_turns(problem, answer, few, request.options.deadline)
     if answer.proposal is None:

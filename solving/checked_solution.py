@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 from dmoc.base.deadline import ENDLESS, Deadline
@@ -84,23 +85,21 @@ def without_effect(motion: Trajectory) -> str:
 def checked(solution: Solution, deadline: Deadline = ENDLESS) -> Solution:
     """The solution with the result of the independent simulation; one that it contradicts is not
     verified."""
+    from dmoc.check.check import verify
     from dmoc.check.checked_motion import OutOfTimeError
 
-    start = time.perf_counter()
-    try:
-        check = solution.verify(seconds=deadline.seconds)
-    except OutOfTimeError:
-        check = None
-    spent = {**solution.seconds, "verify": time.perf_counter() - start}
+    assert solution.kernels is not None
+    start, check = time.perf_counter(), None
+    with suppress(OutOfTimeError):
+        check = verify(solution.trajectory, solution.kernels, deadline.seconds)
+    status, message = solution.status, solution.message
     if check is None:
-        message = (
-            f"{solution.message}, but the time limit was reached before the simulation had "
-            "checked it: raise it"
-        )
-        return replace(solution, status=Status.TIME_LIMIT, message=message, seconds=spent)
-    solution = replace(solution, verification=check, seconds=spent)
-    if check.passed:
-        more = f"; {check.message}" if check.message else ""
-        return replace(solution, message=solution.message + more)
-    message = f"{solution.message}, but an independent simulation contradicts it: {check.message}"
-    return replace(solution, status=Status.NOT_VERIFIED, message=message)
+        status = Status.TIME_LIMIT
+        message += ", but the time limit was reached before the simulation had checked it: raise it"
+    elif not check.passed:
+        status = Status.NOT_VERIFIED
+        message += f", but an independent simulation contradicts it: {check.message}"
+    elif check.message:
+        message += f"; {check.message}"
+    seconds = {**solution.seconds, "verify": time.perf_counter() - start}
+    return replace(solution, status=status, message=message, verification=check, seconds=seconds)

@@ -9,13 +9,11 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Index
-from dmoc.program.extraction import given_multipliers, stated_in_rates
-from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
 from dmoc.results.solution import Solution
 from dmoc.solvers.kkt import cost_size
 from dmoc.solvers.outcome import Duals
-from dmoc.solving.programs import Programs
+from dmoc.solving.programs import at_solution
 
 # What is not determined: changed by a tenth of the final time, or of the range of a coordinate, it
 # changes the cost by less than a millionth, half of the square times this.
@@ -38,7 +36,7 @@ def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = Non
     is a coarser mesh, the position that has changed most since; empty if it determines all that."""
     if any(c.grazes for c in fine.collisions):  # they are part of another program
         return ""
-    nlp, duals = _program(problem, fine)
+    nlp, duals = at_solution(problem, fine)
     names = [f"the duration of phase {i}" for i in range(len(fine.phases))]
     at, reach = nlp.layout.index_h, fine.final_time / np.array(fine.steps)
     x, units = nlp.scaled(fine.unknowns), nlp.physical(np.ones(nlp.n))
@@ -87,14 +85,6 @@ def telling(message: str, sentence: str) -> str:
     if not re.fullmatch(_sentence([".*"]), sentence):
         return message
     return message[: had.start()] + sentence + message[had.end() :]
-
-
-def _program(problem: Problem, s: Solution) -> tuple[Transcription, Duals]:
-    """The program of a solution, with its multipliers."""
-    by_rates = stated_in_rates(problem, s.multipliers)
-    scale = scale_of(problem, s.unknowns, minimum=True)
-    nlp = Programs(problem, scale, by_rates).program()
-    return nlp, Duals(*given_multipliers(nlp, s.multipliers))
 
 
 def curvatures(nlp: Transcription, x: Array, duals: Duals, at: Index) -> Array:

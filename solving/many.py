@@ -9,7 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from dmoc.base.arguments import executor as executor_of
 from dmoc.base.arguments import flag, listed, positive, shown, whole
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import DmocError, ProblemError
-from dmoc.base.options import options_of, read
+from dmoc.base.options import Option, options_of, read
 from dmoc.base.progress import Listener, listener
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.problem.problem import Problem
@@ -28,6 +29,7 @@ from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.request import LIMIT, Keywords
 from dmoc.solving.solve import solve
 from dmoc.solving.starts import Given
+from dmoc.solving.workforce import NoMoreWork, Work, workforce
 
 # Problems that travel to a worker together, at most; with fewer problems, each worker gets so many
 # shares of them, so that none waits long for the last.
@@ -77,13 +79,41 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Setting:
-    """How the problems shall be solved."""
+class SolveOptions:
+    """How each problem shall be solved: arguments of a solve, and whether its solution is kept."""
 
     method: str
     guess: Given
     keep: bool
+    others: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class BatchOptions:
+    """The keywords of :func:`solve_many` and :func:`~dmoc.sweep`, as they were read."""
+
+    method: str
     options: Mapping[str, Any]
+    workers: Annotated[int, Option(partial(whole, least=1, most=MOST_WORKERS))] = 1
+    executor: Annotated[Executor | None, Option(executor_of)] = None
+    guess: Given = None
+    keep: Annotated[bool, Option(flag)] = False
+    seconds: Annotated[float | None, Option(partial(positive, expected=LIMIT))] = None
+    progress: Listener[BatchProgress] = None
+
+    def of_solves(self) -> SolveOptions:
+        """What each solve is asked for; what does not fit is refused before any begins."""
+        for name, value in self.options.items():
+            if name not in OPTIONS:
+                raise ProblemError(
+                    f"{name} = {shown(value)} is no argument of solve_many; of solve it takes "
+                    f"{', '.join(sorted(OPTIONS))}."
+                )
+        read(Keywords, {"method": self.method, **self.options}, ProblemError)
+        guess = self.guess
+        if isinstance(guess, (str, os.PathLike)):
+            guess = Solution.load(guess)
+        return SolveOptions(self.method, guess, self.keep, {**STARTS, **self.options})
 
 
 @dataclass(frozen=True)
@@ -92,7 +122,7 @@ class Share:
     when they may take."""
 
     problems: tuple[tuple[int, Problem | DmocError], ...]
-    setting: Setting
+    options: SolveOptions
     deadline: Deadline
     attempts: int = 1
 
@@ -136,7 +166,7 @@ def solve_many(
         a terminal or in a notebook, "lines" writes it to standard error every second.
     **options
         Further arguments of :func:`dmoc.solve`: tolerance, verify, iterations and others.
-        ``starts`` is 1 unless given: a solve from the automatic guess, without exploration.
+        ``starts`` is 1 unless stated: a solve from the automatic guess, without exploration.
 
     Returns
     -------
@@ -162,56 +192,37 @@ def solve_many(
     >>> batch.cost.round(2)
     array([4.97, 2.82, 1.94])
     """
-    given = listed(problems, "problems", "Problems", most=MOST_PROBLEMS)
-    for i, problem in enumerate(given):
+    entries = listed(problems, "problems", "Problems", most=MOST_PROBLEMS)
+    for i, problem in enumerate(entries):
         if not isinstance(problem, Problem):
             raise ProblemError(
                 f"problems has {shown(problem)} at place {i}: expected Problems, as "
                 "dmoc.Problem(system, start=..., ...) states them."
             )
-    setting = Setting(method_for(method, given), guess, keep, STARTS | options)
-    return batch_of(given, {}, setting, workers, executor, seconds, progress)
-
-
-def method_for(method: str | None, problems: Sequence[Problem]) -> str:
-    """The method that is named, or the usual one for the kernels of some problems."""
-    compiled = all(problem.kernels.backend == COMPILED for problem in problems)
-    return usual(SEARCHING, compiled) if method is None else method
+    return batch_of(entries, {}, locals())
 
 
 def batch_of(
     problems: Sequence[Problem | DmocError],
-    given: Mapping[str, Array],
-    setting: Setting,
-    workers: int,
-    executor: Executor | None,
-    seconds: float | None,
-    progress: Listener[BatchProgress],
+    varied: Mapping[str, Array],
+    keywords: Mapping[str, Any],
 ) -> Batch:
-    """Solve problems; an error in the place of one is its row."""
-    workers = whole(workers, "workers", 1, MOST_WORKERS)
-    executor = executor_of(executor)
-    flag(setting.keep, "keep")
-    if seconds is not None:
-        seconds = positive(seconds, "seconds", LIMIT)
-    for name, value in setting.options.items():
-        if name not in OPTIONS:
-            raise ProblemError(
-                f"{name} = {shown(value)} is no argument of solve_many; of solve it takes "
-                f"{', '.join(sorted(OPTIONS))}."
-            )
-    read(Keywords, {"method": setting.method, **setting.options}, ProblemError)
-    if isinstance(setting.guess, (str, os.PathLike)):
-        setting = replace(setting, guess=Solution.load(setting.guess))
-    begin, rows = time.perf_counter(), dict[int, Row]()
-    deadline = Deadline.after(seconds)
-    reason = NO_TIME
+    """Solve problems with the keywords of a batch; an error in the place of a problem is its row.
+    ``varied`` is what differs, by columns."""
+    method = keywords["method"]
+    if method is None:
+        stated = (p for p in problems if isinstance(p, Problem))
+        method = usual(SEARCHING, all(p.kernels.backend == COMPILED for p in stated))
+    batch = read(BatchOptions, {**keywords, "method": method}, ProblemError)
+    options = batch.of_solves()
+    begin, rows, reason = time.perf_counter(), dict[int, Row](), NO_TIME
+    deadline = Deadline.after(batch.seconds)
     with ExitStack() as stack:
-        tell = stack.enter_context(listener(progress, "first solve"))
+        tell = stack.enter_context(listener(batch.progress, "first solve"))
         try:
-            for found in _answers(problems, setting, workers, executor, deadline, stack):
-                rows |= {row.number: row for row in found}
-                if any(row.status == Status.INTERRUPTED for row in found):
+            for answered in _answers(problems, options, batch, deadline, stack):
+                rows |= {row.number: row for row in answered}
+                if any(row.status == Status.INTERRUPTED for row in answered):
                     raise KeyboardInterrupt
                 if tell is not None:
                     counts = dict(Counter(row.status for row in rows.values()))
@@ -219,50 +230,34 @@ def batch_of(
                     tell(BatchProgress(len(rows), len(problems), counts, spent))
         except KeyboardInterrupt:
             reason = INTERRUPTED
-        except _Broken as error:
+        except NoMoreWork as error:
             reason = str(error)
     whole_rows = [rows.get(i, Row(i, NOT_TRIED, reason)) for i in range(len(problems))]
     kept = [_with_kernels(r, p) for r, p in zip(whole_rows, problems, strict=True)]
-    return _table(kept, given, setting, time.perf_counter() - begin)
-
-
-class _Broken(Exception):  # noqa: N818 - it loses nothing
-    """The caller's executor takes no more work."""
+    return _table(kept, varied, options, time.perf_counter() - begin)
 
 
 def _answers(
     problems: Sequence[Problem | DmocError],
-    setting: Setting,
-    workers: int,
-    executor: Executor | None,
+    options: SolveOptions,
+    batch: BatchOptions,
     deadline: Deadline,
     stack: ExitStack,
 ) -> Iterator[list[Row]]:
     """Rows as they come."""
-    numbered = list(enumerate(problems))
+    numbered, workers, executor = list(enumerate(problems)), batch.workers, batch.executor
     if executor is None and workers == 1:
-        yield from (solve_share(Share((one,), setting, deadline)) for one in numbered)
+        yield from (solve_share(Share((one,), options, deadline)) for one in numbered)
         return
-    # multiprocessing is loaded for those alone who need it
-    from dmoc.solving.workers import NoMoreWork, Processes, Work, in_executor
-
     size = TOGETHER if executor is not None else len(numbered) // (SHARES * workers) + 1
     size = min(size, TOGETHER)
     shares = [
-        Share(tuple(numbered[i : i + size]), setting, deadline)
+        Share(tuple(numbered[i : i + size]), options, deadline)
         for i in range(0, len(numbered), size)
     ]
     work = Work(solve_share, _lost, _again, lambda share: share.deadline.left)
-    last = Deadline(deadline.at + UNDER_WAY)
-    if executor is None:
-        processes = Processes(workers)
-        stack.callback(processes.stop)
-        yield from processes.answers(work, shares, last)
-        return
-    try:
-        yield from in_executor(work, executor, shares, last)
-    except NoMoreWork as error:
-        raise _Broken(f"the executor takes no more work ({error})") from None
+    others = stack.enter_context(workforce(workers, executor))
+    yield from others(work, shares, Deadline(deadline.at + UNDER_WAY))
 
 
 def solve_share(share: Share) -> list[Row]:
@@ -278,13 +273,13 @@ def solve_share(share: Share) -> list[Row]:
 
 
 def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
-    begin, setting = time.perf_counter(), share.setting
+    begin, options = time.perf_counter(), share.options
     try:
         if isinstance(problem, DmocError):
             raise problem
-        found = solve(
-            problem, setting.method, guess=setting.guess, seconds=share.deadline.seconds,
-            **setting.options,
+        s = solve(
+            problem, options.method, guess=options.guess, seconds=share.deadline.seconds,
+            **options.others,
         )  # fmt: skip
     except KeyboardInterrupt:
         return Row(number, Status.INTERRUPTED, Status.INTERRUPTED.sentence)
@@ -294,22 +289,21 @@ def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
         return Row(number, FAILED, f"{type(error).__name__}: {error}")
     spent = time.perf_counter() - begin
     # travels without the kernels, which the caller has
-    kept = replace(found, kernels=None) if setting.keep else None
+    kept = replace(s, kernels=None) if options.keep else None
     ended = Row(
-        number, str(found.status), found.message, iterations=found.iterations, seconds=spent,
-        solution=kept,
-    )  # fmt: skip
-    if not found.converged:
+        number, str(s.status), s.message, iterations=s.iterations, seconds=spent, solution=kept
+    )
+    if not s.converged:
         return ended
-    checked = found.verification
+    check = s.verification
     return replace(
         ended,
-        cost=found.cost,
-        final_time=found.final_time,
-        collisions=tuple(c.word for c in found.collisions),
-        times=tuple(c.time for c in found.collisions),
-        impulses=tuple(c.impulse for c in found.collisions),
-        check="" if checked is None else "passed" if checked.passed else "failed",
+        cost=s.cost,
+        final_time=s.final_time,
+        collisions=tuple(c.word for c in s.collisions),
+        times=tuple(c.time for c in s.collisions),
+        impulses=tuple(c.impulse for c in s.collisions),
+        check="" if check is None else "passed" if check.passed else "failed",
     )
 
 
@@ -331,22 +325,22 @@ def _with_kernels(row: Row, problem: Problem | DmocError) -> Row:
 
 
 def _table(
-    rows: Sequence[Row], given: Mapping[str, Array], setting: Setting, seconds: float
+    rows: Sequence[Row], varied: Mapping[str, Array], options: SolveOptions, seconds: float
 ) -> Batch:
     most = max((len(row.times) for row in rows), default=0)
 
     def filled(name: str) -> Array:
-        found = np.full((len(rows), most), np.nan)
-        for line, row in zip(found, rows, strict=True):
+        table = np.full((len(rows), most), np.nan)
+        for line, row in zip(table, rows, strict=True):
             values = getattr(row, name)
             line[: len(values)] = values
-        return found
+        return table
 
     def numbers(name: str) -> Array:
         return np.array([getattr(row, name) for row in rows], dtype=float)
 
     return Batch(
-        given=given,
+        given=varied,
         status=tuple(row.status for row in rows),
         message=tuple(row.message for row in rows),
         cost=numbers("cost"),
@@ -357,7 +351,7 @@ def _table(
         iterations=numbers("iterations"),
         check=tuple(row.check for row in rows),
         seconds=numbers("seconds"),
-        method=setting.method,
+        method=options.method,
         total_seconds=seconds,
-        solutions=tuple(row.solution for row in rows) if setting.keep else (),
+        solutions=tuple(row.solution for row in rows) if options.keep else (),
     )

@@ -25,7 +25,6 @@ from itertools import chain, pairwise
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.guess.transfer import Piece, pieces_of, unknowns_along
 from dmoc.mechanics.modes import FRICTION, STICK, PhaseMode, word_between
 from dmoc.motion.trajectory import FRICTION_WORDS, mode_word
 from dmoc.problem.problem import Problem
@@ -33,7 +32,6 @@ from dmoc.program.active_constraints import NO_FORCE
 from dmoc.program.blocks import NOWHERE, Bools, Index
 from dmoc.program.transcription import Transcription
 from dmoc.results.proposal import CLOSED, OPEN, Proposal, Stay
-from dmoc.results.solution import Solution
 from dmoc.solvers.kkt import cost_size
 from dmoc.solvers.outcome import Outcome
 
@@ -41,8 +39,6 @@ from dmoc.solvers.outcome import Outcome
 FEWEST = 2
 # What another mode may save to first order, relative to the cost, for a stay to be told.
 WORTH = 1e-3
-# Of the final time: nodes and events so near to each other are at one time.
-SAME_TIME = 1e-9
 
 
 def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
@@ -197,47 +193,3 @@ def _lifts(n: int, free_end: bool) -> Array:
     parts = [(np.clip((s - a) / (b - a), 0, 1), n * (b - a)) for a, b in spans]
     lifts = [steps * (4 * x * (1 - x)) ** 2 / 3 for x, steps in parts]
     return np.array([*lifts, n * s**2 / 2] if free_end else lifts)
-
-
-def restated(problem: Problem, solution: Solution) -> Array:
-    """Unknowns of a motion in the phases of the problem that it proposes; one that has a phase more
-    begins with a step of the first."""
-    assert solution.proposal is not None
-    times, near = np.array(solution.proposal.times), SAME_TIME * solution.final_time
-    pieces, impulses = list[Piece](), list[float]()
-    collisions = [c.impulse for c in solution.collisions]
-    for piece, impulse in zip(pieces_of(solution.trajectory), [0.0, *collisions], strict=True):
-        events = (np.abs(piece.t[:, None] - times) <= near).any(axis=1)
-        inside = [int(k) for k in np.flatnonzero(events[1:-1]) + 1]
-        parts = [_part(piece, a, b) for a, b in pairwise([0, *inside, len(piece.t) - 1])]
-        if pieces and not events[0]:
-            parts[0] = _joined(pieces.pop(), parts[0])
-        elif pieces:
-            impulses.append(impulse)
-        pieces += parts
-        impulses += [0.0] * len(inside)
-    if len(pieces) < problem.phases:
-        pieces[:1] = [_part(pieces[0], 0, 1), _part(pieces[0], 1, len(pieces[0].t) - 1)]
-        impulses.insert(0, 0.0)
-    return unknowns_along(problem, pieces, impulses)
-
-
-def _part(piece: Piece, a: int, b: int) -> Piece:
-    """A piece from its node a to its node b; it keeps the inputs of all."""
-    nodes = slice(a, b + 1)
-
-    return replace(
-        piece, t=piece.t[nodes], q=piece.q[nodes], v=piece.v[nodes],
-        forces={kind: forces[nodes] for kind, forces in piece.forces.items()},
-    )  # fmt: skip
-
-
-def _joined(before: Piece, after: Piece) -> Piece:
-    """Two pieces between which nothing happens, as one."""
-
-    def both(a: Array, b: Array) -> Array:
-        return np.concatenate([a, b[1:]])
-
-    q, v = both(before.q, after.q), both(before.v, after.v)
-    t_u, u = np.concatenate([before.t_u, after.t_u]), np.concatenate([before.u, after.u])
-    return Piece(both(before.t, after.t), q, v, t_u, u)

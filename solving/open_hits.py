@@ -74,8 +74,8 @@ def _best_way(problem: Problem, guess: Given, request: Request) -> Solution:
         if ended or spent >= options.iterations:
             break
     answer = answers[-1 if ended else 0]
-    told = _ways_in_words(answer, len(tries.good), len(tries.tried))
-    return replace(answer, iterations=spent, message=f"{answer.message}; {told}")
+    ways = _ways_in_words(answer, len(tries.good), len(tries.tried))
+    return replace(answer, iterations=spent, message=f"{answer.message}; {ways}")
 
 
 @dataclass

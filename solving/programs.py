@@ -9,9 +9,13 @@ import numpy as np
 
 from dmoc.codegen.kernels import COMPILED
 from dmoc.problem.problem import Problem
+from dmoc.program.extraction import given_multipliers, stated_in_rates
 from dmoc.program.minimal_times import WithMinimalTimes
 from dmoc.program.scale import Scale
+from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
+from dmoc.results.solution import Solution
+from dmoc.solvers.outcome import Duals
 
 
 @dataclass(frozen=True)
@@ -51,3 +55,11 @@ class Programs:
         return self.program(
             isinstance(nlp, WithMinimalTimes), [*np.flatnonzero(nlp.laws.impact.touching), *at]
         )
+
+
+def at_solution(problem: Problem, solution: Solution) -> tuple[Transcription, Duals]:
+    """The program of a problem at its solution, with its multipliers."""
+    scale = scale_of(problem, solution.unknowns, minimum=True)
+    by_rates = stated_in_rates(problem, solution.multipliers)
+    nlp = Transcription(problem, scale, by_rates=by_rates)
+    return nlp, Duals(*given_multipliers(nlp, solution.multipliers))

@@ -33,7 +33,8 @@ class Request:
     ``verify`` is for the solution, ``ranks_checked`` for the minima among which it is chosen;
     ``by_rates`` states the law of impact in the rates of the gaps.  ``tolerance`` is that of a
     refinement, None where the mesh of the problem is the only one; where finer meshes do not lead
-    there, an error up to ``loose`` that the check confirms is a solution too.
+    there, an error up to ``loose`` that the check confirms is a solution too.  ``refining`` is the
+    method of other meshes than that of the answer.
     """
 
     method: Method
@@ -46,15 +47,15 @@ class Request:
     by_rates: bool = False
     tolerance: float | None = None
     loose: float = LOOSE
+    refining: Method = METHODS[REFINING]
 
     def within(self, **limits: Any) -> Request:
         """The same with other options."""
         return replace(self, options=replace(self.options, **limits))
 
-    def compiled(self, problem: Problem) -> Request:
+    def compiled(self) -> Request:
         """The same for other meshes: silent, by the compiled method if the problem has one."""
-        method = METHODS[usual(REFINING, problem.kernels.backend == COMPILED)]
-        return replace(self.within(progress=None), method=method)
+        return replace(self.within(progress=None), method=self.refining)
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,10 @@ class Keywords:
         tolerance, loose = self.tolerance, self.tolerance or LOOSE
         if tolerance is None and problem.steps is None:
             tolerance = AUTOMATIC
-        method = METHODS[self.method or _usual(problem, tolerance)]
+        compiled = problem.kernels.backend == COMPILED
+        rubs = bool(problem.open_hits) or any(event.course for event in problem.events)
+        plain = tolerance is None and not (problem.lasting or rubs)
+        method = METHODS[self.method or usual(DEFAULT if plain else REFINING, compiled)]
         method.require(problem.kernels.backend)
         method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
         limits = Options(
@@ -95,12 +99,5 @@ class Keywords:
         )
         return Request(
             method, limits, self.form, self.verify, self.verify, self.starts, self.seed,
-            tolerance=tolerance, loose=loose,
+            tolerance=tolerance, loose=loose, refining=METHODS[usual(REFINING, compiled)],
         )  # fmt: skip
-
-
-def _usual(problem: Problem, tolerance: float | None) -> str:
-    """The method that a problem is solved by unless one is named."""
-    rubs = bool(problem.open_hits) or any(event.course for event in problem.events)
-    plain = tolerance is None and not (problem.lasting or rubs)
-    return usual(DEFAULT if plain else REFINING, problem.kernels.backend == COMPILED)

@@ -7,15 +7,12 @@ from typing import Any
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ProblemError
 from dmoc.problem.problem import Problem
+from dmoc.program import cost_derivatives
 from dmoc.program.cost_derivatives import Sensitivities
-from dmoc.program.cost_derivatives import sensitivities as find_sensitivities
-from dmoc.program.extraction import given_multipliers, stated_in_rates
 from dmoc.program.layout import Layout
-from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution, check_same_model
 from dmoc.solvers.kkt import residuals
-from dmoc.solvers.outcome import Duals
-from dmoc.solving.programs import Programs
+from dmoc.solving.programs import at_solution
 
 # Residuals above this are those of another problem.
 OTHER_PROBLEM = 1e-4
@@ -69,8 +66,7 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
     if (problem.steps is None or solution.meshes) and len(steps) == problem.phases:
         problem = problem.meshed(steps)
     size = Layout.of(problem).size
-    given = (steps, sequence, len(solution.unknowns))
-    if given != (problem.phase_steps, problem.words, size):
+    if (steps, sequence, len(solution.unknowns)) != (problem.phase_steps, problem.words, size):
         raise ProblemError(
             f"the solution has the sequence {list(sequence)} with {list(steps)} steps, the problem "
             f"{list(problem.words)} with {list(problem.phase_steps)}: give the problem that was "
@@ -81,17 +77,14 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
             f"the solution has the status '{solution.status}': sensitivities need a minimum."
         )
     check_same_model(solution, problem.kernels)
-    scale = scale_of(problem, solution.unknowns, minimum=True)
-    by_rates = stated_in_rates(problem, solution.multipliers)
-    nlp = Programs(problem, scale, by_rates).program()
-    duals = Duals(*given_multipliers(nlp, solution.multipliers))
-    found = residuals(nlp, nlp.scaled(solution.unknowns), duals)
-    if found.violation > OTHER_PROBLEM or found.optimality > OTHER_PROBLEM:
+    nlp, duals = at_solution(problem, solution)
+    left = residuals(nlp, nlp.scaled(solution.unknowns), duals)
+    if left.violation > OTHER_PROBLEM or left.optimality > OTHER_PROBLEM:
         raise ProblemError(
-            f"the solution is no minimum of this problem (violation {found.violation:.1e}, "
-            f"optimality {found.optimality:.1e}): give the problem that was solved."
+            f"the solution is no minimum of this problem (violation {left.violation:.1e}, "
+            f"optimality {left.optimality:.1e}): give the problem that was solved."
         )
-    return find_sensitivities(problem, solution.unknowns, solution.multipliers)
+    return cost_derivatives.sensitivities(problem, solution.unknowns, solution.multipliers)
 
 
 def check_problem(problem: Any) -> None:

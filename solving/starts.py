@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,14 +16,16 @@ from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.keyframes import along, courses_of, is_given_by_name
-from dmoc.guess.transfer import pieces_of, unknowns_along
+from dmoc.guess.transfer import Piece, pieces_of, unknowns_along
 from dmoc.problem.problem import Problem
 from dmoc.program.extraction import given_multipliers
 from dmoc.program.layout import Layout
 from dmoc.program.transcription import Transcription
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Duals
-from dmoc.solving.mode_edges import restated
+
+# Of the final time: nodes and events so near to each other are at one time.
+SAME_TIME = 1e-9
 
 Given: TypeAlias = (
     Solution
@@ -76,10 +79,10 @@ def starts_of(problem: Problem, guess: Given, deadline: Deadline = ENDLESS) -> S
 
 def _from_solution(problem: Problem, guess: Solution) -> Starts:
     names = [*problem.kernels.coordinates, *problem.kernels.inputs]
-    given = [*guess.trajectory.coordinates, *guess.trajectory.inputs]
-    if given != names:
+    theirs = [*guess.trajectory.coordinates, *guess.trajectory.inputs]
+    if theirs != names:
         raise ProblemError(
-            f"guess is a motion of {', '.join(given)}: expected one of the coordinates and inputs "
+            f"guess is a motion of {', '.join(theirs)}: expected one of the coordinates and inputs "
             f"{', '.join(names)}."
         )
     proposal = guess.proposal
@@ -119,3 +122,47 @@ def _given(problem: Problem, guess: Any) -> Array:
             "same model with the same steps."
         )
     return x
+
+
+def restated(problem: Problem, solution: Solution) -> Array:
+    """Unknowns of a motion in the phases of the problem that it proposes; one that has a phase more
+    begins with a step of the first."""
+    assert solution.proposal is not None
+    times, near = np.array(solution.proposal.times), SAME_TIME * solution.final_time
+    pieces, impulses = list[Piece](), list[float]()
+    collisions = [c.impulse for c in solution.collisions]
+    for piece, impulse in zip(pieces_of(solution.trajectory), [0.0, *collisions], strict=True):
+        events = (np.abs(piece.t[:, None] - times) <= near).any(axis=1)
+        inside = [int(k) for k in np.flatnonzero(events[1:-1]) + 1]
+        parts = [_part(piece, a, b) for a, b in pairwise([0, *inside, len(piece.t) - 1])]
+        if pieces and not events[0]:
+            parts[0] = _joined(pieces.pop(), parts[0])
+        elif pieces:
+            impulses.append(impulse)
+        pieces += parts
+        impulses += [0.0] * len(inside)
+    if len(pieces) < problem.phases:
+        pieces[:1] = [_part(pieces[0], 0, 1), _part(pieces[0], 1, len(pieces[0].t) - 1)]
+        impulses.insert(0, 0.0)
+    return unknowns_along(problem, pieces, impulses)
+
+
+def _part(piece: Piece, a: int, b: int) -> Piece:
+    """A piece from its node a to its node b; it keeps the inputs of all."""
+    nodes = slice(a, b + 1)
+
+    return replace(
+        piece, t=piece.t[nodes], q=piece.q[nodes], v=piece.v[nodes],
+        forces={kind: forces[nodes] for kind, forces in piece.forces.items()},
+    )  # fmt: skip
+
+
+def _joined(before: Piece, after: Piece) -> Piece:
+    """Two pieces between which nothing happens, as one."""
+
+    def both(a: Array, b: Array) -> Array:
+        return np.concatenate([a, b[1:]])
+
+    q, v = both(before.q, after.q), both(before.v, after.v)
+    t_u, u = np.concatenate([before.t_u, after.t_u]), np.concatenate([before.u, after.u])
+    return Piece(both(before.t, after.t), q, v, t_u, u)

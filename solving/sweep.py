@@ -17,7 +17,7 @@ from dmoc.base.progress import Listener
 from dmoc.mechanics.model_values import by_name
 from dmoc.problem.problem import Problem
 from dmoc.results.batch import Batch
-from dmoc.solving.many import MOST_PROBLEMS, STARTS, BatchProgress, Setting, batch_of, method_for
+from dmoc.solving.many import MOST_PROBLEMS, BatchProgress, batch_of
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import Given
 
@@ -62,7 +62,7 @@ def sweep(
         What is not varied.
     parameters, start, goal, bounds : mapping of name to list of values, optional
         What is varied, as in :class:`~dmoc.Problem`; the last one varies fastest.  Each is a column
-        of ``given``: parameters under their name, others as "start alpha"; a pair (lower, upper)
+        of ``varied``: parameters under their name, others as "start alpha"; a pair (lower, upper)
         counts as its upper value, or as its lower one if that is None.
     method, workers, executor, guess, keep, seconds, progress, **options
         As in :func:`dmoc.solve_many`.
@@ -88,11 +88,12 @@ def sweep(
     >>> batch.given["m"], batch.cost.round(3)
     (array([0.5, 1. ]), array([0.704, 2.815]))
     """
+    keywords = {**locals()}
     check_problem(problem)
-    given = {"parameters": parameters, "start": start, "goal": goal, "bounds": bounds}
+    varied = {"parameters": parameters, "start": start, "goal": goal, "bounds": bounds}
     axes = [
         axis
-        for field, values in given.items()
+        for field, values in varied.items()
         if values is not None
         for axis in _axes(problem, field, values)
     ]
@@ -111,22 +112,21 @@ def sweep(
         for i, axis in enumerate(axes)
     }
     problems = [_problem(problem, axes, values) for values in grid]
-    setting = Setting(method_for(method, [problem]), guess, keep, STARTS | options)
-    return batch_of(problems, columns, setting, workers, executor, seconds, progress)
+    return batch_of(problems, columns, keywords)
 
 
-def _axes(problem: Problem, field: str, given: Mapping[Any, Iterable[Any]]) -> list[Axis]:
+def _axes(problem: Problem, field: str, values_by_name: Mapping[Any, Iterable[Any]]) -> list[Axis]:
     """What is varied of one field."""
     kernels = problem.kernels
-    known, what = {
+    names, what = {
         "parameters": (kernels.parameters, "parameter"),
         "start": (problem.states, "state"),
         "goal": (problem.states, "state"),
         "bounds": ([*kernels.inputs, *kernels.coordinates], "input or coordinate"),
     }[field]
     axes = []
-    for name, values in by_name(given, field).items():
-        check_known(name, known, what, f"in {field}")
+    for name, values in by_name(values_by_name, field).items():
+        check_known(name, names, what, f"in {field}")
         entries = listed(values, f"{field} of {name}", "values")
         if not entries:
             raise ProblemError(f"{field} of {name} has no values: give at least one.")

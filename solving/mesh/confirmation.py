@@ -57,8 +57,8 @@ def naming_steps(problem: Problem, answer: Solution, solve: Callable[..., Soluti
             break
         s = solve(fine, coarse)
         if s.minimum:
-            told = f"take {_said(s.steps)}, with which it is confirmed and costs {s.cost:.6g}"
-            return _telling(answer, told)
+            advice = f"take {_said(s.steps)}, with which it is confirmed and costs {s.cost:.6g}"
+            return _telling(answer, advice)
         if s.verification is None:  # not solved there, or not in time
             break
         tried.append(s)

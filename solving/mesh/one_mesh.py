@@ -78,7 +78,7 @@ def _without_start(problem: Problem, guess: Given, request: Request) -> Solution
     method, which takes a hundredth of the time that SLSQP takes to find it out."""
     method = request.method
     if method.falls_back_on:
-        compiled = request.compiled(problem)
+        compiled = request.compiled()
         s = solved_on_mesh(problem, guess, compiled)
         if s.status in (Status.INFEASIBLE, Status.INTERRUPTED):
             message = f"{s.message}; {compiled.method.name} told it, {method.name} was not tried"
@@ -112,7 +112,7 @@ def _from_minimum(problem: Problem, start: Solution, request: Request) -> Soluti
         if as_asked and request.options.progress is None:
             return start
     elif method.falls_back_on:
-        refined = solved_on_mesh(problem, start, replace(request.compiled(problem), verify=False))
+        refined = solved_on_mesh(problem, start, replace(request.compiled(), verify=False))
         if refined.status is Status.INTERRUPTED:
             return refined
         start = refined if refined.minimum else start

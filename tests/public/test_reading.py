@@ -40,8 +40,8 @@ def lazy(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("work has begun")
 
     for place in (
-        "dmoc.solving.solve.explored", "dmoc.solving.solve.solved_on_mesh",
-        "dmoc.solving.solve.starts_of", "dmoc.sequences.search._searched",
+        "dmoc.solving.open_hits.explored", "dmoc.solving.mesh.one_mesh.solved_on_mesh",
+        "dmoc.solving.open_hits.starts_of", "dmoc.sequences.search._searched",
         "dmoc.check.check.Motion.of",
     ):  # fmt: skip
         monkeypatch.setattr(place, never)

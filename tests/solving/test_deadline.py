@@ -13,7 +13,7 @@ import pytest
 
 import dmoc
 from dmoc.base.deadline import ENDLESS, Deadline
-from dmoc.solving import many, workers
+from dmoc.solving import many, workforce
 
 
 @pytest.fixture
@@ -95,7 +95,7 @@ def test_a_worker_may_take_all_its_time_before_it_counts_as_hanging(
     def solved(share: many.Share) -> list[many.Row]:
         return [many.Row(number, "solved", "") for number, _ in share.problems]
 
-    monkeypatch.setattr(workers, "wait", waits)
+    monkeypatch.setattr(workforce, "wait", waits)
     monkeypatch.setattr(many, "solve_share", solved)
     monkeypatch.setattr(time, "time", lambda: now[0])
     problem = block_and_wall.problem(0.8, 10)

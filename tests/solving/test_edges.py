@@ -11,7 +11,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.program.layout import Layout
-from dmoc.solving.mode_edges import _lifts, restated
+from dmoc.solving.mode_edges import _lifts
+from dmoc.solving.starts import restated
 
 X, Y, A, U, V = dynamicsymbols("x y a u v")
 T = dynamicsymbols._t

@@ -1,5 +1,4 @@
-"""Workers for tasks of any kind: processes of this machine, or an executor of the caller; a worker
-that dies or hangs costs the tasks it may have had one attempt."""
+"""Worker processes of this machine, which run no script of the caller unless a task needs it."""
 
 from __future__ import annotations
 
@@ -10,107 +9,22 @@ import pickle
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
 from multiprocessing import popen_spawn_posix, resource_tracker, spawn
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from types import FunctionType, SimpleNamespace
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from dmoc.base.deadline import Deadline
 from dmoc.solvers.blas import WAITS
+from dmoc.solving.workforce import Answer, Task, Work
 
-# A worker that is this many times over a task's limit hangs, and is stopped; seconds are added for
-# what the limit does not count.
-HANGS_AFTER, GRACE = 3.0, 30.0
-# Tasks that an executor of unknown size gets at a time.
-AHEAD = 16
 # Tasks beside those that run, so that no worker waits for its next one.
 WAITING = 1
-
-Task = TypeVar("Task")
-Answer = TypeVar("Answer")
-
-
-class NoMoreWork(Exception):  # noqa: N818 - it ends the work and loses nothing
-    """The caller's executor takes no more tasks."""
-
-
-@dataclass(frozen=True)
-class Work(Generic[Task, Answer]):
-    """What is done with tasks.
-
-    Attributes
-    ----------
-    do : callable
-        A task's answer, in whatever process; a function of a module, which travels by its name.
-    lost : callable
-        The answer of a task whose worker has failed, for a reason.
-    again : callable
-        What of a task is to be tried once more, from the task and its answer; nothing if the
-        answer stands.
-    seconds : callable
-        The limit of a task.
-    """
-
-    do: Callable[[Task], Answer]
-    lost: Callable[[Task, str], Answer]
-    again: Callable[[Task, Answer], Sequence[Task]]
-    seconds: Callable[[Task], float]
-
-    def deadline(self, task: Task) -> Deadline:
-        """That after which the worker of a task that begins now hangs."""
-        return Deadline.after(HANGS_AFTER * self.seconds(task) + GRACE)
-
-    def late(self, task: Task) -> Answer:
-        return self.lost(task, "the worker did not answer in time")
-
-
-def in_executor(
-    work: Work[Task, Answer], executor: Executor, tasks: Sequence[Task], deadline: Deadline
-) -> Iterator[Answer]:
-    """Answers from an executor of the caller, until a deadline; errors of
-    its workers, and answers that do not come, are taken as a failed attempt.
-
-    Raises
-    ------
-    NoMoreWork
-        If the executor takes no more tasks.
-    """
-    waiting, running = deque(tasks), dict[Future[Answer], Task]()
-    ends: dict[Future[Answer], Deadline] = {}
-    try:
-        while (waiting or running) and not deadline.passed:
-            while waiting and len(running) < AHEAD:
-                try:
-                    future = executor.submit(work.do, waiting[0])
-                except RuntimeError as error:  # shut down or broken
-                    raise NoMoreWork(str(error)) from None
-                running[future] = waiting.popleft()
-            done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
-            for future in list(running):
-                task = running[future]
-                if future in done:
-                    try:
-                        answer = future.result()
-                    except Exception as error:
-                        answer = work.lost(task, f"{type(error).__name__}: {error}")
-                elif future.running() and ends.setdefault(future, work.deadline(task)).passed:
-                    answer = work.late(task)
-                else:
-                    continue
-                del running[future]
-                again = work.again(task, answer)
-                waiting.extendleft(reversed(again))
-                if not again:
-                    yield answer
-    finally:
-        for future in running:
-            future.cancel()
 
 
 class Processes:
@@ -234,8 +148,8 @@ def _names_script(task: object) -> bool:
 def _without_script(name: str) -> dict[str, Any]:
     """What a worker is told of the process that starts it, without the caller's script: that may
     have no ``if __name__ == "__main__":``, and what it imports takes its time."""
-    told = spawn.get_preparation_data(name)
-    return {k: v for k, v in told.items() if not k.startswith("init_main")}
+    data = spawn.get_preparation_data(name)
+    return {k: v for k, v in data.items() if not k.startswith("init_main")}
 
 
 class _Popen(popen_spawn_posix.Popen):

@@ -1,0 +1,120 @@
+"""Work that others do, an executor of the caller's or processes of this machine; a worker that dies
+or hangs costs the tasks it may have had one attempt."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Generic, TypeAlias, TypeVar
+
+from dmoc.base.deadline import Deadline
+
+# A worker that is this many times over a task's limit hangs, and is stopped; seconds are added for
+# what the limit does not count.
+HANGS_AFTER, GRACE = 3.0, 30.0
+# Tasks that an executor of unknown size gets at a time.
+AHEAD = 16
+
+Task = TypeVar("Task")
+Answer = TypeVar("Answer")
+
+
+class NoMoreWork(Exception):  # noqa: N818 - it ends the work and loses nothing
+    """The caller's executor takes no more tasks."""
+
+
+@dataclass(frozen=True)
+class Work(Generic[Task, Answer]):
+    """What is done with tasks.
+
+    Attributes
+    ----------
+    do : callable
+        A task's answer, in whatever process; a function of a module, which travels by its name.
+    lost : callable
+        The answer of a task whose worker has failed, for a reason.
+    again : callable
+        What of a task is to be tried once more, from the task and its answer; nothing if the
+        answer stands.
+    seconds : callable
+        The limit of a task.
+    """
+
+    do: Callable[[Task], Answer]
+    lost: Callable[[Task, str], Answer]
+    again: Callable[[Task, Answer], Sequence[Task]]
+    seconds: Callable[[Task], float]
+
+    def deadline(self, task: Task) -> Deadline:
+        """That after which the worker of a task that begins now hangs."""
+        return Deadline.after(HANGS_AFTER * self.seconds(task) + GRACE)
+
+    def late(self, task: Task) -> Answer:
+        return self.lost(task, "the worker did not answer in time")
+
+
+# Work, tasks and a deadline to answers as they come.
+Workforce: TypeAlias = Callable[[Work[Any, Any], Sequence[Any], Deadline], Iterator[Any]]
+
+
+@contextmanager
+def workforce(workers: int, executor: Executor | None) -> Iterator[Workforce]:
+    """Who does work: an executor, or else processes, which end with it."""
+    if executor is not None:
+        yield partial(in_executor, executor)
+        return
+    # multiprocessing is loaded for those alone who need it
+    from dmoc.solving.processes import Processes
+
+    processes = Processes(workers)
+    try:
+        yield processes.answers
+    finally:
+        processes.stop()
+
+
+def in_executor(
+    executor: Executor, work: Work[Task, Answer], tasks: Sequence[Task], deadline: Deadline
+) -> Iterator[Answer]:
+    """Answers from an executor of the caller, until a deadline; errors of its workers, and answers
+    that do not come, are taken as a failed attempt.
+
+    Raises
+    ------
+    NoMoreWork
+        If the executor takes no more tasks.
+    """
+    waiting, running = deque(tasks), dict[Future[Answer], Task]()
+    ends: dict[Future[Answer], Deadline] = {}
+    try:
+        while (waiting or running) and not deadline.passed:
+            while waiting and len(running) < AHEAD:
+                try:
+                    future = executor.submit(work.do, waiting[0])
+                except RuntimeError as error:  # shut down or broken
+                    raise NoMoreWork(f"the executor takes no more work ({error})") from None
+                running[future] = waiting.popleft()
+            done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
+            for future in list(running):
+                task = running[future]
+                if future in done:
+                    try:
+                        answer = future.result()
+                    except Exception as error:
+                        answer = work.lost(task, f"{type(error).__name__}: {error}")
+                elif future.running() and ends.setdefault(future, work.deadline(task)).passed:
+                    answer = work.late(task)
+                else:
+                    continue
+                del running[future]
+                again = work.again(task, answer)
+                waiting.extendleft(reversed(again))
+                if not again:
+                    yield answer
+    finally:
+        for future in running:
+            future.cancel()
