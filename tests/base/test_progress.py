@@ -44,6 +44,7 @@ class Terminal(io.StringIO):
         return True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CALLS)
 def test_a_function_is_called_with_what_shows_itself_as_a_line(name: str) -> None:
     seen: list[Any] = []
@@ -134,6 +135,7 @@ def test_what_progress_cannot_be_is_one_sentence(name: str, progress: Any) -> No
         CALLS[name](progress)
 
 
+@pytest.mark.slow
 def test_a_build_tells_what_it_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("DMOC_CACHE", str(tmp_path))
     seen: list[str] = []

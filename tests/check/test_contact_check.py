@@ -33,6 +33,7 @@ def confirmed(motion: Trajectory, kernels: Kernels) -> dmoc.check.verdict.Verifi
     return check
 
 
+@pytest.mark.slow
 def test_a_block_that_sticks_slides_and_sticks_on_a_rail(rail: Kernels) -> None:
     """The motion of least effort: its cost is (2/3) sqrt(6)."""
     check = confirmed(motions.pushed_block(rail, 20, on_floor=False), rail)
@@ -40,17 +41,20 @@ def test_a_block_that_sticks_slides_and_sticks_on_a_rail(rail: Kernels) -> None:
         assert error < 1e-13
 
 
+@pytest.mark.slow
 def test_a_block_pushed_over_a_floor(floor: Kernels) -> None:
     check = confirmed(motions.pushed_block(floor, 20, on_floor=True), floor)
     assert max(check.terminal_error, check.segment_defects.max(), check.force_error) < 1e-13
 
 
+@pytest.mark.slow
 def test_a_bead_in_a_bowl() -> None:
     kernels = dmoc.build(motions.bowl_system())
     check = confirmed(motions.swinging_bead(kernels, 30), kernels)
     assert max(check.terminal_error, check.energy_error, check.force_error) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.7, 1.0])
 def test_a_hit_through_which_a_contact_stays_closed(e: float) -> None:
     kernels = dmoc.build(motions.bowl_system(-0.5))
@@ -115,6 +119,7 @@ def discrete(kernels: Kernels, motion: Trajectory, steps: int) -> Trajectory:
     return replace(motion, phases=(made,), collisions=())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["bowl", "compass"])
 def test_errors_of_discrete_motions_fall_as_the_square_of_the_step(
     compass: Kernels, which: str
@@ -131,6 +136,7 @@ def test_errors_of_discrete_motions_fall_as_the_square_of_the_step(
         assert np.log2(value(checks[0]) / value(checks[1])) == pytest.approx(order, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_bead_that_leaves_a_ball(ball: Kernels) -> None:
     check = confirmed(motions.sliding_off(ball, 30), ball)
     assert max(check.terminal_error, check.energy_error, check.force_error) < 1e-10
@@ -163,6 +169,7 @@ def test_a_landing_is_plastic_whatever_the_restitution_of_its_surface(floor: Ker
     assert confirmed(motion, floor).impact_error < 1e-12
 
 
+@pytest.mark.slow
 def test_a_soft_landing() -> None:
     """A mass that is let down arrives without a rate, and slides on."""
     kernels = dmoc.build(motions.hoist_system())
@@ -187,6 +194,7 @@ def test_a_late_release_pulls(ball: Kernels, leaves_at: float) -> None:
     assert "ball would have to pull with " in check.message
 
 
+@pytest.mark.slow
 def test_an_early_release_is_still_pressed(ball: Kernels) -> None:
     slightly = dmoc.verify(motions.sliding_off(ball, 30, 0.66), ball)
     assert not slightly.passed
@@ -276,6 +284,7 @@ def test_wrong_gaits_are_contradicted(compass: Kernels, change: Change, told: st
     assert not check.passed and told in check.message
 
 
+@pytest.mark.slow
 def test_sliding_that_jams_is_no_motion() -> None:
     """A rod that is pushed ahead of its contact: the force of the floor would press the contact
     together (Painleve's paradox)."""

@@ -54,6 +54,7 @@ def plane(name: str, **fields: object) -> dmoc.codegen.kernels.Kernels:
     return dmoc.build(dmoc.MechanicalSystem(name, q, kinetic, **fields))  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", ["right", "top"])
 def test_of_two_surfaces_in_a_step_the_nearer_one_is_met_first(first: str) -> None:
     """At 0.52 and 0.55 s, in one step of 0.1 s, whichever is named first; a motion that goes on may
@@ -68,6 +69,7 @@ def test_of_two_surfaces_in_a_step_the_nearer_one_is_met_first(first: str) -> No
     assert [c.time for c in check.contacts] == pytest.approx([0.52, 0.55], abs=3e-3)
 
 
+@pytest.mark.slow
 def test_the_size_of_a_limit_that_moves_has_the_time_in_it() -> None:
     """x <= c + 10 t is exceeded by -c at the start, of 1 m and 10 m/s for a second."""
     c = sp.Symbol("c")

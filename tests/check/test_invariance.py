@@ -24,12 +24,14 @@ TELLINGS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", invariance.KINDS)
 def test_a_verdict_is_the_same_in_all_units_and_at_all_places(name: str) -> None:
     for told, solution in invariance.answers(invariance.KINDS[name], TELLINGS):
         assert solution.status == "solved", f"{told}: {solution.message}"
 
 
+@pytest.mark.slow
 def test_measures_are_the_same_in_all_units() -> None:
     """Those of the ladder and of the finger, whose contacts carry 0.024 N and 9.81 N."""
     for name in ("ladder", "finger that pushes"):

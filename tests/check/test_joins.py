@@ -127,6 +127,7 @@ def test_one_part_of_a_landing_moved_is_named(change: Change, told: str) -> None
     assert not check.passed and told in check.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [4, 6])
 def test_a_node_inside_a_step_is_looked_at(order: int) -> None:
     kernels = dmoc.build(block_system(), order=order)

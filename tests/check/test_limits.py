@@ -171,6 +171,7 @@ def test_a_simulation_may_enter_a_surface_that_a_motion_lies_on(
 # Rates, forces, path constraints ------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_slow_hit_counts_by_its_own_rates() -> None:
     """A wall that is met at 0.2 m/s by something at 1.3 m/s: 5 % of the one are below 2 % of the
     other."""
@@ -211,6 +212,7 @@ def test_a_contact_force_is_right_to_a_twentieth() -> None:
     assert bad.message.startswith("error of a contact force 0.051 exceeds")
 
 
+@pytest.mark.slow
 def test_a_path_constraint_holds_to_half_a_percent_of_its_terms() -> None:
     """v <= c at 1 m/s: 1 - c of 1 + c."""
     x, c = dynamicsymbols("x"), sp.Symbol("c")

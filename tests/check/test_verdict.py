@@ -62,6 +62,7 @@ def flight(kernels: Kernels, along: float = 1.0, impulse: float = 2.0) -> Trajec
     return motions.trajectory(kernels, pieces, [hit], 20, {"wall": 1.0})
 
 
+@pytest.mark.slow
 def test_energy_that_a_hit_makes_is_measured(square: Kernels) -> None:
     """(1.1^2 - 1) / 2 of a largest kinetic energy of (1 + 1.1^2) / 2."""
     assert dmoc.verify(flight(square), square).passed

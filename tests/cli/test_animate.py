@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from commands import Run
 from films import motion
 
@@ -20,6 +21,7 @@ def test_the_command_writes_a_page_beside_the_solution(
     assert page.read_bytes() == solution.animate(tmp_path / "same.html").read_bytes()
 
 
+@pytest.mark.slow
 def test_several_solutions_play_side_by_side(
     run: Run, solution: dmoc.Solution, tmp_path: Path
 ) -> None:

@@ -16,6 +16,8 @@ from matplotlib.image import imread
 import dmoc
 from dmoc.cli import main
 
+pytestmark = pytest.mark.slow
+
 FALL = "--start y=0.5 --goal y=0.5,y_dot=0 --sequence floor"
 LIFT = "--start y=0.5 --goal y=0.2 --final-time 1 --steps 10 --method ipm --out o"
 SHORT = "solve cart_pendulum --method ipm --final-time 1"
@@ -62,7 +64,6 @@ def test_solve_prints_the_json_alone(run: Run) -> None:
     assert set(keys.split()) <= set(found["verification"])
 
 
-@pytest.mark.slow
 def test_laws_order_and_tolerance_are_options(run: Run, file: Model) -> None:
     """A block between start and wall (here a floor, 1 below the start), and the bouncer that is
     driven for ever."""
@@ -239,7 +240,6 @@ def test_a_model_that_is_called_like_a_shipped_one_is_drawn_as_itself(
 # What is printed ----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_names_are_printed_as_they_are(run: Run, file: Model) -> None:
     code, out, _ = run(f"{SHORT} --steps 20 --out {HOSTILE}")
     assert code == 1
@@ -308,7 +308,6 @@ def test_a_full_disk_keeps_the_summary(
     assert not list((tmp_path / "o").iterdir()) and not (tmp_path / "j.json").exists()
 
 
-@pytest.mark.slow
 def test_standard_output_without_room_is_one_sentence() -> None:
     said = "error: standard output cannot be written (No space left on device)"
     for words in ("models", "derive puck_table", f"{SHORT} --json -"):

@@ -77,6 +77,7 @@ def test_places_at_events_are_apart_by_semicolons() -> None:
         read_via("y=1;x")
 
 
+@pytest.mark.slow
 def test_a_block_on_a_rail_is_told_by_words_modes_and_forces(run: Run, tmp_path: Path) -> None:
     """J = 1.63 m^2/s^3 for 1 N of friction, 1 m and 4 s, as h falls."""
     code, out, err = run(f"solve models.py:railed {PUSHED} --starts 1 {SLIDES} --out o")
@@ -99,6 +100,7 @@ def test_a_block_on_a_rail_is_told_by_words_modes_and_forces(run: Run, tmp_path:
     assert (tmp_path / "o.pdf").read_bytes()[:4] == b"%PDF"
 
 
+@pytest.mark.slow
 def test_a_landing_is_told_with_its_impulses(run: Run) -> None:
     """2 N s and 0.2 N s after a fall of 0.2 m under 10 m/s^2; then 10 N and 1 N."""
     command = f"solve models.py:landing {FALLS} --goal x=0.5,x_dot=0 --steps 8 --final-time 1.5 "
@@ -122,6 +124,7 @@ def test_a_landing_is_told_with_its_impulses(run: Run) -> None:
     assert forces == {("floor", "N"), ("floor", "T")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("word", ["floor:slip+", "floor"])
 def test_a_hit_with_friction_is_told_with_its_impulses(run: Run, word: str) -> None:
     """After a fall of 0.2 m under 10 m/s^2 and with e = 0.5: 3 N s, and 0.3 N s of friction, whose
@@ -162,6 +165,7 @@ def test_a_block_that_comes_back_a_step_further(run: Run) -> None:
     assert json.loads(out)["cost"] == pytest.approx(1.63299316, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_a_sweep_names_the_events_of_each(run: Run) -> None:
     options = f"{HELD} --starts 1 --goal x=0.5:1:2 --goal x_dot=0 {SLIDES}"
     code, out, err = run(f"sweep models.py:railed {options} --out table.csv")

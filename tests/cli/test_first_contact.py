@@ -201,6 +201,7 @@ def test_the_shell_completes_models_methods_and_names(
     assert code == 0 and not err and out.split() == proposed
 
 
+@pytest.mark.slow
 def test_a_completion_reads_no_numpy() -> None:
     code = (
         "import sys, dmoc.cli; sys.argv = ['dmoc']\n"
@@ -254,6 +255,7 @@ def test_an_error_names_its_entry(run: Run) -> None:
     assert again.__notes__ == error.value.__notes__ == ["Help: dmoc explain ModelError"]
 
 
+@pytest.mark.slow
 def test_figures_of_every_command_are_dark_where_asked(run: Run, tmp_path: Path) -> None:
     run("solve cart_pendulum --method ipm --starts 1 -o d --dark")
     run("search puck_table --max-collisions 1 --out d --dark")

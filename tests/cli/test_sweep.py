@@ -33,6 +33,7 @@ def test_a_range_is_values_at_equal_distances() -> None:
     assert read_range("0:1", "l") is None and read_range("free", "l") is None
 
 
+@pytest.mark.slow
 def test_a_sweep_is_told_written_and_drawn(run: Run, tmp_path: Path) -> None:
     code, out, err = run(
         *SEED, *"--set l=0.4:0.6:3 --set g=10 --out table.csv --plot figure.png".split()

@@ -64,6 +64,7 @@ def mass(kernels: Kernels) -> float:
     return float(kernels.call("dynamics", one, one, one, one, np.array([[3.0, 1.0]]))[0][0, 0])
 
 
+@pytest.mark.slow
 def test_the_own_cache_is_used_and_is_the_users_alone(own_cache: Path) -> None:
     assert dmoc.build(SYSTEM).seconds == 0
     made = [own_cache, own_cache.parent, *entry(own_cache).rglob("*"), entry(own_cache)]
@@ -183,6 +184,7 @@ def test_the_compiled_module_knows_its_sources(own_cache: Path) -> None:
     assert json.loads(other["manifest.json"])["code"] != kernels.module.CODE
 
 
+@pytest.mark.slow
 def test_what_arrives_is_built_under_the_name_of_its_texts(
     own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -65,6 +65,7 @@ def values(kernels: Kernels, at: float) -> np.ndarray:
     return np.array(columns).T
 
 
+@pytest.mark.slow
 def test_awkward_expressions_equal_mpmath(awkward: tuple[Kernels, Kernels, list[sp.Expr]]) -> None:
     *backends, expressions = awkward
     q, p = dynamicsymbols("q"), sp.Symbol("p")
@@ -118,6 +119,7 @@ def test_an_expression_that_cannot_be_printed_is_refused(
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.slow
 def test_c_hostile_parameter_names_work() -> None:
     q, u = dynamicsymbols("i j")
     names = sp.symbols("I h q_k par w0 sin M_PI n")

@@ -38,6 +38,7 @@ def test_committed_sources_are_what_is_generated(name: str, request: pytest.Fixt
         assert not difference, difference
 
 
+@pytest.mark.slow
 def test_solving_with_built_kernels_imports_no_sympy() -> None:
     program = (
         "import sys, dmoc; from dmoc.models.registry import find; r = find('cart_pendulum');s = "

@@ -140,6 +140,7 @@ def test_a_bad_guess_is_one_sentence(small: dmoc.Problem, guess: Any, message: s
     assert str(caught.value).count("\n") == 0
 
 
+@pytest.mark.slow
 def test_keyframes_come_down_on_contacts_that_last() -> None:
     """From the landing on the puck stays on the floor, pushed with 10 N times the step; what
     sticks does not slide."""

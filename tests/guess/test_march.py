@@ -71,6 +71,7 @@ def matrices() -> list[Array]:
     return found
 
 
+@pytest.mark.slow
 def test_small_least_squares_are_those_of_lapack(tmp_path: Path) -> None:
     gcc = shutil.which("gcc")
     if gcc is None:
@@ -142,6 +143,7 @@ def test_a_step_obeys_the_equations_of_motion(coordinates: int, inputs: int) -> 
     np.testing.assert_allclose(residual, 0.0, atol=1e-9 * np.abs(F).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sequence", [(), ("wall",)])
 def test_control_is_lost_where_the_other_accelerations_do_not_follow(
     sequence: tuple[str, ...],
@@ -158,6 +160,7 @@ def test_control_is_lost_where_the_other_accelerations_do_not_follow(
     assert Marcher(problem).control(q, (0, 1, 2, 3)) == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sequence", [(), ("floor",), ("side", "floor")])
 def test_kernels_on_numpy_give_the_same_guesses(sequence: tuple[str, ...]) -> None:
     """Time, damping, a surface that moves, and inputs whose effect depends on the position."""

@@ -79,6 +79,7 @@ def test_inputs_are_those_of_the_equations_of_motion(block: Kernels) -> None:
     assert middle == pytest.approx(mass * bend, rel=2e-2, abs=2e-2 * np.abs(mass * bend).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [4, 6])
 def test_inner_nodes_lie_on_the_way(order: int) -> None:
     kernels = dmoc.load("cart_pendulum", order=order)

@@ -25,6 +25,7 @@ from dmoc.inspection.system_derivation import small_problem
 from dmoc.symbolic.spec import Input, KernelSpec, Output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("make", [driven_system, rod_system, puck_system])
 def test_kernels_agree_with_an_evaluation_in_many_digits(make: Any, order: int) -> None:
@@ -79,6 +80,7 @@ def test_the_page_needs_nothing_else(tmp_path: Path) -> None:
     assert float(worst) < 1e-12
 
 
+@pytest.mark.slow
 def test_derivations_are_saved_by_their_endings(tmp_path: Path) -> None:
     derivation = dmoc.derive(block_system(), order=4)
     assert derivation.save(tmp_path / "x.txt").read_text() == str(derivation)
@@ -87,6 +89,7 @@ def test_derivations_are_saved_by_their_endings(tmp_path: Path) -> None:
         derivation.save(tmp_path / "x.doc")
 
 
+@pytest.mark.slow
 def test_a_function_that_is_nowhere_real_is_told() -> None:
     x, u = dynamicsymbols("x u")
     k = sp.Symbol("k")
@@ -103,6 +106,7 @@ def test_small_problems_go_through_a_collision_where_there_is_one() -> None:
     assert problem is not None and problem.sequence == ("wall",)
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_page(tmp_path: Path) -> None:
     target = tmp_path / "p.html"
     result = CliRunner().invoke(

@@ -151,6 +151,7 @@ def test_values_are_read_once_for_all_who_take_them(
             parameter_row(pendulum, changes, error)
 
 
+@pytest.mark.slow
 def test_kernels_are_evaluated_by_name_in_one_place() -> None:
     layers = [p for p in ROOT.glob("*/*.py") if (p.parent / "__init__.py").exists()]
     paths = sorted([*layers, *(ROOT / "src" / "dmoc").glob("*.py")])

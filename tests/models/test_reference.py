@@ -5,6 +5,8 @@ from __future__ import annotations
 import pickle
 from pathlib import Path
 
+import pytest
+
 import dmoc
 from dmoc.models.registry import find
 
@@ -24,6 +26,7 @@ def solved(reference: str) -> dmoc.Solution:
     return dmoc.solve(problem, "ipm", iterations=3, verify=False)
 
 
+@pytest.mark.slow
 def test_a_solution_names_its_model_as_the_user_did(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(MODEL, encoding="utf-8")
     for reference in ("cart_pendulum_hanging", f"{tmp_path / 'mine.py'}:problem"):
@@ -31,6 +34,7 @@ def test_a_solution_names_its_model_as_the_user_did(tmp_path: Path) -> None:
         assert pickle.loads(pickle.dumps(find(reference).kernels())).reference == reference
 
 
+@pytest.mark.slow
 def test_what_nobody_named_has_the_name_of_its_model_or_the_one_that_is_given(
     seed: dmoc.Problem,
 ) -> None:

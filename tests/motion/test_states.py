@@ -59,6 +59,7 @@ def falling(order: int, steps: int) -> dmoc.Solution:
     return dmoc.solve(problem, "ipm", starts=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ORDERS)
 def test_states_between_nodes_have_their_orders(order: int) -> None:
     def slope(t: float, y: np.ndarray) -> list[float]:
@@ -197,6 +198,7 @@ def test_inputs_with_jumps_have_two_rows_at_a_node() -> None:
     np.testing.assert_array_equal(table["t"], times)
 
 
+@pytest.mark.slow
 def test_json_and_xarray_hold_the_same(named: dmoc.Solution, tmp_path: Path) -> None:
     said = json.loads(named.to_json(tmp_path / "x.json").read_text())
     table = columns(named.trajectory)

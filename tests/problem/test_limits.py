@@ -40,6 +40,7 @@ def test_a_range_at_an_end_leaves_the_bounds_of_the_way(block: Kernels) -> None:
     assert list(upper) == [0.5, 0.5, 0.5, 0.5, 0.3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [4, 6])
 def test_nodes_inside_steps_keep_the_bounds_too(order: int) -> None:
     nlp = program(double_integrator(4, order).but(bounds={"x": (-1.0, 1.25)}))
@@ -74,6 +75,7 @@ def test_the_latest_time_is_the_one_that_is_stated() -> None:
     assert solution.cost == pytest.approx(12 / 1.5**3, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_surface_that_comes_nearer_limits_the_time_of_a_fixed_goal() -> None:
     """The wall 2 - t is at the goal x = 1 after a second: 6/T^3 with T = 1."""
     x = dynamicsymbols("x")
@@ -99,6 +101,7 @@ def test_a_surface_that_is_ignored_holds_nothing_back(block: Kernels) -> None:
     assert solution.cost == pytest.approx(24.0, rel=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_a_hit_on_a_wall_that_moves_keeps_newtons_law(order: int) -> None:
     """3 m/s against 1 + 0.5 t with e = 0.6: 0.5 - 0.6 2.5 after it, exactly, as lines are."""

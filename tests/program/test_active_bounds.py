@@ -57,6 +57,7 @@ def test_any_text_of_a_file_is_read_as_it_stands(text: str) -> None:
     assert ActiveBound.read(text) == text
 
 
+@pytest.mark.slow
 def test_a_solution_and_its_file_tell_the_same_bounds(seed: dmoc.Problem) -> None:
     problem = seed.but(steps=20, durations=[(0.1, None), (None, None)], bounds={"F": (-28, 28)})
     kept = dmoc.solve(problem, "ipm", verify=False)
@@ -77,6 +78,7 @@ def test_every_status_is_its_word_and_has_a_sentence() -> None:
         assert f"{status}" == status == status.name.lower() and status.sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4, 6])
 def test_places_are_counted_once(order: int) -> None:
     """A mass that is in a hurry is pushed and braked with the largest force in every step, one half
@@ -95,6 +97,7 @@ def test_places_are_counted_once(order: int) -> None:
     assert 0 < places[BoundKind.PATH, ""] < 20
 
 
+@pytest.mark.slow
 def test_a_motion_that_keeps_to_a_surface_is_one_bound() -> None:
     """A mass that would go beyond the wall in every step, and may touch it."""
     x = block_system().coordinates[0]
@@ -109,6 +112,7 @@ def test_a_motion_that_keeps_to_a_surface_is_one_bound() -> None:
     assert all(1 < b.places <= 12 for b in gaps) and len(gaps) == 2
 
 
+@pytest.mark.slow
 def test_only_a_hit_has_an_impulse_that_is_held_at_zero() -> None:
     problem = dmoc.Problem(
         floor(), start={"x": 0, "y": 0}, goal={"x": 1}, contacts=["floor:slip+"],

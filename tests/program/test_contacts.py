@@ -41,6 +41,7 @@ from dmoc.base.errors import ModelError, ProblemError
 from dmoc.program.extraction import _forces
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("problem", "known"),
     [
@@ -72,6 +73,7 @@ def test_a_block_there_and_back_in_least_time_turns_where_it_is_told_to() -> Non
     assert solution.collisions[0].position[0] == pytest.approx(10, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_forces_of_a_floor_are_weight_and_coulomb_friction(tmp_path: Path) -> None:
     problem = dmoc.Problem(
         floor(), start={"x": 0, "y": 0}, goal={"x": 1, "x_dot": 0}, contacts=["floor"],
@@ -95,6 +97,7 @@ def test_forces_of_a_floor_are_weight_and_coulomb_friction(tmp_path: Path) -> No
     assert finer.status == "solved" and finer.cost < solution.cost * 1.01
 
 
+@pytest.mark.slow
 def test_a_block_slides_back_over_a_floor_after_a_hit_as_over_a_rail() -> None:
     solution = dmoc.solve(against_wall_on_floor(20, 0.0))
     assert solution.status == "solved", solution.message
@@ -105,12 +108,14 @@ def test_a_block_slides_back_over_a_floor_after_a_hit_as_over_a_rail() -> None:
     assert [phase.rubbing for phase in solution.phases] == [{"floor": 1}, {"floor": -1}]
 
 
+@pytest.mark.slow
 def test_a_hit_that_presses_a_contact_whose_sliding_turns_is_not_confirmed() -> None:
     solution = dmoc.solve(against_wall_on_floor(10, 0.25))
     assert solution.status == "not_verified"
     assert "floor turns round in the impact at" in solution.message
 
 
+@pytest.mark.slow
 def test_sliding_that_ends_with_the_motion_does_not_turn_in_its_last_step() -> None:
     """A ball that rolls ahead bounces off a smooth wall and may slide back until it rolls again:
     sliding stops where the motion ends."""
@@ -134,6 +139,7 @@ def test_sliding_that_ends_with_the_motion_does_not_turn_in_its_last_step() -> N
     assert finer.status == "solved" and finer.cost == pytest.approx(solution.cost, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [10, 40])
 @pytest.mark.parametrize(
     ("changes", "wanted", "end"),
@@ -174,6 +180,7 @@ def test_a_plastic_push_moves_two_masses_as_one() -> None:
     np.testing.assert_allclose(after.normal[1:-1, 0], 0.75 * force[1:-1], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_rimless_wheel_rolls_at_the_rate_at_which_steps_lose_what_they_fall() -> None:
     errors, solution = [], None
     for steps in (10, 20, 40):
@@ -184,6 +191,7 @@ def test_a_rimless_wheel_rolls_at_the_rate_at_which_steps_lose_what_they_fall() 
     assert all(3.5 < a / b < 4.5 for a, b in pairwise(errors))
 
 
+@pytest.mark.slow
 def test_a_contact_that_would_have_to_pull_is_named_with_its_force() -> None:
     lifted = dmoc.MechanicalSystem(
         "lifted",
@@ -200,6 +208,7 @@ def test_a_contact_that_would_have_to_pull_is_named_with_its_force() -> None:
     assert "floor would have to pull with 2 N" in solution.message
 
 
+@pytest.mark.slow
 def test_sensitivities_equal_differences_of_solved_problems() -> None:
     problem = against_wall(40, 0.5)
     solution = dmoc.solve(problem)
@@ -263,6 +272,7 @@ def test_what_contacts_cannot_be_is_a_sentence(change: dict[str, object], told: 
     assert told in str(found.value) and "\n" not in str(found.value)
 
 
+@pytest.mark.slow
 def test_contacts_that_last_are_refused_with_kernels_of_another_order() -> None:
     with pytest.raises(ProblemError, match="build the model with order=2"):
         dmoc.Problem(
@@ -275,6 +285,7 @@ def test_a_rail_alone_takes_kernels_of_order_two() -> None:
     assert problem.order == 2 and problem.lasting
 
 
+@pytest.mark.slow
 def test_redundant_contacts_are_refused_by_name() -> None:
     twice = dmoc.MechanicalSystem(
         "twice", [X, Y], (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2, {},
@@ -362,6 +373,7 @@ def test_sticking_holds_what_the_cone_does_to_either_side(push: tuple[float, flo
     assert dmoc.solve(block.but(bounds={"u": weaker}), "ipm", starts=1, verify=False).solved
 
 
+@pytest.mark.slow
 def test_momenta_at_the_nodes_go_along_the_contacts() -> None:
     """On a slope that bends, and to the last node, where the force is the weight and what the
     curve asks for: N = m (g + y'' v^2) / sqrt(1 + y'^2) at constant v."""
@@ -385,6 +397,7 @@ def test_momenta_at_the_nodes_go_along_the_contacts() -> None:
     assert phase.normal[0, 0] == pytest.approx(force[0], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_block_that_slides_to_rest_has_its_speed_at_every_node() -> None:
     """From 1 m/s under 1 N of friction: v = 1 - t, at both ends too."""
     block = pushed(5).but(
@@ -404,6 +417,7 @@ def test_forces_at_the_ends_of_a_phase_are_those_beside_them_continued(
     assert tuple(_forces(forces)[[0, -1], 0]) == ends
 
 
+@pytest.mark.slow
 def test_the_upper_end_of_a_periodic_range_holds() -> None:
     """Further costs less: a motion at constant speed, no input, x(T) - x(0) = 0.4 at most."""
     x, u = dynamicsymbols("x u")

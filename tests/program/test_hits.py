@@ -30,6 +30,7 @@ COURSES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 @pytest.mark.parametrize(
     ("angle", "v", "mu", "after", "normal", "tangential", "course"),
@@ -69,6 +70,7 @@ def drawn(number: int) -> tuple[dmoc.Problem, Impulses]:
 
 
 # Each course at least once, some of them with e = 0 (8, 14, 19).
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1, 2, 6, 7, 8, 12, 14, 15, 19, 21, 70, 186])
 def test_the_way_through_a_hit_is_poissons_and_no_other_is_possible(number: int) -> None:
     problem, law = drawn(number)
@@ -136,6 +138,7 @@ def test_a_ball_that_is_thrown_without_sliding_sticks_from_the_beginning(e: floa
     np.testing.assert_allclose(after.v[0, [0, 2]], before.v[-1, [0, 2]], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_spinning_ball_comes_back_at_the_known_cost(tmp_path: Path) -> None:
     """The spin that it needs follows from the fall: the torque is constant, and the friction sticks
     with -s / (1 + 1/k)."""
@@ -160,6 +163,7 @@ def test_a_spinning_ball_comes_back_at_the_known_cost(tmp_path: Path) -> None:
         assert warm.cost == pytest.approx(solution.cost, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_sensitivities_equal_differences_of_solved_problems() -> None:
     problem = back()
     solution = dmoc.solve(problem)
@@ -185,6 +189,7 @@ def test_sensitivities_equal_differences_of_solved_problems() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_hit_that_does_not_say_how_it_goes_is_tried_in_its_ways() -> None:
     solution = dmoc.solve(back(sequence=["floor"]))
     assert solution.status == "solved", solution.message
@@ -218,6 +223,7 @@ def test_the_courses_of_three_hits_follow_from_their_motions() -> None:
     assert int(tried) <= 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.0, 0.6])
 def test_a_puck_that_turns_or_stops_while_it_lands(e: float) -> None:
     """Sliding stops in the landing where friction can take all of it; a landing is plastic,
@@ -288,12 +294,14 @@ def test_a_hit_that_would_jam_is_told_why() -> None:
     assert stopped.collisions[0].impulse == pytest.approx(law.normal, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_search_offers_the_ways_through_a_hit() -> None:
     found = dmoc.search(back(sequence=[]), max_collisions=1, events=["floor"])
     assert len(found.nodes) == 11 and found.best is not None
     assert found.best.sequence == ("floor:slip+:stick:late",)
 
 
+@pytest.mark.slow
 def test_the_figure_names_the_way(tmp_path: Path) -> None:
     figure = dmoc.solve(back(), starts=1).plot(tmp_path / "s.png")
     words = [text.get_text() for axes in figure.axes for text in axes.texts]

@@ -102,6 +102,7 @@ def numbers(problem: dmoc.Problem, goal_as_rows: bool = False) -> list[Array]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal_as_rows", [False, True])
 def test_sharing_changes_no_number(family: Family, goal_as_rows: bool) -> None:
     problem, changes = family

@@ -402,6 +402,7 @@ def losing() -> Kernels:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["slsqp", "ipm"])
 @pytest.mark.parametrize(
     "changes",
@@ -423,6 +424,7 @@ def test_a_mass_that_vanishes_on_the_way_is_no_solution_and_is_told(
     assert "the mass matrix is singular or negative" in solution.message
 
 
+@pytest.mark.slow
 def test_a_cost_that_is_no_number_is_told() -> None:
     system = unit_mass("undefined", cost=U**2 + sp.sqrt(-1 - X**2))
     problem = dmoc.Problem(system, start={X: 0.0}, final_time=1.0, steps=5)

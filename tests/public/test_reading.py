@@ -95,6 +95,7 @@ def test_numbers_of_other_kinds_are_limits_of_a_search(open_hit: dmoc.Problem) -
     assert result.complete and [n.verdict for n in result.nodes] == ["optimal"]
 
 
+@pytest.mark.slow
 def test_all_ways_through_a_hit_share_the_iterations(open_hit: dmoc.Problem) -> None:
     """No way leads to a motion that comes back faster than the hit allows."""
     impossible = open_hit.but(goal={"y": 0.5, "y_dot": 9.0}, final_time=(0.2, 1))

@@ -242,6 +242,7 @@ def test_names_of_a_model_are_texts_in_the_page() -> None:
     assert "{{style}}" in page  # as the name said it, and nothing in its place
 
 
+@pytest.mark.slow
 def test_a_search_has_its_tree_and_its_motions(solution: dmoc.Solution, tmp_path: Path) -> None:
     given = [
         ((), "no event", "feasible", 3.0, ("confirmed",), replace(solution, trajectory=motion())),
@@ -272,6 +273,7 @@ def mass(image: Image.Image) -> np.ndarray:
     return (found[near].min(axis=0) + found[near].max(axis=0)) / 2
 
 
+@pytest.mark.slow
 def test_a_gif_shows_the_mass_where_it_is(tmp_path: Path) -> None:
     path = dmoc.animate(motion(), tmp_path / "shuttle.gif", speed=0.5, fps=10)
     with Image.open(path) as gif:
@@ -302,12 +304,14 @@ def test_what_is_told_of_a_hit_stays_in_the_picture() -> None:
     assert extent.x0 >= 0 and extent.x1 <= 640
 
 
+@pytest.mark.slow
 def test_a_dark_gif_is_dark(tmp_path: Path) -> None:
     path = dmoc.animate([motion()], tmp_path / "dark.gif", speed=1.0, fps=4, style="dark")
     with Image.open(path) as gif:
         assert np.median(np.asarray(gif.convert("L"))) < 40
 
 
+@pytest.mark.slow
 def test_an_mp4_has_the_frames_and_the_colours(tmp_path: Path) -> None:
     from imageio_ffmpeg import get_ffmpeg_exe
 

@@ -137,6 +137,7 @@ def test_what_a_contact_holds_still_has_no_axis_of_its_own(landed: dmoc.Solution
     assert legend(labelled(figure, "coordinates")) == ["$x$", "$y$"]
 
 
+@pytest.mark.slow
 def test_short_phases_are_named_in_a_legend_and_words_do_not_overlap(
     landed: dmoc.Solution,
 ) -> None:
@@ -161,6 +162,7 @@ def test_short_phases_are_named_in_a_legend_and_words_do_not_overlap(
     assert len(words) == 2 and not words[0].overlaps(words[1])
 
 
+@pytest.mark.slow
 def test_legends_and_words_lie_within_the_figure(landed: dmoc.Solution) -> None:
     """Of many coordinates, too, whose legend stands beside the axes."""
     wide = tuple(f"coordinate_{i}" for i in range(7))

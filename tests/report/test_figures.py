@@ -41,6 +41,7 @@ def drawn(solution: dmoc.Solution, **changes: object) -> Figure:
     return replace(solution, trajectory=motion).plot()
 
 
+@pytest.mark.slow
 def test_a_figure_is_an_image_in_a_notebook(figure: Figure) -> None:
     """Without pyplot, whose import tells notebooks how to show figures."""
     image = figure._repr_png_()
@@ -54,6 +55,7 @@ def figure(solution: dmoc.Solution) -> Figure:
     return solution.plot()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "shown"),
     [
@@ -82,6 +84,7 @@ def test_curves_are_those_of_the_motion_with_their_units(
         )
 
 
+@pytest.mark.slow
 def test_what_has_one_unit_has_one_panel_with_a_legend(solution: dmoc.Solution) -> None:
     figure = drawn(solution, units={"alpha": "m", "x": "m"})
     coordinates = labelled(figure, "coordinates [m]")
@@ -106,6 +109,7 @@ def test_velocities_are_drawn_on_request(solution: dmoc.Solution) -> None:
         )
 
 
+@pytest.mark.slow
 def test_coordinates_are_round_between_few_nodes() -> None:
     reference = find("bouncing_pendulum")
     problem = dmoc.Problem(
@@ -188,6 +192,7 @@ def test_snapshots_are_the_scene_at_seven_times_of_each_phase(
         np.testing.assert_allclose(np.ptp(corners, axis=0), (0.25, 0.125))
 
 
+@pytest.mark.slow
 def test_snapshots_of_all_phases_have_one_scale_and_hold_everything(
     solution: dmoc.Solution, figure: Figure
 ) -> None:
@@ -220,6 +225,7 @@ def test_an_arrow_shows_where_and_how_the_surface_pushes(
     np.testing.assert_allclose(push / np.hypot(*push), (-np.sin(alpha), np.cos(alpha)), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_nothing_is_cut_off_and_no_text_lies_on_curves(solution: dmoc.Solution) -> None:
     for style in ("light", "dark"):
         figure = solution.plot(velocities=True, style=style)
@@ -248,6 +254,7 @@ def _contrast(a: str, b: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
+@pytest.mark.slow
 def test_dark_figures_are_light_on_dark(solution: dmoc.Solution, tmp_path: Path) -> None:
     figure = solution.plot(tmp_path / "dark.png", style="dark")
     assert to_hex(figure.get_facecolor()) == DARK.paper
@@ -283,6 +290,7 @@ def test_coordinates_of_other_sizes_without_units_have_panels_of_their_own(
     assert [a.get_ylabel() for a in figure.axes if a.get_ylabel()][:2] == [r"$\alpha$", "$x$"]
 
 
+@pytest.mark.slow
 def test_a_model_without_a_drawing_is_drawn_by_its_coordinates(
     block: Kernels, tmp_path: Path
 ) -> None:
@@ -334,6 +342,7 @@ def test_what_is_zero_but_for_rounding_has_an_axis_of_its_own_size(
         assert high - low < 1.5 * np.ptp(values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["$", "US$", r"\$", "$x", "$x$", "$x_$", "a$b$c$"])
 def test_a_dollar_in_a_unit_or_a_column_is_a_dollar(tmp_path: Path, unit: str) -> None:
     system = block_system("priced")

@@ -94,6 +94,7 @@ def test_a_large_tree_has_points_instead_of_texts() -> None:
     }
 
 
+@pytest.mark.slow
 def test_motions_stand_side_by_side_with_their_collisions(
     solution: dmoc.Solution, tmp_path: Path
 ) -> None:
@@ -122,6 +123,7 @@ def test_motions_stand_side_by_side_with_their_collisions(
     assert (tmp_path / "best.pdf").read_bytes().startswith(b"%PDF-")
 
 
+@pytest.mark.slow
 def test_the_best_motions_are_drawn_at_one_scale_and_nothing_is_cut_off(
     solution: dmoc.Solution,
 ) -> None:
@@ -140,6 +142,7 @@ def test_the_best_motions_are_drawn_at_one_scale_and_nothing_is_cut_off(
     assert {to_hex(a.get_facecolor()) for a in figure.axes} == {DARK.paper}
 
 
+@pytest.mark.slow
 def test_an_axis_of_motions_side_by_side_holds_all_of_them(solution: dmoc.Solution) -> None:
     motion = solution.trajectory
     larger = replace(motion, phases=tuple(replace(p, u=5.0 * p.u) for p in motion.phases))
@@ -156,6 +159,7 @@ def test_verdicts_differ_in_more_than_their_colours() -> None:
     assert to_hex(plot_tree(nodes, style="dark").get_facecolor()) == DARK.paper
 
 
+@pytest.mark.slow
 def test_a_search_draws_its_nodes_and_its_best_motions(
     block: dmoc.codegen.kernels.Kernels, tmp_path: Path
 ) -> None:

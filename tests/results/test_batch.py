@@ -54,6 +54,7 @@ def test_an_empty_table_has_a_file_too(tmp_path: Path) -> None:
     assert len(dmoc.Batch.load(empty.save(tmp_path / "empty.npz"))) == 0
 
 
+@pytest.mark.slow
 def test_every_damage_to_a_file_is_a_sentence(batch: dmoc.Batch) -> None:
     content, refused = content_of(FILE, batch), 0
     for i, damage in enumerate([*SOLUTIONS.values()] * 6):
@@ -94,6 +95,7 @@ def test_a_data_frame_needs_pandas(batch: dmoc.Batch, monkeypatch: pytest.Monkey
         batch.to_frame()
 
 
+@pytest.mark.slow
 def test_a_parameter_may_be_called_like_a_result(tmp_path: Path) -> None:
     """Masses 1 and 2 on a line: what a parameter is and what a result is are both kept."""
     x, u = dynamicsymbols("x u")

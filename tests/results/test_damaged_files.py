@@ -30,12 +30,14 @@ def content(solution: dmoc.Solution) -> bytes:
     return solution.to_bytes()
 
 
+@pytest.mark.slow
 def test_damaged_files_are_refused_or_can_be_used() -> None:
     ends = list(damaged(48, seed=1))
     assert {ended for _, ended in ends} == {"refused", "loaded"}
     assert all(ended == "loaded" for kind, ended in ends if "no damage" in kind)
 
 
+@pytest.mark.slow
 def test_every_damage_to_a_solution_file_is_a_sentence(content: bytes) -> None:
     loaded = 0
     for i, damage in enumerate([*SOLUTIONS.values()] * 12):
@@ -173,6 +175,7 @@ def test_motions_that_do_not_fit_together_are_refused(solution: dmoc.Solution) -
             dmoc.Solution.from_bytes(content)
 
 
+@pytest.mark.slow
 def test_a_file_with_other_names_than_its_model_is_refused(solution: dmoc.Solution) -> None:
     t = solution.trajectory
     for change in (
@@ -189,6 +192,7 @@ def test_a_file_with_other_names_than_its_model_is_refused(solution: dmoc.Soluti
         loaded.plot()  # as curves where it is not the shipped model's
 
 
+@pytest.mark.slow
 def test_a_data_file_runs_nothing_that_it_names(solution: dmoc.Solution, tmp_path: Path) -> None:
     model = tmp_path / "model.py"
     model.write_text(f"open({str(tmp_path / 'ran')!r}, 'w').close()\ns = 1\n")

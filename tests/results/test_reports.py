@@ -51,6 +51,7 @@ def test_the_first_mesh_of_a_table_has_no_estimate(found: dmoc.Solution) -> None
     assert "estimated error 2.0e-03" in last
 
 
+@pytest.mark.slow
 def test_a_page_holds_everything_and_needs_nothing(found: dmoc.Solution, tmp_path: Path) -> None:
     text = found.report(tmp_path / "r.html").read_text()
     parseString(text[text.index("<main>") : text.index("</body>")])
@@ -64,6 +65,7 @@ def test_a_page_holds_everything_and_needs_nothing(found: dmoc.Solution, tmp_pat
     assert dark != light
 
 
+@pytest.mark.slow
 def test_a_pdf_has_its_text_and_the_figure(found: dmoc.Solution, tmp_path: Path) -> None:
     content = found.report(tmp_path / "r.pdf").read_bytes()
     assert content.startswith(b"%PDF-") and b"/Count 2" in content
@@ -94,6 +96,7 @@ def test_a_report_says_what_was_found(found: dmoc.Solution) -> None:
     assert check["passed"] == "yes" and check["missed contacts"] == "none"
 
 
+@pytest.mark.slow
 def test_reports_are_named_by_their_endings(found: dmoc.Solution, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"end it in \.html or \.pdf"):
         found.report(tmp_path / "r.docx")

@@ -80,12 +80,14 @@ def test_names_are_escaped_and_tones_are_kept() -> None:
     assert "a & b" in text_of(table) and "<title>" not in text_of(table)
 
 
+@pytest.mark.slow
 def test_a_title_is_no_markup_in_a_notebook() -> None:
     system = replace(block_system(), title="<script>alert(1)</script>")
     for shown in (system, dmoc.build(system)):
         assert "<script>" not in shown._repr_html_()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [driven_system, rod_system])
 def test_formulas_of_models_are_well_formed(make: Any) -> None:
     system = make()
@@ -123,6 +125,7 @@ def test_problems_say_ranges_and_contacts() -> None:
     assert "+floor:slip+, floor:stick" in text
 
 
+@pytest.mark.slow
 def test_sensible_values_of_one_coordinate() -> None:
     """A model without inputs and surfaces has nothing to list there."""
     x = dynamicsymbols("x")

@@ -54,6 +54,7 @@ def test_a_simulation_is_told_in_phases(falling: dmoc.Simulation) -> None:
         falling.at(1.6)
 
 
+@pytest.mark.slow
 def test_collisions_at_one_moment_are_one_event() -> None:
     """Into a corner, both walls at once."""
     x, y = dynamicsymbols("x y")
@@ -98,6 +99,7 @@ def test_a_saved_simulation_comes_back_whole(falling: dmoc.Simulation, tmp_path:
     np.testing.assert_array_equal(again.at(0.9).v, falling.at(0.9).v)
 
 
+@pytest.mark.slow
 def test_a_long_simulation_fits_into_its_file(tmp_path: Path) -> None:
     """More bounces than an archive has members."""
     block = dmoc.build(block_system())
@@ -134,6 +136,7 @@ def test_files_of_solutions_and_simulations_are_told_apart(
         dmoc.Solution.load(path)
 
 
+@pytest.mark.slow
 def test_tables_and_figures_of_a_simulation(falling: dmoc.Simulation, tmp_path: Path) -> None:
     frame = falling.to_frame()
     assert len(frame) == 51 + 2 * 2 and frame.attrs["units"]["N_floor"] == "N"
@@ -205,6 +208,7 @@ def test_replays_are_refused_in_one_sentence(bounced: dmoc.Solution, tmp_path: P
         dmoc.simulate(scuffing)
 
 
+@pytest.mark.slow
 def test_the_command_simulates_models_and_solutions(tmp_path: Path) -> None:
     """The pendulum falls from the side and bounces off its wall, at the bottom, elastically."""
     arguments = ["simulate", "bouncing_pendulum", "--start", "theta=1", "--final-time", "2"]
@@ -230,6 +234,7 @@ def test_the_command_simulates_solutions_of_models_that_are_named(tmp_path: Path
     assert result.exit_code == 0 and "collision wall" in result.stdout, result.output
 
 
+@pytest.mark.slow
 def test_several_values_stand_in_one_option_with_commas(tmp_path: Path) -> None:
     """A mass between two walls that take different shares of its speed."""
     text = (

@@ -15,6 +15,7 @@ from dmoc.sequences.comparison import best_of, judged
 from dmoc.sequences.nodes import Node, Verdict
 
 
+@pytest.mark.slow
 def test_the_search_finds_when_to_stick_and_when_to_slide() -> None:
     problem = pushed(20).but(sequence=())
     result = dmoc.search(problem, 2)
@@ -94,6 +95,7 @@ def test_a_shorter_sequence_of_the_same_cost_does_as_well(more: float, collapses
     assert verdicts["a", "c"] is (Verdict.COLLAPSES if collapses else Verdict.UNVERIFIED)
 
 
+@pytest.mark.slow
 def test_contacts_that_cannot_be_closed_together_are_left_out_and_told() -> None:
     """A ball in a corner of two rough walls has three coordinates, and both contacts that stick
     hold four."""

@@ -76,6 +76,7 @@ def test_what_is_confirmed_in_the_rates_alone_is_kept_and_told() -> None:
     assert "is not confirmed, so that its cost is the one in the rates" in result.notes[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [6, 8, 10, 12])
 def test_a_sequence_that_coarse_meshes_speak_against_is_solved_on_finer_ones(steps: int) -> None:
     problem = shipped("cart_pendulum", steps=steps)
@@ -171,6 +172,7 @@ def test_a_tree_does_not_end_empty_where_a_word_has_an_answer() -> None:
     assert result.best.cost == pytest.approx(fine.cost, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_time_is_kept_for_doubtful_nodes_and_the_answer() -> None:
     """Wherever the time ends, what was found by then is the answer, and the limit is kept."""
     problem = shipped("puck_table", steps=16)
@@ -180,6 +182,7 @@ def test_time_is_kept_for_doubtful_nodes_and_the_answer() -> None:
         assert result.seconds < 2 * seconds + 1
 
 
+@pytest.mark.slow
 def test_a_search_around_doing_nothing_confirms_that() -> None:
     """A block that rests on a rough floor, and shall be where it is."""
     system = block_on_floor("resting_block", 1.0, 9.81, 0.3)

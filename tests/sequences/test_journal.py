@@ -17,8 +17,9 @@ from dmoc.base.errors import SearchError
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.search import SearchResult
 
+pytestmark = pytest.mark.slow
 
-@pytest.mark.slow
+
 def test_a_killed_search_goes_on(tmp_path: Path, table: dmoc.Problem, pair: SearchResult) -> None:
     journal = tmp_path / "journal.sqlite"
     ended = subprocess.run(suicidal(journal, nodes=4), check=False)
@@ -63,7 +64,6 @@ def test_what_failed_gets_another_chance(table: dmoc.Problem, tmp_path: Path) ->
     assert dmoc.search(table, 0, journal=path, resume=True).nodes[0].verdict is Verdict.OPTIMAL
 
 
-@pytest.mark.slow
 def test_nodes_survive_the_journal(pair: SearchResult, weak: dmoc.Problem) -> None:
     for node in pair.nodes[:6]:
         again = Node.from_row(*node.to_row())

@@ -131,6 +131,7 @@ def energies_of(
     return [float(p @ np.linalg.solve(mass, p)) / 2 for p in momenta]
 
 
+@pytest.mark.slow
 def test_a_rod_that_lands_flat_bounces_flat(rod: Kernels) -> None:
     """The ends are struck in turn, left, right, left, with m w / 2, m w, m w / 2: together they
     turn the speed w round."""
@@ -154,6 +155,7 @@ def test_a_rod_that_lands_flat_and_plastically_stays(rod: Kernels) -> None:
     assert {s.name for s in run.contacts} == {"left", "right"}
 
 
+@pytest.mark.slow
 def test_the_last_ball_of_a_cradle_flies_off(cradle: Kernels) -> None:
     run = dmoc.simulate(cradle, [0, 2, 3], [1, 0, 0], step_size=0.03, steps=60)
     assert jumps(run) == [("xy", 1.0), ("yz", 1.0)]
@@ -168,6 +170,7 @@ def test_bodies_that_collide_plastically_go_on_together(cradle: Kernels) -> None
     assert run.p[-1] == pytest.approx([1 / 3] * 3)
 
 
+@pytest.mark.slow
 def test_a_cradle_of_pendulums_passes_the_swing_on_and_back() -> None:
     swinging = sum(m * l**2 * c.diff(T) ** 2 / 2 + m * g * l * sp.cos(c) for c in (x, y, z))
     system = dmoc.MechanicalSystem(
@@ -208,6 +211,7 @@ def test_one_plastic_impact_under_a_steady_push_is_lasting_contact(ball: Kernels
     assert landing.impulse == pytest.approx(np.sqrt(1.6 * 9.81), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_elastic_impacts_that_come_to_no_end_are_told() -> None:
     """A wedge of a millionth: three million impacts would turn the motion round."""
     slim = {"up": y <= x / 1_000_000, "down": y >= -x / 1_000_000}

@@ -77,6 +77,7 @@ STARTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", STARTS, ids=lambda system: system.__name__)
 def test_random_simulations_end(system) -> None:  # type: ignore[no-untyped-def]
     """To the last step, with a motion that is finite and energy that nothing adds to."""

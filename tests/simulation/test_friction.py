@@ -92,6 +92,7 @@ def test_driessens_problem(rail: Kernels) -> None:
     assert brake + late == pytest.approx(2.0971675407, abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("inertia", "share"), [(2 / 5, 5 / 7), (1 / 2, 2 / 3)])
 def test_a_ball_thrown_on_a_floor_rolls_in_the_end(inertia: float, share: float) -> None:
     """A ball keeps 5/7 of its speed, a disc 2/3."""
@@ -109,6 +110,7 @@ def test_a_ball_thrown_on_a_floor_rolls_in_the_end(inertia: float, share: float)
     assert run.rubbing[-1].friction == 0 and run.contacts[-1].end == pytest.approx(1.2)
 
 
+@pytest.mark.slow
 def test_a_block_on_a_belt_sticks_and_slips() -> None:
     """A block on a spring is carried by a belt until the spring pulls with F; it then swings about
     F / k with the amplitude v / omega."""
@@ -129,6 +131,7 @@ def test_a_block_on_a_belt_sticks_and_slips() -> None:
     assert run.q[:, 0] == pytest.approx(exact, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_a_rimless_wheel_takes_a_step() -> None:
     """Spokes 2 alpha apart with a mass m = 1 and an inertia I = 1/2 at the hub: the foot behind
     takes no impulse, and w+ = (I + m l^2 cos 2 alpha) / (I + m l^2) w-."""
@@ -176,6 +179,7 @@ def test_a_bead_leaves_a_ball() -> None:
     assert np.ptp(run.energy) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_landing_between_friction_and_a_smooth_wall(floor: Kernels) -> None:
     """A block slides along a floor against a wall without friction, which throws it back."""
     u = dynamicsymbols("u")
@@ -190,6 +194,7 @@ def test_a_landing_between_friction_and_a_smooth_wall(floor: Kernels) -> None:
     assert run.q[-1] == pytest.approx([0.48 - 0.02, 0], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_several_elastic_contacts_with_friction_at_once_are_refused() -> None:
     ends = {"left": y - sp.sin(a) / 2, "right": y + sp.sin(a) / 2}
     system = dmoc.MechanicalSystem(
@@ -211,6 +216,7 @@ def test_several_elastic_contacts_with_friction_at_once_are_refused() -> None:
     assert run.p[-1, 0] == pytest.approx(max(0.8 - lost, 0), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_contact_that_jams_is_told() -> None:
     """Painleve's rod, sliding ahead of its contact with much friction."""
     system = dmoc.MechanicalSystem(
@@ -245,6 +251,7 @@ def test_a_contact_under_load_stays_closed_when_another_is_hit(e: float) -> None
     assert run.q[:, 1] == pytest.approx(run.q[:, 0] ** 2 / 2, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_mass_that_vanishes_under_friction_is_told() -> None:
     system = dmoc.MechanicalSystem(
         "vanishing", [x], x * x.diff(T) ** 2 / 2, {f: 0.1}, tangents={"rail": x},

@@ -68,6 +68,7 @@ def test_the_coefficients_are_those_of_the_method() -> None:
         assert np.array_equal(factors, row)
 
 
+@pytest.mark.slow
 def test_states_and_work_are_those_of_another_integrator(driven: Kernels) -> None:
     """More rows than fit side by side, each with parts of its own."""
     model, nq = Model(driven, parameter_row(driven, {})), 2
@@ -220,6 +221,7 @@ def test_forces_of_a_mode_are_those_of_statics(
         assert rows == pytest.approx(np.tile(known, (3, 1)), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_friction_that_is_not_determined_is_the_smallest() -> None:
     """A puck of 2 kg that sticks on four rails in its plane: of all forces that hold it, those of
     the least sum of squares."""
@@ -337,6 +339,7 @@ def test_kernels_on_numpy_give_the_same_check(e: float) -> None:
     same(solution.verify(on_numpy), solution.verify(), 1e-9)
 
 
+@pytest.mark.slow
 def test_a_check_in_many_threads_is_the_check_in_one(solution: dmoc.Solution) -> None:
     alone = solution.verify()
     with ThreadPoolExecutor(4) as pool:
@@ -351,6 +354,7 @@ def test_a_check_hears_of_its_time_limit(solution: dmoc.Solution, reads: list[in
     assert reads[0] <= 3
 
 
+@pytest.mark.slow
 def test_the_check_needs_no_scipy() -> None:
     """It takes longer to import than the check takes."""
     code = "import sys, dmoc.check.check; print({'scipy', 'sympy'} & set(sys.modules))"
@@ -361,6 +365,7 @@ def test_the_check_needs_no_scipy() -> None:
 # The linearised flow of a motion ------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_force_without_a_slope_at_rest_is_differenced() -> None:
     """Drag against the speed of a mass that starts at rest: sqrt(v^2) has no derivative there."""
     x, y, f, g = dynamicsymbols("x y f g")

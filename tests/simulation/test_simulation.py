@@ -33,6 +33,7 @@ def bouncing() -> Kernels:
     return dmoc.load("bouncing_pendulum")
 
 
+@pytest.mark.slow
 def test_elastic_ball_ends_where_it_should(ball: Kernels) -> None:
     """The steps of free flight are exact; the energies of the two parts of a collision step are
     those of their midpoints, O(h^2)."""
@@ -48,6 +49,7 @@ def test_elastic_ball_ends_where_it_should(ball: Kernels) -> None:
         )
 
 
+@pytest.mark.slow
 def test_ten_thousand_bounces_without_energy_drift(bouncing: Kernels) -> None:
     h = 0.01
     run = dmoc.simulate(bouncing, [0.5], step_size=h, steps=1_030_000, every=103)
@@ -93,6 +95,7 @@ def test_positions_converge_to_second_order_between_impacts(bouncing: Kernels) -
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([2, 2], abs=0.05)
 
 
+@pytest.mark.slow
 def test_several_collisions_in_one_step(block: Kernels) -> None:
     """A mass between walls, so fast that it meets them more than once within a step; free flight
     between elastic walls is exact."""
@@ -137,6 +140,7 @@ def test_what_lies_on_a_floor_stays(ball: Kernels) -> None:
     assert [(s.name, s.begin, s.end) for s in run.contacts] == [("floor", 0.0, 0.1)]
 
 
+@pytest.mark.slow
 def test_a_start_on_a_surface_but_for_rounding_errors_is_one_on_it() -> None:
     x = dynamicsymbols("x")
     system = dmoc.MechanicalSystem("origin", [x], x.diff() ** 2 / 2, {}, surfaces={"wall": x <= 0})
@@ -147,6 +151,7 @@ def test_a_start_on_a_surface_but_for_rounding_errors_is_one_on_it() -> None:
         dmoc.simulate(system, [1e-9], [1.0], step_size=0.1, steps=10)
 
 
+@pytest.mark.slow
 def test_accumulating_collisions_are_an_error() -> None:
     """Into a wedge whose walls close: more and more collisions within one step."""
     x, y = dynamicsymbols("x y")

@@ -52,6 +52,7 @@ def test_a_smooth_contact_on_which_nothing_acts_may_stick(
     assert solution.solved, solution.message
 
 
+@pytest.mark.slow
 def test_a_smooth_contact_holds_no_force() -> None:
     """The inputs, linear between nodes, balance the shaking at the nodes alone."""
     solution = answer(parameters={"shake": 0.1})

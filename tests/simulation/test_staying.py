@@ -135,6 +135,7 @@ def simulated(kernels: Kernels, name: str) -> Simulation:
     return dmoc.simulate(kernels, given.pop("position"), given.pop("velocity", None), **given)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RUNS)
 def test_the_motion_is_that_of_single_steps(
     kernels: Callable[[str], Kernels], name: str, monkeypatch: pytest.MonkeyPatch

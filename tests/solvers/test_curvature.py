@@ -129,6 +129,7 @@ def drawn(number: int) -> Quadratic:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_shapes_are_those_of_dense_eigenvalues() -> None:
     seen = []
     for number in range(300):

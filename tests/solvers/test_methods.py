@@ -87,6 +87,7 @@ def test_a_thousand_steps_a_phase(seed: dmoc.Problem) -> None:
         dmoc.solve(seed.but(steps=1001))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sequence", [[], ["left", "left"], ["left", "right", "left"], ["right", "left"]]
 )
@@ -96,6 +97,7 @@ def test_sequences_from_the_automatic_guess(seed: dmoc.Problem, sequence: list[s
     assert [c.surface for c in solution.collisions] == sequence
 
 
+@pytest.mark.slow
 def test_linear_inputs_and_a_fixed_time(seed: dmoc.Problem) -> None:
     assert dmoc.solve(seed.but(controls="linear"), method="ipm").cost == pytest.approx(
         129.50419, rel=1e-6
@@ -105,6 +107,7 @@ def test_linear_inputs_and_a_fixed_time(seed: dmoc.Problem) -> None:
     )
 
 
+@pytest.mark.slow
 def test_free_boundary_values_are_found(seed: dmoc.Problem) -> None:
     """Unknowns at the start that no equation of the chain determines end up in the final group
     of the factorisation."""
@@ -126,6 +129,7 @@ def test_a_neighbouring_solution_saves_iterations(seed: dmoc.Problem) -> None:
     assert again.status == "solved" and again.iterations <= 5
 
 
+@pytest.mark.slow
 def test_a_solution_of_another_mesh_or_order_is_a_guess(seed: dmoc.Problem, block: Kernels) -> None:
     first = dmoc.solve(seed.but(steps=[10, 10]), method="ipm", starts=1, verify=False)
     for problem in (
@@ -476,6 +480,7 @@ def test_sources_compile_without_warnings(tmp_path: Path, source: str) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.0, 0.3])
 def test_a_goal_on_the_surface_that_is_hit(block: Kernels, e: float) -> None:
     """The gap of a fixed goal is no constraint: it has no interior, and its multiplier would

@@ -112,6 +112,7 @@ def test_an_estimated_minimal_time_that_holds_a_solution_is_dropped(
     assert kept.nlp is timed
 
 
+@pytest.mark.slow
 def test_what_is_violated_does_not_stand_against_itself() -> None:
     """A speed of 3 where 1 is allowed, and brakes that leave 2 of it."""
     x, u = dynamicsymbols("x u")

@@ -112,6 +112,7 @@ def test_a_block_that_stays_where_it_sticks_is_solved_in_all_units(unit: str, po
     assert solution.solved and solution.cost == 0, solution.message
 
 
+@pytest.mark.slow
 def test_a_periodic_motion_that_leaves_its_contact_begins_on_it() -> None:
     solution = answer("flyer", {"x": 0}, {"x": 1}, sequence=["-floor"], periodic=["y"])
     assert solution.solved, solution.message

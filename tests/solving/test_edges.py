@@ -34,6 +34,7 @@ def crane() -> dmoc.Problem:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_sliding_at_rest_is_told_with_its_place_and_the_words_to_try(crane: dmoc.Problem) -> None:
     slides = dmoc.solve(crane, "ipm")
     proposal = slides.proposal
@@ -58,6 +59,7 @@ def test_sliding_at_rest_is_told_with_its_place_and_the_words_to_try(crane: dmoc
     assert back.solved and back.cost < 0.95 * stands.cost and back.proposal is None
 
 
+@pytest.mark.slow
 def test_a_search_tries_what_a_motion_proposes(crane: dmoc.Problem) -> None:
     result = dmoc.search(crane.but(steps=40), 0)
     assert result.best is not None
@@ -83,6 +85,7 @@ def test_what_is_proposed_for_the_start_are_other_contacts() -> None:
     assert np.all(np.diff(lay.times(x)) > 0) and lay.times(x)[-1] == pytest.approx(4)
 
 
+@pytest.mark.slow
 def test_a_contact_that_does_not_press_may_leave() -> None:
     """A bead thrown over a parabola at a speed at which it flies: held down it costs the weight
     that is missing, in the air nothing."""

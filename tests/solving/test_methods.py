@@ -36,6 +36,7 @@ def test_the_list_is_read_without_loading_a_solver() -> None:
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 def test_a_checked_solve_with_the_compiled_method_imports_no_scipy() -> None:
     code = (
         "import sys, dmoc; from dmoc.models.registry import find; r = find('cart_pendulum'); s = "
@@ -61,6 +62,7 @@ def test_a_method_that_cannot_be_used_is_refused_before_anything_is_tried(
         check(problem.but(steps=2000), method="slsqp")
 
 
+@pytest.mark.slow
 def test_without_a_compiler_there_is_a_warning_of_one_sentence_and_an_answer(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -81,6 +83,7 @@ def test_without_a_compiler_there_is_a_warning_of_one_sentence_and_an_answer(
     assert {node.sequence: node.verdict for node in found.nodes}["wall",] == "feasible"
 
 
+@pytest.mark.slow
 def test_contacts_that_last_are_solved_without_a_compiler() -> None:
     problem = landing_problem(6)
     plain = problem.but(kernels=dmoc.build(landing_system(), backend="numpy"))

@@ -112,6 +112,7 @@ def test_the_load_at_which_rest_ceases_to_be_a_minimum(
     assert limited.solved and (limited.cost < -1e-3) is (push > 500)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
 def test_rest_on_top_of_a_terminal_cost(method: str) -> None:
     """From rest, cost of u^2/2 less k x(1)^2/2: with u = min(1, c (1 - t)), c = k x(1), the least
@@ -132,6 +133,7 @@ def test_rest_on_top_of_a_terminal_cost(method: str) -> None:
     assert low.solved and low.cost == 0 and low.message.startswith("a local minimum was found")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
 def test_a_pendulum_held_upright_falls_where_that_pays(method: str) -> None:
     """Upright with w^2 = 4 and a reward of c (1 - cos x) for leaving: to second order
@@ -196,6 +198,7 @@ def test_what_vanishes_with_the_steps_is_not_called_open(steps: int) -> None:
     assert "others cost the same" not in solution.message
 
 
+@pytest.mark.slow
 def test_what_is_left_open_is_said_once() -> None:
     """A refinement looks at durations and positions, the conditions of second order at all."""
     waiting = dmoc.Problem(
@@ -207,6 +210,7 @@ def test_what_is_left_open_is_said_once() -> None:
     assert "the problem does not determine the duration of phase 0: others" in solution.message
 
 
+@pytest.mark.slow
 def test_hidden_unknowns_are_not_called_open() -> None:
     k = sp.Symbol("k", positive=True)
     kernels = line("for_nothing", k * sp.Abs(u), parameters={k: 1.0})

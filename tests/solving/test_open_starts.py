@@ -54,6 +54,7 @@ def test_a_ball_bounces_where_the_table_gives_back_what_a_hit_takes(
     assert hit.impulse * time / length == pytest.approx(G * 0.4, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("period", "hits", "e", "changed"),
     [
@@ -73,6 +74,7 @@ def test_other_tables_have_their_flights(
     assert sum(c.impulse for c in solution.collisions) == pytest.approx(G * period, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_what_a_table_cannot_give_is_infeasible(table: Kernels) -> None:
     """It would have to rise with 0.36 m/s and does with 0.19 m/s at most."""
     solution = dmoc.solve(over(table, 2 / 3, 1, 0.8, rate=3 * np.pi), "ipm", seconds=30)

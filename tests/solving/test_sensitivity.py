@@ -12,6 +12,8 @@ import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.models.registry import find
 
+pytestmark = pytest.mark.slow
+
 STEP = 1e-4
 
 

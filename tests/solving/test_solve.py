@@ -16,6 +16,8 @@ from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals, Iteration
 
+pytestmark = pytest.mark.slow
+
 
 def test_seed_reaches_the_reference(solution: dmoc.Solution) -> None:
     assert solution.status == "solved"
@@ -31,7 +33,6 @@ def test_seed_reaches_the_reference(solution: dmoc.Solution) -> None:
     assert solution.verification is not None and solution.verification.passed
 
 
-@pytest.mark.slow
 def test_seed_at_200_steps_reaches_the_reference(seed: dmoc.Problem) -> None:
     assert dmoc.solve(seed.but(steps=200)).cost == pytest.approx(129.8979, rel=1e-5)
 
@@ -65,7 +66,6 @@ def test_condensed_and_full_forms_agree(seed: dmoc.Problem) -> None:
     assert a.cost == pytest.approx(b.cost, rel=1e-9)
 
 
-@pytest.mark.slow
 def test_linear_controls_approach_the_same_optimum(seed: dmoc.Problem) -> None:
     linear = dmoc.solve(seed.but(controls="linear"))
     assert linear.solved
@@ -73,7 +73,6 @@ def test_linear_controls_approach_the_same_optimum(seed: dmoc.Problem) -> None:
     assert linear.phases[0].u.shape == (101, 1)
 
 
-@pytest.mark.slow
 def test_hanging_pendulum_swings_up_past_lost_controllability() -> None:
     reference = find("cart_pendulum_hanging")
     solution = dmoc.solve(dmoc.Problem(reference.kernels(), **reference.defaults))

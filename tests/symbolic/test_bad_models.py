@@ -209,6 +209,7 @@ def test_only_the_orders_that_exist_are_derived(order: Any) -> None:
         sentence(error.value)
 
 
+@pytest.mark.slow
 def test_orders_may_be_numbers_of_numpy() -> None:
     for order in ORDERS:
         spec = model_spec(block_system(), np.int64(order))
@@ -298,6 +299,7 @@ def test_a_force_belongs_to_a_coordinate_or_to_its_name() -> None:
     assert make(forces={"x": u}).fingerprint() == make(forces={x: u}).fingerprint()
 
 
+@pytest.mark.slow
 def test_names_of_parts_may_be_words_of_c_or_python() -> None:
     """They are data: nothing in the generated code is called so."""
     system = make(

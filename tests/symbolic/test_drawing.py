@@ -56,6 +56,7 @@ def by_hand(q: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.stack([*link, *bodies, *rest], axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["compiled", "numpy"])
 @pytest.mark.parametrize("order", [2, 4])
 def test_the_kernel_computes_the_columns_of_every_shape(backend: str, order: int) -> None:

@@ -82,6 +82,7 @@ def test_lagranges_method() -> None:
     )
 
 
+@pytest.mark.slow
 def test_joints_with_loads_and_gravity() -> None:
     """Gravity comes as a load, so that it is a generalised force: the same motion up to the
     discretisation of forces."""

@@ -50,6 +50,7 @@ def test_the_energies_of_order_two_have_the_forces_of_their_own_ends() -> None:
     assert value(e, e.e_plus, numbers) == pytest.approx(-6.125 - 0.25 * 5 * 3.5, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_an_elastic_hit_under_a_load_that_grows_is_one_of_second_order() -> None:
     """y'' = -(1 + t) from 2 to the floor at 1, where the load has an energy of its own: t^2/2 +
     t^3/6 = 1, and up again with the same rate."""
@@ -66,6 +67,7 @@ def test_an_elastic_hit_under_a_load_that_grows_is_one_of_second_order() -> None
         assert abs(run.q[-1, 0] - there) < 1.0 / steps**2
 
 
+@pytest.mark.slow
 def test_a_mass_that_grows_slows_down() -> None:
     """L = (1 + t) v^2 / 2: (1 + t) v' + v = 0."""
     x = dynamicsymbols("x")
@@ -76,6 +78,7 @@ def test_a_mass_that_grows_slows_down() -> None:
     assert model.acceleration(q, v, np.zeros((1, 0)), t)[0, 0] == pytest.approx(-2.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_momentum_at_rest_is_no_velocity() -> None:
     """L = v^2 + v cos t: p = 2 v + cos t."""
     x = dynamicsymbols("x")
@@ -96,6 +99,7 @@ def test_rates_and_works_of_a_surface_that_moves() -> None:
     assert sp.expand(working - lam * (f.v[0] - 2)) == 0
 
 
+@pytest.mark.slow
 def test_gaps_accelerate_with_their_surface() -> None:
     """g = x sin t - y has d2g/dt2 = 2 v cos t - x sin t without acceleration."""
     x, y = dynamicsymbols("x y")

@@ -21,6 +21,8 @@ from dmoc.symbolic.continuous import (
 from dmoc.symbolic.derivation.discrete_sections import tangents
 from dmoc.symbolic.discrete import StepElement, step_element
 
+pytestmark = pytest.mark.slow
+
 
 def zero(expression: sp.Expr) -> bool:
     return bool(sp.simplify(expression) == 0)
@@ -74,7 +76,6 @@ def test_energy_is_kinetic_plus_potential() -> None:
     )
 
 
-@pytest.mark.slow
 def test_slot_derivatives_equal_direct_differentiation() -> None:
     for system, order in (
         (catalogue.system("cart_pendulum"), 2),

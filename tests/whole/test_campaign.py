@@ -136,11 +136,13 @@ def with_values(solution: dmoc.Solution, **values: float) -> dmoc.Solution:
     return with_motion(solution, parameters={**solution.trajectory.parameters, **values})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", ["bounced", "pushed"])
 def test_a_right_motion_is_confirmed(request: pytest.FixtureRequest, motion: str) -> None:
     assert judged(*request.getfixturevalue(motion)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "wrong", "reason"),
     [

@@ -49,6 +49,7 @@ def bounced(q: float, v: float, time: float) -> np.ndarray:
     return np.asarray(solve_ivp(slope, (hit, time), state, **settings).y[:, -1])
 
 
+@pytest.mark.slow
 def test_the_integrator_has_its_order_through_a_collision(swinging: Kernels) -> None:
     order = swinging.manifest["order"]
     wanted, errors = bounced(0.3, 5.0, 1.0), []

@@ -78,6 +78,7 @@ def rest_to_rest(steps: int) -> dmoc.Problem:
     )
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(
     excess=st.floats(1.001, 50),

@@ -51,6 +51,7 @@ def little_torque(system: dmoc.MechanicalSystem, limit: float, steps: int) -> dm
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_motion_is_found_where_the_guess_alone_leads_nowhere() -> None:
     """A hammer drives a nail on a spring 2 cm deep, which takes it 26 ms of at least 0.2 s."""
     x, s, u = dynamicsymbols("x s u")
@@ -70,6 +71,7 @@ def test_a_motion_is_found_where_the_guess_alone_leads_nowhere() -> None:
     assert many.solved and many.cost == pytest.approx(62.56, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_better_minimum_is_the_answer(explored: dmoc.Solution) -> None:
     assert explored.solved and explored.cost == pytest.approx(37.424, abs=1e-2)
 
@@ -83,6 +85,7 @@ def test_others_are_listed_with_how_often_they_were_found(explored: dmoc.Solutio
     assert "starts" in explored.message
 
 
+@pytest.mark.slow
 def test_the_default_driver_starts_from_the_best_minimum(
     hanging: dmoc.Problem, explored: dmoc.Solution
 ) -> None:
@@ -92,6 +95,7 @@ def test_the_default_driver_starts_from_the_best_minimum(
     assert driven.iterations <= 10
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_answer(
     hanging: dmoc.Problem, explored: dmoc.Solution
 ) -> None:
@@ -104,6 +108,7 @@ def test_a_number_of_starts_is_kept(hanging: dmoc.Problem) -> None:
     assert dmoc.solve(hanging, "ipm", starts=7, verify=False).starts == 7
 
 
+@pytest.mark.slow
 def test_starts_that_agree_end_the_exploration() -> None:
     system = unit_mass("easy", cost=dynamicsymbols("u") ** 2)
     problem = dmoc.Problem(system, start={"x": 0}, goal={"x": 1, "x_dot": 0}, final_time=1)
@@ -112,6 +117,7 @@ def test_starts_that_agree_end_the_exploration() -> None:
     assert found.starts < 30 and found.found == found.starts and found.others == ()
 
 
+@pytest.mark.slow
 def test_a_swing_up_with_little_torque_is_found(
     pendulum_and_torque: dmoc.MechanicalSystem,
 ) -> None:
@@ -120,6 +126,7 @@ def test_a_swing_up_with_little_torque_is_found(
     assert found.cost == pytest.approx(5.7041, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_confirmed_minimum_is_not_passed_over_for_the_same_one_of_a_finer_mesh(
     pendulum_and_torque: dmoc.MechanicalSystem,
 ) -> None:
@@ -134,6 +141,7 @@ def test_a_confirmed_minimum_is_not_passed_over_for_the_same_one_of_a_finer_mesh
     assert fine.cost == pytest.approx(5.70100, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_infeasible_is_said_after_many_starts(pendulum_and_torque: dmoc.MechanicalSystem) -> None:
     found = dmoc.solve(little_torque(pendulum_and_torque, 0.2, 40), "ipm")
     assert found.status == "infeasible"
@@ -186,6 +194,7 @@ def test_minima_that_finer_meshes_lose_are_told(
     assert "starts led to one minimum on a coarse mesh alone" in found.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [0.0, 3.0])
 @pytest.mark.parametrize("method", ["ipm", "slsqp"])
 def test_a_motion_at_rest_is_no_measure_of_what_its_next_start_is(
