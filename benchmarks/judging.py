@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 from campaign_kinds import Instance
-from contact_driven import ContactMechanism, Sizes
+from contact_driven import ContactMechanism
+from contact_equations import Sizes
 
 import dmoc
 

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from campaign import HELD, system_of
 from campaign_kinds import Instance, block, block_cost
-from contact_driven import ContactMechanism, Run, Sizes
+from contact_driven import ContactMechanism, Run
+from contact_equations import Sizes
 from contact_kinds import bar, block_on
 from hit_problems import RODS
 from judging import Result, judge
