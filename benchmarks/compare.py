@@ -60,6 +60,23 @@ def seed(dmoc: Any, steps: int = 100, order: int = 2) -> Any:
     )  # fmt: skip
 
 
+def clocked(
+    work: Callable[[], Any], good: Callable[[Any], bool], answer: Callable[[Any], float]
+) -> Callable[[], Once]:
+    """Work with its seconds, and what its result says."""
+
+    def run() -> Once:
+        begin = time.perf_counter()
+        result = work()
+        return Once(time.perf_counter() - begin, bool(good(result)), float(answer(result)))
+
+    return run
+
+
+def is_solved(solution: Any) -> bool:
+    return bool(solution.status == "solved")
+
+
 def solved(method: str, part: str = "solve", **changes: Any) -> Callable[[Any], Callable[[], Once]]:
     """Seconds of one part of a solve from the automatic guess alone."""
 
@@ -68,7 +85,7 @@ def solved(method: str, part: str = "solve", **changes: Any) -> Callable[[Any], 
 
         def run() -> Once:
             s = dmoc.solve(problem, method, starts=1, verify=False)
-            return Once(s.seconds[part], s.status == "solved", s.cost)
+            return Once(s.seconds[part], is_solved(s), s.cost)
 
         return run
 
@@ -80,26 +97,14 @@ def answered(**options: Any) -> Callable[[Any], Callable[[], Once]]:
 
     def make(dmoc: Any) -> Callable[[], Once]:
         problem = seed(dmoc)
-
-        def run() -> Once:
-            begin = time.perf_counter()
-            s = dmoc.solve(problem, "ipm", **options)
-            return Once(time.perf_counter() - begin, s.status == "solved", s.cost)
-
-        return run
+        return clocked(lambda: dmoc.solve(problem, "ipm", **options), is_solved, lambda s: s.cost)
 
     return make
 
 
-def checked(dmoc: Any) -> Callable[[], Once]:
-    solution = dmoc.solve(seed(dmoc), "ipm", verify=False)
-
-    def run() -> Once:
-        begin = time.perf_counter()
-        check = solution.verify()
-        return Once(time.perf_counter() - begin, bool(check.passed), float(check.terminal_error))
-
-    return run
+def checked(dmoc: Any, problem: Any = None) -> Callable[[], Once]:
+    solution = dmoc.solve(problem or seed(dmoc), "ipm", verify=False)
+    return clocked(solution.verify, lambda c: c.passed, lambda c: c.terminal_error)
 
 
 def block(dmoc: Any) -> Any:
@@ -123,40 +128,26 @@ def checked_with_contacts(dmoc: Any) -> Callable[[], Once]:
         block(dmoc), start={"x": 0.0, "y": 0.0}, goal={"x": 1.0, "x_dot": 0.0}, steps=50,
         contacts=["floor"], sequence=["floor:slip+", "floor:stick"], final_time=4.0,
     )  # fmt: skip
-    solution = dmoc.solve(problem, "ipm", verify=False)
-
-    def run() -> Once:
-        begin = time.perf_counter()
-        check = solution.verify()
-        return Once(time.perf_counter() - begin, bool(check.passed), float(check.terminal_error))
-
-    return run
+    return checked(dmoc, problem)
 
 
 def simulated(dmoc: Any) -> Callable[[], Once]:
-    kernels, inputs = block(dmoc), np.sin(np.linspace(0, 9, 500))[:, None]
-
-    def run() -> Once:
-        begin = time.perf_counter()
-        motion = dmoc.simulate(
-            kernels, [0.0, 0.2], [1.0, 0.0], step_size=0.01, steps=500, inputs=2 * inputs,
-            restitution=0.5,
-        )  # fmt: skip
-        return Once(time.perf_counter() - begin, True, float(motion.q[-1, 0]))
-
-    return run
+    kernels, inputs = block(dmoc), 2 * np.sin(np.linspace(0, 9, 500))[:, None]
+    options = {"step_size": 0.01, "steps": 500, "inputs": inputs, "restitution": 0.5}
+    return clocked(
+        lambda: dmoc.simulate(kernels, [0.0, 0.2], [1.0, 0.0], **options),
+        lambda motion: True,
+        lambda motion: motion.q[-1, 0],
+    )
 
 
 def searched(dmoc: Any) -> Callable[[], Once]:
     problem = seed(dmoc)
-
-    def run() -> Once:
-        begin = time.perf_counter()
-        result = dmoc.search(problem, 3)
-        seconds = time.perf_counter() - begin
-        return Once(seconds, result.best is not None, result.best.cost if result.best else np.nan)
-
-    return run
+    return clocked(
+        lambda: dmoc.search(problem, 3),
+        lambda result: result.best is not None,
+        lambda result: result.best.cost if result.best else np.nan,
+    )
 
 
 def tasks() -> list[Task]:
