@@ -16,8 +16,9 @@ from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
 
+pytestmark = pytest.mark.slow
 
-@pytest.mark.slow
+
 def test_errors_fall_as_the_square_of_the_step(seed: dmoc.Problem) -> None:
     """Terminal error, segments, energy: order 2; a single step: order 3."""
     checks = [dmoc.solve(seed.but(steps=n), "ipm", verify=False).verify() for n in (100, 200, 400)]
@@ -32,7 +33,6 @@ def test_errors_fall_as_the_square_of_the_step(seed: dmoc.Problem) -> None:
         assert rates == pytest.approx([order] * 2, abs=slack)
 
 
-@pytest.mark.slow
 def test_a_planned_collision_is_met(solution: dmoc.Solution) -> None:
     check = solution.verify()
     assert check.passed and not check.message
@@ -69,7 +69,6 @@ def test_wrong_motions_are_contradicted(solution: dmoc.Solution, pendulum: Kerne
         assert not check.passed and check.message, what
 
 
-@pytest.mark.slow
 def test_missed_and_extra_contacts_are_named(
     solution: dmoc.Solution, pendulum: Kernels, seed: dmoc.Problem
 ) -> None:
@@ -85,7 +84,6 @@ def test_missed_and_extra_contacts_are_named(
     assert coarse.extra_contacts and not coarse.passed
 
 
-@pytest.mark.slow
 def test_penetration_between_nodes_is_seen(puck: Kernels) -> None:
     """One long step over the edge of the post: both nodes are free, the way between them is not."""
     solution = dmoc.solve(
@@ -99,7 +97,6 @@ def test_penetration_between_nodes_is_seen(puck: Kernels) -> None:
     assert len(check.extra_contacts) == 1 and "a contact with 'post'" in check.extra_contacts[0]
 
 
-@pytest.mark.slow
 def test_a_collision_exactly_at_a_node_is_met(block: Kernels) -> None:
     solution = dmoc.solve(there_and_back(block, steps=50))
     assert solution.solved and solution.verification is not None
@@ -109,7 +106,6 @@ def test_a_collision_exactly_at_a_node_is_met(block: Kernels) -> None:
     assert again.contacts == solution.verification.contacts
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_a_wrong_law_of_restitution_is_found(order: int) -> None:
     """The motion of a block that bounces with e = 0.8 does not pass as one of e = 0.7 or of an

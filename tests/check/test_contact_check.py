@@ -178,6 +178,7 @@ def test_a_soft_landing() -> None:
         assert max(check.terminal_error, check.impact_error, check.energy_error) < 1e-10
 
 
+@pytest.mark.slow
 def test_the_passive_compass_gait(compass: Kernels) -> None:
     """Two steps down a slope of 3 degrees, on one foot and on the other: a step takes
     0.734346391 s, and the state after the landing is that at the start with the legs exchanged."""

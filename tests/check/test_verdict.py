@@ -71,6 +71,7 @@ def test_energy_that_a_hit_makes_is_measured(square: Kernels) -> None:
     assert not check.passed and "energy error 0.095" in check.message
 
 
+@pytest.mark.slow
 def test_an_impulse_that_is_not_the_planned_one_is_measured(square: Kernels) -> None:
     """2.2 N s of a hit that takes 2 N s; the rate is 1 m/s."""
     check = dmoc.verify(flight(square, impulse=2.2), square)

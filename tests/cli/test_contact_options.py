@@ -139,6 +139,7 @@ def test_a_hit_with_friction_is_told_with_its_impulses(run: Run, word: str) -> N
     assert float(rows["cost"].split()[0]) == pytest.approx(0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_contacts_places_and_ignored_surfaces_are_options(run: Run) -> None:
     options = f"{PUSHED} --start y=0 --starts 1 --contacts floor --ignored side --json - "
     options += "--sequence floor:slip+,floor:stick --via 'x=0;x=0.999:1.001'"
@@ -157,6 +158,7 @@ def test_a_problem_in_a_file_holds_contacts(run: Run) -> None:
     assert code == 1 and "floor:slip+" in out  # what is open can only be hit
 
 
+@pytest.mark.slow
 def test_a_block_that_comes_back_a_step_further(run: Run) -> None:
     """Periodic but for its way: at rest at both ends, 1 m further."""
     options = f"{HELD} --starts 1 --periodic x=x+1,x_dot {SLIDES}"

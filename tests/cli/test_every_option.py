@@ -30,6 +30,7 @@ def options() -> list[tuple[str, str]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("command", "option"), options())
 def test_an_option_with_a_strange_value_ends_with_one_sentence(
     run: Run, monkeypatch: pytest.MonkeyPatch, command: str, option: str

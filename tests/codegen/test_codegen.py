@@ -77,6 +77,7 @@ def test_awkward_expressions_equal_mpmath(awkward: tuple[Kernels, Kernels, list[
                 assert abs(a - b) <= 2e-14 * max(1, abs(b)), text
 
 
+@pytest.mark.slow
 def test_derivatives_of_awkward_expressions_equal_differences(
     awkward: tuple[Kernels, Kernels, list[sp.Expr]],
 ) -> None:

@@ -58,6 +58,7 @@ def test_a_mode_names_what_is_closed_and_what_rubs() -> None:
     assert not mixed.free and mixed.mode == "left:stick stop rail:slip-"
 
 
+@pytest.mark.slow
 def test_words_of_a_problem_are_those_of_its_motion(landed: dmoc.Solution) -> None:
     """However the problem has put them."""
     problem: Problem = landing_problem()

@@ -232,6 +232,7 @@ def test_the_command_writes_tables(named: dmoc.Solution, tmp_path: Path) -> None
     assert isinstance(wrong.exception, MotionError) and ".csv or .json" in str(wrong.exception)
 
 
+@pytest.mark.slow
 def test_states_of_a_file_are_those_of_the_solution(tmp_path: Path) -> None:
     solution = bounce(order=6)
     again = dmoc.Solution.load(solution.save(tmp_path / "s.npz"))

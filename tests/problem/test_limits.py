@@ -56,6 +56,7 @@ def test_a_bound_on_the_surface_gives_way_where_it_is_hit(block: Kernels) -> Non
     assert upper[4] == pytest.approx(1.001) and list(upper[1:4]) == [1.0] * 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4, 6])
 def test_the_cost_of_an_input_that_is_constant_in_a_step_is_curved_by_its_time(order: int) -> None:
     """int u^2: 2 h for each step, whatever values of u a kernel is told at its ends."""

@@ -66,6 +66,7 @@ def test_dry_friction_has_its_known_costs_with_order_two(
     assert exact or all(3.5 < a / b < 4.5 for a, b in pairwise(errors))
 
 
+@pytest.mark.slow
 def test_a_block_there_and_back_in_least_time_turns_where_it_is_told_to() -> None:
     solution = dmoc.solve(there_and_back(160))
     assert solution.status == "solved"
@@ -168,6 +169,7 @@ def test_sliding_has_its_direction_at_the_ends_of_the_motion_too(
     assert v[1] - v[0] == pytest.approx(0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_plastic_push_moves_two_masses_as_one() -> None:
     """A driven mass lands on one at rest: momentum is kept, then both share the force."""
     solution = dmoc.solve(pushers(20))

@@ -273,6 +273,7 @@ def test_what_no_hit_does_is_refused_in_a_sentence(change: dict[str, object], to
     assert told in str(found.value) and "\n" not in str(found.value)
 
 
+@pytest.mark.slow
 def test_a_hit_that_would_jam_is_told_why() -> None:
     """Sliding ahead with much friction, the masses so coupled that this presses the contact
     together: the law stops the sliding first."""

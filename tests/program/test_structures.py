@@ -118,6 +118,7 @@ def test_sharing_changes_no_number(family: Family, goal_as_rows: bool) -> None:
                 np.testing.assert_array_equal(a, b)
 
 
+@pytest.mark.slow
 def test_other_numbers_share_a_structure_and_other_forms_do_not(family: Family) -> None:
     problem, changes = family
     structures = [Transcription(problem.but(**change)).structure for change in ({}, *changes)]

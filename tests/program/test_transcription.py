@@ -147,6 +147,7 @@ def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs
             np.testing.assert_allclose(jacobian[np.ix_(rows, unknowns)], sign * mass, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_law_in_the_rates_is_newtons() -> None:
     """gamma+ = -e gamma- with the rates of moving gaps, and nothing of any energy."""
     problem = driven_problem(2)

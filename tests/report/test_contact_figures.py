@@ -129,6 +129,7 @@ def test_a_far_cone_is_named_and_flattens_nothing(landed: dmoc.Solution) -> None
     assert max(map(abs, axes.get_ylim())) < 2
 
 
+@pytest.mark.slow
 def test_what_a_contact_holds_still_has_no_axis_of_its_own(landed: dmoc.Solution) -> None:
     """Rounding errors would fill it."""
     noise = [1.0, 1e-17]

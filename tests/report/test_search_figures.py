@@ -80,6 +80,7 @@ def test_a_tree_of_landings_and_friction_is_one_of_events() -> None:
     assert {text.get_text()[2:] for text in axes.texts} == {"no event", "+foot:slip- 1"}
 
 
+@pytest.mark.slow
 def test_a_large_tree_has_points_instead_of_texts() -> None:
     many = [
         ((), "feasible", 1.0),

@@ -142,6 +142,7 @@ def test_a_rod_that_lands_flat_bounces_flat(rod: Kernels) -> None:
     assert run.q[-1, 2] == pytest.approx(0, abs=1e-9) and run.q[-1, 0] == pytest.approx(0.27)
 
 
+@pytest.mark.slow
 def test_a_rod_that_lands_flat_and_plastically_stays(rod: Kernels) -> None:
     w = np.sqrt(2 * 9.81)
     until = dmoc.simulate(
@@ -164,6 +165,7 @@ def test_the_last_ball_of_a_cradle_flies_off(cradle: Kernels) -> None:
     )
 
 
+@pytest.mark.slow
 def test_bodies_that_collide_plastically_go_on_together(cradle: Kernels) -> None:
     run = dmoc.simulate(cradle, [0, 2, 3], [1, 0, 0], step_size=0.03, steps=60, restitution=0.0)
     assert jumps(run) == [("xy", 2 / 3), ("yz", 1 / 3)]

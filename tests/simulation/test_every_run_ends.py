@@ -130,6 +130,7 @@ def test_an_impact_without_a_mass_ends() -> None:
     assert not np.isfinite(impulses(np.array([-1.0, 0.5]), nothing, 0.3, 0.5).tangential)
 
 
+@pytest.mark.slow
 def test_a_step_that_is_too_long_is_refused() -> None:
     """A block on a spring of 1e4 rad/s, in steps of 1 s."""
     kernels = dmoc.build(carried())
@@ -144,6 +145,7 @@ def leaning() -> Kernels:
     return dmoc.build(ladder())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("angle", "friction"), [(1.2, 0.4), (0.9, 0.4), (1.2, 0.2), (0.3, 2.0)])
 def test_a_ladder_that_rests_sticks_and_its_forces_are_told_to_be_indeterminate(
     leaning: Kernels, angle: float, friction: float

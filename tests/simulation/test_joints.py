@@ -54,6 +54,7 @@ def swing(kernels: Kernels, angle: float, rate: float, steps: int, **more: objec
     )  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["compiled", "numpy"])
 def test_a_mass_on_a_rod_is_a_pendulum(backend: str) -> None:
     kernels = bob(backend)
@@ -72,6 +73,7 @@ def test_a_mass_on_a_rod_is_a_pendulum(backend: str) -> None:
     np.testing.assert_allclose(rod, -(angle[1] ** 2 + G * np.cos(angle[0])), rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_pendulum_hits_a_wall_with_its_rate() -> None:
     kernels = bob(surfaces={"wall": X <= 0.5})
     run = swing(kernels, -1.2, 0.0, 150, restitution=0.5)
@@ -91,6 +93,7 @@ def rests_and_falls(kernels: Kernels) -> dmoc.Simulation:
     return dmoc.simulate(kernels, [0, 0, s, c], None, step_size=0.005, steps=60, restitution=0.0)
 
 
+@pytest.mark.slow
 def test_a_dumbbell_slides_on_a_smooth_floor_as_it_falls() -> None:
     kernels = dumbbell()
     run = rests_and_falls(kernels)
@@ -110,6 +113,7 @@ def test_a_dumbbell_slides_on_a_smooth_floor_as_it_falls() -> None:
     assert check.passed and check.force_error < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.1, 0.9])
 def test_a_dumbbell_lands_with_friction_as_a_rigid_rod(mu: float) -> None:
     kernels = dumbbell(tangents={"floor": X}, friction={"floor": mu})
@@ -129,6 +133,7 @@ def test_a_dumbbell_lands_with_friction_as_a_rigid_rod(mu: float) -> None:
     assert dmoc.verify(run.trajectory, kernels).passed
 
 
+@pytest.mark.slow
 def test_a_dumbbell_that_lands_flat_keeps_its_rod() -> None:
     kernels = joined(
         dmoc.MechanicalSystem(

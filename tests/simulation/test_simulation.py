@@ -133,6 +133,7 @@ def test_a_grazing_motion_passes(puck: Kernels) -> None:
     assert touching.energy == pytest.approx(0.5, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_what_lies_on_a_floor_stays(ball: Kernels) -> None:
     run = dmoc.simulate(ball, [0.0], [0.0], step_size=0.01, steps=10)
     assert not run.collisions and not run.q.any() and not run.p.any()

@@ -119,6 +119,7 @@ def test_a_periodic_motion_that_leaves_its_contact_begins_on_it() -> None:
     assert solution.phases[0].q[:, 1] == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_search_for_the_least_violation_without_end_is_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -42,6 +42,7 @@ def same(a: dmoc.Batch, b: dmoc.Batch) -> bool:
     )
 
 
+@pytest.mark.slow
 def test_each_row_is_what_a_solve_of_its_own_finds(block: dmoc.Problem) -> None:
     problems = masses(block, *MASSES)
     batch = dmoc.solve_many(iter(problems), keep=True)

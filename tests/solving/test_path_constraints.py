@@ -17,6 +17,8 @@ import dmoc
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.program.transcription import Transcription
 
+pytestmark = pytest.mark.slow
+
 X, U = dynamicsymbols("x u")
 v = X.diff()
 P = sp.Symbol("P")
@@ -54,7 +56,6 @@ def furthest_speed(
     return dmoc.solve(problem, "ipm", starts=1)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("order", "form"), FORMS)
 def test_a_limit_of_the_input_holds_everywhere(order: int, form: str) -> None:
     """u <= 1 for 1 s from rest: v(1) = 1."""
@@ -64,7 +65,6 @@ def test_a_limit_of_the_input_holds_everywhere(order: int, form: str) -> None:
     assert solution.verification is not None and solution.verification.path_excess < 1e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("order", "form"), FORMS)
 def test_a_limit_of_the_input_holds_on_both_sides_of_a_collision(order: int, form: str) -> None:
     """To the wall and back, |u| <= 1, in the shortest time: 2 sqrt(2) s."""
@@ -83,7 +83,6 @@ def test_a_limit_of_the_input_holds_on_both_sides_of_a_collision(order: int, for
 POWER = [(2, "linear", 2e-4), (4, "stages", 1e-8), (6, "stages", 1e-4), (4, "constant", 6e-3)]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("order", "form", "error"), POWER)
 def test_power_is_limited(order: int, form: str, error: float) -> None:
     """u v <= P: E(T) = E(0) + P T, v(T) = sqrt(v0^2 + 2 P T)."""
@@ -139,7 +138,6 @@ def test_a_row_stands_at_the_end_of_a_phase_where_it_can_move(
         assert found == pytest.approx({name: values[name] for name in stands})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("order", "form"), FORMS)
 def test_a_limit_of_the_speed_holds_at_the_end(order: int, form: str) -> None:
     """|u| <= 1 would make the half step after the last quadrature point faster than 1/2."""
@@ -148,7 +146,6 @@ def test_a_limit_of_the_speed_holds_at_the_end(order: int, form: str) -> None:
     assert solution.trajectory.phases[0].v[-1, 0] == pytest.approx(0.5, abs=1e-9)
 
 
-@pytest.mark.slow
 def test_a_limit_of_the_place_holds_at_the_end() -> None:
     """The last quadrature point lies half a step before the end."""
     problem = dmoc.Problem(
@@ -160,7 +157,6 @@ def test_a_limit_of_the_place_holds_at_the_end() -> None:
     assert solution.trajectory.phases[0].v[-1, 0] <= 1.25 + 1e-9
 
 
-@pytest.mark.slow
 def test_the_check_finds_a_motion_that_turns_within_a_step() -> None:
     """Without `forward`: u is large where the mean speed of a step is zero."""
     system = dmoc.MechanicalSystem(

@@ -180,6 +180,7 @@ def test_a_wrong_motion_is_contradicted(
     assert any(reason in said for said in told), told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [

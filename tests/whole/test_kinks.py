@@ -17,6 +17,8 @@ from dmoc.base.errors import ModelError, ProblemError
 from dmoc.inspection.kernel_check import checked
 from dmoc.symbolic.kinks import split
 
+pytestmark = pytest.mark.slow
+
 X, U = dynamicsymbols("x u")
 v = X.diff()
 K = sp.Symbol("k", positive=True)
@@ -54,7 +56,6 @@ COSTS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", COSTS)
 def test_a_cost_with_a_kink_is_minimised(name: str) -> None:
     cost, parameters, exact = COSTS[name]
@@ -90,7 +91,6 @@ def test_the_hidden_unknown_is_nowhere_to_be_seen(tmp_path: Path) -> None:
         problem.but(bounds={"s_0": (0, 1)})
 
 
-@pytest.mark.slow
 def test_a_wall_and_fuel() -> None:
     """To the wall at 1 m and back in 6 s: v (3 - v/2) = 1, and v is paid for twice."""
     walled = system(cost=sp.Abs(U), surfaces={"wall": X <= 1})
@@ -103,7 +103,6 @@ def test_a_wall_and_fuel() -> None:
     assert solution.cost == pytest.approx(2 * (3 - sqrt(7)), rel=2e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "limit",
     [sp.Abs(U) <= 1, sp.Max(U, -U) <= 1, sp.Min(-U, U) >= -1, sp.Abs(U) + sp.Abs(U) <= 2],
@@ -118,7 +117,6 @@ def test_a_limit_with_a_kink_is_two_limits(limit: Any) -> None:
     assert solution.active_bounds == ("path constraint most in 10 steps",)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_all_kernels_are_those_of_the_formulas(order: int) -> None:
     made = system(
@@ -169,7 +167,6 @@ def test_a_price_of_the_other_sign_is_refused() -> None:
     assert table.status == ("solved", "refused") and "parameter k = -2" in table.message[1]
 
 
-@pytest.mark.slow
 def test_a_negative_symbol_takes_no_positive_value() -> None:
     problem = across(cost=-N * sp.Abs(U), parameters={N: -3.0}, steps=10)
     with pytest.raises(ProblemError, match=r"^parameter n = 2: expected 0 or a negative number"):
@@ -219,7 +216,6 @@ def test_what_cannot_be_split_is_refused_by_name(fields: dict[str, Any], sentenc
     assert str(error.value).startswith(sentence) and str(error.value).count(". ") == 0
 
 
-@pytest.mark.slow
 def test_drag_is_no_kink_that_matters() -> None:
     """x'' = u - v |v|: a body held at 1 m/s for 1 s with u = 1."""
     made = system(forces={X: U - v * sp.Abs(v)}, cost=(U - 1) ** 2)

@@ -61,6 +61,7 @@ def test_the_integrator_has_its_order_through_a_collision(swinging: Kernels) -> 
     assert errors[2] < {2: 5e-3, 4: 5e-6, 6: 5e-9}[order]
 
 
+@pytest.mark.slow
 def test_optima_of_every_order_agree(swinging: Kernels) -> None:
     """Inputs are at most linear in a step, so that costs differ by h^2 at order 2 and h^4 above."""
     order = swinging.manifest["order"]

@@ -76,6 +76,7 @@ def test_a_better_minimum_is_the_answer(explored: dmoc.Solution) -> None:
     assert explored.solved and explored.cost == pytest.approx(37.424, abs=1e-2)
 
 
+@pytest.mark.slow
 def test_others_are_listed_with_how_often_they_were_found(explored: dmoc.Solution) -> None:
     costs = [m.cost for m in explored.others]
     assert costs == sorted(costs) and len(costs) >= 1
