@@ -26,13 +26,11 @@ from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import force_errors
 from dmoc.check.events import event_errors
-from dmoc.check.joins import torn
-from dmoc.check.judgement import FORCE, Evidence, judged, measured
-from dmoc.check.measures import wrong_places
+from dmoc.check.plan import plan_errors
 from dmoc.check.planned_run import planned_run
 from dmoc.check.runs import open_run
 from dmoc.check.segments import segments, step_errors
-from dmoc.check.verdict import Verification
+from dmoc.check.verdict import Evidence, Verification, judged
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
 
@@ -105,11 +103,21 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
 
 def _judged(motion: Motion) -> Verification:
     """Measure a motion and judge it."""
-    steps, parts = step_errors(motion), segments(motion)
+    plan, steps, parts = plan_errors(motion), step_errors(motion), segments(motion)
     forces, events = force_errors(motion), event_errors(motion, steps.work)
     run = planned_run(motion, forces.sizes) if motion.has_modes else open_run(motion)
     flowed = carried(motion, parts)
-    errors = measured(motion, steps, parts, flowed, events) | {FORCE: forces.largest}
-    sentences = [*torn(motion), *wrong_places(motion)]
-    sentences += [*forces.contradictions, *events.contradictions, *run.contradictions]
+    errors = {
+        "step error": steps.worst,
+        "segment error": max(part.error for part in parts),
+        "energy error": events.energy,
+        "error of the law of impact": events.law,
+        "error of the law of impact relative to its own rates": events.own,
+        "penetration": steps.penetration,
+        "excess of a limit": steps.excess,
+        "excess of an input": plan.input_excess,
+        "phase error": flowed.phase_error,
+        "error of a contact force": forces.largest,
+    }
+    sentences = [s for part in (plan, forces, events, run) for s in part.contradictions]
     return judged(motion, Evidence(sentences, errors, steps.path, parts, flowed, run))

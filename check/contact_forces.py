@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
-from dmoc.check.contact_location import ON_TIME
-from dmoc.check.joins import DRIFT, OFF
+from dmoc.check.plan import DRIFT, OFF
 from dmoc.check.segments import largest, put
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import RAIL
@@ -25,6 +24,8 @@ BEARABLE, TURNED = 0.01, 1e-3
 # A friction force counts by at least this share of a weak contact force: solvers leave 1e-10 of the
 # forces of a motion, and friction whose coefficient is zero holds nothing.
 SMOOTH = 1e-5
+# An event that is planned may happen within this share of the phase that it ends.
+ON_TIME = 0.01
 # What a contact may still push with where it leaves, as a share of its largest force.
 PRESSED = 0.05
 

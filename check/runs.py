@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.check.checked_motion import Motion, nodes_of_segments
-from dmoc.check.joins import JOINED
+from dmoc.check.plan import JOINED
 from dmoc.check.segments import Segment
 from dmoc.codegen.kernels import Array
 from dmoc.motion.trajectory import GRAZING, Collision
@@ -123,22 +123,19 @@ def _segment(
             return y
         before, count = y, len(met)
         y = motion.flow.through_contacts(y, steps, k, met)
-        early = last == len(steps) and any(
-            _planned(motion, c, i, phase.t[last]) for c in met[count:]
-        )
+        early = last == len(steps) and any(is_planned(motion, i, c) for c in met[count:])
         if early:
             del met[count + 1 :]
             return motion.flow.freely(before, steps, k, last)
         k += 1
 
 
-def _planned(motion: Motion, contact: SurfaceContact, i: int, end: float) -> bool:
-    collisions = motion.trajectory.collisions
-    window = SAME_CONTACT * motion.sizes.time
-    return (
-        i < len(collisions)
-        and contact.surface in (collisions[i].surface, *collisions[i].lands)
-        and abs(contact.time - end) <= window
+def is_planned(motion: Motion, i: int, contact: SurfaceContact) -> bool:
+    """Whether a contact is the one that ends a phase."""
+    return any(
+        contact.surface in (c.surface, *c.lands)
+        and abs(contact.time - c.time) <= SAME_CONTACT * motion.sizes.time
+        for c in motion.trajectory.collisions[i : i + 1]
     )
 
 
@@ -147,7 +144,7 @@ def _late(
 ) -> list[SurfaceContact]:
     """The planned collision where a segment ends just before it: by the rate of the gap."""
     collision = motion.trajectory.collisions[i]
-    if not collision.surface or any(_planned(motion, c, i, t) for c in met):
+    if not collision.surface or any(is_planned(motion, i, c) for c in met):
         return []
     j = motion.model.surface_numbers[collision.surface]
     gap = float(motion.model.gaps(y[: motion.model.nq], t)[j])

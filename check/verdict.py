@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
 from typing import Any
 
+import numpy as np
+
 from dmoc.base.table import Shown, Table, passed
+from dmoc.check.amplification import Carried
 from dmoc.check.arcs import PENETRATION
+from dmoc.check.checked_motion import Motion
 from dmoc.check.path_limits import Excess
-from dmoc.check.runs import EXPLAINED
+from dmoc.check.runs import EXPLAINED, Departures, Run, departures, on_the_way, predicted
+from dmoc.check.segments import Segment
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.flow import SurfaceContact
 
@@ -30,6 +36,21 @@ PASSING = {
     "error of the law of impact relative to its own rates": 0.05,
     "error of a contact force": 0.05,
 }
+# Those of them that a verification has as they were measured, and its fields.
+MEASURED = {
+    "step error": "max_defect",
+    "segment error": "max_segment_defect",
+    "energy error": "energy_error",
+    "error of the law of impact": "impact_error",
+    "error of a contact force": "force_error",
+    "penetration": "penetration",
+    "phase error": "phase_error",
+}
+# What the command line prints.
+TOLD = """
+passed message terminal_error amplification max_defect max_segment_defect energy_error impact_error
+missed_contacts extra_contacts penetration limit_excess force_error path_excess phase_error
+""".split()
 # The end of the open-loop run: its error as it is, or divided by the motion's amplification, where
 # segments are right to the last share.
 TERMINAL, WEIGHED, UNSTABLE_SEGMENT = 0.25, 0.01, 0.005
@@ -105,16 +126,7 @@ class Verification(Shown):
     def excess(self) -> float:
         """The largest error, divided by what passes.  The end of an open-loop run counts where
         nothing else exceeds its limit."""
-        errors = {
-            "step error": self.max_defect,
-            "segment error": float(self.segment_defects.max(initial=0.0)),
-            "energy error": self.energy_error,
-            "error of the law of impact": self.impact_error,
-            "error of a contact force": self.force_error,
-            "penetration": self.penetration,
-            "phase error": self.phase_error,
-        }
-        worst = max(error / PASSING[name] for name, error in errors.items())
+        worst: float = max(getattr(self, field) / PASSING[name] for name, field in MEASURED.items())
         return worst if worst > 1 else max(worst, self.terminal_error / TERMINAL)
 
     def __repr__(self) -> str:
@@ -129,23 +141,8 @@ class Verification(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what the command line prints as JSON."""
-        return {
-            "passed": self.passed,
-            "message": self.message,
-            "terminal_error": self.terminal_error,
-            "amplification": self.amplification,
-            "max_defect": self.max_defect,
-            "max_segment_defect": self.max_segment_defect,
-            "energy_error": self.energy_error,
-            "impact_error": self.impact_error,
-            "missed_contacts": list(self.missed_contacts),
-            "extra_contacts": list(self.extra_contacts),
-            "penetration": self.penetration,
-            "limit_excess": self.limit_excess,
-            "force_error": self.force_error,
-            "path_excess": self.path_excess,
-            "phase_error": self.phase_error,
-        }
+        values = {name: getattr(self, name) for name in TOLD}
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
 
     def summary(self) -> Table:
         """What ``print`` and notebooks show."""
@@ -215,11 +212,6 @@ def broken(paths: Sequence[Excess]) -> list[str]:
     return [path.text for path in paths if not path.counts <= limit]
 
 
-def largest_excess(paths: Sequence[Excess]) -> float:
-    """What the check tells of path constraints."""
-    return max((path.counts for path in paths), default=0.0)
-
-
 def is_unstable(worst: float, amplified: float, terminal: float, predicted: float) -> bool:
     """Whether the errors of the segments, which are right, explain the end of an open-loop run: the
     motion amplifies them, and what the linearised flow predicts of them is near that end or
@@ -234,4 +226,70 @@ def unstable(amplified: float, lost: list[str], worst: float) -> str:
     return (
         f"the motion is unstable: it amplifies errors {amplified:.3g} times, so that an open-loop "
         f"run leaves it ({'; '.join(lost)}), while every segment is right to {worst:.1g}"
+    )
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What was measured of a motion: what contradicts it, in sentences; errors by the names of what
+    passes, and excesses of path constraints; its segments and what their errors become; and the
+    run from its start to its end."""
+
+    contradictions: Sequence[str]
+    measured: dict[str, float]
+    paths: tuple[Excess, ...]
+    parts: Sequence[Segment]
+    flowed: Carried
+    run: Run
+
+    @cached_property
+    def failures(self) -> list[str]:
+        """What contradicts the motion wherever an open-loop run goes."""
+        return [*self.contradictions, *exceeded(self.measured), *broken(self.paths)]
+
+
+def judged(motion: Motion, evidence: Evidence) -> Verification:
+    """Judge a motion.
+
+    No segment may meet what was not planned, wherever the run passes by.  Where the segments keep
+    to the plan, their errors may explain where the run leaves it.
+    """
+    errors, failures, note = evidence.measured, evidence.failures, ""
+    flowed, terminal, run = evidence.flowed, evidence.run.terminal, evidence.run.departures
+    worst, amplified = errors["segment error"], flowed.amplification
+    # What is contradicted already needs no other look.
+    way = evidence.run.way
+    if way is None:
+        way = run if failures else departures(motion, on_the_way(motion))
+    if not run and terminal <= TERMINAL:
+        run = Departures(extra=way.extra)
+    lost = lost_by(run.missed_texts, run.extra_texts, terminal)
+    if (
+        lost
+        and not (failures or way)
+        and is_unstable(worst, amplified, terminal, flowed.end)
+        and predicted(motion, run, evidence.parts, flowed.deviations)
+    ):
+        note, run = unstable(amplified, lost, worst), way
+    else:
+        failures = lost + failures
+    coarse = failures and not evidence.contradictions
+    message = too_coarse(failures, amplified) if coarse else "; ".join(failures)
+    return Verification(
+        not failures,
+        message or note,
+        terminal,
+        amplified,
+        errors["step error"],
+        np.array([part.error for part in evidence.parts]),
+        errors["energy error"],
+        errors["error of the law of impact"],
+        run.missed_texts,
+        run.extra_texts,
+        errors["penetration"],
+        max(errors["excess of a limit"], errors["excess of an input"]),
+        tuple(evidence.run.contacts),
+        errors.get("error of a contact force", 0.0),
+        max((path.counts for path in evidence.paths), default=0.0),
+        errors["phase error"],
     )

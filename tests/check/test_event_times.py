@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import dmoc
-from dmoc.check.contact_location import _told
+from dmoc.check.planned_run import _sentence
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
 
@@ -99,7 +99,7 @@ def test_sticking_beyond_the_cone_is_located(rail: Kernels, late: float) -> None
     assert f"lets 'rail' slide at 1 s, not at {1 + late:.4g} s as planned" in told
 
 
-def test_sliding_that_begins_while_friction_holds_is_told(rail: Kernels) -> None:
+def test_sliding_that_begins_while_friction_holds_is_sentence(rail: Kernels) -> None:
     told = message(ramped(rail, 0.8), rail)
     assert "rail begins to slide at 0.8 s, where friction holds it: it has 1 N and needs 0.8 N" in (
         told
@@ -162,4 +162,4 @@ def test_an_event_is_planned_that_its_phase_ends_with_to_a_hundredth_of_it(
     trajectory = SimpleNamespace(collisions=[event] if event else [], phases=[phase])
     model = SimpleNamespace(nc=2, nt=1, kernels=kernels)
     motion: Any = SimpleNamespace(model=model, trajectory=trajectory)
-    assert _told(motion, 0, j, time) == (told and f"the simulation {told}")
+    assert _sentence(motion, 0, j, time) == (told and f"the simulation {told}")

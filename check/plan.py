@@ -1,15 +1,23 @@
-"""What holds a motion together at its nodes and events: time goes on, positions are continuous,
-momenta are those of the velocities and change by the planned impulses alone."""
+"""A motion as it is planned: whether it holds together at its nodes and events, lies on the
+surfaces that it hits, and keeps the bounds of its inputs.
+
+Time goes on, positions are continuous, joints are kept, momenta are those of the velocities and
+change by the planned impulses alone.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
+from dmoc.check.segments import largest
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.algebra import solved
 from dmoc.motion.trajectory import Collision
+from dmoc.simulation.sizes import NOTHING
 
 # Both sides of an event share a node: times and positions differ by rounding errors, momenta by
 # what a solver leaves of the balance.  Shares of the sizes.
@@ -17,12 +25,26 @@ JOINED, BALANCED = 1e-6, 1e-4
 # A joint may be off, as a closed contact off its surface and what sticks off its place, by this
 # share of the sizes, and their rates by the second share.
 OFF, DRIFT = 1e-4, 0.02
+# gap of a planned collision, relative to how far the coordinates move it, that a solver may leave
+OFF_SURFACE = 1e-6
+SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to the largest inertias
 
 
-def torn(motion: Motion) -> list[str]:
-    """What does not hold together, in sentences."""
-    held = (*_momenta(motion), *_positions(motion), *_balances(motion))
-    return [*_times(motion), *held, *_disjoint(motion)]
+@dataclass(frozen=True)
+class PlanErrors:
+    """What contradicts a motion by itself, in sentences, and the largest excess of an input over
+    its bounds."""
+
+    contradictions: tuple[str, ...]
+    input_excess: float
+
+
+def plan_errors(motion: Motion) -> PlanErrors:
+    """Look at a motion without simulating it."""
+    looks = (_times, _momenta, _positions, _balances, _disjoint, _off_surfaces, _singular)
+    return PlanErrors(
+        tuple(sentence for look in looks for sentence in look(motion)), _input_excess(motion)
+    )
 
 
 def _times(motion: Motion) -> Iterator[str]:
@@ -109,3 +131,50 @@ def _worst(shares: Array, most: float) -> tuple[int, int]:
         return -1, -1
     row, column = np.unravel_index(int(np.argmax(sizes)), sizes.shape)
     return int(row), int(column)
+
+
+def _off_surfaces(motion: Motion) -> Iterator[str]:
+    """Surfaces that are hit or land where the motion is not on them."""
+    noun = "contact" if motion.has_modes else "collision"
+    for c in motion.trajectory.collisions:
+        for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
+            j = motion.model.surface_numbers[name]
+            gap = float(motion.model.gaps(c.position, c.time)[j])
+            if not abs(gap) <= OFF_SURFACE * motion.sizes.gap[j]:
+                yield f"the {noun} with {name!r} is {gap:.3g} off it"
+
+
+def _input_excess(motion: Motion) -> float:
+    """Largest excess of an input over its bounds in any step, relative to the largest input, or to
+    one that the motion could use within them."""
+    low, high = motion.trajectory.input_bounds.T
+    u = np.vstack([ends for s in motion.steps for ends in (s.u0, s.u1)])
+    excess = np.maximum(low - u, u - high)
+    size = np.maximum(np.abs(u).max(axis=0, initial=0.0), np.minimum(high - low, _needed(motion)))
+    return largest(np.where(excess > 0, excess, 0.0) / np.where(size > 0, size, NOTHING))
+
+
+def _needed(motion: Motion) -> Array:
+    """Inputs that accelerate as much as the forces of the motion, shape (nu,); infinite for one
+    that does not."""
+    model, parts = motion.model, [np.zeros(motion.model.nu)]
+    for phase in motion.trajectory.phases if model.nu else ():
+        B = np.swapaxes(model.input_matrix(phase.q, phase.v, t=phase.t), 1, 2)
+        response = np.swapaxes(solved(model.mass(phase.q, phase.t), np.swapaxes(B, 1, 2)), 1, 2)
+        parts.append((B * response).sum(axis=2).max(axis=0))
+    inertia = np.sqrt(np.max(parts, axis=0))
+    return np.asarray(motion.sizes.acceleration / inertia)
+
+
+def _singular(motion: Motion) -> Iterator[str]:
+    """A mass matrix that is not positive definite, up to rounding errors of its entries."""
+    for phase in motion.trajectory.phases:
+        M = motion.model.mass(phase.q, phase.t)
+        root = np.sqrt(np.abs(np.diagonal(M, axis1=1, axis2=2)).max(axis=0))
+        scaled = M / np.where(root > 0, root, 1.0)[:, None] / np.where(root > 0, root, 1.0)
+        good = np.array(np.isfinite(scaled).all(axis=(1, 2)))
+        good[good] = np.linalg.eigvalsh(scaled[good])[:, 0] > SINGULAR
+        if not good.all():
+            where = phase.t[int(np.argmin(good))]
+            yield f"the mass matrix is singular or negative on the way, first at {where:.4g} s"
+            return
