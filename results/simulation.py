@@ -209,26 +209,29 @@ def simulate(
     >>> bool(abs(motion.energy - motion.energy[0]).max() < 1e-3)
     True
     """
+    named = {
+        "position": position,
+        "velocity": velocity,
+        "inputs": inputs,
+        "parameters": parameters,
+        "restitution": restitution,
+    }
+    changes = {name: value for name, value in named.items() if value is not None}
     if isinstance(kernels, Solution):
-        changes = _Given(position, velocity, inputs, parameters, restitution)
-        return _recorded(_replayed(kernels, model, changes, step_size, steps, every))
-    if model is not None:
+        system, stated = _replay(kernels, model, changes, step_size, steps)
+    elif model is not None:
         raise SimulationError(
             f"model = {shown(model)}: expected none beside kernels; it goes with a solution."
         )
-    return _recorded(
-        forward.simulate(
-            _built(kernels),
-            position,
-            velocity,
-            step_size=step_size,
-            steps=steps,
-            inputs=inputs,
-            parameters=parameters,
-            restitution=1.0 if restitution is None else restitution,
-            every=every,
-        )
-    )
+    else:
+        system = _built(kernels)
+        stated = {"position": None, "restitution": 1.0, "step_size": step_size, "steps": steps}
+        stated |= changes
+    run = forward.simulate(system, **stated, every=every)
+    return Simulation(
+        run.t, run.q, run.p, run.v, run.energy, run.collisions, run.contacts, run.rubbing,
+        run.normal, run.tangential, motion_of(run), run.notes,
+    )  # fmt: skip
 
 
 def _built(model: Any) -> Any:
@@ -241,29 +244,15 @@ def _built(model: Any) -> Any:
     return build(model) if isinstance(model, MechanicalSystem) else model
 
 
-def _recorded(run: forward.Run) -> Simulation:
-    return Simulation(
-        run.t, run.q, run.p, run.v, run.energy, run.collisions, run.contacts, run.rubbing,
-        run.normal, run.tangential, motion_of(run), run.notes,
-    )  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class _Given:
-    """What the caller replaces of a solution."""
-
-    position: Mapping[str, float] | ArrayLike | None
-    velocity: Mapping[str, float] | ArrayLike | None
-    inputs: ArrayLike | Callable[[float], ArrayLike] | None
-    parameters: Mapping[str, float] | None
-    restitution: float | Mapping[str, float] | None
-
-
-def _replayed(
-    solution: Solution, model: Kernels | None, changes: _Given, step_size: float | None,
-    steps: int | None, every: int,
-) -> forward.Run:  # fmt: skip
-    """Simulate a solution with what the caller leaves of it."""
+def _replay(
+    solution: Solution,
+    model: Kernels | None,
+    changes: Mapping[str, Any],
+    step_size: float | None,
+    steps: int | None,
+) -> tuple[Kernels, dict[str, Any]]:
+    """The kernels of a solution, and its motion as arguments of a simulation, some of them
+    changed."""
     motion, kernels = solution.trajectory, kernels_for(solution, model, SimulationError)
     check_same_model(solution, kernels)
     if motion.ignored:
@@ -272,24 +261,17 @@ def _replayed(
             "use verify(), which follows the solution's own events."
         )
     count = _steps(motion, step_size, steps)
-    h = motion.final_time / count
     parameters = dict(motion.parameters)
-    if changes.parameters is not None:
-        parameters |= by_name(changes.parameters, "parameters", SimulationError)
-    position = changes.position
-    if position is None:
-        position = _on_surfaces(kernels, parameters, motion.phases[0].q[0])
-    return forward.simulate(
-        kernels,
-        position,
-        _start_velocity(motion) if changes.velocity is None else changes.velocity,
-        step_size=h,
-        steps=count,
-        inputs=mean_inputs(motion, count) if changes.inputs is None else changes.inputs,
-        parameters=parameters,
-        restitution=motion.restitution if changes.restitution is None else changes.restitution,
-        every=every,
-    )
+    parameters |= by_name(changes.get("parameters", {}), "parameters", SimulationError)
+    own = {
+        "velocity": _start_velocity(motion),
+        "inputs": mean_inputs(motion, count),
+        "restitution": motion.restitution,
+    }
+    if "position" not in changes:
+        own["position"] = _on_surfaces(kernels, parameters, motion.phases[0].q[0])
+    mesh = {"step_size": motion.final_time / count, "steps": count}
+    return kernels, {**own, **changes, "parameters": parameters, **mesh}
 
 
 def _steps(motion: Trajectory, step_size: float | None, steps: int | None) -> int:

@@ -43,35 +43,32 @@ class Journal:
         self.path = Path(path)
         self.name = place(self.path)  # in messages
         try:
-            # A search that was killed at once leaves an empty file.
-            filled = self.path.exists() and self.path.stat().st_size > 0
-            if self.path.exists() and not self.path.is_file():
-                raise SearchError(
-                    f"journal {self.name} is a folder or a device: name another file."
-                )
-            if filled and not resume:
-                raise SearchError(f"journal {self.name} exists: resume it, or name another file.")
-            if resume and not self.path.exists():
-                raise SearchError(
-                    f"journal {self.name} does not exist: nothing can be resumed from it."
-                )
-            self.database = sqlite3.connect(self.path, isolation_level=None)
+            filled = self._opened(resume)
+            try:
+                (self._check if filled else self._make)(identity)
+            except BaseException:
+                self.close()
+                raise
         except (OSError, sqlite3.Error) as error:
             raise SearchError(
                 f"{self.name} cannot be used as a journal ({error}): name another file."
             ) from None
-        try:
-            if filled:
-                self._check(identity)
-            else:
-                self._make(identity)
-        except (SearchError, sqlite3.Error) as error:
-            self.close()
-            if isinstance(error, SearchError):
-                raise
+
+    def _opened(self, resume: bool) -> bool:
+        """Open the file; whether there is something in it, which a search that was killed at once
+        leaves empty."""
+        exists = self.path.exists()
+        filled = exists and self.path.stat().st_size > 0
+        if exists and not self.path.is_file():
+            raise SearchError(f"journal {self.name} is a folder or a device: name another file.")
+        if filled and not resume:
+            raise SearchError(f"journal {self.name} exists: resume it, or name another file.")
+        if resume and not exists:
             raise SearchError(
-                f"{self.name} cannot be used as a journal ({error}): name another file."
-            ) from None
+                f"journal {self.name} does not exist: nothing can be resumed from it."
+            )
+        self.database = sqlite3.connect(self.path, isolation_level=None)
+        return filled
 
     def _make(self, identity: str) -> None:
         """All at once: a journal is complete or empty."""

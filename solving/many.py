@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -28,7 +27,7 @@ from dmoc.solvers.outcome import Status
 from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.request import LIMIT, Keywords
 from dmoc.solving.solve import solve
-from dmoc.solving.starts import Given
+from dmoc.solving.starts import Given, loaded
 from dmoc.solving.workforce import NoMoreWork, Work, workforce
 
 # Problems that travel to a worker together, at most; with fewer problems, each worker gets so many
@@ -110,10 +109,7 @@ class BatchOptions:
                     f"{', '.join(sorted(OPTIONS))}."
                 )
         read(Keywords, {"method": self.method, **self.options}, ProblemError)
-        guess = self.guess
-        if isinstance(guess, (str, os.PathLike)):
-            guess = Solution.load(guess)
-        return SolveOptions(self.method, guess, self.keep, {**STARTS, **self.options})
+        return SolveOptions(self.method, loaded(self.guess), self.keep, {**STARTS, **self.options})
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from dmoc.solving.answer import answer_of
 from dmoc.solving.open_hits import best_way
 from dmoc.solving.request import Keywords
 from dmoc.solving.sensitivity import check_problem
-from dmoc.solving.starts import Given
+from dmoc.solving.starts import Given, loaded
 
 
 def solve(
@@ -126,6 +126,7 @@ def solve(
     """
     check_problem(problem)
     request = read(Keywords, locals(), ProblemError).request(problem)
+    guess = loaded(guess)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
     with listener(progress, "first guess") as tell:

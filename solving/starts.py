@@ -57,6 +57,11 @@ class Starts:
         return Duals(*given_multipliers(nlp, self.multipliers))
 
 
+def loaded(guess: Given) -> Given:
+    """A guess as it is, or the solution of the file that it names."""
+    return Solution.load(guess) if isinstance(guess, (str, os.PathLike)) else guess
+
+
 def starts_of(problem: Problem, guess: Given, deadline: Deadline = ENDLESS) -> Starts:
     """Read a guess, or make the automatic ones until a deadline.
 
@@ -67,8 +72,6 @@ def starts_of(problem: Problem, guess: Given, deadline: Deadline = ENDLESS) -> S
     """
     if guess is None:
         return Starts(tuple(g.x for g in initial_guesses(problem, deadline)))
-    if isinstance(guess, (str, os.PathLike)):
-        guess = Solution.load(guess)
     if isinstance(guess, Solution):
         return _from_solution(problem, guess)
     if is_given_by_name(guess):

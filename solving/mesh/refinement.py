@@ -169,7 +169,9 @@ def _solved(
         )
         iterations += sharper.iterations
         s = sharper if sharper.solved or sharper.status == Status.INTERRUPTED else s
-    seconds = {name: past.seconds.get(name, 0.0) + spent for name, spent in s.seconds.items()}
+    seconds = {**past.seconds, **s.seconds}  # kernels are built once
+    for name in past.seconds.keys() & s.seconds.keys() - {"build"}:
+        seconds[name] += past.seconds[name]
     return replace(s, seconds=seconds), replace(past, iterations=iterations, seconds=seconds)
 
 

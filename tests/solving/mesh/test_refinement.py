@@ -43,6 +43,15 @@ def test_the_estimate_bounds_the_error_against_the_closed_form(
     assert solution.meshes[-1].simulated is not None and solution.meshes[-1].simulated <= tolerance
 
 
+def test_times_of_all_meshes_count_and_those_before_them_once() -> None:
+    problem = block_and_wall.problem(0.8, 8)
+    problem = problem.but(kernels=replace(problem.kernels, seconds=2.0))
+    solution = dmoc.solve(problem, tolerance=1e-3, starts=3)
+    assert solution.starts == 3 and len(solution.meshes) > 1
+    assert {"build", "explore", "guess", "solve", "verify"} == set(solution.seconds)
+    assert solution.seconds["explore"] > 0 and solution.seconds["build"] == 2.0
+
+
 def test_seed_to_a_millionth() -> None:
     solution = dmoc.solve(seed_example.problem(10, 4), tolerance=1e-6, starts=1)
     assert solution.solved and solution.cost == pytest.approx(seed_example.LIMIT, rel=1e-6)
