@@ -152,6 +152,7 @@ def _legend(model: ModelSpec) -> list[str]:
         "u": "inputs",
         "g": "surfaces",
         "tau": "tangents",
+        "c": "constraints",
         "r_d": "path_constraints",
         "par": "parameters",
     }

@@ -92,7 +92,7 @@ def initial_guesses(
             for g in initial_guesses(few, deadline, by_rates)
         )
     with np.errstate(all="ignore"):
-        if problem.lasting:
+        if problem.held:
             x = standing(problem, natural_time(problem))
             lay = Layout.of(problem)
             return (Guess(x, float(x[lay.index_h] @ np.array(lay.steps)), (), 0, 0.0),)
@@ -204,7 +204,7 @@ def natural_time(problem: Problem) -> float:
     known = _expected_time(problem)
     if known is not None:
         return known
-    return NO_TIME if problem.lasting else _cheapest_decade(Planner.of(problem))
+    return NO_TIME if problem.held else _cheapest_decade(Planner.of(problem))
 
 
 def _expected_time(problem: Problem) -> float | None:

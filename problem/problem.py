@@ -224,11 +224,8 @@ class Problem(Shown):
             order = DEFAULT_ORDER
         put(self, "sequence", tuple(names(self.sequence, "sequence", "surfaces")))
         put(self, "contacts", tuple(names(self.contacts, "contacts", "surfaces")))
-        tangents = getattr(self.kernels, "tangents", None)
-        # Rails rub in every phase.
-        rubs = isinstance(tangents, dict) and bool(set(tangents) - set(self.kernels.surfaces))
-        if rubs or says_lasting(self.contacts, self.sequence):
-            order = DEFAULT_ORDER  # the only one for contacts that last
+        if says_held(self.kernels, self.contacts, self.sequence):
+            order = DEFAULT_ORDER  # the only one for contacts that last and for constraints
         put(self, "kernels", kernels_of(self.kernels, order))
         for name in ("start", "goal", "bounds", "parameters"):
             put(self, name, by_name(getattr(self, name), name))
@@ -329,11 +326,11 @@ class Problem(Shown):
     @property
     def control_form(self) -> str:
         """The form of the inputs: ``controls``, or the default: that of the order, and linear ones
-        beside contacts that last, whose forces would jump with the inputs at every node."""
+        beside what is held, whose forces would jump with the inputs at every node."""
         if self.controls is not None:
             return self.controls
-        lasts = self.lasting and "linear" in self.scheme.controls
-        return "linear" if lasts else self.scheme.controls[0]
+        linear = self.held and "linear" in self.scheme.controls
+        return "linear" if linear else self.scheme.controls[0]
 
     # Contacts -------------------------------------------------------------------------------------
 
@@ -372,6 +369,11 @@ class Problem(Shown):
     def lasting(self) -> bool:
         """Whether contacts last in some phase."""
         return not all(mode.free for mode in self.modes)
+
+    @cached_property
+    def held(self) -> bool:
+        """Whether anything is held along a phase: by contacts that last, or by constraints."""
+        return self.lasting or bool(self.kernels.constraints)
 
     @cached_property
     def touches(self) -> Contacts:
@@ -698,8 +700,16 @@ class Problem(Shown):
         return Boundary(boundary.position, free, fixed_momentum, by_velocity=True)
 
 
+def says_held(model: Any, contacts: Sequence[str], sequence: Sequence[str]) -> bool:
+    """Whether contacts last or constraints hold, where no kernels are known yet that could tell:
+    words say so, or a system has constraints, or rails, which rub in every phase."""
+    tangents = getattr(model, "tangents", None)
+    rails = isinstance(tangents, dict) and bool(set(tangents) - set(getattr(model, "surfaces", ())))
+    return rails or says_lasting(contacts, sequence) or bool(getattr(model, "constraints", ()))
+
+
 def says_lasting(contacts: Sequence[str], sequence: Sequence[str]) -> bool:
-    """Whether words say that contacts last, where no kernels are known yet that could tell."""
+    """Whether words say that contacts last."""
     return bool(contacts) or any(part.startswith("+") for word in sequence for part in word.split())
 
 

@@ -9,7 +9,7 @@ problem needs them; v_a, v_c: velocities before and after the collisions; t: tim
 only where the model depends on them; q_i: coordinates of the nodes inside the steps; s: hidden
 unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.  Laws
 that push have unknowns of their own: :class:`~dmoc.program.contact_table.ContactUnknowns`,
-:class:`~dmoc.program.hit_stages.HitUnknowns`.
+:class:`~dmoc.program.hit_stages.HitUnknowns`, :class:`~dmoc.program.joints.JointUnknowns`.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Index, Numbering, sizes_of
 from dmoc.program.contact_table import ContactUnknowns, Touch, touch_of
 from dmoc.program.hit_stages import HitUnknowns
+from dmoc.program.joints import JointUnknowns
 from dmoc.program.reactions import Reaction
 from dmoc.program.scale import Scale
 
@@ -42,7 +43,7 @@ class Layout:
     ``index_a`` is an integer array of the shape of ``a`` that holds the positions of its entries in
     x, so that ``x[index_a]`` is a; ``unknowns`` is the table with names and sizes.  ``surfaces``
     are those of the collisions, NOWHERE of events without an impact.  ``touch`` says what is in
-    contact.
+    contact; ``contact``, ``hit`` and ``joint`` are the unknowns of laws that push.
     """
 
     nq: int
@@ -69,19 +70,21 @@ class Layout:
     index_s: Index
     contact: ContactUnknowns
     hit: HitUnknowns
+    joint: JointUnknowns
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
         kernels = problem.kernels
         turning = {name for r in problem.relations for name in (r.start, r.end)}
         turns = any(velocity_name(c) in turning for c in kernels.coordinates)
-        at_start = turns or not (problem.modes[0].free or problem.start_is_known)
-        at_goal = turns or bool(kernels.manifest["terminal_velocity"])
+        joined = bool(kernels.constraints)
+        free = [mode.free and not joined for mode in problem.modes]
+        at_start = turns or not (free[0] or problem.start_is_known)
+        at_goal = turns or not free[-1] or bool(kernels.manifest["terminal_velocity"])
         for row in kernels.manifest["path_rows"]:
             if row["velocities"] and (FORMS[problem.control_form].shared or not row["inputs"]):
                 at_start |= row["inputs"] or not problem.start_is_known
                 at_goal = True
-        at_goal |= not problem.modes[-1].free
         kind = Kind(
             tuple(kernels.coordinates),
             tuple(kernels.inputs),
@@ -97,6 +100,7 @@ class Layout:
             problem.start_bounds.needs_velocity or at_start,
             problem.goal_bounds.needs_velocity or at_goal,
             touch_of(problem),
+            tuple(kernels.constraints),
         )
         return (_shared if sum(kind.steps) <= MOST_SHARED else _laid_out)(kind)
 
@@ -150,7 +154,7 @@ class Layout:
 
     def reactions(self, i: int) -> tuple[Reaction, ...]:
         """What pushes along phase i, of all laws."""
-        return tuple(self.contact.reactions(i))
+        return (*self.contact.reactions(i), *self.joint.reactions(i))
 
     @cached_property
     def collision_nodes(self) -> Index:
@@ -263,6 +267,7 @@ class Kind:
     v_at_start: bool
     v_at_end: bool
     touch: Touch
+    constraints: tuple[str, ...]
 
 
 def _laid_out(kind: Kind) -> Layout:
@@ -339,9 +344,10 @@ def _laid_out(kind: Kind) -> Layout:
     contact = ContactUnknowns.of(block, steps, touch)
     words = (tuple(v), touch.surfaces, touch.tangents)
     hit = HitUnknowns.of(block, touch.moments, touch.passing, words)
+    joint = JointUnknowns.of(block, steps, kind.constraints, np.array(touch.impacts, dtype=bool))
     return Layout(
         nq, len(u), steps, form, scheme, kind.timed, surfaces, touch, tuple(block.made),
-        **indices, contact=contact, hit=hit,
+        **indices, contact=contact, hit=hit, joint=joint,
     )  # fmt: skip
 
 

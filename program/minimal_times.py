@@ -59,7 +59,7 @@ class WithMinimalTimes(Transcription):
         super().__init__(problem, scale, touching=touching, by_rates=by_rates)
         bounded = problem.nu > 0 and bool(np.isfinite(problem.input_bounds).all())
         estimated = problem.minimal_times and bounded and problem.model.has_minimal_times
-        estimated = estimated and not problem.lasting
+        estimated = estimated and not problem.held
         count = len(problem.sequence) if estimated else 0
         number = Numbering(self.n_eq + self.n_in)
         self._block = number(

@@ -87,6 +87,22 @@ def settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Settl
     return Settled(places, stuck, rates, slides)
 
 
+def joints_settled(
+    problem: Problem, lay: Layout, limits: tuple[Array, Array]
+) -> tuple[Bools, Bools]:
+    """What values that are fixed by ``limits`` settle of the constraints of a model: places at the
+    start and at the end of each phase, rates at the start and at the end of the motion."""
+    nodes = [_states(problem, lay, limits, i) for i in range(lay.phases + 1)]
+    ends = (nodes[0], nodes[-1])
+    places = np.array([_vanish(*_joints(problem, at)) for at in nodes])
+    rates = np.array([_vanish(*_joint_rates(problem, at)) for at in ends])
+    if problem.relations:
+        back, every = _returned(problem, *ends), np.ones_like(rates)
+        for rows, values in ((places, _joints), (rates, _joint_rates)):
+            _relate(rows, _alike(values(problem, back), values(problem, ends[1])), every)
+    return places, rates
+
+
 def _states(problem: Problem, lay: Layout, limits: tuple[Array, Array], i: int) -> States:
     """States at the start (0), at an event, or at the end."""
     rng, first, last = np.random.default_rng(i), i == 0, i == lay.phases
@@ -177,6 +193,16 @@ def _gap_rates(problem: Problem, at: States) -> Values:
 def _slide_rates(problem: Problem, at: States) -> Values:
     slopes = problem.model.tangent_slopes(at.q, at.t)
     return problem.model.slide_rates(at.q, at.v, at.t), _share(slopes, at.v, np.ones(SAMPLES))
+
+
+def _joints(problem: Problem, at: States) -> Values:
+    sizes = [problem.model.joint_sizes(q, t) for q, t in zip(at.q, at.t, strict=True)]
+    return problem.model.joints(at.q, at.t), np.array(sizes)
+
+
+def _joint_rates(problem: Problem, at: States) -> Values:
+    slopes = problem.model.joint_slopes(at.q, at.t)
+    return problem.model.joint_rates(at.q, at.v, at.t), _share(slopes, at.v, np.ones(SAMPLES))
 
 
 def _share(slopes: Array, values: Array, t: Array) -> Array:

@@ -15,7 +15,8 @@ from dmoc.problem.problem import Problem
 class Scale:
     """Sizes: time, cost and energy; coordinates, velocities and momenta (nq,), inputs (nu,);
     gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
-    constraints; hidden unknowns; step sizes (phases,)."""
+    constraints; hidden unknowns; step sizes (phases,); rates and impulses of the constraints of
+    the model (nj,)."""
 
     time: float
     cost: float
@@ -32,6 +33,8 @@ class Scale:
     path: Array
     s: Array
     h: Array
+    joint_rate: Array
+    reaction: Array
 
     @classmethod
     def none(cls, problem: Problem) -> Scale:
@@ -42,7 +45,8 @@ class Scale:
         )
         path, s = (np.ones(len(kernels.manifest[part])) for part in ("path_rows", "hidden"))
         nt, h = np.ones(len(kernels.tangents)), np.ones(problem.phases)
-        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, path, s, h)
+        nj = np.ones(len(kernels.constraints))
+        return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, path, s, h, nj, nj)
 
     def named(self, problem: Problem) -> dict[str, float]:
         """Sizes by name, as results show them."""

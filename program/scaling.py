@@ -56,6 +56,7 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         moving = (size_q, size_v, time)
         gap, rate = _places(model.gap_slopes(q, t), moving)
         _, slide = _places(model.tangent_slopes(q, t), moving)
+        _, joint_rate = _places(model.joint_slopes(q, t), moving)
         energy = float(size_p @ size_v) / 2
         path = np.ones(len(problem.kernels.manifest["path_rows"]))
         u = x[lay.index_u[lay.row_u_k]]
@@ -76,6 +77,8 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
             path,
             size_s,
             h.copy(),
+            joint_rate,
+            energy / joint_rate,
         )
         sizes = lay.units(scale)
         cost = _cost(problem, lay, x, sizes, size_v) / (MINIMUM_COST if minimum else FIRST_COST)

@@ -259,7 +259,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
     problem, lay = nlp.problem, nlp.layout
     if (
         not problem.nu
-        or problem.lasting
+        or problem.held
         or not np.isfinite(problem.input_bounds).all()
         or not problem.model.has_minimal_times
     ):

@@ -90,7 +90,7 @@ class Keywords:
             tolerance = AUTOMATIC
         compiled = problem.kernels.backend == COMPILED
         rubs = bool(problem.open_hits) or any(event.course for event in problem.events)
-        plain = tolerance is None and not (problem.lasting or rubs)
+        plain = tolerance is None and not (problem.held or rubs)
         method = METHODS[self.method or usual(DEFAULT if plain else REFINING, compiled)]
         method.require(problem.kernels.backend)
         method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))

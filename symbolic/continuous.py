@@ -28,8 +28,8 @@ from dmoc.symbolic.system import MechanicalSystem
 @dataclass(frozen=True)
 class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
-    gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, looks: the values of
-    the drawing."""
+    gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints c_j, looks:
+    the values of the drawing."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -44,6 +44,7 @@ class Continuous:
     r: tuple[Any, ...]
     tau: tuple[Any, ...]
     mu: tuple[Any, ...]
+    c: tuple[Any, ...]
     looks: tuple[Any, ...]
 
     @classmethod
@@ -78,6 +79,7 @@ class Continuous:
             tuple(rewrite(e) for e in system.path_functions.values()),
             tuple(rewrite(e) for e in system.tangents.values()),
             tuple(rewrite(system.friction[name]) for name in system.tangents),
+            tuple(rewrite(e) for e in system.constraints.values()),
             tuple(rewrite(e) for part in system.shapes for e in values_of(part)),
         )
 
@@ -122,6 +124,7 @@ class Continuous:
             each(self.r),
             each(self.tau),
             each(self.mu),
+            each(self.c),
             each(self.looks),
         )
 

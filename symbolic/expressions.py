@@ -8,6 +8,7 @@ from typing import Any
 import sympy as sp
 from sympy.core.function import AppliedUndef, UndefinedFunction
 from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
+from sympy.logic.boolalg import Boolean
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
@@ -77,6 +78,18 @@ def slack_of(relation: Any, what: str) -> Any:
     )
 
 
+def zero_of(equation: Any, what: str) -> Any:
+    """The expression that is zero where ``equation`` holds."""
+    if isinstance(equation, sp.Eq):
+        return expression_in(equation.lhs - equation.rhs, what)
+    if isinstance(equation, (Boolean, bool)):
+        raise ModelError(
+            f"{what} is not an equation: expected one such as `sp.Eq(x**2 + y**2, l**2)`, or an "
+            f"expression that is zero, got {shown(equation)}."
+        )
+    return expression_in(equation, what)
+
+
 def atoms_of(expression: Any) -> set[Any]:
     """Symbols, functions of time and their derivatives in an expression; a derivative hides what
     it contains."""
@@ -93,6 +106,7 @@ def atoms_of(expression: Any) -> set[Any]:
 KINDS = ("coordinates", "velocities", "inputs", "the time", "parameters")
 REMEDIES = {
     ("surface", "velocities"): "; a limit of a velocity is a path constraint",
+    ("constraint", "velocities"): "; only places can be held, not velocities",
     ("surface", "inputs"): "; a limit of an input is a bound or a path constraint",
     ("Lagrangian", "inputs"): "; inputs enter through `forces`",
     ("friction", ""): "; friction that changes along the way is a smooth expression in `forces`",

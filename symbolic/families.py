@@ -38,7 +38,7 @@ from dmoc.symbolic.path_constraints import path_kernels, path_limits, path_rows
 from dmoc.symbolic.spec import Input, KernelSpec, ModelSpec, Output
 from dmoc.symbolic.system import MechanicalSystem, check_system
 
-FORMAT = 10  # of the facts and the kernel list
+FORMAT = 11  # of the facts and the kernel list
 EQUATIONS = 6  # of what the kernels compute: solutions of other equations are refused
 
 
@@ -66,6 +66,7 @@ def model_spec(system: MechanicalSystem, order: int = 2) -> ModelSpec:
         *_state_kernels(f),
         *_surface_kernels(f),
         *_tangent_kernels(f),
+        *_joint_kernels(f),
         *_terminal_kernels(f),
         *_feasibility_kernels(f),
         *_drawing_kernels(f),
@@ -117,7 +118,7 @@ def _facts(
         "key": model_key(system, order),
         "order": order,
         "explicit_time": any(
-            f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau)
+            f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.c)
         ),
         "title": _title(system),
         "coordinates": [name_of(q) for q in system.coordinates],
@@ -138,6 +139,7 @@ def _facts(
             name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
             for name, tau in zip(system.tangents, f.tau, strict=True)
         },
+        "constraints": list(system.constraints),
         "drawing": table_of_drawing(system.drawing),
         "parameters": {
             name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
@@ -289,6 +291,20 @@ def _tangent_kernels(f: Continuous) -> list[KernelSpec]:
             (par,),
             (Output.vector("mu", f.mu),),
         ),
+    ]
+
+
+def _joint_kernels(f: Continuous) -> list[KernelSpec]:
+    """Kernels of the constraints c(q, t) = 0 and of their impulse R . grad c."""
+    if not f.c:
+        return []
+    q, v, _, t, par = _inputs(f)
+    R = Input.vector("R", len(f.c))
+    along = gradient(dot(R.symbols, f.c), f.q)
+    return [
+        *family("joint", "Constraints c = 0.", (q, t), {"c": f.c}, par),
+        *family("joint_rate", "Their rates.", (q, v, t), {"kappa": rates(f, f.c)}, par),
+        *family("reaction", "Impulse s = sum_j R_j grad c_j.", (q, R, t), {"s": along}, par),
     ]
 
 

@@ -62,6 +62,11 @@ class MechanicalSystem(Shown):
         negative one are split into smooth functions, equation :eq:`kink` of the theory.
     terminal_cost : Expr, optional
         Phi(q, q', t) at the final time, which is added to the cost.
+    constraints : mapping of str to equation, optional
+        Equations c(q, t) = 0 that hold in every phase, by name: closed loops, rods, coordinates
+        that depend on each other, places that move in a way that is prescribed:
+        ``{"rod": sp.Eq(x**2 + y**2, l**2)}``; or expressions that are zero.  Their forces
+        R grad c act on the coordinates.
     path_constraints : mapping of str to relation, optional
         Relations in q, q', u and t that hold along the whole motion.  Relations that ``&`` joins
         become constraints of their own: ``name_1``, ``name_2``, ...
@@ -123,6 +128,7 @@ class MechanicalSystem(Shown):
     tangents: Mapping[str, Any] = field(default_factory=dict)
     friction: Mapping[str, Any] = field(default_factory=dict)
     drawing: Sequence[Part] = ()
+    constraints: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_name(self.name, "model")
@@ -256,6 +262,7 @@ class MechanicalSystem(Shown):
             *(f"{n}:{sp.srepr(r)}" for n, r in self.path_functions.items()),
             "|",
             *(f"{n}:{sp.srepr(e)}:{sp.srepr(self.friction[n])}" for n, e in self.tangents.items()),
+            *(f"{n}=0:{sp.srepr(c)}" for n, c in self.constraints.items()),
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 

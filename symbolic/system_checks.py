@@ -32,12 +32,15 @@ def check(system: MechanicalSystem) -> None:
     _check_symbols(system)
     _check_kinks(system)
     _check_mass_matrix(system)
-    for name, gap in system.gaps.items():
-        if not atoms_of(gap) & set(system.coordinates):
-            raise ModelError(
-                f"surface {name!r} contains no coordinate: expected a relation in "
-                f"{_listed(system.coordinates)}."
-            )
+    for what, kind, places in (
+        ("surface", "a relation", system.gaps), ("constraint", "an equation", system.constraints),
+    ):  # fmt: skip
+        for name, place in places.items():
+            if not atoms_of(place) & set(system.coordinates):
+                raise ModelError(
+                    f"{what} {name!r} contains no coordinate: expected {kind} in "
+                    f"{_listed(system.coordinates)}."
+                )
 
 
 def check_names(system: MechanicalSystem) -> None:
@@ -51,6 +54,7 @@ def check_names(system: MechanicalSystem) -> None:
     labels = {
         "surface": list(system.surfaces),
         "path constraint": list(system.path_constraints),
+        "constraint": list(system.constraints),
         "tangent": [name for name in system.tangents if name not in system.surfaces],
     }
     for role, names in (symbols | labels).items():
@@ -160,6 +164,7 @@ def _expressions(system: MechanicalSystem) -> Iterator[tuple[str, Any, tuple[str
         ("the force on {}", {name_of(q): e for q, e in system.forces.items()}, KINDS),
         ("surface {!r}", system.gaps, PLACE),
         ("path constraint {!r}", system.path_functions, KINDS),
+        ("constraint {!r}", system.constraints, PLACE),
         ("the tangent of {!r}", system.tangents, PLACE),
         ("the friction of {!r}", system.friction, ("parameters",)),
     ):
@@ -175,6 +180,8 @@ def _check_kinks(system: MechanicalSystem) -> None:
     check_smooth(system.lagrangian, "the Lagrangian")
     check_smooth(system.dissipation, "the dissipation")
     check_smooth(system.terminal_cost, "the terminal cost", kinks=True)
+    for name, place in system.constraints.items():
+        check_smooth(place, f"constraint {name!r}")
     for q, force in system.forces.items():
         check_smooth(force, f"the force on {name_of(q)}")
     split(system)

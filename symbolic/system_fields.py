@@ -14,7 +14,7 @@ from dmoc.base.arguments import listed, shown
 from dmoc.base.errors import ModelError
 from dmoc.base.names import name_of
 from dmoc.symbolic.drawing import parts_in
-from dmoc.symbolic.expressions import expression_in
+from dmoc.symbolic.expressions import expression_in, zero_of
 
 if TYPE_CHECKING:
     from dmoc.symbolic.system import MechanicalSystem
@@ -26,6 +26,7 @@ MAPPINGS = {  # with an example each
     "parameters": "{m: 1.0}",
     "surfaces": '{"wall": x <= 1}',
     "path_constraints": '{"speed": v <= 1}',
+    "constraints": '{"rod": sp.Eq(x**2 + y**2, l**2)}',
     "forces": "{x: F}",
     "units": '{x: "m"}',
     "tangents": '{"floor": x}',
@@ -57,6 +58,10 @@ def entries_of(system: MechanicalSystem) -> dict[str, Any]:
             key: expression_in(e, f"the {what} of {key!r}")
             for key, e in getattr(system, name).items()
         }
+    read["constraints"] = {
+        name: zero_of(equation, f"constraint {name!r}")
+        for name, equation in system.constraints.items()
+    }
     contacts = dict.fromkeys((*system.surfaces, *system.tangents))
     return read | {"drawing": parts_in(system.drawing, contacts)}
 

@@ -23,14 +23,14 @@ A rail has the largest force F instead of mu P_k, times the time that the node s
 the scheme RATTLE with the momenta of the step element.
 
 The places of closed, stuck and direction are measured by how far the contact could move in one
-step: an error of a place is one of the velocity times the step, which in a phase that shrinks is
-far below the sizes of the motion.
+step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,10 +41,11 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering
 from dmoc.program.contact_table import Touch
 from dmoc.program.interior import bound_once, give_way
-from dmoc.program.laws.law import AT_REST, CONTACT, INPUT, Law, Pivot, key
+from dmoc.program.laws.law import AT_REST, INPUT, Law, Pivot, key
+from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import Settled, settled
-from dmoc.program.reactions import phase_nodes, place
+from dmoc.program.reactions import place
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
@@ -105,7 +106,7 @@ class ContactLaw(Law):
             for index in (unknowns.P, unknowns.P_c):
                 box[index[index != NOWHERE], 0] = 0.0
         smooth = touch.sticks & (self.mu == 0)  # they hold nothing
-        box[unknowns.T[self._along(smooth)]] = 0.0
+        box[unknowns.T[self._phases.along(smooth)]] = 0.0
         box[unknowns.T_c[smooth[1:] & touch.rubs_in_impact]] = 0.0
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
@@ -117,13 +118,8 @@ class ContactLaw(Law):
     def equations(self, block: Numbering) -> None:
         lay, touch = self.lay, self.touch
         names, friction = touch.surfaces, touch.tangents
-        first = self._is_first
-        closed = self._along(touch.is_closed) & ~first[:, None]
-        stuck = self._along(touch.sticks) & ~first[:, None]
-        if len(closed):
-            closed[0] = touch.is_closed[0] & ~self.settled.places[0]
-            closed[self._is_last] &= ~self.settled.places[1:]
-            stuck[self._is_last] &= ~self.settled.stuck
+        along = self._phases
+        moves = np.vstack([np.ones_like(self.settled.stuck[:1]), self.settled.stuck])
         landing = np.zeros_like(touch.beside)
         for i, surfaces in enumerate(touch.landings):
             landing[i, list(surfaces[1:])] = True
@@ -131,37 +127,34 @@ class ContactLaw(Law):
         def at(r: int, j: int, which: Sequence[str]) -> str:
             return f"{which[j]} {place(lay.steps, r)}"
 
-        def in_a_step(rate: Array, s: Scale) -> Array:
-            return np.asarray(rate * s.h[self._phase][:, None])
-
         self.closed = block(
             "closed",
-            closed,
+            along.places(touch.is_closed, self.settled.places),
             lambda r, j: f"contact {at(r, j, names)}",
-            lambda s: in_a_step(s.rate, s),
+            lambda s: along.in_a_step(s.rate, s),
         )
         self.stuck = block(
             "stuck",
-            stuck,
+            along.places(touch.sticks, moves),
             lambda r, j: f"sticking of {at(r, j, friction)}",
-            lambda s: in_a_step(s.slide, s),
+            lambda s: along.in_a_step(s.slide, s),
         )
         self.sliding = block(
             "sliding",
-            self._along(touch.rubs & ~touch.sticks),
+            self._phases.along(touch.rubs & ~touch.sticks),
             lambda r, j: f"sliding friction of {at(r, j, friction)}",
             lambda s: s.friction / lay.total,
         )
         self.at_rest = block(
             "at rest",
             self._ends(touch.is_closed, self.settled.rates),
-            lambda i, j: f"rate of contact {names[j]} {_end(i)}",
+            lambda i, j: f"rate of contact {names[j]} {end_of_phase(i)}",
             lambda s: s.rate,
         )
         self.stopped = block(
             "stopped",
             self._ends(touch.sticks, self.settled.slides, self._stops),
-            lambda i, j: f"sliding velocity of {friction[j]} {_end(i)}",
+            lambda i, j: f"sliding velocity of {friction[j]} {end_of_phase(i)}",
             lambda s: s.slide,
         )
         self.lands = block(
@@ -189,7 +182,7 @@ class ContactLaw(Law):
     def inequalities(self, block: Numbering) -> None:
         """The last axis of cones and of directions of impacts are the two sides."""
         lay, touch = self.lay, self.touch
-        friction, nodes, steps = touch.tangents, self._nodes, np.arange(lay.total)
+        friction, nodes, steps = touch.tangents, self._phases.nodes, np.arange(lay.total)
         slides = touch.signs[lay.phase_of_step] != 0
         slides = slides if not touch.free else slides[:0]
 
@@ -198,7 +191,7 @@ class ContactLaw(Law):
 
         self.cone = block(
             "cone",
-            _twice(self._along(self._grips)),
+            _twice(self._phases.along(self._grips)),
             lambda r, j, _: f"friction cone of {friction[j]} {place(lay.steps, r)}",
             lambda s: s.friction[:, None] / lay.total,
             nodes,
@@ -238,27 +231,9 @@ class ContactLaw(Law):
         interior, and bounds say T = 0."""
         return np.asarray(self.touch.sticks & (self.mu > 0))
 
-    @property
-    def _nodes(self) -> Index:
-        return phase_nodes(self.lay.steps)[: 0 if self.touch.free else None]
-
-    @property
-    def _phase(self) -> Index:
-        """The phase of each phase node."""
-        counts = [0] * self.lay.phases if self.touch.free else [n + 1 for n in self.lay.steps]
-        return np.repeat(np.arange(self.lay.phases), counts)
-
-    @property
-    def _is_first(self) -> Bools:
-        phase = self._phase
-        return np.diff(phase, prepend=-1) > 0
-
-    @property
-    def _is_last(self) -> Bools:
-        return np.diff(self._phase, append=self.lay.phases) > 0
-
-    def _along(self, of_phase: Bools) -> Bools:
-        return np.asarray(of_phase[self._phase])
+    @cached_property
+    def _phases(self) -> PhaseNodes:
+        return PhaseNodes(self.lay, not self.touch.free)
 
     @property
     def _stops(self) -> Bools:
@@ -293,20 +268,14 @@ class ContactLaw(Law):
         lay, momentum = self.lay, laws.step.momentum.index
         if self.touch.free:
             return []
-        nodes, q, t = self._nodes, lay.index_q[self._nodes], places.times(self._nodes)
-        P, T = places.known(lay.contact.P), places.known(lay.contact.T)
-        first, last = self._is_first, self._is_last
-        first[0] = last[-1] = False  # the ends of the motion have momenta of their own
-        found = []
-        for kernel, impulse, sign in (("normal", P, -1.0), ("traction", T, 1.0)):
-            for at, rows in (
-                (np.ones(len(nodes), dtype=bool), momentum[nodes]),
-                (last, laws.impact.arrival.index),
-                (first, laws.impact.departure.index),
-            ):
-                when = t[at] if lay.timed else t
-                rows = rows if len(rows) == at.sum() else rows[at]
-                found.append(Term(kernel, (q[at], impulse[at], when), (rows,), sign))
+        along, unknowns = self._phases, lay.contact
+        q, t = lay.index_q[along.nodes], places.times(along.nodes)
+        found = [
+            *along.pushes("normal", unknowns.P, -1.0, places, laws),
+            *along.pushes("traction", unknowns.T, 1.0, places, laws),
+            *along.rests("gap_rate", self.at_rest.index, places),
+            *along.rests("slide_rate", self.stopped.index, places),
+        ]
         found += self._at_events(places, momentum)
         stuck = self.stuck.index
         before = np.full_like(stuck, NOWHERE)
@@ -347,18 +316,6 @@ class ContactLaw(Law):
                 at = ends[[e]]
                 state = (lay.index_q[at], v[None], places.times(at))
                 found.append(Term("slide_rate", state, (rows[None],), sign))
-        for kernel, rows in (
-            ("gap_rate", self.at_rest.index),
-            ("slide_rate", self.stopped.index),
-        ):
-            parts = [
-                (ends[:1], lay.index_v_B[None], rows[:1]),
-                (ends[1:-1], lay.index_v_a, rows[1:-1]),
-            ]
-            parts.append((ends[-1:], lay.index_v_E[None], rows[-1:]))
-            for at, v, r in parts:
-                if len(at) and v.size:
-                    found.append(Term(kernel, (lay.index_q[at], v, places.times(at)), (r,)))
         return found
 
     def _directions(self, places: Places) -> list[Term]:
@@ -380,8 +337,8 @@ class ContactLaw(Law):
         if touch.free:
             return []
         found: list[Entries] = []
-        phase, sides = self._phase, np.array([1.0, -1.0])
-        weight = np.where(self._is_first | self._is_last, 0.5, 1.0)
+        phase, sides = self._phases.phase, np.array([1.0, -1.0])
+        weight = np.where(self._phases.is_first | self._phases.is_last, 0.5, 1.0)
         events = touch.rubs_in_impact
         for t, surface in enumerate(touch.surface_of):
             along = np.flatnonzero(touch.rubs[phase, t])
@@ -417,25 +374,16 @@ class ContactLaw(Law):
     # Pivots ---------------------------------------------------------------------------------------
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
-        """Rows of contacts determine their impulses.  Those of the last node are determined through
-        the final state, which belongs to the final group, and so do they."""
+        """Rows of contacts determine their impulses."""
         lay, touch = self.lay, self.touch
         if touch.free:
             return
-        nodes, events = self._nodes, lay.collision_nodes
-        last = np.append(nodes[1:] == nodes[:-1], True)
-        yield Pivot(lay.contact.T, self.sliding.index, key(nodes - last, INPUT))
+        along, unknowns, events = self._phases, lay.contact, lay.collision_nodes
+        nodes = along.nodes - along.is_last
+        yield Pivot(unknowns.T, self.sliding.index, key(nodes, INPUT))
         stopped = np.where(touch.sticks, self.stopped.index[1:], NOWHERE)
-        for impulse, held, rest in (
-            (lay.contact.P, self.closed.index, self.at_rest.index),
-            (lay.contact.T, self.stuck.index, stopped),
-        ):
-            following = np.full_like(held, NOWHERE)
-            following[:-1] = held[1:]
-            following[last] = NOWHERE
-            yield Pivot(impulse, following, key(nodes, CONTACT))
-            ends = rest[-lay.phases : -1]
-            yield Pivot(impulse[last][:-1], ends, key(nodes[last][:-1] - 1, AT_REST))
+        yield from along.pivots(unknowns.P, self.closed.index, self.at_rest.index)
+        yield from along.pivots(unknowns.T, self.stuck.index, stopped)
         yield Pivot(lay.contact.P_c, self.stays.index, key(events, AT_REST))
         yield Pivot(lay.contact.T_c, self.sticks.index, key(events, AT_REST))
         yield Pivot(lay.contact.T_c, self.slides.index, key(events - 1, INPUT))
@@ -467,7 +415,3 @@ def _twice(mask: Bools) -> Bools:
 
 def _gap(s: Scale) -> Array:
     return s.gap
-
-
-def _end(i: int) -> str:
-    return f"at the end of phase {i - 1}" if i else "at the start"

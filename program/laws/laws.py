@@ -19,6 +19,7 @@ from dmoc.program.laws.contact import ContactLaw
 from dmoc.program.laws.ends import EndsLaw, Goal
 from dmoc.program.laws.hit import HitLaw
 from dmoc.program.laws.impact import ImpactLaw
+from dmoc.program.laws.joint import JointLaw
 from dmoc.program.laws.law import Law
 from dmoc.program.laws.path import PathLaw
 from dmoc.program.laws.step import StepLaw
@@ -36,6 +37,7 @@ class Laws:
     ends: EndsLaw
     contact: ContactLaw
     hit: HitLaw
+    joint: JointLaw
     equalities: tuple[Block, ...] = ()
     inequalities: tuple[Block, ...] = ()
 
@@ -48,7 +50,9 @@ class Laws:
         return sum(b.count for b in self.inequalities)
 
     def __iter__(self) -> Iterator[Law]:
-        return iter((self.step, self.path, self.impact, self.ends, self.contact, self.hit))
+        return iter(
+            (self.step, self.path, self.impact, self.ends, self.contact, self.hit, self.joint)
+        )
 
     def number(self, problem: Problem, limits: tuple[Array, Array]) -> None:
         """Number the rows of a problem whose unknowns have some lower and upper limits."""
@@ -79,6 +83,7 @@ def laws_of(
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), impact,
         EndsLaw(problem, lay, tuple(goals)), contact, hit,
+        JointLaw(lay),
     )  # fmt: skip
 
 

@@ -192,7 +192,7 @@ def _minima(
     room = effort.guesses if effort.total is None else effort.total - len(points)
     guesses = [g.x for g in initial_guesses(coarse, options.deadline, by_rates)][:room]
     natural = natural_time(coarse)
-    most = max(effort.iterations, LASTING) if problem.lasting else effort.iterations
+    most = max(effort.iterations, LASTING) if problem.held else effort.iterations
     few = replace(options, iterations=min(options.iterations, most))
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     scale = scale_of(coarse, next(iter(named.values())))

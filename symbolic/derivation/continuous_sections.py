@@ -75,6 +75,13 @@ def continuous_sections(
             "g <= 0; the gradient points out of the admissible set.",
             tuple(equations),
         )
+    if f.phi:
+        equations = []
+        for name, phi in zip(system.constraints, f.phi, strict=True):
+            tag = f"{{\\mathrm{{{escape(name)}}}}}"
+            equations.append(equation(own, f"phi_{name}", rf"\phi_{tag}", phi))
+        text = "phi = 0 in every phase, by forces R grad phi."
+        yield Section("Constraints", text, tuple(equations))
     if f.tau:
         equations = []
         for name, tau, mu in zip(system.tangents, f.tau, f.mu, strict=True):

@@ -75,6 +75,8 @@ def _facts(system: MechanicalSystem) -> Iterator[tuple[str, str]]:
         ),
     )
     yield "surfaces", ", ".join(system.surfaces)
+    if system.constraints:
+        yield "constraints", ", ".join(system.constraints)
 
 
 def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, str, Any]]:
@@ -88,6 +90,7 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         ("g", system.surfaces, f.g),
         ("tau", system.tangents, f.tau),
         ("mu", system.tangents, f.mu),
+        ("c", system.constraints, f.c),
         ("r", system.path_constraints, f.r),
     ):
         for name, value in zip(owners, values, strict=True):

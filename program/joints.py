@@ -1,0 +1,51 @@
+"""The unknown impulses of constraints c(q, t) = 0 that hold in every phase."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dmoc.mechanics.model import Model
+from dmoc.program.blocks import Bools, Index, Numbering
+from dmoc.program.reactions import Functions, Reaction, place, rows_of_phase
+
+JOINTS = Functions(Model.joints, Model.joint_slopes, Model.joint_rates)
+
+
+@dataclass(frozen=True, eq=False)
+class JointUnknowns:
+    """Impulses R, shape (phase nodes, nj), in the rows of
+    :func:`~dmoc.program.reactions.phase_nodes`, and those of impacts R_c, shape (events, nj)."""
+
+    steps: tuple[int, ...]
+    names: tuple[str, ...]
+    R: Index
+    R_c: Index
+
+    @classmethod
+    def of(
+        cls, block: Numbering, steps: tuple[int, ...], names: tuple[str, ...], impacts: Bools
+    ) -> JointUnknowns:
+        rows = sum(n + 1 for n in steps) if names else 0
+        impulses = block(
+            "R",
+            (rows, len(names)),
+            lambda r, j: f"impulse of constraint {names[j]} {place(steps, r)}",
+            lambda s: s.reaction / sum(steps),
+        )
+        of_impacts = block(
+            "R_c",
+            np.repeat(impacts[:, None], len(names), axis=1),
+            lambda i, j: f"impulse of constraint {names[j]} at event {i + 1}",
+            lambda s: s.reaction,
+        )
+        return cls(steps, names, impulses.index, of_impacts.index)
+
+    def reactions(self, i: int) -> Iterator[Reaction]:
+        """Those of phase i: of all constraints."""
+        if self.names:
+            every, holds = tuple(range(len(self.names))), np.ones(len(self.names), dtype=bool)
+            rows = self.R[rows_of_phase(self.steps, i)]
+            yield Reaction("reaction", self.names, JOINTS, every, rows, 1.0, holds, True, True)

@@ -1,0 +1,117 @@
+"""Constraints c(q, t) = 0 that hold in every phase: closed loops, rods, coordinates that depend on
+each other.
+
+Each has an impulse R_k at every node of a phase, the ends among them, and R_c in every impact::
+
+    momentum   ... + sum R_k grad c(q_k) = 0        also of arrival, departure
+    place      c(q_k) = 0                           at the nodes after the first one of a phase
+    at rest    kappa(q_N, v-) = 0                   at the end of each phase, and at the start
+    stays      kappa(q_c, v+) = 0                   after an impact, with the impulse R_c
+
+with the rate kappa = dc/dt.  This is the law of a closed contact that may pull
+(:mod:`dmoc.program.laws.contact`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dmoc.codegen.kernels import Array
+from dmoc.problem.problem import Problem
+from dmoc.program.blocks import NOWHERE, Block, Bools, Numbering
+from dmoc.program.laws.law import AT_REST, Law, Pivot, key
+from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase
+from dmoc.program.layout import Layout
+from dmoc.program.presolve import joints_settled
+from dmoc.program.reactions import place
+from dmoc.program.terms import Places, Term
+
+if TYPE_CHECKING:
+    from dmoc.program.laws.laws import Laws
+
+
+@dataclass(eq=False)
+class JointLaw(Law):
+    """The constraints of a model.
+
+    Attributes
+    ----------
+    lay : Layout
+    settled : tuple of arrays of bool, shapes (phases + 1, nj) and (2, nj)
+        Places at the start and at the end of each phase, and rates at the start and at the end of
+        the motion, that hold by themselves.
+    """
+
+    lay: Layout
+    settled: tuple[Bools, Bools] = field(init=False)
+    place: Block = field(init=False)
+    at_rest: Block = field(init=False)
+    stays: Block = field(init=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.lay.joint.names
+
+    @cached_property
+    def _along(self) -> PhaseNodes:
+        return PhaseNodes(self.lay, bool(self.names))
+
+    def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
+        count = len(self.names)
+        nothing = np.zeros((self.lay.phases + 1, 0), dtype=bool), np.zeros((2, 0), dtype=bool)
+        self.settled = joints_settled(problem, self.lay, limits) if count else nothing
+
+    def equations(self, block: Numbering) -> None:
+        lay, names, along = self.lay, self.names, self._along
+        every = np.ones((lay.phases, len(names)), dtype=bool)
+        places, rates = self.settled
+        rests = np.ones((lay.phases + 1, len(names)), dtype=bool)
+        rests[[0, -1]] = ~rates
+        self.place = block(
+            "place",
+            along.places(every, places),
+            lambda r, j: f"constraint {names[j]} {place(lay.steps, r)}",
+            lambda s: along.in_a_step(s.joint_rate, s),
+        )
+        self.at_rest = block(
+            "constraint at rest",
+            rests,
+            lambda i, j: f"rate of constraint {names[j]} {end_of_phase(i)}",
+            lambda s: s.joint_rate,
+        )
+        self.stays = block(
+            "constraint stays",
+            lay.joint.R_c != NOWHERE,
+            lambda i, j: f"rate of constraint {names[j]} after event {i + 1}",
+            lambda s: s.joint_rate,
+        )
+
+    def terms(self, places: Places, laws: Laws) -> list[Term]:
+        lay, along, unknowns = self.lay, self._along, self.lay.joint
+        if not self.names:
+            return []
+        terms = list(along.pushes("reaction", unknowns.R, 1.0, places, laws))
+        nodes = lay.collision_nodes
+        if len(nodes):
+            q, t, v = lay.index_q[nodes], places.times(nodes), lay.index_v_c
+            R_c = places.known(unknowns.R_c)
+            terms += [
+                Term("reaction", (q, R_c, t), (laws.step.momentum.index[nodes],)),
+                Term("joint_rate", (q, v, t), (self.stays.index,)),
+            ]
+        at = lay.index_q[along.nodes], places.times(along.nodes)
+        rests = along.rests("joint_rate", self.at_rest.index, places)
+        return [*terms, Term("joint", at, (self.place.index,)), *rests]
+
+    def pivots(self, laws: Laws) -> Iterator[Pivot]:
+        """Places and rates determine the impulses."""
+        if self.names:
+            unknowns = self.lay.joint
+            yield from self._along.pivots(unknowns.R, self.place.index, self.at_rest.index)
+            after = key(self.lay.collision_nodes, AT_REST)
+            yield Pivot(unknowns.R_c, self.stays.index, after)
