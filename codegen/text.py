@@ -152,7 +152,7 @@ def _legend(model: ModelSpec) -> list[str]:
         "u": "inputs",
         "g": "surfaces",
         "tau": "tangents",
-        "c": "constraints",
+        "phi": "joints",
         "r_d": "path_constraints",
         "par": "parameters",
     }

@@ -373,7 +373,7 @@ class Problem(Shown):
     @cached_property
     def held(self) -> bool:
         """Whether anything is held along a phase: by contacts that last, or by constraints."""
-        return self.lasting or bool(self.kernels.constraints)
+        return self.lasting or bool(self.kernels.joints)
 
     @cached_property
     def touches(self) -> Contacts:

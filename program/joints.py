@@ -1,4 +1,4 @@
-"""The unknown impulses of constraints c(q, t) = 0 that hold in every phase."""
+"""The unknown impulses of constraints phi(q, t) = 0 that hold in every phase."""
 
 from __future__ import annotations
 

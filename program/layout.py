@@ -77,7 +77,7 @@ class Layout:
         kernels = problem.kernels
         turning = {name for r in problem.relations for name in (r.start, r.end)}
         turns = any(velocity_name(c) in turning for c in kernels.coordinates)
-        joined = bool(kernels.constraints)
+        joined = bool(kernels.joints)
         free = [mode.free and not joined for mode in problem.modes]
         at_start = turns or not (free[0] or problem.start_is_known)
         at_goal = turns or not free[-1] or bool(kernels.manifest["terminal_velocity"])
@@ -100,7 +100,7 @@ class Layout:
             problem.start_bounds.needs_velocity or at_start,
             problem.goal_bounds.needs_velocity or at_goal,
             touch_of(problem),
-            tuple(kernels.constraints),
+            tuple(kernels.joints),
         )
         return (_shared if sum(kind.steps) <= MOST_SHARED else _laid_out)(kind)
 
@@ -267,7 +267,7 @@ class Kind:
     v_at_start: bool
     v_at_end: bool
     touch: Touch
-    constraints: tuple[str, ...]
+    joints: tuple[str, ...]
 
 
 def _laid_out(kind: Kind) -> Layout:
@@ -344,7 +344,7 @@ def _laid_out(kind: Kind) -> Layout:
     contact = ContactUnknowns.of(block, steps, touch)
     words = (tuple(v), touch.surfaces, touch.tangents)
     hit = HitUnknowns.of(block, touch.moments, touch.passing, words)
-    joint = JointUnknowns.of(block, steps, kind.constraints, np.array(touch.impacts, dtype=bool))
+    joint = JointUnknowns.of(block, steps, kind.joints, np.array(touch.impacts, dtype=bool))
     return Layout(
         nq, len(u), steps, form, scheme, kind.timed, surfaces, touch, tuple(block.made),
         **indices, contact=contact, hit=hit, joint=joint,

@@ -45,7 +45,7 @@ class Scale:
         )
         path, s = (np.ones(len(kernels.manifest[part])) for part in ("path_rows", "hidden"))
         nt, h = np.ones(len(kernels.tangents)), np.ones(problem.phases)
-        nj = np.ones(len(kernels.constraints))
+        nj = np.ones(len(kernels.joints))
         return cls(1.0, 1.0, 1.0, nq, nq, nq, nu, nc, nc, nc, nt, nt, path, s, h, nj, nj)
 
     def named(self, problem: Problem) -> dict[str, float]:

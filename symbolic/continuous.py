@@ -28,7 +28,7 @@ from dmoc.symbolic.system import MechanicalSystem
 @dataclass(frozen=True)
 class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
-    gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints c_j, looks:
+    gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints phi_j, looks:
     the values of the drawing."""
 
     q: tuple[Any, ...]
@@ -44,7 +44,7 @@ class Continuous:
     r: tuple[Any, ...]
     tau: tuple[Any, ...]
     mu: tuple[Any, ...]
-    c: tuple[Any, ...]
+    phi: tuple[Any, ...]
     looks: tuple[Any, ...]
 
     @classmethod
@@ -124,7 +124,7 @@ class Continuous:
             each(self.r),
             each(self.tau),
             each(self.mu),
-            each(self.c),
+            each(self.phi),
             each(self.looks),
         )
 

@@ -118,7 +118,7 @@ def _facts(
         "key": model_key(system, order),
         "order": order,
         "explicit_time": any(
-            f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.c)
+            f.t in e.free_symbols for e in (f.L, *f.Q, f.C, f.Phi, *f.g, *f.r, *f.tau, *f.phi)
         ),
         "title": _title(system),
         "coordinates": [name_of(q) for q in system.coordinates],
@@ -139,7 +139,7 @@ def _facts(
             name: [i for i, s in enumerate(f.q) if s in tau.free_symbols]
             for name, tau in zip(system.tangents, f.tau, strict=True)
         },
-        "constraints": list(system.constraints),
+        "joints": list(system.constraints),
         "drawing": table_of_drawing(system.drawing),
         "parameters": {
             name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
@@ -295,16 +295,16 @@ def _tangent_kernels(f: Continuous) -> list[KernelSpec]:
 
 
 def _joint_kernels(f: Continuous) -> list[KernelSpec]:
-    """Kernels of the constraints c(q, t) = 0 and of their impulse R . grad c."""
-    if not f.c:
+    """Kernels of the constraints phi(q, t) = 0 and of their impulse R . grad c."""
+    if not f.phi:
         return []
     q, v, _, t, par = _inputs(f)
-    R = Input.vector("R", len(f.c))
-    along = gradient(dot(R.symbols, f.c), f.q)
+    R = Input.vector("R", len(f.phi))
+    along = gradient(dot(R.symbols, f.phi), f.q)
     return [
-        *family("joint", "Constraints c = 0.", (q, t), {"c": f.c}, par),
-        *family("joint_rate", "Their rates.", (q, v, t), {"kappa": rates(f, f.c)}, par),
-        *family("reaction", "Impulse s = sum_j R_j grad c_j.", (q, R, t), {"s": along}, par),
+        *family("joint", "Constraints phi = 0.", (q, t), {"phi": f.phi}, par),
+        *family("joint_rate", "Their rates.", (q, v, t), {"phi_dot": rates(f, f.phi)}, par),
+        *family("reaction", "Impulse s = sum_j R_j grad phi_j.", (q, R, t), {"s": along}, par),
     ]
 
 

@@ -63,10 +63,10 @@ class MechanicalSystem(Shown):
     terminal_cost : Expr, optional
         Phi(q, q', t) at the final time, which is added to the cost.
     constraints : mapping of str to equation, optional
-        Equations c(q, t) = 0 that hold in every phase, by name: closed loops, rods, coordinates
+        Equations phi(q, t) = 0 that hold in every phase, by name: closed loops, rods, coordinates
         that depend on each other, places that move in a way that is prescribed:
         ``{"rod": sp.Eq(x**2 + y**2, l**2)}``; or expressions that are zero.  Their forces
-        R grad c act on the coordinates.
+        R grad phi act on the coordinates.
     path_constraints : mapping of str to relation, optional
         Relations in q, q', u and t that hold along the whole motion.  Relations that ``&`` joins
         become constraints of their own: ``name_1``, ``name_2``, ...

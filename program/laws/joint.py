@@ -1,14 +1,14 @@
-"""Constraints c(q, t) = 0 that hold in every phase: closed loops, rods, coordinates that depend on
+"""Constraints phi(q, t) = 0 that hold in every phase: closed loops, rods, coordinates that depend on
 each other.
 
 Each has an impulse R_k at every node of a phase, the ends among them, and R_c in every impact::
 
-    momentum   ... + sum R_k grad c(q_k) = 0        also of arrival, departure
-    place      c(q_k) = 0                           at the nodes after the first one of a phase
-    at rest    kappa(q_N, v-) = 0                   at the end of each phase, and at the start
-    stays      kappa(q_c, v+) = 0                   after an impact, with the impulse R_c
+    momentum   ... + sum R_k grad phi(q_k) = 0        also of arrival, departure
+    place      phi(q_k) = 0                         at the nodes after the first one of a phase
+    at rest    phi_dot(q_N, v-) = 0                   at the end of each phase, and at the start
+    stays      phi_dot(q_c, v+) = 0                   after an impact, with the impulse R_c
 
-with the rate kappa = dc/dt.  This is the law of a closed contact that may pull
+with the rate phi_dot.  This is the law of a closed contact that may pull
 (:mod:`dmoc.program.laws.contact`).
 """
 

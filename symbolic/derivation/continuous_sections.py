@@ -76,10 +76,8 @@ def continuous_sections(
             tuple(equations),
         )
     if f.phi:
-        equations = []
-        for name, phi in zip(system.constraints, f.phi, strict=True):
-            tag = f"{{\\mathrm{{{escape(name)}}}}}"
-            equations.append(equation(own, f"phi_{name}", rf"\phi_{tag}", phi))
+        named = zip(system.constraints, f.phi, strict=True)
+        equations = [definition(own, f"phi_{n}", rf"\phi_{upright(n)}", phi) for n, phi in named]
         text = "phi = 0 in every phase, by forces R grad phi."
         yield Section("Constraints", text, tuple(equations))
     if f.tau:

@@ -90,7 +90,7 @@ def _functions(system: MechanicalSystem, f: Continuous) -> Iterator[tuple[str, s
         ("g", system.surfaces, f.g),
         ("tau", system.tangents, f.tau),
         ("mu", system.tangents, f.mu),
-        ("c", system.constraints, f.c),
+        ("phi", system.constraints, f.phi),
         ("r", system.path_constraints, f.r),
     ):
         for name, value in zip(owners, values, strict=True):
