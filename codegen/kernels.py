@@ -63,6 +63,8 @@ class Kernels(Shown):
         ]
         if self.tangents:
             rows.append(("tangents", ", ".join(self.tangents)))
+        if self.joints:
+            rows.append(("constraints", ", ".join(self.joints)))
         if m["path_constraints"]:
             rows.append(("path constraints", ", ".join(m["path_constraints"])))
         values = (
@@ -108,7 +110,8 @@ class Kernels(Shown):
 
     @property
     def joints(self) -> list[str]:
-        return list(self.manifest.get("joints", ()))
+        """Names of the constraints, which hold in every phase."""
+        return list(self.manifest["joints"])
 
     @property
     def parameters(self) -> dict[str, float | None]:

@@ -214,9 +214,13 @@ class Model(BoundKernels):
         """Its second derivatives along a motion without acceleration, shape (..., nj)."""
         return self._bent("phi_dot_D", self.nj, q, v, t)
 
+    def joint_sizes(self, q: Array, t: float = 0.0) -> Array:
+        """Sizes of phi at one position, shape (nj,), as those of gaps."""
+        return self._sizes("joint", self.nj, q, t)
+
     def joint_rounding(self, q: Array, t: float = 0.0) -> Array:
         """What of phi rounding leaves where a position fits the joints, shape (nj,)."""
-        return ROUNDING * self._sizes("joint", self.nj, q, t)
+        return ROUNDING * self.joint_sizes(q, t)
 
     # Drawing --------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -58,18 +58,17 @@ def _rows(motion: Trajectory, phase: Phase, number: int) -> dict[str, Array]:
         for names, given, known in (
             (phase.closed, phase.normal, motion.restitution),
             (tuple(phase.rubbing), phase.tangential, motion.friction),
+            (phase.joints, phase.reaction, phase.joints),
         )
     ]
     return {
         "t": phase.t[node], "phase": np.full(len(node), number), "q": phase.q[node],
         "v": phase.v[node], "p": phase.p[node], "u": phase.u[begins], "normal": forces[0][node],
-        "tangential": forces[1][node],
+        "tangential": forces[1][node], "reaction": forces[2][node],
     }  # fmt: skip
 
 
-def _all_forces(
-    phase: Phase, names: tuple[str, ...], forces: Array, known: Mapping[str, float]
-) -> Array:
+def _all_forces(phase: Phase, names: tuple[str, ...], forces: Array, known: Iterable[str]) -> Array:
     """Forces at the nodes by all contacts, zero where one is open."""
     given = dict(zip(names, forces.T, strict=True)) if forces.size else {}
     nothing = np.zeros(len(phase.t))

@@ -12,7 +12,7 @@ are linear between nodes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -55,6 +55,8 @@ class State(Mapping[str, "Array | float"]):
         Contact forces N of all surfaces in newton, zero where a surface is not closed.
     tangential : array of shape (nt,) or (n, nt)
         Friction forces T of all tangents in newton.
+    reaction : array of shape (nj,) or (n, nj)
+        Forces R of the constraints of the model, ``state["R_rod"]``.
     names : Names
         What the columns are called.
     """
@@ -67,6 +69,7 @@ class State(Mapping[str, "Array | float"]):
     u: Array
     normal: Array
     tangential: Array
+    reaction: Array
     names: Names
 
     def __getitem__(self, name: str) -> Array | float:
@@ -94,12 +97,12 @@ class Names:
     inputs: tuple[str, ...]
     surfaces: tuple[str, ...]
     tangents: tuple[str, ...]
+    joints: tuple[str, ...]
 
     @classmethod
     def of(cls, motion: Trajectory) -> Names:
-        return cls(
-            motion.coordinates, motion.inputs, tuple(motion.restitution), tuple(motion.friction)
-        )
+        contacts = tuple(motion.restitution), tuple(motion.friction)
+        return cls(motion.coordinates, motion.inputs, *contacts, motion.phases[0].joints)
 
     @cached_property
     def places(self) -> dict[str, tuple[str, int | None]]:
@@ -117,6 +120,7 @@ class Names:
         for part, columns in (
             ("normal", [f"N_{name}" for name in self.surfaces]),
             ("tangential", [f"T_{name}" for name in self.tangents]),
+            ("reaction", [f"R_{name}" for name in self.joints]),
         ):
             found |= {_free(name, found): (part, i) for i, name in enumerate(columns)}
         return found | {_free("phase", found): ("phase", None)}
@@ -143,7 +147,7 @@ def state_at(motion: Trajectory, t: ArrayLike, side: str = "right") -> State:
     phases = _phases_of(motion, flat, side)
     names = Names.of(motion)
     sizes = [len(names.coordinates)] * 3 + [
-        len(part) for part in (names.inputs, names.surfaces, names.tangents)
+        len(part) for part in (names.inputs, names.surfaces, names.tangents, names.joints)
     ]
     found = [np.zeros((len(flat), size)) for size in sizes]
     for i in np.unique(phases):
@@ -152,10 +156,10 @@ def state_at(motion: Trajectory, t: ArrayLike, side: str = "right") -> State:
         for whole, part in zip(found, values, strict=True):
             whole[at] = part
     if not times.ndim:
-        q, v, p, u, normal, tangential = (part[0] for part in found)
-        return State(float(times), int(phases[0]), q, v, p, u, normal, tangential, names)
-    q, v, p, u, normal, tangential = found
-    return State(times, phases, q, v, p, u, normal, tangential, names)
+        q, v, p, u, N, T, R = (part[0] for part in found)
+        return State(float(times), int(phases[0]), q, v, p, u, N, T, R, names)
+    q, v, p, u, N, T, R = found
+    return State(times, phases, q, v, p, u, N, T, R, names)
 
 
 def _times(t: ArrayLike, motion: Trajectory) -> Array:
@@ -185,7 +189,7 @@ def _found(nodes: Array, t: Array, side: str) -> NDArray[np.intp]:
 
 
 def _in_phase(motion: Trajectory, phase: Phase, t: Array, side: str) -> tuple[Array, ...]:
-    """q, v, p, u, N and T at times of a phase, shape (n, size) each."""
+    """q, v, p, u, N, T and R at times of a phase, shape (n, size) each."""
     k = np.clip(_found(phase.t, t, side) - 1, 0, phase.steps - 1)
     h = phase.t[k + 1] - phase.t[k]
     share = np.clip((t - phase.t[k]) / h, 0.0, 1.0)
@@ -197,6 +201,7 @@ def _in_phase(motion: Trajectory, phase: Phase, t: Array, side: str) -> tuple[Ar
         for names, column, known in (
             (phase.closed, phase.normal, motion.restitution),
             (phase.rubbing, phase.tangential, motion.friction),
+            (phase.joints, phase.reaction, phase.joints),
         )
     )
     return q, v, _momenta(phase, k, share), u, *forces
@@ -234,7 +239,7 @@ def _nodes(at_ends: Array, inside: Array, k: NDArray[np.intp]) -> list[Array]:
 
 
 def _forces(
-    nodes: Array, t: Array, names: Sequence[str], forces: Array, known: Mapping[str, float]
+    nodes: Array, t: Array, names: Sequence[str], forces: Array, known: Iterable[str]
 ) -> Array:
     """Forces of all contacts by those of the closed ones, linear between nodes."""
     given = dict(zip(names, forces.T, strict=True)) if forces.size else {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +54,10 @@ class Phase:
         Contact forces N >= 0 at the nodes in newton: -N grad g acts on the coordinates.
     tangential : array of shape (N + 1, len(rubbing))
         Friction forces T at the nodes: T grad tau acts on the coordinates.
+    joints : tuple of str
+        The constraints of the model.
+    reaction : array of shape (N + 1, len(joints))
+        Their forces R at the nodes: R grad phi acts on the coordinates.
     q_inside, p_inside : arrays of shape ((d - 1) N, nq)
         Coordinates and momenta at the nodes inside the steps, one step after the other, of
         polynomials of degree d; none at order 2.
@@ -71,6 +74,8 @@ class Phase:
     tangential: Array = field(default_factory=lambda: np.zeros((0, 0)))
     q_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
     p_inside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    joints: tuple[str, ...] = ()
+    reaction: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def steps(self) -> int:
@@ -83,8 +88,8 @@ class Phase:
 
     @property
     def forces(self) -> dict[str, Array]:
-        """Forces at the nodes by their kind, those of contacts that there are."""
-        kinds = {"normal": self.normal, "tangential": self.tangential}
+        """Forces at the nodes by their kind, those that there are."""
+        kinds = {"normal": self.normal, "tangential": self.tangential, "reaction": self.reaction}
         return {kind: forces for kind, forces in kinds.items() if forces.shape[1]}
 
     @property
@@ -124,7 +129,9 @@ class Collision:
         Friction of tangents from here on, where it changes: 0 sticks, 1 and -1 slide.
     impulses, tractions : mappings of str to float
         Normal impulses P of all contacts that take one, and their tangential impulses S: the
-        momentum changes by -P grad g + S grad tau.
+        momentum changes by -P grad g + S grad tau + R grad phi.
+    reactions : mapping of str to float
+        Impulses R of the constraints of the model.
     course : str
         How friction acts in the course of the impact, as "slip+:stick"; empty where it does not, or
         in one way.
@@ -145,6 +152,7 @@ class Collision:
     impulses: Mapping[str, float] = field(default_factory=dict)
     tractions: Mapping[str, float] = field(default_factory=dict)
     course: str = ""
+    reactions: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def hit(self) -> str:
@@ -247,8 +255,8 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class LargestForce:
-    """The largest force of a contact along a motion: "N" or "T", its value in newton, which has a
-    sign for T, and its time in seconds."""
+    """The largest force of a contact along a motion, "N" or "T", or of a constraint, "R": its
+    value in newton, which has a sign for T and R, and its time in seconds."""
 
     contact: str
     kind: str
@@ -257,14 +265,19 @@ class LargestForce:
 
 
 def largest_forces(motion: Trajectory) -> list[LargestForce]:
-    """The largest normal force and the largest friction of each contact, at its first time."""
+    """The largest normal force and the largest friction of each contact, and the largest force of
+    each constraint, at its first time."""
     found: dict[tuple[str, str], LargestForce] = {}
     for phase in motion.phases:
-        normal = (("N", name, row) for name, row in zip(phase.closed, phase.normal.T, strict=True))
-        friction = (
-            ("T", name, row) for name, row in zip(phase.rubbing, phase.tangential.T, strict=True)
-        )
-        for kind, name, forces in chain(normal, friction):
+        rows = (
+            (kind, name, row)
+            for kind, names, forces in (
+                ("N", phase.closed, phase.normal), ("T", phase.rubbing, phase.tangential),
+                ("R", phase.joints, phase.reaction),
+            )
+            for name, row in zip(names, forces.T, strict=True)
+        )  # fmt: skip
+        for kind, name, forces in rows:
             k = int(np.argmax(np.abs(forces)))
             force = LargestForce(name, kind, float(forces[k]), float(phase.t[k]))
             known = found.get((name, kind))

@@ -92,7 +92,7 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
 
 def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:
     """Refuse a start on a surface with a fixed velocity that moves into it."""
-    v = _fixed_velocity(problem, q)
+    v = _fixed_velocity(problem.start_bounds, problem, q)
     if v is None:
         return
     rate, slope = float(problem.model.gap_rates(q, v)[j]), problem.model.gap_slopes(q)[j]
@@ -104,9 +104,9 @@ def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:
         )
 
 
-def _fixed_velocity(problem: Problem, q: Array) -> Array | None:
-    """The velocity at the start where it is fixed, by itself or by momenta."""
-    velocity, momentum = problem.start_bounds.velocity, problem.start_bounds.momentum
+def _fixed_velocity(boundary: Boundary, problem: Problem, q: Array) -> Array | None:
+    """The velocity at an end where it is fixed, by itself or by momenta."""
+    velocity, momentum = boundary.velocity, boundary.momentum
     if (velocity[:, 0] == velocity[:, 1]).all():
         return velocity[:, 0]
     if not (momentum[:, 0] == momentum[:, 1]).all():
@@ -124,16 +124,45 @@ def check_contacts(problem: Problem) -> None:
                 f"the friction of {name!r} is {value:g}: expected 0 or a positive number; check "
                 "the parameters."
             )
-    if not problem.lasting:
+    if not problem.held:
         return
     if problem.order != 2:
+        what = "contacts that last are" if problem.lasting else "constraints are"
         raise ProblemError(
-            f"the kernels are of order {problem.order}: contacts that last are solved with order "
-            "2; build the model with order=2."
+            f"the kernels are of order {problem.order}: {what} solved with order 2; build the "
+            "model with order=2."
         )
+    _check_joined(problem, "start", problem.start_bounds)
+    if not problem.explicit_time:
+        _check_joined(problem, "goal", problem.goal_bounds)
     _check_start_in_contact(problem)
     for i, mode in enumerate(problem.modes):
         _check_independent(problem, i, mode)
+
+
+def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:
+    """Refuse a fixed state at the start or at the end that the constraints do not allow."""
+    model, position = problem.model, boundary.position
+    if not model.nj or not (position[:, 0] == position[:, 1]).all():
+        return
+    q = position[:, 0]
+    off, sizes = model.joints(q), model.joint_sizes(q)
+    for name, miss, size in zip(problem.kernels.joints, off, sizes, strict=True):
+        if not abs(miss) <= OFF_CONTACT * size:
+            raise ProblemError(
+                f"constraint {name!r} does not hold at the {end}, where it is {miss:.3g} instead "
+                f"of 0: give a {end} that fits it."
+            )
+    v = _fixed_velocity(boundary, problem, q)
+    if v is None:
+        return
+    rates, slopes = model.joint_rates(q, v), model.joint_slopes(q)
+    for name, rate, slope in zip(problem.kernels.joints, rates, slopes, strict=True):
+        if abs(rate) > OFF_CONTACT * _size(slope, v):
+            raise ProblemError(
+                f"constraint {name!r} does not allow the velocity at the {end}, which changes it "
+                f"by {rate:.3g} per second: give velocities along it."
+            )
 
 
 def _check_start_in_contact(problem: Problem) -> None:
@@ -142,7 +171,7 @@ def _check_start_in_contact(problem: Problem) -> None:
     position = problem.start_bounds.position
     fixed = position[:, 0] == position[:, 1]
     manifest = problem.kernels.manifest
-    v = _fixed_velocity(problem, q) if fixed.all() else None
+    v = _fixed_velocity(problem.start_bounds, problem, q) if fixed.all() else None
     gaps, sizes = model.gaps(q), model.gap_sizes(q)
     for name in mode.closed:
         j = problem.model.surface_numbers[name]
@@ -173,6 +202,12 @@ def _check_start_in_contact(problem: Problem) -> None:
             )
 
 
+def _what(problem: Problem, mode: PhaseMode) -> str:
+    """What a phase is held by, in words."""
+    kinds = ("contacts", not mode.free), ("constraints", bool(problem.kernels.joints))
+    return " and ".join(f"the {kind}" for kind, there in kinds if there)
+
+
 def _size(slope: Array, v: Array) -> float:
     """The rate that a velocity could make."""
     return float(np.abs(slope) @ np.append(np.abs(v), 1.0))
@@ -187,21 +222,24 @@ def _check_rate(name: str, what: str, rate: float, slope: Array, v: Array) -> No
 
 
 def _check_independent(problem: Problem, phase: int, mode: PhaseMode) -> None:
-    """Refuse contacts whose directions depend on each other wherever the motion may be."""
+    """Refuse contacts and constraints whose directions depend on each other wherever the motion
+    may be."""
     model, q = problem.model, problem.start_position
     rng = np.random.default_rng(0)
-    names = [*mode.closed, *(f"{name}:stick" for name in mode.sticking)]
+    sticking = [f"{name}:stick" for name in mode.sticking]
+    names = [*mode.closed, *sticking, *problem.kernels.joints]
     most = 0
     for share in (0.0, 0.3, 1.0):
         at = q + share * problem.reach * rng.standard_normal(problem.nq)
         normal = model.gap_slopes(at)[[problem.model.surface_numbers[n] for n in mode.closed]]
         along = model.tangent_slopes(at)[[problem.model.tangent_numbers[n] for n in mode.sticking]]
-        slopes = np.vstack([normal, along])[:, :-1] * problem.reach
+        slopes = np.vstack([normal, along, model.joint_slopes(at)])[:, :-1] * problem.reach
         if slopes.size and np.isfinite(slopes).all():
             most = max(most, int(np.linalg.matrix_rank(slopes)))
     if most < len(names):
         raise ProblemError(
-            f"the contacts {', '.join(names)} of phase {phase} are redundant: together they hold "
+            f"{_what(problem, mode)} {', '.join(names)} of phase {phase} are redundant: together "
+            f"they hold "
             f"{most} of {problem.nq} coordinates, {len(names)} conditions are too many; leave one "
             "out."
         )

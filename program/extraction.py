@@ -57,6 +57,8 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 forces.get("normal", np.zeros((steps + 1, 0))),
                 forces.get("tangential", np.zeros((steps + 1, 0))),
                 *_inside(nlp, t, at, v, q_i[first:last]),
+                lay.joint.names,
+                forces.get("reaction", np.zeros((steps + 1, 0))),
             )
         )
         begin = float(t[-1])
@@ -79,6 +81,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 changes(problem.modes[i], problem.modes[i + 1]),
                 *_impulses_of_event(lay, x, i),
                 "" if event.course is None else str(event.course),
+                lay.joint.impulses_at(x, i),
             )
         )
     return motion_along(

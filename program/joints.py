@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.program.blocks import Bools, Index, Numbering
-from dmoc.program.reactions import Functions, Reaction, place, rows_of_phase
+from dmoc.program.reactions import Functions, Reaction, members, place, rows_of_phase
 
 JOINTS = Functions(Model.joints, Model.joint_slopes, Model.joint_rates)
 
@@ -42,6 +43,10 @@ class JointUnknowns:
             lambda s: s.reaction,
         )
         return cls(steps, names, impulses.index, of_impacts.index)
+
+    def impulses_at(self, x: Array, i: int) -> dict[str, float]:
+        """Impulses of event i, by name."""
+        return {self.names[j]: float(x[k]) for j, k in members(self.R_c[i])}
 
     def reactions(self, i: int) -> Iterator[Reaction]:
         """Those of phase i: of all constraints."""

@@ -55,6 +55,7 @@ def without_rounding(trajectory: Trajectory) -> Trajectory:
             u=np.where(idle, 0.0, phase.u),
             normal=forces(phase.normal),
             tangential=forces(phase.tangential),
+            reaction=forces(phase.reaction),
         )
 
     return replace(trajectory, phases=tuple(map(cleaned, phases)))

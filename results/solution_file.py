@@ -141,7 +141,10 @@ SIGN = Choice((-1, 0, 1))  # of friction
 
 def _wrong_contacts(phase: Phase) -> str | None:
     """What of the contacts of a phase does not fit together."""
-    for names, forces in ((phase.closed, phase.normal), (phase.rubbing, phase.tangential)):
+    for names, forces in (
+        (phase.closed, phase.normal), (phase.rubbing, phase.tangential),
+        (phase.joints, phase.reaction),
+    ):  # fmt: skip
         if forces.shape not in {(len(phase.t), len(names))} | ({(0, 0)} if not names else set()):
             return f"a phase has forces of shape {forces.shape} for {len(names)} contacts"
     return None
@@ -162,6 +165,8 @@ PHASE = Record(
         "tangential": Stored(None, None),
         "q_inside": Stored(None, None),
         "p_inside": Stored(None, None),
+        "joints": Listed(Name()),
+        "reaction": Stored(None, None),
     },
     _wrong_contacts,
 )
@@ -183,6 +188,7 @@ COLLISION = Record(
         "impulses": Mapped(Number(), names=Name()),
         "tractions": Mapped(Number(), names=Name()),
         "course": Choice(COURSES),
+        "reactions": Mapped(Number(), names=Name()),
     },
 )
 SHAPE = Record(

@@ -28,8 +28,8 @@ from dmoc.symbolic.system import MechanicalSystem
 @dataclass(frozen=True)
 class Continuous:
     """A system in bare symbols: q, v = q', u, time t, parameters; L, Q, C, terminal cost Phi,
-    gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints phi_j, looks:
-    the values of the drawing."""
+    gaps g_j, path constraints r_j, tangents tau_j and their friction mu_j, constraints phi_j,
+    looks: the values of the drawing."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]

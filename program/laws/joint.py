@@ -1,5 +1,5 @@
-"""Constraints phi(q, t) = 0 that hold in every phase: closed loops, rods, coordinates that depend on
-each other.
+"""Constraints phi(q, t) = 0 that hold in every phase: closed loops, rods, coordinates that depend
+on each other.
 
 Each has an impulse R_k at every node of a phase, the ends among them, and R_c in every impact::
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import motions
 import numpy as np
 import pytest
-from joined import joined
 from scipy.integrate import solve_ivp
 from sympy.physics.mechanics import dynamicsymbols
 
@@ -29,17 +28,22 @@ X, Y, A, B = dynamicsymbols("x y a b")
 def bob(backend: str = "compiled", **fields: object) -> Kernels:
     """A unit mass on a rod of one metre."""
     lagrangian = (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - G * Y
-    system = dmoc.MechanicalSystem("bob", [X, Y], lagrangian, {}, **fields)  # type: ignore[arg-type]
-    return joined(system, {"rod": (X**2 + Y**2 - 1) / 2}, backend)
+    rod = {"rod": (X**2 + Y**2 - 1) / 2}
+    return dmoc.build(
+        dmoc.MechanicalSystem("bob", [X, Y], lagrangian, {}, constraints=rod, **fields),  # type: ignore[arg-type]
+        backend=backend,
+    )
 
 
 def dumbbell(**fields: object) -> Kernels:
     """Two unit masses at (x, y) and (a, b), one metre apart."""
     speeds = sum(s.diff(T) ** 2 for s in (X, Y, A, B)) / 2
-    system = dmoc.MechanicalSystem(
-        "dumbbell", [X, Y, A, B], speeds - G * (Y + B), {}, surfaces={"floor": Y >= 0}, **fields
-    )  # type: ignore[arg-type]
-    return joined(system, {"rod": (X - A) ** 2 + (Y - B) ** 2 - 1})
+    return dmoc.build(
+        dmoc.MechanicalSystem(
+            "dumbbell", [X, Y, A, B], speeds - G * (Y + B), {}, surfaces={"floor": Y >= 0},
+            constraints={"rod": (X - A) ** 2 + (Y - B) ** 2 - 1}, **fields,
+        )  # type: ignore[arg-type]
+    )  # fmt: skip
 
 
 def integrator(kernels: Kernels) -> tuple[Model, Integrator]:
@@ -135,12 +139,12 @@ def test_a_dumbbell_lands_with_friction_as_a_rigid_rod(mu: float) -> None:
 
 @pytest.mark.slow
 def test_a_dumbbell_that_lands_flat_keeps_its_rod() -> None:
-    kernels = joined(
+    kernels = dmoc.build(
         dmoc.MechanicalSystem(
             "flat", [X, Y, A, B], sum(s.diff(T) ** 2 for s in (X, Y, A, B)) / 2 - G * (Y + B), {},
             surfaces={"left": Y >= 0, "right": B >= 0},
-        ),
-        {"rod": (X - A) ** 2 + (Y - B) ** 2 - 1},
+            constraints={"rod": (X - A) ** 2 + (Y - B) ** 2 - 1},
+        )
     )  # fmt: skip
     run = dmoc.simulate(
         kernels, [0, 0.05, 1, 0.05], [0.3, -1, 0.3, -1], step_size=0.01, steps=20, restitution=0.0
