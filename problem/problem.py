@@ -672,19 +672,20 @@ class Problem(Shown):
                     f"the {end} of {q} ({low:g} to {high:g}) lies outside its bounds {below:g} to "
                     f"{above:g}."
                 )
-        return self._velocity_to_momentum(boundary)
+        return self._velocity_to_momentum(boundary, end == "start")
 
-    def _velocity_to_momentum(self, boundary: Boundary) -> Boundary:
+    def _velocity_to_momentum(self, boundary: Boundary, at_start: bool) -> Boundary:
         """Express fully fixed velocities at a fully fixed position as momenta, which needs no
         further unknowns.
 
         The same is done for rest at any position where L has no terms linear in the velocities, so
-        that p = M(q) v = 0.
+        that p = M(q) v = 0.  In a model that depends on the time these are known at the start
+        alone.
         """
         velocity = boundary.velocity
         if np.isfinite(boundary.momentum).any() or not (velocity[:, 0] == velocity[:, 1]).all():
             return boundary
-        if self.explicit_time and velocity.any():
+        if self.explicit_time and (velocity.any() or not at_start):
             return boundary
         fixed = bool((boundary.position[:, 0] == boundary.position[:, 1]).all())
         if not fixed and velocity.any():

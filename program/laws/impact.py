@@ -15,11 +15,11 @@ gamma+ = -e gamma- (equations :eq:`impact` to :eq:`approach` of the theory)::
     separation  -gamma(q_c, v_c) >= 0                      where the law does not fix that rate
 
 with the unknown velocities v_a before and v_c after the collision, and W_t, W_gamma of
-:func:`dmoc.symbolic.continuous.impact_work`.  The energies are those of the two steps beside the
+:func:`dmoc.symbolic.continuous.impact_work`. The energies are those of the two steps beside the
 collision, which tell little of the rates where one of them is long and the other one short, and
-leave out the impulses of contacts that last: beside these the law is stated in the rates.  A
-surface that lands obeys the law with e = 0; an event without an impact has arrival and departure
-alone.  Of a hit with friction the row energy is that of :mod:`dmoc.program.laws.hit`.
+leave out the impulses of contacts that last and of constraints: beside these the law is stated in
+the rates. A surface that lands obeys the law with e = 0; an event without an impact has arrival and
+departure alone. Of a hit with friction the row energy is that of :mod:`dmoc.program.laws.hit`.
 """
 
 from __future__ import annotations
@@ -88,7 +88,8 @@ class ImpactLaw(Law):
         touches = np.isin(np.arange(len(lay.surfaces)), touching)
         landing = np.array([bool(event.lands) for event in problem.events], dtype=bool)
         e = np.where(touches | landing, 0.0, restitution_of(problem, lay.surfaces))
-        lasts = np.array([not mode.free for mode in problem.modes], dtype=bool)
+        joined = bool(problem.kernels.joints)
+        lasts = np.array([joined or not mode.free for mode in problem.modes], dtype=bool)
         rough = np.zeros(len(lay.surfaces), dtype=bool)
         rough[[p.event for p in lay.touch.passages if not p.lands]] = True
         stated = lasts[:-1] | lasts[1:] | by_rates | rough

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import contact_problems
+import joint_problems
 import numpy as np
 import pytest
 
@@ -55,6 +56,17 @@ CONTACTS: list[dict[str, Any]] = [
         )
     ),
 ]  # fmt: skip
+JOINTS: list[dict[str, Any]] = [
+    {"start": {"x": 0.6, "y": -0.8}},
+    {"goal": {"x": -0.5}},
+    {"bounds": {"u": (-7.0, 7.0)}},
+    {"final_time": (0.4, 3.0)},
+    {"sequence": []},
+    {"sequence": ["wall", "wall"]},
+    {"start": {"x": 0.0, "y": -1.0, "x_dot": None, "y_dot": None}},
+    {"goal": {"x": 0.6, "y": -0.8, "x_dot": 0.0, "y_dot": 0.0}},
+    {"periodic": ["x", "x_dot", "y_dot"], "goal": {}},
+]
 Family = tuple[dmoc.Problem, list[dict[str, Any]]]
 
 
@@ -76,14 +88,20 @@ def small(seed: dmoc.Problem) -> dmoc.Problem:
     return seed.but(steps=10)
 
 
-@pytest.fixture(params=["a hit", "contacts"])
+@pytest.fixture(params=["a hit", "contacts", "joints"])
 def family(request: pytest.FixtureRequest, small: dmoc.Problem) -> Family:
     """A problem and changes of it."""
+    task: dict[str, Any]
     if request.param == "a hit":
         return small, CHANGES
+    if request.param == "joints":
+        system = joint_problems.bob(surfaces={"wall": joint_problems.X <= 0.8})
+        start, goal = {"x": 0.0, "y": -1.0}, {"x": -0.6}
+        task = {"start": start, "goal": goal, "sequence": ["wall"], "steps": 6, "final_time": 2.0}
+        return dmoc.Problem(dmoc.build(system), **task), JOINTS
     block = contact_problems.floor("beside")
     system = replace(block, surfaces={**block.surfaces, "side": contact_problems.X <= 9})
-    task: dict[str, Any] = {"start": {"x": 0, "y": 0}, "goal": {"x": 1, "x_dot": 0}}
+    task = {"start": {"x": 0, "y": 0}, "goal": {"x": 1, "x_dot": 0}}
     words: dict[str, Any] = {"contacts": ["floor:slip+"], "sequence": ["floor:stick"]}
     return dmoc.Problem(dmoc.build(system), **task, **words, steps=6, final_time=4), CONTACTS
 

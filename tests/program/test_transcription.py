@@ -3,10 +3,13 @@ integrator."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
 import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
 from systems import driven_system, landing_system, rod_system
 
 import dmoc
@@ -81,6 +84,22 @@ def rod_problem(periodic: bool) -> dmoc.Problem:
     )  # fmt: skip
 
 
+def joint_problem(periodic: bool) -> dmoc.Problem:
+    """A moving guide and a rod beside hits, landings and what sticks; a start that is known and one
+    that is not."""
+    rod = rod_system()
+    x, y, a, s = rod.coordinates
+    guides = {"guide": x - s - sp.sin(2 * dynamicsymbols._t) / 3, "bend": y - 2 + x**2 + a / 2}
+    start = {"x": 0.0, "y": 2.0, "a": 0.0, "s": 0.0, "x_dot": 2 / 3}
+    return dmoc.Problem(
+        dmoc.build(replace(rod, name="guided_rod", constraints=guides)),
+        start={"x": 0.0, "y": None, "a": None, "s": None, "x_dot": None} if periodic else start,
+        contacts=["rail:slip+"], sequence=["+right:slip-", "wall", "-right rail:stick"],
+        goal={} if periodic else {"x": 0.2, "s_dot": 0.0}, steps=[3, 2, 3, 2],
+        periodic=["y", "y_dot"] if periodic else (), final_time=(0.5, 2.0), restitution=0.5,
+    )  # fmt: skip
+
+
 def hit_problem(order: int) -> dmoc.Problem:
     """Hits with friction in all ways, and landings that turn and stop, of a rod with a rail; of a
     puck without anything that lasts."""
@@ -106,7 +125,7 @@ def hit_problem(order: int) -> dmoc.Problem:
         *("constant", "linear", "puck", "driven", "driven, by rates", "driven, order 4"),
         "driven, linear",
         *("pendulum, order 4", "contacts", "contacts, periodic"),
-        *("hits with friction", "hits with friction, order 4"),
+        *("hits with friction", "hits with friction, order 4", "joints", "joints, periodic"),
     ]
 )
 def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Transcription:
@@ -116,6 +135,8 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
         return Transcription(problem, by_rates="rates" in request.param)
     if request.param.startswith("contacts"):
         return Transcription(rod_problem("periodic" in request.param))
+    if request.param.startswith("joints"):
+        return Transcription(joint_problem("periodic" in request.param))
     if request.param.startswith("hits"):
         return Transcription(hit_problem(4 if "4" in request.param else 2))
     if "4" in request.param:

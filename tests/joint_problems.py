@@ -1,0 +1,63 @@
+"""Mechanisms in redundant coordinates, and the same ones in as many as they have degrees of
+freedom."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+import dmoc
+
+X, Y, A, U = dynamicsymbols("x y a u")
+T, G = dynamicsymbols._t, 9.81
+
+
+def bob(**fields: Any) -> dmoc.MechanicalSystem:
+    """A unit mass on a rod of one metre, with a moment about its end."""
+    lagrangian = (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2 - G * Y
+    rod = {"rod": sp.Eq(X**2 + Y**2, 1)}
+    return dmoc.MechanicalSystem(
+        "bob", [X, Y], lagrangian, {}, [U], {X: -U * Y, Y: U * X}, cost=U**2, constraints=rod,
+        **fields,
+    )  # fmt: skip
+
+
+def pendulum(**fields: Any) -> dmoc.MechanicalSystem:
+    """The same by its angle from below."""
+    lagrangian = A.diff(T) ** 2 / 2 + G * sp.cos(A)
+    return dmoc.MechanicalSystem(
+        "bob_by_angle", [A], lagrangian, {}, [U], {A: U}, cost=U**2, **fields
+    )
+
+
+def double_pendulum() -> tuple[dmoc.MechanicalSystem, dmoc.MechanicalSystem]:
+    """Two masses on two rods with a moment on the first: by their places, and by angles from
+    below."""
+    x1, y1, x2, y2, b = dynamicsymbols("x1 y1 x2 y2 b")
+    m, l = sp.symbols("m l", positive=True)
+    parameters = {m: 0.7, l: 0.8}
+
+    def lagrangian(places: list[tuple[Any, Any]]) -> Any:
+        energies = [(x.diff(T) ** 2 + y.diff(T) ** 2) / 2 - G * y for x, y in places]
+        return energies[0] + m * energies[1]
+
+    rods = {"first": sp.Eq(x1**2 + y1**2, 1), "second": (x2 - x1) ** 2 + (y2 - y1) ** 2 - l**2}
+    redundant = dmoc.MechanicalSystem(
+        "rods", [x1, y1, x2, y2], lagrangian([(x1, y1), (x2, y2)]), parameters, [U],
+        {x1: -U * y1, y1: U * x1}, cost=U**2, constraints=rods,
+    )  # fmt: skip
+    X1, Y1 = sp.sin(A), -sp.cos(A)
+    angles = lagrangian([(X1, Y1), (X1 + l * sp.sin(b), Y1 - l * sp.cos(b))])
+    minimal = dmoc.MechanicalSystem(
+        "angles", [A, b], sp.simplify(angles), parameters, [U], {A: U}, cost=U**2
+    )
+    return redundant, minimal
+
+
+def places(a: Any, b: Any) -> dict[str, Any]:
+    """Places of the double pendulum at two angles."""
+    x1, y1 = np.sin(a), -np.cos(a)
+    return {"x1": x1, "y1": y1, "x2": x1 + 0.8 * np.sin(b), "y2": y1 - 0.8 * np.cos(b)}
