@@ -3,12 +3,14 @@ get anywhere."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.kkt import violation
-from dmoc.solvers.outcome import Iteration, Options, Status
+from dmoc.solvers.outcome import Duals, Ending, Iteration, Options, Status
 
 # Violation below which the cost decides which iterate is the better one, and from which Newton's
 # method can be tried.
@@ -31,6 +33,20 @@ class Tally:
         self.count = 0
         self.best = x
         self._rank = self._ranked(nlp.cost(x), violation(nlp, x))
+
+    def ending(self, descend: Callable[[], Ending], duals: Callable[[Array], Duals]) -> Ending:
+        """Where a descent ends; the best iterate, with its multipliers, where a limit, Ctrl-C or a
+        singular system ends it."""
+        detail = ""
+        try:
+            return descend()
+        except Stop as stop:
+            status = stop.status
+        except KeyboardInterrupt:
+            status = Status.INTERRUPTED
+        except (np.linalg.LinAlgError, FloatingPointError, ZeroDivisionError) as error:
+            status, detail = Status.STALLED, f"the equations become singular on the way: {error}"
+        return Ending(status, detail, self.best, duals(self.best), self.count)
 
     def step(self, x: Array) -> None:
         self.count += 1

@@ -25,7 +25,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.iterations import HELD, Stop, Tally, Watch
 from dmoc.solvers.judge import INFEASIBLE, meets
-from dmoc.solvers.kkt import residuals, violation, with_bounds, worst_constraints
+from dmoc.solvers.kkt import residuals, violation, worst_constraints
 from dmoc.solvers.outcome import Duals, Ending, Options, Residuals, Status
 from dmoc.solvers.polish import polish
 from dmoc.solvers.slsqp_runs import REFUSED, FollowingRun, SlsqpRun
@@ -53,52 +53,46 @@ def solve_slsqp(
 
     Multipliers tell whether x is a solution already, which stays one where the first run of SLSQP
     finds nothing better; where x is none they do not serve."""
-    known = duals if duals is not None and meets(residuals(nlp, x, duals), options) else None
+    solution = None
+    if duals is not None and meets(residuals(nlp, x, duals), options):
+        solution = duals
     x = np.clip(x, nlp.lower, nlp.upper)
-    given, given_cost = x, nlp.cost(x)
-    tally = Tally(nlp, options, x)
-    descent = Descent(nlp, x)
-    restorations = 0
-    try:
-        x = _completed(descent, x)
-        watch = Watch(IDLE_RUNS, options.violation)
-        while True:
-            before = nlp.cost(x)
-            x, found, converged = _round(descent, x, tally)
-            slow = abs(nlp.cost(x) - before) <= SLOW * max(1.0, abs(before))
-            if found.violation <= HELD and (converged or slow):
-                x, found = _polished(descent, x, options)
-            tally.consider(x, nlp.cost(x), found.violation)
-            if meets(found, options):
-                return _outcome(descent, Status.SOLVED, "", x, tally)
-            better = found.violation <= HELD and nlp.cost(x) < given_cost - SLOW * abs(given_cost)
-            if known is not None and not better:
-                return Ending(Status.SOLVED, "", given, known, tally.count)
-            if watch.progressing(found.violation, nlp.cost(x)):
-                continue
-            if found.violation <= options.violation:
-                return _outcome(
-                    descent, Status.STALLED, f"optimality {found.optimality:.1e}", x, tally
-                )
-            x = _least_violation(descent, x, tally)
-            least = violation(nlp, x)
-            if restorations == RESTORATIONS or least > INFEASIBLE:
-                detail = "least violation: " + "; ".join(worst_constraints(nlp, x))
-                return _outcome(descent, Status.STALLED, detail, x, tally)
-            restorations, watch = restorations + 1, Watch(IDLE_RUNS, options.violation)
-            descent.forget_multipliers()
-    except Stop as stop:
-        return _outcome(descent, stop.status, "", tally.best, tally)
-    except KeyboardInterrupt:
-        return _outcome(descent, Status.INTERRUPTED, "", tally.best, tally)
-    except (np.linalg.LinAlgError, FloatingPointError, ZeroDivisionError) as error:
-        return _outcome(
-            descent,
-            Status.STALLED,
-            f"the equations become singular on the way: {error}",
-            tally.best,
-            tally,
-        )
+    tally, descent = Tally(nlp, options, x), Descent(nlp, x)
+    return tally.ending(lambda: _descended(descent, x, solution, tally), descent.duals_at)
+
+
+def _descended(descent: Descent, start: Array, solution: Duals | None, tally: Tally) -> Ending:
+    """Run after run of SLSQP; the start itself where it is a solution and nothing better is
+    near."""
+    nlp, options, least_cost = descent.nlp, tally.options, descent.nlp.cost(start)
+    x, restorations = _completed(descent, start), 0
+    watch = Watch(IDLE_RUNS, options.violation)
+
+    def ending(status: Status, detail: str = "") -> Ending:
+        return Ending(status, detail, x, descent.duals_at(x), tally.count)
+
+    while True:
+        before = nlp.cost(x)
+        x, left, converged = _round(descent, x, tally)
+        slow = abs(nlp.cost(x) - before) <= SLOW * max(1.0, abs(before))
+        if left.violation <= HELD and (converged or slow):
+            x, left = _polished(descent, x, options)
+        tally.consider(x, nlp.cost(x), left.violation)
+        if meets(left, options):
+            return ending(Status.SOLVED)
+        better = left.violation <= HELD and nlp.cost(x) < least_cost - SLOW * abs(least_cost)
+        if solution is not None and not better:
+            return Ending(Status.SOLVED, "", start, solution, tally.count)
+        if watch.progressing(left.violation, nlp.cost(x)):
+            continue
+        if left.violation <= options.violation:
+            return ending(Status.STALLED, f"optimality {left.optimality:.1e}")
+        x = _least_violation(descent, x, tally)
+        if restorations == RESTORATIONS or violation(nlp, x) > INFEASIBLE:
+            named = "; ".join(worst_constraints(nlp, x))
+            return ending(Status.STALLED, f"least violation: {named}")
+        restorations, watch = restorations + 1, Watch(IDLE_RUNS, options.violation)
+        descent.forget_multipliers()
 
 
 def _completed(descent: Descent, x: Array) -> Array:
@@ -120,17 +114,13 @@ def _round(descent: Descent, x: Array, tally: Tally) -> tuple[Array, Residuals, 
         x = descent.onto_equations(x)
         tally.step(x)
         descent.estimate_multipliers(x)
-        return x, residuals(descent.nlp, x, with_bounds(descent.nlp, x, descent.y, descent.w)), True
+        return x, descent.residuals_at(x), True
     working = descent.working(x)
     on = descent.equation_error(x) <= ON_EQUATIONS
     run = FollowingRun(descent, x, metric, working) if on else SlsqpRun(descent, x, metric, working)
     x, y, w, converged = run.minimise(RUN, tally)
     descent.take_multipliers(x, y, w, working)
-    return (
-        x,
-        residuals(descent.nlp, x, with_bounds(descent.nlp, x, descent.y, descent.w)),
-        converged,
-    )
+    return x, descent.residuals_at(x), converged
 
 
 def _polished(descent: Descent, x: Array, options: Options) -> tuple[Array, Residuals]:
@@ -138,15 +128,15 @@ def _polished(descent: Descent, x: Array, options: Options) -> tuple[Array, Resi
     of no higher cost."""
     rows, bounds = np.flatnonzero(descent.w > 0), np.flatnonzero(descent.bound_force)
     before = descent.y, descent.w, descent.nlp.cost(x)
-    better, descent.y, descent.w, found = polish(descent.nlp, x, descent.y, descent.w, rows, bounds)
-    solved = meets(found, options)
+    better, descent.y, descent.w, left = polish(descent.nlp, x, descent.y, descent.w, rows, bounds)
+    solved = meets(left, options)
     lower = descent.nlp.cost(better) <= before[2] + SLOW * max(1.0, abs(before[2]))
     if solved and lower and descent.is_minimum(better):
-        return better, found
+        return better, left
     descent.y, descent.w = before[:2]
-    return x, Residuals(np.inf, violation(descent.nlp, x)) if solved else residuals(
-        descent.nlp, x, with_bounds(descent.nlp, x, descent.y, descent.w)
-    )
+    if solved:
+        return x, Residuals(np.inf, violation(descent.nlp, x))
+    return x, descent.residuals_at(x)
 
 
 def _least_violation(descent: Descent, x: Array, tally: Tally) -> Array:
@@ -208,7 +198,3 @@ def _least_violation(descent: Descent, x: Array, tally: Tally) -> Array:
         )
     full = completed(result.x)
     return x if full is None else full
-
-
-def _outcome(descent: Descent, status: Status, detail: str, x: Array, tally: Tally) -> Ending:
-    return Ending(status, detail, x, with_bounds(descent.nlp, x, descent.y, descent.w), tally.count)

@@ -33,21 +33,23 @@ def solve_slsqp_full(
 ) -> Ending:
     """Minimise from x; multipliers of a neighbouring solution do not serve."""
     x = np.clip(x, nlp.lower, nlp.upper)
-    tally = Tally(nlp, options, x)
-    y, w, status = np.zeros(nlp.n_eq), np.zeros(nlp.n_in), Status.STALLED
-    try:
+    tally, last = Tally(nlp, options, x), Duals(*map(np.zeros, (nlp.n_eq, nlp.n_in, nlp.n)))
+
+    def duals_at(x: Array) -> Duals:
+        return with_bounds(nlp, x, last.y, last.w)
+
+    def descend() -> Ending:
+        nonlocal x, last
         for _ in range(FRESH_STARTS):
             x, y, w = _run(nlp, x, tally)
-            held = np.flatnonzero(with_bounds(nlp, x, y, w).z)
-            x, y, w, found = polish(nlp, x, y, w, np.flatnonzero(w > 0), held)
-            if meets(found, options):
-                status = Status.SOLVED
-                break
-    except Stop as stop:
-        x, status = tally.best, stop.status
-    except KeyboardInterrupt:
-        x, status = tally.best, Status.INTERRUPTED
-    return Ending(status, "", x, with_bounds(nlp, x, y, w), tally.count)
+            last = with_bounds(nlp, x, y, w)
+            x, y, w, left = polish(nlp, x, y, w, np.flatnonzero(w > 0), np.flatnonzero(last.z))
+            last = with_bounds(nlp, x, y, w)
+            if meets(left, options):
+                return Ending(Status.SOLVED, "", x, last, tally.count)
+        return Ending(Status.STALLED, "", x, last, tally.count)
+
+    return tally.ending(descend, duals_at)
 
 
 def _run(nlp: Transcription, x: Array, tally: Tally) -> tuple[Array, Array, Array]:

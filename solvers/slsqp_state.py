@@ -12,6 +12,8 @@ from dmoc.mechanics.algebra import least_squares
 from dmoc.program.blocks import NOWHERE
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.condensed import Elimination, Reduced, partition
+from dmoc.solvers.kkt import residuals, with_bounds
+from dmoc.solvers.outcome import Duals, Residuals
 from dmoc.solvers.slsqp_runs import EQUATION_TOLERANCE, FOLLOWING_LIMIT, Working
 
 # Segments of each phase in the condensed form: fewer make the program more nonlinear, more make
@@ -47,6 +49,13 @@ class Descent:
         self.watched_lower = np.zeros(nlp.n, dtype=bool)
         self.watched_upper = np.zeros(nlp.n, dtype=bool)
         self._always()
+
+    def duals_at(self, x: Array) -> Duals:
+        """All multipliers, with those of the bounds at x."""
+        return with_bounds(self.nlp, x, self.y, self.w)
+
+    def residuals_at(self, x: Array) -> Residuals:
+        return residuals(self.nlp, x, self.duals_at(x))
 
     def _always(self) -> None:
         """Inequalities that shape the problem from the start: beside collisions, on the times,

@@ -26,7 +26,7 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.guess.automatic import initial_guesses
 from dmoc.models.registry import build
 from dmoc.program.transcription import Transcription
-from dmoc.solvers import ipm
+from dmoc.solvers import ipm, slsqp, slsqp_full
 from dmoc.solvers.compiled import Factorisation
 from dmoc.solvers.ipm import least_violation
 from dmoc.solvers.kkt_layout import kkt_layout
@@ -213,6 +213,27 @@ def test_progress_is_told_and_an_interruption_keeps_the_iterate(
     assert solution.status == "interrupted"
     assert [i.number for i in seen] == [1, 2, 3, 4]
     assert np.isfinite([i.violation for i in seen]).tolist() == [True] * 4
+
+
+@pytest.mark.parametrize("form", ["condensed", "full"])
+def test_a_system_that_becomes_singular_ends_with_the_best_iterate(
+    block: Kernels, monkeypatch: pytest.MonkeyPatch, form: str
+) -> None:
+    """In both forms of SLSQP; the method that takes over from it solves the problem."""
+
+    def singular(*_: object) -> None:
+        raise np.linalg.LinAlgError("by chance")
+
+    for module in (slsqp, slsqp_full):
+        monkeypatch.setattr(module, "polish", singular)
+    problem = there_and_back(block, steps=8)
+    nlp = Transcription(problem)
+    x = initial_guesses(problem)[0].x
+    solve = slsqp.solve_slsqp if form == "condensed" else slsqp_full.solve_slsqp_full
+    ending = solve(nlp, x, Options())
+    assert ending.status is Status.STALLED and "singular on the way: by chance" in ending.detail
+    assert np.isfinite(ending.x).all() and ending.iterations > 0
+    assert dmoc.solve(problem, "slsqp", form=form, starts=1).solved
 
 
 def test_iterations_are_counted_once(seed: dmoc.Problem) -> None:
