@@ -3,13 +3,12 @@ same one in m, kg, s."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from invariance import KINDS, Told
 from methods import INSTALLED
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, there_and_back
@@ -22,16 +21,14 @@ pytestmark = pytest.mark.slow
 DECADES = st.integers(-6, 6)
 
 
-@dataclass(frozen=True)
-class Units:
-    """How many new units an old one is, by powers of ten of length, mass and time."""
+def told(length: int, mass: int = 0, time: int = 0) -> Told:
+    """Units that are smaller by powers of ten."""
+    return Told(10.0**length, 10.0**mass, 10.0**time)
 
-    length: int
-    mass: int
-    time: int
 
-    def of(self, length: int = 0, mass: int = 0, time: int = 0) -> float:
-        return float(10.0 ** (length * self.length + mass * self.mass + time * self.time))
+def effort(told: Told) -> float:
+    """The unit of a cost int u^2 dt."""
+    return told.time(told.force(1.0) ** 2)
 
 
 @pytest.fixture(scope="module", params=[2, 4])
@@ -39,15 +36,14 @@ def block(request: pytest.FixtureRequest) -> Kernels:
     return dmoc.build(block_system(), order=request.param)
 
 
-def block_problem(kernels: Kernels, u: Units, e: float) -> dmoc.Problem:
+def block_problem(kernels: Kernels, told: Told, e: float) -> dmoc.Problem:
     """Back from the wall in T = 1 s: J = 24 m^2 L^2 / T^3 for e = 1 (the block of the README,
     limits and a terminal speed beside it)."""
-    force = 40 * u.of(length=1, mass=1, time=-2)
+    force = told.force(40)
     return dmoc.Problem(
-        kernels, start={"x": 0.0}, goal={"x": 0.0, "x_dot": (-u.of(length=1, time=-1), 0.0)},
-        sequence=["wall"], steps=12, final_time=u.of(time=1),
-        parameters={"m": u.of(mass=1), "wall": u.of(length=1)}, restitution=e,
-        bounds={"u": (-force, force)},
+        kernels, start={"x": 0.0}, goal={"x": 0.0, "x_dot": (-told.speed(1), 0.0)},
+        sequence=["wall"], steps=12, final_time=told.time(1), restitution=e,
+        parameters={"m": told.mass(1), "wall": told.length(1)}, bounds={"u": (-force, force)},
     )  # fmt: skip
 
 
@@ -57,15 +53,14 @@ def block_problem(kernels: Kernels, u: Units, e: float) -> dmoc.Problem:
 def test_a_block_and_its_wall(
     block: Kernels, method: str, length: int, mass: int, time: int, e: float
 ) -> None:
-    u = Units(length, mass, time)
-    plain, other = (dmoc.solve(block_problem(block, v, e), method) for v in (Units(0, 0, 0), u))
+    units = told(length, mass, time)
+    plain, other = (dmoc.solve(block_problem(block, t, e), method) for t in (Told(), units))
     assert (plain.status, other.status) == ("solved", "solved"), (plain.message, other.message)
-    assert other.cost / u.of(length=2, mass=2, time=-3) == pytest.approx(plain.cost, rel=1e-6)
-    assert other.collisions[0].time / u.of(time=1) == pytest.approx(
-        plain.collisions[0].time, rel=1e-5
-    )
-    assert other.collisions[0].impulse / u.of(length=1, mass=1, time=-1) == pytest.approx(
-        plain.collisions[0].impulse, rel=1e-5
+    assert other.cost / effort(units) == pytest.approx(plain.cost, rel=1e-6)
+    a, b = plain.collisions[0], other.collisions[0]
+    momentum = units.mass(units.speed(1))
+    assert (b.time / units.time(1), b.impulse / momentum) == pytest.approx(
+        (a.time, a.impulse), rel=1e-5
     )
 
 
@@ -74,19 +69,12 @@ def cart(request: pytest.FixtureRequest) -> Kernels:
     return dmoc.load("cart_pendulum", order=request.param)
 
 
-def cart_problem(kernels: Kernels, u: Units) -> dmoc.Problem:
+def cart_problem(kernels: Kernels, told: Told) -> dmoc.Problem:
     """The seed with fewer steps: an angle, which has no unit, beside a length."""
-    length, force = u.of(length=1), u.of(length=1, mass=1, time=-2)
-    return dmoc.Problem(
-        kernels, start={"alpha": 0.471, "x": 0.0},
-        goal={"alpha": 1.5707, "p_alpha": 0.0, "p_x": 0.0}, sequence=["left"],
-        steps=30 if kernels.manifest["order"] == 2 else 16, final_time=(None, u.of(time=1)),
-        bounds={"F": (-200 * force, 200 * force), "x": (-10 * length, 10 * length)},
-        parameters={
-            "m_p": u.of(mass=1), "m_c": u.of(mass=1), "l": 0.5 * length,
-            "g": 10 * u.of(length=1, time=-2),
-        },
-    )  # fmt: skip
+    fields = KINDS["seed"].problem(told)
+    fields["bounds"]["x"] = (-told.length(10), told.length(10))
+    fields["steps"] = 30 if kernels.manifest["order"] == 2 else 16
+    return dmoc.Problem(kernels, **fields)
 
 
 @pytest.mark.parametrize("method", INSTALLED)
@@ -95,26 +83,25 @@ def cart_problem(kernels: Kernels, u: Units) -> dmoc.Problem:
 def test_the_pendulum_on_its_cart(
     cart: Kernels, method: str, length: int, mass: int, time: int
 ) -> None:
-    u = Units(length, mass, time)
-    plain, other = (dmoc.solve(cart_problem(cart, v), method) for v in (Units(0, 0, 0), u))
+    units = told(length, mass, time)
+    plain, other = (dmoc.solve(cart_problem(cart, t), method) for t in (Told(), units))
     # A minimum, which 30 steps are too few for.
     status = "not_verified" if cart.manifest["order"] == 2 else "solved"
     assert (plain.status, other.status) == (status, status), (plain.message, other.message)
-    assert other.cost / u.of(length=2, mass=2, time=-3) == pytest.approx(plain.cost, rel=1e-6)
+    assert other.cost / effort(units) == pytest.approx(plain.cost, rel=1e-6)
+    assert plain.verification is not None and other.verification is not None
     for name in ("terminal_error", "amplification", "energy_error", "impact_error"):
-        assert plain.verification is not None and other.verification is not None
-        assert getattr(other.verification, name) == pytest.approx(
-            getattr(plain.verification, name), rel=1e-2, abs=1e-6
-        )
+        expected = getattr(plain.verification, name)
+        assert getattr(other.verification, name) == pytest.approx(expected, rel=1e-2, abs=1e-6)
 
 
 @pytest.mark.parametrize("length", [-12, -7, 8, 12])
 def test_a_mass_matrix_is_judged_whatever_its_units(cart: Kernels, length: int) -> None:
     """Its entries are a mass, a mass times a length, and a mass times its square."""
-    u = Units(length, 0, 0)
-    plain, other = (dmoc.solve(cart_problem(cart, v), "ipm") for v in (Units(0, 0, 0), u))
+    units = told(length)
+    plain, other = (dmoc.solve(cart_problem(cart, t), "ipm") for t in (Told(), units))
     assert other.status == plain.status
-    assert other.cost / u.of(length=2) == pytest.approx(plain.cost, rel=1e-6)
+    assert other.cost / effort(units) == pytest.approx(plain.cost, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -172,6 +159,6 @@ def test_on_the_surface_is_relative_to_the_gap(block: Kernels) -> None:
 
 
 def test_the_result_shows_its_scale(block: Kernels) -> None:
-    solution = dmoc.solve(block_problem(block, Units(0, 0, 0), 1.0), "ipm")
+    solution = dmoc.solve(block_problem(block, Told(), 1.0), "ipm")
     assert {"time", "cost", "x", "x_dot", "p_x", "u", "gap to wall"} <= set(solution.scale)
     assert all(size > 0 for size in solution.scale.values())
