@@ -14,7 +14,7 @@ demo: $(VENV)/.installed-plot
 test: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
-# About a minute; the rest goes through whole searches, examples and refinements.
+# Less than a minute; the rest goes through whole solves, searches, examples and refinements.
 test-fast: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 

@@ -153,6 +153,8 @@ def test_derive_generate_build_models_and_doctor(run: Run, tmp_path: Path, file:
     assert code == 0 and "Collision conditions" in out
     code, out, _ = run("derive cart_pendulum --format latex")
     assert code == 0 and out.startswith(r"\documentclass")
+    assert run("derive bouncing_pendulum --format html -o p.html")[0] == 0
+    assert (tmp_path / "p.html").read_text().startswith("<!DOCTYPE html>")
     code, _, _ = run("generate cart_pendulum --out sources")
     assert code == 0 and (tmp_path / "sources" / "kernels.c").exists()
     model = file("s = make()")

@@ -88,6 +88,19 @@ simulate cart_pendulum --final-time 1
     --start=x=1 --start x=2 | --start x is given twice
     --input=F=1 --input F=2 | --input F is given twice
     --set=l=1 --set l=2 | --set l is given twice
+simulate bouncing_pendulum
+    --final-time 1 --restitution 0.5,wall=0.6 | --restitution 0.5 stands beside others
+    --model cart_pendulum | --model goes with a solution file
+    --steps 5 | --final-time is missing
+    --final-time -1 | --final-time -1: expected a positive
+    --final-time nan | --final-time nan: expected a positive
+    --final-time 1 --start p=1 | expected one of theta
+    --final-time 1 --start theta=0:1 | expected a number
+    --final-time 1 --steps 0 | steps = 0
+simulate
+    one.npz --final-time 1 | goes with a model
+export
+    one.npz -o x.xlsx | .csv or .json
 """
 # Lines of a model file that make the system or problem `s`, and words of the message.
 MODELS = r"""

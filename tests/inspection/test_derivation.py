@@ -12,12 +12,10 @@ import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system, puck_system, rod_system
-from typer.testing import CliRunner
 
 import dmoc
 from dmoc.base.discretisation import ORDERS
 from dmoc.base.errors import OutputError
-from dmoc.cli.app import app
 from dmoc.codegen.kernels import Kernels
 from dmoc.codegen.operation_counts import count_of
 from dmoc.inspection.kernel_check import checked
@@ -104,12 +102,3 @@ def test_a_function_that_is_nowhere_real_is_told() -> None:
 def test_small_problems_go_through_a_collision_where_there_is_one() -> None:
     problem = small_problem(dmoc.build(block_system()))
     assert problem is not None and problem.sequence == ("wall",)
-
-
-@pytest.mark.slow
-def test_the_command_writes_the_page(tmp_path: Path) -> None:
-    target = tmp_path / "p.html"
-    result = CliRunner().invoke(
-        app, ["derive", "bouncing_pendulum", "--format", "html", "-o", str(target)]
-    )
-    assert result.exit_code == 0 and target.read_text().startswith("<!DOCTYPE html>")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -15,12 +14,10 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, landing_problem
-from typer.testing import CliRunner
 
 import dmoc
 from dmoc.base.discretisation import ORDERS
 from dmoc.base.errors import MissingExtraError, MotionError
-from dmoc.cli.app import app
 from dmoc.models.registry import find
 from dmoc.motion.motion_tables import columns
 from dmoc.motion.states import Names, state_at
@@ -219,20 +216,6 @@ def test_a_missing_package_is_named(
         getattr(bounced, method)()
 
 
-def test_the_command_writes_tables(named: dmoc.Solution, tmp_path: Path) -> None:
-    source = named.save(tmp_path / "s.npz")
-    for target in (tmp_path / "x.csv", tmp_path / "x.json"):
-        result = CliRunner().invoke(app, ["export", str(source), "-o", str(target)])
-        assert result.exit_code == 0 and str(target) in result.stdout.replace("\n", "")
-    with (tmp_path / "x.csv").open() as stream:
-        assert len(list(csv.reader(stream))) == 43
-    result = CliRunner().invoke(app, ["export", str(source)])
-    assert result.exit_code == 0 and (tmp_path / "s.csv").exists()
-    wrong = CliRunner().invoke(app, ["export", str(source), "-o", "x.xlsx"])
-    assert isinstance(wrong.exception, MotionError) and ".csv or .json" in str(wrong.exception)
-
-
-@pytest.mark.slow
 def test_states_of_a_file_are_those_of_the_solution(tmp_path: Path) -> None:
     solution = bounce(order=6)
     again = dmoc.Solution.load(solution.save(tmp_path / "s.npz"))

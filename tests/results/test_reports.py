@@ -11,12 +11,10 @@ from pathlib import Path
 from xml.dom.minidom import parseString
 
 import pytest
-from typer.testing import CliRunner
 
 import dmoc
 from dmoc.base.errors import OutputError
 from dmoc.base.table import plain
-from dmoc.cli.app import app
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Mesh, Minimum
 from dmoc.results.solution_report import tables
@@ -100,8 +98,3 @@ def test_a_report_says_what_was_found(found: dmoc.Solution) -> None:
 def test_reports_are_named_by_their_endings(found: dmoc.Solution, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"end it in \.html or \.pdf"):
         found.report(tmp_path / "r.docx")
-    source = found.save(tmp_path / "s.npz")
-    result = CliRunner().invoke(app, ["report", str(source)])
-    assert result.exit_code == 0 and (tmp_path / "s.html").exists()
-    result = CliRunner().invoke(app, ["report", str(source), "-o", str(tmp_path / "s.pdf")])
-    assert result.exit_code == 0 and (tmp_path / "s.pdf").read_bytes().startswith(b"%PDF")

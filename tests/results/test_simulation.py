@@ -11,13 +11,10 @@ import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, landing_system, there_and_back
-from typer.testing import CliRunner
 
 import dmoc
-from dmoc.base.errors import DmocError, ModelError, MotionError, SimulationError, SolutionFileError
-from dmoc.cli.app import app
+from dmoc.base.errors import ModelError, MotionError, SimulationError, SolutionFileError
 from dmoc.codegen.kernels import Kernels
-from dmoc.models.registry import find
 from dmoc.motion.motion_tables import columns
 from dmoc.results.simulation import mean_inputs
 
@@ -206,79 +203,6 @@ def test_replays_are_refused_in_one_sentence(bounced: dmoc.Solution, tmp_path: P
     scuffing = replace(bounced, trajectory=replace(bounced.trajectory, ignored=("wall",)))
     with pytest.raises(SimulationError, match="the solution ignores wall"):
         dmoc.simulate(scuffing)
-
-
-@pytest.mark.slow
-def test_the_command_simulates_models_and_solutions(tmp_path: Path) -> None:
-    """The pendulum falls from the side and bounces off its wall, at the bottom, elastically."""
-    arguments = ["simulate", "bouncing_pendulum", "--start", "theta=1", "--final-time", "2"]
-    result = CliRunner().invoke(app, [*arguments, "--steps", "200", "--out", str(tmp_path)])
-    assert result.exit_code == 0, result.output
-    assert "collision wall" in result.stdout and "2 s in 200 recorded steps" in result.stdout
-    run = dmoc.Simulation.load(tmp_path / "simulation.npz")
-    assert run.q[0, 0] == 1 and len(run.collisions) >= 1
-    assert (tmp_path / "simulation.csv").exists() and (tmp_path / "simulation.png").exists()
-    shipped = find("cart_pendulum")
-    problem = dmoc.Problem(shipped.kernels(), **{**shipped.defaults, "steps": 40})
-    source = dmoc.solve(problem, "ipm", starts=1).save(tmp_path / "s.npz")
-    result = CliRunner().invoke(app, ["simulate", str(source)])
-    assert result.exit_code == 0 and "collision left" in result.stdout
-
-
-def test_the_command_simulates_solutions_of_models_that_are_named(tmp_path: Path) -> None:
-    named = f"{Path(__file__).parents[1] / 'systems.py'}:block_system"
-    task = {"start": {"x": 0}, "goal": {"x": 0, "x_dot": 0}, "sequence": ["wall"]}
-    problem = dmoc.Problem(block_system(), **task, steps=10, final_time=1)
-    source = dmoc.solve(problem, "ipm", starts=1).save(tmp_path / "s.npz")
-    result = CliRunner().invoke(app, ["simulate", str(source), "--model", named])
-    assert result.exit_code == 0 and "collision wall" in result.stdout, result.output
-
-
-@pytest.mark.slow
-def test_several_values_stand_in_one_option_with_commas(tmp_path: Path) -> None:
-    """A mass between two walls that take different shares of its speed."""
-    text = (
-        "import sympy as sp\nfrom sympy.physics.mechanics import dynamicsymbols\nimport dmoc\n"
-        "x = dynamicsymbols('x')\nm, a = sp.symbols('m a')\n"
-        "between = dmoc.MechanicalSystem('between', [x], m * x.diff() ** 2 / 2, {m: 1.0, a: 1.0},\n"
-        "    surfaces={'left': x >= -a, 'right': x <= a})\n"
-    )
-    (tmp_path / "between.py").write_text(text)
-    model = ["simulate", f"{tmp_path / 'between.py'}:between", "--final-time", "3"]
-    ways = (
-        ["--start", "x=0.5,x_dot=1", "--restitution", "right=0.5,left=0.8", "--set", "m=2, a=0.75"],
-        ["--start", "x=0.5", "--start", "x_dot=1", "--restitution", "right=0.5", "--restitution",
-         "left=0.8", "--set", "m=2", "--set", "a=0.75"],
-    )  # fmt: skip
-    shown = []
-    for options in ways:
-        result = CliRunner().invoke(app, [*model, *options])
-        assert result.exit_code == 0, result.output
-        shown.append(result.stdout)
-    # 2 kg come with 1 m/s to the right wall after 0.25 m.
-    assert shown[0] == shown[1] and "impulse 3" in shown[0] and "at 0.25 s" in shown[0]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["bouncing_pendulum", "--final-time", "1", "--restitution", "0.5,wall=0.6"],
-            "--restitution 0.5 stands beside others",
-        ),
-        (["bouncing_pendulum", "--model", "cart_pendulum"], "--model goes with a solution file"),
-        (["bouncing_pendulum"], "--final-time is missing"),
-        (["bouncing_pendulum", "--final-time", "-1"], "--final-time -1: expected a positive"),
-        (["bouncing_pendulum", "--final-time", "nan"], "--final-time nan: expected a positive"),
-        (["bouncing_pendulum", "--final-time", "1", "--start", "p=1"], "expected one of theta"),
-        (["bouncing_pendulum", "--final-time", "1", "--start", "theta=0:1"], "expected a number"),
-        (["bouncing_pendulum", "--final-time", "1", "--steps", "0"], "steps = 0"),
-        (["s.npz", "--final-time", "1"], "goes with a model"),
-    ],
-)
-def test_the_command_refuses_in_one_sentence(arguments: list[str], message: str) -> None:
-    result = CliRunner().invoke(app, ["simulate", *arguments])
-    assert isinstance(result.exception, DmocError) and message in str(result.exception)
 
 
 @pytest.mark.parametrize("name", ["x", "x_dot", X, X.diff(T)])
