@@ -86,7 +86,7 @@ def _families(system: MechanicalSystem, kernels: Kernels, values: Array) -> dict
     f, unknowns = readable(system), split(system).unknowns
     smooth = f.smooth(system, [sp.Dummy(real=True) for _ in unknowns])
     kinks = f.with_rows(system, [kink for _, kink in unknowns])
-    plain, of_steps, hidden = (_Reference(g, kernels, values) for g in (f, smooth, kinks))
+    plain, of_steps, hidden = (_Definitions(g, kernels, values) for g in (f, smooth, kinks))
     families = plain.families | {name: of_steps.families[name] for name in OF_STEPS}
     return families | {"hidden": lambda x: {"s": hidden.r(x)}}
 
@@ -151,7 +151,7 @@ def _error(values: Array, wanted: Sequence[Any]) -> float:
     return float(worst / size) if size else 0.0
 
 
-class _Reference:
+class _Definitions:
     """The functions of a system at fixed parameters, in numbers of many digits."""
 
     def __init__(self, f: Continuous, kernels: Kernels, values: Array) -> None:

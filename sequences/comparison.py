@@ -25,7 +25,7 @@ def best_of(nodes: Iterable[Node]) -> Node | None:
     return min(same, key=lambda n: (len(n.sequence), n.cost, n.sequence), default=None)
 
 
-def judged(nodes: Mapping[Sequence, Node]) -> list[Node]:
+def with_optimum(nodes: Mapping[Sequence, Node]) -> list[Node]:
     """The nodes with verdicts that need the others: the optimal one, and those that collapse."""
     best = best_of(nodes.values())
     whole = []

@@ -20,7 +20,7 @@ from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import COMPILED
 from dmoc.motion.trajectory import noun_of
 from dmoc.problem.problem import Problem
-from dmoc.sequences.comparison import CONFIRMED, judged
+from dmoc.sequences.comparison import CONFIRMED, with_optimum
 from dmoc.sequences.final_solve import state_best
 from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
@@ -302,7 +302,7 @@ def _result(tree: Tree, stopped: str, seconds: float) -> SearchResult:
         replace(
             n, solution=None if n.solution is None else replace(n.solution, kernels=problem.kernels)
         )
-        for n in judged(tree.nodes)
+        for n in with_optimum(tree.nodes)
     ]
     nodes = tuple(sorted(whole, key=lambda n: tree.place(n.sequence)))
     best = next((n for n in nodes if n.verdict is Verdict.OPTIMAL), None)

@@ -171,7 +171,7 @@ def through_step(
             journal.marks.append(ModeChange(before, node(setting, mode, place.y, u, place.t), mode))
         if end - place.t <= SHORTEST * setting.h:
             return place.y, mode
-        way = _Way.of(setting, place, mode)
+        way = _ContactFlow.of(setting, place, mode)
         rows = way.rows(place.t + PLACES * (end - place.t))
         event = way.first(end, rows)
         if event is None:
@@ -279,7 +279,7 @@ def _on_limit(setting: Setting, place: Place, mode: Mode, which: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
+class _ContactFlow:
     """The motion in one mode from a place on: its state at a later time."""
 
     setting: Setting
@@ -288,7 +288,7 @@ class _Way:
     held: Array
 
     @classmethod
-    def of(cls, setting: Setting, place: Place, mode: Mode) -> _Way:
+    def of(cls, setting: Setting, place: Place, mode: Mode) -> _ContactFlow:
         q = place.y[None, : setting.model.nq]
         return cls(setting, place, mode, setting.model.tangents(q, np.array([place.t])))
 

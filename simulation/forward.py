@@ -113,7 +113,7 @@ def simulate(
     v = np.zeros(nq) if velocity is None else _vector(velocity, names, "velocity", rates)
     u = _inputs(inputs, h, steps, nu)
     e = restitution_row(kernels, restitution, SimulationError)
-    run = _Task(model, u, h, every)
+    run = _SimulationTask(model, u, h, every)
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         _check_start(model, q, v)
         if model.friction.any() or model.nj:
@@ -173,7 +173,7 @@ class _Recorded:
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
+class _SimulationTask:
     """A model, inputs of all steps (steps, nu), the size of a step, and how many go by between
     recorded nodes."""
 
@@ -198,7 +198,7 @@ class _Task:
 
 
 def _from_impact_to_impact(
-    run: _Task, e: Array, q: Array, p: Array
+    run: _SimulationTask, e: Array, q: Array, p: Array
 ) -> tuple[_Recorded, MotionRecord]:
     """The motion by the variational integrator, as far as that goes."""
     model = run.model
@@ -238,7 +238,7 @@ def _collisions(model: Model, given: list[list[Any]]) -> Iterator[Collision]:
 
 
 def _through_contacts(
-    run: _Task, e: Array, q: Array, v: Array, first: int, found: _Recorded
+    run: _SimulationTask, e: Array, q: Array, v: Array, first: int, found: _Recorded
 ) -> MotionRecord:
     """The motion from the step ``first`` on by the continuous equations of its modes."""
     setting, journal = Setting(run.model, e, run.h), MotionRecord()

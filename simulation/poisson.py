@@ -67,14 +67,14 @@ def impulses(rates: Array, response: Array, mu: float, e: float) -> Impulses:
     if n >= 0:
         return Impulses(0.0, 0.0, (), ())
     small = STOPPED * (abs(t) + abs(n) * float(np.sqrt(response[1, 1] / response[0, 0])))
-    way = _Way(response, mu, small)
-    compressed, first = way.follow(_Point(n, t, 0.0, 0.0), np.inf)
+    way = _ImpactPath(response, mu, small)
+    compressed, first = way.follow(_HitState(n, t, 0.0, 0.0), np.inf)
     end, second = way.follow(compressed, (1 + e) * compressed.P) if e > 0 else (compressed, ())
     return Impulses(end.P, end.S, first, second)
 
 
 @dataclass(frozen=True)
-class _Point:
+class _HitState:
     """Rates and impulses at some moment of an impact."""
 
     n: float
@@ -84,14 +84,14 @@ class _Point:
 
 
 @dataclass(frozen=True)
-class _Way:
+class _ImpactPath:
     """What an impact goes by: A, mu, and a tangential rate that counts as none."""
 
     response: Array
     mu: float
     small: float
 
-    def follow(self, at: _Point, most: float) -> tuple[_Point, tuple[Regime, ...]]:
+    def follow(self, at: _HitState, most: float) -> tuple[_HitState, tuple[Regime, ...]]:
         """Go on to the end of compression, n = 0, or, in restitution, to the normal impulse
         ``most``."""
         regimes: list[Regime] = []
@@ -104,7 +104,7 @@ class _Way:
             regimes.append(self._name(at.t, slope, t_slope))
             dP = min(left, stop)
             t = 0.0 if stop < left else at.t + t_slope * dP
-            at = _Point(at.n + n_slope * dP, t, at.P + dP, at.S + slope * dP)
+            at = _HitState(at.n + n_slope * dP, t, at.P + dP, at.S + slope * dP)
             if not stop < left:  # what is not a number ends it too
                 return at, tuple(regimes)
 

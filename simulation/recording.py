@@ -36,7 +36,7 @@ class _Side:
 
 
 @dataclass(frozen=True)
-class _Event:
+class _Moment:
     """A moment between two phases: its sides, and the mode and the collisions there."""
 
     t: float
@@ -70,7 +70,7 @@ def motion_of(run: Run) -> Trajectory:
     return motion_along(model, phases, collisions, run.restitution, drawn=len(events) <= MOST_DRAWN)
 
 
-def _events(run: Run) -> Iterator[_Event]:
+def _events(run: Run) -> Iterator[_Moment]:
     """Everything between two phases, in the order of time: impacts of the free motion, then the
     moments of contacts that last."""
     model = run.model
@@ -83,11 +83,11 @@ def _events(run: Run) -> Iterator[_Event]:
         v = [model.velocity(q, momenta, t) for momenta in p]
         for i, c in enumerate(free):
             before, after = (_Side(q[i], v[k][i], p[k][i], *none) for k in range(2))
-            yield _Event(c.time, before, after, collisions=(c,))
+            yield _Moment(c.time, before, after, collisions=(c,))
     for mark in run.marks:
         time = mark.after.t
         here = tuple(c for c in run.collisions if c.time == time)
-        yield _Event(time, _side(model, mark.before), _side(model, mark.after), mark.mode, here)
+        yield _Moment(time, _side(model, mark.before), _side(model, mark.after), mark.mode, here)
 
 
 def _side(model: Model, at: ContactState) -> _Side:
@@ -99,12 +99,12 @@ def _recorded(run: Run, k: int) -> _Side:
     return _Side(run.q[k], run.v[k], run.p[k], run.normal[k], run.tangential[k])
 
 
-def _at_once(events: Iterator[_Event], near: float) -> Iterator[Iterator[_Event]]:
+def _at_once(events: Iterator[_Moment], near: float) -> Iterator[Iterator[_Moment]]:
     """Events of one moment together."""
     last = -np.inf
     number = 0
 
-    def moment(event: _Event) -> int:
+    def moment(event: _Moment) -> int:
         nonlocal last, number
         number += event.t - last > near
         last = event.t
@@ -113,7 +113,7 @@ def _at_once(events: Iterator[_Event], near: float) -> Iterator[Iterator[_Event]
     return (same for _, same in groupby(events, moment))
 
 
-def _merged(events: list[_Event]) -> _Event:
+def _merged(events: list[_Moment]) -> _Moment:
     """Events of one moment as one: from before the first to after the last."""
     hits = tuple(dict.fromkeys(id(c) for e in events for c in e.collisions))
     known = {id(c): c for e in events for c in e.collisions}
@@ -160,7 +160,7 @@ def _inputs(run: Run, t: Array) -> Array:
     return np.array(run.u[np.clip(k, 0, len(run.u) - 1)])
 
 
-def _collision(model: Model, event: _Event, before: Phase, after: Phase) -> Collision:
+def _collision(model: Model, event: _Moment, before: Phase, after: Phase) -> Collision:
     """What happens between two phases; hits at one moment are one, with the name of the first."""
     kernels = model.kernels
     lands = tuple(name for name in after.closed if name not in before.closed)

@@ -128,7 +128,7 @@ def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[
     if ending.status is not Status.SOLVED:
         return ()
     lay, y = nlp.layout, nlp.physical(ending.x)
-    t, found = lay.times(y), []
+    t, sentences = lay.times(y), []
     for j, surface in enumerate(problem.kernels.surfaces):
         pulls = [
             (float(force[k]), float(t[lay.ends[i] + k]))
@@ -141,14 +141,14 @@ def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[
         ]
         force, when = min(pulls, default=(0.0, 0.0))
         if force < 0:
-            found.append(f"{surface} would have to pull with {-force:.3g} N at {when:.3g} s")
+            sentences.append(f"{surface} would have to pull with {-force:.3g} N at {when:.3g} s")
         for i, k in enumerate(lay.contact.P_c[:, j]):
             if k != NOWHERE and y[k] < 0:
-                found.append(
+                sentences.append(
                     f"{surface} would have to pull with an impulse of {-y[k]:.3g} N s at event "
                     f"{i + 1}"
                 )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def _prices(nlp: Transcription) -> Array:
@@ -168,16 +168,16 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
     """Amount and text of what is not met, the worst of each kind of constraint and coordinate or
     surface, largest first."""
     amounts = np.concatenate([np.abs(nlp.equality(x)), -nlp.inequality(x)])
-    found = []
+    misses = []
     for rows, text, unit in _kinds(nlp):
         k = int(np.argmax(amounts[rows])) if len(rows) else 0
         if len(rows) and amounts[rows[k]] > INFEASIBLE:
             amount = amounts[rows[k]] * nlp.row_unit[rows[k]]
-            found.append(
+            misses.append(
                 (float(amounts[rows[k]]), f"{text(k)} by {amount:.3g}{' ' + unit if unit else ''}")
             )
-    found.sort(reverse=True)
-    return [(amount, text) for amount, text in found if amount > NEGLIGIBLE * found[0][0]]
+    misses.sort(reverse=True)
+    return [(amount, text) for amount, text in misses if amount > NEGLIGIBLE * misses[0][0]]
 
 
 def _kinds(nlp: Transcription) -> Iterator[Kind]:
@@ -265,7 +265,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
     ):
         return ()
     low, high = problem.duration_bounds.T
-    found = []
+    sentences = []
     for i, surface in enumerate(event.hit for event in problem.events):
         allowed = min(high[i], problem.final_time_bounds[1] - (low.sum() - low[i]))
         at = x.copy()
@@ -275,8 +275,8 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
             )
         shortest = phase_minimal_time(problem, lay, at * nlp.unit, i)
         if np.isfinite(shortest) and shortest > (1 + CLEARLY) * allowed:
-            found.append(
+            sentences.append(
                 f"phase {i} -> {surface!r}: the shortest time at full input is about "
                 f"{shortest:.3g} s, the bounds allow {allowed:.3g} s"
             )
-    return tuple(found)
+    return tuple(sentences)

@@ -135,12 +135,12 @@ def solve_ipopt(
     x, _, code = problem.solve(
         np.clip(x, nlp.lower, nlp.upper), mult_g=y, mult_x_L=z_lower, mult_x_U=z_upper
     )
-    found = Duals.of_rows(nlp.n_eq, y, z_lower - z_upper)
+    last_duals = Duals.of_rows(nlp.n_eq, y, z_lower - z_upper)
     status = IPOPT_STATUSES.get(int(code), Status.STALLED)
     return _ended(
         functions,
         x,
-        found,
+        last_duals,
         status,
         f"IPOPT ended with code {int(code)}",
         max(functions.count - 1, 0),
@@ -193,7 +193,7 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
         result = solver.optimize(model)
     y = np.array(result.constraint_dual_solution)
     z = np.array(result.lower_bound_dual_solution) + np.array(result.upper_bound_dual_solution)
-    found = Duals.of_rows(nlp.n_eq, y, -z)
+    last_duals = Duals.of_rows(nlp.n_eq, y, -z)
     ended = {
         unopy.OptimizationStatus.ITERATION_LIMIT: Status.ITERATION_LIMIT,
         unopy.OptimizationStatus.TIME_LIMIT: Status.TIME_LIMIT,
@@ -212,7 +212,7 @@ def solve_uno(nlp: Transcription, x: Array, options: Options, duals: Duals | Non
     return _ended(
         functions,
         np.array(result.primal_solution)[: nlp.n],
-        found,
+        last_duals,
         status,
         detail,
         int(result.number_iterations),

@@ -84,8 +84,8 @@ def _prepared(nlp: Transcription) -> KKTLayout:
     """The analysis of the linear system, once for every program."""
     if "ipm" not in nlp.analyses:
         nlp.analyses["ipm"] = kkt_layout(nlp)
-    found: KKTLayout = nlp.analyses["ipm"]
-    return found
+    layout: KKTLayout = nlp.analyses["ipm"]
+    return layout
 
 
 def _listener(options: Options) -> tuple[Report, Callable[[], int]]:

@@ -38,8 +38,8 @@ def verdict(word: Status, left: Residuals, options: Options) -> Status:
     if word in LIMITS:
         return word
     # Beyond the numbers nothing is.
-    known = np.isfinite(left.optimality) and np.isfinite(left.violation)
-    return Status.INFEASIBLE if known and left.violation > INFEASIBLE else Status.STALLED
+    finite = np.isfinite(left.optimality) and np.isfinite(left.violation)
+    return Status.INFEASIBLE if finite and left.violation > INFEASIBLE else Status.STALLED
 
 
 def judged(nlp: Transcription, ending: Ending, options: Options) -> Outcome:

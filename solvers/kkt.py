@@ -80,15 +80,15 @@ def violation(nlp: Transcription, x: Array) -> float:
 def worst_constraints(nlp: Transcription, x: Array, most: int = 3) -> list[str]:
     """Name the most violated constraints with their violations, one for each kind."""
     violated = np.concatenate([np.abs(nlp.equality(x)), -nlp.inequality(x)])
-    found = []
+    worst = []
     for block in (*nlp.equalities, *nlp.inequalities):
         values = violated[block.numbers]
         if values.max(initial=0.0) > 0:
             i = int(np.argmax(values))
-            found.append((float(values[i]), block.name_of(i)))
+            worst.append((float(values[i]), block.name_of(i)))
     excess = np.maximum(nlp.lower - x, x - nlp.upper)
     i = int(np.argmax(excess))
     if excess[i] > 0:
-        found.append((float(excess[i]), f"bound of {nlp.layout.names()[i]}"))
-    found.sort(reverse=True)
-    return [f"{label} by {value:.3g}" for value, label in found[:most]]
+        worst.append((float(excess[i]), f"bound of {nlp.layout.names()[i]}"))
+    worst.sort(reverse=True)
+    return [f"{label} by {value:.3g}" for value, label in worst[:most]]

@@ -206,9 +206,9 @@ class SlsqpRun:
         y, w = self._multipliers(np.asarray(result.multipliers), result.x)
         return self.x if x is None else x, y, w, result.status in (0, 8)
 
-    def _multipliers(self, found: Array, s: Array) -> tuple[Array, Array]:
+    def _multipliers(self, multipliers: Array, s: Array) -> tuple[Array, Array]:
         n_eq = len(self.setting.parts.kept_rows)
-        return -found[:n_eq], np.maximum(found[n_eq:], 0.0)
+        return -multipliers[:n_eq], np.maximum(multipliers[n_eq:], 0.0)
 
 
 class FollowingRun(SlsqpRun):
@@ -291,9 +291,9 @@ class FollowingRun(SlsqpRun):
     def _constraints(self) -> list[dict[str, Any]]:
         return []
 
-    def _multipliers(self, found: Array, s: Array) -> tuple[Array, Array]:
+    def _multipliers(self, multipliers: Array, s: Array) -> tuple[Array, Array]:
         """Those of the equations make the Lagrangian stationary along ``move``."""
-        w = np.maximum(found, 0.0)
+        w = np.maximum(multipliers, 0.0)
         reduced = self._derivatives(s)
         return -self._prices(reduced, reduced.cost - w @ self._working_slopes(reduced)), w
 
@@ -301,7 +301,7 @@ class FollowingRun(SlsqpRun):
 def solve_linear(A: Array, b: Array) -> Array:
     """Solve A x = b, in the sense of least squares where A is singular or not square."""
     if A.shape[0] == A.shape[1]:
-        found = solved(A, b)
-        if np.isfinite(found).all():
-            return found
+        x = solved(A, b)
+        if np.isfinite(x).all():
+            return x
     return least_squares(A, b)

@@ -13,7 +13,7 @@ from dmoc.solvers.curvature import Landscape, SecondOrder
 from dmoc.solvers.diagnosis import diagnose
 from dmoc.solvers.judge import INFEASIBLE, rounded
 from dmoc.solvers.outcome import NOWHERE, Duals, Options, Outcome, Status
-from dmoc.solving.indeterminacy import along
+from dmoc.solving.indeterminacy import left_open_along
 from dmoc.solving.methods import METHODS, Judged, Method
 from dmoc.solving.programs import Programs
 from dmoc.solving.starts import Starts
@@ -191,7 +191,7 @@ class LocalSolver:
         second = SecondOrder(plain, outcome.x, duals)
         around = second.curvature()
         if around.shape is Landscape.VALLEY:
-            return attempt.saying(along(plain, around.direction))
+            return attempt.saying(left_open_along(plain, around.direction))
         beside = second.cheaper(around)
         if not beside:
             return attempt

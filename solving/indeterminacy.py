@@ -54,7 +54,7 @@ def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = Non
     return _sentence(left_open)
 
 
-def along(nlp: Transcription, direction: Array) -> str:
+def left_open_along(nlp: Transcription, direction: Array) -> str:
     """A sentence on what a direction without curvature leaves open: the durations that move, else
     what moves most; empty where that is not seen or no more than the mesh resolves."""
     lay, size, most = nlp.layout, np.abs(direction), ("", 0.0)

@@ -104,7 +104,7 @@ class Processes:
     def _workers(self, task: object) -> ProcessPoolExecutor:
         """The pool; all its processes are started with it, for tasks such as this one."""
         if self.pool is None:
-            context = SpawnContext() if _names_script(task) else _Context()
+            context = SpawnContext() if _names_script(task) else _WorkerContext()
             self.pool = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_prepare)
             for _ in range(self.workers):
                 self.pool.submit(_arrived, task)
@@ -172,7 +172,7 @@ class _Process(SpawnProcess):
         return _Popen(process_obj)
 
 
-class _Context(SpawnContext):
+class _WorkerContext(SpawnContext):
     Process = _Process
 
 

@@ -59,7 +59,7 @@ def _letter(word: str) -> str:
     return f"<mi>{escape(word)}</mi>"
 
 
-class _Printer(MathMLPresentationPrinter):  # type: ignore[misc]
+class _MathMLPrinter(MathMLPresentationPrinter):  # type: ignore[misc]
     """SymPy's printer with the names of the derivation."""
 
     def _print_Symbol(self, expr: Any, style: str = "plain") -> Any:
@@ -70,7 +70,7 @@ class _Printer(MathMLPresentationPrinter):  # type: ignore[misc]
 
 def expression(value: Any) -> str:
     """MathML of an expression."""
-    printer = _Printer({"mul_symbol": "\u2062"})
+    printer = _MathMLPrinter({"mul_symbol": "\u2062"})
     text = str(printer._print(sp.sympify(value)).toxml())
     return text.replace("<mo>-</mo>", "<mo>\u2212</mo>")
 

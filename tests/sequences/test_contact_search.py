@@ -11,7 +11,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.errors import SearchError
-from dmoc.sequences.comparison import best_of, judged
+from dmoc.sequences.comparison import best_of, with_optimum
 from dmoc.sequences.nodes import Node, Verdict
 
 
@@ -77,7 +77,7 @@ def test_only_what_a_shorter_sequence_does_as_well_collapses() -> None:
             node("a", "d", cost=4.0),
         )
     }
-    assert {n.sequence: n.verdict for n in judged(nodes)} == {
+    assert {n.sequence: n.verdict for n in with_optimum(nodes)} == {
         ("a",): Verdict.FEASIBLE,
         ("a", "b"): Verdict.OPTIMAL,
         ("a", "c"): Verdict.COLLAPSES,
@@ -91,7 +91,7 @@ def test_a_shorter_sequence_of_the_same_cost_does_as_well(more: float, collapses
     """To 1e-5 of the cost; here the best is another one."""
     held = node("a", "c", cost=3.0, held=True, verdict=Verdict.UNVERIFIED)
     nodes = [node("b", cost=1.0), node("a", cost=3 * (1 + more)), held]
-    verdicts = {n.sequence: n.verdict for n in judged({n.sequence: n for n in nodes})}
+    verdicts = {n.sequence: n.verdict for n in with_optimum({n.sequence: n for n in nodes})}
     assert verdicts["a", "c"] is (Verdict.COLLAPSES if collapses else Verdict.UNVERIFIED)
 
 
