@@ -16,6 +16,7 @@ ACTIVE = 1e-8
 # A scaled cost below it counts as this much where residuals are compared with the cost: one that
 # vanishes sets no measure.
 LEAST_COST = 1e-2
+MOST_NAMED = 3  # of the constraints that are violated most
 
 
 def cost_size(nlp: Transcription, x: Array) -> float:
@@ -77,7 +78,7 @@ def violation(nlp: Transcription, x: Array) -> float:
     return worst if np.isfinite(worst) else np.inf
 
 
-def worst_constraints(nlp: Transcription, x: Array, most: int = 3) -> list[str]:
+def worst_constraints(nlp: Transcription, x: Array) -> list[str]:
     """Name the most violated constraints with their violations, one for each kind."""
     violated = np.concatenate([np.abs(nlp.equality(x)), -nlp.inequality(x)])
     worst = []
@@ -91,4 +92,4 @@ def worst_constraints(nlp: Transcription, x: Array, most: int = 3) -> list[str]:
     if excess[i] > 0:
         worst.append((float(excess[i]), f"bound of {nlp.layout.names()[i]}"))
     worst.sort(reverse=True)
-    return [f"{label} by {value:.3g}" for value, label in worst[:most]]
+    return [f"{label} by {value:.3g}" for value, label in worst[:MOST_NAMED]]

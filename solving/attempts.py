@@ -219,9 +219,7 @@ class LocalSolver:
         best = min(minima, key=Attempt.cost, default=saddle)
         if best.cost() >= saddle.cost():
             named = " and ".join(dict.fromkeys(str(end.status) for end in ends))
-            said = (
-                f"from there a solve ended {named}" if ends else f"the last of {MOST_SADDLES + 1}"
-            )
+            said = f"from there a solve ended {named}" if ends else LAST_SADDLE
             return saddle.ending(Status.STATIONARY).counting(count).saying(said)
         if not compiled:
             return best.counting(count)
