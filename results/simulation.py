@@ -18,8 +18,8 @@ from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row
 from dmoc.motion.scene import Scene
 from dmoc.motion.trajectory import FRICTION_WORDS, Array, Collision, Trajectory
+from dmoc.results.motion_result import MotionResult
 from dmoc.results.result_file import Saved
-from dmoc.results.shared import Moving
 from dmoc.results.solution import Solution, check_same_model, kernels_for
 from dmoc.simulation import forward
 from dmoc.simulation.contact_motion import Stretch, on_surfaces
@@ -43,7 +43,7 @@ MOST_EVENTS = 12  # collisions and stretches of contact that a table lists
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation(Shown, Moving, Saved):
+class Simulation(Shown, MotionResult, Saved):
     """Result of :func:`dmoc.simulate`.
 
     Attributes

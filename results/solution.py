@@ -23,9 +23,9 @@ from dmoc.motion.trajectory import (
     largest_forces,
 )
 from dmoc.program.active_constraints import ActiveBound
+from dmoc.results.motion_result import MotionResult
 from dmoc.results.proposal import Proposal
 from dmoc.results.result_file import Saved
-from dmoc.results.shared import Moving
 from dmoc.results.solution_table import table_of_solution
 from dmoc.solvers.outcome import CONVERGED, MINIMA, Status
 
@@ -86,7 +86,7 @@ class Minimum:
 
 
 @dataclass(frozen=True)
-class Solution(Shown, Moving, Saved):
+class Solution(Shown, MotionResult, Saved):
     """Result of :func:`dmoc.solve`.
 
     Attributes

@@ -35,7 +35,7 @@ from dmoc.solving.mesh.one_mesh import on_mesh_of, solved_on_mesh
 from dmoc.solving.methods import METHODS
 from dmoc.solving.multistart.exploration import Effort, Start, coarse_of, explored
 from dmoc.solving.request import Request
-from dmoc.solving.starts import Given, restated
+from dmoc.solving.starts import InitialGuess, restated
 
 # Automatic guesses beside the parent's motion, and minima that are refined at most.  Random starts
 # are tried where none of these has led to a minimum: on the seed's 127 sequences of at most 6
@@ -207,7 +207,7 @@ def _late(task: Task, starts: Sequence[Start]) -> Node:
 
 
 def _solved(
-    problem: Problem, method: str, guess: Given, deadline: Deadline, verify: bool = True
+    problem: Problem, method: str, guess: InitialGuess, deadline: Deadline, verify: bool = True
 ) -> Solution:
     """Solve until a deadline; Ctrl-C, which ends a solve with a status, ends the search too."""
     options = Options(deadline=deadline)

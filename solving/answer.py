@@ -15,7 +15,7 @@ from dmoc.solving.mesh.one_mesh import best_on_mesh, on_mesh_of, solved_from, so
 from dmoc.solving.mesh.refinement import refined
 from dmoc.solving.request import Request
 from dmoc.solving.sliding_reversals import naming_turns
-from dmoc.solving.starts import Given
+from dmoc.solving.starts import InitialGuess
 from dmoc.solving.unbounded_cost import bounded
 
 # Starts of another sequence, of which it is asked whether it leads to a motion.
@@ -27,7 +27,7 @@ FROM_COARSE = 300
 BASE_OPTIMALITY, LEAST_OPTIMALITY = 1e-8, 1e-11
 
 
-def answer_of(problem: Problem, guess: Given, request: Request) -> Solution:
+def answer_of(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """Solve on the mesh of the problem, or to a tolerance."""
     if request.starts is None and guess is not None:
         request = replace(request, starts=1)
@@ -61,7 +61,7 @@ def answer_of(problem: Problem, guess: Given, request: Request) -> Solution:
     return replace(answer, message=f"{answer.message}; {answer.proposal}")
 
 
-def _refined(problem: Problem, guess: Given, request: Request, first: Solution) -> Solution:
+def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Solution) -> Solution:
     """Solve on finer and finer meshes to a tolerance, from what the first one has led to; a larger
     error is a solution too where they do not lead there."""
     tolerance, options, steps = request.tolerance or 0.0, request.options, problem.phase_steps

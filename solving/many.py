@@ -27,7 +27,7 @@ from dmoc.solvers.outcome import Status
 from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.request import LIMIT, Keywords
 from dmoc.solving.solve import solve
-from dmoc.solving.starts import Given, loaded
+from dmoc.solving.starts import InitialGuess, loaded
 from dmoc.solving.workforce import NoMoreWork, Work, workforce
 
 # Problems that travel to a worker together, at most; with fewer problems, each worker gets so many
@@ -82,7 +82,7 @@ class SolveOptions:
     """How each problem shall be solved: arguments of a solve, and whether its solution is kept."""
 
     method: str
-    guess: Given
+    guess: InitialGuess
     keep: bool
     others: Mapping[str, Any]
 
@@ -95,7 +95,7 @@ class BatchOptions:
     options: Mapping[str, Any]
     workers: Annotated[int, Option(partial(whole, least=1, most=MOST_WORKERS))] = 1
     executor: Annotated[Executor | None, Option(executor_of)] = None
-    guess: Given = None
+    guess: InitialGuess = None
     keep: Annotated[bool, Option(flag)] = False
     seconds: Annotated[float | None, Option(partial(positive, expected=LIMIT))] = None
     progress: Listener[BatchProgress] = None
@@ -129,7 +129,7 @@ def solve_many(
     *,
     workers: int = 1,
     executor: Executor | None = None,
-    guess: Given = None,
+    guess: InitialGuess = None,
     keep: bool = False,
     seconds: float | None = None,
     progress: Listener[BatchProgress] = None,

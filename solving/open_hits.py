@@ -24,7 +24,7 @@ from dmoc.solving.answer import answer_of
 from dmoc.solving.mesh.one_mesh import interrupted, on_coarse_mesh, solved_on_mesh
 from dmoc.solving.multistart.exploration import Effort, coarse_of, explored
 from dmoc.solving.request import Request
-from dmoc.solving.starts import Given, starts_of
+from dmoc.solving.starts import InitialGuess, starts_of
 
 # Courses of all hits together that are tried at most, and those that follow each other's motions
 # before it is settled that these lead nowhere.
@@ -45,7 +45,7 @@ def first_way(problem: Problem) -> Problem:
     return problem.but(sequence=[word for word, *_ in _words(problem)])
 
 
-def best_way(problem: Problem, guess: Given, request: Request) -> Solution:
+def best_way(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """The best solution among the courses of the hits with friction.
 
     Courses are solved from few starts on a coarse mesh; those that lead to a motion are solved
@@ -58,7 +58,7 @@ def best_way(problem: Problem, guess: Given, request: Request) -> Solution:
         return interrupted(first_way(problem), guess, request)
 
 
-def _best_way(problem: Problem, guess: Given, request: Request) -> Solution:
+def _best_way(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     options = request.options
     tries = _Tries(problem, guess, request, options.deadline.share(SHARE))
     tries.follow_the_law()
@@ -95,7 +95,7 @@ class _Tries:
     """
 
     problem: Problem
-    guess: Given
+    guess: InitialGuess
     request: Request
     deadline: Deadline
     tried: dict[Words, Solution | None] = field(default_factory=dict)

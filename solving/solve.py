@@ -14,7 +14,7 @@ from dmoc.solving.answer import answer_of
 from dmoc.solving.open_hits import best_way
 from dmoc.solving.request import Keywords
 from dmoc.solving.sensitivity import check_problem
-from dmoc.solving.starts import Given, loaded
+from dmoc.solving.starts import InitialGuess, loaded
 
 
 def solve(
@@ -23,7 +23,7 @@ def solve(
     *,
     tolerance: float | None = None,
     form: str = "condensed",
-    guess: Given = None,
+    guess: InitialGuess = None,
     starts: int | None = None,
     seed: int = 0,
     optimality: float = OPTIMALITY,

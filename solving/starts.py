@@ -27,7 +27,7 @@ from dmoc.solvers.outcome import Duals
 # Of the final time: nodes and events so near to each other are at one time.
 SAME_TIME = 1e-9
 
-Given: TypeAlias = (
+InitialGuess: TypeAlias = (
     Solution
     | str
     | os.PathLike[str]
@@ -57,12 +57,12 @@ class Starts:
         return Duals(*given_multipliers(nlp, self.multipliers))
 
 
-def loaded(guess: Given) -> Given:
+def loaded(guess: InitialGuess) -> InitialGuess:
     """A guess as it is, or the solution of the file that it names."""
     return Solution.load(guess) if isinstance(guess, (str, os.PathLike)) else guess
 
 
-def starts_of(problem: Problem, guess: Given, deadline: Deadline = ENDLESS) -> Starts:
+def starts_of(problem: Problem, guess: InitialGuess, deadline: Deadline = ENDLESS) -> Starts:
     """Read a guess, or make the automatic ones until a deadline.
 
     Raises

@@ -19,7 +19,7 @@ from dmoc.problem.problem import Problem
 from dmoc.results.batch import Batch
 from dmoc.solving.many import MOST_PROBLEMS, BatchProgress, batch_of
 from dmoc.solving.sensitivity import check_problem
-from dmoc.solving.starts import Given
+from dmoc.solving.starts import InitialGuess
 
 # Columns of what is not a parameter say where it belongs.
 WHERE = {"parameters": "", "start": "start ", "goal": "goal ", "bounds": "bounds "}
@@ -48,7 +48,7 @@ def sweep(
     method: str | None = None,
     workers: int = 1,
     executor: Executor | None = None,
-    guess: Given = None,
+    guess: InitialGuess = None,
     keep: bool = False,
     seconds: float | None = None,
     progress: Listener[BatchProgress] = None,

@@ -19,10 +19,10 @@ from dmoc.solving.checked_solution import checked, solution_of
 from dmoc.solving.multistart.exploration import Effort, coarse_of, explored
 from dmoc.solving.programs import Programs
 from dmoc.solving.request import Request
-from dmoc.solving.starts import Given, starts_of
+from dmoc.solving.starts import InitialGuess, starts_of
 
 
-def best_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution:
+def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """Solve on one mesh, from the best of many starts or from a guess alone."""
     if request.starts == 1 or problem.kernels.backend != COMPILED:
         return solved_on_mesh(problem, guess, request)
@@ -66,14 +66,14 @@ def _best_of(
     return first, 0
 
 
-def interrupted(problem: Problem, guess: Given, request: Request) -> Solution:
+def interrupted(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """The answer where Ctrl-C has come before there was one."""
     stopped = replace(request.within(iterations=1), verify=False)
     status = Status.INTERRUPTED
     return replace(solved_on_mesh(problem, guess, stopped), status=status, message=status.sentence)
 
 
-def _without_start(problem: Problem, guess: Given, request: Request) -> Solution:
+def _without_start(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """The answer where no start has led to a motion.  That there is none is told by the compiled
     method, which takes a hundredth of the time that SLSQP takes to find it out."""
     method = request.method
@@ -87,7 +87,7 @@ def _without_start(problem: Problem, guess: Given, request: Request) -> Solution
     return solved_on_mesh(problem, guess, request)
 
 
-def on_coarse_mesh(problem: Problem, guess: Given) -> dict[str, Array]:
+def on_coarse_mesh(problem: Problem, guess: InitialGuess) -> dict[str, Array]:
     """A guess that was given on the coarse mesh, by name."""
     if guess is None:
         return {}
@@ -125,7 +125,7 @@ def solved_from(problem: Problem, motion: Solution, request: Request) -> Solutio
     return solved_on_mesh(mesh, motion, request)
 
 
-def solved_on_mesh(problem: Problem, guess: Given, request: Request) -> Solution:
+def solved_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """Solve on one mesh."""
     method, options = request.method, request.options
     method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))

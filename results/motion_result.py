@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
-class Moving:
+class MotionResult:
     """What has a motion: a solution or a simulation."""
 
     trajectory: Trajectory
