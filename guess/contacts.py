@@ -9,7 +9,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import through_hits, with_hidden
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
-from dmoc.problem.problem import Problem, midpoints
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import midpoints
 from dmoc.program.layout import Layout
 
 # Gauss-Newton steps onto the contacts of a mode, and the largest of a coordinate, in its reach.

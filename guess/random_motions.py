@@ -22,7 +22,8 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.contacts import in_contact
 from dmoc.guess.waypoints import end_velocity
 from dmoc.mechanics.algebra import solved
-from dmoc.problem.problem import Problem, midpoints
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import midpoints
 from dmoc.program.blocks import Index
 from dmoc.program.layout import Layout
 

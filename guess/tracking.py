@@ -12,7 +12,8 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.guess.tracker import WINDOW, Marcher
 from dmoc.guess.waypoints import Plan, Route, Shares, plan_of, route_of, shares_of
-from dmoc.problem.problem import Problem, midpoints
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import midpoints
 
 # Coordinates that follow splines.
 Choice: TypeAlias = tuple[int, ...]

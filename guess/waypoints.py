@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.problem.problem import Boundary, Problem, midpoints
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import Boundary, midpoints
 from dmoc.problem.surfaces import contact_point
 
 # A plastic impact has no mirror image: coefficient of restitution that the plan assumes at least.

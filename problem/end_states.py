@@ -14,7 +14,8 @@ from dmoc.motion.trajectory import FRICTION_WORDS
 
 if TYPE_CHECKING:
     from dmoc.mechanics.modes import PhaseMode
-    from dmoc.problem.problem import Boundary, Problem
+    from dmoc.problem.problem import Problem
+    from dmoc.problem.ranges import Boundary
 
 # Share of the gap's largest possible rate below which a state on a surface does not move into it.
 MOVING_INTO = 1e-9

@@ -15,16 +15,13 @@ from dmoc.base.arguments import (
     Range,
     check_known,
     flag,
-    interval,
-    limits,
     listed,
     names,
     shown,
-    whole,
 )
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.base.errors import ProblemError
-from dmoc.base.names import momentum_name, name_of, velocity_name
+from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.codegen.system_kernels import kernels_of
@@ -33,58 +30,29 @@ from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
 from dmoc.mechanics.modes import Contacts, Event, PhaseMode, along, is_open, mode_of, words_along
 from dmoc.mechanics.possible_words import courses_of
 from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
+from dmoc.problem.ranges import (
+    Boundary,
+    Relation,
+    boundary_of,
+    boxes_of,
+    check_size,
+    duration,
+    durations_of,
+    midpoints,
+    periodic_of,
+    relations_of,
+    steps_of,
+    via_of,
+)
+from dmoc.problem.reach import onto_first, reach_of
 from dmoc.problem.statement import statement_in_short, table_of_problem
 
 if TYPE_CHECKING:
     from dmoc.codegen.system_kernels import GivenModel
 
-IN_PHASE = " steps in each phase"
-BOX = "expected a pair (lower, upper) such as (-5, 5) or (None, 5), where (5, 5) holds the value 5"
-
 # Order of the kernels of a system, with steps that are given and without; steps of a phase, times
 # the degree of the discretisation, of the first mesh of a solve that chooses its own.
 DEFAULT_ORDER, AUTOMATIC_ORDER, FIRST_MESH = 2, 4, 100
-MOST_STEPS = (
-    100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
-)
-# Newton steps to the surface where a motion may begin anywhere, and times at which a surface is
-# looked at to see how far it moves.
-NEWTON, MOVING = 30, 33
-# Share of what inertias make of the ways of others below which a coordinate's forces balance.
-BALANCED = 1e-8
-# Unknowns of all steps; the compiled method takes some 2.5 kB for each of them, 5 GB for so many.
-MOST_UNKNOWNS = 2_000_000
-# Seconds of a motion; powers of the times of its steps stay within the numbers.
-LONGEST_TIME = 1e60
-
-
-@dataclass(frozen=True)
-class Boundary:
-    """Bounds of the state at one end: shape (nq, 2) each; equal bounds fix a value, infinite
-    ones leave it free."""
-
-    position: Array
-    velocity: Array
-    momentum: Array
-    by_velocity: bool = False  # the momenta stand for velocities that were given
-
-    @property
-    def needs_velocity(self) -> bool:
-        return bool(np.isfinite(self.velocity).any())
-
-
-@dataclass(frozen=True)
-class Relation:
-    """A state at the end is one at the start and a difference between two bounds further."""
-
-    end: str
-    start: str
-    low: float = 0.0
-    high: float = 0.0
-
-    @property
-    def fixed(self) -> bool:
-        return self.low == self.high
 
 
 @dataclass(frozen=True)
@@ -239,8 +207,10 @@ class Problem(Shown):
         for name in self.ignored:
             check_known(name, self.kernels.surfaces, "surface", "in ignored")
         put(self, "minimal_times", flag(self.minimal_times, "minimal_times"))
-        self._normalise_steps()
-        self._normalise_periodic()
+        put(self, "steps", steps_of(self))
+        check_size(self)
+        put(self, "periodic", periodic_of(self))
+        _ = self.relations
         if self.durations is not None:
             put(
                 self,
@@ -291,7 +261,8 @@ class Problem(Shown):
         or found depends on."""
         other = object.__new__(Problem)
         other.__dict__.update(self.__dict__, steps=steps)
-        other._normalise_steps()
+        object.__setattr__(other, "steps", steps_of(other))
+        check_size(other)
         return other
 
     # Sizes ----------------------------------------------------------------------------------------
@@ -391,47 +362,12 @@ class Problem(Shown):
     @cached_property
     def relations(self) -> tuple[Relation, ...]:
         """What ``periodic`` says of the end and the start."""
-        given = self.periodic
-        pairs = given.items() if isinstance(given, Mapping) else [(n, n) for n in given]
-        return tuple(self._relation(str(end), value) for end, value in pairs)
-
-    def _relation(self, end: str, value: Any) -> Relation:
-        start, difference = value, 0.0
-        if isinstance(value, (tuple, list)) and len(value) == 2:
-            start, difference = value
-        elif isinstance(value, (tuple, list)):
-            raise ProblemError(
-                f"periodic: {end!r} has {shown(value)}: expected a state at the start such as "
-                "'x', or a pair of one and a difference such as ('x', 0.5)."
-            )
-        start = name_of(start)
-        for name in (end, start):
-            check_known(name, self.states, "state", "in periodic")
-        return Relation(end, start, *interval(difference, f"the difference of {end} in periodic"))
+        return relations_of(self)
 
     @cached_property
     def via_bounds(self) -> Array:
         """Bounds of the coordinates at the events, shape (events, nq, 2)."""
-        given = [None] * len(self.sequence) if self.via is None else self.via
-        if len(given) != len(self.sequence):
-            raise ProblemError(
-                f"via has {len(given)} entries: expected one for each of the {len(self.sequence)} "
-                "events of the sequence."
-            )
-        found = np.tile((-np.inf, np.inf), (len(given), self.nq, 1))
-        for i, places in enumerate(given):
-            what = f"via of event {i + 1}"
-            for name, value in by_name({} if places is None else places, what).items():
-                check_known(name, self.kernels.coordinates, "coordinate", f"in {what}")
-                j = self.kernels.coordinates.index(name)
-                found[i, j] = interval(value, f"{what}: {name}")
-                low, high = self.coordinate_bounds[j]
-                if found[i, j, 1] < low or found[i, j, 0] > high:
-                    raise ProblemError(
-                        f"{what}: {name} = {shown(value)} lies outside its bounds {low:g} to "
-                        f"{high:g}: move one of them."
-                    )
-        return found
+        return via_of(self)
 
     # Values ---------------------------------------------------------------------------------------
 
@@ -456,29 +392,13 @@ class Problem(Shown):
         their bounds have nearest to zero; where neither end says anything of a coordinate, it is
         that of the first surface of the sequence."""
         q = midpoints(self.start_bounds.position, np.zeros(self.nq))
-        return self._onto_first(q)
+        return onto_first(self, q)
 
     @cached_property
     def unsaid(self) -> Array:
         """1 for coordinates of which neither start nor goal say where they are, else 0."""
         ends = np.hstack([self.start_bounds.position, self.goal_bounds.position])
         return np.where(np.isinf(ends).all(axis=1), 1.0, 0.0)
-
-    def _onto_first(self, q: Array) -> Array:
-        """Move the coordinates of which nothing is said onto the first surface of the sequence, as
-        it is at the start; the point as it is where that does not lead there."""
-        surfaces = [event.surface for event in self.events if event.surface]
-        if not surfaces or not self.unsaid.any():
-            return q
-        j, at = self.model.surface_numbers[surfaces[0]], q.copy()
-        inertia = np.abs(np.diagonal(self.model.mass(q)))
-        with np.errstate(all="ignore"):
-            for _ in range(NEWTON):
-                gap, slope = self.model.gaps(at)[j], self.model.gap_slopes(at)[j, :-1] * self.unsaid
-                if abs(gap) <= self.model.gap_rounding(at, 0.0)[j]:
-                    return at
-                at = at - gap * (slope / inertia) / (slope @ (slope / inertia))
-        return q
 
     @property
     def start_is_known(self) -> bool:
@@ -497,121 +417,36 @@ class Problem(Shown):
         """How far each coordinate may be expected to move: to the goal, to zero, to the surfaces
         of the sequence, or, where that says nothing, what the inertias make of the reach of the
         others, shape (nq,)."""
-        start, goal = self.start_position, midpoints(self.goal_bounds.position, self.start_position)
-        known = np.max(np.abs([goal - start, start, goal]), axis=0) * (1 - self.unsaid)
-        if self.kernels.surfaces:
-            slopes, gaps = self.model.gap_slopes(start), np.abs(self.model.gaps(start))
-            gaps = np.where(gaps <= self.model.gap_rounding(start), 0.0, gaps)
-            for j in {self.model.surface_numbers[e.surface] for e in self.events if e.surface}:
-                size = np.abs(slopes[j, :-1])
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    away = np.where(size > 0, gaps[j] / size, 0.0)
-                known = np.where((known == 0) & np.isfinite(away), away, known)
-        box = self.coordinate_bounds
-        width = np.where(
-            np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
-        )
-        known = np.where(known > 0, known, width)
-        root = np.sqrt(np.abs(self.inertia))
-        known = np.where(known > 0, known, (known * root).max() / np.where(root > 0, root, 1.0))
-        return known if (known > 0).all() else np.where(known > 0, known, self._swing)
-
-    @property
-    def _swing(self) -> Array:
-        """How far each coordinate gets in the time that a problem allows where nothing else says
-        so, shape (nq,): up and down against its forces in a phase, or as far as surfaces of the
-        sequence move; where these balance, what the inertias make of the others; 1 where these
-        say nothing either."""
-        low, high = self.final_time_bounds
-        time = high if np.isfinite(high) else max(low, 0.0)
-        with np.errstate(all="ignore"):
-            force = np.abs(self.model.acceleration(self.start_position, u=np.zeros(self.nu)))
-            swing = np.where(np.isfinite(force), force, 0.0) * (time / self.phases) ** 2 / 8
-            times = np.linspace(0.0, time, MOVING)
-            gaps = self.model.gaps(np.tile(self.start_position, (MOVING, 1)), times)
-            slopes = np.abs(self.model.gap_slopes(self.start_position)[:, :-1])
-            for j in {self.model.surface_numbers[e.surface] for e in self.events if e.surface}:
-                moved = np.ptp(gaps[:, j]) / slopes[j]
-                swing = np.where(np.isfinite(moved), np.maximum(swing, moved), swing)
-        root = np.sqrt(np.abs(self.inertia))
-        share = (swing * root).max() / np.where(root > 0, root, 1.0)
-        swing = np.where(swing > BALANCED * share, swing, share)
-        return np.where(swing > 0, swing, 1.0)
+        return reach_of(self)
 
     @cached_property
     def start_bounds(self) -> Boundary:
-        return self._boundary("start", self.start)
+        return boundary_of(self, "start")
 
     @cached_property
     def goal_bounds(self) -> Boundary:
-        return self._boundary("goal", self.goal)
+        return boundary_of(self, "goal")
 
     @cached_property
     def input_bounds(self) -> Array:
         """Bounds of the inputs, shape (nu, 2)."""
-        return self._boxes(self.kernels.inputs)
+        return boxes_of(self, self.kernels.inputs)
 
     @cached_property
     def coordinate_bounds(self) -> Array:
         """Bounds of the coordinates, shape (nq, 2)."""
-        return self._boxes(self.kernels.coordinates)
+        return boxes_of(self, self.kernels.coordinates)
 
     @cached_property
     def final_time_bounds(self) -> Range:
-        return _duration(self.final_time, "final_time")
+        return duration(self.final_time, "final_time")
 
     @cached_property
     def duration_bounds(self) -> Array:
         """Bounds of the durations T_i, shape (I + 1, 2)."""
-        if self.durations is None:
-            return np.tile((0.0, np.inf), (self.phases, 1))
-        if len(self.durations) != self.phases:
-            raise ProblemError(
-                f"durations has {len(self.durations)} entries: expected one for each of the "
-                f"{self.phases} phases."
-            )
-        return np.array(
-            [_duration(d, f"durations of phase {i}") for i, d in enumerate(self.durations)]
-        )
+        return durations_of(self)
 
     # Checks ---------------------------------------------------------------------------------------
-
-    def _normalise_steps(self) -> None:
-        given = self.steps
-        if given is None:
-            pass
-        elif isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, (str, bytes)):
-            values = tuple(
-                whole(n, f"steps of phase {i}", 2, MOST_STEPS, unit=IN_PHASE)
-                for i, n in enumerate(listed(given, "steps", "numbers"))
-            )
-            if len(values) != self.phases:
-                raise ProblemError(
-                    f"steps = {shown(given)}: expected one number, or one for each of the "
-                    f"{self.phases} phases."
-                )
-            object.__setattr__(self, "steps", values)
-        else:
-            object.__setattr__(self, "steps", whole(given, "steps", 2, MOST_STEPS, unit=IN_PHASE))
-        unknowns = sum(self.phase_steps) * (self.nq + self.nu) * self.scheme.degree
-        if unknowns > MOST_UNKNOWNS:
-            raise ProblemError(
-                f"steps = {shown(given or max(self.phase_steps))} makes {unknowns} unknowns in "
-                f"{self.phases} phases: expected at most {MOST_UNKNOWNS}, more would not fit in "
-                "memory; take fewer steps."
-            )
-
-    def _normalise_periodic(self) -> None:
-        if isinstance(self.periodic, Mapping):
-            object.__setattr__(self, "periodic", by_name(self.periodic, "periodic"))
-            _ = self.relations
-            return
-        states = [name_of(name) for name in listed(self.periodic, "periodic", "states")]
-        for i, name in enumerate(states):
-            check_known(name, self.states, "state", "in periodic")
-            if name in states[:i]:
-                raise ProblemError(f"periodic names {name!r} twice: give it once.")
-        object.__setattr__(self, "periodic", tuple(states))
 
     @property
     def phase_steps(self) -> tuple[int, ...]:
@@ -628,78 +463,6 @@ class Problem(Shown):
         names = self.kernels.coordinates
         return [*names, *map(velocity_name, names), *map(momentum_name, names)]
 
-    def _boxes(self, names: Sequence[str]) -> Array:
-        for name in self.bounds:
-            check_known(
-                name,
-                [*self.kernels.inputs, *self.kernels.coordinates],
-                "input or coordinate",
-                "in the bounds",
-            )
-        boxes = [limits(self.bounds.get(name), f"bounds of {name}", BOX) for name in names]
-        return np.array(boxes, dtype=float).reshape(len(names), 2)
-
-    def _boundary(self, end: str, given: Mapping[str, Any]) -> Boundary:
-        coordinates = self.kernels.coordinates
-        velocities = [velocity_name(q) for q in coordinates]
-        momenta = [momentum_name(q) for q in coordinates]
-        for name in given:
-            check_known(name, self.states, "state", f"at the {end}")
-        free, turning = None, {relation.start for relation in self.relations}
-        position, velocity, momentum = [], [], []
-        for q, v, p in zip(coordinates, velocities, momenta, strict=True):
-            if end == "start" and q not in given and q not in turning:
-                raise ProblemError(
-                    f"the start of {q} is not given: give a number, a range, or None to leave it "
-                    "free."
-                )
-            rest = 0.0 if end == "start" and not {v, p} & {*given, *turning} else free
-            position.append(interval(given.get(q, free), f"{end} of {q}"))
-            velocity.append(interval(given.get(v, rest), f"{end} of {v}"))
-            momentum.append(interval(given.get(p, free), f"{end} of {p}"))
-        for q, v, p in zip(coordinates, velocities, momenta, strict=True):
-            if all(isinstance(given.get(n), (int, float, np.number)) for n in (v, p)):
-                raise ProblemError(
-                    f"the {end} of {q} has a fixed velocity ({v}) and a fixed momentum ({p}): give "
-                    "one of them."
-                )
-        boundary = Boundary(np.array(position), np.array(velocity), np.array(momentum))
-        for q, (low, high), (below, above) in zip(
-            coordinates, boundary.position, self.coordinate_bounds, strict=True
-        ):
-            if high < below or low > above:
-                raise ProblemError(
-                    f"the {end} of {q} ({low:g} to {high:g}) lies outside its bounds {below:g} to "
-                    f"{above:g}."
-                )
-        return self._velocity_to_momentum(boundary, end == "start")
-
-    def _velocity_to_momentum(self, boundary: Boundary, at_start: bool) -> Boundary:
-        """Express fully fixed velocities at a fully fixed position as momenta, which needs no
-        further unknowns.
-
-        The same is done for rest at any position where L has no terms linear in the velocities, so
-        that p = M(q) v = 0.  In a model that depends on the time these are known at the start
-        alone.
-        """
-        velocity = boundary.velocity
-        if np.isfinite(boundary.momentum).any() or not (velocity[:, 0] == velocity[:, 1]).all():
-            return boundary
-        if self.explicit_time and (velocity.any() or not at_start):
-            return boundary
-        fixed = bool((boundary.position[:, 0] == boundary.position[:, 1]).all())
-        if not fixed and velocity.any():
-            return boundary
-        at = midpoints(boundary.position, np.zeros(self.nq))
-        momentum = self.model.momentum(at, velocity[:, 0])
-        if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
-            return boundary
-        free, fixed_momentum = (
-            np.full_like(velocity, (-np.inf, np.inf)),
-            np.repeat(momentum[:, None], 2, axis=1),
-        )
-        return Boundary(boundary.position, free, fixed_momentum, by_velocity=True)
-
 
 def says_held(model: Any, contacts: Sequence[str], sequence: Sequence[str]) -> bool:
     """Whether contacts last or constraints hold, where no kernels are known yet that could tell:
@@ -712,28 +475,3 @@ def says_held(model: Any, contacts: Sequence[str], sequence: Sequence[str]) -> b
 def says_lasting(contacts: Sequence[str], sequence: Sequence[str]) -> bool:
     """Whether words say that contacts last."""
     return bool(contacts) or any(part.startswith("+") for word in sequence for part in word.split())
-
-
-def midpoints(bounds: Array, default: Array) -> Array:
-    """A value for each pair of bounds: the middle of two finite ones, else the default moved
-    within them."""
-    finite = np.isfinite(bounds).all(axis=1)
-    with np.errstate(invalid="ignore"):
-        middle = (bounds / 2).sum(axis=1)  # the sum of both could overflow
-    return np.where(finite, middle, np.clip(default, bounds[:, 0], bounds[:, 1]))
-
-
-def _duration(value: Any, what: str) -> Range:
-    low, high = interval(value, what)
-    if high <= 0 or -np.inf < low < 0:
-        raise ProblemError(
-            f"{what} = {shown(value)}: expected a positive time in seconds, or a range such as "
-            "(0.1, None)."
-        )
-    for time in (low, high):
-        if np.isfinite(time) and time > 0 and not 1 / LONGEST_TIME <= time <= LONGEST_TIME:
-            raise ProblemError(
-                f"{what} = {shown(value)}: expected times from {1 / LONGEST_TIME:g} to "
-                f"{LONGEST_TIME:g} s; use another unit of time."
-            )
-    return max(low, 0.0), high

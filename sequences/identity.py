@@ -9,7 +9,8 @@ from dataclasses import fields
 from importlib import metadata
 
 from dmoc.base.options import options_of
-from dmoc.problem.problem import Boundary, Problem
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import Boundary
 from dmoc.sequences.settings import Settings
 
 # Fields of a problem that the search sets itself, node by node.

@@ -21,7 +21,8 @@ from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.contacts import in_contact
 from dmoc.guess.tracking import reflected
 from dmoc.guess.transfer import equally_long, pieces_of, unknowns_along
-from dmoc.problem.problem import MOST_STEPS, Problem
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import MOST_STEPS
 from dmoc.problem.surfaces import onto_surface
 from dmoc.program.active_constraints import BoundKind
 from dmoc.program.scaling import scale_of

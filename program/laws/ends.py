@@ -18,7 +18,8 @@ import numpy as np
 
 from dmoc.base.names import momentum_name
 from dmoc.codegen.kernels import Array
-from dmoc.problem.problem import Problem, Relation
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import Relation
 from dmoc.program.blocks import Block, Entries, Index, Numbering
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout

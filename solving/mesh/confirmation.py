@@ -7,7 +7,8 @@ from dataclasses import replace
 from math import ceil, log
 from typing import TYPE_CHECKING
 
-from dmoc.problem.problem import MOST_STEPS, Problem
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import MOST_STEPS
 from dmoc.program.layout import Layout
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Status

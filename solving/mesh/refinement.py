@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dmoc.base.deadline import Deadline
-from dmoc.problem.problem import MOST_STEPS, Problem
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import MOST_STEPS
 from dmoc.program.layout import Layout
 from dmoc.results.solution import Mesh, Solution
 from dmoc.solvers.judge import rounded

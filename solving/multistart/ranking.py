@@ -10,7 +10,8 @@ import numpy as np
 
 from dmoc.base.deadline import Deadline
 from dmoc.guess.transfer import pieces_of, unknowns_along
-from dmoc.problem.problem import MOST_STEPS, Problem
+from dmoc.problem.problem import Problem
+from dmoc.problem.ranges import MOST_STEPS
 from dmoc.program.extraction import trajectory
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution

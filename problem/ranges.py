@@ -1,0 +1,261 @@
+"""What a problem says in numbers and ranges: states at both ends and relations between them,
+bounds, durations, steps, places at events."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dmoc.base.arguments import Range, check_known, interval, limits, listed, shown, whole
+from dmoc.base.errors import ProblemError
+from dmoc.base.names import momentum_name, name_of, velocity_name
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model_values import by_name
+
+if TYPE_CHECKING:
+    from dmoc.problem.problem import Problem
+
+IN_PHASE = " steps in each phase"
+BOX = "expected a pair (lower, upper) such as (-5, 5) or (None, 5), where (5, 5) holds the value 5"
+MOST_STEPS = (
+    100_000  # beyond it rounding errors of v = (q_kp1 - q_k)/h outweigh those of the discretisation
+)
+# Unknowns of all steps; the compiled method takes some 2.5 kB for each of them, 5 GB for so many.
+MOST_UNKNOWNS = 2_000_000
+# Seconds of a motion; powers of the times of its steps stay within the numbers.
+LONGEST_TIME = 1e60
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Bounds of the state at one end: shape (nq, 2) each; equal bounds fix a value, infinite
+    ones leave it free."""
+
+    position: Array
+    velocity: Array
+    momentum: Array
+    by_velocity: bool = False  # the momenta stand for velocities that were given
+
+    @property
+    def needs_velocity(self) -> bool:
+        return bool(np.isfinite(self.velocity).any())
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A state at the end is one at the start and a difference between two bounds further."""
+
+    end: str
+    start: str
+    low: float = 0.0
+    high: float = 0.0
+
+    @property
+    def fixed(self) -> bool:
+        return self.low == self.high
+
+
+def relations_of(problem: Problem) -> tuple[Relation, ...]:
+    """What ``periodic`` says of the end and the start."""
+    given = problem.periodic
+    pairs = given.items() if isinstance(given, Mapping) else [(n, n) for n in given]
+    return tuple(_relation(problem, str(end), value) for end, value in pairs)
+
+
+def _relation(problem: Problem, end: str, value: Any) -> Relation:
+    start, difference = value, 0.0
+    if isinstance(value, (tuple, list)) and len(value) == 2:
+        start, difference = value
+    elif isinstance(value, (tuple, list)):
+        raise ProblemError(
+            f"periodic: {end!r} has {shown(value)}: expected a state at the start such as "
+            "'x', or a pair of one and a difference such as ('x', 0.5)."
+        )
+    start = name_of(start)
+    for name in (end, start):
+        check_known(name, problem.states, "state", "in periodic")
+    return Relation(end, start, *interval(difference, f"the difference of {end} in periodic"))
+
+
+def via_of(problem: Problem) -> Array:
+    """Bounds of the coordinates at the events, shape (events, nq, 2)."""
+    given = [None] * len(problem.sequence) if problem.via is None else problem.via
+    if len(given) != len(problem.sequence):
+        raise ProblemError(
+            f"via has {len(given)} entries: expected one for each of the {len(problem.sequence)} "
+            "events of the sequence."
+        )
+    found = np.tile((-np.inf, np.inf), (len(given), problem.nq, 1))
+    for i, places in enumerate(given):
+        what = f"via of event {i + 1}"
+        for name, value in by_name({} if places is None else places, what).items():
+            check_known(name, problem.kernels.coordinates, "coordinate", f"in {what}")
+            j = problem.kernels.coordinates.index(name)
+            found[i, j] = interval(value, f"{what}: {name}")
+            low, high = problem.coordinate_bounds[j]
+            if found[i, j, 1] < low or found[i, j, 0] > high:
+                raise ProblemError(
+                    f"{what}: {name} = {shown(value)} lies outside its bounds {low:g} to "
+                    f"{high:g}: move one of them."
+                )
+    return found
+
+
+def durations_of(problem: Problem) -> Array:
+    """Bounds of the durations T_i, shape (I + 1, 2)."""
+    if problem.durations is None:
+        return np.tile((0.0, np.inf), (problem.phases, 1))
+    if len(problem.durations) != problem.phases:
+        raise ProblemError(
+            f"durations has {len(problem.durations)} entries: expected one for each of the "
+            f"{problem.phases} phases."
+        )
+    return np.array(
+        [duration(d, f"durations of phase {i}") for i, d in enumerate(problem.durations)]
+    )
+
+
+def steps_of(problem: Problem) -> int | tuple[int, ...] | None:
+    """The numbers of steps as they were passed: one, one for each phase, or none."""
+    given = problem.steps
+    if given is None:
+        return None
+    if isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, (str, bytes)):
+        values = tuple(
+            whole(n, f"steps of phase {i}", 2, MOST_STEPS, unit=IN_PHASE)
+            for i, n in enumerate(listed(given, "steps", "numbers"))
+        )
+        if len(values) != problem.phases:
+            raise ProblemError(
+                f"steps = {shown(given)}: expected one number, or one for each of the "
+                f"{problem.phases} phases."
+            )
+        return values
+    return whole(given, "steps", 2, MOST_STEPS, unit=IN_PHASE)
+
+
+def check_size(problem: Problem) -> None:
+    """Refuse more steps than fit in memory."""
+    unknowns = sum(problem.phase_steps) * (problem.nq + problem.nu) * problem.scheme.degree
+    if unknowns > MOST_UNKNOWNS:
+        raise ProblemError(
+            f"steps = {shown(problem.steps or max(problem.phase_steps))} makes {unknowns} unknowns "
+            f"in {problem.phases} phases: expected at most {MOST_UNKNOWNS}, more would not fit in "
+            "memory; take fewer steps."
+        )
+
+
+def periodic_of(problem: Problem) -> tuple[str, ...] | dict[str, Any]:
+    """The periodic states as they were passed: their names, or a mapping."""
+    if isinstance(problem.periodic, Mapping):
+        return by_name(problem.periodic, "periodic")
+    states = [name_of(name) for name in listed(problem.periodic, "periodic", "states")]
+    for i, name in enumerate(states):
+        check_known(name, problem.states, "state", "in periodic")
+        if name in states[:i]:
+            raise ProblemError(f"periodic names {name!r} twice: give it once.")
+    return tuple(states)
+
+
+def boxes_of(problem: Problem, names: Sequence[str]) -> Array:
+    """Bounds of inputs or coordinates, shape (names, 2)."""
+    for name in problem.bounds:
+        check_known(
+            name,
+            [*problem.kernels.inputs, *problem.kernels.coordinates],
+            "input or coordinate",
+            "in the bounds",
+        )
+    boxes = [limits(problem.bounds.get(name), f"bounds of {name}", BOX) for name in names]
+    return np.array(boxes, dtype=float).reshape(len(names), 2)
+
+
+def boundary_of(problem: Problem, end: str) -> Boundary:
+    """The state at the "start" or at the "goal"."""
+    given, coordinates = getattr(problem, end), problem.kernels.coordinates
+    velocities = [velocity_name(q) for q in coordinates]
+    momenta = [momentum_name(q) for q in coordinates]
+    for name in given:
+        check_known(name, problem.states, "state", f"at the {end}")
+    free, turning = None, {relation.start for relation in problem.relations}
+    position, velocity, momentum = [], [], []
+    for q, v, p in zip(coordinates, velocities, momenta, strict=True):
+        if end == "start" and q not in given and q not in turning:
+            raise ProblemError(
+                f"the start of {q} is not given: give a number, a range, or None to leave it free."
+            )
+        rest = 0.0 if end == "start" and not {v, p} & {*given, *turning} else free
+        position.append(interval(given.get(q, free), f"{end} of {q}"))
+        velocity.append(interval(given.get(v, rest), f"{end} of {v}"))
+        momentum.append(interval(given.get(p, free), f"{end} of {p}"))
+    for q, v, p in zip(coordinates, velocities, momenta, strict=True):
+        if all(isinstance(given.get(n), (int, float, np.number)) for n in (v, p)):
+            raise ProblemError(
+                f"the {end} of {q} has a fixed velocity ({v}) and a fixed momentum ({p}): give "
+                "one of them."
+            )
+    boundary = Boundary(np.array(position), np.array(velocity), np.array(momentum))
+    for q, (low, high), (below, above) in zip(
+        coordinates, boundary.position, problem.coordinate_bounds, strict=True
+    ):
+        if high < below or low > above:
+            raise ProblemError(
+                f"the {end} of {q} ({low:g} to {high:g}) lies outside its bounds {below:g} to "
+                f"{above:g}."
+            )
+    return _as_momenta(problem, boundary, end == "start")
+
+
+def _as_momenta(problem: Problem, boundary: Boundary, at_start: bool) -> Boundary:
+    """Express fully fixed velocities at a fully fixed position as momenta, which needs no
+    further unknowns.
+
+    The same is done for rest at any position where L has no terms linear in the velocities, so
+    that p = M(q) v = 0.  In a model that depends on the time these are known at the start
+    alone.
+    """
+    velocity = boundary.velocity
+    if np.isfinite(boundary.momentum).any() or not (velocity[:, 0] == velocity[:, 1]).all():
+        return boundary
+    if problem.explicit_time and (velocity.any() or not at_start):
+        return boundary
+    fixed = bool((boundary.position[:, 0] == boundary.position[:, 1]).all())
+    if not fixed and velocity.any():
+        return boundary
+    at = midpoints(boundary.position, np.zeros(problem.nq))
+    momentum = problem.model.momentum(at, velocity[:, 0])
+    if not np.isfinite(momentum).all() or (not fixed and momentum.any()):
+        return boundary
+    free, fixed_momentum = (
+        np.full_like(velocity, (-np.inf, np.inf)),
+        np.repeat(momentum[:, None], 2, axis=1),
+    )
+    return Boundary(boundary.position, free, fixed_momentum, by_velocity=True)
+
+
+def midpoints(bounds: Array, default: Array) -> Array:
+    """A value for each pair of bounds: the middle of two finite ones, else the default moved
+    within them."""
+    finite = np.isfinite(bounds).all(axis=1)
+    with np.errstate(invalid="ignore"):
+        middle = (bounds / 2).sum(axis=1)  # the sum of both could overflow
+    return np.where(finite, middle, np.clip(default, bounds[:, 0], bounds[:, 1]))
+
+
+def duration(value: Any, what: str) -> Range:
+    low, high = interval(value, what)
+    if high <= 0 or -np.inf < low < 0:
+        raise ProblemError(
+            f"{what} = {shown(value)}: expected a positive time in seconds, or a range such as "
+            "(0.1, None)."
+        )
+    for time in (low, high):
+        if np.isfinite(time) and time > 0 and not 1 / LONGEST_TIME <= time <= LONGEST_TIME:
+            raise ProblemError(
+                f"{what} = {shown(value)}: expected times from {1 / LONGEST_TIME:g} to "
+                f"{LONGEST_TIME:g} s; use another unit of time."
+            )
+    return max(low, 0.0), high
