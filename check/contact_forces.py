@@ -14,8 +14,7 @@ from dmoc.check.segments import largest, put
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import RAIL
 from dmoc.mechanics.contact_mode import Mode
-from dmoc.simulation.contact_modes import conditions
-from dmoc.simulation.indeterminate_forces import nearest
+from dmoc.simulation.contact_modes import conditions, nearest
 from dmoc.simulation.sizes import NOTHING, pushes
 
 # What a force may pull or exceed its cone by, as a share of the largest of its contact, and what a

@@ -11,8 +11,14 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode, without_rails
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import Collision, Phase
-from dmoc.simulation.contact_modes import Reaction, answers, condition_rates, conditions, spread
-from dmoc.simulation.indeterminate_forces import borne
+from dmoc.simulation.contact_modes import (
+    Reaction,
+    answers,
+    borne,
+    condition_rates,
+    conditions,
+    spread,
+)
 from dmoc.simulation.poisson import impulses
 
 

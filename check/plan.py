@@ -15,7 +15,7 @@ import numpy as np
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import largest
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.algebra import columns
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.sizes import NOTHING
 
@@ -160,8 +160,8 @@ def _needed(motion: Motion) -> Array:
     model, parts = motion.model, [np.zeros(motion.model.nu)]
     for phase in motion.trajectory.phases if model.nu else ():
         B = np.swapaxes(model.input_matrix(phase.q, phase.v, t=phase.t), 1, 2)
-        response = np.swapaxes(solved(model.mass(phase.q, phase.t), np.swapaxes(B, 1, 2)), 1, 2)
-        parts.append((B * response).sum(axis=2).max(axis=0))
+        response = columns(model.mass(phase.q, phase.t), B)
+        parts.append(np.einsum("nmi,nim->nm", B, response).max(axis=0))
     inertia = np.sqrt(np.max(parts, axis=0))
     return np.asarray(motion.sizes.acceleration / inertia)
 

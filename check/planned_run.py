@@ -26,8 +26,8 @@ from dmoc.check.verdict import PASSING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.motion.trajectory import GRAZING, Collision
+from dmoc.simulation.contact_modes import limits
 from dmoc.simulation.flow import FIRST, LAST, PLACES, TOUCH, Steps, SurfaceContact
-from dmoc.simulation.mode_choice import limits
 from dmoc.simulation.roots import crossing
 
 LOCATED = 1e-6  # of a step

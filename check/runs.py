@@ -148,7 +148,7 @@ def _late(
         return []
     j = motion.model.surface_numbers[collision.surface]
     gap = float(motion.model.gaps(y[: motion.model.nq], t)[j])
-    rate = motion.flow.rate(y, t, j)
+    rate = _gap_rate(motion, y, t, j)
     if rate > 0 and -gap <= SAME_CONTACT * motion.sizes.time * rate:
         return [SurfaceContact(collision.surface, t, 1.0)]
     return []
@@ -204,7 +204,7 @@ def _moved(
 def _made_up(motion: Motion, c: Collision) -> float:
     """How far the gap of a collision moves, by its rate, in the time in which it counts."""
     j = motion.model.surface_numbers[c.surface]
-    rate = motion.flow.rate(_state(motion, c.time), c.time, j)
+    rate = _gap_rate(motion, _state(motion, c.time), c.time, j)
     return SAME_CONTACT * motion.sizes.time * abs(rate)
 
 
@@ -212,6 +212,11 @@ def _clearance(motion: Motion, c: SurfaceContact) -> float:
     """How far the motion itself is from a surface that a run meets."""
     q = _state(motion, c.time)[: motion.model.nq]
     return -float(motion.model.gaps(q, c.time)[motion.model.surface_numbers[c.surface]])
+
+
+def _gap_rate(motion: Motion, y: Array, t: float, j: int) -> float:
+    q, v = np.split(y, 2)
+    return float(motion.model.gap_rates(q, v, t)[j])
 
 
 def _state(motion: Motion, t: float) -> Array:

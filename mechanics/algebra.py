@@ -25,6 +25,11 @@ def solved(A: Array, b: Array) -> Array:
     return np.asarray(found[..., 0] if stacked else found)
 
 
+def columns(M: Array, B: Array) -> Array:
+    """M^-1 B^T (..., nq, m) for rows B (..., m, nq); not a number as in :func:`solved`."""
+    return solved(M, np.ascontiguousarray(np.swapaxes(B, -1, -2)))
+
+
 def is_positive(M: Array) -> bool:
     """Whether a symmetric matrix is positive definite beyond rounding errors, whatever the units of
     its rows: that of D M D with D = diag(M)^(-1/2) is."""

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.algebra import solved
+from dmoc.mechanics.algebra import columns, solved
 from dmoc.mechanics.bound_kernels import RAIL, BoundKernels, as_column, as_rows
 
 # A point lies on a surface up to this share of the gap's own size: what rounding leaves of
@@ -72,9 +72,9 @@ class Model(BoundKernels):
         if not self.nj:
             return F
         J, rows = self.joint_slopes(q, t)[..., :-1], F if F.ndim > q.ndim else F[..., None, :]
-        response = solved(M, np.ascontiguousarray(np.swapaxes(J, -1, -2)))
+        response = columns(M, J)
         missing = rows @ response + (0.0 if bent is None else bent[..., None, :])
-        lam = solved(J @ response, np.ascontiguousarray(np.swapaxes(missing, -1, -2)))
+        lam = columns(J @ response, missing)
         return np.asarray((rows - np.swapaxes(lam, -1, -2) @ J).reshape(F.shape))
 
     def responses(self, q: Array, B: Array, t: ArrayLike = 0.0) -> Array:
@@ -82,9 +82,7 @@ class Model(BoundKernels):
         position (..., nq) of this shape, of several (..., m, nq) as columns (..., nq, m)."""
         M = self.mass(q, t)
         impulses = self.with_joints(M, B, q, t)
-        if B.ndim == q.ndim:
-            return solved(M, impulses)
-        return solved(M, np.ascontiguousarray(np.swapaxes(impulses, -1, -2)))
+        return solved(M, impulses) if B.ndim == q.ndim else columns(M, impulses)
 
     def equations_slopes(
         self, q: Array, v: Array | None = None, u: Array | None = None, t: ArrayLike = 0.0

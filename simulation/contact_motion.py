@@ -22,8 +22,8 @@ from dmoc.mechanics.contact_mode import Mode, names_of
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import FRICTION_WORDS, Collision
 from dmoc.simulation.contact_impacts import struck
-from dmoc.simulation.indeterminate_forces import borne
-from dmoc.simulation.mode_choice import Hints, Place, Setting, limits, mode_at, slack
+from dmoc.simulation.contact_modes import borne, limits, slack
+from dmoc.simulation.mode_choice import Hints, Place, Setting, mode_at
 from dmoc.simulation.roots import crossing
 from dmoc.simulation.tolerances import Reach, reached, tolerances
 

@@ -90,11 +90,6 @@ class Flow:
 
     # Surfaces -------------------------------------------------------------------------------------
 
-    def rate(self, y: Array, t: float, j: int) -> float:
-        """Rate of a gap."""
-        slope = self.model.gap_slopes(y[: self.nq], t)[j]
-        return float(slope[:-1] @ y[self.nq :] + slope[-1])
-
     def impact(self, q: Array, v: Array, t: float, j: int, e: float) -> tuple[Array, Array, Array]:
         """Velocity after an impact, v - lam M^-1 n with lam = (1 + e) gamma / (n . M^-1 n); the
         impulse lam and the rate gamma before it; not numbers where M is singular.  For one state,
@@ -198,8 +193,9 @@ class Flow:
             return None
         pushed = self.model.gap_slopes(q, t)[:, :-1] @ self.model.acceleration(q, v, u, t)
         pushed += self.model.gap_accelerations(q, v, t)
+        rates = self.model.gap_rates(q, v, t)
         for j in map(int, near):
-            if abs(self.rate(y, t, j)) < RELEASED * self.sizes.rate[j] and pushed[j] > 0:
+            if abs(rates[j]) < RELEASED * self.sizes.rate[j] and pushed[j] > 0:
                 return Mode((j,))
         return None
 
@@ -213,7 +209,7 @@ class Flow:
         times = t + PLACES * h
         path = self.integrator.between(y[None], ends, y1[None], h, PLACES)[:, 0]
         gaps = self.model.gaps(path, times) - self.allowance(times)
-        touch = TOUCH * self.sizes.gap
+        touch, rates = TOUCH * self.sizes.gap, self.model.gap_rates(y[: self.nq], y[self.nq :], t)
         first: tuple[float, int] | None = None
 
         def gap(j: int, s: float) -> float:
@@ -223,7 +219,7 @@ class Flow:
         for j in range(self.model.nc):
             # What has entered a surface where it might, and leaves it, is met again only after it
             # has been outside.
-            leaving = gaps[0, j] > touch[j] and self.rate(y, t, j) < 0
+            leaving = gaps[0, j] > touch[j] and rates[j] < 0
             outside = (
                 int(np.argmax(gaps[:, j] <= touch[j]))
                 if leaving and (gaps[:, j] <= touch[j]).any()

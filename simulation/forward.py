@@ -16,6 +16,7 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import ROUNDING, Model
 from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
 from dmoc.motion.trajectory import Collision
+from dmoc.simulation.contact_modes import names_without_effect
 from dmoc.simulation.contact_motion import (
     ContactState,
     ModeChange,
@@ -26,7 +27,6 @@ from dmoc.simulation.contact_motion import (
     on_surfaces,
     start,
 )
-from dmoc.simulation.indeterminate_forces import names_without_effect
 from dmoc.simulation.mode_choice import Setting
 from dmoc.simulation.simultaneous_impacts import Lasting
 from dmoc.simulation.stepper import Stepper

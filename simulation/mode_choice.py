@@ -22,8 +22,13 @@ from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.bound_kernels import RAIL
 from dmoc.mechanics.contact_mode import Mode, without_rails
 from dmoc.mechanics.model import Model
-from dmoc.simulation.contact_modes import Reaction, answers, condition_rates, conditions, spread
-from dmoc.simulation.indeterminate_forces import borne
+from dmoc.simulation.contact_modes import (
+    answers,
+    borne,
+    condition_rates,
+    conditions,
+    spread,
+)
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.tolerances import Tolerances
 
@@ -81,7 +86,7 @@ def touched(model: Model, at: Place) -> list[int]:
 
 def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
     """The mode that a motion goes on in.  A contact that slides without getting anywhere sticks,
-    if there are forces that hold it (:mod:`dmoc.simulation.indeterminate_forces`).
+    if there are forces that hold it (:mod:`dmoc.simulation.contact_modes`).
 
     Raises
     ------
@@ -240,36 +245,3 @@ def _signs(k: int, sigma: Array, small: Array, hints: Hints) -> tuple[int, ...]:
         return (1,) if sigma[k] > 0 else (-1,)
     first = [s for tangent, s in hints.slipping if tangent == k]
     return tuple(dict.fromkeys([*first, 0, 1, -1]))
-
-
-def limits(
-    model: Model, integrator: Integrator, mode: Mode, rows: tuple[Array, Array, Array]
-) -> Array:
-    """What a mode keeps from falling below zero at rows of states, inputs and times, as in
-    :func:`kept`."""
-    nq, (y, u, t) = model.nq, rows
-    q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
-    found = integrator.reaction(mode, y, u, t)
-    return kept(model, mode, borne(model, mode, found, q, t), q, v, t)
-
-
-def kept(model: Model, mode: Mode, found: Reaction, q: Array, v: Array, t: Array) -> Array:
-    """What a mode keeps from falling below zero (n, nc + 2 nt): minus the gap of an open surface or
-    the force of a closed one; what friction still bears of what sticks; the sliding velocity in
-    its direction.  Infinite where there is nothing to keep."""
-    least = -model.gaps(q, t)
-    least[:, list(mode.closed)] = found.normal[:, list(mode.closed)]
-    bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
-    stuck = list(mode.sticking)
-    bears[:, stuck] = (model.bearing(found.normal) - np.abs(found.tangential))[:, stuck]
-    sigma = model.slide_rates(q, v, t)
-    for k, s in mode.sliding:
-        slides[:, k] = s * sigma[:, k]
-    return np.hstack([least, bears, slides])
-
-
-def slack(mode: Mode, small: Tolerances) -> Array:
-    """What counts as zero of the limits of a mode."""
-    kept = small.gap.copy()
-    kept[list(mode.closed)] = small.force[list(mode.closed)]
-    return np.concatenate([kept, small.hold, small.slide])
