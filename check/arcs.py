@@ -33,9 +33,9 @@ class Arc:
 
 def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
     """Where a motion lies on a surface without a planned collision."""
-    found: list[Arc] = []
+    arcs: list[Arc] = []
     if not model.nc:
-        return found
+        return arcs
     hits = [
         (model.surface_numbers[c.surface], c.time)
         for c in trajectory.collisions
@@ -54,8 +54,8 @@ def arcs_of(trajectory: Trajectory, model: Model, sizes: Sizes) -> list[Arc]:
                 # What happens after the end is nobody's business.
                 ends = t >= sizes.time - h / 2
                 depth = PENETRATION if slides or ends else TOUCHING
-                found.append(Arc(int(j), t - h, t + h, depth * float(local[k, j])))
-    return found
+                arcs.append(Arc(int(j), t - h, t + h, depth * float(local[k, j])))
+    return arcs
 
 
 def allowance(arcs: Sequence[Arc], surfaces: int, ignored: Sequence[int], t: Array) -> Array:

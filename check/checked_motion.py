@@ -176,12 +176,12 @@ def _check_shapes(trajectory: Trajectory) -> None:
 
 def _mode_of(phase: Phase, model: Model) -> Mode:
     """The mode of a phase."""
-    for names, known, what, forces in (
+    for names, numbers, what, forces in (
         (phase.closed, model.surface_numbers, "closed surface", phase.normal),
         (phase.rubbing, model.tangent_numbers, "rubbing tangent", phase.tangential),
     ):
         for name in names:
-            check_known(name, known, what, error=SimulationError)
+            check_known(name, numbers, what, error=SimulationError)
         shape = (len(phase.t), len(names))
         if names and forces.shape != shape:
             kind = "normal" if names is phase.closed else "tangential"

@@ -46,7 +46,7 @@ def forces(motion: Motion, i: int) -> Forces:
     q = np.ascontiguousarray(y[:, : motion.model.nq])
     inputs = (np.vstack([steps.u0[:1], steps.u1]), np.vstack([steps.u0, steps.u1[-1:]]))
     planned = np.hstack([_closed(motion, i), _sticking(motion, i)])
-    found = [
+    reactions = [
         nearest(
             motion.model,
             mode,
@@ -57,7 +57,9 @@ def forces(motion: Motion, i: int) -> Forces:
         )
         for u in inputs
     ]
-    return Forces(np.array([f.normal for f in found]), np.array([f.tangential for f in found]))
+    return Forces(
+        np.array([f.normal for f in reactions]), np.array([f.tangential for f in reactions])
+    )
 
 
 def _closed(motion: Motion, i: int) -> Array:
@@ -88,10 +90,10 @@ def force_errors(motion: Motion) -> ForceErrors:
     """Compare the forces of all phases with the flow's."""
     if not motion.has_modes:
         return ForceErrors(0.0, (), (np.zeros(motion.model.nc), np.zeros(motion.model.nt)))
-    found = [forces(motion, i) for i in range(len(motion.modes))]
-    normal, tangential = _sizes(motion, found)
+    flows = [forces(motion, i) for i in range(len(motion.modes))]
+    normal, tangential = _sizes(motion, flows)
     worst, sentences = 0.0, left_out(motion)
-    for i, (mode, flow) in enumerate(zip(motion.modes, found, strict=True)):
+    for i, (mode, flow) in enumerate(zip(motion.modes, flows, strict=True)):
         if not mode.closed and not mode.sticking and not mode.sliding:
             continue
         worst = max(worst, _difference(motion, i, flow, (normal, tangential)))
@@ -140,20 +142,20 @@ def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
             continue
         others = tuple(pair for pair in mode.sliding if pair[0] != k)
         kept = replace(mode, sticking=(*mode.sticking, k), sliding=others)
-        found = motion.flow.integrator.reaction(kept, np.hstack([q, v]), u[: len(t)], t)
-        bears = model.bearing(found.normal)[:, k]
-        spare = bears - np.abs(found.tangential[:, k])
+        reaction = motion.flow.integrator.reaction(kept, np.hstack([q, v]), u[: len(t)], t)
+        bears = model.bearing(reaction.normal)[:, k]
+        spare = bears - np.abs(reaction.tangential[:, k])
         if (spare > PRESSED * size[k]).all():
             yield (
                 f"{model.kernels.tangents[k]} begins to slide at {c.time:.4g} s, where friction "
                 f"holds it: it has {bears[0]:.4g} N and needs "
-                f"{abs(found.tangential[0, k]):.4g} N"
+                f"{abs(reaction.tangential[0, k]):.4g} N"
             )
 
 
 def left_out(motion: Motion) -> list[str]:
     """Friction that a phase leaves out, or has at an open contact."""
-    kernels, told = motion.model.kernels, []
+    kernels, sentences = motion.model.kernels, []
     for phase in motion.trajectory.phases:
         span = f"from {phase.t[0]:.4g} to {phase.t[-1]:.4g} s"
         for name, j, mu in zip(
@@ -161,21 +163,21 @@ def left_out(motion: Motion) -> list[str]:
         ):
             touches = j == RAIL or kernels.surfaces[j] in phase.closed
             if mu > 0 and touches and name not in phase.rubbing:
-                told.append(f"the friction of {name!r} is left out {span}")
+                sentences.append(f"the friction of {name!r} is left out {span}")
             elif not touches and name in phase.rubbing:
-                told.append(f"{name!r} rubs {span} where its contact is open")
-    return told
+                sentences.append(f"{name!r} rubs {span} where its contact is open")
+    return sentences
 
 
-def _sizes(motion: Motion, found: list[Forces]) -> tuple[Array, Array]:
+def _sizes(motion: Motion, flows: list[Forces]) -> tuple[Array, Array]:
     """The largest contact forces (nc,) and friction forces that are possible (nt,) of a motion;
     what carries little counts by a share of the forces of the motion."""
     model, phases = motion.model, motion.trajectory.phases
-    normal = np.max([np.abs(f.normal).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
+    normal = np.max([np.abs(f.normal).max(axis=(0, 1)) for f in flows], axis=0, initial=0.0)
     q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
     normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
     smooth = SMOOTH * pushes(model, motion.sizes, q, t, model.tangent_slopes(q, t))
-    taken = np.max([np.abs(f.tangential).max(axis=(0, 1)) for f in found], axis=0, initial=0.0)
+    taken = np.max([np.abs(f.tangential).max(axis=(0, 1)) for f in flows], axis=0, initial=0.0)
     friction = np.maximum.reduce([model.bearing(normal), BEARABLE * taken, smooth])
     return np.maximum(normal, NOTHING), np.maximum(friction, NOTHING)
 
@@ -185,14 +187,14 @@ def _difference(motion: Motion, i: int, flow: Forces, sizes: tuple[Array, Array]
     whose inputs differ every force between theirs is right."""
     phase, kernels = motion.trajectory.phases[i], motion.model.kernels
     worst = 0.0
-    for given, names, known, all_found, size in (
+    for planned, names, numbers, by_law, size in (
         (phase.normal, phase.closed, kernels.surfaces, flow.normal, sizes[0]),
         (phase.tangential, tuple(phase.rubbing), kernels.tangents, flow.tangential, sizes[1]),
     ):
         for column, name in enumerate(names):
-            j = known.index(name)
-            low, high = all_found[..., j].min(axis=0), all_found[..., j].max(axis=0)
-            off = np.maximum(low - given[:, column], given[:, column] - high)
+            j = numbers.index(name)
+            low, high = by_law[..., j].min(axis=0), by_law[..., j].max(axis=0)
+            off = np.maximum(low - planned[:, column], planned[:, column] - high)
             worst = max(worst, largest(off / size[j]))
     return worst
 

@@ -74,11 +74,11 @@ def path_excess(motion: Motion, courses: Sequence[IntegratedSteps]) -> tuple[Exc
     names = motion.model.kernels.manifest["path_constraints"]
     if not names:
         return ()
-    found = _Values.of(motion, courses)
-    share = np.nan_to_num(-found.r / found.sizes, nan=np.inf)
-    counts = found.weights * share
+    values = _Values.of(motion, courses)
+    share = np.nan_to_num(-values.r / values.sizes, nan=np.inf)
+    counts = values.weights * share
     return tuple(
-        Excess(float(counts[row, j]), float(share[row, j]), names[j], float(found.t[row]))
+        Excess(float(counts[row, j]), float(share[row, j]), names[j], float(values.t[row]))
         for j, row in enumerate(counts.argmax(axis=0))
         if counts[row, j] > 0
     )
@@ -121,11 +121,11 @@ class _Values:
         model, sizes = self.motion.model, self.motion.sizes
         terms = model.path_terms(self.q, self.v, self.u, self.t)
         least = LEAST_SIZE * np.nan_to_num(terms).max(axis=0)
-        found = np.maximum(terms, least)
+        extents = np.maximum(terms, least)
         rows = model.kernels.manifest["path_limits"]
         places = [j for j, row in enumerate(rows) if not (row["velocities"] or row["inputs"])]
         if places:
             slopes = np.abs(model.path_slopes_at(self.q, self.v, self.u, self.t)[:, places])
             moved = slopes[..., : model.nq] @ sizes.q + slopes[..., -1] * sizes.time
-            found[:, places] = np.nan_to_num(moved).max(axis=0)
-        return np.where(found > 0, found, 1.0)
+            extents[:, places] = np.nan_to_num(moved).max(axis=0)
+        return np.where(extents > 0, extents, 1.0)

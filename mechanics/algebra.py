@@ -19,10 +19,10 @@ def solved(A: Array, b: Array) -> Array:
     if not (np.isfinite(A).all() and np.isfinite(b).all()):
         return np.full(b.shape, np.nan)
     try:
-        found = np.linalg.solve(A, right)
+        x = np.linalg.solve(A, right)
     except np.linalg.LinAlgError:
         return np.full(b.shape, np.nan)
-    return np.asarray(found[..., 0] if stacked else found)
+    return np.asarray(x[..., 0] if stacked else x)
 
 
 def columns(M: Array, B: Array) -> Array:

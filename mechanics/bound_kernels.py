@@ -97,8 +97,8 @@ class BoundKernels:
 
     def _at(self, kernel: str, q: Array, *rows: Array) -> tuple[Array, ...]:
         """Results of a kernel at rows of states, or at a single one without the leading axis."""
-        found = self.kernels.call(kernel, as_rows(q), *rows, self.par)
-        return found if q.ndim > 1 else tuple([a[0] for a in found])
+        results = self.kernels.call(kernel, as_rows(q), *rows, self.par)
+        return results if q.ndim > 1 else tuple([a[0] for a in results])
 
     def _values(self, kernel: str, size: int, q: Array, *rows: Array) -> Array:
         """The one result of a kernel, shape (..., size); a model has none for no values."""
@@ -123,8 +123,8 @@ class BoundKernels:
         nudges = 1 + NUDGE * np.vstack([np.zeros(numbers.size), np.eye(numbers.size)])
         places, values = np.split(nudges * numbers, [self.nq], axis=1)
         inputs = (np.ascontiguousarray(places), as_column(t), np.ascontiguousarray(values))
-        found = self.kernels.call(kernel, *inputs)[0] if size else np.zeros((2, 0))
-        return np.asarray(np.abs(found[1:] - found[0]).sum(axis=0) / NUDGE)
+        results = self.kernels.call(kernel, *inputs)[0] if size else np.zeros((2, 0))
+        return np.asarray(np.abs(results[1:] - results[0]).sum(axis=0) / NUDGE)
 
     def _state(self, v: Array | None) -> Array:
         return self._rest if v is None else as_rows(v)
@@ -143,13 +143,13 @@ class BoundKernels:
     @cached_property
     def _places(self) -> dict[str, tuple[list[int], Index, Index]]:
         """Shape, rows and columns of the stored entries of each matrix."""
-        found = {}
+        places = {}
         for name, kernel in MATRICES.items():
             if self.kernels.has(kernel):
                 outputs = self.kernels.manifest["kernels"][kernel]["outputs"]
                 (shape,) = (o["shape"] for o in outputs if o["name"] == name)
-                found[name] = (shape, *self.kernels.pattern(kernel, name))
-        return found
+                places[name] = (shape, *self.kernels.pattern(kernel, name))
+        return places
 
     def _full(self, matrix: str, stored: Array) -> Array:
         """Matrices from their stored entries, shape (..., rows, columns)."""

@@ -278,9 +278,9 @@ class Model(BoundKernels):
         )
         (stored,) = self.kernels.call("step_hess", *step, self.par, *weights)
         rows, columns = self.kernels.pattern("step_hess", "hess")
-        found = np.zeros((len(stored), sum(part.shape[1] for part in step)))
-        found[:, rows[rows == columns]] = stored[:, rows == columns]
-        return found
+        curvatures = np.zeros((len(stored), sum(part.shape[1] for part in step)))
+        curvatures[:, rows[rows == columns]] = stored[:, rows == columns]
+        return curvatures
 
     def path(self, step: Sequence[Array]) -> Array:
         """Path constraints of steps, shape (n, nr), those of one place within the step after the

@@ -23,23 +23,23 @@ def parameter_row(
     for name, value in by_name(changes, "parameters", error).items():
         check_known(name, values, "parameter", error=error)
         values[name] = number(value, f"parameter {name}", error)
-    for name, given in values.items():
-        if given is None:
+    for name, value in values.items():
+        if value is None:
             raise error(
                 f"parameter {name} of model {kernels.name!r} has no value: set it ({name}=...)."
             )
     return np.array([list(values.values())], dtype=float)
 
 
-def restitution_row(kernels: Kernels, given: Any, error: ErrorKind = ProblemError) -> Array:
+def restitution_row(kernels: Kernels, values: Any, error: ErrorKind = ProblemError) -> Array:
     """Coefficients of restitution in the order of the surfaces, shape (nc,).
 
     Given is one for all surfaces, or a mapping from surfaces; those that it leaves out are elastic.
     """
     surfaces = kernels.surfaces
-    if not isinstance(given, Mapping):
-        return np.full(len(surfaces), _coefficient(given, "restitution", error))
-    named = by_name(given, "restitution", error)
+    if not isinstance(values, Mapping):
+        return np.full(len(surfaces), _coefficient(values, "restitution", error))
+    named = by_name(values, "restitution", error)
     for surface in named:
         if surface not in surfaces:
             among = f"expected one of {', '.join(surfaces)}" if surfaces else "the model has none"
@@ -56,12 +56,12 @@ def _coefficient(value: Any, what: str, error: ErrorKind) -> float:
     return float(value)
 
 
-def by_name(given: Any, what: str, error: ErrorKind = ProblemError) -> dict[str, Any]:
+def by_name(values: Any, what: str, error: ErrorKind = ProblemError) -> dict[str, Any]:
     """Read a mapping from names, as texts or symbols, to values."""
-    if not isinstance(given, Mapping):
-        raise error(f"{what} = {shown(given)}: expected a mapping from names to values.")
+    if not isinstance(values, Mapping):
+        raise error(f"{what} = {shown(values)}: expected a mapping from names to values.")
     named: dict[str, Any] = {}
-    for key, value in given.items():
+    for key, value in values.items():
         name = name_of(key)
         if name in named:
             raise error(

@@ -152,9 +152,9 @@ def event_of(word: str, contacts: Contacts, closed: Sequence[str] = ()) -> Event
         if name in seen:
             raise ProblemError(f"{shown(word)} in the sequence names {name!r} twice: say it once.")
         seen.append(name)
-        known = contacts.surfaces if sign or not colon else contacts.tangents
-        if name not in known:
-            check_known(part, known, "tangent" if colon and not sign else "surface", IN_SEQUENCE)
+        names = contacts.surfaces if sign or not colon else contacts.tangents
+        if name not in names:
+            check_known(part, names, "tangent" if colon and not sign else "surface", IN_SEQUENCE)
         is_hit = not sign and name in contacts.surfaces and name not in closed
         if colon:
             course = _course(part, said, name in contacts.tangents and sign != "-")
@@ -228,7 +228,7 @@ def _check_course(
         )
 
 
-def mode_of(given: Sequence[str], contacts: Contacts) -> PhaseMode:
+def mode_of(parts: Sequence[str], contacts: Contacts) -> PhaseMode:
     """Read what is closed at the start; what rubs sticks unless it is said to slide.
 
     Raises
@@ -238,7 +238,7 @@ def mode_of(given: Sequence[str], contacts: Contacts) -> PhaseMode:
     """
     closed: list[str] = []
     said: dict[str, int] = {}
-    for text in given:
+    for text in parts:
         name, colon, state = text.partition(":")
         check_known(name, (*contacts.surfaces, *contacts.rails), "contact", "in contacts")
         if colon and (state not in FRICTION or name not in contacts.tangents):

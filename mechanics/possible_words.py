@@ -13,12 +13,12 @@ from dmoc.motion.trajectory import FRICTION_WORDS
 def courses_of(name: str, contacts: Contacts) -> list[str]:
     """The words of all ways through a hit of one surface; that it sticks from the beginning is a
     limit of two others."""
-    found = [Course(s) for s in (1, -1)]
+    courses = [Course(s) for s in (1, -1)]
     if name in contacts.rough:
-        found += [Course(s, then) for s in (1, -1) for then in (STICK, -s)]
+        courses += [Course(s, then) for s in (1, -1) for then in (STICK, -s)]
         if name not in contacts.plastic:
-            found += [replace(course, late=True) for course in found[2:]]
-    return [f"{name}:{course}" for course in found]
+            courses += [replace(course, late=True) for course in courses[2:]]
+    return [f"{name}:{course}" for course in courses]
 
 
 def words_after(mode: PhaseMode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:

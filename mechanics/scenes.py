@@ -23,6 +23,6 @@ def scene_of(model: Model, phases: Iterable[tuple[Array, Array, Array]]) -> Scen
     with np.errstate(all="ignore"):
         ways = [resampled(*phase) for phase in phases]
         values = tuple([model.drawing(q, t) for t, q in ways])
-    if not all(np.isfinite(found).all() for found in values):
+    if not all(np.isfinite(part).all() for part in values):
         return None
     return Scene(shapes, tuple([t for t, _ in ways]), values)

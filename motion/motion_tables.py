@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ import numpy as np
 
 from dmoc.base.errors import MissingExtraError, MotionError
 from dmoc.base.names import velocity_name
-from dmoc.motion.states import Names, forces_in
+from dmoc.motion.states import Names, forces_in, phase_forces
 from dmoc.motion.trajectory import Array, Phase, Trajectory
 
 if TYPE_CHECKING:
@@ -38,12 +38,12 @@ def columns(motion: Trajectory) -> dict[str, Array]:
     places, shown = Names.of(motion).places, forces_in(motion)
     order = sorted(places, key=lambda name: (places[name][0] != "t", places[name][0] != "phase"))
     touching = {"normal": list(motion.restitution), "tangential": list(motion.friction)}
-    found = {}
+    table = {}
     for name in order:
         part, column = places[name]
         if part not in touching or touching[part][column or 0] in shown:
-            found[name] = whole[part] if column is None else whole[part][:, column]
-    return found
+            table[name] = whole[part] if column is None else whole[part][:, column]
+    return table
 
 
 def _rows(motion: Trajectory, phase: Phase, number: int) -> dict[str, Array]:
@@ -53,50 +53,35 @@ def _rows(motion: Trajectory, phase: Phase, number: int) -> dict[str, Array]:
         node, begins = np.repeat(np.arange(n + 1), 2)[1:-1], np.arange(2 * n)
     else:
         node, begins = np.arange(n + 1), np.minimum(np.arange(n + 1), len(phase.u) - 1)
-    forces = [
-        _all_forces(phase, names, given, known)
-        for names, given, known in (
-            (phase.closed, phase.normal, motion.restitution),
-            (tuple(phase.rubbing), phase.tangential, motion.friction),
-            (phase.joints, phase.reaction, phase.joints),
-        )
-    ]
+    normal, tangential, reaction = phase_forces(motion, phase)
     return {
         "t": phase.t[node], "phase": np.full(len(node), number), "q": phase.q[node],
-        "v": phase.v[node], "p": phase.p[node], "u": phase.u[begins], "normal": forces[0][node],
-        "tangential": forces[1][node], "reaction": forces[2][node],
+        "v": phase.v[node], "p": phase.p[node], "u": phase.u[begins], "normal": normal[node],
+        "tangential": tangential[node], "reaction": reaction[node],
     }  # fmt: skip
-
-
-def _all_forces(phase: Phase, names: tuple[str, ...], forces: Array, known: Iterable[str]) -> Array:
-    """Forces at the nodes by all contacts, zero where one is open."""
-    given = dict(zip(names, forces.T, strict=True)) if forces.size else {}
-    nothing = np.zeros(len(phase.t))
-    found = [given.get(name, nothing) for name in known]
-    return np.array(found).reshape(len(found), len(nothing)).T
 
 
 def units(motion: Trajectory) -> dict[str, str]:
     """Units of the columns, where they are known: the model gives those of coordinates and inputs,
     times are in seconds and contact forces in newton."""
-    found = {"t": "s"} | dict(motion.units)
-    found |= {
+    names = {"t": "s"} | dict(motion.units)
+    names |= {
         velocity_name(name): f"{motion.units[name]}/s"
         for name in motion.coordinates
         if name in motion.units
     }
     places = Names.of(motion).places
-    return found | {
+    return names | {
         name: "N" for name, (part, _) in places.items() if part in ("normal", "tangential")
     }
 
 
 def to_csv(motion: Trajectory) -> str:
     """The table as comma-separated values with all digits; the header has units in brackets."""
-    known, table = units(motion), columns(motion)
+    unit, table = units(motion), columns(motion)
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(f"{name} [{known[name]}]" if name in known else name for name in table)
+    writer.writerow(f"{name} [{unit[name]}]" if name in unit else name for name in table)
     writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
     return stream.getvalue()
 
@@ -136,8 +121,10 @@ def written_as(ending: str) -> Callable[[Trajectory], str]:
         If there is no such format.
     """
     if ending not in WRITERS:
-        known = " or ".join(f".{name}" for name in WRITERS)
-        raise MotionError(f"{ending or 'no ending'!r} is no format of a table: end it in {known}.")
+        endings = " or ".join(f".{name}" for name in WRITERS)
+        raise MotionError(
+            f"{ending or 'no ending'!r} is no format of a table: end it in {endings}."
+        )
     return WRITERS[ending]
 
 
@@ -164,14 +151,14 @@ def to_xarray(motion: Trajectory) -> Dataset:
     MissingExtraError
         If xarray is not installed.
     """
-    known, table = units(motion), columns(motion)
+    unit, table = units(motion), columns(motion)
     (t, times), (phase, numbers), *others = table.items()
     dataset: Dataset = _package("xarray", "a dataset").Dataset(
         {
-            name: ("time", column, {"units": known[name]} if name in known else {})
+            name: ("time", column, {"units": unit[name]} if name in unit else {})
             for name, column in others
         },
-        coords={"time": ("time", times, {"units": known[t]}), phase: ("time", numbers)},
+        coords={"time": ("time", times, {"units": unit[t]}), phase: ("time", numbers)},
         attrs={"model": motion.model, "order": motion.order},
     )
     return dataset

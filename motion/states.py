@@ -12,7 +12,7 @@ are linear between nodes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -109,21 +109,21 @@ class Names:
         """Where each name is found: the field of a state and its column; no two are the same."""
         rates = [velocity_name(name) for name in self.coordinates]
         momenta = [momentum_name(name) for name in self.coordinates]
-        found: dict[str, tuple[str, int | None]] = {"t": ("t", None)}
+        places: dict[str, tuple[str, int | None]] = {"t": ("t", None)}
         for part, columns in (
             ("q", self.coordinates),
             ("v", rates),
             ("p", momenta),
             ("u", self.inputs),
         ):
-            found |= {name: (part, i) for i, name in enumerate(columns)}
+            places |= {name: (part, i) for i, name in enumerate(columns)}
         for part, columns in (
             ("normal", [f"N_{name}" for name in self.surfaces]),
             ("tangential", [f"T_{name}" for name in self.tangents]),
             ("reaction", [f"R_{name}" for name in self.joints]),
         ):
-            found |= {_free(name, found): (part, i) for i, name in enumerate(columns)}
-        return found | {_free("phase", found): ("phase", None)}
+            places |= {_free(name, places): (part, i) for i, name in enumerate(columns)}
+        return places | {_free("phase", places): ("phase", None)}
 
 
 def _free(name: str, taken: Mapping[str, object]) -> str:
@@ -149,16 +149,16 @@ def state_at(motion: Trajectory, t: ArrayLike, side: str = "right") -> State:
     sizes = [len(names.coordinates)] * 3 + [
         len(part) for part in (names.inputs, names.surfaces, names.tangents, names.joints)
     ]
-    found = [np.zeros((len(flat), size)) for size in sizes]
+    rows = [np.zeros((len(flat), size)) for size in sizes]
     for i in np.unique(phases):
         at = phases == i
         values = _in_phase(motion, motion.phases[i], flat[at], side)
-        for whole, part in zip(found, values, strict=True):
+        for whole, part in zip(rows, values, strict=True):
             whole[at] = part
     if not times.ndim:
-        q, v, p, u, N, T, R = (part[0] for part in found)
+        q, v, p, u, N, T, R = (part[0] for part in rows)
         return State(float(times), int(phases[0]), q, v, p, u, N, T, R, names)
-    q, v, p, u, N, T, R = found
+    q, v, p, u, N, T, R = rows
     return State(times, phases, q, v, p, u, N, T, R, names)
 
 
@@ -196,14 +196,7 @@ def _in_phase(motion: Trajectory, phase: Phase, t: Array, side: str) -> tuple[Ar
     q, v = _positions(phase, k, share, h)
     first, last = motion.input_ends(phase)
     u = first[k] + share[:, None] * (last[k] - first[k])
-    forces = (
-        _forces(phase.t, t, tuple(names), column, known)
-        for names, column, known in (
-            (phase.closed, phase.normal, motion.restitution),
-            (phase.rubbing, phase.tangential, motion.friction),
-            (phase.joints, phase.reaction, phase.joints),
-        )
-    )
+    forces = [_interpolated(phase.t, t, rows) for rows in phase_forces(motion, phase)]
     return q, v, _momenta(phase, k, share), u, *forces
 
 
@@ -238,13 +231,26 @@ def _nodes(at_ends: Array, inside: Array, k: NDArray[np.intp]) -> list[Array]:
     return [at_ends[k], at_ends[k + 1], *(inside[count * k + a] for a in range(count))]
 
 
-def _forces(
-    nodes: Array, t: Array, names: Sequence[str], forces: Array, known: Iterable[str]
-) -> Array:
-    """Forces of all contacts by those of the closed ones, linear between nodes."""
-    given = dict(zip(names, forces.T, strict=True)) if forces.size else {}
-    found = [np.interp(t, nodes, given[n]) if n in given else np.zeros(len(t)) for n in known]
-    return np.array(found).reshape(len(found), len(t)).T
+def _interpolated(nodes: Array, t: Array, rows: Array) -> Array:
+    columns = [np.interp(t, nodes, column) for column in rows.T]
+    return np.array(columns).reshape(rows.shape[1], len(t)).T
+
+
+def phase_forces(motion: Trajectory, phase: Phase) -> tuple[Array, Array, Array]:
+    """Contact forces (N + 1, nc) of all surfaces, friction (N + 1, nt) of all tangents and forces
+    of joints (N + 1, nj) at the nodes of a phase, zero where one is open."""
+
+    def of_all(names: Iterable[str], forces: Array, everyone: Iterable[str]) -> Array:
+        columns = dict(zip(names, forces.T, strict=True)) if forces.size else {}
+        nothing = np.zeros(len(phase.t))
+        rows = [columns.get(name, nothing) for name in everyone]
+        return np.array(rows).reshape(len(rows), len(nothing)).T
+
+    return (
+        of_all(phase.closed, phase.normal, motion.restitution),
+        of_all(phase.rubbing, phase.tangential, motion.friction),
+        of_all(phase.joints, phase.reaction, phase.joints),
+    )
 
 
 def _plain(value: Array) -> Array | float:

@@ -267,7 +267,7 @@ class LargestForce:
 def largest_forces(motion: Trajectory) -> list[LargestForce]:
     """The largest normal force and the largest friction of each contact, and the largest force of
     each constraint, at its first time."""
-    found: dict[tuple[str, str], LargestForce] = {}
+    largest: dict[tuple[str, str], LargestForce] = {}
     for phase in motion.phases:
         rows = (
             (kind, name, row)
@@ -280,10 +280,10 @@ def largest_forces(motion: Trajectory) -> list[LargestForce]:
         for kind, name, forces in rows:
             k = int(np.argmax(np.abs(forces)))
             force = LargestForce(name, kind, float(forces[k]), float(phase.t[k]))
-            known = found.get((name, kind))
-            if known is None or abs(force.value) > abs(known.value):
-                found[name, kind] = force
-    return sorted(found.values(), key=lambda force: (force.contact, force.kind))
+            before = largest.get((name, kind))
+            if before is None or abs(force.value) > abs(before.value):
+                largest[name, kind] = force
+    return sorted(largest.values(), key=lambda force: (force.contact, force.kind))
 
 
 def mode_word(closed: Sequence[str], rubbing: Mapping[str, int]) -> str:

@@ -73,27 +73,27 @@ def _items(motion: Trajectory, q: Array) -> list[_Item]:
             continue
         height -= ROW * scale
         if motion.units.get(name) == "rad":
-            found = _dial(i, name, (left, height, scale))
+            drawn = _dial(i, name, (left, height, scale))
         else:
-            found = _rail(i, name, (left, height, scale), _reach(motion, q, name))
-        items += found
-        places[i] = _place_of(found[-1])
+            drawn = _rail(i, name, (left, height, scale), _reach(motion, q, name))
+        items += drawn
+        places[i] = _place_of(drawn[-1])
     return items + _contacts(motion, places, pairs)
 
 
 def _points(motion: Trajectory) -> list[list[int]]:
     """Pairs of coordinates that are places of points: x and y with the same ending, all of them in
     the unit of the first."""
-    found: list[list[int]] = []
+    pairs: list[list[int]] = []
     unit = None
     for i, name in enumerate(motion.coordinates):
         match = PAIR.fullmatch(name)
         other = f"y{match[1]}" if match else ""
         units = {motion.units.get(name), motion.units.get(other)}
-        if other in motion.coordinates and units == ({unit} if found else {motion.units.get(name)}):
-            found.append([i, motion.coordinates.index(other)])
+        if other in motion.coordinates and units == ({unit} if pairs else {motion.units.get(name)}):
+            pairs.append([i, motion.coordinates.index(other)])
             unit = motion.units.get(name)
-    return found
+    return pairs
 
 
 def _picked(columns: list[int]) -> Place:
@@ -151,7 +151,7 @@ def _place_of(item: _Item) -> Place:
 def _contacts(motion: Trajectory, places: dict[int, Place], pairs: list[list[int]]) -> list[_Item]:
     """Contacts at the coordinates that their first events change most, pushing as the impulse
     does."""
-    found: dict[str, _Item] = {}
+    items: dict[str, _Item] = {}
     for event in motion.collisions:
         jump = event.momentum_after - event.momentum_before
         size = np.abs(event.momentum_after) + np.abs(event.momentum_before)
@@ -165,8 +165,8 @@ def _contacts(motion: Trajectory, places: dict[int, Place], pairs: list[list[int
             push = _straight(places[i], jump[i : i + 1])
         for name in dict.fromkeys([event.surface, *event.impulses, *event.lands, *event.leaves]):
             if name:
-                found.setdefault(name, _Item("contact", name, push))
-    return list(found.values())
+                items.setdefault(name, _Item("contact", name, push))
+    return list(items.values())
 
 
 def _straight(place: Place, jump: Array) -> Place:

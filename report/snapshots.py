@@ -133,8 +133,8 @@ def _frame(axes: Axes, trajectory: Trajectory, style: Style, first: Axes | None)
 
 def _length(trajectory: Trajectory) -> str:
     """The unit of the lengths of a model, where it has but one."""
-    found = {unit for unit in trajectory.units.values() if unit in ("m", "cm", "mm", "km")}
-    return f"[{found.pop()}]" if len(found) == 1 else ""
+    lengths = {unit for unit in trajectory.units.values() if unit in ("m", "cm", "mm", "km")}
+    return f"[{lengths.pop()}]" if len(lengths) == 1 else ""
 
 
 def _title(trajectory: Trajectory, phase: int | None) -> str:

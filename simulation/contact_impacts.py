@@ -34,7 +34,7 @@ class Struck:
     impulses: tuple[tuple[int, float, float], ...]
 
 
-def struck(model: Model, at: Place, found: Reaction, restitution: Array, h: float) -> Struck:
+def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: float) -> Struck:
     """The impacts on the surfaces that a state touches and approaches; closed contacts that carry
     a force in its reaction stay closed through them.
 
@@ -49,9 +49,9 @@ def struck(model: Model, at: Place, found: Reaction, restitution: Array, h: floa
     rates = model.gap_rates(q, v, at.t)
     on = [int(j) for j in np.flatnonzero(model.gaps(q, at.t) >= -at.small.gap)]
     hit = [j for j in on if rates[j] > at.small.rate[j]]
-    e = _effective(model, at, found, restitution, h)
+    e = _effective(model, at, reaction, restitution, h)
     rough = [j for j in on if j in model.rough]
-    carrying = bool((found.normal[0] > at.small.force).any())
+    carrying = bool((reaction.normal[0] > at.small.force).any())
     names = ", ".join(repr(surfaces[j]) for j in on)
     if not rough and not carrying:
         return _one_by_one(model, at, e)
@@ -81,12 +81,12 @@ def _felt(blow: Blow, on: list[int], tangent: dict[int, int]) -> Iterator[tuple[
             yield j, float(blow.normal[j]), traction
 
 
-def _effective(model: Model, at: Place, found: Reaction, restitution: Array, h: float) -> Array:
+def _effective(model: Model, at: Place, reaction: Reaction, restitution: Array, h: float) -> Array:
     """Coefficients of restitution, zero where the bounces that would follow die away at once."""
     nq = model.nq
     q, v, t = at.y[None, :nq], at.y[None, nq : 2 * nq], np.array([at.t])
     slopes = model.gap_slopes(q, t)[0, :, :-1]
-    pressed = slopes @ found.acceleration[0] + model.gap_accelerations(q, v, t)[0]
+    pressed = slopes @ reaction.acceleration[0] + model.gap_accelerations(q, v, t)[0]
     rates = model.gap_rates(q, v, t)[0]
     rebound = 2 * restitution * np.maximum(rates, 0.0)
     dies = (pressed > 0) & (rebound < SETTLED * h * (1 - restitution) * pressed)
@@ -114,17 +114,17 @@ def _one_by_one(model: Model, at: Place, e: Array) -> Struck:
     normals, rates = model.gap_slopes(q, at.t)[:, :-1], model.gap_rates(q, v, at.t)
     changes = model.responses(q, normals, at.t)
     small = at.small
-    found = simultaneous(
+    impulses = simultaneous(
         model.gaps(q, at.t), small.gap, rates, small.rate / NOISE, normals @ changes, e, 0.0
     )
-    if found is None:
+    if impulses is None:
         raise SimulationError(
             f"the impacts at t = {at.t:.6g} s come to no end: bodies that meet so cannot be "
             "simulated, change the start or give the surfaces a restitution below 1."
         )
-    for j, impulse in found:
+    for j, impulse in impulses:
         v = v - impulse * changes[:, j]
-    return Struck(v, tuple((j, impulse, 0.0) for j, impulse in found))
+    return Struck(v, tuple((j, impulse, 0.0) for j, impulse in impulses))
 
 
 def _alone(model: Model, at: Place, j: int, tangent: int | None, e: float) -> Struck:
@@ -139,9 +139,9 @@ def _alone(model: Model, at: Place, j: int, tangent: int | None, e: float) -> St
         impulse = -(1 + e) * approach / float(D[0] @ pushed[:, 0])
         return Struck(v[0] + impulse * pushed[:, 0], ((j, impulse, 0.0),))
     slide = float(model.slide_rates(q, v, t)[0, tangent])
-    found = impulses(np.array([approach, slide]), D @ pushed, float(model.friction[tangent]), e)
-    lam = np.array([found.normal, found.tangential])
-    return Struck(v[0] + pushed @ lam, ((j, found.normal, found.tangential),))
+    impact = impulses(np.array([approach, slide]), D @ pushed, float(model.friction[tangent]), e)
+    lam = np.array([impact.normal, impact.tangential])
+    return Struck(v[0] + pushed @ lam, ((j, impact.normal, impact.tangential),))
 
 
 def _gains(model: Model, at: Place, blow: Blow) -> bool:

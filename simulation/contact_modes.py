@@ -139,42 +139,48 @@ def without_effect(model: Model, mode: Mode, q: Array, t: Array) -> Array:
     return np.asarray(rest / size[:, :, None] * size[:, None, :])
 
 
-def borne(model: Model, mode: Mode, found: Reaction, q: Array, t: Array) -> Reaction:
+def borne(model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array) -> Reaction:
     """A reaction whose forces are those with the same effect that stay furthest from pulling and
     from the edges of their cones, in rows whose smallest forces are not borne."""
-    margins = _margins(model, mode, (found.normal, found.tangential))
+    margins = _margins(model, mode, (reaction.normal, reaction.tangential))
     bad = np.flatnonzero(~(margins >= 0).all(axis=1))
     if not len(bad) or len(mode.closed) + len(mode.sticking) + model.nj < 2:
-        return found
+        return reaction
     free = without_effect(model, mode, q[bad], t[bad])
     if not np.isfinite(free).all() or not free.any():
-        return found
-    normal, tangential, joint = found.normal.copy(), found.tangential.copy(), found.joint.copy()
+        return reaction
+    normal, tangential, joint = (
+        reaction.normal.copy(),
+        reaction.tangential.copy(),
+        reaction.joint.copy(),
+    )
     for row, P in zip(bad, free, strict=True):
-        forces = found.normal[[row]], found.tangential[[row]]
+        forces = reaction.normal[[row]], reaction.tangential[[row]]
         changes = spread(model, mode, P.T)
         best = _furthest(model, mode, forces, changes)
         normal[row] += best @ changes[0]
         tangential[row] += best @ (changes[1] - spread(model, mode, 0 * P.T)[1])
         joint[row] += best @ changes[2]
-    return Reaction(found.acceleration, normal, tangential, joint)
+    return Reaction(reaction.acceleration, normal, tangential, joint)
 
 
 def nearest(
-    model: Model, mode: Mode, found: Reaction, q: Array, t: Array, planned: Array
+    model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array, planned: Array
 ) -> Reaction:
     """A reaction with the same effect whose forces are next to planned ones of what is closed and
     what sticks (n, count); those of joints are what they are."""
     if planned.shape[1] + model.nj < 2:
-        return found
+        return reaction
     free = without_effect(model, mode, q, t)
     if not np.isfinite(free).all() or not free.any():
-        return found
-    own = np.hstack([found.normal[:, list(mode.closed)], found.tangential[:, list(mode.sticking)]])
-    lam = np.hstack([own, found.joint])
-    off = np.hstack([planned - own, np.zeros_like(found.joint)])
+        return reaction
+    own = np.hstack(
+        [reaction.normal[:, list(mode.closed)], reaction.tangential[:, list(mode.sticking)]]
+    )
+    lam = np.hstack([own, reaction.joint])
+    off = np.hstack([planned - own, np.zeros_like(reaction.joint)])
     lam = lam + (free @ off[..., None])[..., 0]
-    return Reaction(found.acceleration, *spread(model, mode, lam))
+    return Reaction(reaction.acceleration, *spread(model, mode, lam))
 
 
 def names_without_effect(model: Model, mode: Mode, q: Array, t: float) -> tuple[list[str], ...]:
@@ -228,19 +234,19 @@ def limits(
     :func:`kept`."""
     nq, (y, u, t) = model.nq, rows
     q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
-    found = integrator.reaction(mode, y, u, t)
-    return kept(model, mode, borne(model, mode, found, q, t), q, v, t)
+    reaction = integrator.reaction(mode, y, u, t)
+    return kept(model, mode, borne(model, mode, reaction, q, t), q, v, t)
 
 
-def kept(model: Model, mode: Mode, found: Reaction, q: Array, v: Array, t: Array) -> Array:
+def kept(model: Model, mode: Mode, reaction: Reaction, q: Array, v: Array, t: Array) -> Array:
     """What a mode keeps from falling below zero (n, nc + 2 nt): minus the gap of an open surface or
     the force of a closed one; what friction still bears of what sticks; the sliding velocity in
     its direction.  Infinite where there is nothing to keep."""
     least = -model.gaps(q, t)
-    least[:, list(mode.closed)] = found.normal[:, list(mode.closed)]
+    least[:, list(mode.closed)] = reaction.normal[:, list(mode.closed)]
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
     stuck = list(mode.sticking)
-    bears[:, stuck] = (model.bearing(found.normal) - np.abs(found.tangential))[:, stuck]
+    bears[:, stuck] = (model.bearing(reaction.normal) - np.abs(reaction.tangential))[:, stuck]
     sigma = model.slide_rates(q, v, t)
     for k, s in mode.sliding:
         slides[:, k] = s * sigma[:, k]

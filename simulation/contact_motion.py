@@ -121,9 +121,9 @@ def nodes(
 def node(setting: Setting, mode: Mode, y: Array, u: Array, t: float) -> ContactState:
     """A state with the forces of its mode."""
     model, times = setting.model, np.array([t])
-    found = setting.integrator.reaction(mode, y[None], u[None], times)
-    found = borne(model, mode, found, y[None, : model.nq], times)
-    return ContactState(t, y, found.normal[0], found.tangential[0])
+    reaction = setting.integrator.reaction(mode, y[None], u[None], times)
+    reaction = borne(model, mode, reaction, y[None, : model.nq], times)
+    return ContactState(t, y, reaction.normal[0], reaction.tangential[0])
 
 
 def start(setting: Setting, y: Array, u: Array, t: float) -> Mode:
@@ -156,10 +156,10 @@ def through_step(
     y: Array,
     u: Array,
     span: tuple[float, float],
-    known: tuple[Reach, MotionRecord],
+    so_far: tuple[Reach, MotionRecord],
 ) -> tuple[Array, Mode]:
     """The state after a step with constant inputs, and its mode there."""
-    model, (reach, journal), (begin, end) = setting.model, known, span
+    model, (reach, journal), (begin, end) = setting.model, so_far, span
     place, hints = _place(setting, y, u, begin, reach), Hints()
     mode, modes, times = Mode(), list[Mode](), list[float]()
     before = journal.last
@@ -222,19 +222,19 @@ def _resolved(
     # Errors of location would add up from bounce to bounce.
     place = replace(place, y=_placed(setting, hit, place.y, place.t))
     resting = setting.integrator.reaction(mode, place.y[None], place.u[None], np.array([place.t]))
-    found = struck(model, place, resting, setting.restitution, setting.h)
+    impact = struck(model, place, resting, setting.restitution, setting.h)
     after = place.y.copy()
-    after[nq : 2 * nq] = found.velocity
+    after[nq : 2 * nq] = impact.velocity
     reach = reached(model, after, place.u, place.t, setting.h, reach)
     place = _place(setting, after, place.u, place.t, reach)
     mode = mode_at(setting, place, Hints())
-    journal.collisions += _records(model, place, (v, mode), found.impulses)
+    journal.collisions += _records(model, place, (v, mode), impact.impulses)
     return place, mode
 
 
 def _records(
     model: Model, place: Place, before: tuple[Array, Mode],
-    found: tuple[tuple[int, float, float], ...],
+    impulses: tuple[tuple[int, float, float], ...],
 ) -> Iterator[Collision]:  # fmt: skip
     """The collisions of one moment, in their order."""
     kernels, (v, mode) = model.kernels, before
@@ -242,7 +242,7 @@ def _records(
     p, normals = model.momentum(q, v, place.t), model.gap_slopes(q, place.t)[:, :-1]
     along = dict(zip(kernels.tangents, model.tangent_slopes(q, place.t)[:, :-1], strict=True))
     M = model.mass(q, place.t)
-    for j, impulse, traction in found:
+    for j, impulse, traction in impulses:
         name = kernels.surfaces[j]
         change = -impulse * normals[j] + traction * along.get(name, np.zeros(model.nq))
         change = model.with_joints(M, change, q, place.t)
@@ -336,8 +336,8 @@ class _ContactFlow:
             )
             over = kept < least
             row = int(np.argmax(over.any(axis=1)))
-        found = [self._moment(int(j), (times, kept), row) for j in np.flatnonzero(over[row])]
-        return min(found)
+        moments = [self._moment(int(j), (times, kept), row) for j in np.flatnonzero(over[row])]
+        return min(moments)
 
     def _moment(self, j: int, seen: tuple[Array, Array], row: int) -> tuple[float, int]:
         """When a limit is passed that holds in the rows before, and not in this one."""

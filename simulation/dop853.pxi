@@ -87,13 +87,13 @@ cdef class Method(Dynamics):
     ) noexcept nogil:
         """Largest entry of an error estimate of row i relative to the sizes."""
         cdef ptrdiff_t c, e
-        cdef double total, found = 0.0
+        cdef double total, most = 0.0
         for c in range(min(width, 2 * self.nq + (width == 2 * self.nq + 1))):
             total = 0.0
             for e in range(self.sum_start[s], self.sum_start[s + 1]):
                 total += self.sum_factor[e] * self.slopes[(self.sum_index[e] * n + i) * width + c]
-            found = fmax(found, fabs(self.span[i] / count * total) / self.sizes[c])
-        return found
+            most = fmax(most, fabs(self.span[i] / count * total) / self.sizes[c])
+        return most
 
     cdef int integrate(
         self, ptrdiff_t n, ptrdiff_t width, ptrdiff_t count, double *ends
@@ -236,8 +236,8 @@ cdef class Method(Dynamics):
         for i in range(n):
             if not 0 <= first[i] <= last[i] <= N:
                 raise ValueError(f"steps {first[i]} to {last[i]}: expected 0 to {N}")
-        found = np.empty((n, 2, nq))
-        cdef double[:, :, ::1] ends = found
+        accelerations = np.empty((n, 2, nq))
+        cdef double[:, :, ::1] ends = accelerations
         self.worst = 0.0
         with nogil:
             while begin < n:
@@ -253,7 +253,7 @@ cdef class Method(Dynamics):
                     )
                     j += 1
                 begin += self.capacity
-        return found
+        return accelerations
 
 
 cdef bint finite(ptrdiff_t n, const double *x) noexcept nogil:

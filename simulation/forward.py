@@ -117,23 +117,23 @@ def simulate(
     with np.errstate(all="ignore"):  # what overflows has no solution, and is told as that
         _check_start(model, q, v)
         if model.friction.any() or model.nj:
-            found = run.recorded(q, model.momentum(q, v))
-            journal = _through_contacts(run, e, q, v, 0, found)
+            states = run.recorded(q, model.momentum(q, v))
+            journal = _through_contacts(run, e, q, v, 0, states)
         else:
-            found, journal = _from_impact_to_impact(run, e, q, model.momentum(q, v))
-        velocities = model.velocity(found.q, found.p, found.t)
+            states, journal = _from_impact_to_impact(run, e, q, model.momentum(q, v))
+        velocities = model.velocity(states.q, states.p, states.t)
         if not np.isfinite(velocities).all():
             raise SimulationError(
                 "the mass matrix is singular where the motion ends: check the parameters, and stop "
                 "before it."
             )
-        energy = model.energy(found.q, velocities, found.t)
+        energy = model.energy(states.q, velocities, states.t)
     journal.note(model, None, h * steps)
     return Run(
-        found.t, found.q, velocities, found.p, energy, u, tuple(journal.collisions),
+        states.t, states.q, velocities, states.p, energy, u, tuple(journal.collisions),
         tuple(s for s in journal.stretches if s.friction is None),
         tuple(s for s in journal.stretches if s.friction is not None),
-        found.normal, found.tangential, tuple(_notes(model, journal.marks)),
+        states.normal, states.tangential, tuple(_notes(model, journal.marks)),
         tuple(journal.marks), model, e, h,
     )  # fmt: skip
 
@@ -186,12 +186,12 @@ class _SimulationTask:
         """Nodes of which the first is known."""
         rows, model = len(self.u) // self.every + 1, self.model
         times = np.arange(rows, dtype=float) * (self.h * self.every)
-        found = _Recorded(
+        states = _Recorded(
             times, np.empty((rows, model.nq)),
             np.empty((rows, model.nq)), *self.forces(rows),
         )  # fmt: skip
-        found.q[0], found.p[0] = q, p
-        return found
+        states.q[0], states.p[0] = q, p
+        return states
 
     def forces(self, rows: int) -> tuple[Array, Array]:
         return np.zeros((rows, self.model.nc)), np.zeros((rows, self.model.nt))
@@ -204,22 +204,22 @@ def _from_impact_to_impact(
     model = run.model
     stepper = Stepper(model.kernels, model.par, e)
     try:
-        found = stepper.run(q, p, run.u, run.h, run.every)
+        states = stepper.run(q, p, run.u, run.h, run.every)
     except Lasting:
-        last, known = stepper.held
+        last, before_it = stepper.held
         first = _before_settling(last, [c[0] for c in stepper.collisions])
         if first > 0:
             to_there = Stepper(model.kernels, model.par, e)
             _, ways, momenta = to_there.run(q, p, run.u[:first], run.h, first)
             q, p = ways[-1], momenta[-1]
-        recorded = _Recorded(*known, *run.forces(len(known[0])))
+        recorded = _Recorded(*before_it, *run.forces(len(before_it[0])))
         v = model.velocity(q, p, first * run.h)
         journal = _through_contacts(run, e, q, v, first, recorded)
         before = [c for c in stepper.collisions if c[0] < first]
         journal.collisions[:0] = _collisions(model, before)
         return recorded, journal
     journal = MotionRecord(list(_collisions(model, stepper.collisions)))
-    return _Recorded(*found, *run.forces(len(found[0]))), journal
+    return _Recorded(*states, *run.forces(len(states[0]))), journal
 
 
 def _before_settling(last: int, struck: list[int]) -> int:
@@ -232,13 +232,13 @@ def _before_settling(last: int, struck: list[int]) -> int:
     return last
 
 
-def _collisions(model: Model, given: list[list[Any]]) -> Iterator[Collision]:
-    for _, time, j, lam, at, before, after in given:
+def _collisions(model: Model, records: list[list[Any]]) -> Iterator[Collision]:
+    for _, time, j, lam, at, before, after in records:
         yield Collision(model.kernels.surfaces[j], time, at, float(lam), before, after)
 
 
 def _through_contacts(
-    run: _SimulationTask, e: Array, q: Array, v: Array, first: int, found: _Recorded
+    run: _SimulationTask, e: Array, q: Array, v: Array, first: int, states: _Recorded
 ) -> MotionRecord:
     """The motion from the step ``first`` on by the continuous equations of its modes."""
     setting, journal = Setting(run.model, e, run.h), MotionRecord()
@@ -247,10 +247,10 @@ def _through_contacts(
     journal.last = ContactState(t, y, np.zeros(run.model.nc), np.zeros(run.model.nt))
     if first % run.every == 0:
         mode = start(setting, y, run.u[first], t)
-        found.put(first // run.every, run.model, node(setting, mode, y, run.u[first], t))
+        states.put(first // run.every, run.model, node(setting, mode, y, run.u[first], t))
     for k, at in enumerate(nodes(setting, y, run.u, first, journal), start=first + 1):
         if k % run.every == 0:
-            found.put(k // run.every, run.model, at)
+            states.put(k // run.every, run.model, at)
     return journal
 
 
@@ -292,18 +292,18 @@ def _check_room(steps: int, every: int, nq: int, forces: int) -> None:
 
 
 def _inputs(
-    given: ArrayLike | Callable[[float], ArrayLike] | None, h: float, steps: int, nu: int
+    values: ArrayLike | Callable[[float], ArrayLike] | None, h: float, steps: int, nu: int
 ) -> Array:
     """One row for every step; a row that serves all steps is not copied."""
-    if given is None:
+    if values is None:
         return np.broadcast_to(np.zeros(nu), (steps, nu))
     shapes: tuple[tuple[int, ...], ...] = ((nu,), (steps, nu))
     expected = f"numbers of shape ({steps}, {nu}) or ({nu},)"
-    if callable(given):
+    if callable(values):
         shapes, expected = ((steps, nu),), f"a function of the time that returns {nu} numbers"
-        call = function(given, "inputs", "the time")
-        given = [np.ravel(call((k + 0.5) * h)) for k in range(steps)]
-    u = array(given)
+        call = function(values, "inputs", "the time")
+        values = [np.ravel(call((k + 0.5) * h)) for k in range(steps)]
+    u = array(values)
     if u is None or u.shape not in shapes:
         raise SimulationError(f"inputs: expected {expected}.")
     if not np.isfinite(u).all():
@@ -311,24 +311,24 @@ def _inputs(
     return np.broadcast_to(u, (steps, nu))
 
 
-def _vector(given: Any, names: list[str], what: str, other: Sequence[str] = ()) -> Array:
+def _vector(values: Any, names: list[str], what: str, other: Sequence[str] = ()) -> Array:
     """Numbers by coordinate, of which a mapping leaves out zeros; ``other`` are further names that
     the coordinates have in it."""
-    told = given
-    if isinstance(given, Mapping):
+    numbers = values
+    if isinstance(values, Mapping):
         columns = {name: j for j, name in (*enumerate(other), *enumerate(names))}
-        values: dict[int, Any] = {}
-        for name, value in by_name(given, what, SimulationError).items():
+        by_column: dict[int, Any] = {}
+        for name, value in by_name(values, what, SimulationError).items():
             check_known(name, columns, "coordinate", f"in {what}", SimulationError)
-            if columns[name] in values:
+            if columns[name] in by_column:
                 raise SimulationError(
                     f"{what} gives {names[columns[name]]!r} twice, also as {name!r}: give it once."
                 )
-            values[columns[name]] = value
-        told = [values.get(j, 0.0) for j in range(len(names))]
-    vector = array(told)
+            by_column[columns[name]] = value
+        numbers = [by_column.get(j, 0.0) for j in range(len(names))]
+    vector = array(numbers)
     if vector is None or vector.shape != (len(names),) or not np.isfinite(vector).all():
         raise SimulationError(
-            f"{what} = {shown(given)}: expected {len(names)} finite numbers ({', '.join(names)})."
+            f"{what} = {shown(values)}: expected {len(names)} finite numbers ({', '.join(names)})."
         )
     return np.array(vector)

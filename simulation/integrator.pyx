@@ -186,13 +186,13 @@ cdef class Integrator(Method):
             raise ValueError(f"expected {n} steps")
         if not (y0.shape[1] >= 2 * nq and y1.shape[1] >= 2 * nq and ends.shape[2] == nq):
             raise ValueError(f"expected {nq} coordinates")
-        found = np.empty((shares.shape[0], n, nq))
-        cdef double[:, :, ::1] q = found
+        places = np.empty((shares.shape[0], n, nq))
+        cdef double[:, :, ::1] q = places
         with nogil:
             for s in range(shares.shape[0]):
                 for i in range(n):
                     quintic(nq, &y0[i, 0], &ends[i, 0, 0], &y1[i, 0], h[i], shares[s], &q[s, i, 0])
-        return found
+        return places
 
     def quiet(
         self, double[::1] y, const double[::1] t, const double[::1] h, const double[:, ::1] u0,

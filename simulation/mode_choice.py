@@ -102,8 +102,10 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
     held: dict[Mode, Array] = {}  # by other forces than the smallest
 
     def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
-        found = integrator.reaction(mode, at.y[None], at.u[None], t)
-        gap_bend, skid = (s @ found.acceleration[0] + b for s, b in zip(slopes, bends, strict=True))
+        reaction = integrator.reaction(mode, at.y[None], at.u[None], t)
+        gap_bend, skid = (
+            s @ reaction.acceleration[0] + b for s, b in zip(slopes, bends, strict=True)
+        )
         starting = [(k, s) for k, s in mode.sliding if abs(sigma[k]) <= at.small.slide[k]]
         if not (
             (gap_bend[list(opened)] <= at.small.bend[list(opened)]).all()
@@ -111,13 +113,13 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
         ):
             return False
         slack = at.small.force, at.small.hold
-        if _borne(model, mode, (found.normal[0], found.tangential[0]), *slack):
+        if _borne(model, mode, (reaction.normal[0], reaction.tangential[0]), *slack):
             return True
-        other = borne(model, mode, found, q, t)
-        if other is not found and _borne(
+        other = borne(model, mode, reaction, q, t)
+        if other is not reaction and _borne(
             model, mode, (other.normal[0], other.tangential[0]), *slack
         ):
-            held[mode] = found.acceleration[0]
+            held[mode] = reaction.acceleration[0]
         return False
 
     mode = _first(model, on, sigma, at.small.slide, hints, holds, rails=True)
@@ -170,7 +172,7 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
     slopes = model.gap_slopes(q, t)[0, :, :-1], model.tangent_slopes(q, t)[0, :, :-1]
     inertia = np.einsum("ji,ij->j", slopes[0], model.responses(q[0], slopes[0], at.t))
     noise = at.small.rate / np.where(inertia > 0, inertia, 1.0)
-    found: dict[Mode, Blow] = {}
+    blows: dict[Mode, Blow] = {}
 
     def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
         mode = without_rails(model, mode)
@@ -179,7 +181,7 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
         change, lam = answers(M, conditions(model, mode, q, t), aims)
         normal, tangential, _ = (part[0] for part in spread(model, mode, lam))
         gap_rates, slides = rates + slopes[0] @ change[0], sigma + slopes[1] @ change[0]
-        found[mode] = Blow(v[0] + change[0], normal, tangential)
+        blows[mode] = Blow(v[0] + change[0], normal, tangential)
         least = np.array([noise[j] if j != RAIL else 0.0 for j in model.supports])
         return (
             bool((gap_rates[list(opened)] <= at.small.rate[list(opened)]).all())
@@ -189,7 +191,7 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
 
     at_any_speed = np.full(model.nt, np.inf)
     mode = _first(model, list(on), sigma, at_any_speed, Hints(), holds, rails=False)
-    return None if mode is None else found[without_rails(model, mode)]
+    return None if mode is None else blows[without_rails(model, mode)]
 
 
 def _borne(

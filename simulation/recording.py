@@ -116,10 +116,10 @@ def _at_once(events: Iterator[_Moment], near: float) -> Iterator[Iterator[_Momen
 def _merged(events: list[_Moment]) -> _Moment:
     """Events of one moment as one: from before the first to after the last."""
     hits = tuple(dict.fromkeys(id(c) for e in events for c in e.collisions))
-    known = {id(c): c for e in events for c in e.collisions}
+    collisions = {id(c): c for e in events for c in e.collisions}
     last = events[-1]
     return replace(
-        events[0], after=last.after, mode=last.mode, collisions=tuple(known[i] for i in hits)
+        events[0], after=last.after, mode=last.mode, collisions=tuple(collisions[i] for i in hits)
     )
 
 

@@ -59,7 +59,7 @@ def simultaneous(
     """
     rates, size = rates.copy(), size.copy()
     inertia = np.maximum(np.diag(response), np.finfo(float).tiny)
-    found: list[tuple[int, float]] = []
+    impulses: list[tuple[int, float]] = []
 
     def touched() -> NDArray[np.bool_]:
         return np.asarray(gaps > -(tolerance + moment * np.maximum(rates, 0.0)))
@@ -68,23 +68,23 @@ def simultaneous(
         change = response[:, j] * impulse
         np.maximum(size, np.abs(change), out=size)
         np.subtract(rates, change, out=rates)
-        found.append((j, impulse))
+        impulses.append((j, impulse))
 
     while (hit := np.logical_and(touched(), rates > NOISE * size)).any():
         if not restitution[touched()].any() or (
-            len(found) >= MOST_IMPACTS and (restitution[touched()] < 1).any()
+            len(impulses) >= MOST_IMPACTS and (restitution[touched()] < 1).any()
         ):
             on = np.flatnonzero(touched())
             for k, impulse in zip(on, plastic(response[np.ix_(on, on)], rates[on]), strict=True):
                 if impulse > 0:
                     strike(int(k), float(impulse))
-            return found
-        if len(found) >= MOST_IMPACTS:
+            return impulses
+        if len(impulses) >= MOST_IMPACTS:
             return None
         hardness = np.where(hit, rates / np.sqrt(inertia), 0.0)
         j = int(np.flatnonzero(hardness >= (1 - EQUAL) * hardness.max())[0])
         strike(j, float((1 + restitution[j]) * rates[j] / inertia[j]))
-    return found
+    return impulses
 
 
 def plastic(response: Array, rates: Array) -> Array:

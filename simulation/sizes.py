@@ -134,11 +134,11 @@ def _nodes(trajectory: Trajectory, model: Model) -> _Nodes:
 def _forces(model: Model, nodes: _Nodes) -> Array:
     """Largest generalised forces (nq,) that act anywhere: of the position alone, of position and
     velocity, and of each input by itself, balanced or not."""
-    found = [np.abs(model.equations(nodes.q, v, None, nodes.t)[1]) for v in (None, nodes.v)]
+    forces = [np.abs(model.equations(nodes.q, v, None, nodes.t)[1]) for v in (None, nodes.v)]
     if model.nu:
         B = np.abs(model.input_matrix(nodes.q, nodes.v, nodes.u[0], nodes.t))
-        found += [(B @ np.abs(u)[..., None])[..., 0] for u in nodes.u]
-    return np.asarray(np.max(found, axis=(0, 1)))
+        forces += [(B @ np.abs(u)[..., None])[..., 0] for u in nodes.u]
+    return np.asarray(np.max(forces, axis=(0, 1)))
 
 
 def _lifted(model: Model, nodes: _Nodes) -> float:

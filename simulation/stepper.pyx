@@ -463,28 +463,28 @@ cdef class Stepper:
 
     cdef int advance(self, double h, double t, long number) except -1 nogil:
         """Take a step from (q_a, p); leaves q_b, p at its end and records collisions."""
-        cdef int i, j, hits = 0, found
+        cdef int i, j, hits = 0, met
         cdef double rest = h, s
         self.full = h
         self.after_impact = False
         self.t[0, 0] = t
         self.at_start(h)
-        found = self.contact_at_start(h)
-        if found >= 0:  # the step before ended on the surface
+        met = self.contact_at_start(h)
+        if met >= 0:  # the step before ended on the surface
             hits = 1
-            self.start_collision(found, t, number)
+            self.start_collision(met, t, number)
         while True:
             self.t[0, 0] = t
             if hits and rest <= SHORTEST_LEG * h:
                 self.finish_at_impact(rest)
                 return 0
-            s = self.to_next(rest, t, &found)
+            s = self.to_next(rest, t, &met)
             if s < 0:
                 if not self.after_impact:
                     self.no_solution(rest, t)
                 self.take_limit()
                 continue
-            if found < 0:
+            if met < 0:
                 for i in range(self.nq):
                     self.p[i] = self.r_plus[0, i]
                 if self.after_impact:
@@ -499,14 +499,14 @@ cdef class Stepper:
                 self.finish_collision()
             t += s
             rest -= s
-            self.start_collision(found, t, number)
+            self.start_collision(met, t, number)
 
-    cdef double to_next(self, double rest, double t, int *found) except? -3.0 nogil:
+    cdef double to_next(self, double rest, double t, int *met) except? -3.0 nogil:
         """Solve the leg of duration ``rest`` or, where that crosses surfaces, find the duration up to the first one; -1 if there is no solution."""
         cdef int j
         cdef double x, s, first = rest
         cdef bint touching
-        found[0] = -1
+        met[0] = -1
         if not self.leg(rest) or self.implausible():
             return -1.0
         for j in range(self.nc):
@@ -521,8 +521,8 @@ cdef class Stepper:
                         raise Lasting
                 if s < 0:
                     return -1.0
-                if found[0] < 0 or s < first:
-                    found[0], first = j, s
+                if met[0] < 0 or s < first:
+                    met[0], first = j, s
                 if not self.leg(rest):
                     return -1.0
         return first

@@ -65,13 +65,13 @@ def tolerances(model: Model, q: Array, t: float, h: float, reach: Reach) -> Tole
     mass = np.sqrt(np.diagonal(M))
     sizes = [part / mass for part in (reach.coordinate, reach.velocity, reach.acceleration)]
     size = np.concatenate(sizes[:2])
-    found = []
+    small = []
     for slopes in (model.gap_slopes(q, t), model.tangent_slopes(q, t)):
         along, moving = np.abs(slopes[:, :-1]), np.abs(slopes[:, -1])
         place = GAP * (along @ sizes[0] + moving * max(abs(t), h))
         rate = RATE * (along @ sizes[1] + moving)
         bend = ACCELERATION * (along @ sizes[2] + moving / h)
         inertia = np.einsum("ji,ji->j", slopes[:, :-1], solved(M, slopes[:, :-1].T).T)
-        found.append((place, rate, bend, bend / np.where(inertia > 0, inertia, 1.0)))
-    (gap, rate, bend, force), (_, slide, skid, hold) = found
+        small.append((place, rate, bend, bend / np.where(inertia > 0, inertia, 1.0)))
+    (gap, rate, bend, force), (_, slide, skid, hold) = small
     return Tolerances(np.where(size > 0, size, 1.0), gap, rate, bend, force, slide, skid, hold)

@@ -143,9 +143,9 @@ def _writer(ending: str, fps: int, stack: ExitStack) -> AbstractMovieWriter:
 
 def _ffmpeg() -> str:
     """Where ffmpeg is: that of the machine, or that of imageio-ffmpeg."""
-    found = shutil.which("ffmpeg")
-    if found is not None:
-        return found
+    path = shutil.which("ffmpeg")
+    if path is not None:
+        return path
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 

@@ -156,16 +156,16 @@ def _takes(motions: Any) -> list[Take]:
     else:
         several = isinstance(motions, Iterable) and not isinstance(motions, (str, bytes))
         several &= not _is_motion(motions)
-        given = listed(motions, "motions", "solutions") if several else [motions]
-        takes = [_take("", motion) for motion in given]
+        several_motions = listed(motions, "motions", "solutions") if several else [motions]
+        takes = [_take("", motion) for motion in several_motions]
         takes = _named(takes)
     if not takes:
         raise ProblemError("there are no motions: give one or more solutions.")
     return takes
 
 
-def _is_motion(given: object) -> bool:
-    return isinstance(getattr(given, "trajectory", given), Trajectory)
+def _is_motion(value: object) -> bool:
+    return isinstance(getattr(value, "trajectory", value), Trajectory)
 
 
 def _take(name: str, motion: Any) -> Take:
