@@ -69,7 +69,7 @@ extensions += [
     Extension(
         "dmoc.simulation.stepper",
         ["simulation/stepper.pyx"],
-        depends=["simulation/elimination.pxd", "codegen/call.pxi", KERNEL],
+        depends=["simulation/elimination.pxd", "simulation/leg.pxi", "codegen/call.pxi", KERNEL],
         include_dirs=["codegen"],
         extra_compile_args=FLAGS,
     ),
