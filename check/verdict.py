@@ -47,7 +47,7 @@ MEASURED = {
     "phase error": "phase_error",
 }
 # What the command line prints.
-TOLD = """
+JSON_FIELDS = """
 passed message terminal_error amplification max_defect max_segment_defect energy_error impact_error
 missed_contacts extra_contacts penetration limit_excess force_error path_excess phase_error
 """.split()
@@ -141,7 +141,7 @@ class Verification(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what the command line prints as JSON."""
-        values = {name: getattr(self, name) for name in TOLD}
+        values = {name: getattr(self, name) for name in JSON_FIELDS}
         return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
 
     def summary(self) -> Table:
