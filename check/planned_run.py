@@ -145,9 +145,9 @@ def _stages(motion: Motion, i: int) -> Iterator[Stage]:
 def _kept_at_ends(motion: Motion, mode: Mode, course: IntegratedSteps) -> Array:
     """What a mode keeps above zero at both ends of steps, shape (2, n, nc + 2 nt); infinite for
     surfaces that are open."""
-    steps, integrator = course.steps, motion.flow.integrator
+    steps, react = course.steps, motion.flow.integrator.reaction
     rows = (course.start, steps.u0, steps.t), (course.stop, steps.u1, steps.t + steps.h)
-    least = np.array([limits(motion.model, integrator, mode, one) for one in rows])
+    least = np.array([limits(motion.model, react, mode, one) for one in rows])
     least[..., [j for j in range(motion.model.nc) if j not in mode.closed]] = np.inf
     return least
 
@@ -216,7 +216,7 @@ def _crossing(motion: Motion, i: int, stage: Stage, where: tuple[int, int]) -> f
         part = Steps(step.t, share * step.h, step.u0, u)
         flow.advance(y, part, FIRST, LAST, mode, stage.held[one])
         at = np.array([t + share * h])
-        return float(limits(motion.model, flow.integrator, mode, (y, u, at))[0, j])
+        return float(limits(motion.model, flow.integrator.reaction, mode, (y, u, at))[0, j])
 
     low, high = stage.kept[:, row, j]
     return t + h * crossing(limit, (0.0, float(low)), (1.0, float(high)), LOCATED)

@@ -16,8 +16,8 @@ is possible if any of them are borne.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,9 +27,6 @@ from dmoc.mechanics.bound_kernels import RAIL
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.simulation.tolerances import Tolerances
-
-if TYPE_CHECKING:  # it makes reactions
-    from dmoc.simulation.integrator import Integrator
 
 # Singular values below this share of the largest are those of conditions that say the same twice.
 REDUNDANT = 1e-11
@@ -228,13 +225,13 @@ def _furthest(
 
 
 def limits(
-    model: Model, integrator: Integrator, mode: Mode, rows: tuple[Array, Array, Array]
+    model: Model, react: Callable[..., Reaction], mode: Mode, rows: tuple[Array, Array, Array]
 ) -> Array:
     """What a mode keeps from falling below zero at rows of states, inputs and times, as in
-    :func:`kept`."""
+    :func:`kept`; ``react`` is the reaction of an integrator."""
     nq, (y, u, t) = model.nq, rows
     q, v = (np.ascontiguousarray(y[:, i * nq : (i + 1) * nq]) for i in (0, 1))
-    reaction = integrator.reaction(mode, y, u, t)
+    reaction = react(mode, y, u, t)
     return kept(model, mode, borne(model, mode, reaction, q, t), q, v, t)
 
 

@@ -316,7 +316,7 @@ class _ContactFlow:
         """The limits of the mode at states at later times."""
         setting = self.setting
         u = np.repeat(self.place.u[None], len(times), axis=0)
-        return limits(setting.model, setting.integrator, self.mode, (rows, u, times))
+        return limits(setting.model, setting.integrator.reaction, self.mode, (rows, u, times))
 
     def first(self, end: float, rows: Array) -> tuple[float, int] | None:
         """The first time at which a limit is passed, and which; None if there is none until the
