@@ -28,13 +28,11 @@ def best_of(nodes: Iterable[Node]) -> Node | None:
 def with_optimum(nodes: Mapping[Sequence, Node]) -> list[Node]:
     """The nodes with verdicts that need the others: the optimal one, and those that collapse."""
     best = best_of(nodes.values())
-    whole = []
-    for node in nodes.values():
-        if best is not None and node.sequence == best.sequence:
-            whole.append(node.judged(Verdict.OPTIMAL))
-        else:
-            whole.append(_collapsed(node, nodes))
-    return whole
+    optimal = None if best is None else best.sequence
+    return [
+        replace(n, verdict=Verdict.OPTIMAL) if n.sequence == optimal else _collapsed(n, nodes)
+        for n in nodes.values()
+    ]
 
 
 def _collapsed(node: Node, nodes: Mapping[Sequence, Node]) -> Node:

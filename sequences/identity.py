@@ -36,17 +36,17 @@ MEANING: Mapping[str, Callable[[Problem], object]] = {
 
 def facts(problem: Problem, settings: Settings) -> dict[str, object]:
     """All that the answer of a node depends on, by field."""
-    facts: dict[str, object] = {"version": metadata.version("dmoc")}
+    values: dict[str, object] = {"version": metadata.version("dmoc")}
     for field in fields(Problem):
         if field.name not in SEARCHED:
             meaning = MEANING.get(field.name)
-            facts[f"problem.{field.name}"] = (
+            values[f"problem.{field.name}"] = (
                 meaning(problem) if meaning else getattr(problem, field.name)
             )
     for name, option in options_of(Settings).items():
         if option.decides:
-            facts[f"settings.{name}"] = getattr(settings, name)
-    return facts
+            values[f"settings.{name}"] = getattr(settings, name)
+    return values
 
 
 def identity(problem: Problem, settings: Settings) -> str:

@@ -138,9 +138,6 @@ class Node(Shown):
             raise Refused(wrong)
         return node
 
-    def judged(self, verdict: Verdict) -> Node:
-        return replace(self, verdict=verdict)
-
 
 def _wrong(node: Node) -> str | None:
     """What of a node and its solution does not fit together."""
