@@ -176,15 +176,15 @@ def _check_shapes(trajectory: Trajectory) -> None:
 
 def _mode_of(phase: Phase, model: Model) -> Mode:
     """The mode of a phase."""
-    for names, numbers, what, forces in (
-        (phase.closed, model.surface_numbers, "closed surface", phase.normal),
-        (phase.rubbing, model.tangent_numbers, "rubbing tangent", phase.tangential),
+    for kind, names, numbers, what in (
+        ("normal", phase.closed, model.surface_numbers, "closed surface"),
+        ("tangential", phase.rubbing, model.tangent_numbers, "rubbing tangent"),
+        ("reaction", phase.joints, model.kernels.joints, "constraint"),
     ):
         for name in names:
             check_known(name, numbers, what, error=SimulationError)
-        shape = (len(phase.t), len(names))
+        forces, shape = getattr(phase, kind), (len(phase.t), len(names))
         if names and forces.shape != shape:
-            kind = "normal" if names is phase.closed else "tangential"
             raise SimulationError(
                 f"{kind} forces of the phase from {phase.t[0]:.4g} s on have the shape "
                 f"{forces.shape}: expected {shape}, a column for each of {', '.join(names)}."

@@ -13,7 +13,7 @@ from dmoc.check.plan import DRIFT, OFF
 from dmoc.check.segments import largest, put
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import RAIL
-from dmoc.mechanics.contact_mode import Mode
+from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.simulation.contact_modes import conditions, nearest
 from dmoc.simulation.sizes import NOTHING, pushes
 
@@ -31,11 +31,13 @@ PRESSED = 0.05
 
 @dataclass(frozen=True)
 class Forces:
-    """Contact forces (2, N + 1, nc) and friction forces (2, N + 1, nt) of the flow at the nodes of
-    a phase, with the inputs before each node and after it."""
+    """Contact forces (2, N + 1, nc), friction forces (2, N + 1, nt) and forces of joints
+    (2, N + 1, nj) of the flow at the nodes of a phase, with the inputs before each node and after
+    it."""
 
     normal: Array
     tangential: Array
+    joint: Array
 
 
 def forces(motion: Motion, i: int) -> Forces:
@@ -45,7 +47,8 @@ def forces(motion: Motion, i: int) -> Forces:
     y, _ = put(motion, mode, np.hstack([phase.q, phase.v]), phase.t)
     q = np.ascontiguousarray(y[:, : motion.model.nq])
     inputs = (np.vstack([steps.u0[:1], steps.u1]), np.vstack([steps.u0, steps.u1[-1:]]))
-    planned = np.hstack([_closed(motion, i), _sticking(motion, i)])
+    joints = phase.reaction.reshape(phase.steps + 1, len(phase.joints))
+    planned = np.hstack([_closed(motion, i), _sticking(motion, i), joints])
     reactions = [
         nearest(
             motion.model,
@@ -58,7 +61,10 @@ def forces(motion: Motion, i: int) -> Forces:
         for u in inputs
     ]
     return Forces(
-        np.array([f.normal for f in reactions]), np.array([f.tangential for f in reactions])
+        *(
+            np.array([getattr(reaction, kind) for reaction in reactions])
+            for kind in ("normal", "tangential", "joint")
+        )
     )
 
 
@@ -78,43 +84,41 @@ def _sticking(motion: Motion, i: int) -> Array:
 
 @dataclass(frozen=True)
 class ForceErrors:
-    """The largest error of a force relative to the largest of its contact, what contradicts the
-    motion, in sentences, and the largest force of each contact (nc,) and friction (nt,)."""
+    """The largest error of a force relative to the largest of its contact or joint, what
+    contradicts the motion, in sentences, and the largest force of each contact (nc,), friction
+    (nt,) and joint (nj,)."""
 
     largest: float
     contradictions: tuple[str, ...]
-    sizes: tuple[Array, Array]
+    sizes: tuple[Array, Array, Array]
 
 
 def force_errors(motion: Motion) -> ForceErrors:
     """Compare the forces of all phases with the flow's."""
-    if not motion.has_modes:
-        return ForceErrors(0.0, (), (np.zeros(motion.model.nc), np.zeros(motion.model.nt)))
+    model = motion.model
+    if not (motion.has_modes or model.nj):
+        return ForceErrors(0.0, (), (np.zeros(model.nc), np.zeros(model.nt), np.zeros(0)))
     flows = [forces(motion, i) for i in range(len(motion.modes))]
-    normal, tangential = _sizes(motion, flows)
+    normal, tangential, joint = _sizes(motion, flows)
     worst, sentences = 0.0, left_out(motion)
     for i, (mode, flow) in enumerate(zip(motion.modes, flows, strict=True)):
-        if not mode.closed and not mode.sticking and not mode.sliding:
+        worst = max(worst, _difference(motion, i, flow, (normal, tangential, joint)))
+        if mode == FREE:
             continue
-        worst = max(worst, _difference(motion, i, flow, (normal, tangential)))
         sentences += _off(motion, i)
         sentences += _paradoxes(motion, i)
         sentences += _pulling(motion, i, flow, normal)
         sentences += _slipping(motion, i, flow, tangential)
         sentences += _turning(motion, i)
-    sentences += still_held(motion, (normal, tangential))
-    return ForceErrors(worst, tuple(sentences), (normal, tangential))
-
-
-def still_held(motion: Motion, sizes: tuple[Array, Array]) -> Iterator[str]:
-    """Contacts that leave while they are pressed, and that begin to slide while friction holds
-    them: with the inputs after the event, kept as they were, they would not."""
+    # What leaves or begins to slide would not, with the inputs after the event, kept as it was.
     for i in range(len(motion.trajectory.collisions)):
-        yield from _pressed(motion, i, sizes[0])
-        yield from _gripped(motion, i, sizes[1])
+        sentences += _pressed(motion, i, normal)
+        sentences += _gripped(motion, i, tangential)
+    return ForceErrors(worst, tuple(sentences), (normal, tangential, joint))
 
 
 def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
+    """Contacts that leave while they are pressed."""
     model, surfaces = motion.model, motion.model.kernels.surfaces
     c, after = motion.trajectory.collisions[i], motion.trajectory.phases[i + 1]
     q, v, t = after.q[:1], after.v[:1], after.t[:1]
@@ -130,6 +134,7 @@ def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
 
 
 def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:
+    """Contacts that begin to slide while friction holds them."""
     model, mode = motion.model, motion.modes[i + 1]
     c, after = motion.trajectory.collisions[i], motion.trajectory.phases[i + 1]
     if c.surface:
@@ -169,20 +174,23 @@ def left_out(motion: Motion) -> list[str]:
     return sentences
 
 
-def _sizes(motion: Motion, flows: list[Forces]) -> tuple[Array, Array]:
-    """The largest contact forces (nc,) and friction forces that are possible (nt,) of a motion;
-    what carries little counts by a share of the forces of the motion."""
+def _sizes(motion: Motion, flows: list[Forces]) -> tuple[Array, Array, Array]:
+    """The largest contact forces (nc,), friction forces that are possible (nt,) and forces of
+    joints (nj,) of a motion; what carries little counts by a share of the forces of the motion."""
     model, phases = motion.model, motion.trajectory.phases
-    normal = np.max([np.abs(f.normal).max(axis=(0, 1)) for f in flows], axis=0, initial=0.0)
+    normal, taken, joint = (
+        np.max([np.abs(getattr(f, kind)).max(axis=(0, 1)) for f in flows], axis=0, initial=0.0)
+        for kind in ("normal", "tangential", "joint")
+    )
     q, t = np.vstack([p.q for p in phases]), np.concatenate([p.t for p in phases])
     normal = np.maximum(normal, pushes(model, motion.sizes, q, t, model.gap_slopes(q, t)))
     smooth = SMOOTH * pushes(model, motion.sizes, q, t, model.tangent_slopes(q, t))
-    taken = np.max([np.abs(f.tangential).max(axis=(0, 1)) for f in flows], axis=0, initial=0.0)
     friction = np.maximum.reduce([model.bearing(normal), BEARABLE * taken, smooth])
-    return np.maximum(normal, NOTHING), np.maximum(friction, NOTHING)
+    joint = np.maximum(joint, pushes(model, motion.sizes, q, t, model.joint_slopes(q, t)))
+    return (*(np.maximum(size, NOTHING) for size in (normal, friction, joint)),)
 
 
-def _difference(motion: Motion, i: int, flow: Forces, sizes: tuple[Array, Array]) -> float:
+def _difference(motion: Motion, i: int, flow: Forces, sizes: tuple[Array, ...]) -> float:
     """Largest error of the planned forces of a phase, relative to the sizes; between two steps
     whose inputs differ every force between theirs is right."""
     phase, kernels = motion.trajectory.phases[i], motion.model.kernels
@@ -190,6 +198,7 @@ def _difference(motion: Motion, i: int, flow: Forces, sizes: tuple[Array, Array]
     for planned, names, numbers, by_law, size in (
         (phase.normal, phase.closed, kernels.surfaces, flow.normal, sizes[0]),
         (phase.tangential, tuple(phase.rubbing), kernels.tangents, flow.tangential, sizes[1]),
+        (phase.reaction, phase.joints, kernels.joints, flow.joint, sizes[2]),
     ):
         for column, name in enumerate(names):
             j = numbers.index(name)

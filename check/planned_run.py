@@ -33,8 +33,8 @@ from dmoc.simulation.roots import crossing
 LOCATED = 1e-6  # of a step
 
 
-def planned_run(motion: Motion, sizes: tuple[Array, Array]) -> Run:
-    """The run through the plan; ``sizes`` are those of contact forces and of friction."""
+def planned_run(motion: Motion, sizes: tuple[Array, ...]) -> Run:
+    """The run through the plan; ``sizes`` are those of contact forces, friction and joints."""
     # What errors of discretisation explain.
     slack = BEARABLE * sizes[0], BEARABLE * sizes[1], TURNED * motion.sizes.slide
     met, ends = left(motion, np.concatenate(slack))

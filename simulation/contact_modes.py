@@ -164,19 +164,17 @@ def borne(model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array) -> R
 def nearest(
     model: Model, mode: Mode, reaction: Reaction, q: Array, t: Array, planned: Array
 ) -> Reaction:
-    """A reaction with the same effect whose forces are next to planned ones of what is closed and
-    what sticks (n, count); those of joints are what they are."""
-    if planned.shape[1] + model.nj < 2:
+    """A reaction with the same effect whose forces are next to planned ones of what is closed,
+    what sticks and, where they are planned too, of joints (n, m)."""
+    closed, stuck = list(mode.closed), list(mode.sticking)
+    own = np.hstack([reaction.normal[:, closed], reaction.tangential[:, stuck], reaction.joint])
+    if own.shape[1] < 2:
         return reaction
     free = without_effect(model, mode, q, t)
     if not np.isfinite(free).all() or not free.any():
         return reaction
-    own = np.hstack(
-        [reaction.normal[:, list(mode.closed)], reaction.tangential[:, list(mode.sticking)]]
-    )
-    lam = np.hstack([own, reaction.joint])
-    off = np.hstack([planned - own, np.zeros_like(reaction.joint)])
-    lam = lam + (free @ off[..., None])[..., 0]
+    planned = np.hstack([planned, own[:, planned.shape[1] :]])
+    lam = own + (free @ (planned - own)[..., None])[..., 0]
     return Reaction(reaction.acceleration, *spread(model, mode, lam))
 
 

@@ -208,3 +208,19 @@ def test_responses_and_accelerations_are_those_of_a_body_with_joints() -> None:
     np.testing.assert_allclose(
         responses, np.eye(4) - along[:, :, None] * along[:, None], atol=1e-12
     )
+
+
+@pytest.mark.parametrize(("share", "passes"), [(1.0, True), (1.04, True), (1.06, False)])
+def test_the_planned_force_of_a_joint_is_compared_with_that_of_the_flow(
+    share: float, passes: bool
+) -> None:
+    """Along the rod of one metre g y - R - v^2 is zero."""
+    kernels = bob()
+    motion = swing(kernels, 1.2, 0.5, 100).trajectory
+    (phase,) = motion.phases
+    pull = (G * phase.q[:, 1] - (phase.v**2).sum(axis=1))[:, None]
+    check = dmoc.verify(changed(motion, joints=("rod",), reaction=share * pull), kernels)
+    assert check.passed is passes, check.message
+    assert check.force_error == pytest.approx(share - 1, abs=1e-9)
+    with pytest.raises(SimulationError, match="reaction forces of the phase from 0 s on"):
+        dmoc.verify(changed(motion, joints=("rod",), reaction=pull[1:]), kernels)
