@@ -140,10 +140,10 @@ def _best_time(
     for final_time in times:
         if deadline.passed:
             break
-        found = planner.trial(prescribed, final_time, steps)
-        if found is None:
+        trial = planner.trial(prescribed, final_time, steps)
+        if trial is None:
             continue
-        excess, cost = found
+        excess, cost = trial
         rank = (max(excess, KEPT), cost, final_time)
         if best is None or rank < best:
             best = rank
@@ -201,9 +201,9 @@ def _final_times(planner: Planner) -> list[float]:
 def natural_time(problem: Problem) -> float:
     """Time that the reaches take at the speeds of the start, at the forces at rest, or at full
     input."""
-    known = _expected_time(problem)
-    if known is not None:
-        return known
+    expected = _expected_time(problem)
+    if expected is not None:
+        return expected
     return NO_TIME if problem.held else _cheapest_decade(Planner.of(problem))
 
 
@@ -232,8 +232,8 @@ def _cheapest_decade(planner: Planner) -> float:
     every = tuple(range(planner.problem.nq))
 
     def cost(final_time: float) -> float:
-        found = planner.trial(every, final_time, (FEWEST_STEPS,) * planner.problem.phases)
-        return np.inf if found is None or not np.isfinite(found[1]) else found[1]
+        trial = planner.trial(every, final_time, (FEWEST_STEPS,) * planner.problem.phases)
+        return np.inf if trial is None or not np.isfinite(trial[1]) else trial[1]
 
     at, least = NO_TIME, cost(NO_TIME)
     for ratio in (10.0, 0.1):

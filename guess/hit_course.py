@@ -42,12 +42,12 @@ def courses_at(problem: Problem, states: Sequence[tuple[Array, Array, float]]) -
     """The courses that the law takes in the hits of a problem, whatever its words say, from the
     states (q, v, t) before its events."""
     mu, e = problem.model.friction, problem.restitution_values
-    found = dict[int, Course]()
+    courses = dict[int, Course]()
     for p in Layout.of(problem).touch.passages:
         rates, A = rates_and_response(problem, p, states[p.event])
         if not p.lands and np.isfinite(A).all() and np.isfinite(rates).all():
-            found[p.event] = course_of(rates, A, float(mu[p.tangent]), float(e[p.surface]))
-    return found
+            courses[p.event] = course_of(rates, A, float(mu[p.tangent]), float(e[p.surface]))
+    return courses
 
 
 def states_before(problem: Problem, x: Array) -> list[tuple[Array, Array, float]]:

@@ -41,19 +41,19 @@ def jams(problem: Problem, x: Array) -> tuple[str, ...]:
     """Impacts that slide to the end of compression where sliding presses the contact together
     (Painleve's paradox), in sentences."""
     lay = Layout.of(problem)
-    t, found = lay.times(x), []
+    t, sentences = lay.times(x), []
     for p in lay.touch.passages:
         s = p.friction[p.moments.index(END) if END in p.moments else -1]
         node = lay.collision_nodes[p.event]
         A = response(problem, p, x[lay.index_q[node]], float(t[node]))
         if s and A[0, 0] <= s * problem.model.friction[p.tangent] * A[0, 1]:
             name = problem.kernels.surfaces[p.surface]
-            found.append(
+            sentences.append(
                 f"sliding as {FRICTION_WORDS[s]} presses {name} together at event {p.event + 1} "
                 "whatever its impulse (Painleve's paradox): it can only stop before compression "
                 "ends"
             )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def response(problem: Problem, p: Passage, q: Array, t: float) -> Array:
@@ -105,7 +105,7 @@ def _impulses(p: Passage, rates: Array, A: Array, law: tuple[float, float]) -> A
     """
     e, mu = law
     hardest = max(-rates[0], 0.0) / A[0, 0]
-    found, at, whole = [], np.zeros(2), np.inf
+    impulses, at, whole = [], np.zeros(2), np.inf
     for moment, s in zip((*p.moments, None), p.friction, strict=True):
         slope = -s * mu if s else float(np.clip(-A[0, 1] / A[1, 1], -mu, mu))
         way = A @ np.array([1.0, slope])
@@ -120,5 +120,5 @@ def _impulses(p: Passage, rates: Array, A: Array, law: tuple[float, float]) -> A
         at = at + min(max(dP, 0.0), most) * np.array([1.0, slope])
         if moment == END:
             whole = (1 + e) * at[0]
-        found.append(at)
-    return np.array(found)
+        impulses.append(at)
+    return np.array(impulses)

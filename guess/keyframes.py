@@ -67,21 +67,21 @@ def courses_of(problem: Problem, guess: Any) -> tuple[Courses, ...]:
         If a name is unknown, a value is no course, or the parts are not one for each phase.
     """
     if isinstance(guess, Mapping):
-        found = [_read(problem, guess, 0, problem.phases, "guess")]
+        courses = [_read(problem, guess, 0, problem.phases, "guess")]
     elif len(guess) == problem.phases:
         parts = enumerate(guess)
-        found = [_read(problem, p, i, i + 1, f"guess of phase {i}") for i, p in parts]
+        courses = [_read(problem, p, i, i + 1, f"guess of phase {i}") for i, p in parts]
     else:
         raise ProblemError(
             f"guess has {len(guess)} parts: expected one mapping, or one for each of the "
             f"{problem.phases} phases."
         )
-    if not any(part.named or part.durations for part in found):
+    if not any(part.named or part.durations for part in courses):
         raise ProblemError(
             f"guess = {shown(guess)}: expected the name of a coordinate or an input; leave it out "
             "for the automatic guess."
         )
-    return tuple(found)
+    return tuple(courses)
 
 
 def along(problem: Problem, courses: Sequence[Courses], automatic: Array) -> Array:
@@ -119,17 +119,17 @@ def along(problem: Problem, courses: Sequence[Courses], automatic: Array) -> Arr
 # Reading ------------------------------------------------------------------------------------------
 
 
-def _read(problem: Problem, given: Any, first: int, end: int, what: str) -> Courses:
-    if not isinstance(given, Mapping):
+def _read(problem: Problem, guess: Any, first: int, end: int, what: str) -> Courses:
+    if not isinstance(guess, Mapping):
         raise ProblemError(
-            f"{what} = {shown(given)}: expected a mapping from names to numbers, keyframes or "
+            f"{what} = {shown(guess)}: expected a mapping from names to numbers, keyframes or "
             "functions."
         )
-    named = by_name(given, what)
+    named = by_name(guess, what)
     durations = named.pop(DURATIONS, None)
-    known = [*problem.kernels.coordinates, *problem.kernels.inputs]
+    names = [*problem.kernels.coordinates, *problem.kernels.inputs]
     for name in named:
-        check_known(name, [*known, DURATIONS], "coordinate or input", f"in the {what}")
+        check_known(name, [*names, DURATIONS], "coordinate or input", f"in the {what}")
     return Courses(
         first,
         end,
@@ -181,14 +181,14 @@ def _sampled(
 
 
 def _called(course: Callable[[Array], Any], name: str, t: Array) -> Array:
-    given = course(t.copy())
-    found = array(given)
-    if found is None or found.shape not in ((), t.shape):
+    returned = course(t.copy())
+    numbers = array(returned)
+    if numbers is None or numbers.shape not in ((), t.shape):
         raise ProblemError(
-            f"guess: {name}: the function gave {shown(given)} for {len(t)} times: expected as many "
-            "numbers."
+            f"guess: {name}: the function gave {shown(returned)} for {len(t)} times: "
+            "expected as many numbers."
         )
-    values = np.array(np.broadcast_to(found, t.shape))
+    values = np.array(np.broadcast_to(numbers, t.shape))
     if not np.isfinite(values).all():
         k = int(np.argmin(np.isfinite(values)))
         raise ProblemError(

@@ -291,7 +291,7 @@ def _inputs(problem: Problem, lay: Layout, drawn: _Drawn, begin: Array) -> Array
     count, nu = len(drawn.durations), problem.nu
     if not nu:
         return np.zeros((count, len(lay.step_of_input), 0))
-    found = []
+    inputs = []
     for i, n in enumerate(lay.steps):
         middle = (np.arange(n) + 0.5) / n
         q, v, a = (part.reshape(-1, lay.nq) for part in _along(drawn, i, middle))
@@ -302,7 +302,7 @@ def _inputs(problem: Problem, lay: Layout, drawn: _Drawn, begin: Array) -> Array
         good = np.isfinite(B).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
         u = np.zeros((len(q), nu))
         u[good] = np.einsum("kij,kj->ki", np.linalg.pinv(B[good]), missing[good])
-        found.append(u.reshape(count, n, nu))
+        inputs.append(u.reshape(count, n, nu))
     steps: Index = lay.step_of_input
-    u = np.where(drawn.driven[:, None, None], np.concatenate(found, axis=1)[:, steps], 0.0)
+    u = np.where(drawn.driven[:, None, None], np.concatenate(inputs, axis=1)[:, steps], 0.0)
     return np.clip(u, *problem.input_bounds.T)

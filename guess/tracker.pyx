@@ -152,13 +152,13 @@ cdef class Marcher:
             for i in range(nq):
                 self.inverse[j * nq + i] /= self.right[j] * self.root[i]
 
-    cdef double reach(self, const int[::1] given) noexcept nogil:
+    cdef double reach(self, const int[::1] prescribed) noexcept nogil:
         """Smallest singular value of the matrix that gives the other accelerations, relative to
         its rows; 1 if there are no others."""
         cdef int r, i, k, others = 0, nq = self.nq
         cdef double square, entry
         for i in range(nq):
-            others += not given[i]
+            others += not prescribed[i]
         if others == 0:
             return 1.0
         for r in range(self.silent):
@@ -166,7 +166,7 @@ cdef class Marcher:
             for i in range(nq):
                 entry = self._row_of_mass(r, i) / sqrt(self.mass[0, i * (nq + 1)])
                 square += entry * entry
-                if not given[i]:
+                if not prescribed[i]:
                     self.rows[r * others + k] = entry
                     k += 1
             for k in range(others):
@@ -178,20 +178,20 @@ cdef class Marcher:
     cdef double _row_of_mass(self, int r, int i) noexcept nogil:
         """Entry (r, i) of the rows that no input enters times M."""
         cdef int j
-        cdef double found = 0.0
+        cdef double total = 0.0
         for j in range(self.nq):
-            found += self.rest[r * self.nq + j] * self.mass[0, j * self.nq + i]
-        return found
+            total += self.rest[r * self.nq + j] * self.mass[0, j * self.nq + i]
+        return total
 
-    cdef void accelerate(self, const int[::1] given, const double *wanted,
+    cdef void accelerate(self, const int[::1] prescribed, const double *wanted,
                          bint free) noexcept nogil:
-        """Find the accelerations a: the given ones as wanted and the others from the rows without
-        inputs, or the reverse in free motion."""
+        """Find the accelerations a: the prescribed ones as wanted and the others from the rows
+        without inputs, or the reverse in free motion."""
         cdef int r, i, j, k, count = 0, nq = self.nq, silent = self.silent
         cdef double sum
         for i in range(nq):
-            count += (given[i] != 0) == free
-            self.a[i] = wanted[i] if given[i] and not free else 0.0
+            count += (prescribed[i] != 0) == free
+            self.a[i] = wanted[i] if prescribed[i] and not free else 0.0
         if count == 0:
             return
         for r in range(silent):
@@ -200,18 +200,18 @@ cdef class Marcher:
                 sum = self.force[0, j]
                 if not free:
                     for i in range(nq):
-                        if given[i]:
+                        if prescribed[i]:
                             sum -= self.mass[0, j * nq + i] * self.a[i]
                 self.right[r] += self.rest[r * nq + j] * sum
             for i in range(nq):
-                if (given[i] != 0) == free:
+                if (prescribed[i] != 0) == free:
                     self.part[r * count + k] = self._row_of_mass(r, i)
                     k += 1
         dmoc_pseudo_inverse(silent, count, &self.part[0], DBL_EPSILON * max(silent, count),
                             &self.solution[0], &self.work[0])
         k = 0
         for i in range(nq):
-            if (given[i] != 0) == free:
+            if (prescribed[i] != 0) == free:
                 for r in range(silent):
                     self.a[i] += self.solution[k * silent + r] * self.right[r]
                 k += 1
@@ -261,25 +261,25 @@ cdef class Marcher:
 
     # Motions --------------------------------------------------------------------------------------
 
-    cdef int step(self, const int[::1] given, double now, double h, double t,
+    cdef int step(self, const int[::1] prescribed, double now, double h, double t,
                   bint free) except -1 nogil:
         """One step of the explicit midpoint rule from where ``look`` was; ``t`` is the time on the
         spline."""
         cdef int i, nq = self.nq
         self.wish(t)
-        self.accelerate(given, &self.wanted[0], free)
+        self.accelerate(prescribed, &self.wanted[0], free)
         for i in range(nq):
             self.middle[i] = self.at[i] + h / 2 * self.speed[i]
             self.pace[i] = self.speed[i] + h / 2 * self.a[i]
         self.look(&self.middle[0], &self.pace[0], now + h / 2)
         self.wish(t + h / 2)
-        self.accelerate(given, &self.wanted[0], free)
+        self.accelerate(prescribed, &self.wanted[0], free)
         self.drive()
         t += h
         for i in range(nq):
             self.at[i] += h * self.speed[i] + h * h / 2 * self.a[i]
             self.speed[i] += h * self.a[i]
-            if given[i] and not free:  # stay on the spline: sums of steps drift
+            if prescribed[i] and not free:  # stay on the spline: sums of steps drift
                 self.at[i] = self.spline_q[i] + t * (
                     self.spline_v[i] + t * (self.c2[i] + t * self.c3[i]))
                 self.speed[i] = self.spline_v[i] + t * (2 * self.c2[i] + 3 * t * self.c3[i])
@@ -340,7 +340,7 @@ cdef class Marcher:
 
     cdef bint follow(self, const double[:, ::1] positions, const double[:, ::1] velocities,
                      const double[::1] durations, const ptrdiff_t[::1] steps,
-                     const int[::1] given, _Record record) except -1 nogil:
+                     const int[::1] prescribed, _Record record) except -1 nogil:
         """March along a plan; False where the motion grows without bound."""
         cdef ptrdiff_t i, k, since, phases = durations.shape[0], done = 0
         cdef int j, nq = self.nq
@@ -362,12 +362,12 @@ cdef class Marcher:
             for k in range(steps[i]):
                 now = begin + k * h
                 self.look(&self.at[0], &self.speed[0], now)
-                free = self.reach(given) < LOST
+                free = self.reach(prescribed) < LOST
                 if was_free and not free:
                     since = k
                     self.aim(&positions[i + 1, 0], &velocities[i + 1, 0], durations[i] - k * h)
                 was_free = free
-                self.step(given, now, h, (k - since) * h, free)
+                self.step(prescribed, now, h, (k - since) * h, free)
                 if not self.bounded():
                     return False
                 self.pay(h)
@@ -401,13 +401,13 @@ cdef class Marcher:
         cdef const double[:, ::1] q = plan.positions, v = plan.velocities
         cdef const double[::1] T = plan.durations
         cdef const ptrdiff_t[::1] n = np.array(steps, dtype=np.intp)
-        cdef const int[::1] given = self._flags(prescribed)
-        cdef bint found
+        cdef const int[::1] flags = self._flags(prescribed)
+        cdef bint followed
         if not (len(T) + 1 == len(q) == len(v) == len(n) + 1 == len(self.hits) + 1):
             raise ValueError(f"expected a plan of {len(self.hits)} phases and as many steps")
         with nogil:
-            found = self.follow(q, v, T, n, given, record)
-        return found
+            followed = self.follow(q, v, T, n, flags, record)
+        return followed
 
 
 cdef class _Record:

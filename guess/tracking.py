@@ -53,10 +53,10 @@ class Planner:
 
     def plan(self, choice: Choice, final_time: float, even: bool = False) -> Plan:
         route = self._route(final_time)
-        known = self.shares if route is self.still else {}
-        if (choice, even) not in known:
-            known[choice, even] = shares_of(route, choice, even)
-        return plan_of(self.problem, route, known[choice, even], final_time)
+        shares = self.shares if route is self.still else {}
+        if (choice, even) not in shares:
+            shares[choice, even] = shares_of(route, choice, even)
+        return plan_of(self.problem, route, shares[choice, even], final_time)
 
     def trial(
         self, choice: Choice, final_time: float, steps: tuple[int, ...]
@@ -69,10 +69,10 @@ class Planner:
     def march(self, plan: Plan, choice: Choice) -> March | None:
         """Follow a plan on the mesh of the problem by the explicit midpoint rule; None where the
         motion grows without bound."""
-        found = self.marcher.motion(plan, self.problem.phase_steps, choice)
-        if found is None:
+        motion = self.marcher.motion(plan, self.problem.phase_steps, choice)
+        if motion is None:
             return None
-        q, u, lam, v_a, v_c, end = found
+        q, u, lam, v_a, v_c, end = motion
         start, free, excess = plan.velocities[0], self.marcher.free_steps, self.marcher.excess
         return March(q, u, lam, v_a, v_c, free, start, end, excess)
 

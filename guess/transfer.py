@@ -53,12 +53,12 @@ def equally_long(pieces: Sequence[Piece]) -> list[Piece]:
     """The same way in the same time, in phases that take equally long."""
     begin = pieces[0].t[0]
     length = (pieces[-1].t[-1] - begin) / len(pieces)
-    found = []
+    stretched = []
     for i, piece in enumerate(pieces):
         pace = np.ptp(piece.t) / length
         t, t_u = (begin + i * length + (at - piece.t[0]) / pace for at in (piece.t, piece.t_u))
-        found.append(replace(piece, t=t, v=pace * piece.v, t_u=t_u))
-    return found
+        stretched.append(replace(piece, t=t, v=pace * piece.v, t_u=t_u))
+    return stretched
 
 
 def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence[float]) -> Array:
@@ -124,8 +124,8 @@ def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
         times = times_of_inputs(lay.form.name, at)
         pieces.append(Piece(at, nodes, v, times, x[lay.index_u][rows], _forces(lay, x, i)))
     for index, side, k in ((lay.index_v_a, pieces[:-1], -1), (lay.index_v_c, pieces[1:], 0)):
-        for known, piece in zip(x[index], side, strict=True):
-            piece.v[k] = known
+        for velocity, piece in zip(x[index], side, strict=True):
+            piece.v[k] = velocity
     return unknowns_along(problem, pieces, list(x[lay.index_lam]))
 
 

@@ -165,5 +165,5 @@ def _by_momentum(problem: Problem, boundary: Boundary, q: Array) -> Array | None
 
 
 def _by_velocity(boundary: Boundary, default: Array) -> Array:
-    known = np.isfinite(boundary.momentum).any(axis=1)
-    return midpoints(boundary.velocity, np.where(known, 0.0, default))
+    by_momentum = np.isfinite(boundary.momentum).any(axis=1)
+    return midpoints(boundary.velocity, np.where(by_momentum, 0.0, default))

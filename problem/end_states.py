@@ -196,9 +196,9 @@ def _check_start_in_contact(problem: Problem) -> None:
         j = problem.model.tangent_numbers[name]
         rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
         if sign * rate < -OFF_CONTACT * _size(slope, v):
-            told, other = f"{FRICTION_WORDS[sign]}", f"{FRICTION_WORDS[-sign]}"
+            word, other = f"{FRICTION_WORDS[sign]}", f"{FRICTION_WORDS[-sign]}"
             raise ProblemError(
-                f"contact '{name}:{told}' begins with a sliding velocity of {rate:g} per second, "
+                f"contact '{name}:{word}' begins with a sliding velocity of {rate:g} per second, "
                 f"against its direction: say '{name}:{other}', or give another velocity."
             )
 

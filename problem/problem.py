@@ -198,9 +198,9 @@ class Problem(Shown):
         for name in ("start", "goal", "bounds", "parameters"):
             put(self, name, by_name(getattr(self, name), name))
         if not isinstance(self.control_form, str) or self.control_form not in self.scheme.controls:
-            known = ", ".join(self.scheme.controls)
+            forms = ", ".join(self.scheme.controls)
             raise ProblemError(
-                f"controls = {shown(self.controls)}: expected one of {known} with kernels of order "
+                f"controls = {shown(self.controls)}: expected one of {forms} with kernels of order "
                 f"{self.order}."
             )
         put(self, "ignored", tuple(names(self.ignored, "ignored", "surfaces")))
@@ -323,13 +323,13 @@ class Problem(Shown):
     def open_hits(self) -> dict[int, list[str]]:
         """Hits with friction whose course is not said, by their places in the sequence, and the
         words that say it."""
-        found = {}
+        hits = {}
         for i, (word, event) in enumerate(zip(self.sequence, self.events, strict=True)):
             if is_open(event, self.touches):
                 rest = [part for part in word.split() if part != event.hit]
                 ways = courses_of(event.hit, self.touches)
-                found[i] = [" ".join([way, *rest]) for way in ways]
-        return found
+                hits[i] = [" ".join([way, *rest]) for way in ways]
+        return hits
 
     @cached_property
     def words(self) -> tuple[str, ...]:

@@ -60,8 +60,8 @@ class Relation:
 
 def relations_of(problem: Problem) -> tuple[Relation, ...]:
     """What ``periodic`` says of the end and the start."""
-    given = problem.periodic
-    pairs = given.items() if isinstance(given, Mapping) else [(n, n) for n in given]
+    periodic = problem.periodic
+    pairs = periodic.items() if isinstance(periodic, Mapping) else [(n, n) for n in periodic]
     return tuple(_relation(problem, str(end), value) for end, value in pairs)
 
 
@@ -82,26 +82,26 @@ def _relation(problem: Problem, end: str, value: Any) -> Relation:
 
 def via_of(problem: Problem) -> Array:
     """Bounds of the coordinates at the events, shape (events, nq, 2)."""
-    given = [None] * len(problem.sequence) if problem.via is None else problem.via
-    if len(given) != len(problem.sequence):
+    via = [None] * len(problem.sequence) if problem.via is None else problem.via
+    if len(via) != len(problem.sequence):
         raise ProblemError(
-            f"via has {len(given)} entries: expected one for each of the {len(problem.sequence)} "
+            f"via has {len(via)} entries: expected one for each of the {len(problem.sequence)} "
             "events of the sequence."
         )
-    found = np.tile((-np.inf, np.inf), (len(given), problem.nq, 1))
-    for i, places in enumerate(given):
+    bounds = np.tile((-np.inf, np.inf), (len(via), problem.nq, 1))
+    for i, places in enumerate(via):
         what = f"via of event {i + 1}"
         for name, value in by_name({} if places is None else places, what).items():
             check_known(name, problem.kernels.coordinates, "coordinate", f"in {what}")
             j = problem.kernels.coordinates.index(name)
-            found[i, j] = interval(value, f"{what}: {name}")
+            bounds[i, j] = interval(value, f"{what}: {name}")
             low, high = problem.coordinate_bounds[j]
-            if found[i, j, 1] < low or found[i, j, 0] > high:
+            if bounds[i, j, 1] < low or bounds[i, j, 0] > high:
                 raise ProblemError(
                     f"{what}: {name} = {shown(value)} lies outside its bounds {low:g} to "
                     f"{high:g}: move one of them."
                 )
-    return found
+    return bounds
 
 
 def durations_of(problem: Problem) -> Array:
@@ -120,21 +120,21 @@ def durations_of(problem: Problem) -> Array:
 
 def steps_of(problem: Problem) -> int | tuple[int, ...] | None:
     """The numbers of steps as they were passed: one, one for each phase, or none."""
-    given = problem.steps
-    if given is None:
+    steps = problem.steps
+    if steps is None:
         return None
-    if isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, (str, bytes)):
+    if isinstance(steps, (Sequence, np.ndarray)) and not isinstance(steps, (str, bytes)):
         values = tuple(
             whole(n, f"steps of phase {i}", 2, MOST_STEPS, unit=IN_PHASE)
-            for i, n in enumerate(listed(given, "steps", "numbers"))
+            for i, n in enumerate(listed(steps, "steps", "numbers"))
         )
         if len(values) != problem.phases:
             raise ProblemError(
-                f"steps = {shown(given)}: expected one number, or one for each of the "
+                f"steps = {shown(steps)}: expected one number, or one for each of the "
                 f"{problem.phases} phases."
             )
         return values
-    return whole(given, "steps", 2, MOST_STEPS, unit=IN_PHASE)
+    return whole(steps, "steps", 2, MOST_STEPS, unit=IN_PHASE)
 
 
 def check_size(problem: Problem) -> None:
@@ -175,24 +175,24 @@ def boxes_of(problem: Problem, names: Sequence[str]) -> Array:
 
 def boundary_of(problem: Problem, end: str) -> Boundary:
     """The state at the "start" or at the "goal"."""
-    given, coordinates = getattr(problem, end), problem.kernels.coordinates
+    state, coordinates = getattr(problem, end), problem.kernels.coordinates
     velocities = [velocity_name(q) for q in coordinates]
     momenta = [momentum_name(q) for q in coordinates]
-    for name in given:
+    for name in state:
         check_known(name, problem.states, "state", f"at the {end}")
     free, turning = None, {relation.start for relation in problem.relations}
     position, velocity, momentum = [], [], []
     for q, v, p in zip(coordinates, velocities, momenta, strict=True):
-        if end == "start" and q not in given and q not in turning:
+        if end == "start" and q not in state and q not in turning:
             raise ProblemError(
                 f"the start of {q} is not given: give a number, a range, or None to leave it free."
             )
-        rest = 0.0 if end == "start" and not {v, p} & {*given, *turning} else free
-        position.append(interval(given.get(q, free), f"{end} of {q}"))
-        velocity.append(interval(given.get(v, rest), f"{end} of {v}"))
-        momentum.append(interval(given.get(p, free), f"{end} of {p}"))
+        rest = 0.0 if end == "start" and not {v, p} & {*state, *turning} else free
+        position.append(interval(state.get(q, free), f"{end} of {q}"))
+        velocity.append(interval(state.get(v, rest), f"{end} of {v}"))
+        momentum.append(interval(state.get(p, free), f"{end} of {p}"))
     for q, v, p in zip(coordinates, velocities, momenta, strict=True):
-        if all(isinstance(given.get(n), (int, float, np.number)) for n in (v, p)):
+        if all(isinstance(state.get(n), (int, float, np.number)) for n in (v, p)):
             raise ProblemError(
                 f"the {end} of {q} has a fixed velocity ({v}) and a fixed momentum ({p}): give "
                 "one of them."

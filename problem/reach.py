@@ -47,7 +47,7 @@ def reach_of(problem: Problem) -> Array:
         problem.start_position,
         midpoints(problem.goal_bounds.position, problem.start_position),
     )
-    known = np.max(np.abs([goal - start, start, goal]), axis=0) * (1 - problem.unsaid)
+    reach = np.max(np.abs([goal - start, start, goal]), axis=0) * (1 - problem.unsaid)
     if problem.kernels.surfaces:
         slopes, gaps = problem.model.gap_slopes(start), np.abs(problem.model.gaps(start))
         gaps = np.where(gaps <= problem.model.gap_rounding(start), 0.0, gaps)
@@ -55,15 +55,15 @@ def reach_of(problem: Problem) -> Array:
             size = np.abs(slopes[j, :-1])
             with np.errstate(divide="ignore", invalid="ignore"):
                 away = np.where(size > 0, gaps[j] / size, 0.0)
-            known = np.where((known == 0) & np.isfinite(away), away, known)
+            reach = np.where((reach == 0) & np.isfinite(away), away, reach)
     box = problem.coordinate_bounds
     width = np.where(
         np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
     )
-    known = np.where(known > 0, known, width)
+    reach = np.where(reach > 0, reach, width)
     root = np.sqrt(np.abs(problem.inertia))
-    known = np.where(known > 0, known, (known * root).max() / np.where(root > 0, root, 1.0))
-    return known if (known > 0).all() else np.where(known > 0, known, _swing(problem))
+    reach = np.where(reach > 0, reach, (reach * root).max() / np.where(root > 0, root, 1.0))
+    return reach if (reach > 0).all() else np.where(reach > 0, reach, _swing(problem))
 
 
 def _swing(problem: Problem) -> Array:

@@ -40,8 +40,8 @@ def _rows(p: Problem) -> Iterator[tuple[str, str]]:
     yield "bounds", ", ".join(f"{name}: {_said(value)}" for name, value in p.bounds.items())
     yield "parameters", ", ".join(f"{name} = {value:g}" for name, value in p.parameters.items())
     if p.kernels.surfaces:
-        given = zip(p.kernels.surfaces, p.restitution_values, strict=True)
-        values = {name: float(e) for name, e in given}
+        restitution = zip(p.kernels.surfaces, p.restitution_values, strict=True)
+        values = {name: float(e) for name, e in restitution}
         same = len(set(values.values())) == 1
         each = ", ".join(f"{name} {e:g}" for name, e in values.items())
         yield "restitution", f"{next(iter(values.values())):g}" if same else each
@@ -59,8 +59,8 @@ def _steps(p: Problem) -> str:
     return f"{' + '.join(map(str, p.phase_steps))} steps"
 
 
-def _states(given: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {_said(value, '= ')}" for name, value in given.items())
+def _states(states: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {_said(value, '= ')}" for name, value in states.items())
 
 
 def _said(value: Any, equal: str = "") -> str:

@@ -33,7 +33,7 @@ def contact_point(problem: Problem, q: Array, before: Array, surface: str, t: fl
 
     A surface of one coordinate is met at its first root on either side of q.
     """
-    found = crossings(problem, q, surface, t) or [
+    points = crossings(problem, q, surface, t) or [
         p for p in [onto_surface(problem, q, surface, t)] if p is not None
     ]
 
@@ -41,7 +41,7 @@ def contact_point(problem: Problem, q: Array, before: Array, surface: str, t: fl
         away, back = (float(np.linalg.norm((p - other) / problem.reach)) for other in (q, before))
         return round(away / EQUALLY_FAR), back
 
-    return min(found, key=far, default=q)
+    return min(points, key=far, default=q)
 
 
 def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Array | None:
@@ -56,9 +56,9 @@ def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Ar
         d * problem.reach * (np.arange(problem.nq) == j) for d in (0.0, *OUTWARD) for j in involved
     ]
     for away in sides:
-        found = _newton(problem, q + away, surface, t)
-        if found is not None:
-            return found
+        point = _newton(problem, q + away, surface, t)
+        if point is not None:
+            return point
     return None
 
 
@@ -68,7 +68,7 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
     involved = problem.kernels.manifest["surface_coordinates"][surface]
     if len(involved) > 1:
         return []
-    j, row, found = int(involved[0]), problem.model.surface_numbers[surface], []
+    j, row, points_on = int(involved[0]), problem.model.surface_numbers[surface], []
 
     def gap(s: float) -> float:
         return float(problem.model.gaps(q + s * (np.arange(problem.nq) == j), t)[row])
@@ -83,8 +83,8 @@ def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[
         if len(crossed):
             k = int(crossed[0]) + 1
             root = _root(gap, float(places[k - 1]), float(places[k]), ROOT * problem.reach[j])
-            found.append(q + root * (np.arange(problem.nq) == j))
-    return found
+            points_on.append(q + root * (np.arange(problem.nq) == j))
+    return points_on
 
 
 def _root(value: Callable[[float], float], low: float, high: float, enough: float) -> float:

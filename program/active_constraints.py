@@ -38,8 +38,8 @@ class BoundKind(Enum):
         """The regular expression of its texts."""
         fields = {"side": ">=|<=", "value": r"\S+", "places": r"\d+", "s": "s?"}
 
-        def group(found: re.Match[str]) -> str:
-            return f"(?P<{found[1]}>{fields.get(found[1], '.*')})"
+        def group(match: re.Match[str]) -> str:
+            return f"(?P<{match[1]}>{fields.get(match[1], '.*')})"
 
         return re.sub(r"\\{(\w+)\\}", group, re.escape(self.value))
 
@@ -93,14 +93,14 @@ class ActiveBound(str):
     def read(cls, text: str) -> ActiveBound:
         """The bound that a text says; its value has the digits of the text."""
         for kind in BoundKind:
-            found = re.fullmatch(kind.pattern, text, re.DOTALL)
-            given = {} if found is None else found.groupdict()
+            match = re.fullmatch(kind.pattern, text, re.DOTALL)
+            groups = {} if match is None else match.groupdict()
             try:
-                value = float(given["value"]) if "value" in given else None
-                places = int(given.get("places", 0))
+                value = float(groups["value"]) if "value" in groups else None
+                places = int(groups.get("places", 0))
             except ValueError:
                 continue
-            bound = cls(kind, given.get("name", ""), given.get("side", ""), value, places)
+            bound = cls(kind, groups.get("name", ""), groups.get("side", ""), value, places)
             if bound == text:
                 return bound
         return cls(BoundKind.OTHER, text)

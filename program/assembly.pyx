@@ -57,12 +57,12 @@ cdef class Pass:
         if self.c.element == NULL:
             raise MemoryError()
         if self.compiled:
-            known = ()
+            kept = ()
             if like is not None and like.compiled and like.c.targets == targets:
-                known = like.data.elements
+                kept = like.data.elements
                 self.keep.append(like)
             for e, element in enumerate(data.elements):
-                if e < len(known) and _same_places(element, known[e]):
+                if e < len(kept) and _same_places(element, kept[e]):
                     self.c.element[e] = like.c.element[e]
                 else:
                     self._fill(&self.c.element[e], element, pool)
@@ -145,17 +145,17 @@ cdef class Pass:
         np.add.at(values, data.rows, data.coefficients * pool[data.columns])
         for element in data.elements:
             inputs = [np.ascontiguousarray(pool[at]) for at in element.arguments]
-            found = self.kernels.call(element.kernel, *inputs)
-            for result, slots, factors in zip(found, element.slots, element.factors, strict=True):
+            results = self.kernels.call(element.kernel, *inputs)
+            for result, slots, factors in zip(results, element.slots, element.factors, strict=True):
                 kept = slots >= 0
                 np.add.at(values, slots[kept], (factors * result)[kept])
         return values
 
 
-cdef bint _same_places(element, known):
+cdef bint _same_places(element, kept):
     """Whether the positions of two elements are the same arrays."""
-    return (element.kernel == known.kernel and element.arguments is known.arguments
-            and element.slots is known.slots)
+    return (element.kernel == kept.kernel and element.arguments is kept.arguments
+            and element.slots is kept.slots)
 
 
 cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:
@@ -169,8 +169,8 @@ cdef int _within(positions, ptrdiff_t least, ptrdiff_t end) except -1:
 
 
 cdef class Program:
-    """The program of a :class:`dmoc.program.arrays.ProgramData`, on the kernels of its model; ``like``
-    is another program of the same kernels, with which it may share positions."""
+    """The program of a :class:`dmoc.program.arrays.ProgramData`, on the kernels of its model;
+    ``like`` is another program of the same kernels, with which it may share positions."""
     cdef dmoc_program c
     cdef Pass _values, _slopes, _curvatures
     cdef double[::1] pool, lower, upper, unit
@@ -188,11 +188,11 @@ cdef class Program:
         if sizes != (n, n + m + 1, n + m + 2):
             raise ValueError(f"expected bounds of {n} unknowns and units of {n + m + 1} numbers")
         passes, size = (data.values, data.slopes, data.curvatures), len(data.pool)
-        known = (None, None, None)
+        kept = (None, None, None)
         if like is not None and len(like.pool) == size + 1:
-            known = (like._values, like._slopes, like._curvatures)
+            kept = (like._values, like._slopes, like._curvatures)
         self._values, self._slopes, self._curvatures = (
-            Pass(kernels, p, size, k) for p, k in zip(passes, known))
+            Pass(kernels, p, size, k) for p, k in zip(passes, kept))
         self.row_start, self.column = _pattern(data.jacobian, m, len(data.slopes.constant) - n)
         self.hess_start, self.hess_column = _pattern(data.hessian, n, len(data.curvatures.constant))
         self.compiled = kernels.backend == "compiled"

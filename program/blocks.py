@@ -72,10 +72,10 @@ class Block:
         """Typical sizes of all members."""
         if not self.count:
             return np.zeros(0)
-        found = np.empty(self.index.shape)
-        found[...] = self.size(scale)
+        sizes = np.empty(self.index.shape)
+        sizes[...] = self.size(scale)
         every = self.count == self.index.size
-        return found.ravel() if every else np.asarray(found[self.index != NOWHERE])
+        return sizes.ravel() if every else np.asarray(sizes[self.index != NOWHERE])
 
 
 class Numbering:
@@ -109,10 +109,10 @@ class Numbering:
 def in_columns(values: Index, at: Index, count: int, otherwise: int = NOWHERE) -> Index:
     """Values of the events in the columns of their contacts, shape (events, ..., count); an event
     without a contact has no value."""
-    found = np.full((*values.shape, count), otherwise)
+    columns = np.full((*values.shape, count), otherwise)
     touched = np.flatnonzero(at != NOWHERE)
-    found[touched, ..., at[touched]] = values[touched]
-    return found
+    columns[touched, ..., at[touched]] = values[touched]
+    return columns
 
 
 def sizes_of(sizes: Array, surfaces: Index) -> Array:

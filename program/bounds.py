@@ -25,7 +25,7 @@ SHORTEST_PHASE = 1e-3
 
 def goal_rows(problem: Problem, lay: Layout) -> list[Goal]:
     """The values of the goal as constraints, where they are not to be bounds."""
-    goal, names, found = problem.goal_bounds, problem.kernels.coordinates, list[Goal]()
+    goal, names, rows = problem.goal_bounds, problem.kernels.coordinates, list[Goal]()
     for index, bounds, name in (
         (lay.index_q[-1], goal.position, str),
         (lay.index_p_E, goal.momentum, momentum_name),
@@ -33,8 +33,8 @@ def goal_rows(problem: Problem, lay: Layout) -> list[Goal]:
     ):
         for i, (low, high), q in zip(index, bounds, names, strict=False):
             if low > -np.inf or high < np.inf:
-                found.append(Goal(int(i), float(low), float(high), name(q)))
-    return found
+                rows.append(Goal(int(i), float(low), float(high), name(q)))
+    return rows
 
 
 def limits(

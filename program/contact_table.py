@@ -66,27 +66,27 @@ class Touch:
     @property
     def is_closed(self) -> Bools:
         """Shape (phases, nc)."""
-        found = np.zeros((len(self.closed), len(self.surfaces)), dtype=bool)
+        closed = np.zeros((len(self.closed), len(self.surfaces)), dtype=bool)
         for i, surfaces in enumerate(self.closed):
-            found[i, list(surfaces)] = True
-        return found
+            closed[i, list(surfaces)] = True
+        return closed
 
     @property
     def rubs(self) -> Bools:
         """Shape (phases, nt)."""
-        found = np.zeros((len(self.rubbing), len(self.tangents)), dtype=bool)
+        rubs = np.zeros((len(self.rubbing), len(self.tangents)), dtype=bool)
         for i, pairs in enumerate(self.rubbing):
-            found[i, [t for t, _ in pairs]] = True
-        return found
+            rubs[i, [t for t, _ in pairs]] = True
+        return rubs
 
     @property
     def signs(self) -> Array:
         """Directions of sliding, 0 for what sticks or does not rub, shape (phases, nt)."""
-        found = np.zeros((len(self.rubbing), len(self.tangents)))
+        signs = np.zeros((len(self.rubbing), len(self.tangents)))
         for i, pairs in enumerate(self.rubbing):
             for t, sign in pairs:
-                found[i, t] = sign
-        return found
+                signs[i, t] = sign
+        return signs
 
     @property
     def sticks(self) -> Bools:
@@ -98,21 +98,21 @@ class Touch:
     def beside(self) -> Bools:
         """Surfaces that take an impulse P_c beside lam in an impact: those that stay closed, and
         those that land with the first one, shape (events, nc)."""
-        found = np.zeros((len(self.impacts), len(self.surfaces)), dtype=bool)
+        beside = np.zeros((len(self.impacts), len(self.surfaces)), dtype=bool)
         for i, (before, after) in enumerate(pairwise(self.is_closed)):
             if self.impacts[i]:
-                found[i] = after & before
-                found[i, list(self.landings[i][1:])] = True
-        return found
+                beside[i] = after & before
+                beside[i, list(self.landings[i][1:])] = True
+        return beside
 
     @property
     def rubs_in_impact(self) -> Bools:
         """Tangents of closed surfaces that take a tangential impulse T_c by the law of contacts
         that last, shape (events, nt)."""
-        found = np.zeros((len(self.impacts), len(self.tangents)), dtype=bool)
+        rubs_there = np.zeros((len(self.impacts), len(self.tangents)), dtype=bool)
         for i, rubs in enumerate(self.rubs[1:]):
-            found[i] = rubs & (np.array(self.surface_of) >= 0) & self.impacts[i]
-        return found & ~self.passes
+            rubs_there[i] = rubs & (np.array(self.surface_of) >= 0) & self.impacts[i]
+        return rubs_there & ~self.passes
 
     @property
     def turns(self) -> Bools:
@@ -123,10 +123,10 @@ class Touch:
     @property
     def passes(self) -> Bools:
         """Tangents that rub in an impact with a course, shape (events, nt)."""
-        found = np.zeros((len(self.impacts), len(self.tangents)), dtype=bool)
+        passes = np.zeros((len(self.impacts), len(self.tangents)), dtype=bool)
         for p in self.passages:
-            found[p.event, p.tangent] = True
-        return found
+            passes[p.event, p.tangent] = True
+        return passes
 
     @cached_property
     def passing(self) -> tuple[Index, Index]:
@@ -141,10 +141,10 @@ class Touch:
     def moments(self) -> Bools:
         """Moments within impacts that have velocities and impulses of their own, shape (events,
         2)."""
-        found = np.zeros((len(self.impacts), len(MOMENTS)), dtype=bool)
+        moments = np.zeros((len(self.impacts), len(MOMENTS)), dtype=bool)
         for p in self.passages:
-            found[p.event, list(p.moments)] = True
-        return found
+            moments[p.event, list(p.moments)] = True
+        return moments
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,9 +74,9 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     def coefficient(
         surface: str,
     ) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
-        known = nlp.laws.impact.impact
-        lam = np.maximum(x[nlp.layout.index_lam[known]], 1e-300)
-        plain = (nlp.laws.impact.plain & ~nlp.laws.impact.by_rates)[known]
+        hit = nlp.laws.impact.impact
+        lam = np.maximum(x[nlp.layout.index_lam[hit]], 1e-300)
+        plain = (nlp.laws.impact.plain & ~nlp.laws.impact.by_rates)[hit]
         law = np.asarray(named.get("energy", np.zeros(0))) * np.where(plain, -2 / lam, 1.0)
         high, low = (
             {**dict.fromkeys(problem.kernels.surfaces, 1.0), surface: e} for e in (1.0, 0.5)
@@ -114,19 +114,19 @@ def _lagrangian(
 
 def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
     """g becomes g - delta: contacts c = g and gaps d = -g follow."""
-    found = dict.fromkeys(nlp.kernels.surfaces, 0.0)
+    slopes = dict.fromkeys(nlp.kernels.surfaces, 0.0)
     names, force = nlp.kernels.surfaces, np.concatenate([y, w])
     impacts = [event.surface for event in nlp.problem.events if event.surface]
     for name, row in zip(impacts, nlp.laws.impact.contact.numbers, strict=True):
-        found[name] -= float(force[row])
+        slopes[name] -= float(force[row])
     for block in (nlp.laws.contact.closed, nlp.laws.contact.lands):
         for row, (_, j) in zip(block.numbers, block.places, strict=True):
-            found[names[j]] -= float(force[row])
+            slopes[names[j]] -= float(force[row])
     for block in (nlp.laws.step.gap, nlp.laws.step.gap_inside):
         for j, name in enumerate(names):
             rows = block.index[:, j]
-            found[name] -= float(force[rows[rows != NOWHERE]].sum())
-    return found
+            slopes[name] -= float(force[rows[rows != NOWHERE]].sum())
+    return slopes
 
 
 def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]:
@@ -149,17 +149,17 @@ def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]
         slopes = model.momentum_slopes(x[q], model.velocity(x[q], x[p], t), t)
         by_q, by_v = z[p] @ slopes[:, : lay.nq], z[p] @ slopes[:, lay.nq : 2 * lay.nq]
         states = [(str, q, z[q] + by_q), (velocity_name, p, by_v)]
-    found = {}
+    slopes_of = {}
     for naming, index, forces in [*states, (velocity_name, v, z[v])]:
         for i, name, force in zip(index, names, forces, strict=False):
             if nlp.lower[i] > -np.inf or nlp.upper[i] < np.inf:
-                found[naming(name)] = float(force)
-    return found
+                slopes_of[naming(name)] = float(force)
+    return slopes_of
 
 
 def _bounds(nlp: Transcription, z: Array) -> dict[str, float]:
     lay, kernels, problem = nlp.layout, nlp.problem.kernels, nlp.problem
-    found = {}
+    slopes = {}
     inner = np.vstack([lay.index_q[1:-1], lay.index_q_i.reshape(-1, lay.nq)])
     for names, index, box in (
         (kernels.inputs, lay.index_u, problem.input_bounds),
@@ -172,5 +172,5 @@ def _bounds(nlp: Transcription, z: Array) -> dict[str, float]:
                 (">=", box[j, 0], held[held > 0].sum()),
             ):
                 if np.isfinite(limit):
-                    found[f"{name} {sign}"] = float(value)
-    return found
+                    slopes[f"{name} {sign}"] = float(value)
+    return slopes

@@ -127,14 +127,14 @@ class _Elements:
     def filled(self, left: Array, right: Array) -> tuple[ElementData, ...]:
         """The elements of one problem."""
         factors = left[self.rows] * right[self.columns] * self.factors
-        found, at = [], 0
+        elements, at = [], 0
         for part, slots in zip(self.parts, self.slots, strict=True):
             cut = []
             for slot in slots:
                 cut.append(factors[at : at + slot.size].reshape(slot.shape))
                 at += slot.size
-            found.append(ElementData(part.kernel, part.arguments, slots, tuple(cut)))
-        return tuple(found)
+            elements.append(ElementData(part.kernel, part.arguments, slots, tuple(cut)))
+        return tuple(elements)
 
 
 def _flat(arrays: Sequence[NDArray[Any]], dtype: type) -> NDArray[Any]:
@@ -164,8 +164,8 @@ class Structure:
         may make it twice, and get one."""
         if key not in self._kept and len(self._kept) >= MOST_KEPT:
             return make()
-        found: T = self._kept.get(key) or self._kept.setdefault(key, make())
-        return found
+        kept: T = self._kept.get(key) or self._kept.setdefault(key, make())
+        return kept
 
 
 @dataclass(frozen=True, eq=False)

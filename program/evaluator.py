@@ -56,12 +56,12 @@ class Evaluator(ABC):
         return {}
 
     def _remembered(self, name: str, evaluate: Callable[[Array], Array], x: Array) -> Array:
-        known = self._memory.get(name)
-        if known is None or not np.array_equal(known[0], x):
-            found = evaluate(np.ascontiguousarray(x))
-            found.flags.writeable = False
-            known = self._memory[name] = x.copy(), found
-        return known[1]
+        last = self._memory.get(name)
+        if last is None or not np.array_equal(last[0], x):
+            value = evaluate(np.ascontiguousarray(x))
+            value.flags.writeable = False
+            last = self._memory[name] = x.copy(), value
+        return last[1]
 
     def values(self, x: Array) -> Array:
         """(f | c | d)(x), read-only."""

@@ -181,8 +181,8 @@ def named_multipliers(nlp: Transcription, y: Array, w: Array, z: Array) -> dict[
     equations in the shape (nodes, nq), "bounds" those of the unknowns."""
     units = _units_of_multipliers(nlp)
     y, w, z = y * units[0], w * units[1], z * units[2]
-    found = np.concatenate([y, w])
-    named = {b.name: found[b.numbers] for b in (*nlp.equalities, *nlp.inequalities) if b.count}
+    both = np.concatenate([y, w])
+    named = {b.name: both[b.numbers] for b in (*nlp.equalities, *nlp.inequalities) if b.count}
     named["momentum"] = named["momentum"].reshape(-1, nlp.layout.nq)
     return named | {"bounds": z}
 

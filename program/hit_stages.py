@@ -67,9 +67,9 @@ class Passage:
         """Stages whose normal impulse could be negative by the other laws: not the first one, not a
         whole restitution, and not where the cone says more."""
         last = len(self.moments)
-        given = not self.lands and not self.late
+        by_law = not self.lands and not self.late
         return tuple(
-            k for k in range(1, last + 1) if k != self.bears(e) and not (given and k == last)
+            k for k in range(1, last + 1) if k != self.bears(e) and not (by_law and k == last)
         )
 
 

@@ -119,15 +119,15 @@ class Layout:
 
     def states(self, names: list[str]) -> dict[str, tuple[int, int]]:
         """Unknowns that are a state at the start and at the end, by name of the state."""
-        found: dict[str, tuple[int, int]] = {}
+        states: dict[str, tuple[int, int]] = {}
         for naming, start, end in (
             (str, self.index_q[0], self.index_q[-1]),
             (momentum_name, self.index_p_B, self.index_p_E),
             (velocity_name, self.index_v_B, self.index_v_E),
         ):
             pairs = zip(map(naming, names), start, end, strict=False)
-            found |= {name: (int(a), int(b)) for name, a, b in pairs}
-        return found
+            states |= {name: (int(a), int(b)) for name, a, b in pairs}
+        return states
 
     @property
     def phases(self) -> int:
@@ -243,11 +243,11 @@ def _first_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
 
 def _steps_of_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
     """The last step that each row of u enters."""
-    found = np.zeros(sum(map(form.rows, steps)), dtype=np.intp)
+    step = np.zeros(sum(map(form.rows, steps)), dtype=np.intp)
     first, numbers = _first_rows(form, steps), np.arange(sum(steps))
-    found[first + form.width] = numbers
-    found[first] = numbers
-    return found
+    step[first + form.width] = numbers
+    step[first] = numbers
+    return step
 
 
 @dataclass(frozen=True)

@@ -106,24 +106,24 @@ class WithMinimalTimes(Transcription):
 
     def lagrangian_gradient(self, x: Array, y: Array, w: Array) -> Array:
         rest = self.laws.n_in
-        found = super().lagrangian_gradient(x, y, w[:rest])
+        slope = super().lagrangian_gradient(x, y, w[:rest])
         for i, weight in zip(self._phases, w[rest:], strict=True):
-            found[self._sorted[i]] -= weight * self._reserve(x, i)[1]
-        return found
+            slope[self._sorted[i]] -= weight * self._reserve(x, i)[1]
+        return slope
 
     def lagrangian_hessian(self, x: Array, y: Array, w: Array, sigma: float = 1.0) -> Matrix:
         import scipy.sparse
 
         rest = self.laws.n_in
-        found = super().lagrangian_hessian(x, y, w[:rest], sigma)
+        hessian = super().lagrangian_hessian(x, y, w[:rest], sigma)
         for i, weight in zip(self._phases, w[rest:], strict=True):
             if weight:
                 at, values = self._sorted[i], -weight * self._second(x, i)
                 r, c = np.triu_indices(len(at))
-                found = found + scipy.sparse.csr_matrix(
-                    (values[r, c], (at[r], at[c])), shape=found.shape
+                hessian = hessian + scipy.sparse.csr_matrix(
+                    (values[r, c], (at[r], at[c])), shape=hessian.shape
                 )
-        return found
+        return hessian
 
     @property
     def _phases(self) -> range:
@@ -142,8 +142,8 @@ class WithMinimalTimes(Transcription):
         """
         at = _unknowns(self.layout, i)
         y = x[at] * self.unit[at]
-        known = self._known.get(i)
-        if known is None or not np.array_equal(known[0], y):
+        last = self._known.get(i)
+        if last is None or not np.array_equal(last[0], y):
             steps, at_h = self.layout.steps[i], 2 * self.layout.nq
             shortest, slope = _minimal_time(self.problem, self.layout, y, i)
             slope = -slope
@@ -152,12 +152,12 @@ class WithMinimalTimes(Transcription):
                 float(steps * y[at_h] - (shortest if np.isfinite(shortest) else 0.0))
                 / self.scale.time
             )
-            known = self._known[i] = (
+            last = self._known[i] = (
                 y,
                 left,
                 (slope * self.unit[at] / self.scale.time)[np.argsort(at)],
             )
-        return known[1], known[2]
+        return last[1], last[2]
 
     def _second(self, x: Array, i: int) -> Array:
         """Second derivative of T_i - T_min in the sorted scaled unknowns, by central differences
@@ -165,13 +165,13 @@ class WithMinimalTimes(Transcription):
         at = _unknowns(self.layout, i)
         order, unit = np.argsort(at), self.unit[at]
         y = x[at] * unit
-        found = np.empty((len(y), len(y)))
+        curvature = np.empty((len(y), len(y)))
         for j in range(len(y)):
             step = CHANGE * max(abs(y[j]), 1e-3 * unit[j])
             ends = [y.copy(), y.copy()]
             ends[0][j] -= step
             ends[1][j] += step
             below, above = (_minimal_time(self.problem, self.layout, e, i)[1] for e in ends)
-            found[j] = (below - above) / (2 * step)
-        found = (found + found.T) / 2 * np.outer(unit, unit) / self.scale.time
-        return np.asarray(found[np.ix_(order, order)])
+            curvature[j] = (below - above) / (2 * step)
+        curvature = (curvature + curvature.T) / 2 * np.outer(unit, unit) / self.scale.time
+        return np.asarray(curvature[np.ix_(order, order)])

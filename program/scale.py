@@ -51,11 +51,11 @@ class Scale:
     def named(self, problem: Problem) -> dict[str, float]:
         """Sizes by name, as results show them."""
         kernels = problem.kernels
-        found = {"time": self.time, "cost": self.cost}
+        by_name = {"time": self.time, "cost": self.cost}
         for name, sizes in ((str, self.q), (velocity_name, self.v), (momentum_name, self.p)):
-            found |= dict(zip(map(name, kernels.coordinates), sizes.tolist(), strict=True))
-        found |= dict(zip(kernels.inputs, self.u.tolist(), strict=True))
-        found |= {
+            by_name |= dict(zip(map(name, kernels.coordinates), sizes.tolist(), strict=True))
+        by_name |= dict(zip(kernels.inputs, self.u.tolist(), strict=True))
+        by_name |= {
             f"gap to {s}": size for s, size in zip(kernels.surfaces, self.gap.tolist(), strict=True)
         }
-        return found
+        return by_name

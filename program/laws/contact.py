@@ -240,11 +240,11 @@ class ContactLaw(Law):
         """Tangents that slide in a phase, and not any more in this direction after its event,
         which is no impact, shape (phases, nt)."""
         touch = self.touch
-        found = np.zeros_like(touch.rubs)
+        stops = np.zeros_like(touch.rubs)
         for i, impact in enumerate(touch.impacts):
             slid, goes_on = touch.signs[i] != 0, touch.rubs[i + 1]
-            found[i] = slid & goes_on & (touch.signs[i + 1] != touch.signs[i]) & (not impact)
-        return found
+            stops[i] = slid & goes_on & (touch.signs[i + 1] != touch.signs[i]) & (not impact)
+        return stops
 
     @property
     def _slides_freely(self) -> Bools:
@@ -270,22 +270,22 @@ class ContactLaw(Law):
             return []
         along, unknowns = self._phases, lay.contact
         q, t = lay.index_q[along.nodes], places.times(along.nodes)
-        found = [
+        terms = [
             *along.pushes("normal", unknowns.P, -1.0, places, laws),
             *along.pushes("traction", unknowns.T, 1.0, places, laws),
             *along.rests("gap_rate", self.at_rest.index, places),
             *along.rests("slide_rate", self.stopped.index, places),
         ]
-        found += self._at_events(places, momentum)
+        terms += self._at_events(places, momentum)
         stuck = self.stuck.index
         before = np.full_like(stuck, NOWHERE)
         before[:-1] = stuck[1:]
-        found += [
+        terms += [
             Term("surface", (q, t), (self.closed.index,)),
             Term("tangent", (q, t), (stuck,)),
             Term("tangent", (q, t), (before,), -1.0),
         ]
-        return found + self._directions(places)
+        return terms + self._directions(places)
 
     def _at_events(self, places: Places, momentum: Index) -> list[Term]:
         """Impulses of impacts, and rates before and after them and at both ends."""
@@ -293,9 +293,9 @@ class ContactLaw(Law):
         nodes = lay.collision_nodes
         q, t = lay.index_q[nodes], places.times(nodes)
         P_c, T_c = places.known(lay.contact.P_c), places.known(lay.contact.T_c)
-        found = []
+        terms = []
         if len(nodes):
-            found += [
+            terms += [
                 Term("normal", (q, P_c, t), (momentum[nodes],), -1.0),
                 Term("traction", (q, T_c, t), (momentum[nodes],)),
                 Term("surface", (q, t), (self.lands.index,)),
@@ -308,26 +308,26 @@ class ContactLaw(Law):
             for side, (v, signs) in enumerate(sides):
                 for sign in (1.0, -1.0):
                     rows = np.where(signs == sign, direction[:, :, side], NOWHERE)
-                    found.append(Term("slide_rate", (q, v, t), (rows,), sign))
+                    terms.append(Term("slide_rate", (q, v, t), (rows,), sign))
         ends = lay.ends
         for e, v in ((0, lay.index_v_B), (-1, lay.index_v_E)):
             for sign in (1.0, -1.0) if len(v) else ():
                 rows = np.where(touch.signs[e] == sign, self.direction_at_ends.index[e], NOWHERE)
                 at = ends[[e]]
                 state = (lay.index_q[at], v[None], places.times(at))
-                found.append(Term("slide_rate", state, (rows[None],), sign))
-        return found
+                terms.append(Term("slide_rate", state, (rows[None],), sign))
+        return terms
 
     def _directions(self, places: Places) -> list[Term]:
         lay, rows = self.lay, self.direction.index
         signs = self.touch.signs[lay.phase_of_step]
-        found = []
+        terms = []
         for sign in (1.0, -1.0):
             at = np.where(signs == sign, rows, NOWHERE)
             for nodes, side in ((np.arange(1, lay.total + 1), sign), (np.arange(lay.total), -sign)):
                 place = (lay.index_q[nodes], places.times(nodes))
-                found.append(Term("tangent", place, (at,), side))
-        return found
+                terms.append(Term("tangent", place, (at,), side))
+        return terms
 
     # Linear rows ----------------------------------------------------------------------------------
 
@@ -336,7 +336,7 @@ class ContactLaw(Law):
         lay, touch = self.lay, self.touch
         if touch.free:
             return []
-        found: list[Entries] = []
+        entries: list[Entries] = []
         phase, sides = self._phases.phase, np.array([1.0, -1.0])
         weight = np.where(self._phases.is_first | self._phases.is_last, 0.5, 1.0)
         events = touch.rubs_in_impact
@@ -348,7 +348,7 @@ class ContactLaw(Law):
                 limit = lay.contact.P[along, surface]
                 factor = np.full(len(along), self.mu[t])
             signs = touch.signs[phase[along], t]
-            found += _friction(
+            entries += _friction(
                 (lay.contact.T[along, t], limit, factor, signs),
                 (self.sliding.index[along, t], self.cone.index[along, t]),
                 sides,
@@ -359,7 +359,7 @@ class ContactLaw(Law):
             normal = np.where(
                 lay.surfaces[at] == surface, lay.index_lam[at], lay.contact.P_c[at, surface]
             )
-            found += _friction(
+            entries += _friction(
                 (
                     lay.contact.T_c[at, t],
                     normal,
@@ -369,7 +369,7 @@ class ContactLaw(Law):
                 (self.slides.index[at, t], self.cone_of_impact.index[at, t]),
                 sides,
             )
-        return found
+        return entries
 
     # Pivots ---------------------------------------------------------------------------------------
 
@@ -396,17 +396,17 @@ def _friction(
     cone."""
     (T, limit, factor, signs), (sliding, cone) = law, rows
     slides = sliding != NOWHERE
-    found = [
+    entries = [
         (sliding[slides], T[slides], np.ones(int(slides.sum()))),
         (sliding[slides], limit[slides], (signs * factor)[slides]),
     ]
     for side, sign in enumerate(sides):
         sticks = cone[:, side] != NOWHERE
-        found += [
+        entries += [
             (cone[sticks, side], T[sticks], np.full(int(sticks.sum()), -sign)),
             (cone[sticks, side], limit[sticks], factor[sticks]),
         ]
-    return found
+    return entries
 
 
 def _twice(mask: Bools) -> Bools:

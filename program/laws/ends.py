@@ -199,14 +199,14 @@ class EndsLaw(Law):
 
     def entries(self, laws: Laws) -> list[Entries]:
         lay = self.lay
-        found = [
+        entries = [
             (block.numbers, p[: block.count], np.ones(block.count))
             for block, p in (
                 (self.start_velocity, lay.index_p_B),
                 (self.goal_velocity, lay.index_p_E),
             )
         ]
-        return found + [
+        return entries + [
             (np.full(len(line.unknowns), line.row), line.unknowns, line.factors)
             for line in self._lines()
         ]

@@ -200,34 +200,34 @@ class HitLaw(Law):
         hit, rubbed = self.touch.passing
         P = places.known(in_columns(lay.hit.P_h, hit, places.nc))
         T = places.known(in_columns(lay.hit.T_h, rubbed, len(self.mu)))
-        found = []
+        terms = []
         if self.touch.free:  # else the law of contacts that last adds them all
             traction = places.known(lay.contact.T_c)
-            found.append(Term("traction", (q, traction, t), (momentum[nodes],)))
+            terms.append(Term("traction", (q, traction, t), (momentum[nodes],)))
         v_h = places.known(lay.hit.v_h)
         for m in range(len(MOMENTS)):
             rows, here = self.within.index[:, m], np.flatnonzero(self.touch.moments[:, m])
             if not len(here):
                 continue
             at, when, rows = q[here], t[here] if lay.timed else t, rows[here]
-            found += [
+            terms += [
                 Term("momentum", (at, v_h[here, m], when), (rows,)),
                 Term("momentum", (at, lay.index_v_a[here], when), (rows,), -1.0),
                 Term("normal", (at, P[here, m], when), (rows,)),
                 Term("traction", (at, T[here, m], when), (rows,), -1.0),
             ]
         ended = np.where(self.touch.moments[:, END], laws.impact.energy.index, NOWHERE)
-        found.append(Term("gap_rate", (q, v_h[:, END], t), (in_columns(ended, hit, places.nc),)))
+        terms.append(Term("gap_rate", (q, v_h[:, END], t), (in_columns(ended, hit, places.nc),)))
         sides = [lay.index_v_a, *np.moveaxis(v_h, 1, 0), lay.index_v_c]
         for v, rows in zip(sides, self.halts.index.T, strict=True):
-            found.append(Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, len(self.mu)),)))
+            terms.append(Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, len(self.mu)),)))
         signs = np.array([(p.friction[0], p.friction[-1]) if p else (0, 0) for p in self._by_event])
         for side, v in enumerate((lay.index_v_a, lay.index_v_c)):
             for sign in (1.0, -1.0):
                 rows = np.where(signs[:, side] == sign, self.heads.index[:, side], NOWHERE)
                 place = in_columns(rows, rubbed, len(self.mu))
-                found.append(Term("slide_rate", (q, v, t), (place,), sign))
-        return found
+                terms.append(Term("slide_rate", (q, v, t), (place,), sign))
+        return terms
 
     @property
     def _by_event(self) -> list[Passage | None]:
@@ -238,20 +238,20 @@ class HitLaw(Law):
 
     def entries(self, laws: Laws) -> list[Entries]:
         """Entries of the linear rows: restitution, and what impulses stages have."""
-        found = list[Entries]()
+        entries = list[Entries]()
         for p in self.passages:
             i, lay = p.event, self.lay
             if self.restitution.index[i] != NOWHERE:
                 unknowns = np.array([lay.hit.P_h[i, END], lay.index_lam[i]])
-                found.append(
+                entries.append(
                     (
                         np.full(2, self.restitution.index[i]),
                         unknowns,
                         np.array([1 + self.e[i], -1.0]),
                     )
                 )
-            found += self._of_stages(p)
-        return found
+            entries += self._of_stages(p)
+        return entries
 
     def _of_stages(self, p: Passage) -> Iterator[Entries]:
         """Entries of the rows that say how large the impulses of stages are."""

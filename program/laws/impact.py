@@ -180,7 +180,7 @@ class ImpactLaw(Law):
             like(energy),
             np.full((len(nodes), lay.inside * lay.nq), NOWHERE),
         )
-        found = [
+        terms = [
             Term("normal", (q, lam, t), (momentum[nodes],), -1.0),
             Term("surface", (q, t), (self._by_surface(self.contact.index, places),)),
             Term("impact", before, (law, like(law)), e),
@@ -199,8 +199,8 @@ class ImpactLaw(Law):
             (lay.index_v_c, plain, 1.0),
             (lay.index_v_a, np.where(self.e > 0, plain, NOWHERE), e),
         ):
-            found.append(Term("gap_rate", (q, v, t), (self._by_surface(rows, places),), sign))
-        return found
+            terms.append(Term("gap_rate", (q, v, t), (self._by_surface(rows, places),), sign))
+        return terms
 
     def pivots(self, laws: Laws) -> Iterator[Pivot]:
         """The momenta beside a collision determine the velocities, the contact the step size of the

@@ -142,18 +142,18 @@ class PathLaw(Law):
         lay = self.lay
         points, nodes, ends_of_steps, ends = (block.index for block in self.blocks)
         step = places.step(np.arange(lay.total))
-        found = [Term("path", step, (points,)), Term("path_ends", step, (ends_of_steps,))]
+        terms = [Term("path", step, (points,)), Term("path_ends", step, (ends_of_steps,))]
         k = np.flatnonzero((nodes != NOWHERE).any(axis=1))
         if len(k):
             q = lay.index_q
             u, h = lay.of_kernels[lay.row_u_k[k]], lay.index_h[lay.phase_of_step[k]][:, None]
             around = (q[k - 1], q[k], q[k + 1], u, h, places.times(k))
-            found.append(Term("path_node", around, (nodes[k],)))
+            terms.append(Term("path_node", around, (nodes[k],)))
         at = _nodes_of_ends(lay)
         inputs = np.stack([lay.row_u_k[lay.ends[:-1]], lay.row_u_kp1[lay.ends[1:] - 1]], axis=1)
         state = (lay.index_q[at], places.known(_velocities(lay)), lay.of_kernels[inputs.ravel()])
-        found.append(Term("path_point", (*state, places.times(at)), (ends,)))
-        return found
+        terms.append(Term("path_point", (*state, places.times(at)), (ends,)))
+        return terms
 
 
 def _nodes_of_ends(lay: Layout) -> Index:
@@ -164,12 +164,12 @@ def _nodes_of_ends(lay: Layout) -> Index:
 def _velocities(lay: Layout) -> Index:
     """Unknown velocities at the start and at the end of each phase, shape (2 phases, nq); nowhere
     where they are not needed."""
-    found = np.full((2 * lay.phases, lay.nq), NOWHERE)
-    found[1:-1:2], found[2::2] = lay.index_v_a, lay.index_v_c
+    velocities = np.full((2 * lay.phases, lay.nq), NOWHERE)
+    velocities[1:-1:2], velocities[2::2] = lay.index_v_a, lay.index_v_c
     for row, index in ((0, lay.index_v_B), (-1, lay.index_v_E)):
         if len(index):
-            found[row] = index
-    return found
+            velocities[row] = index
+    return velocities
 
 
 def _ends(problem: Problem, lay: Layout, rows: Any, fixed: Bools) -> Bools:
@@ -180,28 +180,28 @@ def _ends(problem: Problem, lay: Layout, rows: Any, fixed: Bools) -> Bools:
         at_rest = bool(fixed[lay.index_q[nodes[row]]].all() and fixed[p].all())
         velocity[row] = at_rest or bool(len(v) and fixed[v].all())
     at_contact = _known_at_contacts(problem, lay)
-    found = np.zeros((len(nodes), len(rows)), dtype=bool)
+    stands = np.zeros((len(nodes), len(rows)), dtype=bool)
     for j, row in enumerate(rows):
         place = list(row["coordinates"])
         for end, node in enumerate(nodes):
             if row["inputs"]:
-                found[end, j] = bool(lay.form.shared)
+                stands[end, j] = bool(lay.form.shared)
                 continue
             # The same place as at the end of the phase before.
             again = end > 0 and end % 2 == 0 and not row["velocities"]
-            known = bool((fixed[lay.index_q[node, place]] | at_contact[end, place]).all())
-            known &= bool(velocity[end]) or not row["velocities"]
-            known &= end == 0 or not row["time"]
-            found[end, j] = not (again or known)
-    return found
+            fixed_there = bool((fixed[lay.index_q[node, place]] | at_contact[end, place]).all())
+            fixed_there &= bool(velocity[end]) or not row["velocities"]
+            fixed_there &= end == 0 or not row["time"]
+            stands[end, j] = not (again or fixed_there)
+    return stands
 
 
 def _known_at_contacts(problem: Problem, lay: Layout) -> Bools:
     """Coordinates that the contact of a collision fixes at the ends of the phases beside it."""
     manifest = problem.kernels.manifest
-    found = np.zeros((2 * lay.phases, lay.nq), dtype=bool)
+    fixed = np.zeros((2 * lay.phases, lay.nq), dtype=bool)
     for i, event in enumerate(problem.events):
         on = manifest["surface_coordinates"][event.surface] if event.surface else []
         if len(on) == 1 and event.surface not in manifest["moving_surfaces"]:
-            found[2 * i + 1 : 2 * i + 3, on] = True
-    return found
+            fixed[2 * i + 1 : 2 * i + 3, on] = True
+    return fixed
