@@ -15,7 +15,7 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
 from dmoc.check.arcs import allowance, arcs_of
-from dmoc.check.passages import Passage, passage_of
+from dmoc.check.passages import EventPassage, passage_of
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.bound_kernels import RAIL
 from dmoc.mechanics.contact_mode import Mode, mode_by_names
@@ -93,7 +93,7 @@ class Motion:
         return cls(trajectory, model, sizes, flow, tuple(steps), modes, check_time)
 
     @cached_property
-    def passages(self) -> tuple[Passage, ...]:
+    def passages(self) -> tuple[EventPassage, ...]:
         """What joins the phases."""
         joined = zip(self.trajectory.collisions, pairwise(self.trajectory.phases), strict=True)
         parts = zip(joined, self.modes[1:], strict=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, TURNED
-from dmoc.check.passages import Passage
+from dmoc.check.passages import EventPassage
 from dmoc.mechanics.bound_kernels import RAIL
 from dmoc.simulation.sizes import Sizes
 
@@ -53,14 +53,14 @@ def _imbalance(motion: Motion, work: tuple[float, ...]) -> float:
     return float(np.max(differences)) / motion.sizes.exchanged
 
 
-def _energy_jump(p: Passage) -> float:
+def _energy_jump(p: EventPassage) -> float:
     """Difference of the energy after an event from that by the law."""
     q, v = np.vstack([p.before.q[-1:], p.after.q[:1]]), np.vstack([p.law.velocity, p.after.v[:1]])
     by_law, after = p.model.energy(q, v, np.array([p.before.t[-1], p.after.t[0]]))
     return abs(float(after - by_law))
 
 
-def _impact_errors(p: Passage, sizes: Sizes) -> tuple[float, float]:
+def _impact_errors(p: EventPassage, sizes: Sizes) -> tuple[float, float]:
     """Errors of the rate after a collision, of the impulse, and rates that approach after it or
     leave before it: relative to the rates of the collision itself, and to the largest rate."""
     j = p.model.surface_numbers[p.c.surface]
@@ -73,7 +73,7 @@ def _impact_errors(p: Passage, sizes: Sizes) -> tuple[float, float]:
     return 0.0 if p.c.grazes else largest / own, largest / float(sizes.rate[j])
 
 
-def _contact_errors(p: Passage, sizes: Sizes) -> tuple[float, float]:
+def _contact_errors(p: EventPassage, sizes: Sizes) -> tuple[float, float]:
     """Errors of the rates after a hit or a landing relative to the largest of them, and errors of
     the momentum after an event and of its planned impulses, relative to the largest momenta."""
     off = p.after.p[0] - p.model.momentum(p.before.q[-1], p.law.velocity[0], p.c.time)
@@ -85,7 +85,7 @@ def _contact_errors(p: Passage, sizes: Sizes) -> tuple[float, float]:
     return float(np.abs(after - right).max() / max(np.abs([before, after]).max(), soft)), share
 
 
-def _contradictions(p: Passage, sizes: Sizes) -> Iterator[str]:
+def _contradictions(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     """What of an event its law does not allow, in sentences."""
     slack = _slack(p, sizes)
     yield from _unbearable(p, sizes, slack)
@@ -94,7 +94,7 @@ def _contradictions(p: Passage, sizes: Sizes) -> Iterator[str]:
     yield from _approached(p, sizes)
 
 
-def _slack(p: Passage, sizes: Sizes) -> float:
+def _slack(p: EventPassage, sizes: Sizes) -> float:
     """What an impulse may be off: a share of the largest of its event, or of what would change the
     rate of a gap by a small share of its size."""
     response = p.model.responses(p.before.q[-1], p.normals, p.c.time)
@@ -103,7 +103,7 @@ def _slack(p: Passage, sizes: Sizes) -> float:
     return BEARABLE * float(max(np.abs(p.law.normal).max(initial=0.0), soft.max(initial=0.0)))
 
 
-def _unbearable(p: Passage, sizes: Sizes, slack: float) -> Iterator[str]:
+def _unbearable(p: EventPassage, sizes: Sizes, slack: float) -> Iterator[str]:
     """Impulses that pull or leave the cone, by the law or by the plan, and surfaces that take one
     without a part in the event."""
     model, time = p.model, p.c.time
@@ -130,7 +130,7 @@ def _unbearable(p: Passage, sizes: Sizes, slack: float) -> Iterator[str]:
             yield f"{tangents[k]} does not slide with the sign {s:+d} after {time:.4g} s"
 
 
-def _turned(p: Passage, slack: float) -> Iterator[str]:
+def _turned(p: EventPassage, slack: float) -> Iterator[str]:
     """Contacts whose sliding turns in an impact that presses them: how much of their friction acts
     in either direction, the law of impact does not say."""
     model = p.model
@@ -147,7 +147,7 @@ def _turned(p: Passage, slack: float) -> Iterator[str]:
             )
 
 
-def _otherwise(p: Passage, slack: float) -> Iterator[str]:
+def _otherwise(p: EventPassage, slack: float) -> Iterator[str]:
     """A hit with friction that goes another way than planned, with other impulses: where both ways
     have the same, the motion lies between them."""
     c, course = p.c, p.law.course
@@ -162,7 +162,7 @@ def _otherwise(p: Passage, slack: float) -> Iterator[str]:
         )
 
 
-def _approached(p: Passage, sizes: Sizes) -> Iterator[str]:
+def _approached(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     """Surfaces hit without being approached, and contacts that leave without opening."""
     c, surfaces = p.c, p.model.kernels.surfaces
     before, after = p.rates[:2] / sizes.rate

@@ -34,7 +34,7 @@ class ImpactResult:
 
 
 @dataclass(frozen=True, eq=False)
-class Passage:
+class EventPassage:
     """What joins two phases.
 
     Attributes
@@ -143,7 +143,7 @@ class Passage:
 
 def passage_of(
     model: Model, restitution: Array, c: Collision, phases: tuple[Phase, Phase], own: Mode
-) -> Passage:
+) -> EventPassage:
     """What joins two phases, the later one in its mode ``own``."""
     before, after = phases
     parts = model, restitution, c, before, after
@@ -151,9 +151,11 @@ def passage_of(
     when, expected = f"at {c.time:.4g} s", {*stay, *c.lands}
     if expected != set(after.closed):
         shown = ", ".join(sorted(expected)) or "none"
-        return Passage(*parts, wrong=f"the contacts closed after what happens {when} are {shown}")
+        return EventPassage(
+            *parts, wrong=f"the contacts closed after what happens {when} are {shown}"
+        )
     if not c.surface or c.grazes:
-        return Passage(*parts)
+        return EventPassage(*parts)
     on = [model.surface_numbers[name] for name in (*c.lands, *stay)]
     at = model.supports
     ours = Mode(
@@ -163,8 +165,8 @@ def passage_of(
     )
     if c.surface in c.lands:
         if c.course and len(on) == 1:
-            return Passage(*parts, Mode((on[0],)), on[0], at.index(on[0]), lands=True)
-        return Passage(*parts, without_rails(model, ours))
+            return EventPassage(*parts, Mode((on[0],)), on[0], at.index(on[0]), lands=True)
+        return EventPassage(*parts, without_rails(model, ours))
     j = model.surface_numbers[c.surface]
     rubs = model.rough.get(j)
     wrong = (
@@ -174,4 +176,4 @@ def passage_of(
         else ""
     )
     with_hit = Mode((j, *ours.closed), ours.sticking, ours.sliding)
-    return Passage(*parts, with_hit, j, rubs, wrong=wrong)
+    return EventPassage(*parts, with_hit, j, rubs, wrong=wrong)

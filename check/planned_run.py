@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dmoc.check.checked_motion import Motion, nodes_of_segments
 from dmoc.check.contact_forces import BEARABLE, ON_TIME, TURNED
 from dmoc.check.path_limits import IntegratedSteps
-from dmoc.check.runs import Departures, Run, contacts_of_phase, is_planned
+from dmoc.check.runs import Departures, WholeRun, contacts_of_phase, is_planned
 from dmoc.check.segments import between, put
 from dmoc.check.verdict import PASSING
 from dmoc.codegen.kernels import Array
@@ -33,7 +33,7 @@ from dmoc.simulation.roots import crossing
 LOCATED = 1e-6  # of a step
 
 
-def planned_run(motion: Motion, sizes: tuple[Array, ...]) -> Run:
+def planned_run(motion: Motion, sizes: tuple[Array, ...]) -> WholeRun:
     """The run through the plan; ``sizes`` are those of contact forces, friction and joints."""
     # What errors of discretisation explain.
     slack = BEARABLE * sizes[0], BEARABLE * sizes[1], TURNED * motion.sizes.slide
@@ -49,7 +49,7 @@ def planned_run(motion: Motion, sizes: tuple[Array, ...]) -> Run:
     contacts = [c for c in met if c.jump > GRAZING]
     # What the segments meet counts for the run too.
     way = Departures(tuple(missed), tuple(contacts))
-    return Run(_terminal_error(motion), contacts, way, way, (*ends, *early))
+    return WholeRun(_terminal_error(motion), contacts, way, way, (*ends, *early))
 
 
 def _terminal_error(motion: Motion) -> float:

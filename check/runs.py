@@ -45,7 +45,7 @@ class Departures:
 
 
 @dataclass(frozen=True)
-class Run:
+class WholeRun:
     """A run from the start to the end: the error at the end, the contacts that are reported, where
     they depart from the plan, where those of segments do (None: nobody has looked), and what
     contradicts the motion on the way, in sentences."""
@@ -57,10 +57,10 @@ class Run:
     contradictions: Sequence[str] = ()
 
 
-def open_run(motion: Motion) -> Run:
+def open_run(motion: Motion) -> WholeRun:
     """The run through the contacts that it meets."""
     terminal, contacts = open_loop(motion)
-    return Run(terminal, contacts, departures(motion, contacts))
+    return WholeRun(terminal, contacts, departures(motion, contacts))
 
 
 def open_loop(motion: Motion) -> tuple[float, list[SurfaceContact]]:

@@ -15,7 +15,7 @@ from dmoc.check.amplification import Carried
 from dmoc.check.arcs import PENETRATION
 from dmoc.check.checked_motion import Motion
 from dmoc.check.path_limits import Excess
-from dmoc.check.runs import EXPLAINED, Departures, Run, departures, on_the_way, predicted
+from dmoc.check.runs import EXPLAINED, Departures, WholeRun, departures, on_the_way, predicted
 from dmoc.check.segments import Segment
 from dmoc.codegen.kernels import Array
 from dmoc.simulation.flow import SurfaceContact
@@ -240,7 +240,7 @@ class Evidence:
     paths: tuple[Excess, ...]
     parts: Sequence[Segment]
     flowed: Carried
-    run: Run
+    run: WholeRun
 
     @cached_property
     def failures(self) -> list[str]:

@@ -11,7 +11,7 @@ import dmoc
 from dmoc.base.deadline import ENDLESS
 from dmoc.check.amplification import Carried, carried
 from dmoc.check.checked_motion import Motion
-from dmoc.check.runs import Departures, Run, departures, predicted
+from dmoc.check.runs import Departures, WholeRun, departures, predicted
 from dmoc.check.segments import segments
 from dmoc.check.verdict import PASSING, Evidence, is_unstable, judged
 from dmoc.codegen.kernels import Kernels
@@ -103,7 +103,7 @@ def test_one_judgement_excuses_the_end_of_a_run_alone(cube: Kernels) -> None:
     stray = Departures(extra=(EARLY,))
 
     def check(end: float, flowed: Carried, run: Departures, way: Departures) -> dmoc.Verification:
-        return judged(motion, Evidence([], errors, (), parts, flowed, Run(end, (), run, way)))
+        return judged(motion, Evidence([], errors, (), parts, flowed, WholeRun(end, (), run, way)))
 
     assert check(0.249, calm, none, none).passed
     assert "terminal error 0.251 exceeds 0.25: too coarse" in check(0.251, calm, none, none).message
