@@ -6,6 +6,7 @@ import json
 import pickle
 import platform
 import re
+import runpy
 import sys
 import sysconfig
 import tomllib
@@ -155,12 +156,15 @@ COSTS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind.value for kind in TemplateKind])
-def test_what_a_new_file_says_comes_next_works(run: Run, tmp_path: Path, kind: str) -> None:
+def test_what_a_new_file_says_comes_next_works(
+    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
     _, out, _ = run("new begun --kind", kind)
     commands = [line.strip() for line in out.splitlines() if line.startswith("    ")]
     assert len(commands) == 3
     assert commands[0] == "python begun.py"
-    texts = [printed(sys.executable, "begun.py", cwd=tmp_path)]
+    runpy.run_path("begun.py", run_name="__main__")
+    texts = [capsys.readouterr().out]
     for command in commands[1:]:
         code, out, err = run(command.removeprefix("dmoc "))
         assert code == 0 and not err and command.startswith("dmoc ")
