@@ -5,6 +5,10 @@ BIN := $(VENV)/bin
 # setuptools warns of the folders beside setup.py in every editable installation.
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable
 
+# Compiled modules and rewritten assertions are kept, whatever the environment says: every process of
+# the tests would make them again.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: demo test test-fast test-browser test-wheels mutations check docs docs-check pictures linkcheck bench ladder release clean
 
 demo: $(VENV)/.installed-plot
