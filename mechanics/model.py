@@ -71,11 +71,18 @@ class Model(BoundKernels):
         J M^-1 (F + J^T lam) + bent = 0: one at each position (..., nq), or several (..., m, nq)."""
         if not self.nj:
             return F
-        J, rows = self.joint_slopes(q, t)[..., :-1], F if F.ndim > q.ndim else F[..., None, :]
+        rows = F if F.ndim > q.ndim else F[..., None, :]
+        J, lam = self.joint_slopes(q, t)[..., :-1], self.joint_forces(M, rows, q, t, bent)
+        return np.asarray((rows + lam @ J).reshape(F.shape))
+
+    def joint_forces(
+        self, M: Array, F: Array, q: Array, t: ArrayLike = 0.0, bent: Array | None = None
+    ) -> Array:
+        """Those forces lam (..., m, nj) beside several forces F (..., m, nq) at each position."""
+        J = self.joint_slopes(q, t)[..., :-1]
         response = columns(M, J)
-        missing = rows @ response + (0.0 if bent is None else bent[..., None, :])
-        lam = columns(J @ response, missing)
-        return np.asarray((rows - np.swapaxes(lam, -1, -2) @ J).reshape(F.shape))
+        missing = F @ response + (0.0 if bent is None else bent[..., None, :])
+        return -np.swapaxes(columns(J @ response, missing), -1, -2)
 
     def responses(self, q: Array, B: Array, t: ArrayLike = 0.0) -> Array:
         """Changes M^-1 B^T of velocities by impulses B where the joints hold: of one at each

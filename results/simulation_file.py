@@ -29,6 +29,8 @@ from dmoc.results.solution_file import COLLISION, SIGN, TRAJECTORY
 from dmoc.simulation.contact_motion import Stretch
 
 ROWS = ("t", "q", "p", "v", "u")
+# Forces, and the names whose columns they have.
+FORCES = {"normal": "closed", "tangential": "rubbing", "reaction": "joints"}
 
 
 @dataclass(frozen=True)
@@ -38,10 +40,9 @@ class Together:
     def write(self, value: Any, where: str, put: Put) -> Any:
         together = {name: np.concatenate([getattr(p, name) for p in value]) for name in ROWS}
         together |= {
-            name: np.concatenate([np.ravel(getattr(p, name)) for p in value])
-            for name in ("normal", "tangential")
+            name: np.concatenate([np.ravel(getattr(p, name)) for p in value]) for name in FORCES
         }
-        modes = {name: [getattr(p, name) for p in value] for name in ("closed", "rubbing")}
+        modes = {name: [getattr(p, name) for p in value] for name in FORCES.values()}
         return PHASES.write(together | modes | {"nodes": [len(p.t) for p in value]}, where, put)
 
     def read(self, data: Any, where: str, context: Context) -> tuple[Phase, ...]:
@@ -50,24 +51,27 @@ class Together:
         ends = np.cumsum(nodes)[:-1]
         rows = {name: np.split(table[name], ends) for name in ("t", "q", "p", "v")}
         rows["u"] = np.split(table["u"], np.cumsum(nodes - 1)[:-1])
-        for name, modes in (("normal", table["closed"]), ("tangential", table["rubbing"])):
-            widths = np.array([len(mode) for mode in modes], dtype=int)
+        for name, modes in FORCES.items():
+            widths = np.array([len(mode) for mode in table[modes]], dtype=int)
             parts = np.split(table[name], np.cumsum(nodes * widths)[:-1])
             rows[name] = [a.reshape(n, w) for a, n, w in zip(parts, nodes, widths, strict=True)]
-        names = (*ROWS, "closed", "rubbing", "normal", "tangential")
+        names = (*ROWS, *FORCES.values(), *FORCES)
         columns = (rows.get(name, table.get(name)) for name in names)
-        return tuple(Phase(*fields) for fields in zip(*columns, strict=True))
+        return tuple(
+            Phase(**dict(zip(names, fields, strict=True))) for fields in zip(*columns, strict=True)
+        )
 
 
 def _wrong_phases(rows: dict[str, Any]) -> str | None:
     """What of the rows of phases does not fit together."""
     nodes = rows["nodes"]
-    if not len(nodes) or not (len(nodes) == len(rows["closed"]) == len(rows["rubbing"])):
+    if not len(nodes) or {len(rows[modes]) for modes in FORCES.values()} != {len(nodes)}:
         return "its phases have no modes"
     if nodes.sum() != len(rows["t"]) or nodes.sum() - len(nodes) != len(rows["u"]):
         return "its phases have other numbers of rows than declared"
-    for name, modes in (("normal", rows["closed"]), ("tangential", rows["rubbing"])):
-        if sum(n * len(mode) for n, mode in zip(nodes, modes, strict=True)) != len(rows[name]):
+    for name, modes in FORCES.items():
+        widths = map(len, rows[modes])
+        if sum(n * width for n, width in zip(nodes, widths, strict=True)) != len(rows[name]):
             return f"its phases have other {name} forces than declared"
     return None
 
@@ -94,6 +98,8 @@ PHASES = Record(
         "rubbing": Listed(Mapped(SIGN, names=Name())),
         "normal": Stored(None),
         "tangential": Stored(None),
+        "joints": Listed(Listed(Name())),
+        "reaction": Stored(None),
     },
     _wrong_phases,
 )
@@ -130,7 +136,7 @@ FILE = ResultFile(
     "simulation",
     SIMULATION,
     "simulation_format",
-    3,
+    4,
     "file of a simulation",
     "simulate again",
     "Simulation.save",

@@ -13,8 +13,10 @@ from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
+from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.contact_motion import ContactState
 from dmoc.simulation.forward import Run
+from dmoc.simulation.mode_choice import Setting
 
 # Events closer than this share of the time are one moment, and no node lies between them.
 ONCE = 1e-12
@@ -139,19 +141,30 @@ def _phase(
 
     t = np.concatenate([[first], run.t[inner], [last]])
     kernels = run.model.kernels
-    rubbing = dict.fromkeys(mode.sticking, 0) | dict(mode.sliding)
-    closed = sorted(mode.closed)
+    rubbing, closed = mode.rubbing, sorted(mode.closed)
+    q, v, u = stacked("q"), stacked("v"), _inputs(run, t)
     return Phase(
         t,
-        stacked("q"),
+        q,
         stacked("p"),
-        stacked("v"),
-        _inputs(run, t),
+        v,
+        u,
         tuple(kernels.surfaces[j] for j in closed),
         {kernels.tangents[k]: rubbing[k] for k in sorted(rubbing)},
         np.ascontiguousarray(stacked("normal")[:, closed]),
         np.ascontiguousarray(stacked("tangential")[:, sorted(rubbing)]),
+        joints=tuple(kernels.joints),
+        reaction=_joint_forces(run, mode, np.hstack([q, v]), np.vstack([u[:1], u]), t),
     )
+
+
+def _joint_forces(run: Run, mode: Mode, y: Array, u: Array, t: Array) -> Array:
+    """Forces of the joints at nodes, beside those of contacts."""
+    if not run.model.nj:
+        return np.zeros((0, 0))
+    integrator = Setting(run.model, run.restitution, run.step_size).integrator
+    reaction = integrator.reaction(mode, y, u, t)
+    return borne(run.model, mode, reaction, np.ascontiguousarray(y[:, : run.model.nq]), t).joint
 
 
 def _inputs(run: Run, t: Array) -> Array:
@@ -172,14 +185,32 @@ def _collision(model: Model, event: _Moment, before: Phase, after: Phase) -> Col
     impulses = {c.surface: float(c.impulse) for c in event.collisions}
     tractions = {name: v for c in event.collisions for name, v in c.tractions.items()}
     q, t = np.array([event.before.q]), np.array([event.t])
+    reactions = dict(
+        zip(kernels.joints, _joint_impulses(model, event, impulses, tractions), strict=True)
+    )
     rates = (0.0, 0.0)
     if surface:
-        j = kernels.surfaces.index(surface)
+        j = model.surface_numbers[surface]
         v = np.array([event.before.v, event.after.v])
         before_it, after_it = model.gap_rates(np.repeat(q, 2, 0), v, np.repeat(t, 2))[:, j]
         rates = (float(before_it), float(after_it))
     return Collision(
         surface, event.t, event.before.q, impulses.get(surface, 0.0),
         event.before.p, event.after.p, *rates, lands=lands, leaves=leaves, friction=changed,
-        impulses=impulses, tractions=tractions,
+        impulses=impulses, tractions=tractions, reactions=reactions,
     )  # fmt: skip
+
+
+def _joint_impulses(
+    model: Model, event: _Moment, impulses: dict[str, float], tractions: dict[str, float]
+) -> list[float]:
+    """Impulses of the joints: what those of contacts leave of the change of the momentum."""
+    if not model.nj:
+        return []
+    q, t, rest = event.before.q, event.t, event.after.p - event.before.p
+    normals, along = model.gap_slopes(q, t)[:, :-1], model.tangent_slopes(q, t)[:, :-1]
+    for name, impulse in impulses.items():
+        rest = rest + impulse * normals[model.surface_numbers[name]]
+    for name, traction in tractions.items():
+        rest = rest - traction * along[model.tangent_numbers[name]]
+    return [float(R) for R in model.joint_forces(model.mass(q, t), -rest[None], q, t)[0]]

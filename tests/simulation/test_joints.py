@@ -4,6 +4,7 @@ coordinates that need none."""
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import motions
 import numpy as np
@@ -51,7 +52,9 @@ def integrator(kernels: Kernels) -> tuple[Model, Integrator]:
     return model, Integrator(kernels, model.par, np.ones(2 * model.nq + 1), lambda: None)
 
 
-def swing(kernels: Kernels, angle: float, rate: float, steps: int, **more: object) -> object:
+def swing(
+    kernels: Kernels, angle: float, rate: float, steps: int, **more: object
+) -> dmoc.Simulation:
     s, c = np.sin(angle), np.cos(angle)
     return dmoc.simulate(
         kernels, [s, -c], [rate * c, rate * s], step_size=0.01, steps=steps, **more
@@ -71,10 +74,22 @@ def test_a_mass_on_a_rod_is_a_pendulum(backend: str) -> None:
     np.testing.assert_allclose(run.q, expected, atol=1e-9)
     check = dmoc.verify(run.trajectory, kernels)
     assert check.passed and check.max_defect < 1e-12
+    pull = -(angle[1] ** 2 + G * np.cos(angle[0]))
+    np.testing.assert_allclose(run.trajectory.phases[0].reaction[:, 0], pull, rtol=1e-8)
     _, flow = integrator(kernels)
     y = np.ascontiguousarray(np.hstack([run.q, run.v]))
     rod = flow.reaction(Mode(), y, np.zeros((len(y), 0)), run.t).joint[:, 0]
-    np.testing.assert_allclose(rod, -(angle[1] ** 2 + G * np.cos(angle[0])), rtol=1e-8)
+    np.testing.assert_allclose(rod, pull, rtol=1e-8)
+
+
+def test_forces_of_joints_are_saved_with_a_simulation(tmp_path: Path) -> None:
+    run = swing(bob(surfaces={"wall": X <= 0.5}), -1.2, 0.0, 150, restitution=0.5)
+    run.save(tmp_path / "run.json")
+    loaded = dmoc.Simulation.load(tmp_path / "run.json").trajectory
+    for phase, saved in zip(run.trajectory.phases, loaded.phases, strict=True):
+        assert saved.joints == ("rod",)
+        np.testing.assert_array_equal(saved.reaction, phase.reaction)
+    assert loaded.collisions[0].reactions == run.trajectory.collisions[0].reactions
 
 
 @pytest.mark.slow
@@ -87,6 +102,8 @@ def test_a_pendulum_hits_a_wall_with_its_rate() -> None:
     np.testing.assert_allclose(hit.momentum_before, rate * np.array([c, s]), rtol=1e-9)
     np.testing.assert_allclose(hit.momentum_after, -rate / 2 * np.array([c, s]), rtol=1e-9)
     assert hit.impulse == pytest.approx(1.5 * rate / c, rel=1e-9)  # its moment turns the rate
+    (event,) = run.trajectory.collisions
+    assert event.reactions["rod"] == pytest.approx(hit.impulse * s, rel=1e-9)  # none along the rod
     check = dmoc.verify(run.trajectory, kernels)
     assert check.passed and check.impact_error < 1e-12
 
