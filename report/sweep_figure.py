@@ -35,7 +35,7 @@ FOOT = 0.03
 
 
 def plot_sweep(
-    given: Mapping[str, Array],
+    varied: Mapping[str, Array],
     cost: Array,
     final_time: Array,
     collision_times: Array,
@@ -49,7 +49,7 @@ def plot_sweep(
 
     Parameters
     ----------
-    given : mapping of str to array, shape (n,)
+    varied : mapping of str to array, shape (n,)
         What is varied.
     cost, final_time : array, shape (n,)
     collision_times : array, shape (n, most collisions)
@@ -70,21 +70,21 @@ def plot_sweep(
     OutputError
         If the file cannot be written or its format is unknown.
     """
-    if len(given) not in (1, 2):
+    if len(varied) not in (1, 2):
         raise ProblemError(
-            f"the table varies {len(given)} values ({', '.join(given) or 'none'}): a figure shows "
-            "1 or 2; take to_csv or to_frame."
+            f"the table varies {len(varied)} values ({', '.join(varied) or 'none'}): a figure "
+            "shows 1 or 2; take to_csv or to_frame."
         )
     with painted(style, path) as colours:
-        if len(given) == 1:
-            figure = _curves(given, cost, final_time, collision_times, solved, noun, colours)
+        if len(varied) == 1:
+            figure = _curves(varied, cost, final_time, collision_times, solved, noun, colours)
         else:
-            figure = _map(given, cost, solved, colours)
+            figure = _map(varied, cost, solved, colours)
         return written(figure, path)
 
 
 def _curves(
-    given: Mapping[str, Array],
+    varied: Mapping[str, Array],
     cost: Array,
     final_time: Array,
     collision_times: Array,
@@ -92,7 +92,7 @@ def _curves(
     noun: str,
     style: Style,
 ) -> Figure:
-    [(name, values)] = given.items()
+    [(name, values)] = varied.items()
     order = np.argsort(values, kind="stable")
     values, solved = values[order], solved[order]
     figure = new_figure(WIDTH, 5.2)
@@ -125,9 +125,9 @@ def _curves(
 
 
 def _map(
-    given: Mapping[str, Array], cost: Array, solved: NDArray[np.bool_], style: Style
+    varied: Mapping[str, Array], cost: Array, solved: NDArray[np.bool_], style: Style
 ) -> Figure:
-    (name_x, x), (name_y, y) = given.items()
+    (name_x, x), (name_y, y) = varied.items()
     (places_x, column), (places_y, row) = (np.unique(v, return_inverse=True) for v in (x, y))
     grid = np.full((len(places_y), len(places_x)), np.nan)
     grid[row[solved], column[solved]] = cost[solved]
