@@ -140,6 +140,11 @@ def _facts(
             for name, tau in zip(system.tangents, f.tau, strict=True)
         },
         "joints": list(system.constraints),
+        "bent_joints": [
+            name
+            for name, phi in zip(system.constraints, f.phi, strict=True)
+            if any(s.free_symbols & set(f.q) for s in gradient(phi, f.q))
+        ],
         "drawing": table_of_drawing(system.drawing),
         "parameters": {
             name_of(s): (None if x is None else float(x)) for s, x in system.parameters.items()
@@ -300,11 +305,35 @@ def _joint_kernels(f: Continuous) -> list[KernelSpec]:
         return []
     q, v, _, t, par = _inputs(f)
     R = Input.vector("R", len(f.phi))
+    q_k, q_kp1 = Input.vector("q_k", len(f.q)), Input.vector("q_kp1", len(f.q))
+    t_k, t_kp1 = Input.vector("t_k", 1), Input.vector("t_kp1", 1)
     along = gradient(dot(R.symbols, f.phi), f.q)
     return [
         *family("joint", "Constraints phi = 0.", (q, t), {"phi": f.phi}, par),
         *family("joint_rate", "Their rates.", (q, v, t), {"phi_dot": rates(f, f.phi)}, par),
         *family("reaction", "Impulse s = sum_j R_j grad phi_j.", (q, R, t), {"s": along}, par),
+        *family(
+            "joint_turn",
+            "Products of the gradients at both ends of a step, each over the masses.",
+            (q_k, q_kp1, t_k, t_kp1),
+            {"turn": _turns(f, (q_k, t_k), (q_kp1, t_kp1))},
+            par,
+        ),
+    ]
+
+
+def _turns(f: Continuous, start: tuple[Input, Input], end: tuple[Input, Input]) -> list[Any]:
+    """Of each constraint, sum_i d_i phi(start) d_i phi(end) / M_ii(start)."""
+
+    def at(expression: Any, place: tuple[Input, Input]) -> Any:
+        q, t = place
+        return expression.subs(dict(zip((*f.q, f.t), (*q.symbols, *t.symbols), strict=True)))
+
+    masses = [at(row[i], start) for i, row in enumerate(mass_matrix(f))]
+    slopes = [gradient(phi, f.q) for phi in f.phi]
+    return [
+        sum(at(s, start) * at(s, end) / m for s, m in zip(row, masses, strict=True) if s != 0)
+        for row in slopes
     ]
 
 

@@ -6,10 +6,12 @@ Each has an impulse R_k at every node of a phase, the ends among them, and R_c i
     momentum   ... + sum R_k grad phi(q_k) = 0        also of arrival, departure
     place      phi(q_k) = 0                         at the nodes after the first one of a phase
     at rest    phi_dot(q_N, v-) = 0                   at the end of each phase, and at the start
+    turn       sum_i d_i phi(q_k) d_i phi(q_kp1) / M_ii >= 0      in every step
     stays      phi_dot(q_c, v+) = 0                   after an impact, with the impulse R_c
 
 with the rate phi_dot.  This is the law of a closed contact that may pull
-(:mod:`dmoc.program.laws.contact`).
+(:mod:`dmoc.program.laws.contact`), but for the turn: where the equations of a step have two
+solutions, as a circle and a line, the one of them lies beyond the body.
 """
 
 from __future__ import annotations
@@ -42,16 +44,20 @@ class JointLaw(Law):
     Attributes
     ----------
     lay : Layout
+    bent : tuple of str
+        Constraints whose gradients change along a motion.
     settled : tuple of arrays of bool, shapes (phases + 1, nj) and (2, nj)
         Places at the start and at the end of each phase, and rates at the start and at the end of
         the motion, that hold by themselves.
     """
 
     lay: Layout
+    bent: tuple[str, ...]
     settled: tuple[Bools, Bools] = field(init=False)
     place: Block = field(init=False)
     at_rest: Block = field(init=False)
     stays: Block = field(init=False)
+    turn: Block = field(init=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -91,6 +97,17 @@ class JointLaw(Law):
             lambda s: s.joint_rate,
         )
 
+    def inequalities(self, block: Numbering) -> None:
+        """Of two places that fit, a step leads to the one on the side that it comes from."""
+        names, bent = self.names, [name in self.bent for name in self.names]
+        self.turn = block(
+            "turn",
+            np.tile(np.array(bent, dtype=bool), (self.lay.total, 1)),
+            lambda k, j: f"direction of constraint {names[j]} in step {k}",
+            lambda s: s.joint_rate / s.reaction,
+            np.arange(self.lay.total),
+        )
+
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay, along, unknowns = self.lay, self._along, self.lay.joint
         if not self.names:
@@ -104,6 +121,9 @@ class JointLaw(Law):
                 Term("reaction", (q, R_c, t), (laws.step.momentum.index[nodes],)),
                 Term("joint_rate", (q, v, t), (self.stays.index,)),
             ]
+        steps = np.arange(lay.total)
+        ends = lay.index_q[:-1], lay.index_q[1:], places.times(steps), places.times(steps + 1)
+        terms.append(Term("joint_turn", ends, (self.turn.index,)))
         at = lay.index_q[along.nodes], places.times(along.nodes)
         rests = along.rests("joint_rate", self.at_rest.index, places)
         return [*terms, Term("joint", at, (self.place.index,)), *rests]

@@ -83,7 +83,7 @@ def laws_of(
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), impact,
         EndsLaw(problem, lay, tuple(goals)), contact, hit,
-        JointLaw(lay),
+        JointLaw(lay, tuple(problem.kernels.manifest["bent_joints"])),
     )  # fmt: skip
 
 

@@ -63,18 +63,15 @@ def ranked(
     refined or could not be.  After the deadline, which comes before that of the options, no further
     one is begun."""
     refined, left = list[Ranked](), list[Basin]()
-    # Cheap minima that live on what a mesh misses are met once each: where none is confirmed, the
-    # one that most starts have met has its turn, too.
-    often = max(minima, key=lambda basin: basin.starts, default=None)
     for k, coarse in enumerate(minima):
         confirmed = [r.solution.cost for r in refined if r.solution.minimum]
         passed = bool(confirmed) and coarse.cost > min(confirmed) and k >= effort.refined
         full = len(refined) >= effort.most_refined
         # The first one is refined however late it is: starts that nothing comes of are no use.
         late = k > 0 and deadline.passed
-        if late or ((passed or full) and (confirmed or coarse is not often)):
-            left.append(coarse)
-            continue
+        if passed or full or late:
+            left += minima[k:]
+            break
         attempt = _refined(_mesh(problem, coarse), coarse.attempt, options, effort.by_rates)
         if attempt.status is not Status.SOLVED:
             left.append(coarse)

@@ -79,7 +79,6 @@ def test_forces_of_a_rod_are_what_a_swing_pulls_with() -> None:
 
 
 def test_a_hit_beside_a_rod_is_that_of_the_pendulum(tmp_path: Path) -> None:
-    """Most starts lead to it, though cheaper ones live on what a mesh misses between its nodes."""
     task: dict[str, Any] = {"sequence": ["wall"], "steps": 60, "final_time": 1.2}
     by_rod = dmoc.Problem(
         dmoc.build(bob(surfaces={"wall": X <= 0.5})), start={"x": 0.0, "y": -1.0},
@@ -103,6 +102,22 @@ def test_a_hit_beside_a_rod_is_that_of_the_pendulum(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         again.trajectory.phases[1].reaction, a.trajectory.phases[1].reaction
     )
+
+
+def test_a_swing_up_does_not_go_through_the_middle() -> None:
+    """From below to above there is a step that costs nothing and leaves the circle between its
+    nodes."""
+    fields: dict[str, Any] = {"bounds": {"u": (-5, 5)}, "final_time": (None, 6), "steps": 120}
+    above = {"x": 0.0, "y": 1.0, "x_dot": 0.0, "y_dot": 0.0}
+    by_rod = dmoc.Problem(dmoc.build(bob()), start={"x": 0.0, "y": -1.0}, goal=above, **fields)
+    by_angle = dmoc.Problem(
+        dmoc.build(pendulum()), start={"a": 0.0}, goal={"a": np.pi, "a_dot": 0.0},
+        controls="linear", **fields,
+    )  # fmt: skip
+    a, b = (best(problem, verify=False) for problem in (by_rod, by_angle))
+    assert a.cost == pytest.approx(b.cost, rel=1e-2)
+    q = a.trajectory.phases[0].q
+    assert (np.einsum("ki,ki->k", q[1:], q[:-1]) > 0.5).all()
 
 
 def test_a_ladder_slides_along_floor_and_wall() -> None:
