@@ -256,7 +256,7 @@ class Trajectory:
 @dataclass(frozen=True)
 class LargestForce:
     """The largest force of a contact along a motion, "N" or "T", or of a constraint, "R": its
-    value in newton, which has a sign for T and R, and its time in seconds."""
+    value, in newton for contacts, which has a sign for T and R, and its time in seconds."""
 
     contact: str
     kind: str

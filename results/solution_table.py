@@ -45,9 +45,10 @@ def _motion(s: Solution) -> Iterator[tuple[Cell, ...]]:
     for c in s.collisions:
         yield f"{noun_of([c.word])} {c.word}", f"at {c.time:.6g} s{impulses_told(c)}"
     for force in largest_forces(s.trajectory):
+        unit = "" if force.kind == "R" else " N"  # that of R follows from its constraint
         yield (
             f"largest {force.kind} of {force.contact}",
-            f"{force.value:.6g} N at {force.time:.6g} s",
+            f"{force.value:.6g}{unit} at {force.time:.6g} s",
         )
     yield "active bounds", ", ".join(s.active_bounds) or "none"
 
