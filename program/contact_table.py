@@ -18,7 +18,7 @@ from dmoc.program.hit_stages import MOMENTS, Passage, passage_of
 from dmoc.program.reactions import (
     GAPS,
     TANGENTS,
-    Reaction,
+    PhaseReaction,
     members,
     place,
     rows_of_phase,
@@ -200,20 +200,22 @@ class ContactUnknowns:
         )
         return cls(steps, touch, *(b.index for b in blocks))
 
-    def reactions(self, i: int) -> Iterator[Reaction]:
+    def reactions(self, i: int) -> Iterator[PhaseReaction]:
         """Those of a phase: of its closed contacts, and of what rubs."""
         closed, rubbing = self.touch.closed[i], self.touch.rubbing[i]
         rows = rows_of_phase(self.steps, i)
         if closed:
             index, holds = self.P[rows][:, list(closed)], np.ones(len(closed), dtype=bool)
             names = tuple(self.touch.surfaces[j] for j in closed)
-            yield Reaction("normal", names, GAPS, closed, index, -1.0, holds, True, False)
+            yield PhaseReaction("normal", names, GAPS, closed, index, -1.0, holds, True, False)
         if rubbing:
             columns = tuple(k for k, _ in rubbing)
             sticks = np.array([sign == STICK for _, sign in rubbing])
             index = self.T[rows][:, list(columns)]
             names = tuple(self.touch.tangents[k] for k in columns)
-            yield Reaction("tangential", names, TANGENTS, columns, index, 1.0, sticks, False, True)
+            yield PhaseReaction(
+                "tangential", names, TANGENTS, columns, index, 1.0, sticks, False, True
+            )
 
     def impulses_at(self, x: Array, i: int) -> tuple[dict[str, float], dict[str, float]]:
         """Normal and tangential impulses of event i beside lam, by name."""

@@ -10,7 +10,7 @@ import numpy as np
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.program.blocks import Bools, Index, Numbering
-from dmoc.program.reactions import Functions, Reaction, members, place, rows_of_phase
+from dmoc.program.reactions import Functions, PhaseReaction, members, place, rows_of_phase
 
 JOINTS = Functions(Model.joints, Model.joint_slopes, Model.joint_rates)
 
@@ -48,9 +48,9 @@ class JointUnknowns:
         """Impulses of event i, by name."""
         return {self.names[j]: float(x[k]) for j, k in members(self.R_c[i])}
 
-    def reactions(self, i: int) -> Iterator[Reaction]:
+    def reactions(self, i: int) -> Iterator[PhaseReaction]:
         """Those of phase i: of all constraints."""
         if self.names:
             every, holds = tuple(range(len(self.names))), np.ones(len(self.names), dtype=bool)
             rows = self.R[rows_of_phase(self.steps, i)]
-            yield Reaction("reaction", self.names, JOINTS, every, rows, 1.0, holds, True, True)
+            yield PhaseReaction("reaction", self.names, JOINTS, every, rows, 1.0, holds, True, True)

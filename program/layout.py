@@ -29,7 +29,7 @@ from dmoc.program.blocks import NOWHERE, Block, Index, Numbering, sizes_of
 from dmoc.program.contact_table import ContactUnknowns, Touch, touch_of
 from dmoc.program.hit_stages import HitUnknowns
 from dmoc.program.joints import JointUnknowns
-from dmoc.program.reactions import Reaction
+from dmoc.program.reactions import PhaseReaction
 from dmoc.program.scale import Scale
 
 # Layouts that are remembered, and the steps of one that is not.
@@ -152,7 +152,7 @@ class Layout:
         """First node of each phase, and the last node of all."""
         return np.concatenate([[0], np.cumsum(self.steps)])
 
-    def reactions(self, i: int) -> tuple[Reaction, ...]:
+    def reactions(self, i: int) -> tuple[PhaseReaction, ...]:
         """What pushes along phase i, of all laws."""
         return (*self.contact.reactions(i), *self.joint.reactions(i))
 

@@ -31,7 +31,7 @@ TANGENTS = Functions(Model.tangents, Model.tangent_slopes, Model.slide_rates)
 
 
 @dataclass(frozen=True, eq=False)
-class Reaction:
+class PhaseReaction:
     """Impulses at the nodes of a phase that push along the slopes of functions.
 
     Attributes
