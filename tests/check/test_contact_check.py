@@ -17,6 +17,8 @@ from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
 
+pytestmark = pytest.mark.slow
+
 
 def event_changed(i: int, **changes: object) -> Change:
     def change(motion: Trajectory) -> Trajectory:

@@ -19,6 +19,8 @@ from dmoc.base.errors import DmocError
 from dmoc.motion.motion_tables import columns
 from dmoc.motion.trajectory import largest_forces
 
+pytestmark = pytest.mark.slow
+
 
 def best(problem: dmoc.Problem, **options: Any) -> dmoc.Solution:
     solution = dmoc.solve(problem, "ipm", **options)

@@ -18,6 +18,8 @@ from dmoc.solvers.judge import judged
 from dmoc.solvers.outcome import Duals, Ending, Options, Status
 from dmoc.solving.methods import Method
 
+pytestmark = pytest.mark.slow
+
 W = dynamicsymbols("w")
 SPEED = sp.Symbol("speed")
 AT = {"x": 0, "y": 0}

@@ -17,6 +17,8 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.solvers.outcome import Status
 
+pytestmark = pytest.mark.slow
+
 x, y, u, v = dynamicsymbols("x y u v")
 REST = {"x": 0.0, "x_dot": 0.0}
 

@@ -11,6 +11,8 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
 
+pytestmark = pytest.mark.slow
+
 Motions = dict[str, tuple[Trajectory, Kernels]]
 # The system that feels each kind.
 PLACES = dict.fromkeys(KINDS, "ball") | {
