@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class JointLaw(Law):
-    """The constraints of a model.
+    """The constraints of a model; where there are none the law has no rows.
 
     Attributes
     ----------
@@ -65,14 +65,15 @@ class JointLaw(Law):
 
     @cached_property
     def _along(self) -> PhaseNodes:
-        return PhaseNodes(self.lay, bool(self.names))
+        return PhaseNodes(self.lay, True)
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
-        count = len(self.names)
-        nothing = np.zeros((self.lay.phases + 1, 0), dtype=bool), np.zeros((2, 0), dtype=bool)
-        self.settled = joints_settled(problem, self.lay, limits) if count else nothing
+        if self.names:
+            self.settled = joints_settled(problem, self.lay, limits)
 
     def equations(self, block: Numbering) -> None:
+        if not self.names:
+            return
         lay, names, along = self.lay, self.names, self._along
         every = np.ones((lay.phases, len(names)), dtype=bool)
         places, rates = self.settled
@@ -99,6 +100,8 @@ class JointLaw(Law):
 
     def inequalities(self, block: Numbering) -> None:
         """Of two places that fit, a step leads to the one on the side that it comes from."""
+        if not self.names:
+            return
         names, bent = self.names, [name in self.bent for name in self.names]
         self.turn = block(
             "turn",
