@@ -16,6 +16,8 @@ import dmoc
 from dmoc.base.errors import BuildError, DmocError, ProblemError, SearchError
 from dmoc.base.progress import listener
 
+pytestmark = pytest.mark.slow
+
 
 def problem() -> dmoc.Problem:
     return block_and_wall.problem(1.0, 8)

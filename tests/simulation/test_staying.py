@@ -16,6 +16,8 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.results.simulation import Simulation
 from dmoc.simulation import contact_motion
 
+pytestmark = pytest.mark.slow
+
 T = dynamicsymbols._t
 x, y, a, b = dynamicsymbols("x y a b")
 g, mu, k, w, f = sp.symbols("g mu k w f")

@@ -22,6 +22,8 @@ from dmoc.motion.trajectory import Array
 from dmoc.solving import many
 from dmoc.solving.many import BatchProgress
 
+pytestmark = pytest.mark.slow
+
 MASSES = (0.5, 1.0, 2.0)
 
 

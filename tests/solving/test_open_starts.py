@@ -11,6 +11,8 @@ from sympy.physics.mechanics import dynamicsymbols
 import dmoc
 from dmoc.codegen.kernels import Kernels
 
+pytestmark = pytest.mark.slow
+
 y = dynamicsymbols("y")
 t = dynamicsymbols._t
 G, SIZE, RATE = 9.81, 0.02, 5 * np.pi
