@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import columns, solved
-from dmoc.mechanics.bound_kernels import RAIL, BoundKernels, as_column, as_rows
+from dmoc.mechanics.bound_kernels import RAIL, BoundKernels, Index, as_column, as_rows
 
 # A point lies on a surface up to this share of the gap's own size: what rounding leaves of
 # coordinates that were computed.
@@ -180,8 +180,18 @@ class Model(BoundKernels):
     def bearing(self, normal: Array) -> Array:
         """What friction can hold at most beside contact forces (..., nc): mu N of surfaces, and the
         largest force of rails, shape (..., nt)."""
-        pressed = np.concatenate([normal, np.ones((*normal.shape[:-1], 1))], axis=-1)
-        return np.asarray(self.friction * pressed[..., list(self.supports)])  # a rail is the last
+        on, rails = self._pressed
+        if rails is None:
+            return np.asarray(self.friction * normal[..., on])
+        pressed = np.append(normal, np.ones((*normal.shape[:-1], 1)), axis=-1)
+        return np.asarray(self.friction * pressed[..., rails])
+
+    @cached_property
+    def _pressed(self) -> tuple[Index, Index | None]:
+        """The surface of each tangent, and where there are rails the same with one surface more,
+        the last, for these."""
+        on = np.array(self.supports, dtype=np.intp)
+        return on, np.where(on == RAIL, self.nc, on) if (on == RAIL).any() else None
 
     def tangents(self, q: Array, t: ArrayLike = 0.0) -> Array:
         """Tangential positions tau, shape (..., nt)."""
