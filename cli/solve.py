@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dmoc.base.errors import ModelError
 from dmoc.base.table import print_table
 from dmoc.cli import completion
 from dmoc.cli.console import (
@@ -39,9 +38,6 @@ from dmoc.cli.summaries import print_sensitivities
 from dmoc.solving.methods import DEFAULT, REFINING, ProgramForm
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from dmoc.models.registry import Reference
     from dmoc.program.cost_derivatives import Sensitivities
 
 
@@ -110,9 +106,9 @@ def solve(
     fields = problem_fields(reference.defaults, course, values, conditions, controls, via)
     prepare(target, json_)
     words = fields.get("sequence", ())
-    lasting = says_lasting(fields.get("contacts", ()), words) or _turns_rails(reference, words)
+    held = reference.held or says_lasting(fields.get("contacts", ()), words)
     if order is None and "steps" not in fields and fields.get("controls") != "linear":
-        order = None if lasting else AUTOMATIC_ORDER
+        order = None if held else AUTOMATIC_ORDER
     problem = Problem(reference.kernels(order, progress=True), **fields)
     quiet = json_ == "-"
     solution = solved(
@@ -159,13 +155,3 @@ def solve(
         ),
     )
     raise typer.Exit(0 if solution.solved else NOT_SOLVED)
-
-
-def _turns_rails(reference: Reference, sequence: Iterable[str]) -> bool:
-    """Whether words change the friction of what is no surface, so that it rubs all the time."""
-    parts = [part for word in sequence for part in word.split() if part[0] not in "+-"]
-    names = {part.partition(":")[0] for part in parts if ":" in part}
-    try:
-        return bool(names) and not names <= set(reference.system().surfaces)
-    except ModelError:  # a Problem, whose kernels are made
-        return True

@@ -54,6 +54,9 @@ landing = dmoc.MechanicalSystem(
     "landing", [x, y], m * (x.diff(t)**2 + y.diff(t)**2) / 2 - m * g * y,
     {m: 1.0, g: 10.0, mu: 0.1}, inputs=[u], forces={x: u}, cost=u**2 / 2,
     surfaces={"floor": y >= 0, "side": x <= 9}, tangents={"floor": x}, friction={"floor": mu})
+rodded = dmoc.MechanicalSystem(
+    "rodded", [x, y], (x.diff(t)**2 + y.diff(t)**2) / 2 - 10 * y, inputs=[u],
+    forces={x: -u * y, y: u * x}, cost=u**2, constraints={"rod": sp.Eq(x**2 + y**2, 1)})
 def problem():
     return dmoc.Problem(
         landing, start={"x": 0, "y": 0}, goal={"x": 1, "x_dot": 0}, contacts=["floor"],

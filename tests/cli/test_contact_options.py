@@ -195,3 +195,19 @@ def test_a_search_takes_the_events_that_may_happen(run: Run) -> None:
     assert sequences == [[], ["rail:slip+"], ["rail:slip+", "rail:stick"]]
     code, _, err = run(f"{options} --events rail:slide")
     assert code == 2 and "events: " in err and "Traceback" not in err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "status"),
+    [
+        ("rodded --start x=0,y=-1 --goal x=0.6,x_dot=0", "solved: "),
+        ("railed --start x=0 --goal x=1", "infeasible: "),  # it sticks
+    ],
+)
+def test_what_holds_in_every_phase_is_solved_with_its_order(
+    run: Run, options: str, status: str
+) -> None:
+    """Nothing in the words says so, and no number of steps is told."""
+    _, out, err = run(f"solve models.py:{options} --final-time 2 --starts 4")
+    assert table(out)["status"].startswith(status), err
