@@ -48,9 +48,9 @@ def standing(problem: Problem, natural: float) -> Array:
 
 
 def in_contact(problem: Problem, x: Array) -> Array:
-    """Unknowns with positions on the contacts that are closed, and impulses that balance the
-    momenta as well as they can, and with the ways through impacts with friction; those of a problem
-    without either are as they were."""
+    """Unknowns with positions where phases are held, by contacts or constraints, and impulses that
+    balance the momenta as well as they can, and with the ways through impacts with friction; those
+    of a problem without either are as they were."""
     lay = Layout.of(problem)
     x = with_hidden(problem, lay, through_hits(problem, lay, x))
     if not any(map(lay.reactions, range(lay.phases))):

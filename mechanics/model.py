@@ -1,7 +1,7 @@
 """A model with its parameter values: the kernels as functions of states and steps.
 
 This and :mod:`dmoc.mechanics.bound_kernels` know the names of the kernels beside the terms of
-the program (:mod:`dmoc.program.rows`, :mod:`dmoc.program.laws.impact`) and the integrators of
+the program (:mod:`dmoc.program.laws`) and the integrators of
 :mod:`dmoc.simulation`.
 
 Shapes

@@ -181,7 +181,7 @@ def _check_kinks(system: MechanicalSystem) -> None:
     check_smooth(system.dissipation, "the dissipation")
     check_smooth(system.terminal_cost, "the terminal cost", kinks=True)
     for name, place in system.constraints.items():
-        check_smooth(place, f"constraint {name!r}")
+        check_smooth(place, f"constraint {name!r}", kinks=True)
     for q, force in system.forces.items():
         check_smooth(force, f"the force on {name_of(q)}")
     split(system)

@@ -187,6 +187,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"rod": True}, "constraint 'rod' is not an equation: expected one such as"),
     ({"rod": X.diff(T) - 1}, "constraint 'rod' contains Derivative(x(t), t), one of the velocit"),
     ({"rod": "x"}, "constraint 'rod' is not a scalar SymPy expression: got 'x'"),
+    ({"rod": sp.Eq(Y, sp.Abs(X))}, "constraint 'rod' contains Abs(x(t)), whose kink no method of"),
     ({"rod": 1}, "constraint 'rod' contains no coordinate: expected an equation in x, y"),
     ([X], "constraints = [x(t)]: expected a mapping such as"),  # type: ignore[list-item]
 ]
