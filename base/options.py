@@ -1,36 +1,58 @@
-"""Options of a function, each stated once: an annotated field of a dataclass."""
+"""Options of a function, each stated once, as an annotated field of a dataclass: type and default,
+how it is read, and what the command line says of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from types import NoneType
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
-from dmoc.base.arguments import ErrorKind
+if TYPE_CHECKING:
+    from dmoc.base.arguments import ErrorKind
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Option:
-    """What is known of an option beside its type.
+    """What is known of an option beside its default.
 
     Attributes
     ----------
-    read : callable, optional
-        Reads what a caller gives, from the value, its name, and ``error``, which is raised where it
-        does not fit.
+    reader : str
+        The function of :mod:`dmoc.base.arguments` that reads what a caller gives; none reads it
+        where this is empty.
+    help : str
+        What the command line says of it, which has no such option where this is empty.
     decides : bool
         Whether the answer depends on it, and not only whether, when and where it is looked for.
-    optional : bool
-        Whether its type has None, which is not read.
+    limits : mapping
+        Further arguments of the reader.
+    type : type
+        Of the field.
     """
 
-    read: Callable[..., Any] | None = None
+    reader: str = ""
+    help: str = ""
     decides: bool = True
-    optional: bool = False
+    limits: Mapping[str, Any] = field(default_factory=dict)
+    type: Any = None
+
+    def read(self, value: Any, name: str, error: ErrorKind) -> Any:
+        """A value as it is read; None where the field may be None."""
+        if not self.reader or (value is None and NoneType in get_args(self.type)):
+            return value
+        # here, so that the command line shows its help without NumPy
+        from dmoc.base import arguments
+
+        return getattr(arguments, self.reader)(value, name, error=error, **self.limits)
+
+
+def option(reader: str = "", help: str = "", *, decides: bool = True, **limits: Any) -> Option:
+    """What a field's annotation says of it; ``limits`` are further arguments of its reader."""
+    return Option(reader, help, decides, limits)
 
 
 @cache
@@ -40,18 +62,16 @@ def options_of(kind: Any) -> Mapping[str, Option]:
     stated: dict[str, Option] = {}
     for name in (f.name for f in fields(kind)):
         about = getattr(annotated[name], "__metadata__", ())
-        option = next((a for a in about if isinstance(a, Option)), Option())
-        stated[name] = replace(option, optional=NoneType in get_args(types[name]))
+        one = next((a for a in about if isinstance(a, Option)), Option())
+        stated[name] = replace(one, type=types[name])
     return stated
 
 
 def read(kind: type[T], values: Mapping[str, Any], error: ErrorKind) -> T:
     """Options from values by name, of which others are ignored; one without a value has its
     default."""
-    stated: Any = kind
-    named = {name: values[name] for name in options_of(stated) if name in values}
-    for name, value in named.items():
-        option = options_of(stated)[name]
-        if option.read is not None and not (option.optional and value is None):
-            named[name] = option.read(value, name, error=error)
-    return kind(**named)
+    options: Any = kind
+    stated = options_of(options).items()
+    return kind(
+        **{name: one.read(values[name], name, error) for name, one in stated if name in values}
+    )

@@ -1,68 +1,29 @@
-"""Options that state a problem, in groups that several commands take and hand on as one."""
+"""Options that commands take in groups and hand on as one: dataclasses whose fields are options of
+the command line, or keywords of the library that it shows."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from enum import StrEnum
 from functools import wraps
-from typing import Any, get_type_hints
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
 
-from dmoc.cli.shared_options import (
-    BoundOption,
-    ContactsOption,
-    FinalTimeOption,
-    GoalOption,
-    IgnoredOption,
-    PeriodicOption,
-    RestitutionOption,
-    SequenceOption,
-    SetOption,
-    StartOption,
-    StepsOption,
-)
+import typer
 
+from dmoc.base.options import Option, options_of
+from dmoc.cli import completion
+from dmoc.cli.option_values import read_names
 
-@dataclass(frozen=True)
-class CourseOptions:
-    """What happens, in how many steps and how long."""
-
-    sequence: SequenceOption = None
-    steps: StepsOption = None
-    final_time: FinalTimeOption = None
-
-
-@dataclass(frozen=True)
-class ValueOptions:
-    """Values by name."""
-
-    set_: SetOption = None
-    bound: BoundOption = None
-    start: StartOption = None
-    goal: GoalOption = None
-
-    def by_field(self) -> tuple[tuple[str, str, list[str]], ...]:
-        """Fields of a problem, with their options and what these were given."""
-        return (
-            ("parameters", "--set", self.set_ or []),
-            ("bounds", "--bound", self.bound or []),
-            ("start", "--start", self.start or []),
-            ("goal", "--goal", self.goal or []),
-        )
-
-
-@dataclass(frozen=True)
-class ConditionOptions:
-    """Laws of impact, and what holds at the start and at the end."""
-
-    restitution: RestitutionOption = None
-    periodic: PeriodicOption = None
-    contacts: ContactsOption = None
-    ignored: IgnoredOption = None
+# What the command line takes where the library reads more.
+TYPES: Mapping[str, Any] = {"names": str | None, "path": Path | None}
+COMPLETED = {"method": completion.methods}
 
 
 def spread(command: Callable[..., None]) -> Callable[..., None]:
-    """A command whose signature, which Typer reads, has the fields of a group in its place."""
+    """A command whose signature, which Typer reads, has the options of a group in its place."""
     signature = inspect.signature(command, eval_str=True)
     parameters: list[inspect.Parameter] = []
     groups: dict[str, Any] = {}
@@ -72,16 +33,17 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
             parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
             continue
         groups[parameter.name] = group
-        hints = get_type_hints(group, include_extras=True)
+        shown = _shown(group)
         parameters += [
-            parameter.replace(name=f.name, annotation=hints[f.name], default=f.default)
+            parameter.replace(name=f.name, annotation=shown[f.name], default=f.default)
             for f in fields(group)
+            if f.name in shown
         ]
 
     @wraps(command)
     def spread_out(**options: Any) -> None:
         grouped = {
-            name: group(**{f.name: options.pop(f.name) for f in fields(group)})
+            name: group(**{n: _read(group, n, options.pop(n)) for n in _shown(group)})
             for name, group in groups.items()
         }
         command(**options, **grouped)
@@ -90,3 +52,32 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
     read.__signature__ = signature.replace(parameters=parameters)
     read.__annotations__ = {p.name: p.annotation for p in parameters}
     return spread_out
+
+
+def passed_on(keywords: Any) -> dict[str, Any]:
+    """The keywords of the library that the command line has."""
+    return {name: getattr(keywords, name) for name in _shown(type(keywords))}
+
+
+def _shown(group: Any) -> dict[str, Any]:
+    """The options of a group, each with its annotation for Typer."""
+    keywords = {name: _typed(name, o) for name, o in options_of(group).items() if o.help}
+    return keywords or get_type_hints(group, include_extras=True)
+
+
+def _typed(name: str, option: Option) -> Any:
+    """The type and the words of a keyword on the command line."""
+    kind, completed = TYPES.get(option.reader, option.type), COMPLETED.get(name)
+    if option.reader == "choice" and completed is None:
+        make: Any = StrEnum
+        kind = make(name, {value: value for value in option.limits["choices"]})
+    flag = [f"--{name}"] if kind is bool else []
+    metavar = "FILE" if option.reader == "path" else None
+    words = typer.Option(*flag, help=option.help, metavar=metavar, autocompletion=completed)
+    return Annotated[kind, words]
+
+
+def _read(group: Any, name: str, value: Any) -> Any:
+    """A value of the command line as the library takes it."""
+    names = options_of(group)[name].reader == "names"
+    return read_names(value) if names and value is not None else value

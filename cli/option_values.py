@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dmoc.base.errors import ProblemError
-from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
-from dmoc.cli.shared_options import Controls
 
 if TYPE_CHECKING:
     from dmoc.results.solution import Solution
@@ -20,54 +18,15 @@ MOST_VALUES = 10_000  # of a range
 RELATION = re.compile(r"(?:([^\s=+-]+)\s*=\s*)?([^\s=+-]+)\s*(?:([+-])\s*(\S+))?")
 
 
-def problem_fields(
-    defaults: Mapping[str, Any],
-    course: CourseOptions,
-    values: ValueOptions,
-    conditions: ConditionOptions,
-    controls: Controls | None,
-    via: str | None = None,
-) -> dict[str, Any]:
-    """Fields of a problem: a model's own, changed by options."""
-    fields = dict(defaults)
-    if course.sequence is not None:
-        fields["sequence"] = read_names(course.sequence)
-    if course.steps is not None:
-        numbers = [read_whole(part, "--steps") for part in course.steps.split(",")]
-        fields["steps"] = numbers[0] if len(numbers) == 1 else numbers
-    if course.final_time is not None:
-        fields["final_time"] = read_value(course.final_time, "--final-time")
-    if controls is not None:
-        fields["controls"] = controls.value
-    if conditions.restitution:
-        fields["restitution"] = read_restitution(conditions.restitution)
-    if conditions.periodic is not None:
-        fields["periodic"] = read_periodic(conditions.periodic)
-    if conditions.contacts is not None:
-        fields["contacts"] = read_names(conditions.contacts)
-    if conditions.ignored is not None:
-        fields["ignored"] = read_names(conditions.ignored)
-    if via is not None:
-        fields["via"] = read_via(via)
-    for name, option, texts in values.by_field():
-        pairs = read_pairs(texts, option)
-        fields[name] = {**fields.get(name, {}), **pairs}
-        replace_rest(fields[name], pairs)
-    return fields
-
-
-def replace_rest(values: dict[str, Any], chosen: dict[str, Any]) -> None:
-    """A velocity replaces the default momentum of the same coordinate, and the reverse."""
-    for name in chosen:
-        if name.endswith("_dot") and f"p_{name[:-4]}" not in chosen:
-            values.pop(f"p_{name[:-4]}", None)
-        if name.startswith("p_") and f"{name[2:]}_dot" not in chosen:
-            values.pop(f"{name[2:]}_dot", None)
-
-
 def read_names(text: str) -> tuple[str, ...]:
     """Read names, or words of events, with commas between them."""
     return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def read_steps(text: str) -> int | list[int]:
+    """Read a number of steps, or one for each phase with commas between them."""
+    numbers = [read_whole(part, "--steps") for part in text.split(",")]
+    return numbers[0] if len(numbers) == 1 else numbers
 
 
 def read_periodic(text: str) -> tuple[str, ...] | dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,97 +9,28 @@ import typer
 
 from dmoc.base.errors import SearchError
 from dmoc.base.table import print_table
-from dmoc.cli.console import (
-    draw,
-    emit,
-    in_turn,
-    out,
-    prepare,
-    written,
-)
-from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
-from dmoc.cli.option_values import (
-    problem_fields,
-    read_names,
-)
+from dmoc.cli.console import draw, emit, in_turn, out, prepare, written
+from dmoc.cli.groups import passed_on
+from dmoc.cli.problem_options import ProblemOptions, problem_fields
 from dmoc.cli.shared_options import (
     NOT_SOLVED,
-    ControlsOption,
     DarkOption,
-    FinalTimeOption,
     JsonOption,
-    MethodOption,
     ModelArgument,
-    OrderOption,
     out_option,
 )
+from dmoc.sequences.keywords import SearchKeywords
 
 if TYPE_CHECKING:
     from dmoc.sequences.search import SearchResult
 
 
-class Strategy(StrEnum):
-    exhaustive = "exhaustive"
-    best_first = "best-first"
-    beam = "beam"
-
-
 def search(
     *,
     model: ModelArgument,
-    max_collisions: Annotated[int, typer.Option(help="Most collisions of a sequence.")] = 3,
-    surfaces: Annotated[
-        str | None, typer.Option(help="Surfaces that may be hit, as left,right; all by default.")
-    ] = None,
-    events: Annotated[
-        str | None,
-        typer.Option(
-            help="Events that may happen, as '+right -left,rail:slip+' (see --sequence of dmoc "
-            "solve); by default all hits, and with contacts that last all that is possible."
-        ),
-    ] = None,
-    strategy: Annotated[
-        Strategy,
-        typer.Option(help="All sequences, the most promising first, or the best of each depth."),
-    ] = Strategy.exhaustive,
-    beam: Annotated[
-        int,
-        typer.Option(
-            help="Sequences of a depth whose children are looked at, with --strategy beam."
-        ),
-    ] = 4,
-    starts: Annotated[
-        int, typer.Option(help="Random starts of each sequence beside the automatic ones.")
-    ] = 4,
-    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
-    workers: Annotated[int, typer.Option(help="Processes of this machine.")] = 1,
     steps: Annotated[int | None, typer.Option(help="Steps of each phase.")] = None,
-    final_time: FinalTimeOption = None,
-    method: MethodOption = None,
-    order: OrderOption = None,
-    controls: ControlsOption = None,
-    values: ValueOptions,
-    conditions: ConditionOptions,
-    shortest_phase: Annotated[
-        float | None,
-        typer.Option(
-            help="Shortest duration of a phase in seconds; a hundredth of the largest final time "
-            "by default."
-        ),
-    ] = None,
-    seconds: Annotated[float | None, typer.Option(help="Time budget of the search.")] = None,
-    max_nodes: Annotated[int | None, typer.Option(help="Budget of sequences.")] = None,
-    node_seconds: Annotated[
-        float | None,
-        typer.Option(help="Time limit of one sequence; it is tried once more.  None by default."),
-    ] = None,
-    journal: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Keep finished sequences in this file (SQLite)."),
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the sequences of --journal.")
-    ] = False,
+    stated: ProblemOptions,
+    keywords: SearchKeywords,
     target: Annotated[
         Path | None,
         out_option(
@@ -122,30 +52,13 @@ def search(
     from dmoc.sequences.search_table import table_of_search
 
     reference = registry.find(model)
-    course = CourseOptions(steps=None if steps is None else str(steps), final_time=final_time)
-    fields = problem_fields(reference.defaults, course, values, conditions, controls)
+    fields = problem_fields(reference.defaults, stated)
     fields |= {"sequence": (), "durations": None, "via": None}
+    if steps is not None:
+        fields["steps"] = steps
     prepare(target, json_)
-    problem = Problem(reference.kernels(order, progress=True), **fields)
-    result = search_sequences(
-        problem,
-        max_collisions,
-        surfaces=None if surfaces is None else read_names(surfaces),
-        events=None if events is None else read_names(events),
-        strategy=strategy.value,
-        beam=beam,
-        starts=starts,
-        seed=seed,
-        method=method,
-        workers=workers,
-        seconds=seconds,
-        node_seconds=node_seconds,
-        max_nodes=max_nodes,
-        shortest_phase=shortest_phase,
-        journal=journal,
-        resume=resume,
-        progress=True,
-    )
+    problem = Problem(reference.kernels(stated.order, progress=True), **fields)
+    result = search_sequences(problem, progress=True, **passed_on(keywords))
     quiet = json_ == "-"
     files: list[Path] = []
 

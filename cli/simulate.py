@@ -13,13 +13,8 @@ from dmoc.base.table import print_table
 from dmoc.cli import completion
 from dmoc.cli.console import draw, in_turn, out, prepare, written
 from dmoc.cli.option_values import read_pairs, read_restitution
-from dmoc.cli.shared_options import (
-    DarkOption,
-    OrderOption,
-    RestitutionOption,
-    SetOption,
-    out_option,
-)
+from dmoc.cli.problem_options import OrderOption, RestitutionOption, SetOption
+from dmoc.cli.shared_options import DarkOption, out_option
 
 if TYPE_CHECKING:
     from dmoc.codegen.kernels import Kernels

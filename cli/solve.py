@@ -8,34 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dmoc.base.table import print_table
-from dmoc.cli import completion
-from dmoc.cli.console import (
-    draw,
-    emit,
-    in_turn,
-    out,
-    prepare,
-    written,
-)
-from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
-from dmoc.cli.option_values import (
-    problem_fields,
-    read_guess,
-)
+from dmoc.cli.console import draw, emit, in_turn, out, prepare, written
+from dmoc.cli.groups import passed_on
+from dmoc.cli.option_values import read_guess
+from dmoc.cli.problem_options import CourseOptions, ProblemOptions, problem_fields
 from dmoc.cli.shared_options import (
-    METHOD_HELP,
     NOT_SOLVED,
-    ControlsOption,
     DarkOption,
     GuessOption,
     JsonOption,
     ModelArgument,
-    OrderOption,
-    ViaOption,
     out_option,
 )
 from dmoc.cli.summaries import print_sensitivities
-from dmoc.solving.methods import DEFAULT, REFINING, ProgramForm
+from dmoc.solving.keywords import Keywords
 
 if TYPE_CHECKING:
     from dmoc.program.cost_derivatives import Sensitivities
@@ -45,29 +31,9 @@ def solve(
     *,
     model: ModelArgument,
     course: CourseOptions,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            autocompletion=completion.methods,
-            help=f"{METHOD_HELP}; {DEFAULT} by default, with --tolerance, contacts that "
-            f"last or hits with friction {REFINING} if the kernels are compiled.",
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            help="Refine the mesh, from --steps on, until the relative error is below this."
-        ),
-    ] = None,
-    order: OrderOption = None,
-    form: Annotated[
-        ProgramForm,
-        typer.Option(help="For slsqp: condensed, or the full program (small numbers of steps)."),
-    ] = ProgramForm.CONDENSED,
-    controls: ControlsOption = None,
-    values: ValueOptions,
-    conditions: ConditionOptions,
-    via: ViaOption = None,
+    stated: ProblemOptions,
+    keywords: Keywords,
+    guess: GuessOption = None,
     sensitivities: Annotated[
         bool,
         typer.Option(
@@ -75,19 +41,6 @@ def solve(
             help="Derivatives of the optimal cost with respect to what the problem is given.",
         ),
     ] = False,
-    iterations: Annotated[int, typer.Option(help="Iteration limit.")] = 1000,
-    seconds: Annotated[
-        float | None, typer.Option(help="Time limit of the solver in seconds.")
-    ] = None,
-    guess: GuessOption = None,
-    starts: Annotated[
-        int | None,
-        typer.Option(
-            help="Starts that are tried on a coarse mesh before the best minimum is solved; 1 for "
-            "the guess alone, as many as it seems to take by default."
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
     target: Annotated[
         Path | None,
         out_option("Write solution.npz (and the figure) into this folder.", "DIR"),
@@ -103,26 +56,16 @@ def solve(
 
     first_motion = read_guess(guess)
     reference = registry.find(model)
-    fields = problem_fields(reference.defaults, course, values, conditions, controls, via)
+    fields = problem_fields(reference.defaults, course, stated)
     prepare(target, json_)
     words = fields.get("sequence", ())
     held = reference.held or says_lasting(fields.get("contacts", ()), words)
+    order = stated.order
     if order is None and "steps" not in fields and fields.get("controls") != "linear":
         order = None if held else AUTOMATIC_ORDER
     problem = Problem(reference.kernels(order, progress=True), **fields)
     quiet = json_ == "-"
-    solution = solved(
-        problem,
-        method,
-        tolerance=tolerance,
-        form=form.value,
-        guess=first_motion,
-        starts=starts,
-        seed=seed,
-        iterations=iterations,
-        seconds=seconds,
-        progress=True,
-    )
+    solution = solved(problem, guess=first_motion, progress=True, **passed_on(keywords))
     files: list[Path] = []
     derivatives: list[Sensitivities] = []
 

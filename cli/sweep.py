@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,37 +11,19 @@ import typer
 from dmoc.base.errors import OutputError, ProblemError
 from dmoc.base.files import check_file
 from dmoc.base.table import print_table
-from dmoc.cli.console import (
-    draw,
-    emit,
-    in_turn,
-    out,
-    written,
-)
-from dmoc.cli.groups import ConditionOptions, CourseOptions, ValueOptions
-from dmoc.cli.option_values import (
-    by_name,
-    problem_fields,
-    read_guess,
-    read_range,
-    separate,
-)
+from dmoc.cli.console import draw, emit, in_turn, out, written
+from dmoc.cli.groups import passed_on
+from dmoc.cli.option_values import by_name, read_guess, read_range, separate
+from dmoc.cli.problem_options import CourseOptions, ProblemOptions, problem_fields, stated_by
 from dmoc.cli.shared_options import (
     NOT_SOLVED,
-    BoundOption,
-    ControlsOption,
     DarkOption,
-    GoalOption,
     GuessOption,
     JsonOption,
-    MethodOption,
     ModelArgument,
-    OrderOption,
-    SetOption,
-    StartOption,
-    ViaOption,
     out_option,
 )
+from dmoc.solving.keywords import BatchKeywords
 
 ENDINGS = (".csv", ".npz")
 
@@ -48,22 +31,13 @@ ENDINGS = (".csv", ".npz")
 def sweep(
     *,
     model: ModelArgument,
-    set_: SetOption = None,
-    start: StartOption = None,
-    goal: GoalOption = None,
-    bound: BoundOption = None,
     course: CourseOptions,
-    method: MethodOption = None,
-    order: OrderOption = None,
-    controls: ControlsOption = None,
-    conditions: ConditionOptions,
-    via: ViaOption = None,
+    stated: ProblemOptions,
+    keywords: BatchKeywords,
     guess: GuessOption = None,
     starts: Annotated[
         int, typer.Option(help="Starts that are explored for each; 1 is the automatic guess alone.")
     ] = 1,
-    workers: Annotated[int, typer.Option(help="Processes of this machine.")] = 1,
-    seconds: Annotated[float | None, typer.Option(help="Time limit of all solves.")] = None,
     target: Annotated[
         Path | None,
         out_option("Write the table, as .csv or .npz.", "FILE"),
@@ -89,24 +63,14 @@ def sweep(
     from dmoc.solving.sweep import sweep as swept
 
     _check_targets(target, plot, json_)
-    ranges, firsts = _ranges(ValueOptions(set_, bound, start, goal))
+    ranges, firsts = _ranges(stated)
     first_motion = read_guess(guess)
     reference = registry.find(model)
-    fields = problem_fields(reference.defaults, course, firsts, conditions, controls, via)
-    problem = Problem(reference.kernels(order, progress=True), **fields)
+    fields = problem_fields(reference.defaults, course, firsts)
+    problem = Problem(reference.kernels(stated.order, progress=True), **fields)
     quiet = json_ == "-"
     batch = swept(
-        problem,
-        ranges["parameters"],
-        start=ranges["start"],
-        goal=ranges["goal"],
-        bounds=ranges["bounds"],
-        method=method,
-        workers=workers,
-        guess=first_motion,
-        starts=starts,
-        seconds=seconds,
-        progress=True,
+        problem, guess=first_motion, starts=starts, progress=True, **ranges, **passed_on(keywords)
     )
 
     def tell() -> None:
@@ -137,29 +101,29 @@ def _check_targets(target: Path | None, plot: Path | None, json_: str | None) ->
             check_file(path)
 
 
-def _ranges(values: ValueOptions) -> tuple[dict[str, dict[str, list[Any]]], ValueOptions]:
+def _ranges(stated: ProblemOptions) -> tuple[dict[str, Any], ProblemOptions]:
     """What is varied, by field and name; and the options with the first value of each range in its
     place."""
-    ranges: dict[str, dict[str, list[Any]]] = {}
-    firsts: dict[str, list[str]] = {}
-    for field, option, texts in values.by_field():
-        ranges[field], firsts[field] = {}, []
-        named = by_name(((t.partition("=")[0].strip(), t) for t in separate(texts)), option)
-        for name, text in named.items():
+    ranges: dict[str, Any] = {}
+    firsts: dict[str, Any] = {}
+    for place, values, texts in stated_by(stated):
+        if not values.option:
+            continue
+        varied, first = ranges.setdefault(values.field, {}), firsts.setdefault(place, [])
+        pairs = ((t.partition("=")[0].strip(), t) for t in separate(texts))
+        for name, text in by_name(pairs, values.option).items():
             value = text.partition("=")[2]
-            numbers = read_range(value, f"{option} {name}")
+            numbers = read_range(value, f"{values.option} {name}")
             if numbers is None:
-                firsts[field].append(text)
-            elif field == "bounds":
-                ranges[field][name] = [(-abs(v), abs(v)) for v in numbers]
-                firsts[field].append(f"{name}={-abs(numbers[0])!r}:{abs(numbers[0])!r}")
+                first.append(text)
+            elif values.field == "bounds":
+                varied[name] = [(-abs(v), abs(v)) for v in numbers]
+                first.append(f"{name}={-abs(numbers[0])!r}:{abs(numbers[0])!r}")
             else:
-                ranges[field][name] = numbers
-                firsts[field].append(f"{name}={numbers[0]!r}")
+                varied[name] = numbers
+                first.append(f"{name}={numbers[0]!r}")
     if not any(ranges.values()):
         raise ProblemError(
             "no value is a range: give one as FROM:TO:COUNT, such as --set l=0.4:0.8:50."
         )
-    return ranges, ValueOptions(
-        firsts["parameters"], firsts["bounds"], firsts["start"], firsts["goal"]
-    )
+    return ranges, replace(stated, **firsts)

@@ -24,13 +24,15 @@ from dmoc.sequences.comparison import CONFIRMED, with_optimum
 from dmoc.sequences.final_solve import state_best
 from dmoc.sequences.identity import identity
 from dmoc.sequences.journal import Journal
+from dmoc.sequences.keywords import STARTS
 from dmoc.sequences.nodes import Node, Verdict
 from dmoc.sequences.notes import notes_of
 from dmoc.sequences.pool import workers_of
 from dmoc.sequences.search_table import best_in_words, table_of_search
-from dmoc.sequences.settings import MOST, STARTS, Settings, settings_of
+from dmoc.sequences.settings import Settings, settings_of
 from dmoc.sequences.traversal import Progress, walked
 from dmoc.sequences.tree import Tree
+from dmoc.solving.keywords import MOST_COUNT
 from dmoc.solving.methods import SEARCHING, usual
 
 if TYPE_CHECKING:
@@ -125,7 +127,7 @@ class SearchResult(Shown):
         "light" or "dark"."""
         from dmoc.report.search_tree import plot_motions
 
-        most = whole(most, "most", 1, MOST, SearchError)
+        most = whole(most, "most", 1, MOST_COUNT, SearchError)
         chosen = [n for n in self.ranked() if n.solution is not None][:most]
         return plot_motions(
             [

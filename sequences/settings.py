@@ -2,63 +2,37 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
-from dmoc.base.arguments import choice, flag, names, number, path, positive, shown, whole
-from dmoc.base.arguments import executor as an_executor
+from dmoc.base.arguments import shown
 from dmoc.base.errors import ProblemError, SearchError
-from dmoc.base.options import Option, read
+from dmoc.base.options import read
 from dmoc.mechanics.modes import Contacts, event_of, mode_of, word_between
 from dmoc.mechanics.possible_words import possible_after, words_after
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
+from dmoc.sequences.keywords import SearchKeywords
 from dmoc.solving.methods import METHODS
 
-STRATEGIES = ("exhaustive", "best-first", "beam")
 # Share of the largest final time that a phase keeps, unless the search is told otherwise: bounces
 # at ever shorter intervals would pump energy without limit (Zeno).
 SHORTEST = 0.01
-# Random starts of a node at most, on a coarse mesh.
-STARTS = 4
 # Events that sequences which motions propose may have beyond the depth: those of two stays of a
 # contact at the edge of its mode.
 BEYOND = 4
-DEEPEST = 12  # the tree grows with the power of the depth
-MOST, MOST_WORKERS = 2**31 - 1, 1000  # of what is counted, of processes
-TIME = "expected a positive time, or None"
-# An option that says which nodes are looked at, when or where, and not what the answer of one is.
-Elsewhere = partial(Option, decides=False)
 
 
-@dataclass(frozen=True)
-class Settings:
-    """The keywords of :func:`dmoc.search`, with the surfaces and the shortest phase that stand for
-    those not given."""
+@dataclass(frozen=True, kw_only=True)
+class Settings(SearchKeywords):
+    """The keywords of a search as they are for its problem."""
 
-    max_collisions: Annotated[int, Elsewhere(partial(whole, least=0, most=DEEPEST))]
     surfaces: tuple[str, ...]
-    events: tuple[str, ...] | None
-    strategy: Annotated[str, Elsewhere(partial(choice, choices=STRATEGIES))]
-    beam: Annotated[int, Elsewhere(partial(whole, least=1, most=MOST))]
-    starts: Annotated[int, Option(partial(whole, least=0, most=MOST))]
-    seed: Annotated[int, Option(partial(whole, least=0, most=MOST))]
-    method: Annotated[str, Option(partial(choice, choices=METHODS))]
-    workers: Annotated[int, Elsewhere(partial(whole, least=1, most=MOST_WORKERS))]
-    executor: Annotated[Executor | None, Elsewhere(an_executor)]
-    seconds: Annotated[float | None, Elsewhere(partial(positive, expected=TIME))]
-    node_seconds: Annotated[float | None, Elsewhere(partial(positive, expected=TIME))]
-    max_nodes: Annotated[int | None, Elsewhere(partial(whole, least=1, most=MOST))]
+    method: str
     shortest_phase: float
-    journal: Annotated[str | os.PathLike[str] | None, Elsewhere(path)]
-    resume: Annotated[bool, Elsewhere(flag)]
-    progress: Annotated[Callable[[Any], object] | None, Elsewhere()]
 
 
 def surfaces_of(problem: Problem, wanted: Sequence[str] | None) -> tuple[str, ...]:
@@ -70,9 +44,7 @@ def surfaces_of(problem: Problem, wanted: Sequence[str] | None) -> tuple[str, ..
         raise SearchError(
             f"model {problem.kernels.name!r} has no surfaces: there are no sequences to search."
         )
-    chosen = tuple(
-        surfaces if wanted is None else names(wanted, "surfaces", "surfaces", SearchError)
-    )
+    chosen = tuple(surfaces if wanted is None else wanted)
     for name in chosen:
         if name not in surfaces:
             raise SearchError(
@@ -91,7 +63,7 @@ def events_of(problem: Problem, wanted: Sequence[str] | None) -> tuple[str, ...]
     """The words that may happen; None for all that can."""
     if wanted is None:
         return None
-    chosen = tuple(names(wanted, "events", "words of a sequence", SearchError))
+    chosen = tuple(wanted)
     for word in chosen:
         try:
             _check_word(word, problem.touches)
@@ -157,23 +129,23 @@ def shortest_of(problem: Problem, wanted: float | None) -> float:
     latest = problem.final_time_bounds[1]
     if wanted is None:
         return SHORTEST * latest if np.isfinite(latest) else 0.0
-    shortest = number(wanted, "shortest_phase", SearchError)
-    if shortest < 0:
+    if wanted < 0:
         raise SearchError(
             f"shortest_phase = {shown(wanted)}: expected a duration in seconds, 0 or more."
         )
-    return shortest
+    return wanted
 
 
 def settings_of(problem: Problem, keywords: Mapping[str, Any]) -> Settings:
-    """The keywords of a search as they are read; what does not fit, by itself and with the problem,
-    is refused."""
+    """The keywords of a search as they are read, its method among them; what does not fit, by
+    itself and with the problem, is refused."""
+    stated = read(SearchKeywords, keywords, SearchError)
     of_problem = {
-        "surfaces": surfaces_of(problem, keywords["surfaces"]),
-        "events": events_of(problem, keywords["events"]),
-        "shortest_phase": shortest_of(problem, keywords["shortest_phase"]),
+        "surfaces": surfaces_of(problem, stated.surfaces),
+        "events": events_of(problem, stated.events),
+        "shortest_phase": shortest_of(problem, stated.shortest_phase),
     }
-    settings = read(Settings, {**keywords, **of_problem}, SearchError)
+    settings = Settings(**{**vars(stated), **of_problem})
     if settings.resume and settings.journal is None:
         raise SearchError("resume needs the journal of the search that shall go on: name it.")
     _check_problem(problem, settings)

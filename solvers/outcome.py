@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.base.deadline import ENDLESS, Deadline
+from dmoc.base.tolerances import ITERATIONS, OPTIMALITY, VIOLATION
 from dmoc.codegen.kernels import Array
-
-# Tolerances and limit of a solve, where it is given none.
-OPTIMALITY, VIOLATION, ITERATIONS = 1e-6, 1e-10, 1000
 
 
 class Status(enum.StrEnum):

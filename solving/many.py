@@ -8,24 +8,22 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
-from dmoc.base.arguments import executor as executor_of
-from dmoc.base.arguments import flag, listed, positive, shown, whole
+from dmoc.base.arguments import listed, shown
 from dmoc.base.deadline import Deadline
 from dmoc.base.errors import DmocError, ProblemError
-from dmoc.base.options import Option, options_of, read
+from dmoc.base.options import options_of, read
 from dmoc.base.progress import Listener, listener
 from dmoc.codegen.kernels import COMPILED, Array
 from dmoc.problem.problem import Problem
 from dmoc.results.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Status
+from dmoc.solving.keywords import BatchKeywords, Keywords
 from dmoc.solving.methods import SEARCHING, usual
-from dmoc.solving.request import LIMIT, Keywords
 from dmoc.solving.solve import solve
 from dmoc.solving.starts import InitialGuess, loaded
 from dmoc.solving.workforce import NoMoreWork, Work, workforce
@@ -33,7 +31,6 @@ from dmoc.solving.workforce import NoMoreWork, Work, workforce
 # Problems that travel to a worker together, at most; with fewer problems, each worker gets so many
 # shares of them, so that none waits long for the last.
 TOGETHER, SHARES = 16, 4
-MOST_WORKERS = 1000
 MOST_PROBLEMS = 1_000_000
 # Arguments of a solve that are the same for all problems.
 OPTIONS = options_of(Keywords).keys() - {"method", "seconds", "reference"}
@@ -85,31 +82,6 @@ class SolveOptions:
     guess: InitialGuess
     keep: bool
     others: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class BatchOptions:
-    """The keywords of :func:`solve_many` and :func:`~dmoc.sweep`, as they were read."""
-
-    method: str
-    options: Mapping[str, Any]
-    workers: Annotated[int, Option(partial(whole, least=1, most=MOST_WORKERS))] = 1
-    executor: Annotated[Executor | None, Option(executor_of)] = None
-    guess: InitialGuess = None
-    keep: Annotated[bool, Option(flag)] = False
-    seconds: Annotated[float | None, Option(partial(positive, expected=LIMIT))] = None
-    progress: Listener[BatchProgress] = None
-
-    def of_solves(self) -> SolveOptions:
-        """What each solve is asked for; what does not fit is refused before any begins."""
-        for name, value in self.options.items():
-            if name not in OPTIONS:
-                raise ProblemError(
-                    f"{name} = {shown(value)} is no argument of solve_many; of solve it takes "
-                    f"{', '.join(sorted(OPTIONS))}."
-                )
-        read(Keywords, {"method": self.method, **self.options}, ProblemError)
-        return SolveOptions(self.method, loaded(self.guess), self.keep, {**STARTS, **self.options})
 
 
 @dataclass(frozen=True)
@@ -205,12 +177,12 @@ def batch_of(
 ) -> Batch:
     """Solve problems with the keywords of a batch; an error in the place of a problem is its row.
     ``varied`` is what differs, by columns."""
-    method = keywords["method"]
+    batch = read(BatchKeywords, keywords, ProblemError)
+    method = batch.method
     if method is None:
         stated = (p for p in problems if isinstance(p, Problem))
         method = usual(SEARCHING, all(p.kernels.backend == COMPILED for p in stated))
-    batch = read(BatchOptions, {**keywords, "method": method}, ProblemError)
-    options = batch.of_solves()
+    options = _of_solves(method, batch)
     begin, rows, reason = time.perf_counter(), dict[int, Row](), NO_TIME
     deadline = Deadline.after(batch.seconds)
     with ExitStack() as stack:
@@ -233,10 +205,22 @@ def batch_of(
     return _table(kept, varied, options, time.perf_counter() - begin)
 
 
+def _of_solves(method: str, batch: BatchKeywords) -> SolveOptions:
+    """What each solve is asked for; what does not fit is refused before any begins."""
+    for name, value in batch.options.items():
+        if name not in OPTIONS:
+            raise ProblemError(
+                f"{name} = {shown(value)} is no argument of solve_many; of solve it takes "
+                f"{', '.join(sorted(OPTIONS))}."
+            )
+    read(Keywords, {"method": method, **batch.options}, ProblemError)
+    return SolveOptions(method, loaded(batch.guess), batch.keep, {**STARTS, **batch.options})
+
+
 def _answers(
     problems: Sequence[Problem | DmocError],
     options: SolveOptions,
-    batch: BatchOptions,
+    batch: BatchKeywords,
     deadline: Deadline,
     stack: ExitStack,
 ) -> Iterator[list[Row]]:

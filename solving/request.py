@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
-from dmoc.base.arguments import choice, flag, positive, text, whole
 from dmoc.base.deadline import Deadline
-from dmoc.base.options import Option
 from dmoc.codegen.kernels import COMPILED
 from dmoc.problem.problem import Problem
-from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Options
-from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, Method, ProgramForm, usual
+from dmoc.solvers.outcome import Options
+from dmoc.solving.keywords import Keywords
+from dmoc.solving.methods import DEFAULT, METHODS, REFINING, Method, ProgramForm, usual
 
 # Tolerance where neither steps nor a tolerance are given.
 AUTOMATIC = 1e-3
 # The error up to which a motion that the check confirms is a solution where nobody has asked for a
 # tolerance and finer meshes do not lead to the usual one: the check itself allows as much.
 LOOSE = 1e-2
-MOST_STARTS = 1_000_000
-MOST_ITERATIONS = 2**31 - 1  # what the compiled method can count
-NUMBER = "expected a positive number"
-NUMBER_OR_NONE = f"{NUMBER}, or None"
-LIMIT = "expected a positive time limit, or None"
 
 
 @dataclass(frozen=True)
@@ -58,46 +51,33 @@ class Request:
         return replace(self.within(progress=None), method=self.refining)
 
 
-@dataclass(frozen=True)
-class Keywords:
-    """The keywords of :func:`dmoc.solve` that mean the same for every problem, as they were
-    read."""
+def request_of(problem: Problem, keywords: Keywords) -> Request:
+    """What is asked for of a problem, with its usual method unless one is named, from now on.
 
-    method: Annotated[str | None, Option(partial(choice, choices=METHODS))] = None
-    tolerance: Annotated[float | None, Option(partial(positive, expected=NUMBER_OR_NONE))] = None
-    form: Annotated[str, Option(partial(choice, choices=FORMS))] = ProgramForm.CONDENSED
-    starts: Annotated[int | None, Option(partial(whole, least=1, most=MOST_STARTS))] = None
-    seed: Annotated[int, Option(partial(whole, least=0, most=MOST_ITERATIONS))] = 0
-    optimality: Annotated[float, Option(partial(positive, expected=NUMBER))] = OPTIMALITY
-    violation: Annotated[float, Option(partial(positive, expected=NUMBER))] = VIOLATION
-    iterations: Annotated[int, Option(partial(whole, least=1, most=MOST_ITERATIONS))] = ITERATIONS
-    seconds: Annotated[float | None, Option(partial(positive, expected=LIMIT))] = None
-    verify: Annotated[bool, Option(flag)] = True
-    reference: Annotated[str, Option(text)] = ""
-
-    def request(self, problem: Problem) -> Request:
-        """What is asked for of a problem, with its usual method unless one is named, from now on.
-
-        Raises
-        ------
-        ProblemError
-            If the method cannot solve this problem.
-        MissingExtraError
-            If the package of the method is not installed.
-        """
-        tolerance, loose = self.tolerance, self.tolerance or LOOSE
-        if tolerance is None and problem.steps is None:
-            tolerance = AUTOMATIC
-        compiled = problem.kernels.backend == COMPILED
-        rubs = bool(problem.open_hits) or any(event.course for event in problem.events)
-        plain = tolerance is None and not (problem.held or rubs)
-        method = METHODS[self.method or usual(DEFAULT if plain else REFINING, compiled)]
-        method.require(problem.kernels.backend)
-        method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
-        limits = Options(
-            self.optimality, self.violation, self.iterations, Deadline.after(self.seconds)
-        )
-        return Request(
-            method, limits, self.form, self.verify, self.verify, self.starts, self.seed,
-            tolerance=tolerance, loose=loose, refining=METHODS[usual(REFINING, compiled)],
-        )  # fmt: skip
+    Raises
+    ------
+    ProblemError
+        If the method cannot solve this problem.
+    MissingExtraError
+        If the package of the method is not installed.
+    """
+    tolerance, loose = keywords.tolerance, keywords.tolerance or LOOSE
+    if tolerance is None and problem.steps is None:
+        tolerance = AUTOMATIC
+    compiled = problem.kernels.backend == COMPILED
+    rubs = bool(problem.open_hits) or any(event.course for event in problem.events)
+    plain = tolerance is None and not (problem.held or rubs)
+    method = METHODS[keywords.method or usual(DEFAULT if plain else REFINING, compiled)]
+    method.require(problem.kernels.backend)
+    method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
+    limits = Options(
+        keywords.optimality,
+        keywords.violation,
+        keywords.iterations,
+        Deadline.after(keywords.seconds),
+    )
+    verify, starts, seed = keywords.verify, keywords.starts, keywords.seed
+    return Request(
+        method, limits, keywords.form, verify, verify, starts, seed,
+        tolerance=tolerance, loose=loose, refining=METHODS[usual(REFINING, compiled)],
+    )  # fmt: skip

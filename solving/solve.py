@@ -7,12 +7,14 @@ from dataclasses import replace
 from dmoc.base.errors import ProblemError
 from dmoc.base.options import read
 from dmoc.base.progress import Listener, listener
+from dmoc.base.tolerances import ITERATIONS, OPTIMALITY, VIOLATION
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
-from dmoc.solvers.outcome import ITERATIONS, OPTIMALITY, VIOLATION, Iteration
+from dmoc.solvers.outcome import Iteration
 from dmoc.solving.answer import answer_of
+from dmoc.solving.keywords import Keywords
 from dmoc.solving.open_hits import best_way
-from dmoc.solving.request import Keywords
+from dmoc.solving.request import request_of
 from dmoc.solving.sensitivity import check_problem
 from dmoc.solving.starts import InitialGuess, loaded
 
@@ -125,7 +127,7 @@ def solve(
     :eq:`measures`.
     """
     check_problem(problem)
-    request = read(Keywords, locals(), ProblemError).request(problem)
+    request = request_of(problem, read(Keywords, locals(), ProblemError))
     guess = loaded(guess)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))

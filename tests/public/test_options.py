@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import MISSING, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from inspect import signature
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
 import dmoc
+from dmoc.base.errors import ProblemError
+from dmoc.base.options import option, options_of, read
 from dmoc.cli.app import app
-from dmoc.sequences.settings import Settings
+from dmoc.cli.groups import passed_on, spread
+from dmoc.sequences.keywords import SearchKeywords
+from dmoc.solving.keywords import BatchKeywords, Keywords
 from dmoc.solving.many import OPTIONS
-from dmoc.solving.request import Keywords
 
 
 def defaults_of(function: Callable[..., Any]) -> dict[str, Any]:
@@ -26,7 +31,8 @@ def defaults_of(function: Callable[..., Any]) -> dict[str, Any]:
     ("function", "options", "others"),
     [
         (dmoc.solve, Keywords, {"problem", "guess", "progress"}),
-        (dmoc.search, Settings, {"problem"}),
+        (dmoc.search, SearchKeywords, {"problem"}),
+        (dmoc.solve_many, BatchKeywords, {"problems"}),
     ],
 )
 def test_every_keyword_is_an_option_that_is_read(
@@ -35,7 +41,7 @@ def test_every_keyword_is_an_option_that_is_read(
     defaults = defaults_of(function)
     assert {f.name for f in fields(options)} == defaults.keys() - others
     for f in fields(options):
-        assert f.default in (MISSING, defaults[f.name])
+        assert f.name == "options" or f.default == defaults[f.name]
 
 
 def test_a_batch_takes_what_a_solve_does() -> None:
@@ -55,3 +61,78 @@ def test_an_option_of_a_command_has_the_default_of_its_function(name: str) -> No
     shared = [p for p in commands[name].params if p.name in defaults.keys() - {"start", "goal"}]
     assert len(shared) >= 4
     assert all(p.default == defaults[p.name] for p in shared)
+
+
+@pytest.mark.parametrize(
+    ("name", "keywords"),
+    [("solve", Keywords), ("search", SearchKeywords), ("sweep", BatchKeywords)],
+)
+def test_a_command_has_the_keywords_with_a_help(name: str, keywords: Any) -> None:
+    commands: dict[str, Any] = vars(typer.main.get_command(app))["commands"]
+    helps = {p.name: p.help for p in commands[name].params}
+    shown = {name: one.help for name, one in options_of(keywords).items() if one.help}
+    assert len(shown) >= 3 and shown.items() <= helps.items()
+    assert "executor" not in helps and "progress" not in helps and "reference" not in helps
+
+
+@dataclass(frozen=True)
+class Bakery:
+    """Keywords of a function that nobody has written yet."""
+
+    loaves: Annotated[int, option("whole", "How many.", least=1, most=9)] = 2
+    heat: Annotated[float | None, option("positive", "In kelvin.", expected="expected heat")] = None
+    kind: Annotated[str, option("choice", "Of bread.", choices=("rye", "oat"))] = "rye"
+    seeds: Annotated[Sequence[str] | None, option("names", "On top.", of="seeds")] = None
+    oven: Annotated[str | None, option("path", "Where.")] = None
+    twice: Annotated[bool, option("flag", "Once more.")] = False
+    baker: Annotated[str, option("text")] = "nobody"
+
+
+def baked(words: Sequence[str]) -> tuple[int, str, dict[str, Any]]:
+    """Status, output, and what the function of a command is called with."""
+    calls = list[dict[str, Any]]()
+
+    def bake(*, name: str = "x", keywords: Bakery) -> None:
+        calls.append({"name": name, **passed_on(keywords)})
+
+    one = typer.Typer(pretty_exceptions_enable=False)
+    one.command()(spread(bake))
+    result = CliRunner().invoke(one, list(words))
+    return result.exit_code, result.output, calls[0] if calls else {}
+
+
+def test_a_keyword_with_a_help_is_an_option_without_another_line() -> None:
+    assert baked([])[2] == {
+        "name": "x", "loaves": 2, "heat": None, "kind": "rye", "seeds": None, "oven": None,
+        "twice": False,
+    }  # fmt: skip
+    words = "--name y --loaves 3 --heat 500 --kind oat --seeds poppy,flax --oven o.db --twice"
+    code, output, call = baked(words.split())
+    assert code == 0, output
+    assert call == {
+        "name": "y", "loaves": 3, "heat": 500.0, "kind": "oat", "seeds": ("poppy", "flax"),
+        "oven": Path("o.db"), "twice": True,
+    }  # fmt: skip
+    assert read(Bakery, call, ProblemError).kind == "oat"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--kind wheat", "'wheat' is not one of 'rye', 'oat'"),
+        ("--loaves many", "integer"),
+        ("--baker me", "No such option"),
+        ("--no-twice", "No such option"),
+    ],
+)
+def test_what_is_no_option_or_no_value_of_one_is_refused(words: str, said: str) -> None:
+    code, output, call = baked(words.split())
+    assert code == 2 and said in output and not call
+
+
+def test_a_keyword_is_read_or_refused_by_its_name() -> None:
+    assert read(Bakery, {"heat": None, "other": 1}, ProblemError) == Bakery()
+    with pytest.raises(ProblemError, match=r"loaves = 10: expected at most 9\."):
+        read(Bakery, {"loaves": 10}, ProblemError)
+    with pytest.raises(ProblemError, match=r"seeds has the entry 1: expected seeds by name"):
+        read(Bakery, {"seeds": [1]}, ProblemError)
