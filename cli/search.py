@@ -12,13 +12,7 @@ from dmoc.base.table import print_table
 from dmoc.cli.console import draw, emit, in_turn, out, prepare, written
 from dmoc.cli.groups import passed_on
 from dmoc.cli.problem_options import ProblemOptions, problem_fields
-from dmoc.cli.shared_options import (
-    NOT_SOLVED,
-    DarkOption,
-    JsonOption,
-    ModelArgument,
-    out_option,
-)
+from dmoc.cli.shared_options import NOT_SOLVED, DarkOption, JsonOption, ModelArgument, out_option
 from dmoc.sequences.keywords import SearchKeywords
 
 if TYPE_CHECKING:

@@ -42,8 +42,7 @@ def solve(
         ),
     ] = False,
     target: Annotated[
-        Path | None,
-        out_option("Write solution.npz (and the figure) into this folder.", "DIR"),
+        Path | None, out_option("Write solution.npz (and the figure) into this folder.", "DIR")
     ] = None,
     dark: DarkOption = False,
     json_: JsonOption = None,

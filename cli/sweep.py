@@ -38,10 +38,7 @@ def sweep(
     starts: Annotated[
         int, typer.Option(help="Starts that are explored for each; 1 is the automatic guess alone.")
     ] = 1,
-    target: Annotated[
-        Path | None,
-        out_option("Write the table, as .csv or .npz.", "FILE"),
-    ] = None,
+    target: Annotated[Path | None, out_option("Write the table, as .csv or .npz.", "FILE")] = None,
     plot: Annotated[
         Path | None,
         typer.Option(

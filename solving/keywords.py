@@ -10,15 +10,7 @@ from typing import Annotated, Any
 
 from dmoc.base.options import option
 from dmoc.base.tolerances import ITERATIONS, OPTIMALITY, VIOLATION
-from dmoc.solving.methods import (
-    DEFAULT,
-    FORMS,
-    METHODS,
-    REFINING,
-    SEARCHING,
-    ProgramForm,
-    listed,
-)
+from dmoc.solving.methods import DEFAULT, FORMS, METHODS, REFINING, SEARCHING, ProgramForm, listed
 
 MOST_STARTS, MOST_WORKERS = 1_000_000, 1000
 MOST_COUNT = 2**31 - 1  # that the compiled method can count
