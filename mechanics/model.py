@@ -22,13 +22,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import columns, solved
 from dmoc.mechanics.bound_kernels import RAIL, BoundKernels, Index, as_column, as_rows
-
-# A point lies on a surface up to this share of the gap's own size: what rounding leaves of
-# coordinates that were computed.
-ROUNDING = 1e-12
 
 
 class Model(BoundKernels):

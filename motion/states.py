@@ -24,11 +24,10 @@ from dmoc.base.arguments import array, choice, shown
 from dmoc.base.discretisation import DISCRETISATIONS, Discretisation
 from dmoc.base.errors import MotionError
 from dmoc.base.names import momentum_name, velocity_name
+from dmoc.base.tolerances import ROUNDING
 from dmoc.motion.trajectory import Array, Phase, Trajectory
 
 SIDES = ("left", "right")
-# A time may lie outside the motion by this share of it: rounding errors of a sum of steps.
-NEAR = 1e-12
 TAKEN = "~"  # marks a name that the model uses for something else
 
 
@@ -168,7 +167,7 @@ def _times(t: ArrayLike, motion: Trajectory) -> Array:
     times = array(t)
     if times is None or times.ndim > 1 or np.isnan(times).any():
         raise MotionError(f"t = {shown(t)}: expected a time in seconds, or a list of times.")
-    off = times[(times < -NEAR * end) | (times > end * (1 + NEAR))]
+    off = times[(times < -ROUNDING * end) | (times > end * (1 + ROUNDING))]
     if off.size:
         raise MotionError(
             f"t = {off.flat[0]:.6g} s lies outside the motion: expected times from 0 to "

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.base.discretisation import FORMS, InputForm
+from dmoc.base.tolerances import SAME
 from dmoc.motion.scene import Scene
 
 Array = NDArray[np.float64]
 # A contact that changes no momentum by more than this share of its size grazes: the motion touches
 # a surface without colliding.
 GRAZING = 0.01
-# An impulse below this share of the largest of its event is told as none.
-ROUNDED = 1e-9
 # What the states of friction are called: it sticks, or slides with that sign of tau'.
 FRICTION_WORDS = {0: "stick", 1: "slip+", -1: "slip-"}
 # How friction may act in the course of an impact: "" for nothing to tell, sliding all along,
@@ -327,7 +326,7 @@ def impulses_told(collision: Collision) -> str:
     if collision.word == collision.surface:
         return f", impulse {collision.impulse:.6g}"
     values = (*collision.impulses.values(), *collision.tractions.values())
-    least = ROUNDED * max(map(abs, values), default=0.0)
+    least = SAME * max(map(abs, values), default=0.0)
 
     def told(what: str, of: Mapping[str, float]) -> str:
         return "".join(f", {what} {v if abs(v) > least else 0:.6g} of {n}" for n, v in of.items())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.base.errors import ProblemError
+from dmoc.base.tolerances import KEPT, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import is_positive
 from dmoc.motion.trajectory import FRICTION_WORDS
@@ -16,11 +17,6 @@ if TYPE_CHECKING:
     from dmoc.mechanics.modes import PhaseMode
     from dmoc.problem.problem import Problem
     from dmoc.problem.ranges import Boundary
-
-# Share of the gap's largest possible rate below which a state on a surface does not move into it.
-MOVING_INTO = 1e-9
-# Distance of a start from a contact that is closed there, and its rate, relative to their sizes.
-OFF_CONTACT = 1e-6
 
 
 def check_mass_matrix(problem: Problem) -> None:
@@ -97,7 +93,7 @@ def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:
     if v is None:
         return
     rate, slope = float(problem.model.gap_rates(q, v)[j]), problem.model.gap_slopes(q)[j]
-    if rate > MOVING_INTO * float(np.abs(slope) @ np.append(np.abs(v), 1.0)):
+    if rate > SAME * float(np.abs(slope) @ np.append(np.abs(v), 1.0)):
         raise ProblemError(
             f"the start ({state}) lies on surface {problem.kernels.surfaces[j]!r} and moves into "
             f"it (the gap changes by {rate:g} per second): give a velocity that leaves it, or "
@@ -149,7 +145,7 @@ def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:
     q = position[:, 0]
     off, sizes = model.joints(q), model.joint_sizes(q)
     for name, miss, size in zip(problem.kernels.joints, off, sizes, strict=True):
-        if not abs(miss) <= OFF_CONTACT * size:
+        if not abs(miss) <= KEPT * size:
             raise ProblemError(
                 f"constraint {name!r} does not hold at the {end}, where it is {miss:.3g} instead "
                 f"of 0: give a {end} that fits it."
@@ -159,7 +155,7 @@ def _check_joined(problem: Problem, end: str, boundary: Boundary) -> None:
         return
     rates, slopes = model.joint_rates(q, v), model.joint_slopes(q)
     for name, rate, slope in zip(problem.kernels.joints, rates, slopes, strict=True):
-        if abs(rate) > OFF_CONTACT * _size(slope, v):
+        if abs(rate) > KEPT * _size(slope, v):
             raise ProblemError(
                 f"constraint {name!r} does not allow the velocity at the {end}, which changes it "
                 f"by {rate:.3g} per second: give velocities along it."
@@ -178,7 +174,7 @@ def _check_start_in_contact(problem: Problem) -> None:
         j = problem.model.surface_numbers[name]
         if not fixed[manifest["surface_coordinates"][name]].all():
             continue
-        if abs(gaps[j]) > OFF_CONTACT * sizes[j]:
+        if abs(gaps[j]) > KEPT * sizes[j]:
             raise ProblemError(
                 f"contact {name!r} is closed at the start, which is {-gaps[j]:g} off it: move the "
                 "start onto it, or leave a coordinate free."
@@ -195,7 +191,7 @@ def _check_start_in_contact(problem: Problem) -> None:
     for name, sign in mode.rubbing.items():
         j = problem.model.tangent_numbers[name]
         rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
-        if sign * rate < -OFF_CONTACT * _size(slope, v):
+        if sign * rate < -KEPT * _size(slope, v):
             word, other = f"{FRICTION_WORDS[sign]}", f"{FRICTION_WORDS[-sign]}"
             raise ProblemError(
                 f"contact '{name}:{word}' begins with a sliding velocity of {rate:g} per second, "
@@ -215,7 +211,7 @@ def _size(slope: Array, v: Array) -> float:
 
 
 def _check_rate(name: str, what: str, rate: float, slope: Array, v: Array) -> None:
-    if abs(rate) > OFF_CONTACT * _size(slope, v):
+    if abs(rate) > KEPT * _size(slope, v):
         raise ProblemError(
             f"contact {name!r} is closed at the start, whose velocity {what} ({rate:g} per "
             "second): give a velocity along the contact, or say how it slides."

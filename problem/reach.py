@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dmoc.base.tolerances import BALANCED
 from dmoc.codegen.kernels import Array
 from dmoc.problem.ranges import midpoints
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 # Newton steps to the surface where a motion may begin anywhere, and times at which a surface is
 # looked at to see how far it moves.
 NEWTON, MOVING = 30, 33
-# Share of what inertias make of the ways of others below which a coordinate's forces balance.
-BALANCED = 1e-8
 
 
 def onto_first(problem: Problem, q: Array) -> Array:

@@ -8,12 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 
-# A point whose gap is below this share of its size is near enough to the surface: what decimals, or
-# Newton's method where the surface bends away, leave of a point that is meant to lie on it.
-NEAR = 1e-9
 # Newton steps towards a surface, and how often one is halved.
 STEPS, HALVINGS = 60, 40
 # Shares of a reach to which distances of contact points count as equal.
@@ -148,4 +146,4 @@ def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:
 def near_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> bool:
     """Whether a point is meant to lie on a surface: the gap is a small share of its own size."""
     j = problem.model.surface_numbers[surface]
-    return bool(abs(problem.model.gaps(q, t)[j]) <= NEAR * problem.model.gap_sizes(q, t)[j])
+    return bool(abs(problem.model.gaps(q, t)[j]) <= SAME * problem.model.gap_sizes(q, t)[j])

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.base.names import momentum_name, velocity_name
+from dmoc.base.tolerances import KEPT
 from dmoc.codegen.kernels import Array
-from dmoc.problem.end_states import OFF_CONTACT
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Bools, Index
 from dmoc.program.layout import Layout
@@ -161,7 +161,7 @@ def _stuck(problem: Problem, lay: Layout, nodes: list[States]) -> Bools:
         for i, x in enumerate(values):
             if i and not lay.touch.sticks[i - 1, j]:
                 before = -1
-            bound = OFF_CONTACT * np.maximum(sizes[i], sizes[before])[:, j]
+            bound = KEPT * np.maximum(sizes[i], sizes[before])[:, j]
             if not (np.abs(x[:, j] - x[0, j]) <= bound).all():
                 continue  # it is not fixed here
             if before >= 0:
@@ -214,11 +214,11 @@ def _share(slopes: Array, values: Array, t: Array) -> Array:
 def _vanish(values: Array, sizes: Array, signs: Array | float = 0.0) -> Bools:
     """Columns that are zero in all samples; with a sign, that are not on its other side."""
     off = np.where(signs == 0, np.abs(values), -signs * values)
-    return np.asarray((off <= OFF_CONTACT * sizes).all(axis=0))
+    return np.asarray((off <= KEPT * sizes).all(axis=0))
 
 
 def _alike(starts: Values, ends: Values) -> Bools:
     """Which of the values at the start are which of those at the end, shape (start, end)."""
     off = np.abs(np.abs(starts[0])[:, :, None] - np.abs(ends[0])[:, None, :])
-    bound = OFF_CONTACT * np.maximum(starts[1][:, :, None], ends[1][:, None, :])
+    bound = KEPT * np.maximum(starts[1][:, :, None], ends[1][:, None, :])
     return np.asarray((off <= bound).all(axis=0))

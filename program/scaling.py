@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dmoc.base.tolerances import BALANCED, ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
@@ -19,11 +20,6 @@ from dmoc.program.scale import Scale
 # What hardly moves counts by this share of what it could do with the kinetic energy that others
 # have.
 STILL = 0.1
-# Share of its reach below which a coordinate that moves stands still.
-ROUNDING = 1e-12
-# The same of the way that its forces would move it in the time: solvers leave 1e-10 of it to what
-# they balance.
-BALANCED = 1e-8
 # Share of the slopes and curvatures of a cost, over the sizes of the unknowns, that its size is at
 # least.
 FLAT = 1e-3

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME
 from dmoc.motion.scene import resampled
 from dmoc.motion.trajectory import Array, Phase, Trajectory
 from dmoc.report.labels import Label, label_of, rate_of, with_index, with_unit
@@ -124,7 +125,7 @@ def _grouped(units: Sequence[str], values: Array | None) -> list[tuple[str, list
 def _alike(a: Array, b: Array) -> bool:
     """Whether two ranges fit on one axis; what stands still fits on any."""
     spans = sorted((float(np.ptp(a)), float(np.ptp(b))))
-    return spans[0] <= 1e-9 * spans[1] or spans[1] <= APART * spans[0]
+    return spans[0] <= SAME * spans[1] or spans[1] <= APART * spans[0]
 
 
 def _course(motion: Trajectory, phase: Phase, quantity: str) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME
 from dmoc.motion.scene import Array, Scene, Shape, resampled
 from dmoc.motion.trajectory import Trajectory
 
@@ -23,8 +24,6 @@ ROW = 0.3  # distance of rails, in lengths of a rail
 RADIUS = 0.12  # of a dial
 SLIDER = (0.06, 0.09)  # width and height
 PAIR = re.compile(r"x(\w*)")
-# A coordinate that moves less than this share of its size stands still.
-STILL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ def _reach(motion: Trajectory, q: Array, name: str) -> tuple[float, float]:
     unit = motion.units.get(name)
     same = [i for i, other in enumerate(motion.coordinates) if motion.units.get(other) == unit]
     low, high = float(q[:, same].min()), float(q[:, same].max())
-    still = high - low <= STILL * max(abs(low), abs(high))
+    still = high - low <= SAME * max(abs(low), abs(high))
     return (low - 0.5, high + 0.5) if still else (low, high)
 
 

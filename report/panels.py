@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dmoc.base.tolerances import ROUNDING
 from dmoc.motion.trajectory import Collision, Trajectory
 from dmoc.report.canvas import SMALL, legend_beside, plain_axes
 from dmoc.report.curves import Panel, contacts_of
@@ -80,7 +81,7 @@ def _bounds(axes: Axes, panel: Panel, style: Style) -> list[Artist]:
 
     values = np.concatenate([v for c in panel.curves for v in c.values if v is not None])
     low, high = float(values.min()), float(values.max())
-    span = max(high - low, 1e-12)
+    span = max(high - low, ROUNDING * max(abs(low), abs(high)))
     said: list[Artist] = []
     near = False
     for curve in panel.curves:

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME
 from dmoc.motion.scene import Array, Scene, Shape
 
 # Walls are seen this far beyond what moves, as a share of the room of what moves.
 BEYOND = 0.5
-NOTHING = 1e-9  # metres: the least side of a room
 
 
 class Room(NamedTuple):
@@ -56,7 +56,7 @@ def room_of(scenes: Sequence[Scene], margin: float, least: float) -> Room:
     share of the other one."""
     lows, highs = zip(*map(extent_of, scenes), strict=True)
     low, high = np.min(lows, axis=0), np.max(highs, axis=0)
-    side = max(max(high - low), NOTHING)
+    side = max(*(high - low), SAME * np.abs([low, high]).max()) or 1.0
     half = np.maximum(high - low, least * side) / 2 + margin * side
     (left, bottom), (right, top) = (low + high) / 2 - half, (low + high) / 2 + half
     return Room(float(left), float(right), float(bottom), float(top))

@@ -6,17 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from dmoc.base.tolerances import ROUNDING
 from dmoc.motion.trajectory import Array, Phase, Trajectory
 
-# A coordinate that moves less than this share of its value stands still.
-STILL = 1e-12
 # One whose velocity times momentum is at most this share of that of the motion stands still: both
 # are rounding errors, of about 1e-13 each.
 AT_REST = 1e-22
 # A coordinate at rest whose rounding errors are a larger share of its value than this is at zero.
 UNSURE = 1e-6
-# A momentum alone, and what inputs and contacts give, at most: shares of energy.
-NOTHING = 1e-12
 
 
 def without_rounding(trajectory: Trajectory) -> Trajectory:
@@ -35,16 +32,16 @@ def without_rounding(trajectory: Trajectory) -> Trajectory:
         return trajectory
     rests = (v * p <= AT_REST * energy) & ((p > 0.0) | (v == 0.0))
     way, farthest = np.ptp(q, axis=0), np.abs(q).max(axis=0)
-    stands = rests | (way <= STILL * farthest)
+    stands = rests | (way <= ROUNDING * farthest)
     place = np.where(way <= UNSURE * farthest, q[0], 0.0)
     weight = trajectory.final_time * float(v.max()) / energy
 
     def forces(values: Array) -> Array:
-        small = np.abs(values).max(axis=0, initial=0.0) * weight <= NOTHING
+        small = np.abs(values).max(axis=0, initial=0.0) * weight <= ROUNDING
         return np.where(small, 0.0, values)
 
-    idle = _largest([phase.u for phase in phases]) * weight <= NOTHING
-    nothing = rests | (v * p <= NOTHING * energy)
+    idle = _largest([phase.u for phase in phases]) * weight <= ROUNDING
+    nothing = rests | (v * p <= ROUNDING * energy)
 
     def cleaned(phase: Phase) -> Phase:
         return replace(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME
 from dmoc.motion.scene import Array, Scene, Shape
 from dmoc.motion.trajectory import Trajectory
 from dmoc.report.canvas import SMALL, inked
@@ -157,7 +158,7 @@ def _phase(axes: Axes, scene: Scene, phase: int, style: Style, unit: float) -> N
         if shape.kind not in SEEN:
             continue
         values = scene.of(shape, phase)
-        still = _stands_still(scene, shape)
+        still = _stands_still(scene, shape, unit)
         if shape.kind in ("point", "disc") and not still:
             axes.plot(*values[:, :2].T, color=style.muted, linewidth=0.6, zorder=1.5)
         for row in rows[-1:] if still else rows[:: OFTEN.get(shape.kind, 1)]:
@@ -169,10 +170,13 @@ def _phase(axes: Axes, scene: Scene, phase: int, style: Style, unit: float) -> N
             _label(axes, shape, values[-1], style)
 
 
-def _stands_still(scene: Scene, shape: Shape) -> bool:
-    """Whether a shape is the same along the whole motion."""
+def _stands_still(scene: Scene, shape: Shape, unit: float) -> bool:
+    """Whether a shape is the same along the whole motion, in a picture of some size."""
     values = np.vstack([scene.of(shape, phase) for phase in range(len(scene.times))])
-    return bool((np.ptp(values, axis=0) <= 1e-9 * (1 + np.abs(values).max(axis=0))).all())
+    sizes = np.maximum(np.abs(values).max(axis=0), unit)
+    if shape.kind in ("disc", "box"):
+        sizes[-1] = 1.0  # an angle
+    return bool((np.ptp(values, axis=0) <= SAME * sizes).all())
 
 
 def _label(axes: Axes, shape: Shape, values: Array, style: Style) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from dmoc.base.arguments import positive, shown, whole
 from dmoc.base.errors import SimulationError
 from dmoc.base.table import Shown, Table
+from dmoc.base.tolerances import KEPT, ROUNDING, SAME
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row
@@ -35,10 +36,6 @@ FINER = 4
 # A replay takes its smallest step, or the mean one divided by this where that is longer: a
 # far shorter phase would make thousands of steps of all others.
 UNEVEN = 8
-# A replayed start lies on a surface up to this share of the gap's size: what a solver leaves.
-ON_SURFACE = 1e-6
-# Velocities at the start below this share of the largest ones are zero up to rounding errors.
-ROUNDING = 1e-12
 MOST_EVENTS = 12  # collisions and stretches of contact that a table lists
 
 
@@ -287,7 +284,7 @@ def _steps(motion: Trajectory, step_size: float | None, steps: int | None) -> in
         smallest = min(phase.step_size for phase in motion.phases)
         step_size = max(smallest, mean / UNEVEN) / FINER
     size = positive(step_size, "step_size", "expected a time in seconds", SimulationError)
-    return max(1, int(np.ceil(motion.final_time / size * (1 - 1e-9))))
+    return max(1, int(np.ceil(motion.final_time / size * (1 - SAME))))
 
 
 def _start_velocity(motion: Trajectory) -> Array:
@@ -301,7 +298,7 @@ def _on_surfaces(kernels: Kernels, parameters: Mapping[str, float], q: Array) ->
     """A start that lies on surfaces up to the solver's tolerance, moved onto them."""
     model = Model(kernels, parameter_row(kernels, parameters, SimulationError))
     setting = Setting(model, np.zeros(model.nc), 1.0)
-    return on_surfaces(setting, np.concatenate([q, 0 * q]), 0.0, ON_SURFACE)[: model.nq]
+    return on_surfaces(setting, np.concatenate([q, 0 * q]), 0.0, KEPT)[: model.nq]
 
 
 def mean_inputs(motion: Trajectory, steps: int) -> Array:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dmoc.base.discretisation import DISCRETISATIONS, FORMS, ORDERS
+from dmoc.base.tolerances import SAME
 from dmoc.check.verdict import Verification
 from dmoc.motion.scene import COLUMNS, Scene, Shape, wrong_scene
 from dmoc.motion.trajectory import COURSES, Collision, Phase, Trajectory
@@ -46,7 +47,6 @@ LACKING_INSIDE: Mapping[str, Mapping[str, Any]] = {
     "phases": {"q_inside": [0, 0], "p_inside": [0, 0]},
     "collisions": {"course": ""},
 }
-SAME_TIME = 1e-9  # of the final time, where a phase ends and the next one begins
 
 
 def _as_now(header: Any) -> Any:
@@ -101,7 +101,7 @@ def _wrong_motion(motion: Trajectory) -> str | None:
 
 def _wrong_joints(motion: Trajectory) -> str | None:
     """Where the phases of a motion and its collisions do not meet in time."""
-    near = SAME_TIME * motion.final_time
+    near = SAME * motion.final_time
     ends = [0.0, *(float(phase.t[-1]) for phase in motion.phases)]
     for i, (phase, end) in enumerate(zip(motion.phases, ends, strict=False)):
         if not abs(phase.t[0] - end) <= near:

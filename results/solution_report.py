@@ -16,8 +16,10 @@ from dmoc.base.arguments import place
 from dmoc.base.errors import OutputError
 from dmoc.base.html import page, picture, section
 from dmoc.base.table import Cell, Table, html_of, plain
+from dmoc.base.tolerances import ROUNDING
 from dmoc.motion.trajectory import Array, Trajectory, impulses_told
 from dmoc.report.canvas import new_figure
+from dmoc.report.rounding import without_rounding
 from dmoc.results.solution_table import table_of_solution
 
 if TYPE_CHECKING:
@@ -66,14 +68,13 @@ def tables(solution: Solution) -> Iterator[Table]:
 
 def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
     """What of the problem the motion knows."""
+    motion = without_rounding(motion)
     sequence = ", ".join(c.word for c in motion.collisions)
     yield "model", motion.model
     yield "sequence", sequence or "no collision"
-    for when, q, v in (
-        ("start", motion.phases[0].q[0], motion.phases[0].v[0]),
-        ("end", motion.phases[-1].q[-1], motion.phases[-1].v[-1]),
-    ):
-        yield when, _state(motion, q, v)
+    q, v = (_clean(np.vstack([getattr(p, name) for p in motion.phases])) for name in "qv")
+    yield "start", _state(motion, q[0], v[0])
+    yield "end", _state(motion, q[-1], v[-1])
     yield "parameters", ", ".join(f"{name} = {x:g}" for name, x in motion.parameters.items())
     bounds = [
         *zip(motion.inputs, motion.input_bounds, strict=True),
@@ -94,14 +95,15 @@ def _stated(motion: Trajectory) -> Iterator[tuple[Cell, ...]]:
 def _state(motion: Trajectory, q: Array, v: Array) -> str:
     pairs = chain.from_iterable(
         (f"{name} = {a + 0.0:.5g}", f"{name}_dot = {b + 0.0:.5g}")
-        for name, a, b in zip(motion.coordinates, _clean(q), _clean(v), strict=True)
+        for name, a, b in zip(motion.coordinates, q, v, strict=True)
     )
     return ", ".join(pairs)
 
 
 def _clean(values: Array) -> Array:
-    """Values without what rounding errors leave of zeros."""
-    return np.where(np.abs(values) < 1e-12, 0.0, values)
+    """Rows of values without what rounding errors leave of zeros, beside the largest of each."""
+    sizes = np.abs(values)
+    return np.where(sizes < ROUNDING * sizes.max(axis=0), 0.0, values)
 
 
 def _found(s: Solution) -> Iterator[tuple[Cell, ...]]:

@@ -9,8 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME_COST
 from dmoc.sequences.nodes import Node, Sequence, Verdict
-from dmoc.solving.multistart.minima import SAME_COST
 
 CONFIRMED = (Verdict.OPTIMAL, Verdict.FEASIBLE)
 # Verdicts of nodes that may be no more than a shorter one with a phase of next to no length.

@@ -13,13 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from dmoc.base.deadline import Deadline
+from dmoc.base.tolerances import SAME_COST
 from dmoc.problem.problem import Problem
 from dmoc.program.extraction import stated_in_rates
 from dmoc.results.solution import Solution
 from dmoc.sequences.nodes import Node
 from dmoc.sequences.tree import Tree
 from dmoc.solvers.outcome import Status
-from dmoc.solving.multistart.minima import SAME_COST
 from dmoc.solving.solve import solve
 
 # Seconds that are worth beginning for.

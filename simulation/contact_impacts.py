@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dmoc.base.errors import SimulationError
+from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
@@ -18,11 +19,6 @@ from dmoc.simulation.simultaneous_impacts import NOISE, simultaneous
 
 # A rebound whose flight, with all that follow it, takes less than this share of a step is none.
 SETTLED = 1e-4
-# Response of one contact to another below this share of their own that counts as none.
-COUPLED = 1e-12
-# Share of the kinetic energy by which rounding may raise it, and of the largest impulse below which
-# one is none.
-ROUNDED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -76,7 +72,7 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
 def _felt(blow: Blow, on: list[int], tangent: dict[int, int]) -> Iterator[tuple[int, float, float]]:
     """Surfaces that take an impulse, with it and with that of their friction."""
     for j in on:
-        if blow.normal[j] > ROUNDED * blow.normal.max():
+        if blow.normal[j] > SAME * blow.normal.max():
             traction = float(blow.tangential[tangent[j]]) if j in tangent else 0.0
             yield j, float(blow.normal[j]), traction
 
@@ -104,7 +100,7 @@ def _uncoupled(model: Model, at: Place, j: int, on: list[int]) -> bool:
     A = c @ model.responses(q[0], c, at.t)
     at_j = np.array([True, *[False] * len(others), *[model.supports[k] == j for k in rubs]])
     size = np.sqrt(np.outer(np.diag(A), np.diag(A)))
-    return bool((np.abs(A)[np.ix_(at_j, ~at_j)] <= COUPLED * size[np.ix_(at_j, ~at_j)]).all())
+    return bool((np.abs(A)[np.ix_(at_j, ~at_j)] <= ROUNDING * size[np.ix_(at_j, ~at_j)]).all())
 
 
 def _one_by_one(model: Model, at: Place, e: Array) -> Struck:
@@ -150,4 +146,4 @@ def _gains(model: Model, at: Place, blow: Blow) -> bool:
     if model.kernels.manifest["explicit_time"]:
         return False
     M = model.mass(q, at.t)
-    return bool(blow.velocity @ M @ blow.velocity > (1 + ROUNDED) * (v @ M @ v))
+    return bool(blow.velocity @ M @ blow.velocity > (1 + SAME) * (v @ M @ v))

@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 
+from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
 from dmoc.mechanics.contact_mode import Mode
@@ -176,7 +177,7 @@ class Flow:
                 SurfaceContact(self.model.kernels.surfaces[j], t, self._jump(q, v, after, t))
             )
             y[nq:] = after
-            if t1 - t <= 1e-12 * self.sizes.time:
+            if t1 - t <= ROUNDING * self.sizes.time:
                 return y
         raise Lost
 

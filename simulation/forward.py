@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from dmoc.base.arguments import array, check_known, function, positive, shown, whole
 from dmoc.base.errors import SimulationError
 from dmoc.base.names import velocity_name
+from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.mechanics.model import ROUNDING, Model
+from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
 from dmoc.motion.trajectory import Collision
 from dmoc.simulation.contact_modes import names_without_effect

@@ -17,6 +17,7 @@ from itertools import product
 import numpy as np
 
 from dmoc.base.errors import SimulationError
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
 from dmoc.mechanics.bound_kernels import RAIL
@@ -32,8 +33,6 @@ from dmoc.simulation.contact_modes import (
 from dmoc.simulation.integrator import Integrator
 from dmoc.simulation.tolerances import Tolerances
 
-# Accelerations that differ by less than this share of what all forces make of them are the same.
-SAME = 1e-9
 # Combinations that may be tried for one choice.
 MOST_COMBINATIONS = 20_000
 OPEN = 2  # beside the signs 0, 1 and -1 of friction: a contact that opens

@@ -8,6 +8,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 
+from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.model import Model
@@ -18,8 +19,6 @@ from dmoc.simulation.contact_motion import ContactState
 from dmoc.simulation.forward import Run
 from dmoc.simulation.mode_choice import Setting
 
-# Events closer than this share of the time are one moment, and no node lies between them.
-ONCE = 1e-12
 SIDES = ("before", "after")
 # Events of a motion that is drawn: nobody looks at the pieces between more.
 MOST_DRAWN = 1000
@@ -52,7 +51,7 @@ def motion_of(run: Run) -> Trajectory:
     """The motion of a simulation: phases with constant inputs between the recorded nodes, and one
     event between any two of them."""
     model = run.model
-    near = ONCE * float(run.t[-1])
+    near = ROUNDING * float(run.t[-1])  # events that are closer are one moment
     events = [_merged(list(same)) for same in _at_once(_events(run), near)]
     first, last = _recorded(run, 0), _recorded(run, -1)
     mode = Mode()
@@ -169,7 +168,7 @@ def _joint_forces(run: Run, mode: Mode, y: Array, u: Array, t: Array) -> Array:
 
 def _inputs(run: Run, t: Array) -> Array:
     """Inputs between nodes, those of the step in which the interval begins."""
-    k = np.floor(t[:-1] / run.step_size + ONCE * len(run.u)).astype(np.intp)
+    k = np.floor(t[:-1] / run.step_size + ROUNDING * len(run.u)).astype(np.intp)
     return np.array(run.u[np.clip(k, 0, len(run.u) - 1)])
 
 

@@ -6,13 +6,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 
 # A rate below this share of the rates that the impacts exchange is a rounding error.
 NOISE = 1e-11
-# Rates of approach that differ by less than this share count as equal: the first surface of the
-# model comes first.
-EQUAL = 1e-9
 # Single impacts after which surfaces that lose energy are taken as plastic, and perfectly elastic
 # ones are given up.
 MOST_IMPACTS = 100
@@ -82,7 +80,7 @@ def simultaneous(
         if len(impulses) >= MOST_IMPACTS:
             return None
         hardness = np.where(hit, rates / np.sqrt(inertia), 0.0)
-        j = int(np.flatnonzero(hardness >= (1 - EQUAL) * hardness.max())[0])
+        j = int(np.flatnonzero(hardness >= (1 - SAME) * hardness.max())[0])
         strike(j, float((1 + restitution[j]) * rates[j] / inertia[j]))
     return impulses
 

@@ -14,6 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dmoc.base.tolerances import LEAST
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import jams
 from dmoc.problem.problem import Problem
@@ -103,7 +104,7 @@ def diagnose(
     # everywhere.
     w = np.where(nlp.inequality(outcome.x) < -INFEASIBLE, 0.0, outcome.duals.w)
     z = outcome.duals.z
-    faint = FAINT * max(float(np.abs(z).max(initial=0.0)), float(w.max(initial=0.0)), 1e-300)
+    faint = FAINT * max(float(np.abs(z).max(initial=0.0)), float(w.max(initial=0.0)), LEAST)
     w, z = (np.where(np.abs(d) > faint, d, 0.0) for d in (w, z))
     against = active_bounds(nlp, outcome.x, w, z) if outcome.status is Status.INFEASIBLE else ()
     amount = max((value for value, _ in missed), default=0.0)

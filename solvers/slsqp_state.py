@@ -7,6 +7,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
+from dmoc.base.tolerances import LEAST
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import least_squares
 from dmoc.program.blocks import NOWHERE
@@ -97,7 +98,7 @@ class Descent:
             box = nlp.problem.input_bounds / nlp.scale.u[:, None]
             width = np.where(np.isfinite(box[:, 1] - box[:, 0]), box[:, 1] - box[:, 0], 1.0) / 4
             with np.errstate(divide="ignore"):
-                size = np.where(curvature > 0, 1 / np.sqrt(np.maximum(curvature, 1e-300)), width)
+                size = np.where(curvature > 0, 1 / np.sqrt(np.maximum(curvature, LEAST)), width)
             scale[lay.index_u[lay.row_u_kp1]] = size
             scale[lay.index_u[lay.row_u_k]] = size
         return scale
@@ -289,6 +290,6 @@ def _split(A: Array) -> tuple[Array, Array]:
             inverse = scipy.linalg.solve_triangular(R[:rows], Q[:, :rows].T).T
             return np.asarray(inverse), Q[:, rows:]
     U, sizes, Vt = np.linalg.svd(A, full_matrices=True)
-    rank = int((sizes > 1e-10 * max(sizes[0], 1e-300)).sum())
+    rank = int((sizes > 1e-10 * max(sizes[0], LEAST)).sum())
     inverse = Vt[:rank].T / sizes[:rank]
     return inverse @ U.T if rank == len(A) else inverse, Vt[rank:].T

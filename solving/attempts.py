@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+from dmoc.base.tolerances import SAME_COST
 from dmoc.codegen.kernels import Array
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.curvature import Landscape, SecondOrder
@@ -24,8 +25,6 @@ UNDECIDED = (Status.STALLED, Status.ITERATION_LIMIT)
 # Stationary points that are no minima, which a solve goes on from one after the other at most.
 MOST_SADDLES = 4
 LAST_SADDLE = f"the last of {MOST_SADDLES + 1}"
-# Relative difference of the costs of one minimum that two methods have ended in.
-SAME = 1e-5
 
 COMPILED_METHOD = METHODS["ipm"]
 Minimise: TypeAlias = Callable[[Transcription, Array, Options], Outcome]
@@ -225,7 +224,7 @@ class LocalSolver:
             return best.counting(count)
         again = self.minimised(nlp, best.outcome.x, options.after(count))
         count += again.outcome.iterations
-        within = again.cost() <= best.cost() + SAME * abs(best.cost())
+        within = again.cost() <= best.cost() + SAME_COST * abs(best.cost())
         kept = again.status is Status.SOLVED and within
         return (again if kept or again.status is Status.INTERRUPTED else best).counting(count)
 

@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Index
@@ -18,8 +19,6 @@ from dmoc.solving.programs import at_solution
 # What is not determined: changed by a tenth of the final time, or of the range of a coordinate, it
 # changes the cost by less than a millionth, half of the square times this.
 FLAT = 2e-4
-# A coordinate with a range below this, in its size, does not move.
-STILL = 1e-9
 # What moves along a direction of size 1 without a change of cost: durations, inputs and the like
 # that move by this share are named.
 MOVES = 0.5
@@ -44,7 +43,7 @@ def undetermined(problem: Problem, fine: Solution, coarse: Solution | None = Non
         node, j = _most_changed(coarse, fine)
         places = nlp.layout.index_q[:, j]
         width = np.ptp(fine.unknowns[places])
-        if width > STILL * units[places[node]]:
+        if width > SAME * units[places[node]]:
             names.append(f"{fine.trajectory.coordinates[j]} on the way")
             at, reach = np.append(at, places[node]), np.append(reach, width)
     curvature = curvatures(nlp, x, duals, at) * (reach / units[at]) ** 2 / cost_size(nlp, x)

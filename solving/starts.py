@@ -13,6 +13,7 @@ import numpy as np
 from dmoc.base.arguments import array, shown
 from dmoc.base.deadline import ENDLESS, Deadline
 from dmoc.base.errors import ProblemError
+from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.keyframes import along, courses_of, is_given_by_name
@@ -23,9 +24,6 @@ from dmoc.program.layout import Layout
 from dmoc.program.transcription import Transcription
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Duals
-
-# Of the final time: nodes and events so near to each other are at one time.
-SAME_TIME = 1e-9
 
 InitialGuess: TypeAlias = (
     Solution
@@ -131,7 +129,7 @@ def restated(problem: Problem, solution: Solution) -> Array:
     """Unknowns of a motion in the phases of the problem that it proposes; one that has a phase more
     begins with a step of the first."""
     assert solution.proposal is not None
-    times, near = np.array(solution.proposal.times), SAME_TIME * solution.final_time
+    times, near = np.array(solution.proposal.times), SAME * solution.final_time
     pieces, impulses = list[Piece](), list[float]()
     collisions = [c.impulse for c in solution.collisions]
     for piece, impulse in zip(pieces_of(solution.trajectory), [0.0, *collisions], strict=True):

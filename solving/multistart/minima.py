@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dmoc.base.tolerances import SAME_COST
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.solvers.outcome import Status
 from dmoc.solving.attempts import Attempt
 
-# Relative differences of costs and of durations that belong to the same minimum.
-SAME_COST, SAME_TIMES = 1e-5, 1e-3
+# Relative differences of durations that belong to the same minimum, beside that of costs.
+SAME_TIMES = 1e-3
 
 
 @dataclass(frozen=True)

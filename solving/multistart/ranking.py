@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.base.deadline import Deadline
+from dmoc.base.tolerances import SAME
 from dmoc.guess.transfer import pieces_of, unknowns_along
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import MOST_STEPS
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
 RANKING = 100
 # A minimum that is not confirmed is looked at on a mesh so many times finer.
 FINER = 4
-# Of the sizes of a start: a minimum that moves less stands still, but for rounding errors, which
-# are no measure of anything.
-STILL = 1e-9
 # Iterations of a refinement.
 REFINING = 300
 
@@ -158,7 +156,7 @@ def _on(mesh: Problem, coarse: Attempt, options: Options, by_rates: bool) -> Att
     impulses = [c.impulse for c in motion.collisions]
     x = unknowns_along(mesh, pieces_of(motion), impulses)
     scale, before = scale_of(mesh, x, True), coarse.nlp.scale
-    if (scale.q < STILL * before.q).all():
+    if (scale.q < SAME * before.q).all():  # it stands still: rounding errors measure nothing
         scale = replace(before, h=scale.h)
     programs = Programs(mesh, scale, by_rates)
     nlp = programs.program()

@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.motion.scene import Scene, Shape, wrong_scene
+from dmoc.motion.scene import COLUMNS, Scene, Shape, wrong_scene
+from dmoc.motion.trajectory import Trajectory
 from dmoc.report.default_drawing import scene_for
-from dmoc.report.places import extent_of
+from dmoc.report.places import extent_of, room_of
 from dmoc.report.shapes import look_of, painter
 from dmoc.report.snapshots import height_of, layout_of, window_of
 from dmoc.report.style import LIGHT
@@ -204,3 +205,32 @@ def test_a_coordinate_that_stands_still_is_drawn_in_the_middle(solution: dmoc.So
     rail, box = scene.shapes[:2]
     left, _, right, _ = scene.of(rail, 0)[0]
     assert scene.of(box, 0)[0, 0] == pytest.approx((left + right) / 2)
+
+
+def told_in(motion: Trajectory, unit: float) -> Trajectory:
+    """A motion of which the coordinates, and the lengths of its scene, are told in a unit so many
+    times larger; the bounds of its inputs are far."""
+    assert motion.scene is not None
+    names = [c for s in motion.scene.shapes for c in (COLUMNS[s.kind] * s.size)[: s.size]]
+    lengths = np.where(np.isin(names, ["angle", "nx", "ny"]), 1.0, 1 / unit)
+    scene = replace(motion.scene, values=tuple(lengths * v for v in motion.scene.values))
+    phases = tuple(
+        replace(p, q=p.q / unit, v=p.v / unit, p=p.p / unit, u=p.u / unit) for p in motion.phases
+    )
+    far = 8 * max(float(np.abs(p.u).max()) for p in motion.phases)
+    bounds = np.tile([-far / unit, far / unit], (len(motion.inputs), 1))
+    return replace(motion, phases=phases, scene=scene, input_bounds=bounds)
+
+
+def test_a_motion_of_tiny_numbers_is_drawn_as_one_of_large_ones(solution: dmoc.Solution) -> None:
+    drawn = []
+    for unit in (1.0, 1e13):
+        figure = replace(solution, trajectory=told_in(solution.trajectory, unit)).plot()
+        drawn.append([(len(a.lines), len(a.patches), len(a.collections)) for a in figure.axes])
+    assert drawn[0] == drawn[1]
+
+
+def test_the_room_of_what_stands_still_at_one_place_is_a_room() -> None:
+    for place in (0.0, 1e-20, 1e20):
+        room = room_of([still("point", place, place)], 0.1, 0.1)
+        assert room.left < place < room.right and room.bottom < place < room.top

@@ -29,6 +29,21 @@ def found(seed: Problem) -> dmoc.Solution:
     return replace(solution, starts=16, found=13, others=(other,))
 
 
+def test_a_start_is_told_in_its_own_size(found: dmoc.Solution) -> None:
+    """Coordinates in a unit 1e14 times larger are no rounding errors; beside them these are."""
+    motion, texts = found.trajectory, []
+    for unit in (1.0, 1e14):
+        phases = tuple(replace(p, q=p.q / unit, v=p.v / unit, p=p.p / unit) for p in motion.phases)
+        phases[0].q[0, 0], phases[0].v[0, 0] = 1e-17 / unit, 0.25 / unit
+        told = replace(found, trajectory=replace(motion, phases=phases))
+        rows = dict(tuple(map(plain, row)) for row in next(tables(told)).rows)
+        pairs = (pair.split(" = ") for pair in rows["start"].split(", "))
+        texts.append({name: float(value) * unit for name, value in pairs})
+    alpha = motion.coordinates[0]
+    assert texts[0][alpha] == texts[1][alpha] == 0.0 and texts[1][f"{alpha}_dot"] == 0.25
+    assert texts[0] == pytest.approx(texts[1], rel=1e-4)
+
+
 def test_other_minima_are_told_with_their_mesh(found: dmoc.Solution) -> None:
     same = replace(found.others[0], found=1)
     other = replace(found.others[0], steps=(24, 24))
