@@ -10,51 +10,32 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dmoc.base.errors import DmocError
-    from dmoc.check.check import verify
-    from dmoc.inspection.system_derivation import derive
-    from dmoc.models.registry import build, load
-    from dmoc.problem.problem import Problem
-    from dmoc.report.animation import animate
-    from dmoc.results.batch import Batch
-    from dmoc.results.simulation import Simulation, simulate
-    from dmoc.results.solution import Solution
-    from dmoc.sequences.search import search
-    from dmoc.solving.many import solve_many
-    from dmoc.solving.sensitivity import sensitivities
-    from dmoc.solving.solve import solve
-    from dmoc.solving.sweep import sweep
-    from dmoc.symbolic.drawing import Box, Contact, Disc, Link, Point, Spring, Wall
-    from dmoc.symbolic.system import MechanicalSystem
+    from dmoc.base.errors import DmocError as DmocError
+    from dmoc.check.check import verify as verify
+    from dmoc.inspection.system_derivation import derive as derive
+    from dmoc.models.registry import build as build
+    from dmoc.models.registry import load as load
+    from dmoc.problem.problem import Problem as Problem
+    from dmoc.report.animation import animate as animate
+    from dmoc.results.batch import Batch as Batch
+    from dmoc.results.simulation import Simulation as Simulation
+    from dmoc.results.simulation import simulate as simulate
+    from dmoc.results.solution import Solution as Solution
+    from dmoc.sequences.search import search as search
+    from dmoc.solving.many import solve_many as solve_many
+    from dmoc.solving.sensitivity import sensitivities as sensitivities
+    from dmoc.solving.solve import solve as solve
+    from dmoc.solving.sweep import sweep as sweep
+    from dmoc.symbolic.drawing import Box as Box
+    from dmoc.symbolic.drawing import Contact as Contact
+    from dmoc.symbolic.drawing import Disc as Disc
+    from dmoc.symbolic.drawing import Link as Link
+    from dmoc.symbolic.drawing import Point as Point
+    from dmoc.symbolic.drawing import Spring as Spring
+    from dmoc.symbolic.drawing import Wall as Wall
+    from dmoc.symbolic.system import MechanicalSystem as MechanicalSystem
 
     __version__: str
-
-__all__ = [
-    "Batch",
-    "Box",
-    "Contact",
-    "Disc",
-    "DmocError",
-    "Link",
-    "MechanicalSystem",
-    "Point",
-    "Problem",
-    "Simulation",
-    "Solution",
-    "Spring",
-    "Wall",
-    "animate",
-    "build",
-    "derive",
-    "load",
-    "search",
-    "sensitivities",
-    "simulate",
-    "solve",
-    "solve_many",
-    "sweep",
-    "verify",
-]
 
 _PLACES = {
     "Batch": "dmoc.results.batch",
@@ -82,6 +63,7 @@ _PLACES = {
     "sweep": "dmoc.solving.sweep",
     "verify": "dmoc.check.check",
 }
+__all__ = [*_PLACES]
 
 
 def __getattr__(name: str) -> Any:
