@@ -75,22 +75,13 @@ class Row:
 
 
 @dataclass(frozen=True)
-class SolveOptions:
-    """How each problem shall be solved: arguments of a solve, and whether its solution is kept."""
-
-    method: str
-    guess: InitialGuess
-    keep: bool
-    others: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
 class Share:
-    """Problems that travel together, by number, or the errors that stand in their place, and until
-    when they may take."""
+    """Problems that travel together, by number, or the errors that stand in their place; the
+    keywords of each solve, whether its solution is kept, and until when all may take."""
 
     problems: tuple[tuple[int, Problem | DmocError], ...]
-    options: SolveOptions
+    keywords: Mapping[str, Any]
+    keep: bool
     deadline: Deadline
     attempts: int = 1
 
@@ -182,13 +173,13 @@ def batch_of(
     if method is None:
         stated = (p for p in problems if isinstance(p, Problem))
         method = usual(SEARCHING, all(p.kernels.backend == COMPILED for p in stated))
-    options = _of_solves(method, batch)
+    keywords = _of_solves(method, batch)
     begin, rows, reason = time.perf_counter(), dict[int, Row](), NO_TIME
     deadline = Deadline.after(batch.seconds)
     with ExitStack() as stack:
         tell = stack.enter_context(listener(batch.progress, "first solve"))
         try:
-            for answered in _answers(problems, options, batch, deadline, stack):
+            for answered in _answers(problems, keywords, batch, deadline, stack):
                 rows |= {row.number: row for row in answered}
                 if any(row.status == Status.INTERRUPTED for row in answered):
                     raise KeyboardInterrupt
@@ -202,11 +193,12 @@ def batch_of(
             reason = str(error)
     whole_rows = [rows.get(i, Row(i, NOT_TRIED, reason)) for i in range(len(problems))]
     kept = [_with_kernels(r, p) for r, p in zip(whole_rows, problems, strict=True)]
-    return _table(kept, varied, options, time.perf_counter() - begin)
+    table = _table(kept, varied, method, time.perf_counter() - begin)
+    return replace(table, solutions=tuple(row.solution for row in kept)) if batch.keep else table
 
 
-def _of_solves(method: str, batch: BatchKeywords) -> SolveOptions:
-    """What each solve is asked for; what does not fit is refused before any begins."""
+def _of_solves(method: str, batch: BatchKeywords) -> dict[str, Any]:
+    """The keywords of each solve; what does not fit is refused before any begins."""
     for name, value in batch.options.items():
         if name not in OPTIONS:
             raise ProblemError(
@@ -214,30 +206,31 @@ def _of_solves(method: str, batch: BatchKeywords) -> SolveOptions:
                 f"{', '.join(sorted(OPTIONS))}."
             )
     read(Keywords, {"method": method, **batch.options}, ProblemError)
-    return SolveOptions(method, loaded(batch.guess), batch.keep, {**STARTS, **batch.options})
+    return {"method": method, "guess": loaded(batch.guess), **STARTS, **batch.options}
 
 
 def _answers(
     problems: Sequence[Problem | DmocError],
-    options: SolveOptions,
+    keywords: Mapping[str, Any],
     batch: BatchKeywords,
     deadline: Deadline,
     stack: ExitStack,
 ) -> Iterator[list[Row]]:
     """Rows as they come."""
     numbered, workers, executor = list(enumerate(problems)), batch.workers, batch.executor
-    if executor is None and workers == 1:
-        yield from (solve_share(Share((one,), options, deadline)) for one in numbered)
-        return
+    alone = executor is None and workers == 1
     size = TOGETHER if executor is not None else len(numbered) // (SHARES * workers) + 1
-    size = min(size, TOGETHER)
-    shares = [
-        Share(tuple(numbered[i : i + size]), options, deadline)
+    size = 1 if alone else min(size, TOGETHER)
+    shares = (
+        Share(tuple(numbered[i : i + size]), keywords, batch.keep, deadline)
         for i in range(0, len(numbered), size)
-    ]
+    )
+    if alone:
+        yield from map(solve_share, shares)
+        return
     work = Work(solve_share, _lost, _again, lambda share: share.deadline.left)
     others = stack.enter_context(workforce(workers, executor))
-    yield from others(work, shares, Deadline(deadline.at + UNDER_WAY))
+    yield from others(work, list(shares), Deadline(deadline.at + UNDER_WAY))
 
 
 def solve_share(share: Share) -> list[Row]:
@@ -253,14 +246,11 @@ def solve_share(share: Share) -> list[Row]:
 
 
 def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
-    begin, options = time.perf_counter(), share.options
+    begin = time.perf_counter()
     try:
         if isinstance(problem, DmocError):
             raise problem
-        s = solve(
-            problem, options.method, guess=options.guess, seconds=share.deadline.seconds,
-            **options.others,
-        )  # fmt: skip
+        s = solve(problem, seconds=share.deadline.seconds, **share.keywords)
     except KeyboardInterrupt:
         return Row(number, Status.INTERRUPTED, Status.INTERRUPTED.sentence)
     except DmocError as error:
@@ -269,7 +259,7 @@ def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
         return Row(number, FAILED, f"{type(error).__name__}: {error}")
     spent = time.perf_counter() - begin
     # travels without the kernels, which the caller has
-    kept = replace(s, kernels=None) if options.keep else None
+    kept = replace(s, kernels=None) if share.keep else None
     ended = Row(
         number, str(s.status), s.message, iterations=s.iterations, seconds=spent, solution=kept
     )
@@ -304,34 +294,33 @@ def _with_kernels(row: Row, problem: Problem | DmocError) -> Row:
     return replace(row, solution=replace(row.solution, kernels=problem.kernels))
 
 
-def _table(
-    rows: Sequence[Row], varied: Mapping[str, Array], options: SolveOptions, seconds: float
-) -> Batch:
+def _table(rows: Sequence[Row], varied: Mapping[str, Array], method: str, seconds: float) -> Batch:
     most = max((len(row.times) for row in rows), default=0)
+
+    def column(name: str) -> tuple[Any, ...]:
+        return tuple(getattr(row, name) for row in rows)
+
+    def numbers(name: str) -> Array:
+        return np.array(column(name), dtype=float)
 
     def filled(name: str) -> Array:
         table = np.full((len(rows), most), np.nan)
-        for line, row in zip(table, rows, strict=True):
-            values = getattr(row, name)
+        for line, values in zip(table, column(name), strict=True):
             line[: len(values)] = values
         return table
 
-    def numbers(name: str) -> Array:
-        return np.array([getattr(row, name) for row in rows], dtype=float)
-
     return Batch(
         given=varied,
-        status=tuple(row.status for row in rows),
-        message=tuple(row.message for row in rows),
+        status=column("status"),
+        message=column("message"),
         cost=numbers("cost"),
         final_time=numbers("final_time"),
-        collisions=tuple(APART.join(row.collisions) for row in rows),
+        collisions=tuple(map(APART.join, column("collisions"))),
         collision_times=filled("times"),
         impulses=filled("impulses"),
         iterations=numbers("iterations"),
-        check=tuple(row.check for row in rows),
+        check=column("check"),
         seconds=numbers("seconds"),
-        method=options.method,
+        method=method,
         total_seconds=seconds,
-        solutions=tuple(row.solution for row in rows) if options.keep else (),
     )
