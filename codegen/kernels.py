@@ -89,6 +89,11 @@ class Kernels(Shown):
         )
 
     @property
+    def compiled(self) -> bool:
+        """Whether they are C, and not NumPy."""
+        return self.backend == COMPILED
+
+    @property
     def name(self) -> str:
         return str(self.manifest["name"])
 

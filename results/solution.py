@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -322,6 +322,17 @@ class Solution(Shown, MotionResult, Saved):
         if not self.meshes:
             return {}
         return {"error_estimate": self.error_estimate, "meshes": [asdict(m) for m in self.meshes]}
+
+
+def saying(solution: Solution, more: str) -> Solution:
+    """The solution with something more in its message."""
+    return replace(solution, message=f"{solution.message}; {more}")
+
+
+def broken_off(solution: Solution) -> Solution:
+    """The solution, where Ctrl-C has come before it was complete."""
+    status = Status.INTERRUPTED
+    return replace(solution, status=status, message=status.sentence)
 
 
 def kernels_of_file(solution: Solution) -> Kernels:

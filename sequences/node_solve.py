@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.base.deadline import Deadline
-from dmoc.codegen.kernels import COMPILED, Array
+from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.contacts import in_contact
 from dmoc.guess.tracking import reflected
@@ -90,7 +90,7 @@ def _solve(task: Task) -> Node:
     if task.doubtful is not None:
         node = _on_finer_meshes(task, task.doubtful)
         return replace(node, seconds=node.seconds + time.perf_counter() - begin)
-    compiled = task.problem.kernels.backend == COMPILED
+    compiled = task.problem.kernels.compiled
     node = _explored(task) if compiled else _from_parent(task)
     return replace(node, attempts=task.attempts, seconds=time.perf_counter() - begin)
 

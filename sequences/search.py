@@ -17,7 +17,6 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.errors import SearchError
 from dmoc.base.progress import Listener, listener
 from dmoc.base.table import Shown, Table
-from dmoc.codegen.kernels import COMPILED
 from dmoc.motion.trajectory import noun_of
 from dmoc.problem.problem import Problem
 from dmoc.sequences.comparison import CONFIRMED, with_optimum
@@ -34,6 +33,7 @@ from dmoc.sequences.traversal import Progress, walked
 from dmoc.sequences.tree import Tree
 from dmoc.solving.keywords import MOST_COUNT
 from dmoc.solving.methods import SEARCHING, usual
+from dmoc.solving.request import check_problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -257,16 +257,12 @@ def search(
     ['east', 'west']
     """
     keywords = {**locals()}
-    if not isinstance(problem, Problem):
-        raise SearchError(
-            f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., "
-            "...) states it."
-        )
+    check_problem(problem, SearchError)
     stated = problem
     if problem.steps is None:
         problem = problem.but(steps=SEARCHED * max(problem.phase_steps))
     if method is None:
-        method = usual(SEARCHING, problem.kernels.backend == COMPILED)
+        method = usual(SEARCHING, problem.kernels.compiled)
     if events is not None and surfaces is not None:
         raise SearchError(
             "surfaces and events are both given: give events alone, which names all that may "

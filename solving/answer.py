@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 from dmoc.problem.problem import Problem
-from dmoc.results.solution import Solution
+from dmoc.results.solution import Solution, broken_off, saying
 from dmoc.solvers.outcome import Status
 from dmoc.solving.checked_solution import checked
 from dmoc.solving.indeterminacy import telling, undetermined
@@ -36,7 +36,17 @@ def answer_of(problem: Problem, guess: InitialGuess, request: Request) -> Soluti
         base = min(request.options.optimality, max(tolerance, BASE_OPTIMALITY))
         of_mesh = replace(request.within(optimality=base), verify=False)
     best = best_on_mesh(problem, guess, of_mesh)
-    further = of_mesh.compiled()
+    try:
+        return _completed(problem, guess, request, of_mesh, best)
+    except KeyboardInterrupt:
+        return broken_off(best)
+
+
+def _completed(
+    problem: Problem, guess: InitialGuess, request: Request, of_mesh: Request, best: Solution
+) -> Solution:
+    """What the first mesh has led to on others, and with what can be told of it."""
+    tolerance, further = request.tolerance, of_mesh.compiled()
 
     def solve(verify: bool, problem: Problem, motion: Solution) -> Solution:
         return solved_from(problem, motion, replace(further, verify=verify))
@@ -50,15 +60,13 @@ def answer_of(problem: Problem, guess: InitialGuess, request: Request) -> Soluti
         sentence = undetermined(problem.meshed(answer.steps), answer)
         answer = replace(answer, message=telling(answer.message, sentence))
     if answer.starts:
-        answer = replace(answer, message=f"{answer.message}; {_starts_in_words(answer)}")
+        answer = saying(answer, _starts_in_words(answer))
 
     def few(problem: Problem) -> Solution:
         return best_on_mesh(problem, None, replace(request.compiled(), starts=FEW))
 
     answer = naming_turns(problem, answer, few, request.options.deadline)
-    if answer.proposal is None:
-        return answer
-    return replace(answer, message=f"{answer.message}; {answer.proposal}")
+    return answer if answer.proposal is None else saying(answer, str(answer.proposal))
 
 
 def _refined(problem: Problem, guess: InitialGuess, request: Request, first: Solution) -> Solution:

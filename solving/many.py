@@ -17,7 +17,7 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.errors import DmocError, ProblemError
 from dmoc.base.options import options_of, read
 from dmoc.base.progress import Listener, listener
-from dmoc.codegen.kernels import COMPILED, Array
+from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.results.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
 from dmoc.results.solution import Solution
@@ -172,7 +172,7 @@ def batch_of(
     method = batch.method
     if method is None:
         stated = (p for p in problems if isinstance(p, Problem))
-        method = usual(SEARCHING, all(p.kernels.backend == COMPILED for p in stated))
+        method = usual(SEARCHING, all(p.kernels.compiled for p in stated))
     keywords = _of_solves(method, batch)
     begin, rows, reason = time.perf_counter(), dict[int, Row](), NO_TIME
     deadline = Deadline.after(batch.seconds)

@@ -14,14 +14,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dmoc.base.deadline import Deadline
-from dmoc.codegen.kernels import COMPILED
 from dmoc.guess.hit_course import courses_at, states_before
 from dmoc.mechanics.modes import Course
 from dmoc.problem.problem import Problem
-from dmoc.results.solution import Solution
+from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Status
 from dmoc.solving.answer import answer_of
-from dmoc.solving.mesh.one_mesh import interrupted, on_coarse_mesh, solved_on_mesh
+from dmoc.solving.mesh.one_mesh import on_coarse_mesh, solved_on_mesh
 from dmoc.solving.multistart.exploration import Effort, coarse_of, explored
 from dmoc.solving.request import Request
 from dmoc.solving.starts import InitialGuess, starts_of
@@ -51,14 +50,12 @@ def best_way(problem: Problem, guess: InitialGuess, request: Request) -> Solutio
     Courses are solved from few starts on a coarse mesh; those that lead to a motion are solved
     as is asked for, the cheapest first, until one is confirmed.  Where none does, the course that
     comes nearest to a motion from the guess is solved.  The limits are those of all this together.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If a try is interrupted.
     """
-    try:
-        return _best_way(problem, guess, request)
-    except KeyboardInterrupt:
-        return interrupted(first_way(problem), guess, request)
-
-
-def _best_way(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     options = request.options
     tries = _Tries(problem, guess, request, options.deadline.share(SHARE))
     tries.follow_the_law()
@@ -75,7 +72,7 @@ def _best_way(problem: Problem, guess: InitialGuess, request: Request) -> Soluti
             break
     answer = answers[-1 if ended else 0]
     ways = _ways_in_words(answer, len(tries.good), len(tries.tried))
-    return replace(answer, iterations=spent, message=f"{answer.message}; {ways}")
+    return replace(saying(answer, ways), iterations=spent)
 
 
 @dataclass
@@ -168,7 +165,7 @@ class _Tries:
         iterations."""
         way, request = self.problem.but(sequence=words), self._within_share()
         request = request.within(iterations=self.request.options.iterations)
-        if way.kernels.backend == COMPILED:
+        if way.kernels.compiled:
             effort = Effort.of(min(request.starts or starts, starts), request.seed)
             points = on_coarse_mesh(way, self.guess)
             minima = explored(coarse_of(way), effort, request.options, points).solutions

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dmoc.codegen.kernels import COMPILED
 from dmoc.problem.problem import Problem
 from dmoc.program.extraction import given_multipliers, stated_in_rates
 from dmoc.program.minimal_times import WithMinimalTimes
@@ -34,7 +33,7 @@ class Programs:
     @property
     def compiled(self) -> bool:
         """Whether the kernels are."""
-        return self.problem.kernels.backend == COMPILED
+        return self.problem.kernels.compiled
 
     def program(self, guided: bool = False, touching: Iterable[int] = ()) -> Transcription:
         """The program in which the given collisions touch their surface without an impulse."""

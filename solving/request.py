@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from dmoc.base.arguments import shown
 from dmoc.base.deadline import Deadline
-from dmoc.codegen.kernels import COMPILED
+from dmoc.base.errors import DmocError, ProblemError
 from dmoc.problem.problem import Problem
 from dmoc.solvers.outcome import Options
 from dmoc.solving.keywords import Keywords
@@ -51,6 +52,15 @@ class Request:
         return replace(self.within(progress=None), method=self.refining)
 
 
+def check_problem(problem: Any, error: type[DmocError] = ProblemError) -> None:
+    """Refuse what is no Problem."""
+    if not isinstance(problem, Problem):
+        raise error(
+            f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., "
+            "...) states it."
+        )
+
+
 def request_of(problem: Problem, keywords: Keywords) -> Request:
     """What is asked for of a problem, with its usual method unless one is named, from now on.
 
@@ -64,7 +74,7 @@ def request_of(problem: Problem, keywords: Keywords) -> Request:
     tolerance, loose = keywords.tolerance, keywords.tolerance or LOOSE
     if tolerance is None and problem.steps is None:
         tolerance = AUTOMATIC
-    compiled = problem.kernels.backend == COMPILED
+    compiled = problem.kernels.compiled
     rubs = bool(problem.open_hits) or any(event.course for event in problem.events)
     plain = tolerance is None and not (problem.held or rubs)
     method = METHODS[keywords.method or usual(DEFAULT if plain else REFINING, compiled)]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ProblemError
 from dmoc.problem.problem import Problem
@@ -13,6 +11,7 @@ from dmoc.program.layout import Layout
 from dmoc.results.solution import Solution, check_same_model
 from dmoc.solvers.kkt import residuals
 from dmoc.solving.programs import at_solution
+from dmoc.solving.request import check_problem
 
 # Residuals above this are those of another problem.
 OTHER_PROBLEM = 1e-4
@@ -85,12 +84,3 @@ def sensitivities(problem: Problem, solution: Solution) -> Sensitivities:
             f"optimality {left.optimality:.1e}): give the problem that was solved."
         )
     return cost_derivatives.sensitivities(problem, solution.unknowns, solution.multipliers)
-
-
-def check_problem(problem: Any) -> None:
-    """Refuse what is no Problem."""
-    if not isinstance(problem, Problem):
-        raise ProblemError(
-            f"problem = {shown(problem)}: expected a Problem, as dmoc.Problem(system, start=..., "
-            "...) states it."
-        )

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from itertools import islice
 
 from dmoc.base.deadline import Deadline
 from dmoc.mechanics.modes import STICK, along
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
-from dmoc.results.solution import Solution
+from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Status
 
 # Sequences that are tried, and steps of a phase at most.
@@ -42,11 +41,11 @@ def naming_turns(
         other = problem.but(sequence=words)
         tried = solve(other.meshed([min(n, STEPS) for n in other.phase_steps]))
         if tried.converged:
-            message = (
-                f"{answer.message}; what slides does not go on so after a hit: sequence = "
-                f"{list(words)} leads to a motion, which costs {tried.cost:.4g}"
+            return saying(
+                answer,
+                f"what slides does not go on so after a hit: sequence = {list(words)} leads to a "
+                f"motion, which costs {tried.cost:.4g}",
             )
-            return replace(answer, message=message)
     return answer
 
 

@@ -13,9 +13,9 @@ from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Iteration
 from dmoc.solving.answer import answer_of
 from dmoc.solving.keywords import Keywords
-from dmoc.solving.open_hits import best_way
-from dmoc.solving.request import request_of
-from dmoc.solving.sensitivity import check_problem
+from dmoc.solving.mesh.one_mesh import interrupted
+from dmoc.solving.open_hits import best_way, first_way
+from dmoc.solving.request import check_problem, request_of
 from dmoc.solving.starts import InitialGuess, loaded
 
 
@@ -133,6 +133,8 @@ def solve(
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
     with listener(progress, "first guess") as tell:
         request = request.within(progress=tell)
-        if problem.open_hits:
-            return best_way(problem, guess, request)
-        return answer_of(problem, guess, request)
+        way = best_way if problem.open_hits else answer_of
+        try:
+            return way(problem, guess, request)
+        except KeyboardInterrupt:
+            return interrupted(first_way(problem), guess, request)

@@ -18,7 +18,7 @@ from dmoc.mechanics.model_values import by_name
 from dmoc.problem.problem import Problem
 from dmoc.results.batch import Batch
 from dmoc.solving.many import MOST_PROBLEMS, BatchProgress, batch_of
-from dmoc.solving.sensitivity import check_problem
+from dmoc.solving.request import check_problem
 from dmoc.solving.starts import InitialGuess
 
 # Columns of what is not a parameter say where it belongs.

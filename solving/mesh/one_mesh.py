@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from dmoc.codegen.kernels import COMPILED, Array
+from dmoc.codegen.kernels import Array
 from dmoc.guess.transfer import on_mesh
 from dmoc.problem.problem import Problem
 from dmoc.program.scaling import scale_of
-from dmoc.results.solution import Solution
+from dmoc.results.solution import Solution, broken_off, saying
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import attempted
 from dmoc.solving.checked_solution import checked, solution_of
@@ -24,23 +24,19 @@ from dmoc.solving.starts import InitialGuess, starts_of
 
 def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """Solve on one mesh, from the best of many starts or from a guess alone."""
-    if request.starts == 1 or problem.kernels.backend != COMPILED:
+    if request.starts == 1 or not problem.kernels.compiled:
         return solved_on_mesh(problem, guess, request)
     effort = Effort.of(request.starts, request.seed, request.ranks_checked)
     begin = time.perf_counter()
-    try:
-        points = on_coarse_mesh(problem, guess)
-        exploration = explored(problem, effort, request.options, points)
-    except KeyboardInterrupt:
-        return interrupted(problem, guess, request)
+    points = on_coarse_mesh(problem, guess)
+    exploration = explored(problem, effort, request.options, points)
     spent = {"build": problem.kernels.seconds, "explore": time.perf_counter() - begin}
     answer, i = _best_of(problem, exploration.solutions, request)
     if answer is None:
         answer = _without_start(problem, guess, request)
     confirmed = [s.cost for s in exploration.solutions if s.minimum]
     if answer.status is Status.NOT_VERIFIED and confirmed:
-        message = f"{answer.message}; the best minimum that is confirmed costs {min(confirmed):.6g}"
-        answer = replace(answer, message=message)
+        answer = saying(answer, f"the best minimum that is confirmed costs {min(confirmed):.6g}")
     return replace(
         answer,
         starts=len(exploration.starts),
@@ -69,8 +65,7 @@ def _best_of(
 def interrupted(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """The answer where Ctrl-C has come before there was one."""
     stopped = replace(request.within(iterations=1), verify=False)
-    status = Status.INTERRUPTED
-    return replace(solved_on_mesh(problem, guess, stopped), status=status, message=status.sentence)
+    return broken_off(solved_on_mesh(problem, guess, stopped))
 
 
 def _without_start(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
@@ -81,8 +76,7 @@ def _without_start(problem: Problem, guess: InitialGuess, request: Request) -> S
         compiled = request.compiled()
         s = solved_on_mesh(problem, guess, compiled)
         if s.status in (Status.INFEASIBLE, Status.INTERRUPTED):
-            message = f"{s.message}; {compiled.method.name} told it, {method.name} was not tried"
-            return replace(s, message=message)
+            return saying(s, f"{compiled.method.name} told it, {method.name} was not tried")
         guess = s if s.minimum else guess
     return solved_on_mesh(problem, guess, request)
 
@@ -146,7 +140,10 @@ def solved_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> S
         solution = solution_of(attempt, method.name, seconds)
     if not (request.verify and solution.minimum):
         return solution
-    return checked(solution, options.deadline)
+    try:
+        return checked(solution, options.deadline)
+    except KeyboardInterrupt:
+        return broken_off(solution)
 
 
 def _in_units(options: Options, cost: float) -> Options:

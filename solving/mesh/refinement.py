@@ -12,7 +12,7 @@ from dmoc.base.deadline import Deadline
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import MOST_STEPS
 from dmoc.program.layout import Layout
-from dmoc.results.solution import Mesh, Solution
+from dmoc.results.solution import Mesh, Solution, broken_off, saying
 from dmoc.solvers.judge import rounded
 from dmoc.solvers.outcome import NOWHERE, Residuals, Status
 from dmoc.solving.indeterminacy import telling, undetermined
@@ -128,7 +128,7 @@ def refined(
     while True:
         s, past = _solved(problem, past, tolerance, solve)
         if s.status == Status.INTERRUPTED:
-            return replace(_result(past), status=s.status, message=s.message) if past.levels else s
+            return broken_off(_result(past)) if past.levels else s
         mesh = f"the mesh of {max(problem.phase_steps)} steps a phase"
         if not s.minimum and past.levels:
             reason = f"{mesh} ended {s.status} ({s.message})"
@@ -316,7 +316,7 @@ def _best(past: History, tolerance: float, check: Check, reason: str) -> Solutio
     past = _confirmed(past, check) or past.ending_with(past.last.checked(check))
     s = _result(past)
     if past.meets(tolerance):
-        return replace(s, message=f"{s.message}; {reason}")
+        return saying(s, reason)
     if s.status is Status.TIME_LIMIT:
         return s
     unmet = f"the estimated error {past.error(past.last):.2g} exceeds the tolerance {tolerance:g}"

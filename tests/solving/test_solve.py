@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from math import sqrt
+from typing import Any
 
 import numpy as np
 import pytest
@@ -183,6 +185,42 @@ def test_interruption_keeps_the_best_iterate(seed: dmoc.Problem) -> None:
     solution = dmoc.solve(seed, starts=1, progress=interrupt)
     assert solution.status == "interrupted" and solution.iterations == 4
     assert len(solution.phases) == 2
+
+
+@pytest.mark.parametrize(
+    ("place", "keywords", "kept"),
+    [
+        ("dmoc.solving.mesh.one_mesh.starts_of", {"starts": 1}, False),
+        ("dmoc.solving.mesh.one_mesh.explored", {}, False),
+        ("dmoc.solving.multistart.ranking.checked", {}, False),
+        ("dmoc.solving.mesh.one_mesh.checked", {"starts": 1}, True),
+        ("dmoc.solving.answer.checked", {"starts": 1, "tolerance": 0.05}, True),
+        ("dmoc.solving.answer.bounded", {"starts": 1}, True),
+    ],
+)
+def test_ctrl_c_outside_of_a_method_is_a_status_too(
+    place: str, keywords: dict[str, Any], kept: bool, seed: dmoc.Problem,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """In the guess, the exploration, the check, and what follows: what there is by then is kept."""
+    module, name = place.rsplit(".", 1)
+    work, calls = getattr(import_module(module), name), 0
+
+    def interrupted_once(*arguments: Any, **keywords: Any) -> Any:
+        nonlocal calls
+        calls += 1
+        if calls == 1:
+            raise KeyboardInterrupt
+        return work(*arguments, **keywords)
+
+    problem = seed.but(steps=10)
+    monkeypatch.setattr(place, interrupted_once)
+    stopped = dmoc.solve(problem, "ipm", **keywords)
+    assert calls and stopped.status == "interrupted"
+    assert "interrupted" in stopped.message and len(stopped.phases) == 2
+    monkeypatch.undo()
+    alone = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    assert (stopped.cost == pytest.approx(alone.cost, rel=1e-3)) is kept
 
 
 def test_a_neighbouring_solution_is_a_good_start(
