@@ -17,8 +17,8 @@ from dmoc.base.errors import SimulationError
 from dmoc.check.arcs import allowance, arcs_of
 from dmoc.check.passages import EventPassage, passage_of
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.mechanics.bound_kernels import RAIL
 from dmoc.mechanics.contact_mode import Mode, mode_by_names
+from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import parameter_row, restitution_row
 from dmoc.motion.trajectory import Phase, Trajectory
@@ -87,7 +87,7 @@ class Motion:
             )
             for p in trajectory.phases
         ]
-        ignored = tuple(kernels.surfaces.index(name) for name in trajectory.ignored)
+        ignored = tuple(model.surface_numbers[name] for name in trajectory.ignored)
         allowed = partial(allowance, arcs, model.nc, ignored)
         flow = Flow(model, sizes, restitution, allowed, check_time)
         return cls(trajectory, model, sizes, flow, tuple(steps), modes, check_time)
@@ -189,7 +189,7 @@ def _mode_of(phase: Phase, model: Model) -> Mode:
                 f"{kind} forces of the phase from {phase.t[0]:.4g} s on have the shape "
                 f"{forces.shape}: expected {shape}, a column for each of {', '.join(names)}."
             )
-    return mode_by_names(model, phase.closed, phase.rubbing)
+    return mode_by_names(model.contacts, phase.closed, phase.rubbing)
 
 
 def nodes_of_segments(steps: int) -> NDArray[np.intp]:

@@ -12,8 +12,8 @@ from dmoc.check.checked_motion import Motion
 from dmoc.check.plan import DRIFT, OFF
 from dmoc.check.segments import largest, put
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.bound_kernels import RAIL
 from dmoc.mechanics.contact_mode import FREE, Mode
+from dmoc.mechanics.contacts import RAIL
 from dmoc.simulation.contact_modes import conditions, nearest
 from dmoc.simulation.sizes import NOTHING, pushes
 
@@ -119,18 +119,19 @@ def force_errors(motion: Motion) -> ForceErrors:
 
 def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:
     """Contacts that leave while they are pressed."""
-    model, surfaces = motion.model, motion.model.kernels.surfaces
+    model = motion.model
     c, after = motion.trajectory.collisions[i], motion.trajectory.phases[i + 1]
     q, v, t = after.q[:1], after.v[:1], after.t[:1]
     rates = model.gap_rates(q, v, t)[0]
-    for j in (surfaces.index(name) for name in c.leaves):
+    for name in c.leaves:
+        j = model.surface_numbers[name]
         if rates[j] < -DRIFT * motion.sizes.rate[j]:
             continue  # it opens with a velocity
         kept = replace(motion.modes[i + 1], closed=(*motion.modes[i + 1].closed, j))
         y, u = np.hstack([q, v]), motion.steps[i + 1].u0[:1]
         force = motion.flow.integrator.reaction(kept, y, u, t).normal[0, j]
         if force > PRESSED * size[j]:
-            yield f"{surfaces[j]} leaves at {c.time:.4g} s, pressed with {force:.4g} N"
+            yield f"{name} leaves at {c.time:.4g} s, pressed with {force:.4g} N"
 
 
 def _gripped(motion: Motion, i: int, size: Array) -> Iterator[str]:

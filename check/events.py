@@ -10,7 +10,7 @@ import numpy as np
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, TURNED
 from dmoc.check.passages import EventPassage
-from dmoc.mechanics.bound_kernels import RAIL
+from dmoc.mechanics.contacts import RAIL
 from dmoc.simulation.sizes import Sizes
 
 SOFT = 1e-6  # own rates of a collision count by at least this share of the largest
@@ -164,12 +164,12 @@ def _otherwise(p: EventPassage, slack: float) -> Iterator[str]:
 
 def _approached(p: EventPassage, sizes: Sizes) -> Iterator[str]:
     """Surfaces hit without being approached, and contacts that leave without opening."""
-    c, surfaces = p.c, p.model.kernels.surfaces
+    c, numbers = p.c, p.model.surface_numbers
     before, after = p.rates[:2] / sizes.rate
     for name in dict.fromkeys((c.surface, *c.lands) if c.surface else ()):
-        if before[surfaces.index(name)] < -TURNED:
+        if before[numbers[name]] < -TURNED:
             yield f"{name} is not approached where it is hit at {c.time:.4g} s"
     released = (p.hit,) if p.hit is not None and not p.lands else ()
-    for j in {*map(surfaces.index, c.leaves), *released}:
+    for j in {*map(numbers.__getitem__, c.leaves), *released}:
         if after[j] > TURNED:
-            yield f"{surfaces[j]} is entered where it should open at {c.time:.4g} s"
+            yield f"{p.model.kernels.surfaces[j]} is entered where it should open at {c.time:.4g} s"

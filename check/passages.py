@@ -166,7 +166,7 @@ def passage_of(
     if c.surface in c.lands:
         if c.course and len(on) == 1:
             return EventPassage(*parts, Mode((on[0],)), on[0], at.index(on[0]), lands=True)
-        return EventPassage(*parts, without_rails(model, ours))
+        return EventPassage(*parts, without_rails(at, ours))
     j = model.surface_numbers[c.surface]
     rubs = model.rough.get(j)
     wrong = (

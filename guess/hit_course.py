@@ -8,7 +8,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import rates_and_response
-from dmoc.mechanics.modes import STICK, Course
+from dmoc.mechanics.contact_mode import STICK, Course
 from dmoc.problem.problem import Problem
 from dmoc.program.layout import Layout
 
@@ -43,7 +43,7 @@ def courses_at(problem: Problem, states: Sequence[tuple[Array, Array, float]]) -
     states (q, v, t) before its events."""
     mu, e = problem.model.friction, problem.restitution_values
     courses = dict[int, Course]()
-    for p in Layout.of(problem).touch.passages:
+    for p in Layout.of(problem).hit.passages:
         rates, A = rates_and_response(problem, p, states[p.event])
         if not p.lands and np.isfinite(A).all() and np.isfinite(rates).all():
             courses[p.event] = course_of(rates, A, float(mu[p.tangent]), float(e[p.surface]))

@@ -16,10 +16,10 @@ from dmoc.program.layout import Layout
 def through_hits(problem: Problem, lay: Layout, x: Array) -> Array:
     """Unknowns with velocities and impulses within impacts with friction that follow from the
     velocities before them; those of a problem without such impacts are as they were."""
-    if not lay.touch.passages:
+    if not lay.hit.passages:
         return x
     x, t = x.copy(), lay.times(x)
-    for p in lay.touch.passages:
+    for p in lay.hit.passages:
         node = lay.collision_nodes[p.event]
         _pass(problem, lay, x, p, float(t[node]))
     return x
@@ -42,7 +42,7 @@ def jams(problem: Problem, x: Array) -> tuple[str, ...]:
     (Painleve's paradox), in sentences."""
     lay = Layout.of(problem)
     t, sentences = lay.times(x), []
-    for p in lay.touch.passages:
+    for p in lay.hit.passages:
         s = p.friction[p.moments.index(END) if END in p.moments else -1]
         node = lay.collision_nodes[p.event]
         A = response(problem, p, x[lay.index_q[node]], float(t[node]))

@@ -208,7 +208,7 @@ def _completed(problem: Problem, lay: Layout, x: Array) -> Array:
     x[lay.index_q_i] = lay.scheme.within(q[:-1], q[1:]).reshape(lay.total, -1)
     for i, (node, event) in enumerate(zip(lay.collision_nodes, problem.events, strict=True)):
         v, after, impulse = rates[node - 1], rates[node], 0.0
-        if event.surface:
+        if event.impact:
             lands, at = bool(event.lands), float(t[node])
             after, impulse = reflected(problem, q[node], v, event.surface, at, lands=lands)
         x[lay.index_v_a[i]], x[lay.index_v_c[i]], x[lay.index_lam[i]] = v, after, impulse

@@ -163,9 +163,9 @@ def _points(problem: Problem, durations: Array, uniform: Array, away: Array) -> 
     points = (1 - part) * ends[0][:, None] + part * ends[1][:, None]
     times = np.cumsum(durations, axis=1)
     for i, event in enumerate(problem.events):
-        if not event.surface:
+        if not event.impact:
             continue
-        j = problem.kernels.surfaces.index(event.surface)
+        j = event.surface
         around = points[:, i + 1] + away[:, i + 1] * reach
         points[:, i + 1] = _onto(problem, around, times[:, i], j)
     return points
@@ -204,11 +204,11 @@ def _velocities(
     v_last[:, -1] = np.where(np.isnan(default), legs[:, -1], default)
     times = np.cumsum(durations, axis=1)
     for i, event in enumerate(problem.events):
-        if not event.surface:
+        if not event.impact:
             v_last[:, i] = v_first[:, i + 1] = (legs[:, i] + legs[:, i + 1]) / 2
             continue
-        j = problem.kernels.surfaces.index(event.surface)
-        e = float(problem.restitution_values[j]) if event.hit else 0.0
+        j = event.surface
+        e = float(problem.restitution_values[j]) if event.hit == j else 0.0
         q, t = points[:, i + 1], times[:, i]
         slope = problem.model.gap_slopes(q, t)[:, j]
         n, moving = slope[:, :-1], slope[:, -1]

@@ -82,7 +82,7 @@ class Planner:
         problem, nq, nu = self.problem, self.problem.nq, self.problem.nu
         if nu == 0 or nu >= nq:
             return tuple(range(nq))
-        surfaces = problem.kernels.manifest["surface_coordinates"]
+        surfaces = problem.model.surface_coordinates
         goal = problem.goal_bounds.position
         said = [
             sum(i in surfaces[e.hit] for e in problem.events) + bool(goal[i, 0] == goal[i, 1])
@@ -100,16 +100,15 @@ class Planner:
 
 
 def reflected(
-    problem: Problem, q: Array, v: Array, surface: str, t: float, *, lands: bool = False
+    problem: Problem, q: Array, v: Array, surface: int, t: float, *, lands: bool = False
 ) -> tuple[Array, float]:
     """Velocity after an impact, and its impulse lam = (1 + e) (n.v + dg/dt) / (n M^-1 n) with n
     = grad g; e = 0 where the surface ``lands``."""
-    j = problem.kernels.surfaces.index(surface)
-    *slope, moving = problem.model.gap_slopes(q, t)[j]
+    *slope, moving = problem.model.gap_slopes(q, t)[surface]
     normal = np.array(slope)
     response, inertia = problem.model.impulse_response(q, normal, t)
     approach = float(normal @ v) + moving
-    e = 0.0 if lands else float(problem.restitution_values[j])
+    e = 0.0 if lands else float(problem.restitution_values[surface])
     impulse = max((1 + e) * approach / inertia, 0.0) if inertia > 0 else 0.0
     return v - impulse * response, impulse
 

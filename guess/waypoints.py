@@ -67,9 +67,8 @@ def route_of(problem: Problem, final_time: float) -> Route:
         t = float(share[i + 1]) * final_time
         points[i + 1] = contact_point(problem, points[i + 1], points[i], surface, t)
     start = end_velocity(problem, problem.start_bounds, points[0], np.zeros(problem.nq))
-    moving = problem.kernels.manifest["moving_surfaces"]
     normals = None
-    if not any(surface in moving for surface in surfaces):
+    if not any(surface in problem.model.moving for surface in surfaces):
         normals = tuple(_normal(problem, q, i, 0.0) for i, q in enumerate(points[1:-1]))
     end = _by_momentum(problem, problem.goal_bounds, points[-1])
     mass = problem.model.mass(points[0])
@@ -78,7 +77,7 @@ def route_of(problem: Problem, final_time: float) -> Route:
 
 
 def _normal(problem: Problem, q: Array, collision: int, t: float) -> Normal:
-    j = problem.kernels.surfaces.index(problem.events[collision].hit)
+    j = problem.events[collision].hit
     slope = problem.model.gap_slopes(q, t)[j, :-1]
     e = max(float(problem.restitution_values[j]), SOFTEST_MIRROR)
     return Normal(slope, *problem.model.impulse_response(q, slope), e)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dmoc.codegen.kernels import Array, Kernels
+from dmoc.mechanics.contacts import Contacts
 
 # Matrix outputs that are read here, and their kernels.
 MATRICES = {
@@ -32,7 +33,6 @@ MATRICES = {
 # Relative change of a coordinate or parameter that tells how much of a value comes from it.
 NUDGE = 1e-3
 
-RAIL = -1  # the surface of a tangent that belongs to none
 Index = NDArray[np.intp]
 
 
@@ -71,19 +71,43 @@ class BoundKernels:
         return len(self.kernels.tangents)
 
     @cached_property
+    def contacts(self) -> Contacts:
+        """Its surfaces and tangents."""
+        return Contacts(tuple(self.kernels.surfaces), tuple(self.kernels.tangents))
+
+    @property
     def surface_numbers(self) -> dict[str, int]:
         """The place of each surface in the model."""
-        return {name: j for j, name in enumerate(self.kernels.surfaces)}
+        return self.contacts.surface_numbers
 
-    @cached_property
+    @property
     def tangent_numbers(self) -> dict[str, int]:
         """The place of each tangent in the model."""
-        return {name: k for k, name in enumerate(self.kernels.tangents)}
+        return self.contacts.tangent_numbers
 
-    @cached_property
+    @property
     def supports(self) -> tuple[int, ...]:
         """The surface that each tangent belongs to, or RAIL."""
-        return tuple(self.surface_numbers.get(name, RAIL) for name in self.tangent_numbers)
+        return self.contacts.supports
+
+    @cached_property
+    def surface_coordinates(self) -> tuple[list[int], ...]:
+        """The coordinates that the gap to each surface depends on."""
+        on = self.kernels.manifest["surface_coordinates"]
+        return tuple(on[name] for name in self.kernels.surfaces)
+
+    @cached_property
+    def tangent_coordinates(self) -> tuple[list[int], ...]:
+        """The coordinates that each tangential position depends on."""
+        on = self.kernels.manifest["tangent_coordinates"]
+        return tuple(on[name] for name in self.kernels.tangents)
+
+    @cached_property
+    def moving(self) -> frozenset[int]:
+        """Surfaces that move with the time."""
+        return frozenset(
+            self.surface_numbers[name] for name in self.kernels.manifest["moving_surfaces"]
+        )
 
     @cached_property
     def nj(self) -> int:

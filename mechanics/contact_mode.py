@@ -1,12 +1,16 @@
-"""The mode of a motion by numbers: what is closed, sticks and slides, each by its place in the
-model.  In words it is a :class:`dmoc.mechanics.modes.PhaseMode`."""
+"""Who touches whom by numbers, each the place of a surface or tangent in the model: the mode that
+holds in a phase, and the event at an instant between two."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from dmoc.mechanics.bound_kernels import RAIL, BoundKernels
+from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
+from dmoc.motion.trajectory import FRICTION_WORDS, mode_word
+
+STICK = 0
+LATE = "late"
 
 
 @dataclass(frozen=True)
@@ -17,38 +21,121 @@ class Mode:
     sticking: tuple[int, ...] = ()
     sliding: tuple[tuple[int, int], ...] = ()
 
+    @classmethod
+    def of(cls, closed: Iterable[int], rubbing: Mapping[int, int]) -> Mode:
+        """The mode of closed surfaces and of the friction of tangents, in the model's order."""
+        states = sorted(rubbing.items())
+        return cls(
+            tuple(sorted(closed)),
+            tuple(k for k, s in states if s == STICK),
+            tuple((k, s) for k, s in states if s != STICK),
+        )
+
     @property
     def rubbing(self) -> dict[int, int]:
-        """Friction of the tangents that rub: 0 sticks, 1 and -1 slide."""
-        return dict.fromkeys(self.sticking, 0) | dict(self.sliding)
+        """Friction of the tangents that rub, in the model's order: 0 sticks, 1 and -1 slide."""
+        states = [*((k, STICK) for k in self.sticking), *self.sliding]
+        return dict(sorted(states))
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing touches."""
+        return not (self.closed or self.sticking or self.sliding)
 
 
 FREE = Mode()
 
 
-def mode_by_names(model: BoundKernels, closed: Iterable[str], rubbing: Mapping[str, int]) -> Mode:
-    """The mode of surfaces and tangents by their names; what rubs at an open surface has no part
-    in it."""
-    on = tuple(model.surface_numbers[name] for name in closed)
-    states = [(model.tangent_numbers[name], s) for name, s in rubbing.items()]
-    states = [(k, s) for k, s in states if model.supports[k] in (RAIL, *on)]
+def mode_by_names(contacts: Contacts, closed: Iterable[str], rubbing: Mapping[str, int]) -> Mode:
+    """The mode of surfaces and tangents by their names, in the order that these have; what rubs
+    at an open surface has no part in it."""
+    on = tuple(contacts.surface_numbers[name] for name in closed)
+    states = [(contacts.tangent_numbers[name], s) for name, s in rubbing.items()]
+    states = [(k, s) for k, s in states if contacts.supports[k] in (RAIL, *on)]
     return Mode(
-        on, tuple(k for k, s in states if s == 0), tuple((k, s) for k, s in states if s != 0)
+        on,
+        tuple(k for k, s in states if s == STICK),
+        tuple((k, s) for k, s in states if s != STICK),
     )
 
 
-def names_of(model: BoundKernels, mode: Mode) -> Iterator[tuple[str, int | None]]:
-    """What is closed, with None, and what rubs, with 0 or its sign."""
-    for j in mode.closed:
-        yield model.kernels.surfaces[j], None
-    for k, s in mode.rubbing.items():
-        yield model.kernels.tangents[k], s
+def names_of(contacts: Contacts, mode: Mode) -> tuple[tuple[str, ...], dict[str, int]]:
+    """What is closed, and the friction of what rubs, by names."""
+    rubbing = {contacts.tangents[k]: s for k, s in mode.rubbing.items()}
+    return contacts.named(mode.closed), rubbing
 
 
-def without_rails(model: BoundKernels, mode: Mode) -> Mode:
+def mode_in_words(contacts: Contacts, mode: Mode) -> str:
+    """A mode as "left:stick rail:slip+"; "free" where nothing touches."""
+    return mode_word(*names_of(contacts, mode))
+
+
+def without_rails(supports: tuple[int, ...], mode: Mode) -> Mode:
     """A mode as it is during an impact, in which rails have no part."""
     return replace(
         mode,
-        sticking=tuple(k for k in mode.sticking if model.supports[k] != RAIL),
-        sliding=tuple((k, s) for k, s in mode.sliding if model.supports[k] != RAIL),
+        sticking=tuple(k for k in mode.sticking if supports[k] != RAIL),
+        sliding=tuple((k, s) for k, s in mode.sliding if supports[k] != RAIL),
     )
+
+
+@dataclass(frozen=True)
+class Course:
+    """How friction acts in the course of an impact.
+
+    Attributes
+    ----------
+    first : int
+        Direction in which the contact slides at the beginning; 0 where it sticks all along.
+    then : int or None
+        Friction after sliding has stopped, 0 or the other direction; None if it goes on.
+    late : bool
+        It stops during restitution, not during compression.
+    """
+
+    first: int
+    then: int | None = None
+    late: bool = False
+
+    @property
+    def last(self) -> int:
+        """Friction at the end of the impact."""
+        return self.first if self.then is None else self.then
+
+    def __str__(self) -> str:
+        words = [FRICTION_WORDS[s] for s in (self.first, self.then) if s is not None]
+        return ":".join([*words, LATE] if self.late else words)
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happens between two phases.
+
+    Attributes
+    ----------
+    hit : int
+        The surface that is hit and released, or NOWHERE.
+    lands, leaves : tuples of int
+        Surfaces, in the order of the model.
+    friction : tuple of pairs of int
+        Tangents and their friction from here on, where the word of the event says it.
+    course : Course or None
+        How friction acts in the impact, where the word says it: of a hit, or of a landing during
+        which sliding stops.
+    """
+
+    hit: int = NOWHERE
+    lands: tuple[int, ...] = ()
+    leaves: tuple[int, ...] = ()
+    friction: tuple[tuple[int, int], ...] = ()
+    course: Course | None = None
+
+    @property
+    def surface(self) -> int:
+        """The surface that is hit, or the first one that lands; NOWHERE without an impact."""
+        return self.lands[0] if self.lands else self.hit
+
+    @property
+    def impact(self) -> bool:
+        """Whether something is hit or lands."""
+        return self.surface != NOWHERE

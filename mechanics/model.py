@@ -25,7 +25,8 @@ from numpy.typing import ArrayLike
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import columns, solved
-from dmoc.mechanics.bound_kernels import RAIL, BoundKernels, Index, as_column, as_rows
+from dmoc.mechanics.bound_kernels import BoundKernels, Index, as_column, as_rows
+from dmoc.mechanics.contacts import RAIL
 
 
 class Model(BoundKernels):

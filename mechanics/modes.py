@@ -1,4 +1,4 @@
-"""Modes of phases and the events between them, from the words of a sequence.
+"""The words of a sequence: modes of phases and the events between them, read and written.
 
 A mode says which contacts are closed in a phase and how friction acts in it.  The words::
 
@@ -23,116 +23,21 @@ a closed one only change its friction, so that "foot:slip+" is the one or the ot
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 
 from dmoc.base.arguments import check_known, shown
 from dmoc.base.errors import ProblemError
-from dmoc.motion.trajectory import FRICTION_WORDS, event_word, mode_word
+from dmoc.mechanics.contact_mode import LATE, STICK, Course, Event, Mode
+from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
+from dmoc.mechanics.touch import Touch, changes
+from dmoc.motion.trajectory import FRICTION_WORDS, event_word
 
-STICK = 0
-LATE = "late"
 FRICTION = {word: state for state, word in FRICTION_WORDS.items()}
 IN_SEQUENCE = "in the sequence"
 
 
-@dataclass(frozen=True)
-class Contacts:
-    """What can touch in a model: its surfaces, and its tangents, of which those that are named like
-    a surface belong to it and the others are rails; surfaces without restitution, and those whose
-    tangent has friction."""
-
-    surfaces: tuple[str, ...]
-    tangents: tuple[str, ...]
-    plastic: tuple[str, ...] = ()
-    rough: tuple[str, ...] = ()
-
-    @property
-    def rails(self) -> tuple[str, ...]:
-        return tuple(t for t in self.tangents if t not in self.surfaces)
-
-
-@dataclass(frozen=True)
-class PhaseMode:
-    """Surfaces that are closed in a phase, in the order of the model, and the friction of the
-    tangents that rub in it: 0 sticks, +1 and -1 slide."""
-
-    closed: tuple[str, ...] = ()
-    rubbing: Mapping[str, int] = field(default_factory=dict)
-
-    @property
-    def free(self) -> bool:
-        """Whether nothing touches."""
-        return not (self.closed or self.rubbing)
-
-    @property
-    def sticking(self) -> tuple[str, ...]:
-        return tuple(t for t, s in self.rubbing.items() if s == STICK)
-
-    def __str__(self) -> str:
-        return mode_word(self.closed, self.rubbing)
-
-
-@dataclass(frozen=True)
-class Course:
-    """How friction acts in the course of an impact.
-
-    Attributes
-    ----------
-    first : int
-        Direction in which the contact slides at the beginning; 0 where it sticks all along.
-    then : int or None
-        Friction after sliding has stopped, 0 or the other direction; None if it goes on.
-    late : bool
-        It stops during restitution, not during compression.
-    """
-
-    first: int
-    then: int | None = None
-    late: bool = False
-
-    @property
-    def last(self) -> int:
-        """Friction at the end of the impact."""
-        return self.first if self.then is None else self.then
-
-    def __str__(self) -> str:
-        words = [FRICTION_WORDS[s] for s in (self.first, self.then) if s is not None]
-        return ":".join([*words, LATE] if self.late else words)
-
-
-@dataclass(frozen=True)
-class Event:
-    """What happens between two phases.
-
-    Attributes
-    ----------
-    word : str
-    hit : str
-        The surface that is hit and released; empty where none is.
-    lands, leaves : tuples of str
-    friction : mapping of str to int
-        Friction of tangents from here on, where the word says it.
-    course : Course or None
-        How friction acts in the impact, where the word says it: of a hit, or of a landing during
-        which sliding stops.
-    """
-
-    word: str
-    hit: str = ""
-    lands: tuple[str, ...] = ()
-    leaves: tuple[str, ...] = ()
-    friction: Mapping[str, int] = field(default_factory=dict)
-    course: Course | None = None
-
-    @property
-    def surface(self) -> str:
-        """The surface that is hit, or the first one that lands; empty where there is no impact."""
-        return self.hit or (self.lands[0] if self.lands else "")
-
-
-def event_of(word: str, contacts: Contacts, closed: Sequence[str] = ()) -> Event:
+def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Event:
     """Read one word of a sequence, at which some surfaces are closed before.
 
     Raises
@@ -140,12 +45,9 @@ def event_of(word: str, contacts: Contacts, closed: Sequence[str] = ()) -> Event
     ProblemError
         If a name is unknown, is said twice, or a friction is none.
     """
-    hits: list[str] = []
-    lands: list[str] = []
-    leaves: list[str] = []
-    friction: dict[str, int] = {}
-    courses: dict[str, Course] = {}
-    seen: list[str] = []
+    hits, lands, leaves, seen = list[str](), list[str](), list[str](), list[str]()
+    friction, courses = dict[str, int](), dict[str, Course]()
+    numbers = contacts.surface_numbers
     for part in word.split():
         sign, rest = (part[0], part[1:]) if part[0] in "+-" else ("", part)
         name, colon, said = rest.partition(":")
@@ -155,7 +57,7 @@ def event_of(word: str, contacts: Contacts, closed: Sequence[str] = ()) -> Event
         names = contacts.surfaces if sign or not colon else contacts.tangents
         if name not in names:
             check_known(part, names, "tangent" if colon and not sign else "surface", IN_SEQUENCE)
-        is_hit = not sign and name in contacts.surfaces and name not in closed
+        is_hit = not sign and name in numbers and numbers[name] not in closed
         if colon:
             course = _course(part, said, name in contacts.tangents and sign != "-")
             if is_hit or course.then is not None:
@@ -177,14 +79,11 @@ def event_of(word: str, contacts: Contacts, closed: Sequence[str] = ()) -> Event
             f"contact alone, and {' and '.join(lands)} land at once; say where they slide or stick "
             "in the end alone."
         )
-    order = contacts.surfaces.index
-    landing = tuple(sorted(lands, key=order))
     return Event(
-        word,
-        "".join(hits),
-        landing,
-        tuple(sorted(leaves, key=order)),
-        friction,
+        numbers[hits[0]] if hits else NOWHERE,
+        tuple(sorted(numbers[name] for name in lands)),
+        tuple(sorted(numbers[name] for name in leaves)),
+        tuple((contacts.tangent_numbers[name], state) for name, state in friction.items()),
         next(iter(courses.values()), None),
     )
 
@@ -228,7 +127,7 @@ def _check_course(
         )
 
 
-def mode_of(parts: Sequence[str], contacts: Contacts) -> PhaseMode:
+def mode_of(parts: Sequence[str], contacts: Contacts) -> Mode:
     """Read what is closed at the start; what rubs sticks unless it is said to slide.
 
     Raises
@@ -236,8 +135,7 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> PhaseMode:
     ProblemError
         If a name is unknown or a friction is none.
     """
-    closed: list[str] = []
-    said: dict[str, int] = {}
+    closed, said = list[str](), dict[str, int]()
     for text in parts:
         name, colon, state = text.partition(":")
         check_known(name, (*contacts.surfaces, *contacts.rails), "contact", "in contacts")
@@ -251,20 +149,19 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> PhaseMode:
             closed.append(name)
         if colon:
             said[name] = FRICTION[state]
-    return _mode(closed, said, contacts)
-
-
-def _mode(closed: Sequence[str], friction: Mapping[str, int], contacts: Contacts) -> PhaseMode:
-    rubs = [t for t in contacts.tangents if t in closed or t not in contacts.surfaces]
-    return PhaseMode(
-        tuple(s for s in contacts.surfaces if s in closed),
-        {t: friction.get(t, STICK) for t in rubs},
+    on = [contacts.surface_numbers[name] for name in closed]
+    return _mode(
+        on, {contacts.tangent_numbers[name]: state for name, state in said.items()}, contacts
     )
 
 
-def along(
-    start: PhaseMode, words: Sequence[str], contacts: Contacts
-) -> tuple[tuple[Event, ...], tuple[PhaseMode, ...]]:
+def _mode(closed: Collection[int], friction: Mapping[int, int], contacts: Contacts) -> Mode:
+    """The mode in which what rubs has some friction, and sticks where none is said."""
+    rubs = [k for k, j in enumerate(contacts.supports) if j == RAIL or j in closed]
+    return Mode.of(closed, {k: friction.get(k, STICK) for k in rubs})
+
+
+def along(start: Mode, words: Iterable[str], contacts: Contacts) -> Touch:
     """The events that words say from a mode on, and the modes of all phases.
 
     Raises
@@ -276,60 +173,54 @@ def along(
     for i, word in enumerate(words):
         before = modes[-1]
         event, at = event_of(word, contacts, before.closed), f"event {i + 1} ({word})"
-        for name in event.leaves:
-            if name not in before.closed:
-                raise ProblemError(
-                    f"{at}: {name} leaves, but is not closed then: land it before ('+{name}'), or "
-                    f"close it at the start (contacts=[{name!r}])."
-                )
-        for name in (*event.lands, *([event.hit] if event.hit else [])):
-            if name in before.closed:
-                raise ProblemError(
-                    f"{at}: {name} is closed already: let it leave before ('-{name}')."
-                )
-        closed = [s for s in before.closed if s not in event.leaves] + list(event.lands)
-        rubs = event.course is not None or is_open(event, contacts)
-        if rubs and set(closed) - {event.surface}:
-            raise ProblemError(_several(at, event, closed))
-        friction = {t: s for t, s in before.rubbing.items() if t not in event.leaves}
+        for name in contacts.named(j for j in event.leaves if j not in before.closed):
+            raise ProblemError(
+                f"{at}: {name} leaves, but is not closed then: land it before ('+{name}'), or "
+                f"close it at the start (contacts=[{name!r}])."
+            )
+        for name in contacts.named(j for j in before.closed if j in (event.hit, *event.lands)):
+            raise ProblemError(f"{at}: {name} is closed already: let it leave before ('-{name}').")
+        closed = {*before.closed, *event.lands} - {*event.leaves}
+        others = closed - {event.surface}
+        if others and (event.course is not None or is_open(event, contacts)):
+            raise ProblemError(_several(at, event, others, contacts))
+        left = {k for k, j in enumerate(contacts.supports) if j in event.leaves}
+        friction = {k: s for k, s in before.rubbing.items() if k not in left}
         events.append(event)
         modes.append(_mode(closed, friction | dict(event.friction), contacts))
-    return tuple(events), tuple(modes)
+    return Touch(contacts, tuple(modes), tuple(events))
 
 
-def _several(at: str, event: Event, closed: Sequence[str]) -> str:
-    others = " and ".join(name for name in closed if name != event.surface)
+def _several(at: str, event: Event, others: Collection[int], contacts: Contacts) -> str:
+    (name,) = contacts.named([event.surface])
     return (
-        f"{at}: {others} is closed while {event.surface} is hit with friction, whose law is known "
-        "for one contact alone: let the others leave before."
+        f"{at}: {' and '.join(contacts.named(sorted(others)))} is closed while {name} is hit with "
+        "friction, whose law is known for one contact alone: let the others leave before."
     )
 
 
 def is_open(event: Event, contacts: Contacts) -> bool:
     """Whether an event is a hit with friction whose course is not said."""
-    return event.course is None and event.hit in contacts.rough
+    hit = event.hit != NOWHERE and contacts.surfaces[event.hit] in contacts.rough
+    return hit and event.course is None
 
 
-def changes(before: PhaseMode, after: PhaseMode) -> dict[str, int]:
-    """Friction of the tangents that rub otherwise in the later mode."""
-    return {t: s for t, s in after.rubbing.items() if before.rubbing.get(t) != s}
-
-
-def words_along(modes: Sequence[PhaseMode], events: Sequence[Event]) -> tuple[str, ...]:
+def words_along(touch: Touch) -> tuple[str, ...]:
     """Each event in words that are the same for the same event, as those of a motion are."""
     return tuple(
-        word_between(*pair, event) for event, pair in zip(events, pairwise(modes), strict=True)
+        word_between(touch.contacts, *pair, event)
+        for event, pair in zip(touch.events, pairwise(touch.modes), strict=True)
     )
 
 
-def word_between(before: PhaseMode, after: PhaseMode, event: Event | None = None) -> str:
+def word_between(contacts: Contacts, before: Mode, after: Mode, event: Event | None = None) -> str:
     """The word for an event between two modes, with what an event hits and lands; empty where
     nothing happens."""
-    hit, lands = ("", ()) if event is None else (event.hit, event.lands)
-    leaves = tuple(name for name in before.closed if name not in after.closed)
-    lands = tuple(name for name in after.closed if name not in before.closed or name in lands)
-    course = "" if event is None or event.course is None else str(event.course)
-    rubs = changes(before, after)
+    event = event or Event()
+    hit = contacts.surfaces[event.hit] if event.hit != NOWHERE else ""
+    leaves = contacts.named(j for j in before.closed if j not in after.closed)
+    lands = contacts.named(j for j in after.closed if j not in before.closed or j in event.lands)
+    rubs = {contacts.tangents[k]: s for k, s in changes(before, after).items()}
     if not (hit or lands or leaves or rubs):
         return ""
-    return event_word(hit, lands, leaves, rubs, course)
+    return event_word(hit, lands, leaves, rubs, str(event.course or ""))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from dmoc.base.errors import ProblemError
-from dmoc.mechanics.modes import FRICTION, STICK, Contacts, Course, PhaseMode, along, is_open
+from dmoc.mechanics.contact_mode import STICK, Course, Event, Mode, names_of
+from dmoc.mechanics.contacts import Contacts
+from dmoc.mechanics.modes import FRICTION, along, is_open
+from dmoc.mechanics.touch import Touch
 from dmoc.motion.trajectory import FRICTION_WORDS
 
 
@@ -21,13 +24,14 @@ def courses_of(name: str, contacts: Contacts) -> list[str]:
     return [f"{name}:{course}" for course in courses]
 
 
-def words_after(mode: PhaseMode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:
+def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iterator[str]:
     """Words of what can happen in a mode to some surfaces and to what rubs: hits and landings of
     open surfaces, also those at which a rail changes its friction, hits at which a closed contact
     slides back, and landings at which another contact leaves; contacts that leave; changes of
     friction."""
-    open_ones = [s for s in surfaces if s not in mode.closed]
-    turns = list(_turns(mode))
+    closed, rubbing = names_of(contacts, mode)
+    open_ones = [s for s in surfaces if s not in closed]
+    turns = list(_turns(rubbing))
     of_rails = [turn for turn in turns if turn.split(":")[0] in contacts.rails]
     impacts = [word for name in open_ones for word in _hits(name, mode, contacts)]
     landings = [
@@ -38,15 +42,16 @@ def words_after(mode: PhaseMode, contacts: Contacts, surfaces: Sequence[str]) ->
     for word in (*impacts, *landings):
         yield word
         yield from (f"{word} {turn}" for turn in of_rails)
+    slides = [(name, s) for name, s in rubbing.items() if name in closed and s != STICK]
     for word in impacts:
-        yield from (f"{word} {name}:{FRICTION_WORDS[-s]}" for name, s in _slide(mode))
+        yield from (f"{word} {name}:{FRICTION_WORDS[-s]}" for name, s in slides)
     for landing in landings:
-        yield from (f"{landing} -{other}" for other in mode.closed if other in surfaces)
-    yield from (f"-{name}" for name in mode.closed if name in surfaces)
+        yield from (f"{landing} -{other}" for other in closed if other in surfaces)
+    yield from (f"-{name}" for name in closed if name in surfaces)
     yield from turns
 
 
-def _hits(name: str, mode: PhaseMode, contacts: Contacts) -> list[str]:
+def _hits(name: str, mode: Mode, contacts: Contacts) -> list[str]:
     """Words for a hit of an open surface; one with friction has a law only where nothing else is
     closed."""
     if name not in contacts.rough:
@@ -54,28 +59,40 @@ def _hits(name: str, mode: PhaseMode, contacts: Contacts) -> list[str]:
     return [] if mode.closed else courses_of(name, contacts)
 
 
-def possible_after(mode: PhaseMode, words: Sequence[str], contacts: Contacts) -> Iterator[str]:
+def possible_after(mode: Mode, words: Sequence[str], contacts: Contacts) -> Iterator[str]:
     """Those of some words that can happen in a mode, and change it or are an impact; a hit with
     friction whose course is not said stands for all of them."""
     for word in words:
         try:
-            (event,), (_, after) = along(mode, [word], contacts)
+            touch = along(mode, [word], contacts)
         except ProblemError:
             continue
+        (event,), (_, after) = touch.events, touch.modes
         if is_open(event, contacts):
-            rest = [part for part in word.split() if part != event.hit]
-            hits = _hits(event.hit, mode, contacts)
-            yield from (" ".join([hit, *rest]) for hit in hits)
-        elif event.surface or after != mode:
+            yield from [] if mode.closed else _with_courses(word, event, contacts)
+        elif event.impact or after != mode:
             yield word
 
 
-def _slide(mode: PhaseMode) -> list[tuple[str, int]]:
-    """Closed contacts that slide, and their directions."""
-    return [(name, s) for name, s in mode.rubbing.items() if name in mode.closed and s != STICK]
+def open_hits(touch: Touch, words: Sequence[str]) -> dict[int, list[str]]:
+    """Hits with friction whose course is not said, by their places among words, and the words that
+    say it."""
+    events = zip(words, touch.events, strict=True)
+    return {
+        i: _with_courses(word, event, touch.contacts)
+        for i, (word, event) in enumerate(events)
+        if is_open(event, touch.contacts)
+    }
 
 
-def _turns(mode: PhaseMode) -> Iterator[str]:
+def _with_courses(word: str, event: Event, contacts: Contacts) -> list[str]:
+    """A word in which the hit takes each of its courses."""
+    hit = contacts.surfaces[event.hit]
+    rest = [part for part in word.split() if part != hit]
+    return [" ".join([way, *rest]) for way in courses_of(hit, contacts)]
+
+
+def _turns(rubbing: Mapping[str, int]) -> Iterator[str]:
     """Changes of friction in a mode."""
-    for name, state in mode.rubbing.items():
+    for name, state in rubbing.items():
         yield from (f"{name}:{word}" for word, other in FRICTION.items() if other != state)

@@ -11,10 +11,11 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.tolerances import KEPT, SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import is_positive
+from dmoc.mechanics.contact_mode import STICK
 from dmoc.motion.trajectory import FRICTION_WORDS
 
 if TYPE_CHECKING:
-    from dmoc.mechanics.modes import PhaseMode
+    from dmoc.mechanics.contact_mode import Mode
     from dmoc.problem.problem import Problem
     from dmoc.problem.ranges import Boundary
 
@@ -71,9 +72,9 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
     ]
     rounding = np.max([problem.model.gap_rounding(q) for q in (at, *ends)], axis=0)
     for j, surface in enumerate(problem.kernels.surfaces):
-        if end == "goal" and surface in problem.kernels.manifest["moving_surfaces"]:
+        if end == "goal" and j in problem.model.moving:
             continue
-        involved = problem.kernels.manifest["surface_coordinates"][surface]
+        involved = problem.model.surface_coordinates[j]
         state = ", ".join(f"{problem.kernels.coordinates[i]}={at[i]:g}" for i in involved)
         if fixed[involved].all() and not gaps[j] <= rounding[j]:
             raise ProblemError(
@@ -82,7 +83,7 @@ def check_admissible(problem: Problem, end: str, boundary: Boundary) -> None:
             )
         if surface in problem.ignored:
             continue
-        closed = surface in problem.modes[0].closed
+        closed = j in problem.modes[0].closed
         if end == "start" and fixed.all() and gaps[j] >= -rounding[j] and not closed:
             _check_leaving(problem, at, j, state)
 
@@ -167,12 +168,11 @@ def _check_start_in_contact(problem: Problem) -> None:
     model, mode, q = problem.model, problem.modes[0], problem.start_position
     position = problem.start_bounds.position
     fixed = position[:, 0] == position[:, 1]
-    manifest = problem.kernels.manifest
     v = _fixed_velocity(problem.start_bounds, problem, q) if fixed.all() else None
     gaps, sizes = model.gaps(q), model.gap_sizes(q)
-    for name in mode.closed:
-        j = problem.model.surface_numbers[name]
-        if not fixed[manifest["surface_coordinates"][name]].all():
+    for j in mode.closed:
+        name = problem.kernels.surfaces[j]
+        if not fixed[model.surface_coordinates[j]].all():
             continue
         if abs(gaps[j]) > KEPT * sizes[j]:
             raise ProblemError(
@@ -184,13 +184,11 @@ def _check_start_in_contact(problem: Problem) -> None:
             _check_rate(name, "leaves or enters it", rate, slope, v)
     if v is None:
         return
-    for name in mode.sticking:
-        j = problem.model.tangent_numbers[name]
-        rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
-        _check_rate(name, "slides", rate, slope, v)
-    for name, sign in mode.rubbing.items():
-        j = problem.model.tangent_numbers[name]
-        rate, slope = float(model.slide_rates(q, v)[j]), model.tangent_slopes(q)[j]
+    for k, sign in mode.rubbing.items():
+        name = problem.kernels.tangents[k]
+        rate, slope = float(model.slide_rates(q, v)[k]), model.tangent_slopes(q)[k]
+        if sign == STICK:
+            _check_rate(name, "slides", rate, slope, v)
         if sign * rate < -KEPT * _size(slope, v):
             word, other = f"{FRICTION_WORDS[sign]}", f"{FRICTION_WORDS[-sign]}"
             raise ProblemError(
@@ -199,7 +197,7 @@ def _check_start_in_contact(problem: Problem) -> None:
             )
 
 
-def _what(problem: Problem, mode: PhaseMode) -> str:
+def _what(problem: Problem, mode: Mode) -> str:
     """What a phase is held by, in words."""
     kinds = ("contacts", not mode.free), ("constraints", bool(problem.kernels.joints))
     return " and ".join(f"the {kind}" for kind, there in kinds if there)
@@ -218,18 +216,18 @@ def _check_rate(name: str, what: str, rate: float, slope: Array, v: Array) -> No
         )
 
 
-def _check_independent(problem: Problem, phase: int, mode: PhaseMode) -> None:
+def _check_independent(problem: Problem, phase: int, mode: Mode) -> None:
     """Refuse contacts and constraints whose directions depend on each other wherever the motion
     may be."""
     model, q = problem.model, problem.start_position
     rng = np.random.default_rng(0)
-    sticking = [f"{name}:stick" for name in mode.sticking]
-    names = [*mode.closed, *sticking, *problem.kernels.joints]
+    sticking = [f"{problem.kernels.tangents[k]}:stick" for k in mode.sticking]
+    names = [*model.contacts.named(mode.closed), *sticking, *problem.kernels.joints]
     most = 0
     for share in (0.0, 0.3, 1.0):
         at = q + share * problem.reach * rng.standard_normal(problem.nq)
-        normal = model.gap_slopes(at)[[problem.model.surface_numbers[n] for n in mode.closed]]
-        along = model.tangent_slopes(at)[[problem.model.tangent_numbers[n] for n in mode.sticking]]
+        normal = model.gap_slopes(at)[list(mode.closed)]
+        along = model.tangent_slopes(at)[list(mode.sticking)]
         slopes = np.vstack([normal, along, model.joint_slopes(at)])[:, :-1] * problem.reach
         if slopes.size and np.isfinite(slopes).all():
             most = max(most, int(np.linalg.matrix_rank(slopes)))

@@ -25,10 +25,12 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.table import Shown, Table
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.codegen.system_kernels import kernels_of
+from dmoc.mechanics.contact_mode import Event, Mode
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.model_values import by_name, parameter_row, restitution_row
-from dmoc.mechanics.modes import Contacts, Event, PhaseMode, along, is_open, mode_of, words_along
-from dmoc.mechanics.possible_words import courses_of
+from dmoc.mechanics.modes import along, mode_of, words_along
+from dmoc.mechanics.possible_words import open_hits
+from dmoc.mechanics.touch import Touch
 from dmoc.problem.end_states import check_admissible, check_contacts, check_kinks, check_mass_matrix
 from dmoc.problem.ranges import (
     Boundary,
@@ -221,7 +223,7 @@ class Problem(Shown):
             put(self, "via", tuple(listed(self.via, "via", "mappings, one for each event")))
         # The properties below check what they read.
         _ = (
-            self.modes,
+            self.touch,
             self.via_bounds,
             self.parameter_values,
             self.restitution_values,
@@ -306,58 +308,43 @@ class Problem(Shown):
     # Contacts -------------------------------------------------------------------------------------
 
     @cached_property
-    def _along(self) -> tuple[tuple[Event, ...], tuple[PhaseMode, ...]]:
-        return along(mode_of(self.contacts, self.touches), self.sequence, self.touches)
+    def touch(self) -> Touch:
+        """What is in contact in each phase, and what happens between the phases."""
+        names = self.model.contacts
+        plastic = names.named(np.flatnonzero(self.restitution_values == 0))
+        contacts = replace(names, plastic=plastic, rough=names.named(self.model.rough))
+        return along(mode_of(self.contacts, contacts), self.sequence, contacts)
 
     @property
     def events(self) -> tuple[Event, ...]:
         """What happens between the phases."""
-        return self._along[0]
+        return self.touch.events
 
     @property
-    def modes(self) -> tuple[PhaseMode, ...]:
+    def modes(self) -> tuple[Mode, ...]:
         """What is in contact in each phase."""
-        return self._along[1]
+        return self.touch.modes
 
     @cached_property
     def open_hits(self) -> dict[int, list[str]]:
         """Hits with friction whose course is not said, by their places in the sequence, and the
         words that say it."""
-        hits = {}
-        for i, (word, event) in enumerate(zip(self.sequence, self.events, strict=True)):
-            if is_open(event, self.touches):
-                rest = [part for part in word.split() if part != event.hit]
-                ways = courses_of(event.hit, self.touches)
-                hits[i] = [" ".join([way, *rest]) for way in ways]
-        return hits
+        return open_hits(self.touch, self.sequence)
 
     @cached_property
     def words(self) -> tuple[str, ...]:
         """The events in words that are the same for the same event; those of a motion are, too."""
-        return words_along(self.modes, self.events)
+        return words_along(self.touch)
 
-    @cached_property
+    @property
     def lasting(self) -> bool:
         """Whether contacts last in some phase."""
-        return not all(mode.free for mode in self.modes)
+        return not self.touch.free
 
     @cached_property
     def held(self) -> bool:
         """Whether anything is held along a phase: by contacts that last, or by constraints."""
         return self.lasting or bool(self.kernels.joints)
-
-    @cached_property
-    def touches(self) -> Contacts:
-        """What can touch in the model."""
-        surfaces, tangents = tuple(self.kernels.surfaces), tuple(self.kernels.tangents)
-        elastic = dict(zip(surfaces, self.restitution_values, strict=True))
-        rubs = dict(zip(tangents, self.model.friction, strict=True))
-        return Contacts(
-            surfaces,
-            tangents,
-            tuple(s for s in surfaces if elastic[s] == 0),
-            tuple(s for s in surfaces if rubs.get(s, 0.0) > 0),
-        )
 
     @cached_property
     def relations(self) -> tuple[Relation, ...]:

@@ -25,7 +25,7 @@ ROOT, BRACKETINGS = 1e-15, 100
 OUTWARD = (0.1, -0.1, 0.3, -0.3, 1.0, -1.0, 2.0, -2.0)
 
 
-def contact_point(problem: Problem, q: Array, before: Array, surface: str, t: float) -> Array:
+def contact_point(problem: Problem, q: Array, before: Array, surface: int, t: float) -> Array:
     """A point of the surface near q; of several that are equally near the one nearest to the point
     before.  q itself where none is found.
 
@@ -42,14 +42,14 @@ def contact_point(problem: Problem, q: Array, before: Array, surface: str, t: fl
     return min(points, key=far, default=q)
 
 
-def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Array | None:
+def onto_surface(problem: Problem, q: Array, surface: int, t: float = 0.0) -> Array | None:
     """Return a point of g = 0 at time t near q, or None where none was found.
 
     Newton steps along the gradient in the metric of the problem's reach, each at most one reach
     long and shortened until the gap gets smaller. Where that ends beside the surface, at a point of
     least distance, they begin again from places to both sides of q along each coordinate.
     """
-    involved = problem.kernels.manifest["surface_coordinates"][surface]
+    involved = problem.model.surface_coordinates[surface]
     sides = [
         d * problem.reach * (np.arange(problem.nq) == j) for d in (0.0, *OUTWARD) for j in involved
     ]
@@ -60,23 +60,23 @@ def onto_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> Ar
     return None
 
 
-def crossings(problem: Problem, q: Array, surface: str, t: float = 0.0) -> list[Array]:
+def crossings(problem: Problem, q: Array, surface: int, t: float = 0.0) -> list[Array]:
     """The first points of a surface of one coordinate to both sides of q, up to four reaches
     away; none for other surfaces."""
-    involved = problem.kernels.manifest["surface_coordinates"][surface]
+    involved = problem.model.surface_coordinates[surface]
     if len(involved) > 1:
         return []
-    j, row, points_on = int(involved[0]), problem.model.surface_numbers[surface], []
+    j, points_on = int(involved[0]), []
 
     def gap(s: float) -> float:
-        return float(problem.model.gaps(q + s * (np.arange(problem.nq) == j), t)[row])
+        return float(problem.model.gaps(q + s * (np.arange(problem.nq) == j), t)[surface])
 
-    if abs(gap(0.0)) <= problem.model.gap_rounding(q, t)[row]:
+    if abs(gap(0.0)) <= problem.model.gap_rounding(q, t)[surface]:
         return [q]
     for sign in (1.0, -1.0):
         places = sign * problem.reach[j] * np.linspace(0.0, FARTHEST, SAMPLES)
         points = q + places[:, None] * (np.arange(problem.nq) == j)
-        gaps = problem.model.gaps(points, t)[:, row]
+        gaps = problem.model.gaps(points, t)[:, surface]
         crossed = np.flatnonzero(gaps[1:] * gaps[0] <= 0)
         if len(crossed):
             k = int(crossed[0]) + 1
@@ -119,11 +119,11 @@ def _cross(a: float, b: float) -> bool:
     return min(a, b) <= 0 <= max(a, b)
 
 
-def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:
-    q, reach, row = q.copy(), problem.reach, problem.model.surface_numbers[surface]
-    gap, slope = problem.model.gaps(q, t)[row], problem.model.gap_slopes(q, t)[row, :-1]
+def _newton(problem: Problem, q: Array, surface: int, t: float) -> Array | None:
+    q, reach = q.copy(), problem.reach
+    gap, slope = problem.model.gaps(q, t)[surface], problem.model.gap_slopes(q, t)[surface, :-1]
     for _ in range(STEPS):
-        if abs(gap) <= problem.model.gap_rounding(q, t)[row]:
+        if abs(gap) <= problem.model.gap_rounding(q, t)[surface]:
             return q
         weighted = slope * reach
         square = weighted @ weighted
@@ -132,18 +132,18 @@ def _newton(problem: Problem, q: Array, surface: str, t: float) -> Array | None:
         step = -gap / square * weighted * reach
         step /= max(1.0, float(np.abs(step / reach).max()))
         for _ in range(HALVINGS):
-            trial = problem.model.gaps(q + step, t)[row]
+            trial = problem.model.gaps(q + step, t)[surface]
             if abs(trial) < abs(gap):
                 break
             step /= 2
         else:
             return q if near_surface(problem, q, surface, t) else None
         q = q + step
-        gap, slope = trial, problem.model.gap_slopes(q, t)[row, :-1]
+        gap, slope = trial, problem.model.gap_slopes(q, t)[surface, :-1]
     return None
 
 
-def near_surface(problem: Problem, q: Array, surface: str, t: float = 0.0) -> bool:
+def near_surface(problem: Problem, q: Array, surface: int, t: float = 0.0) -> bool:
     """Whether a point is meant to lie on a surface: the gap is a small share of its own size."""
-    j = problem.model.surface_numbers[surface]
-    return bool(abs(problem.model.gaps(q, t)[j]) <= SAME * problem.model.gap_sizes(q, t)[j])
+    gap, size = problem.model.gaps(q, t)[surface], problem.model.gap_sizes(q, t)[surface]
+    return bool(abs(gap) <= SAME * size)

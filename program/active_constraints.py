@@ -11,7 +11,7 @@ from enum import Enum
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.program.blocks import Block
+from dmoc.program.blocks import NOWHERE, Block
 from dmoc.program.transcription import Transcription
 
 # A multiplier this small holds nothing back, and an impulse this small is none.
@@ -141,8 +141,8 @@ def _counted(nlp: Transcription) -> dict[Block, tuple[BoundKind, Sequence[str]]]
         laws.step.gap: (BoundKind.GAP, surfaces),
         laws.step.gap_inside: (BoundKind.INSIDE, surfaces),
         **dict.fromkeys(laws.path.blocks, (BoundKind.PATH, paths)),
-        laws.contact.cone: (BoundKind.CONE, nlp.layout.touch.tangents),
-        laws.contact.direction: (BoundKind.DIRECTION, nlp.layout.touch.tangents),
+        laws.contact.cone: (BoundKind.CONE, nlp.layout.touch.contacts.tangents),
+        laws.contact.direction: (BoundKind.DIRECTION, nlp.layout.touch.contacts.tangents),
     }
 
 
@@ -172,5 +172,5 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
 
 def _impulses(nlp: Transcription, x: Array) -> Iterator[ActiveBound]:
     for i, (k, event) in enumerate(zip(nlp.layout.index_lam, nlp.problem.events, strict=True)):
-        if event.hit and x[k] <= NO_IMPULSE:
+        if event.hit != NOWHERE and x[k] <= NO_IMPULSE:
             yield ActiveBound(BoundKind.IMPULSE, f"{i + 1} ({nlp.problem.sequence[i]})")

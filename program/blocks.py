@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contacts import NOWHERE as NOWHERE
 from dmoc.program.scale import Scale
 
 Index = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 # Linear entries: rows, unknowns and factors.
 Entries: TypeAlias = tuple[Index, Index, Array]
-# The number of what there is not.
-NOWHERE = -1
 # Names the one at some place of a block, as `label(node, coordinate)`.
 Label: TypeAlias = Callable[..., str]
 # Typical sizes of a block's members, of its shape or of one that is broadcast to it.

@@ -88,7 +88,8 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
         ]
         return 2 * (ends[0] - ends[1])
 
-    hits = [event.hit for event in problem.events if event.hit]
+    surfaces = problem.model.contacts.surfaces
+    hits = [surfaces[event.hit] for event in problem.events if event.hit != NOWHERE]
     ends, force = nlp.laws.ends, np.concatenate([-y, w])
     time = sum(force[ends.final_time.numbers]) + sum(force[ends.earliest.numbers])
     return {
@@ -115,19 +116,15 @@ def _lagrangian(
 
 def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
     """g becomes g - delta: contacts c = g and gaps d = -g follow."""
-    slopes = dict.fromkeys(nlp.kernels.surfaces, 0.0)
     names, force = nlp.kernels.surfaces, np.concatenate([y, w])
-    impacts = [event.surface for event in nlp.problem.events if event.surface]
-    for name, row in zip(impacts, nlp.laws.impact.contact.numbers, strict=True):
-        slopes[name] -= float(force[row])
-    for block in (nlp.laws.contact.closed, nlp.laws.contact.lands):
-        for row, (_, j) in zip(block.numbers, block.places, strict=True):
-            slopes[names[j]] -= float(force[row])
-    for block in (nlp.laws.step.gap, nlp.laws.step.gap_inside):
-        for j, name in enumerate(names):
-            rows = block.index[:, j]
-            slopes[name] -= float(force[rows[rows != NOWHERE]].sum())
-    return slopes
+    law, on = nlp.laws, nlp.layout.surfaces
+    rows = [(law.impact.contact.numbers, on[on != NOWHERE])]
+    for block in (law.contact.closed, law.contact.lands, law.step.gap, law.step.gap_inside):
+        rows.append((block.numbers, block.places[:, 1]))
+    slopes = np.zeros(len(names))
+    for numbers, surfaces in rows:
+        np.subtract.at(slopes, surfaces, force[numbers])
+    return dict(zip(names, slopes.tolist(), strict=True))
 
 
 def _ends(nlp: Transcription, x: Array, z: Array, node: int) -> dict[str, float]:

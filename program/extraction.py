@@ -10,7 +10,8 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
-from dmoc.mechanics.modes import changes
+from dmoc.mechanics.contact_mode import names_of
+from dmoc.mechanics.touch import changes
 from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
 from dmoc.problem.problem import Problem
@@ -28,7 +29,7 @@ FEWEST = 4
 def trajectory(nlp: Transcription, x: Array) -> Trajectory:
     """Return the motion of the scaled unknowns x: times, coordinates, momenta, velocities,
     inputs, collisions."""
-    lay, problem = nlp.layout, nlp.problem
+    lay, problem, contacts = nlp.layout, nlp.problem, nlp.layout.touch.contacts
     p_start, p_end = nlp.momenta(x)
     x = nlp.physical(x)
     h, q, u = x[lay.index_h], x[lay.index_q], x[lay.index_u]
@@ -52,8 +53,7 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 p,
                 v,
                 np.ascontiguousarray(inputs),
-                mode.closed,
-                dict(mode.rubbing),
+                *names_of(contacts, mode),
                 forces.get("normal", np.zeros((steps + 1, 0))),
                 forces.get("tangential", np.zeros((steps + 1, 0))),
                 *_inside(nlp, t, at, v, q_i[first:last]),
@@ -65,10 +65,10 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
     for i, (before, after) in enumerate(pairwise(phases)):
         arriving, leaving = before.p[-1], after.p[0]
         event, t = problem.events[i], float(after.t[0])
-        effect = not event.hit or not _without_effect(arriving, leaving, largest)
+        effect = event.hit == NOWHERE or not _without_effect(arriving, leaving, largest)
         collisions.append(
             Collision(
-                event.surface,
+                contacts.surfaces[event.surface] if event.impact else "",
                 t,
                 before.q[-1].copy(),
                 float(x[lay.index_lam[i]]),
@@ -76,9 +76,9 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 leaving.copy(),
                 *_rates(nlp, x, i, t),
                 not effect,
-                event.lands,
-                event.leaves,
-                changes(problem.modes[i], problem.modes[i + 1]),
+                contacts.named(event.lands),
+                contacts.named(event.leaves),
+                {contacts.tangents[k]: s for k, s in changes(*problem.modes[i : i + 2]).items()},
                 *_impulses_of_event(lay, x, i),
                 "" if event.course is None else str(event.course),
                 lay.joint.impulses_at(x, i),
@@ -155,7 +155,7 @@ def _impulses_of_event(lay: Layout, x: Array, i: int) -> tuple[dict[str, float],
     """Normal and tangential impulses of an event, by name."""
     normal, tangential = lay.contact.impulses_at(x, i)
     if lay.touch.impacts[i]:
-        normal |= {lay.touch.surfaces[int(lay.surfaces[i])]: float(x[lay.index_lam[i]])}
+        normal |= {lay.touch.contacts.surfaces[int(lay.surfaces[i])]: float(x[lay.index_lam[i]])}
     return normal, tangential
 
 
@@ -212,8 +212,8 @@ def given_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[A
 def stated_in_rates(problem: Problem, named: Mapping[str, Array]) -> bool:
     """Whether multipliers by kind are those of elastic collisions whose law is stated in the rates
     of the gaps: in energies it has a separation beside it."""
-    e = dict(zip(problem.kernels.surfaces, problem.restitution_values, strict=True))
-    elastic = any(e[event.hit] > 0 for event in problem.events if event.hit)
+    e, hits = problem.restitution_values, [event.hit for event in problem.events]
+    elastic = any(e[hit] > 0 for hit in hits if hit != NOWHERE)
     return elastic and "separation" not in named
 
 

@@ -7,11 +7,13 @@ in one direction or sticks.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from dmoc.mechanics.modes import STICK, Course
+from dmoc.mechanics.contact_mode import STICK, Course
+from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Bools, Index, Numbering
 
 # Moments within an impact.
@@ -81,20 +83,29 @@ def moment(event: int, which: int) -> str:
 @dataclass(frozen=True, eq=False)
 class HitUnknowns:
     """Velocities v_h, shape (events, moments, nq), and impulses P_h and T_h until then, shape
-    (events, moments), at the moments within impacts with friction."""
+    (events, moments), at the moments within impacts with friction.
 
+    ``passages`` are the ways through those of them that have a course, ``hit`` and ``rubbed`` the
+    surface and the tangent of each event, 0 where it has none.
+    """
+
+    passages: tuple[Passage, ...]
+    hit: Index
+    rubbed: Index
+    moments: Bools
     v_h: Index
     P_h: Index
     T_h: Index
 
     @classmethod
-    def of(
-        cls, block: Numbering, moments: Bools, contacts: tuple[Index, Index],
-        names: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]],
-    ) -> HitUnknowns:  # fmt: skip
-        """The unknowns of events with some ``moments``; ``contacts`` are the surface and the
-        tangent of each, ``names`` those of velocities, surfaces and tangents."""
-        (hit, rubbed), (velocities, surfaces, tangents) = contacts, names
+    def of(cls, block: Numbering, touch: Touch, velocities: Sequence[str]) -> HitUnknowns:
+        """The unknowns of a motion, with the names of its velocities."""
+        passages, names = passages_of(touch), touch.contacts
+        hit, rubbed = (np.zeros(len(touch.events), dtype=np.intp) for _ in range(2))
+        moments = np.zeros((len(touch.events), len(MOMENTS)), dtype=bool)
+        for p in passages:
+            hit[p.event], rubbed[p.event] = p.surface, p.tangent
+            moments[p.event, list(p.moments)] = True
         blocks = (
             block(
                 "v_h",
@@ -105,21 +116,35 @@ class HitUnknowns:
             block(
                 "P_h",
                 moments,
-                lambda i, m: f"impulse of {surfaces[hit[i]]} {moment(i, m)}",
+                lambda i, m: f"impulse of {names.surfaces[hit[i]]} {moment(i, m)}",
                 lambda s: s.lam[hit][:, None],
             ),
             block(
                 "T_h",
                 moments,
-                lambda i, m: f"friction impulse of {tangents[rubbed[i]]} {moment(i, m)}",
+                lambda i, m: f"friction impulse of {names.tangents[rubbed[i]]} {moment(i, m)}",
                 lambda s: s.friction[rubbed][:, None],
             ),
         )
-        return cls(*(b.index for b in blocks))
+        return cls(passages, hit, rubbed, moments, *(b.index for b in blocks))
 
 
-def passage_of(event: int, contact: tuple[int, int], course: Course, lands: bool) -> Passage:
-    """The stages of a course; ``contact`` are surface and tangent."""
+def passages_of(touch: Touch) -> tuple[Passage, ...]:
+    """The ways through the impacts with friction of a motion that have a course: hits, and
+    landings during which sliding stops."""
+    tangents = touch.contacts.supports.index
+    return tuple(
+        Passage(
+            i, event.surface, tangents(event.surface), bool(event.lands),
+            *_stages(event.course, bool(event.lands)),
+        )
+        for i, event in enumerate(touch.events)
+        if event.course is not None
+    )  # fmt: skip
+
+
+def _stages(course: Course, lands: bool) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Moments and friction of the stages of a course."""
     moments, friction = [END], [course.first, course.first]
     if course.then is not None:
         moments = [END, STOP] if course.late else [STOP, END]
@@ -127,4 +152,4 @@ def passage_of(event: int, contact: tuple[int, int], course: Course, lands: bool
     if lands:  # compression alone, which ends with the impact
         moments.remove(END)
         friction.pop()
-    return Passage(event, *contact, lands, tuple(moments), tuple(friction))
+    return tuple(moments), tuple(friction)

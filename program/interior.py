@@ -18,14 +18,13 @@ GIVES_WAY = 1e-3
 
 
 def give_way(
-    problem: Problem, lay: Layout, box: Array, scale: Scale, held: Iterable[tuple[Index, str]]
+    problem: Problem, lay: Layout, box: Array, scale: Scale, held: Iterable[tuple[Index, int]]
 ) -> None:
     """Move bounds of a coordinate that a surface holds where they are; ``held`` are nodes and
     their surfaces."""
-    manifest = problem.kernels.manifest
     for nodes, surface in held:
-        involved = manifest["surface_coordinates"][surface]
-        if len(involved) > 1 or surface in manifest["moving_surfaces"]:
+        involved = problem.model.surface_coordinates[surface]
+        if len(involved) > 1 or surface in problem.model.moving:
             continue
         j = int(involved[0])
         unknowns = lay.index_q[nodes, j]
@@ -44,8 +43,8 @@ def bound_once(problem: Problem, lay: Layout, box: Array) -> None:
     and none beside one where the coordinate is fixed."""
     if problem.explicit_time:
         return
-    on = problem.kernels.manifest["tangent_coordinates"]
-    for i, mode in enumerate(problem.modes):
+    on = problem.model.tangent_coordinates
+    for i, mode in enumerate(lay.touch.modes):
         nodes = np.arange(lay.ends[i], lay.ends[i + 1] + 1)
         for tangent in mode.sticking:
             if len(on[tangent]) > 1:

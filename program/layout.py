@@ -22,11 +22,13 @@ from itertools import accumulate
 import numpy as np
 
 from dmoc.base.discretisation import DISCRETISATIONS, FORMS, Discretisation, InputForm
+from dmoc.base.errors import ProblemError
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Index, Numbering, sizes_of
-from dmoc.program.contact_table import ContactUnknowns, Touch, touch_of
+from dmoc.program.contact_table import ContactUnknowns
 from dmoc.program.hit_stages import HitUnknowns
 from dmoc.program.joints import JointUnknowns
 from dmoc.program.reactions import PhaseReaction
@@ -74,6 +76,7 @@ class Layout:
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
+        _check_courses(problem)
         kernels = problem.kernels
         turning = {name for r in problem.relations for name in (r.start, r.end)}
         turns = any(velocity_name(c) in turning for c in kernels.coordinates)
@@ -94,12 +97,9 @@ class Layout:
             problem.order,
             problem.explicit_time,
             tuple(problem.sequence),
-            tuple(
-                kernels.surfaces.index(e.surface) if e.surface else NOWHERE for e in problem.events
-            ),
             problem.start_bounds.needs_velocity or at_start,
             problem.goal_bounds.needs_velocity or at_goal,
-            touch_of(problem),
+            problem.touch,
             tuple(kernels.joints),
         )
         return (_shared if sum(kind.steps) <= MOST_SHARED else _laid_out)(kind)
@@ -228,6 +228,16 @@ def collision_names(problem: Problem) -> list[str]:
     return _names_of_collisions(problem.sequence)
 
 
+def _check_courses(problem: Problem) -> None:
+    """Refuse hits with friction whose course is not said."""
+    for i, words in problem.open_hits.items():
+        raise ProblemError(
+            f"event {i + 1} ({problem.sequence[i]}) is a hit with friction, which can go in "
+            f"several ways: say which, by one of {', '.join(map(repr, words))}, or let dmoc.solve "
+            "try them."
+        )
+
+
 def _names_of_collisions(sequence: Sequence[str]) -> list[str]:
     def kind(word: str) -> str:
         return "event" if any(sign in word for sign in "+-: ") else "collision"
@@ -252,8 +262,8 @@ def _steps_of_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
 
 @dataclass(frozen=True)
 class Kind:
-    """What a layout depends on; ``surfaces`` are the numbers of those of the sequence, the last
-    two say whether the velocities at the ends are unknowns."""
+    """What a layout depends on; ``v_at_start`` and ``v_at_end`` say whether the velocities there
+    are unknowns."""
 
     coordinates: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -263,7 +273,6 @@ class Kind:
     order: int
     timed: bool
     sequence: tuple[str, ...]
-    surfaces: tuple[int, ...]
     v_at_start: bool
     v_at_end: bool
     touch: Touch
@@ -274,7 +283,8 @@ def _laid_out(kind: Kind) -> Layout:
     names, u, steps = kind.coordinates, kind.inputs, kind.steps
     form, scheme = FORMS[kind.form], DISCRETISATIONS[kind.order]
     nq, total, phases = len(names), sum(steps), len(steps)
-    surfaces = np.array(kind.surfaces, dtype=np.intp)
+    touch = kind.touch
+    surfaces = np.array([event.surface for event in touch.events], dtype=np.intp)
     p, v = [momentum_name(c) for c in names], [velocity_name(c) for c in names]
     hits, at = phases - 1, _names_of_collisions(kind.sequence)
     row_steps = _steps_of_rows(form, steps)
@@ -340,11 +350,9 @@ def _laid_out(kind: Kind) -> Layout:
         ),
     )
     indices = {f"index_{b.name}": b.index for b in motion}
-    touch = kind.touch
     contact = ContactUnknowns.of(block, steps, touch)
-    words = (tuple(v), touch.surfaces, touch.tangents)
-    hit = HitUnknowns.of(block, touch.moments, touch.passing, words)
-    joint = JointUnknowns.of(block, steps, kind.joints, np.array(touch.impacts, dtype=bool))
+    hit = HitUnknowns.of(block, touch, v)
+    joint = JointUnknowns.of(block, steps, kind.joints, touch.impacts)
     return Layout(
         nq, len(u), steps, form, scheme, kind.timed, surfaces, touch, tuple(block.made),
         **indices, contact=contact, hit=hit, joint=joint,

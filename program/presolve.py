@@ -56,7 +56,8 @@ class Settled:
 
     @classmethod
     def nothing(cls, lay: Layout) -> Settled:
-        phases, nc, nt = lay.phases, len(lay.touch.surfaces), len(lay.touch.tangents)
+        names, phases = lay.touch.contacts, lay.phases
+        nc, nt = len(names.surfaces), len(names.tangents)
         shapes = ((phases + 1, nc), (phases, nt), (2, nc), (2, nt))
         return cls(*(np.zeros(shape, dtype=bool) for shape in shapes))
 
@@ -156,7 +157,7 @@ def _stuck(problem: Problem, lay: Layout, nodes: list[States]) -> Bools:
     """What sticks in a phase at whose end it is fixed where it was fixed before."""
     values, sizes = zip(*(_tangents(problem, at) for at in nodes), strict=True)
     stuck = np.zeros_like(lay.touch.sticks)
-    for j in range(len(lay.touch.tangents)):
+    for j in range(problem.model.nt):
         before = -1
         for i, x in enumerate(values):
             if i and not lay.touch.sticks[i - 1, j]:

@@ -264,9 +264,8 @@ def extended(parent: Solution, problem: Problem) -> Array:
     *earlier, last = pieces_of(parent.trajectory)
     steps = len(last.t) - 1
     k, q, rates = steps // 2, last.q, [last.v[: steps // 2 + 1], last.v[steps // 2 :]]
-    if event.surface:
-        j = problem.model.surface_numbers[event.surface]
-        gaps = problem.model.gaps(last.q, last.t)[:, j]
+    if event.impact:
+        gaps = problem.model.gaps(last.q, last.t)[:, event.surface]
         inner = slice(max(1, steps // 10), steps - max(1, steps // 10) + 1)
         k = int(np.argmax(gaps[inner])) + inner.start
         met = onto_surface(problem, last.q[k], event.surface, float(last.t[k]))
@@ -283,7 +282,7 @@ def extended(parent: Solution, problem: Problem) -> Array:
     if not problem.explicit_time:  # else the surface, too, is where it is at its time
         pieces = equally_long(pieces)
     impulse, at = 0.0, float(pieces[-1].t[0])
-    if event.surface:
+    if event.impact:
         _, impulse = reflected(problem, q[k], pieces[-2].v[-1], event.surface, at)
     x = unknowns_along(problem, pieces, [*(c.impulse for c in parent.collisions), impulse])
     return in_contact(problem, x)

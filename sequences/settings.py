@@ -11,7 +11,8 @@ import numpy as np
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ProblemError, SearchError
 from dmoc.base.options import read
-from dmoc.mechanics.modes import Contacts, event_of, mode_of, word_between
+from dmoc.mechanics.contacts import Contacts
+from dmoc.mechanics.modes import event_of, mode_of, word_between
 from dmoc.mechanics.possible_words import possible_after, words_after
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution
@@ -66,7 +67,7 @@ def events_of(problem: Problem, wanted: Sequence[str] | None) -> tuple[str, ...]
     chosen = tuple(wanted)
     for word in chosen:
         try:
-            _check_word(word, problem.touches)
+            _check_word(word, problem.touch.contacts)
         except ProblemError as error:
             raise SearchError(f"events: {error}") from None
     if not chosen or len(set(chosen)) < len(chosen):
@@ -81,7 +82,7 @@ def _check_word(word: str, contacts: Contacts) -> None:
     try:
         event_of(word, contacts)
     except ProblemError:
-        event_of(word, contacts, contacts.surfaces)
+        event_of(word, contacts, range(len(contacts.surfaces)))
 
 
 def hits_alone(problem: Problem, settings: Settings) -> bool:
@@ -96,8 +97,8 @@ def children(problem: Problem, sequence: tuple[str, ...], settings: Settings) ->
         return list(settings.surfaces)
     mode = problem.but(sequence=sequence, durations=None, via=None).modes[-1]
     if settings.events is not None:
-        return list(possible_after(mode, settings.events, problem.touches))
-    return list(words_after(mode, problem.touches, settings.surfaces))
+        return list(possible_after(mode, settings.events, problem.touch.contacts))
+    return list(words_after(mode, problem.touch.contacts, settings.surfaces))
 
 
 def proposed(problem: Problem, solution: Solution | None, settings: Settings) -> tuple[str, ...]:
@@ -108,8 +109,9 @@ def proposed(problem: Problem, solution: Solution | None, settings: Settings) ->
         return ()
     words = proposal.sequence
     if proposal.contacts is not None:  # the search begins as the problem does
-        start = problem.modes[0], mode_of(proposal.contacts, problem.touches)
-        words = (word_between(*start), *words)
+        contacts = problem.touch.contacts
+        start = problem.modes[0], mode_of(proposal.contacts, contacts)
+        words = (word_between(contacts, *start), *words)
     fits = settings.events is None or set(words) <= set(settings.events)
     return words if fits and len(words) <= settings.max_collisions + BEYOND else ()
 

@@ -23,8 +23,8 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import columns
-from dmoc.mechanics.bound_kernels import RAIL
 from dmoc.mechanics.contact_mode import Mode
+from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
 from dmoc.simulation.tolerances import Tolerances
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dmoc.base.errors import SimulationError
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import Mode, names_of
+from dmoc.mechanics.contact_mode import FREE, Mode, names_of
 from dmoc.mechanics.model import Model
 from dmoc.motion.trajectory import FRICTION_WORDS, Collision
 from dmoc.simulation.contact_impacts import struck
@@ -85,7 +85,8 @@ class MotionRecord:
     def note(self, model: Model, mode: Mode | None, t: float) -> bool:
         """A mode begins, or, without one, the simulation ends; return whether it is another
         one."""
-        now = set() if mode is None else set(names_of(model, mode))
+        closed, rubbing = names_of(model.contacts, mode or FREE)
+        now: set[tuple[str, int | None]] = {*((name, None) for name in closed), *rubbing.items()}
         ended = [key for key in self.going if key not in now]
         changed = bool(ended) or not now <= set(self.going)
         for name, friction in ended:
@@ -200,10 +201,9 @@ def _events_shown(model: Model, modes: list[Mode], journal: MotionRecord) -> Ite
     for name in dict.fromkeys(c.surface for c in journal.collisions[-MOST_SHOWN:]):
         yield f"hits of {name!r}"
     for mode in dict.fromkeys(modes[-MOST_SHOWN:]):
-        words = [
-            f"{name!r} {'closed' if s is None else FRICTION_WORDS[s]}"
-            for name, s in names_of(model, mode)
-        ]
+        closed, rubbing = names_of(model.contacts, mode)
+        words = [f"{name!r} closed" for name in closed]
+        words += [f"{name!r} {FRICTION_WORDS[s]}" for name, s in rubbing.items()]
         yield " and ".join(words) or "all open"
 
 

@@ -53,9 +53,9 @@ cdef class Dynamics:
     def _contacts(self):
         """Make what joints, and modes with contacts or friction, need."""
         cdef ptrdiff_t nq = self.nq, rows = self.capacity, most = self.nc + self.nt + self.nj
-        kernels, surfaces, self.ready = self.kernels, self.kernels.surfaces, True
-        places = [surfaces.index(n) if n in surfaces else -1 for n in kernels.tangents]
-        self.support = np.array([*places, -1], dtype=np.intp)
+        kernels, self.ready = self.kernels, True
+        contacts = Contacts(tuple(kernels.surfaces), tuple(kernels.tangents))
+        self.support = np.array([*contacts.supports, RAIL], dtype=np.intp)
         none = np.zeros(0, dtype=np.intp)
         self.gamma_row = self.gamma_column = self.sigma_row = self.sigma_column = none
         self.phi_row = self.phi_column = none

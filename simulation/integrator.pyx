@@ -28,6 +28,7 @@ from elimination cimport factor, shortest, solve
 import numpy as np
 
 from dmoc.mechanics.contact_mode import FREE
+from dmoc.mechanics.contacts import RAIL, Contacts
 from dmoc.simulation.contact_modes import Reaction
 from dmoc.simulation.dormand_prince import shares, sums
 

@@ -20,8 +20,8 @@ from dmoc.base.errors import SimulationError
 from dmoc.base.tolerances import SAME
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import solved
-from dmoc.mechanics.bound_kernels import RAIL
 from dmoc.mechanics.contact_mode import Mode, without_rails
+from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
 from dmoc.simulation.contact_modes import (
     answers,
@@ -174,7 +174,7 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
     blows: dict[Mode, Blow] = {}
 
     def holds(mode: Mode, opened: tuple[int, ...]) -> bool:
-        mode = without_rails(model, mode)
+        mode = without_rails(model.supports, mode)
         aims = -condition_rates(model, mode, q, v, t)
         aims[0, : len(mode.closed)] = wanted[list(mode.closed)]
         change, lam = answers(M, conditions(model, mode, q, t), aims)
@@ -190,7 +190,7 @@ def plastic_blow(model: Model, at: Place, on: Sequence[int], e: Array) -> Blow |
 
     at_any_speed = np.full(model.nt, np.inf)
     mode = _first(model, list(on), sigma, at_any_speed, Hints(), holds, rails=False)
-    return None if mode is None else blows[without_rails(model, mode)]
+    return None if mode is None else blows[without_rails(model.supports, mode)]
 
 
 def _borne(

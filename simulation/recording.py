@@ -10,7 +10,7 @@ import numpy as np
 
 from dmoc.base.tolerances import ROUNDING
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.contact_mode import Mode
+from dmoc.mechanics.contact_mode import Mode, names_of
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.trajectories import motion_along
 from dmoc.motion.trajectory import Collision, Phase, Trajectory
@@ -139,8 +139,7 @@ def _phase(
         return np.vstack(parts)
 
     t = np.concatenate([[first], run.t[inner], [last]])
-    kernels = run.model.kernels
-    rubbing, closed = mode.rubbing, sorted(mode.closed)
+    contacts, rubbing, closed = run.model.contacts, list(mode.rubbing), sorted(mode.closed)
     q, v, u = stacked("q"), stacked("v"), _inputs(run, t)
     return Phase(
         t,
@@ -148,11 +147,11 @@ def _phase(
         stacked("p"),
         v,
         u,
-        tuple(kernels.surfaces[j] for j in closed),
-        {kernels.tangents[k]: rubbing[k] for k in sorted(rubbing)},
+        contacts.named(closed),
+        names_of(contacts, mode)[1],
         np.ascontiguousarray(stacked("normal")[:, closed]),
-        np.ascontiguousarray(stacked("tangential")[:, sorted(rubbing)]),
-        joints=tuple(kernels.joints),
+        np.ascontiguousarray(stacked("tangential")[:, rubbing]),
+        joints=tuple(run.model.kernels.joints),
         reaction=_joint_forces(run, mode, np.hstack([q, v]), np.vstack([u[:1], u]), t),
     )
 

@@ -205,11 +205,12 @@ def _in_words(nlp: Transcription) -> Iterator[Kind]:
     goals = [*at_ends.fixed_goals, *(g for g, _, _ in at_ends.limits)]
     for row, goal in zip((*at_ends.goal.numbers, *at_ends.goal_range.numbers), goals, strict=True):
         yield np.array([row]), said(f"the goal of {goal.name} is missed"), _unit(goal.name, units)
-    impacts = [(i, event.surface) for i, event in enumerate(problem.events) if event.surface]
+    impacts = [(i, event.surface) for i, event in enumerate(problem.events) if event.impact]
     for (i, surface), row in zip(impacts, impact.contact.numbers, strict=True):
-        involved = [names[j] for j in kernels.manifest["surface_coordinates"][surface]]
-        unit = _unit(involved[0], units) if len(involved) == 1 else ""
-        yield np.array([row]), said(f"collision {i + 1} misses {surface!r}"), unit
+        involved = problem.model.surface_coordinates[surface]
+        unit = _unit(names[involved[0]], units) if len(involved) == 1 else ""
+        text = f"collision {i + 1} misses {kernels.surfaces[surface]!r}"
+        yield np.array([row]), said(text), unit
     for j, q in enumerate(names):
         yield (
             step.momentum.index[:, j],
@@ -234,11 +235,11 @@ def _in_words(nlp: Transcription) -> Iterator[Kind]:
             text = f"the momentum of {q} at the {end} does not fit the velocity"
             yield np.array([row]), said(text), _unit(f"p_{q}", units)
     for (i, surface), row in zip(impacts, impact.energy.numbers, strict=True):
-        text = f"collision {i + 1} ({surface}) violates its law of restitution"
+        text = f"collision {i + 1} ({kernels.surfaces[surface]}) violates its law of restitution"
         yield np.array([row]), said(text), ""
-    for j, surface in enumerate(kernels.surfaces):
+    for j, name in enumerate(kernels.surfaces):
         kept = np.flatnonzero(step.gap.index[:, j] != NOWHERE)
-        passes = [f"the motion passes {surface} at node {k}" for k in kept]
+        passes = [f"the motion passes {name} at node {k}" for k in kept]
         yield step.gap.index[kept, j], passes.__getitem__, ""
 
 
@@ -267,7 +268,7 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
         return ()
     low, high = problem.duration_bounds.T
     sentences = []
-    for i, surface in enumerate(event.hit for event in problem.events):
+    for i, event in enumerate(problem.events):
         allowed = min(high[i], problem.final_time_bounds[1] - (low.sum() - low[i]))
         at = x.copy()
         if i == 0:  # the start is known: a motion of least violation may have left it
@@ -276,8 +277,9 @@ def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:
             )
         shortest = phase_minimal_time(problem, lay, at * nlp.unit, i)
         if np.isfinite(shortest) and shortest > (1 + CLEARLY) * allowed:
+            name = problem.kernels.surfaces[event.hit]
             sentences.append(
-                f"phase {i} -> {surface!r}: the shortest time at full input is about "
+                f"phase {i} -> {name!r}: the shortest time at full input is about "
                 f"{shortest:.3g} s, the bounds allow {allowed:.3g} s"
             )
     return tuple(sentences)

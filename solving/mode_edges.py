@@ -17,16 +17,18 @@ whatever its multiplier says: what counts is the sum over gaps that grow and van
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 from itertools import chain, pairwise
+from typing import TypeAlias
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.modes import FRICTION, STICK, PhaseMode, word_between
-from dmoc.motion.trajectory import FRICTION_WORDS, mode_word
+from dmoc.mechanics.contact_mode import STICK, Mode, mode_in_words
+from dmoc.mechanics.modes import word_between
+from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.active_constraints import NO_FORCE
 from dmoc.program.blocks import NOWHERE, Bools, Index
@@ -35,6 +37,7 @@ from dmoc.results.proposal import CLOSED, OPEN, Proposal, Stay
 from dmoc.solvers.kkt import cost_size
 from dmoc.solvers.outcome import Outcome
 
+Change: TypeAlias = Callable[[Mode], Mode]
 # Steps of a stay, at least: in a single one a row may be active by the mesh alone.
 FEWEST = 2
 # What another mode may save to first order, relative to the cost, for a stay to be told.
@@ -47,14 +50,15 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
     if lay.touch.free:
         return None
     t, edges = lay.times(nlp.physical(outcome.x)), _Edges(nlp, outcome)
-    stays, modes = list[Stay](), list[list[PhaseMode]]()
+    stays, modes = list[Stay](), list[list[Mode]]()
     for i, mode in enumerate(problem.modes):
         in_steps = [mode] * lay.steps[i]
-        for contact, word, cheaper, steps in edges.of_phase(i):
+        for change, words, steps in edges.of_phase(i):
+            contact, word, cheaper = words
             begin, end = (float(t[lay.ends[i] + k]) for k in (steps.start, steps.stop))
             stays.append(Stay(i, contact, begin, end, word, cheaper))
             for k in steps:
-                in_steps[k] = _changed(in_steps[k], contact, cheaper)
+                in_steps[k] = change(in_steps[k])
         if i and problem.events[i - 1].course and mode.closed:
             in_steps[0] = mode  # what the impact ends with
         modes.append(in_steps)
@@ -62,7 +66,8 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
         return None
     events = list(_events(problem, modes, t))
     start = modes[0][0]
-    contacts = tuple(mode_word(start.closed, start.rubbing).split()) if not start.free else ()
+    names = lay.touch.contacts
+    contacts = () if start.free else tuple(mode_in_words(names, start).split())
     return Proposal(
         tuple(stays),
         tuple(word for word, _ in events),
@@ -71,18 +76,20 @@ def proposal_of(nlp: Transcription, outcome: Outcome) -> Proposal | None:
     )
 
 
-def _changed(mode: PhaseMode, contact: str, cheaper: str) -> PhaseMode:
-    """A mode in which one contact does something else."""
-    if cheaper == OPEN:
-        rubbing = {t: s for t, s in mode.rubbing.items() if t != contact}
-        return PhaseMode(tuple(c for c in mode.closed if c != contact), rubbing)
-    if contact not in mode.rubbing:  # it leaves in this step
-        return mode
-    return replace(mode, rubbing={**mode.rubbing, contact: FRICTION[cheaper]})
+def _opened(supports: tuple[int, ...], surface: int, mode: Mode) -> Mode:
+    """A mode in which a contact has left."""
+    rubbing = {k: s for k, s in mode.rubbing.items() if supports[k] != surface}
+    return Mode.of([j for j in mode.closed if j != surface], rubbing)
+
+
+def _rubbing(tangent: int, friction: int, mode: Mode) -> Mode:
+    """A mode in which a tangent rubs otherwise; the same where its contact has left."""
+    rubbing = mode.rubbing
+    return Mode.of(mode.closed, {**rubbing, tangent: friction}) if tangent in rubbing else mode
 
 
 def _events(
-    problem: Problem, modes: Sequence[Sequence[PhaseMode]], t: Array
+    problem: Problem, modes: Sequence[Sequence[Mode]], t: Array
 ) -> Iterator[tuple[str, float]]:
     """Words and times of the events of phases that have a mode in every step; one at which nothing
     happens any more is none."""
@@ -90,7 +97,8 @@ def _events(
     of_step = list(chain.from_iterable(modes))
     for k, (before, after) in enumerate(pairwise(of_step), start=1):
         (at,) = np.nonzero(ends == k)
-        word = word_between(before, after, problem.events[at[0]] if len(at) else None)
+        event = problem.events[at[0]] if len(at) else None
+        word = word_between(problem.model.contacts, before, after, event)
         if word:
             yield word, float(t[k])
 
@@ -103,22 +111,22 @@ class _Edges:
     nlp: Transcription
     outcome: Outcome
 
-    def of_phase(self, i: int) -> Iterator[tuple[str, str, str, range]]:
-        """Contacts that stay at an edge in phase i: contact, what it does, what would cost less,
-        and the steps of the phase."""
-        touch = self.nlp.layout.touch
-        for j in touch.closed[i]:
+    def of_phase(self, i: int) -> Iterator[tuple[Change, tuple[str, str, str], range]]:
+        """Contacts that stay at an edge in phase i: the change of the mode that would cost less;
+        contact, what it does, and what it would do then; and the steps of the phase."""
+        mode, names = self.nlp.layout.touch.modes[i], self.nlp.layout.touch.contacts
+        for j in mode.closed:
             for steps in self._unloaded(i, j):
-                yield touch.surfaces[j], CLOSED, OPEN, steps
-        for k, s in touch.rubbing[i]:
-            name, word = touch.tangents[k], FRICTION_WORDS[s]
+                change = partial(_opened, names.supports, j)
+                yield change, (names.surfaces[j], CLOSED, OPEN), steps
+        for k, s in mode.rubbing.items():
+            edges = [(STICK, self._at_rest(i, k, s))]
             if s == STICK:
-                for side, way in enumerate((-1, 1)):
-                    for steps in self._worth(*self._at_limit(i, k, side, way)):
-                        yield name, word, FRICTION_WORDS[way], steps
-            else:
-                for steps in self._worth(*self._at_rest(i, k, s)):
-                    yield name, word, FRICTION_WORDS[STICK], steps
+                edges = [(way, self._at_limit(i, k, n, way)) for n, way in enumerate((-1, 1))]
+            for way, edge in edges:
+                for steps in self._worth(*edge):
+                    words = names.tangents[k], FRICTION_WORDS[s], FRICTION_WORDS[way]
+                    yield partial(_rubbing, k, way), words, steps
 
     # Steps at an edge, and what the other mode saves at the node after each, in units of the cost.
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from dmoc.base.deadline import Deadline
 from dmoc.guess.hit_course import courses_at, states_before
-from dmoc.mechanics.modes import Course
+from dmoc.mechanics.contact_mode import Course
+from dmoc.mechanics.contacts import NOWHERE
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Status
@@ -203,7 +204,8 @@ def _said(problem: Problem, courses: Mapping[int, Course]) -> Words:
 
     def said() -> Iterator[str]:
         for i, words in enumerate(_words(problem)):
-            wanted = f"{problem.events[i].hit}:{courses.get(i)}"
+            hit = problem.events[i].hit
+            wanted = "" if hit == NOWHERE else f"{problem.kernels.surfaces[hit]}:{courses.get(i)}"
             yield next((word for word in words if wanted in word.split()), words[0])
 
     return tuple(said())

@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 
 from dmoc.base.deadline import Deadline
-from dmoc.mechanics.modes import STICK, along
+from dmoc.mechanics.contact_mode import STICK
+from dmoc.mechanics.contacts import NOWHERE
+from dmoc.mechanics.modes import along
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution, saying
@@ -55,12 +57,14 @@ def _turned(problem: Problem, words: Sequence[str]) -> Iterator[tuple[str, ...]]
     if len(words) == len(problem.sequence):
         yield tuple(words)
         return
-    word, contacts = problem.sequence[len(words)], problem.touches
-    events, modes = along(problem.modes[0], [*words, word], contacts)
-    said = events[-1].friction
-    slides = {t: s for t, s in modes[-1].rubbing.items() if s != STICK and t not in said}
-    if events[-1].hit and events[-1].course is None:
-        for name, sign in slides.items():
+    word, contacts = problem.sequence[len(words)], problem.touch.contacts
+    touch = along(problem.modes[0], [*words, word], contacts)
+    event, said = touch.events[-1], dict(touch.events[-1].friction)
+    if event.hit != NOWHERE and event.course is None:
+        for k, sign in touch.modes[-1].sliding:
+            if k in said:
+                continue
             for state in (-sign, STICK):
-                yield from _turned(problem, [*words, f"{word} {name}:{FRICTION_WORDS[state]}"])
+                turn = f"{contacts.tangents[k]}:{FRICTION_WORDS[state]}"
+                yield from _turned(problem, [*words, f"{word} {turn}"])
     yield from _turned(problem, [*words, word])

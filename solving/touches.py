@@ -13,7 +13,7 @@ import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import response
-from dmoc.mechanics.modes import STICK
+from dmoc.mechanics.contact_mode import STICK
 from dmoc.program.blocks import Index
 from dmoc.program.hit_stages import STOP, Passage
 from dmoc.program.transcription import Transcription
@@ -75,7 +75,7 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     e = float(nlp.problem.restitution_values[j])
     by_impulse = (1 + e) * float(slope[lay.index_lam[i]])
     size = float(nlp.scale.rate[j])
-    passage = next((p for p in lay.touch.passages if p.event == i), None)
+    passage = next((p for p in lay.hit.passages if p.event == i), None)
     if passage is None:
         _, inertia = nlp.problem.model.impulse_response(
             q, nlp.problem.model.gap_slopes(q, t)[j, :-1], t

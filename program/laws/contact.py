@@ -36,10 +36,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contacts import RAIL
+from dmoc.mechanics.touch import Touch
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering
-from dmoc.program.contact_table import Touch
 from dmoc.program.interior import bound_once, give_way
 from dmoc.program.laws.law import AT_REST, INPUT, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase
@@ -97,7 +98,7 @@ class ContactLaw(Law):
             return
         held = [
             (np.arange(lay.ends[i], lay.ends[i + 1] + 1), surface)
-            for i, mode in enumerate(problem.modes)
+            for i, mode in enumerate(lay.touch.modes)
             for surface in mode.closed
         ]
         give_way(problem, lay, box, scale, held)
@@ -117,12 +118,12 @@ class ContactLaw(Law):
 
     def equations(self, block: Numbering) -> None:
         lay, touch = self.lay, self.touch
-        names, friction = touch.surfaces, touch.tangents
+        names, friction = touch.contacts.surfaces, touch.contacts.tangents
         along = self._phases
         moves = np.vstack([np.ones_like(self.settled.stuck[:1]), self.settled.stuck])
         landing = np.zeros_like(touch.beside)
-        for i, surfaces in enumerate(touch.landings):
-            landing[i, list(surfaces[1:])] = True
+        for i, event in enumerate(touch.events):
+            landing[i, list(event.lands[1:])] = True
 
         def at(r: int, j: int, which: Sequence[str]) -> str:
             return f"{which[j]} {place(lay.steps, r)}"
@@ -182,7 +183,7 @@ class ContactLaw(Law):
     def inequalities(self, block: Numbering) -> None:
         """The last axis of cones and of directions of impacts are the two sides."""
         lay, touch = self.lay, self.touch
-        friction, nodes, steps = touch.tangents, self._phases.nodes, np.arange(lay.total)
+        friction, nodes, steps = touch.contacts.tangents, self._phases.nodes, np.arange(lay.total)
         slides = touch.signs[lay.phase_of_step] != 0
         slides = slides if not touch.free else slides[:0]
 
@@ -340,9 +341,9 @@ class ContactLaw(Law):
         phase, sides = self._phases.phase, np.array([1.0, -1.0])
         weight = np.where(self._phases.is_first | self._phases.is_last, 0.5, 1.0)
         events = touch.rubs_in_impact
-        for t, surface in enumerate(touch.surface_of):
+        for t, surface in enumerate(touch.contacts.supports):
             along = np.flatnonzero(touch.rubs[phase, t])
-            if surface == NOWHERE:
+            if surface == RAIL:
                 limit, factor = lay.index_h[phase[along]], self.mu[t] * weight[along]
             else:
                 limit = lay.contact.P[along, surface]
@@ -353,7 +354,7 @@ class ContactLaw(Law):
                 (self.sliding.index[along, t], self.cone.index[along, t]),
                 sides,
             )
-            if surface == NOWHERE:
+            if surface == RAIL:
                 continue
             at = np.flatnonzero(events[:, t])
             normal = np.where(

@@ -37,11 +37,10 @@ import numpy as np
 
 from dmoc.base.names import momentum_name
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.modes import STICK
+from dmoc.mechanics.contact_mode import STICK
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Numbering, in_columns
-from dmoc.program.contact_table import Touch
 from dmoc.program.hit_stages import END, MOMENTS, STAGES, STOP, Passage, moment
 from dmoc.program.laws.impact import ImpactLaw, restitution_of
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
@@ -98,17 +97,13 @@ class HitLaw(Law):
         box[stops[stops != NOWHERE]] = 0.0
 
     @property
-    def touch(self) -> Touch:
-        return self.lay.touch
-
-    @property
     def passages(self) -> tuple[Passage, ...]:
-        return self.touch.passages
+        return self.lay.hit.passages
 
     # Rows -----------------------------------------------------------------------------------------
 
     def equations(self, block: Numbering) -> None:
-        moments, count = self.touch.moments, len(self.touch.impacts)
+        moments, count = self.lay.hit.moments, len(self.lay.surfaces)
         halts = np.zeros((count, AFTER + 1), dtype=bool)
         slips = np.zeros((count, STAGES), dtype=bool)
         for p in self.passages:
@@ -116,8 +111,8 @@ class HitLaw(Law):
             halts[p.event, [1 + m for m in p.rests]] = True
             halts[p.event, AFTER] = p.friction[-1] == 0
             slips[p.event, np.flatnonzero(p.friction)] = True
-        hit, rubbed = self.touch.passing
-        names, tangents = self.names, self.touch.tangents
+        hit, rubbed, contacts = self.lay.hit.hit, self.lay.hit.rubbed, self.lay.touch.contacts
+        names, tangents = self.names, contacts.tangents
 
         def place(i: int, column: int) -> str:
             sides = {BEFORE: f"before event {i + 1}", AFTER: f"after event {i + 1}"}
@@ -132,7 +127,7 @@ class HitLaw(Law):
         self.restitution = block(
             "restitution",
             np.asarray(moments[:, END]),
-            lambda i: f"restitution of {self.touch.surfaces[hit[i]]} at event {i + 1}",
+            lambda i: f"restitution of {contacts.surfaces[hit[i]]} at event {i + 1}",
             lambda s: s.lam[hit],
         )
         self.halts = block(
@@ -150,7 +145,7 @@ class HitLaw(Law):
 
     def inequalities(self, block: Numbering) -> None:
         """The last axis of ``bears`` are the two sides of the cone."""
-        count = len(self.touch.impacts)
+        count = len(self.lay.surfaces)
         share = np.zeros((count, STAGES), dtype=bool)
         bears = np.zeros((count, STAGES, 2), dtype=bool)
         heads = np.zeros((count, 2), dtype=bool)
@@ -163,8 +158,8 @@ class HitLaw(Law):
             sticking = p.bears(self.e[p.event])
             if sticking is not None:
                 bears[p.event, sticking] = True
-        hit, rubbed = self.touch.passing
-        tangents, of = self.touch.tangents, {p.event: p for p in self.passages}
+        hit, rubbed = self.lay.hit.hit, self.lay.hit.rubbed
+        tangents, of = self.lay.touch.contacts.tangents, {p.event: p for p in self.passages}
 
         def direction(i: int, side: int) -> str:
             word = FRICTION_WORDS[of[i].friction[-side]]
@@ -185,8 +180,8 @@ class HitLaw(Law):
         self.heads = block("heads", heads, direction, lambda s: s.slide[rubbed][:, None])
 
     def _stage(self, event: int, stage: int) -> str:
-        (p,) = (p for p in self.passages if p.event == event)
-        return f"{self.touch.tangents[p.tangent]} in stage {stage + 1} of event {event + 1}"
+        name = self.lay.touch.contacts.tangents[self.lay.hit.rubbed[event]]
+        return f"{name} in stage {stage + 1} of event {event + 1}"
 
     # Terms ----------------------------------------------------------------------------------------
 
@@ -197,16 +192,16 @@ class HitLaw(Law):
             return []
         nodes = lay.collision_nodes
         q, t = lay.index_q[nodes], places.times(nodes)
-        hit, rubbed = self.touch.passing
+        hit, rubbed = lay.hit.hit, lay.hit.rubbed
         P = places.known(in_columns(lay.hit.P_h, hit, places.nc))
         T = places.known(in_columns(lay.hit.T_h, rubbed, len(self.mu)))
         terms = []
-        if self.touch.free:  # else the law of contacts that last adds them all
+        if lay.touch.free:  # else the law of contacts that last adds them all
             traction = places.known(lay.contact.T_c)
             terms.append(Term("traction", (q, traction, t), (momentum[nodes],)))
         v_h = places.known(lay.hit.v_h)
         for m in range(len(MOMENTS)):
-            rows, here = self.within.index[:, m], np.flatnonzero(self.touch.moments[:, m])
+            rows, here = self.within.index[:, m], np.flatnonzero(lay.hit.moments[:, m])
             if not len(here):
                 continue
             at, when, rows = q[here], t[here] if lay.timed else t, rows[here]
@@ -216,7 +211,7 @@ class HitLaw(Law):
                 Term("normal", (at, P[here, m], when), (rows,)),
                 Term("traction", (at, T[here, m], when), (rows,), -1.0),
             ]
-        ended = np.where(self.touch.moments[:, END], laws.impact.energy.index, NOWHERE)
+        ended = np.where(lay.hit.moments[:, END], laws.impact.energy.index, NOWHERE)
         terms.append(Term("gap_rate", (q, v_h[:, END], t), (in_columns(ended, hit, places.nc),)))
         sides = [lay.index_v_a, *np.moveaxis(v_h, 1, 0), lay.index_v_c]
         for v, rows in zip(sides, self.halts.index.T, strict=True):
@@ -232,7 +227,7 @@ class HitLaw(Law):
     @property
     def _by_event(self) -> list[Passage | None]:
         of = {p.event: p for p in self.passages}
-        return [of.get(i) for i in range(len(self.touch.impacts))]
+        return [of.get(i) for i in range(len(self.lay.surfaces))]
 
     # Linear rows ----------------------------------------------------------------------------------
 

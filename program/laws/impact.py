@@ -91,7 +91,7 @@ class ImpactLaw(Law):
         joined = bool(problem.kernels.joints)
         lasts = np.array([joined or not mode.free for mode in problem.modes], dtype=bool)
         rough = np.zeros(len(lay.surfaces), dtype=bool)
-        rough[[p.event for p in lay.touch.passages if not p.lands]] = True
+        rough[[p.event for p in lay.hit.passages if not p.lands]] = True
         stated = lasts[:-1] | lasts[1:] | by_rates | rough
         return cls(problem, lay, lay.surfaces, e, touches, landing, stated, rough)
 
@@ -114,11 +114,9 @@ class ImpactLaw(Law):
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         lay = self.lay
         box[lay.index_lam] = np.stack([np.zeros(len(lay.index_lam)), self.most_impulse], axis=1)
-        surfaces = [
-            (np.array([node]), event.surface)
-            for node, event in zip(lay.collision_nodes, problem.events, strict=True)
-        ]
-        give_way(problem, lay, box, scale, ((nodes, name) for nodes, name in surfaces if name))
+        hits = np.flatnonzero(self.impact)
+        places = zip(lay.collision_nodes[hits, None], self.surfaces[hits].tolist(), strict=True)
+        give_way(problem, lay, box, scale, places)
 
     def equations(self, block: Numbering) -> None:
         at, hit, n = collision_names(self.problem), self.surfaces, len(self.surfaces)

@@ -89,14 +89,14 @@ def laws_of(
 
 def _is_untouched(lay: Layout) -> bool:
     """Whether no contact lasts and no impact has friction."""
-    return lay.touch.free and not lay.touch.passages
+    return lay.touch.free and not lay.hit.passages
 
 
 @lru_cache(maxsize=SHARED)
 def _untouched(lay: Layout) -> tuple[ContactLaw, HitLaw]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
-    mu, events = np.zeros(len(lay.touch.tangents)), len(lay.surfaces)
+    mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.surfaces)
     contact = ContactLaw(lay, mu, False)
     contact.settled = Settled.nothing(lay)
     hit = HitLaw(lay, (), mu, np.zeros(events), np.zeros(events, bool))

@@ -198,10 +198,10 @@ def _ends(problem: Problem, lay: Layout, rows: Any, fixed: Bools) -> Bools:
 
 def _known_at_contacts(problem: Problem, lay: Layout) -> Bools:
     """Coordinates that the contact of a collision fixes at the ends of the phases beside it."""
-    manifest = problem.kernels.manifest
+    model = problem.model
     fixed = np.zeros((2 * lay.phases, lay.nq), dtype=bool)
     for i, event in enumerate(problem.events):
-        on = manifest["surface_coordinates"][event.surface] if event.surface else []
-        if len(on) == 1 and event.surface not in manifest["moving_surfaces"]:
+        on = model.surface_coordinates[event.surface] if event.impact else []
+        if len(on) == 1 and event.surface not in model.moving:
             fixed[2 * i + 1 : 2 * i + 3, on] = True
     return fixed

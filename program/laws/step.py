@@ -65,9 +65,9 @@ class StepLaw(Law):
 
     def inequalities(self, block: Numbering) -> None:
         """Gaps have the shapes (nodes, nc) and (nodes inside steps, nc)."""
-        kernels, total, inside = self.problem.kernels, self.lay.total, self.lay.inside
-        surfaces = kernels.surfaces
-        moving = np.isin(surfaces, kernels.manifest["moving_surfaces"])
+        model, total, inside = self.problem.model, self.lay.total, self.lay.inside
+        surfaces = model.kernels.surfaces
+        moving = np.isin(np.arange(model.nc), list(model.moving))
         self.gap = block(
             "gap",
             self._gaps(),
@@ -90,19 +90,18 @@ class StepLaw(Law):
         known and was checked: a constraint that cannot move would have no interior.
         """
         problem, lay = self.problem, self.lay
-        manifest, surfaces = problem.kernels.manifest, problem.kernels.surfaces
-        keep = np.ones((lay.total + 1, len(surfaces)), dtype=bool)
+        model, free = problem.model, self.free_ends
+        keep = np.ones((lay.total + 1, model.nc), dtype=bool)
         hits = lay.surfaces != NOWHERE
         keep[lay.collision_nodes[hits], lay.surfaces[hits]] = False
-        keep[:, [surfaces.index(name) for name in problem.ignored]] = False
-        for i, closed in enumerate(lay.touch.closed):
-            keep[lay.ends[i] : lay.ends[i + 1] + 1, list(closed)] = False
-        for node, lands in zip(lay.collision_nodes, lay.touch.landings, strict=True):
-            keep[node, list(lands)] = False
-        for node, free in zip((0, -1), self.free_ends, strict=True):
-            for j, surface in enumerate(surfaces):
-                moves = node == -1 and surface in manifest["moving_surfaces"]
-                keep[node, j] &= moves or bool(free[manifest["surface_coordinates"][surface]].any())
+        keep[:, [model.surface_numbers[name] for name in problem.ignored]] = False
+        for i, mode in enumerate(lay.touch.modes):
+            keep[lay.ends[i] : lay.ends[i + 1] + 1, list(mode.closed)] = False
+        for node, event in zip(lay.collision_nodes, lay.touch.events, strict=True):
+            keep[node, list(event.lands)] = False
+        for j, on in enumerate(model.surface_coordinates):
+            keep[0, j] &= bool(free[0][on].any())
+            keep[-1, j] &= j in model.moving or bool(free[1][on].any())
         return keep
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:

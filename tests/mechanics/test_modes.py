@@ -6,7 +6,9 @@ import pytest
 
 from dmoc.base.errors import ProblemError
 from dmoc.mechanics import modes
-from dmoc.mechanics.modes import Contacts, Course, event_of, mode_of, words_along
+from dmoc.mechanics.contact_mode import Course, mode_in_words
+from dmoc.mechanics.contacts import NOWHERE, Contacts
+from dmoc.mechanics.modes import event_of, mode_of, words_along
 from dmoc.mechanics.possible_words import courses_of, possible_after, words_after
 from dmoc.motion.trajectory import COURSES
 
@@ -14,7 +16,8 @@ FEET = Contacts(("left", "right", "wall"), ("left", "right", "rail"), (), ("left
 
 
 def along(contacts: list[str], *words: str) -> list[str]:
-    return [str(mode) for mode in modes.along(mode_of(contacts, FEET), words, FEET)[1]]
+    touch = modes.along(mode_of(contacts, FEET), words, FEET)
+    return [mode_in_words(FEET, mode) for mode in touch.modes]
 
 
 def test_contacts_land_stay_and_leave() -> None:
@@ -94,25 +97,24 @@ def test_a_contact_that_slides_may_slide_back_after_a_hit() -> None:
 
 
 def test_a_word_of_an_open_surface_is_a_hit_and_of_a_closed_one_changes_its_friction() -> None:
-    (hit, _, change), found = modes.along(
-        mode_of([], FEET), ["left:slip+", "+left", "left:slip+"], FEET
-    )
-    assert hit.hit == "left" and hit.course == Course(1) and not hit.friction
-    assert not change.hit and change.course is None and change.friction == {"left": 1}
-    assert [str(mode) for mode in found] == [
+    words = ["left:slip+", "+left", "left:slip+"]
+    hit, _, change = modes.along(mode_of([], FEET), words, FEET).events
+    assert hit.hit == 0 and hit.course == Course(1) and not hit.friction
+    assert change.hit == NOWHERE and change.course is None and change.friction == ((0, 1),)
+    assert along([], *words) == [
         "rail:stick", "rail:stick", "left:stick rail:stick", "left:slip+ rail:stick",
     ]  # fmt: skip
 
 
 def test_courses_are_read_and_said_in_the_same_words() -> None:
     for course in COURSES[1:]:
-        events, found = modes.along(mode_of([], FEET), [f"left:{course}"], FEET)
-        assert str(events[0].course) == course
-        assert words_along(found, events) == (f"left:{course}",)
+        touch = modes.along(mode_of([], FEET), [f"left:{course}"], FEET)
+        assert str(touch.events[0].course) == course
+        assert words_along(touch) == (f"left:{course}",)
     for word, friction in (("+left:slip+:slip-", "slip-"), ("+left:slip-:stick", "stick")):
-        events, found = modes.along(mode_of([], FEET), [word], FEET)
-        assert str(found[1]) == f"left:{friction} rail:stick"
-        assert words_along(found, events) == (word,)
+        touch = modes.along(mode_of([], FEET), [word], FEET)
+        assert mode_in_words(FEET, touch.modes[1]) == f"left:{friction} rail:stick"
+        assert words_along(touch) == (word,)
 
 
 def test_a_hit_without_its_course_stands_for_all_that_are_possible() -> None:

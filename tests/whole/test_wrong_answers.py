@@ -201,16 +201,16 @@ def test_points_of_surfaces_are_found_where_the_gradient_vanishes() -> None:
         kernels, start={"a": 0.0}, goal={"a": -pi, "a_dot": 0}, sequence=["wall"], final_time=3.0
     )
     summit = np.array([-pi / 2])
-    assert sorted(float(q[0]) for q in crossings(problem, summit, "wall")) == pytest.approx(
+    assert sorted(float(q[0]) for q in crossings(problem, summit, 0)) == pytest.approx(
         [-7 * pi / 6, pi / 6]
     )
-    found = onto_surface(problem, summit, "wall")
+    found = onto_surface(problem, summit, 0)
     assert found is not None and sin(found[0]) == pytest.approx(0.5, abs=1e-9)
-    assert contact_point(problem, summit, np.zeros(1), "wall", 0.0)[0] == pytest.approx(pi / 6)
+    assert contact_point(problem, summit, np.zeros(1), 0, 0.0)[0] == pytest.approx(pi / 6)
     far = dmoc.build(pendulum_system("no_wall", lambda a: sp.sin(a) <= 2))
     assert (
         onto_surface(
-            dmoc.Problem(far, start={"a": 0.0}, goal={"a": 1.0}, final_time=1.0), summit, "wall"
+            dmoc.Problem(far, start={"a": 0.0}, goal={"a": 1.0}, final_time=1.0), summit, 0
         )
         is None
     )

@@ -1,0 +1,46 @@
+"""What can touch in a model, by names and by numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+# The number of what there is not, and the surface of a tangent that belongs to none.
+NOWHERE = -1
+RAIL = NOWHERE
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """What can touch in a model: its surfaces, and its tangents, of which those that are named like
+    a surface belong to it and the others are rails; surfaces without restitution, and those whose
+    tangent has friction."""
+
+    surfaces: tuple[str, ...]
+    tangents: tuple[str, ...]
+    plastic: tuple[str, ...] = ()
+    rough: tuple[str, ...] = ()
+
+    @cached_property
+    def surface_numbers(self) -> dict[str, int]:
+        """The place of each surface in the model."""
+        return {name: j for j, name in enumerate(self.surfaces)}
+
+    @cached_property
+    def tangent_numbers(self) -> dict[str, int]:
+        """The place of each tangent in the model."""
+        return {name: k for k, name in enumerate(self.tangents)}
+
+    @cached_property
+    def supports(self) -> tuple[int, ...]:
+        """The surface that each tangent belongs to, or RAIL."""
+        return tuple(self.surface_numbers.get(name, RAIL) for name in self.tangents)
+
+    @property
+    def rails(self) -> tuple[str, ...]:
+        return tuple(t for t in self.tangents if t not in self.surface_numbers)
+
+    def named(self, surfaces: Iterable[int]) -> tuple[str, ...]:
+        """Names of surfaces."""
+        return tuple(self.surfaces[j] for j in surfaces)

@@ -1,0 +1,105 @@
+"""Who touches whom along a motion: the modes of its phases and the events between them, also as
+masks, with a row for each phase or event and a column for each surface or tangent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import STICK, Event, Mode
+from dmoc.mechanics.contacts import RAIL, Contacts
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Touch:
+    """The modes of the phases of a motion, and the events between them."""
+
+    contacts: Contacts
+    modes: tuple[Mode, ...]
+    events: tuple[Event, ...]
+
+    @cached_property
+    def free(self) -> bool:
+        """Whether no contact lasts."""
+        return all(mode.free for mode in self.modes)
+
+    # Phases ---------------------------------------------------------------------------------------
+
+    @cached_property
+    def is_closed(self) -> Bools:
+        """Shape (phases, nc)."""
+        closed = np.zeros((len(self.modes), len(self.contacts.surfaces)), dtype=bool)
+        for i, mode in enumerate(self.modes):
+            closed[i, list(mode.closed)] = True
+        return closed
+
+    @cached_property
+    def rubs(self) -> Bools:
+        """Shape (phases, nt)."""
+        rubs = np.asarray(self.signs != 0)
+        for i, mode in enumerate(self.modes):
+            rubs[i, list(mode.sticking)] = True
+        return rubs
+
+    @cached_property
+    def signs(self) -> Array:
+        """Directions of sliding, 0 for what sticks or does not rub, shape (phases, nt)."""
+        signs = np.zeros((len(self.modes), len(self.contacts.tangents)))
+        for i, mode in enumerate(self.modes):
+            for k, sign in mode.sliding:
+                signs[i, k] = sign
+        return signs
+
+    @cached_property
+    def sticks(self) -> Bools:
+        """Shape (phases, nt)."""
+        return np.asarray(self.rubs & (self.signs == STICK))
+
+    # Events ---------------------------------------------------------------------------------------
+
+    @cached_property
+    def impacts(self) -> Bools:
+        """Events at which something is hit or lands, shape (events,)."""
+        return np.array([event.impact for event in self.events], dtype=bool)
+
+    @cached_property
+    def beside(self) -> Bools:
+        """Surfaces that take an impulse beside the first one in an impact: those that stay closed,
+        and those that land with it, shape (events, nc)."""
+        beside = self.is_closed[:-1] & self.is_closed[1:] & self.impacts[:, None]
+        for i, event in enumerate(self.events):
+            beside[i, list(event.lands[1:])] = True
+        return beside
+
+    @cached_property
+    def rubs_in_impact(self) -> Bools:
+        """Tangents of closed surfaces that take a tangential impulse by the law of contacts that
+        last, shape (events, nt)."""
+        at_surfaces = np.array(self.contacts.supports, dtype=np.intp) != RAIL
+        return np.asarray(self.rubs[1:] & at_surfaces & self.impacts[:, None] & ~self.passes)
+
+    @cached_property
+    def turns(self) -> Bools:
+        """Tangents of closed surfaces that slide in the other direction after an impact, shape
+        (events, nt)."""
+        return np.asarray(self.rubs_in_impact & (self.signs[:-1] * self.signs[1:] < 0))
+
+    @cached_property
+    def passes(self) -> Bools:
+        """Tangents that rub in an impact with a course, shape (events, nt)."""
+        passes = np.zeros((len(self.events), len(self.contacts.tangents)), dtype=bool)
+        for i, event in enumerate(self.events):
+            if event.course is not None:
+                passes[i, self.contacts.supports.index(event.surface)] = True
+        return passes
+
+
+def changes(before: Mode, after: Mode) -> dict[int, int]:
+    """Friction of the tangents that rub otherwise in the later mode."""
+    return {k: s for k, s in after.rubbing.items() if before.rubbing.get(k) != s}
