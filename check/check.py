@@ -104,20 +104,12 @@ def verify(trajectory: Trajectory, kernels: Kernels, seconds: float | None = Non
 def _judged(motion: Motion) -> Verification:
     """Measure a motion and judge it."""
     plan, steps, parts = plan_errors(motion), step_errors(motion), segments(motion)
-    forces, events = force_errors(motion), event_errors(motion, steps.work)
-    run = planned_run(motion, forces.sizes) if motion.has_modes else open_run(motion)
+    (forces, sizes), events = force_errors(motion), event_errors(motion, steps.work)
+    run = planned_run(motion, sizes) if motion.has_modes else open_run(motion)
     flowed = carried(motion, parts)
-    errors = {
-        "step error": steps.worst,
-        "segment error": max(part.error for part in parts),
-        "energy error": events.energy,
-        "error of the law of impact": events.law,
-        "error of the law of impact relative to its own rates": events.own,
-        "penetration": steps.penetration,
-        "excess of a limit": steps.excess,
-        "excess of an input": plan.input_excess,
-        "phase error": flowed.phase_error,
-        "error of a contact force": forces.largest,
-    }
-    sentences = [s for part in (plan, forces, events, run) for s in part.contradictions]
+    looks = (plan, steps.findings, forces, events)
+    errors = {name: error for look in looks for name, error in look.measured.items()}
+    errors |= {"segment error": max(part.error for part in parts)}
+    errors |= {"phase error": flowed.phase_error}
+    sentences = [s for look in (plan, forces, events, run) for s in look.contradictions]
     return judged(motion, Evidence(sentences, errors, steps.path, parts, flowed, run))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
+from dmoc.check.findings import Findings
 from dmoc.check.plan import DRIFT, OFF
 from dmoc.check.segments import largest, put
 from dmoc.codegen.kernels import Array
@@ -27,6 +28,7 @@ SMOOTH = 1e-5
 ON_TIME = 0.01
 # What a contact may still push with where it leaves, as a share of its largest force.
 PRESSED = 0.05
+FORCE = "error of a contact force"
 
 
 @dataclass(frozen=True)
@@ -82,22 +84,12 @@ def _sticking(motion: Motion, i: int) -> Array:
     return phase.tangential.reshape(phase.steps + 1, len(names))[:, columns]
 
 
-@dataclass(frozen=True)
-class ForceErrors:
-    """The largest error of a force relative to the largest of its contact or joint, what
-    contradicts the motion, in sentences, and the largest force of each contact (nc,), friction
-    (nt,) and joint (nj,)."""
-
-    largest: float
-    contradictions: tuple[str, ...]
-    sizes: tuple[Array, Array, Array]
-
-
-def force_errors(motion: Motion) -> ForceErrors:
-    """Compare the forces of all phases with the flow's."""
+def force_errors(motion: Motion) -> tuple[Findings, tuple[Array, Array, Array]]:
+    """Compare the forces of all phases with the flow's, relative to the largest of each contact or
+    joint: what is found, and these, of contacts (nc,), friction (nt,) and joints (nj,)."""
     model = motion.model
     if not (motion.has_modes or model.nj):
-        return ForceErrors(0.0, (), (np.zeros(model.nc), np.zeros(model.nt), np.zeros(0)))
+        return Findings({FORCE: 0.0}), (np.zeros(model.nc), np.zeros(model.nt), np.zeros(0))
     flows = [forces(motion, i) for i in range(len(motion.modes))]
     normal, tangential, joint = _sizes(motion, flows)
     worst, sentences = 0.0, left_out(motion)
@@ -114,7 +106,7 @@ def force_errors(motion: Motion) -> ForceErrors:
     for i in range(len(motion.trajectory.collisions)):
         sentences += _pressed(motion, i, normal)
         sentences += _gripped(motion, i, tangential)
-    return ForceErrors(worst, tuple(sentences), (normal, tangential, joint))
+    return Findings({FORCE: worst}, tuple(sentences)), (normal, tangential, joint)
 
 
 def _pressed(motion: Motion, i: int, size: Array) -> Iterator[str]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import BEARABLE, TURNED
+from dmoc.check.findings import Findings
 from dmoc.check.passages import EventPassage
 from dmoc.mechanics.contacts import RAIL
 from dmoc.simulation.sizes import Sizes
@@ -16,31 +16,24 @@ from dmoc.simulation.sizes import Sizes
 SOFT = 1e-6  # own rates of a collision count by at least this share of the largest
 
 
-@dataclass(frozen=True)
-class EventErrors:
-    """Largest imbalance of energy, of a phase relative to what the motion exchanges, of an event to
-    its kinetic energy; errors of the law of impact, relative to the largest momenta and rates and
-    to the rates of the event itself; and what contradicts the motion, in sentences."""
-
-    energy: float
-    law: float
-    own: float
-    contradictions: tuple[str, ...] = ()
-
-
-def event_errors(motion: Motion, work: tuple[float, ...]) -> EventErrors:
-    """Compare the energies of phases with their work, and the events with their laws."""
+def event_errors(motion: Motion, work: tuple[float, ...]) -> Findings:
+    """Compare the energies of phases with their work, relative to what the motion exchanges, and
+    the events with their laws, relative to the largest momenta, rates and kinetic energy, and to
+    the rates of the event itself."""
     sizes, fit = motion.sizes, [p for p in motion.passages if not p.wrong]
     law = _contact_errors if motion.has_modes else _impact_errors
     own, shares = zip(*[law(p, sizes) for p in fit], strict=True) if fit else ((0.0,), (0.0,))
     energies = [_imbalance(motion, work), *[_energy_jump(p) / sizes.energy for p in fit]]
-    energy, share, own_share = (
-        float(np.nan_to_num(np.max(part), nan=np.inf)) for part in (energies, shares, own)
-    )
+    measured = {
+        "energy error": energies,
+        "error of the law of impact": shares,
+        "error of the law of impact relative to its own rates": own,
+    }
+    worst = {name: float(np.nan_to_num(np.max(e), nan=np.inf)) for name, e in measured.items()}
     sentences = [p.wrong for p in motion.passages if p.wrong]
     if motion.has_modes:
         sentences += [sentence for p in fit for sentence in _contradictions(p, sizes)]
-    return EventErrors(energy, share, own_share, tuple(sentences))
+    return Findings(worst, tuple(sentences))
 
 
 def _imbalance(motion: Motion, work: tuple[float, ...]) -> float:

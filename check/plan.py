@@ -8,11 +8,11 @@ change by the planned impulses alone.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from dmoc.check.checked_motion import Motion
+from dmoc.check.findings import Findings
 from dmoc.check.segments import largest
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.algebra import columns
@@ -30,21 +30,11 @@ OFF_SURFACE = 1e-6
 SINGULAR = 1e-12  # smallest eigenvalue of a regular mass matrix, relative to the largest inertias
 
 
-@dataclass(frozen=True)
-class PlanErrors:
-    """What contradicts a motion by itself, in sentences, and the largest excess of an input over
-    its bounds."""
-
-    contradictions: tuple[str, ...]
-    input_excess: float
-
-
-def plan_errors(motion: Motion) -> PlanErrors:
+def plan_errors(motion: Motion) -> Findings:
     """Look at a motion without simulating it."""
     looks = (_times, _momenta, _positions, _balances, _disjoint, _off_surfaces, _singular)
-    return PlanErrors(
-        tuple(sentence for look in looks for sentence in look(motion)), _input_excess(motion)
-    )
+    sentences = tuple(sentence for look in looks for sentence in look(motion))
+    return Findings({"excess of an input": _input_excess(motion)}, sentences)
 
 
 def _times(motion: Motion) -> Iterator[str]:

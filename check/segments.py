@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.check.checked_motion import ModeSpan, Motion, nodes_of_segments
+from dmoc.check.findings import Findings
 from dmoc.check.path_limits import Excess, IntegratedSteps, path_excess
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.bound_kernels import Index
@@ -55,33 +56,22 @@ def _errors(motion: Motion, mode: Mode, y: Array, nodes: Sequence[Array]) -> tup
 
 @dataclass(frozen=True)
 class StepErrors:
-    """Every step integrated from its first node: relative errors at its end and at the nodes inside
-    (N,), the work of each phase, the largest penetration and excess of a bound of a coordinate
-    between nodes, relative to the ranges, and the excesses of path constraints."""
+    """Every step integrated from its first node: the largest errors at its end and at the nodes
+    inside, and between nodes, the work of each phase, and the excesses of path constraints."""
 
-    defects: Array
+    findings: Findings
     work: tuple[float, ...]
-    penetration: float
-    excess: float
     path: tuple[Excess, ...] = ()
-
-    @property
-    def worst(self) -> float:
-        """The largest error of a step."""
-        return float(self.defects.max(initial=0.0))
 
 
 def step_errors(motion: Motion) -> StepErrors:
     """Integrate every step from its first node."""
     courses = [_course(motion, piece) for piece in motion.pieces]
     parts = [_errors_on(motion, p, c) for p, c in zip(motion.pieces, courses, strict=True)]
-    return StepErrors(
-        np.concatenate([part.defects for part in parts]),
-        tuple(work for part in parts for work in part.work),
-        max(part.penetration for part in parts),
-        max(part.excess for part in parts),
-        path_excess(motion, courses),
-    )
+    measured = [part.findings.measured for part in parts]
+    worst = {name: max(errors[name] for errors in measured) for name in measured[0]}
+    work = tuple(work for part in parts for work in part.work)
+    return StepErrors(Findings(worst), work, path_excess(motion, courses))
 
 
 def _course(motion: Motion, piece: ModeSpan) -> IntegratedSteps:
@@ -104,12 +94,13 @@ def _errors_on(motion: Motion, piece: ModeSpan, course: IntegratedSteps) -> Step
     low, high = motion.trajectory.coordinate_bounds.T
     errors, _ = _errors(motion, piece.mode, course.stop, piece.nodes(slice(1, None)))
     works = np.split(course.stop[:, -1], piece.begins[1:])
-    return StepErrors(
-        np.maximum(errors, _inside_errors(motion, nodes, [p.q_inside for p in piece.phases])),
-        tuple(float(work.sum()) for work in works),
-        largest(gaps[:, _open(motion, piece.mode)]),
-        largest(np.maximum(low - path, path - high) / motion.sizes.q),
-    )
+    inner = _inside_errors(motion, nodes, [p.q_inside for p in piece.phases])
+    measured = {
+        "step error": largest(np.maximum(errors, inner)),
+        "penetration": largest(gaps[:, _open(motion, piece.mode)]),
+        "excess of a limit": largest(np.maximum(low - path, path - high) / motion.sizes.q),
+    }
+    return StepErrors(Findings(measured), tuple(float(work.sum()) for work in works))
 
 
 def between(motion: Motion, course: IntegratedSteps, places: Array) -> tuple[Array, Array]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import nan
+
 import motions
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.check.path_limits import Excess
-from dmoc.check.verdict import broken, lost_by
+from dmoc.check.verdict import PASSING, broken, exceeded, lost_by
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
 
@@ -77,3 +79,12 @@ def test_an_impulse_that_is_not_the_planned_one_is_measured(square: Kernels) -> 
     check = dmoc.verify(flight(square, impulse=2.2), square)
     assert check.impact_error == pytest.approx(0.2, rel=1e-9)
     assert "error of the law of impact 0.2 exceeds 0.02" in check.message
+
+
+def test_errors_are_told_in_one_order_whoever_measures_them() -> None:
+    measured = {name: 2 * limit for name, limit in PASSING.items()}
+    turned = dict(reversed(measured.items()))
+    assert exceeded(turned) == exceeded(measured) and len(exceeded(measured)) == len(PASSING)
+    assert exceeded(PASSING) == [] and exceeded({"step error": nan}) != []
+    with pytest.raises(ValueError, match="wrong name"):
+        exceeded({"wrong name": 0.0})
