@@ -265,56 +265,23 @@ class Solution(Shown, MotionResult, Saved):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary that the command line prints as JSON."""
+        check, proposal = self.verification, self.proposal
         return {
             "model": self.trajectory.model,
-            "method": self.method,
             "status": str(self.status),
-            "message": self.message,
-            "cost": self.cost,
-            "final_time": self.final_time,
+            **_named(self, "method message cost final_time"),
             "active_bounds": list(map(str, self.active_bounds)),
-            "phases": [
-                {
-                    "steps": p.steps,
-                    "step_size": p.step_size,
-                    "duration": p.duration,
-                    "mode": p.mode,
-                }
-                for p in self.phases
-            ],
-            "collisions": [
-                {
-                    "event": c.word,
-                    "surface": c.surface or None,
-                    "time": c.time,
-                    "impulse": c.impulse,
-                    "position": c.position.tolist(),
-                    "momentum_before": c.momentum_before.tolist(),
-                    "momentum_after": c.momentum_after.tolist(),
-                    "rate_before": c.rate_before,
-                    "rate_after": c.rate_after,
-                    "grazes": c.grazes,
-                    "lands": list(c.lands),
-                    "leaves": list(c.leaves),
-                    "friction": {name: FRICTION_WORDS[s] for name, s in c.friction.items()},
-                    "impulses": dict(c.impulses),
-                    "tractions": dict(c.tractions),
-                    "course": c.course,
-                }
-                for c in self.collisions
-            ],
+            "phases": [_named(p, "steps step_size duration mode") for p in self.phases],
+            "collisions": [_event(c) for c in self.collisions],
             "largest_forces": [asdict(force) for force in largest_forces(self.trajectory)],
-            "max_violation": self.max_violation,
-            "optimality": self.optimality,
-            "iterations": self.iterations,
+            **_named(self, "max_violation optimality iterations"),
             "seconds": dict(self.seconds),
-            "verification": None if self.verification is None else self.verification.to_dict(),
+            "verification": None if check is None else check.to_dict(),
             "conflicts": list(self.conflicts),
             "scale": dict(self.scale),
-            "starts": self.starts,
-            "found": self.found,
+            **_named(self, "starts found"),
             "others": [asdict(m) for m in self.others],
-            "proposal": None if self.proposal is None else asdict(self.proposal),
+            "proposal": None if proposal is None else asdict(proposal),
         } | self._refinement()
 
     def _refinement(self) -> dict[str, Any]:
@@ -322,6 +289,25 @@ class Solution(Shown, MotionResult, Saved):
         if not self.meshes:
             return {}
         return {"error_estimate": self.error_estimate, "meshes": [asdict(m) for m in self.meshes]}
+
+
+def _named(value: Any, names: str) -> dict[str, Any]:
+    return {name: getattr(value, name) for name in names.split()}
+
+
+def _event(c: Collision) -> dict[str, Any]:
+    """A collision as plain data."""
+    arrays = _named(c, "position momentum_before momentum_after")
+    return {
+        "event": c.word,
+        "surface": c.surface or None,
+        **_named(c, "time impulse rate_before rate_after grazes course"),
+        **{name: array.tolist() for name, array in arrays.items()},
+        **{name: list(names) for name, names in _named(c, "lands leaves").items()},
+        "friction": {name: FRICTION_WORDS[s] for name, s in c.friction.items()},
+        "impulses": dict(c.impulses),
+        "tractions": dict(c.tractions),
+    }
 
 
 def saying(solution: Solution, more: str) -> Solution:

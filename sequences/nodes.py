@@ -20,6 +20,7 @@ from dmoc.results.schema import (
     Text,
     Whole,
     dumped,
+    no_arrays,
     plain,
 )
 from dmoc.results.solution import Solution
@@ -100,20 +101,8 @@ class Node(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """The summary that the command line prints as JSON."""
-        return {
-            "sequence": list(self.sequence),
-            "verdict": self.verdict.value,
-            "cost": self.cost,
-            "phases": list(self.phases),
-            "evidence": list(self.evidence),
-            "starts": [
-                {"name": s.name, "status": str(s.status), "cost": s.cost} for s in self.starts
-            ],
-            "minima": list(self.minima),
-            "shortest": list(self.shortest),
-            "attempts": self.attempts,
-            "seconds": self.seconds,
-        }
+        facts: dict[str, Any] = NODE.write(self, "", no_arrays)
+        return facts
 
     def to_row(self) -> tuple[str, str, bytes | None]:
         """Sequence, summary and solution, as the journal keeps them."""
