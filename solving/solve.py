@@ -133,8 +133,9 @@ def solve(
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))
     with listener(progress, "first guess") as tell:
         request = request.within(progress=tell)
-        way = best_way if problem.open_hits else answer_of
         try:
-            return way(problem, guess, request)
+            if problem.open_hits:
+                return best_way(problem, guess, request)
+            return answer_of(problem, guess, request)
         except KeyboardInterrupt:
             return interrupted(first_way(problem), guess, request)
