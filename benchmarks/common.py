@@ -206,14 +206,14 @@ def refined(nlp: Transcription, x: np.ndarray, factor: int) -> tuple[Transcripti
     """The program with more steps, and the same motion in its unknowns."""
     finer = nlp.problem.but(steps=[n * factor for n in nlp.problem.phase_steps])
     pieces = pieces_of(trajectory(nlp, nlp.scaled(x)))
-    start = unknowns_along(finer, pieces, x[nlp.layout.index_lam])
+    start = unknowns_along(finer, pieces, x[nlp.layout.impact.lam])
     return program(finer, start), start
 
 
 def casadi_start(nlp: Transcription, x: np.ndarray) -> tuple[np.ndarray, ...]:
     """Durations, coordinates, inputs and impulses of a guess."""
     lay = nlp.layout
-    return x[lay.index_h] * np.array(lay.steps), x[lay.index_q], x[lay.index_u], x[lay.index_lam]
+    return x[lay.index_h] * np.array(lay.steps), x[lay.index_q], x[lay.index_u], x[lay.impact.lam]
 
 
 def from_casadi(nlp: Transcription, x: np.ndarray, found: np.ndarray) -> np.ndarray:
@@ -224,7 +224,7 @@ def from_casadi(nlp: Transcription, x: np.ndarray, found: np.ndarray) -> np.ndar
     y[lay.index_h] = found[:phases] / np.array(lay.steps)
     y[lay.index_q] = found[phases:inputs].reshape(-1, 2)
     y[lay.index_u] = found[inputs : inputs + lay.total].reshape(-1, 1)
-    y[lay.index_lam] = found[inputs + lay.total :]
+    y[lay.impact.lam] = found[inputs + lay.total :]
     return y
 
 

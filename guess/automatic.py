@@ -255,7 +255,7 @@ def _unknowns(problem: Problem, plan: Plan, motion: March) -> Array:
     x[lay.index_q] = motion.q
     u = _to_nodes(motion.u, problem.phase_steps) if lay.form.shared else motion.u[lay.step_of_input]
     x[lay.index_u] = np.clip(u, *problem.input_bounds.T)
-    x[lay.index_lam], x[lay.index_v_a], x[lay.index_v_c] = motion.lam, motion.v_a, motion.v_c
+    x[lay.impact.lam], x[lay.impact.v_a], x[lay.impact.v_c] = motion.lam, motion.v_a, motion.v_c
     times = lay.times(x)
     x[lay.index_t] = times[: len(lay.index_t)]
     inside = lay.scheme.within(motion.q[:-1], motion.q[1:])

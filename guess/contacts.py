@@ -33,7 +33,7 @@ def standing(problem: Problem, natural: float) -> Array:
     x[lay.index_q] = start + share[:, None] * (goal - start)
     x[lay.index_u] = midpoints(problem.input_bounds, np.zeros(problem.nu))
     v = np.tile((goal - start) / durations.sum(), (lay.phases - 1, 1))
-    x[lay.index_v_a] = x[lay.index_v_c] = v
+    x[lay.impact.v_a] = x[lay.impact.v_c] = v
     if lay.timed:
         x[lay.index_t] = lay.times(x)
     for boundary, q, index_p, index_v in (

@@ -56,5 +56,5 @@ def states_before(problem: Problem, x: Array) -> list[tuple[Array, Array, float]
     t, nodes = lay.times(x), lay.collision_nodes
     return [
         (x[lay.index_q[node]], x[v], float(t[node]))
-        for node, v in zip(nodes, lay.index_v_a, strict=True)
+        for node, v in zip(nodes, lay.impact.v_a, strict=True)
     ]

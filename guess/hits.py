@@ -83,7 +83,7 @@ def _directions(problem: Problem, p: Passage, q: Array, t: float) -> Array:
 def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None:
     """Put the impulses of one impact, the velocities within it and the one after it into x."""
     model, i = problem.model, p.event
-    q, v = x[lay.index_q[lay.collision_nodes[i]]], x[lay.index_v_a[i]]
+    q, v = x[lay.index_q[lay.collision_nodes[i]]], x[lay.impact.v_a[i]]
     pushed = solved(model.mass(q, t), _directions(problem, p, q, t).T)
     rates, A = rates_and_response(problem, p, (q, v, t))
     e, mu = float(problem.restitution_values[p.surface]), float(model.friction[p.tangent])
@@ -93,8 +93,8 @@ def _pass(problem: Problem, lay: Layout, x: Array, p: Passage, t: float) -> None
     moments = list(p.moments)
     x[lay.hit.P_h[i, moments]], x[lay.hit.T_h[i, moments]] = lam[:-1].T
     x[lay.hit.v_h[i, moments]] = v + lam[:-1] @ pushed.T
-    x[lay.index_lam[i]], x[lay.contact.T_c[i, p.tangent]] = lam[-1]
-    x[lay.index_v_c[i]] = v + pushed @ lam[-1]
+    x[lay.impact.lam[i]], x[lay.contact.T_c[i, p.tangent]] = lam[-1]
+    x[lay.impact.v_c[i]] = v + pushed @ lam[-1]
 
 
 def _impulses(p: Passage, rates: Array, A: Array, law: tuple[float, float]) -> Array:

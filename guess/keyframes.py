@@ -211,7 +211,7 @@ def _completed(problem: Problem, lay: Layout, x: Array) -> Array:
         if event.impact:
             lands, at = bool(event.lands), float(t[node])
             after, impulse = reflected(problem, q[node], v, event.surface, at, lands=lands)
-        x[lay.index_v_a[i]], x[lay.index_v_c[i]], x[lay.index_lam[i]] = v, after, impulse
+        x[lay.impact.v_a[i]], x[lay.impact.v_c[i]], x[lay.impact.lam[i]] = v, after, impulse
     ends = ((0, 0, lay.index_p_B, lay.index_v_B), (-1, -1, lay.index_p_E, lay.index_v_E))
     for node, step, index_p, index_v in ends:
         x[index_p] = problem.model.momentum(q[node], rates[step], t[node])

@@ -273,8 +273,8 @@ def _unknowns(problem: Problem, drawn: _Drawn) -> Array:
     if lay.timed:
         x[:, lay.index_t] = np.hstack([*(t[:, :-1] for t in times), times[-1][:, -1:]])
     x[:, lay.index_u] = _inputs(problem, lay, drawn, begin)
-    x[:, lay.index_lam] = drawn.lam
-    x[:, lay.index_v_a], x[:, lay.index_v_c] = drawn.v_last[:, :-1], drawn.v_first[:, 1:]
+    x[:, lay.impact.lam] = drawn.lam
+    x[:, lay.impact.v_a], x[:, lay.impact.v_c] = drawn.v_last[:, :-1], drawn.v_first[:, 1:]
     for q, v, t, index_p, index_v in (
         (drawn.points[:, 0], drawn.v_first[:, 0], begin[:, 0], lay.index_p_B, lay.index_v_B),
         (drawn.points[:, -1], drawn.v_last[:, -1], begin[:, -1], lay.index_p_E, lay.index_v_E),

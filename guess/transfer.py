@@ -79,9 +79,9 @@ def unknowns_along(problem: Problem, pieces: Sequence[Piece], impulses: Sequence
     x[lay.index_h] = [(p.t[-1] - p.t[0]) / n for p, n in zip(pieces, lay.steps, strict=True)]
     x[lay.index_q] = np.vstack([*(part[:-1] for part in nodes), nodes[-1][-1:]])
     x[lay.index_u] = np.vstack(inputs)
-    x[lay.index_lam] = impulses
-    x[lay.index_v_a] = np.array([p.v[-1] for p in pieces[:-1]]).reshape(-1, lay.nq)
-    x[lay.index_v_c] = np.array([p.v[0] for p in pieces[1:]]).reshape(-1, lay.nq)
+    x[lay.impact.lam] = impulses
+    x[lay.impact.v_a] = np.array([p.v[-1] for p in pieces[:-1]]).reshape(-1, lay.nq)
+    x[lay.impact.v_c] = np.array([p.v[0] for p in pieces[1:]]).reshape(-1, lay.nq)
     if lay.timed:
         x[lay.index_t] = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
     x[lay.index_q_i] = np.vstack(inside)
@@ -123,10 +123,10 @@ def on_mesh(problem: Problem, other: Problem, x: Array) -> Array:
         rows = slice(lay.row_u_k[first], lay.row_u_kp1[last - 1] + 1)
         times = times_of_inputs(lay.form.name, at)
         pieces.append(Piece(at, nodes, v, times, x[lay.index_u][rows], _forces(lay, x, i)))
-    for index, side, k in ((lay.index_v_a, pieces[:-1], -1), (lay.index_v_c, pieces[1:], 0)):
+    for index, side, k in ((lay.impact.v_a, pieces[:-1], -1), (lay.impact.v_c, pieces[1:], 0)):
         for velocity, piece in zip(x[index], side, strict=True):
             piece.v[k] = velocity
-    return unknowns_along(problem, pieces, list(x[lay.index_lam]))
+    return unknowns_along(problem, pieces, list(x[lay.impact.lam]))
 
 
 def _forces(lay: Layout, x: Array, i: int) -> dict[str, Array]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK, Event, Mode
-from dmoc.mechanics.contacts import RAIL, Contacts
+from dmoc.mechanics.contacts import NOWHERE, RAIL, Contacts
 
 Bools = NDArray[np.bool_]
 
@@ -64,9 +64,14 @@ class Touch:
     # Events ---------------------------------------------------------------------------------------
 
     @cached_property
+    def surfaces(self) -> NDArray[np.intp]:
+        """The surface of each event, NOWHERE of one without an impact, shape (events,)."""
+        return np.array([event.surface for event in self.events], dtype=np.intp)
+
+    @cached_property
     def impacts(self) -> Bools:
         """Events at which something is hit or lands, shape (events,)."""
-        return np.array([event.impact for event in self.events], dtype=bool)
+        return np.asarray(self.surfaces != NOWHERE)
 
     @cached_property
     def beside(self) -> Bools:

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK, names_of
 from dmoc.mechanics.touch import Touch
 from dmoc.program.blocks import Index, Numbering
 from dmoc.program.reactions import (
     GAPS,
     TANGENTS,
+    EventImpulses,
     PhaseReaction,
-    members,
+    event_impulses,
     place,
     rows_of_phase,
 )
@@ -91,10 +91,8 @@ class ContactUnknowns:
                 "tangential", tuple(rubbing), TANGENTS, columns, index, 1.0, sticks, False, True
             )
 
-    def impulses_at(self, x: Array, i: int) -> tuple[dict[str, float], dict[str, float]]:
-        """Normal and tangential impulses of event i beside lam, by name."""
+    def impulses(self, i: int) -> Iterator[EventImpulses]:
+        """Those of event i beside lam."""
         names = self.touch.contacts
-        return (
-            {names.surfaces[j]: float(x[k]) for j, k in members(self.P_c[i])},
-            {names.tangents[j]: float(x[k]) for j, k in members(self.T_c[i])},
-        )
+        yield event_impulses("normal", names.surfaces, self.P_c[i], pulls=False)
+        yield event_impulses("tangential", names.tangents, self.T_c[i], pulls=True)

@@ -76,7 +76,7 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
         surface: str,
     ) -> float:  # L is linear in e > 0; the law of plastic impacts is -lam w / 2 = 0 there
         hit = nlp.laws.impact.impact
-        lam = np.maximum(x[nlp.layout.index_lam[hit]], LEAST)
+        lam = np.maximum(x[nlp.layout.impact.lam[hit]], LEAST)
         plain = (nlp.laws.impact.plain & ~nlp.laws.impact.by_rates)[hit]
         law = np.asarray(named.get("energy", np.zeros(0))) * np.where(plain, -2 / lam, 1.0)
         high, low = (
@@ -117,7 +117,7 @@ def _lagrangian(
 def _surfaces(nlp: Transcription, y: Array, w: Array) -> dict[str, float]:
     """g becomes g - delta: contacts c = g and gaps d = -g follow."""
     names, force = nlp.kernels.surfaces, np.concatenate([y, w])
-    law, on = nlp.laws, nlp.layout.surfaces
+    law, on = nlp.laws, nlp.layout.touch.surfaces
     rows = [(law.impact.contact.numbers, on[on != NOWHERE])]
     for block in (law.contact.closed, law.contact.lands, law.step.gap, law.step.gap_inside):
         rows.append((block.numbers, block.places[:, 1]))

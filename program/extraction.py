@@ -64,14 +64,14 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
         begin = float(t[-1])
     for i, (before, after) in enumerate(pairwise(phases)):
         arriving, leaving = before.p[-1], after.p[0]
-        event, t = problem.events[i], float(after.t[0])
+        event, t, impulses = problem.events[i], float(after.t[0]), _impulses(lay, x, i)
         effect = event.hit == NOWHERE or not _without_effect(arriving, leaving, largest)
         collisions.append(
             Collision(
                 contacts.surfaces[event.surface] if event.impact else "",
                 t,
                 before.q[-1].copy(),
-                float(x[lay.index_lam[i]]),
+                float(x[lay.impact.lam[i]]),
                 arriving.copy(),
                 leaving.copy(),
                 *_rates(nlp, x, i, t),
@@ -79,9 +79,10 @@ def trajectory(nlp: Transcription, x: Array) -> Trajectory:
                 contacts.named(event.lands),
                 contacts.named(event.leaves),
                 {contacts.tangents[k]: s for k, s in changes(*problem.modes[i : i + 2]).items()},
-                *_impulses_of_event(lay, x, i),
+                impulses["normal"],
+                impulses["tangential"],
                 "" if event.course is None else str(event.course),
-                lay.joint.impulses_at(x, i),
+                impulses["reaction"],
             )
         )
     return motion_along(
@@ -151,22 +152,22 @@ def _as_held(nlp: Transcription, i: int, states: tuple[Array, Array, Array]) -> 
     return np.where(np.isfinite(moved), moved, p)
 
 
-def _impulses_of_event(lay: Layout, x: Array, i: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Normal and tangential impulses of an event, by name."""
-    normal, tangential = lay.contact.impulses_at(x, i)
-    if lay.touch.impacts[i]:
-        normal |= {lay.touch.contacts.surfaces[int(lay.surfaces[i])]: float(x[lay.index_lam[i]])}
-    return normal, tangential
+def _impulses(lay: Layout, x: Array, i: int) -> dict[str, dict[str, float]]:
+    """Impulses of an event by their kind and name."""
+    kinds: dict[str, dict[str, float]] = {"normal": {}, "tangential": {}, "reaction": {}}
+    for impulses in lay.impulses(i):
+        kinds[impulses.kind] |= impulses.values(x)
+    return kinds
 
 
 def _rates(nlp: Transcription, x: Array, i: int, t: float) -> tuple[float, float]:
     """Rates of the gap before and after collision i, from the unknowns in units of the problem."""
-    lay, j = nlp.layout, int(nlp.layout.surfaces[i])
+    lay, j = nlp.layout, int(nlp.layout.touch.surfaces[i])
     if j == NOWHERE:
         return 0.0, 0.0
     q = x[lay.index_q[lay.collision_nodes[i]]]
     before, after = (
-        nlp.problem.model.gap_rates(q, x[v[i]], t)[j] for v in (lay.index_v_a, lay.index_v_c)
+        nlp.problem.model.gap_rates(q, x[v[i]], t)[j] for v in (lay.impact.v_a, lay.impact.v_c)
     )
     return float(before), float(after)
 

@@ -7,10 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.program.blocks import Bools, Index, Numbering
-from dmoc.program.reactions import Functions, PhaseReaction, members, place, rows_of_phase
+from dmoc.program.reactions import (
+    EventImpulses,
+    Functions,
+    PhaseReaction,
+    event_impulses,
+    place,
+    rows_of_phase,
+)
 
 JOINTS = Functions(Model.joints, Model.joint_slopes, Model.joint_rates)
 
@@ -44,9 +50,9 @@ class JointUnknowns:
         )
         return cls(steps, names, impulses.index, of_impacts.index)
 
-    def impulses_at(self, x: Array, i: int) -> dict[str, float]:
-        """Impulses of event i, by name."""
-        return {self.names[j]: float(x[k]) for j, k in members(self.R_c[i])}
+    def impulses(self, i: int) -> Iterator[EventImpulses]:
+        """Those of event i."""
+        yield event_impulses("reaction", self.names, self.R_c[i], pulls=True)
 
     def reactions(self, i: int) -> Iterator[PhaseReaction]:
         """Those of phase i: of all constraints."""

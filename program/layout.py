@@ -3,18 +3,18 @@
     x = (h | q | u | lam | p_B | p_E | v_B | v_E | v_a | v_c | t | q_i | s | those of laws)
 
 h: step sizes, one a phase; q: coordinates at the nodes, a collision node shared by its two phases;
-u: inputs, in the rows of their form (:class:`~dmoc.base.discretisation.InputForm`); lam: impulses,
-one a collision; p_B, p_E: momenta at both ends; v_B, v_E: velocities at both ends, only where the
-problem needs them; v_a, v_c: velocities before and after the collisions; t: times of the nodes,
-only where the model depends on them; q_i: coordinates of the nodes inside the steps; s: hidden
-unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.  Laws
-that push have unknowns of their own: :class:`~dmoc.program.contact_table.ContactUnknowns`,
+u: inputs, in the rows of their form (:class:`~dmoc.base.discretisation.InputForm`); p_B, p_E:
+momenta at both ends; v_B, v_E: velocities at both ends, only where the problem needs them; t: times
+of the nodes, only where the model depends on them; q_i: coordinates of the nodes inside the steps;
+s: hidden unknowns for functions with kinks (:mod:`dmoc.symbolic.kinks`), in the rows of the inputs.
+Laws that push have tables of their own: :class:`~dmoc.program.impacts.ImpactUnknowns` (lam, v_a,
+v_c, in these places because files keep multipliers in this order),
+:class:`~dmoc.program.contact_table.ContactUnknowns`,
 :class:`~dmoc.program.hit_stages.HitUnknowns`, :class:`~dmoc.program.joints.JointUnknowns`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import accumulate
@@ -27,11 +27,12 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Index, Numbering, sizes_of
+from dmoc.program.blocks import NOWHERE, Block, Index, Numbering
 from dmoc.program.contact_table import ContactUnknowns
 from dmoc.program.hit_stages import HitUnknowns
+from dmoc.program.impacts import ImpactUnknowns, impulses, names_of_events, velocities
 from dmoc.program.joints import JointUnknowns
-from dmoc.program.reactions import PhaseReaction
+from dmoc.program.reactions import EventImpulses, PhaseReaction
 from dmoc.program.scale import Scale
 
 # Layouts that are remembered, and the steps of one that is not.
@@ -43,9 +44,9 @@ class Layout:
     """Sizes and index sets of the unknowns.
 
     ``index_a`` is an integer array of the shape of ``a`` that holds the positions of its entries in
-    x, so that ``x[index_a]`` is a; ``unknowns`` is the table with names and sizes.  ``surfaces``
-    are those of the collisions, NOWHERE of events without an impact.  ``touch`` says what is in
-    contact; ``contact``, ``hit`` and ``joint`` are the unknowns of laws that push.
+    x, so that ``x[index_a]`` is a; ``unknowns`` is the table with names and sizes.  ``touch`` says
+    what is in contact; ``impact``, ``contact``, ``hit`` and ``joint`` are the unknowns of laws that
+    push.
     """
 
     nq: int
@@ -54,22 +55,19 @@ class Layout:
     form: InputForm
     scheme: Discretisation
     timed: bool
-    surfaces: Index
     touch: Touch
     unknowns: tuple[Block, ...]
     index_h: Index
     index_q: Index
     index_u: Index
-    index_lam: Index
     index_p_B: Index
     index_p_E: Index
     index_v_B: Index
     index_v_E: Index
-    index_v_a: Index
-    index_v_c: Index
     index_t: Index
     index_q_i: Index
     index_s: Index
+    impact: ImpactUnknowns
     contact: ContactUnknowns
     hit: HitUnknowns
     joint: JointUnknowns
@@ -156,6 +154,10 @@ class Layout:
         """What pushes along phase i, of all laws."""
         return (*self.contact.reactions(i), *self.joint.reactions(i))
 
+    def impulses(self, i: int) -> tuple[EventImpulses, ...]:
+        """What pushes at event i, of all laws."""
+        return (*self.contact.impulses(i), *self.impact.impulses(i), *self.joint.impulses(i))
+
     @cached_property
     def collision_nodes(self) -> Index:
         return self.ends[1:-1]
@@ -223,11 +225,6 @@ class Layout:
         return parts
 
 
-def collision_names(problem: Problem) -> list[str]:
-    """Names of the collisions in the user's words."""
-    return _names_of_collisions(problem.sequence)
-
-
 def _check_courses(problem: Problem) -> None:
     """Refuse hits with friction whose course is not said."""
     for i, words in problem.open_hits.items():
@@ -236,13 +233,6 @@ def _check_courses(problem: Problem) -> None:
             f"several ways: say which, by one of {', '.join(map(repr, words))}, or let dmoc.solve "
             "try them."
         )
-
-
-def _names_of_collisions(sequence: Sequence[str]) -> list[str]:
-    def kind(word: str) -> str:
-        return "event" if any(sign in word for sign in "+-: ") else "collision"
-
-    return [f"{kind(s)} {i + 1} ({s})" for i, s in enumerate(sequence)]
 
 
 def _first_rows(form: InputForm, steps: tuple[int, ...]) -> Index:
@@ -282,11 +272,10 @@ class Kind:
 def _laid_out(kind: Kind) -> Layout:
     names, u, steps = kind.coordinates, kind.inputs, kind.steps
     form, scheme = FORMS[kind.form], DISCRETISATIONS[kind.order]
-    nq, total, phases = len(names), sum(steps), len(steps)
+    nq, total = len(names), sum(steps)
     touch = kind.touch
-    surfaces = np.array([event.surface for event in touch.events], dtype=np.intp)
     p, v = [momentum_name(c) for c in names], [velocity_name(c) for c in names]
-    hits, at = phases - 1, _names_of_collisions(kind.sequence)
+    phases, at = len(steps), names_of_events(kind.sequence)
     row_steps = _steps_of_rows(form, steps)
     rows_at_start = frozenset(_first_rows(form, steps).tolist())
 
@@ -299,7 +288,7 @@ def _laid_out(kind: Kind) -> Layout:
         return f"at inner node {j} of" if scheme.inside > 1 else "inside"
 
     block = Numbering()
-    motion = (
+    of_steps = (
         block("h", (phases,), lambda i: f"step size of phase {i}", lambda s: s.h),
         block("q", (total + 1, nq), lambda k, i: f"{names[i]} at node {k}", lambda s: s.q),
         block(
@@ -308,12 +297,9 @@ def _laid_out(kind: Kind) -> Layout:
             lambda k, i: f"{u[i]} {place_of_input(k)}",
             lambda s: s.u,
         ),
-        block(
-            "lam",
-            (hits,),
-            lambda i: f"impulse of {at[i]}",
-            lambda s: sizes_of(s.lam, surfaces),
-        ),
+    )
+    lam = impulses(block, touch, at)
+    of_ends = (
         block("p_B", (nq,), lambda i: f"{p[i]} at the start", lambda s: s.p),
         block("p_E", (nq,), lambda i: f"{p[i]} at the goal", lambda s: s.p),
         block(
@@ -328,8 +314,9 @@ def _laid_out(kind: Kind) -> Layout:
             lambda i: f"{v[i]} at the goal",
             lambda s: s.v[: nq * kind.v_at_end],
         ),
-        block("v_a", (hits, nq), lambda k, i: f"{v[i]} before {at[k]}", lambda s: s.v),
-        block("v_c", (hits, nq), lambda k, i: f"{v[i]} after {at[k]}", lambda s: s.v),
+    )
+    v_a, v_c = velocities(block, v, at)
+    inner = (
         block(
             "t",
             ((total + 1) * kind.timed,),
@@ -349,13 +336,14 @@ def _laid_out(kind: Kind) -> Layout:
             lambda s: s.s,
         ),
     )
-    indices = {f"index_{b.name}": b.index for b in motion}
+    indices = {f"index_{b.name}": b.index for b in (*of_steps, *of_ends, *inner)}
+    impact = ImpactUnknowns(touch, at, lam.index, v_a.index, v_c.index)
     contact = ContactUnknowns.of(block, steps, touch)
     hit = HitUnknowns.of(block, touch, v)
     joint = JointUnknowns.of(block, steps, kind.joints, touch.impacts)
     return Layout(
-        nq, len(u), steps, form, scheme, kind.timed, surfaces, touch, tuple(block.made),
-        **indices, contact=contact, hit=hit, joint=joint,
+        nq, len(u), steps, form, scheme, kind.timed, touch, tuple(block.made),
+        **indices, impact=impact, contact=contact, hit=hit, joint=joint,
     )  # fmt: skip
 
 

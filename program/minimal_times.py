@@ -36,7 +36,7 @@ def _unknowns(lay: Layout, i: int) -> Index:
 
 def _minimal_time(problem: Problem, lay: Layout, y: Array, i: int) -> tuple[float, Array]:
     """T_min of phase i and its gradient with respect to y."""
-    n, surface, box = lay.nq, int(lay.surfaces[i]), problem.input_bounds
+    n, surface, box = lay.nq, int(lay.touch.surfaces[i]), problem.input_bounds
     parts = (y[:n], y[n : 2 * n], float(y[2 * n]), y[2 * n + 1 :])
     return minimal_time(problem.model, *parts, surface, box)
 

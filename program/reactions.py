@@ -6,7 +6,7 @@ through all reactions alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -85,6 +85,26 @@ class PhaseReaction:
         return np.asarray(self.functions.rates(model, q, v, t)[:, self.held])
 
 
+class EventImpulses(NamedTuple):
+    """Impulses at an event: the kind of the forces that they are beside, names, unknowns, and
+    whether they have both signs."""
+
+    kind: str
+    names: tuple[str, ...]
+    unknowns: Index
+    pulls: bool
+
+    def values(self, x: Array) -> dict[str, float]:
+        """Those of the unknowns x, by name."""
+        return dict(zip(self.names, x[self.unknowns].tolist(), strict=True))
+
+
+def event_impulses(kind: str, names: Sequence[str], row: Index, *, pulls: bool) -> EventImpulses:
+    """The impulses that there are in a row with a column for each name."""
+    there = np.flatnonzero(row != NOWHERE).tolist()
+    return EventImpulses(kind, tuple(names[j] for j in there), row[there], pulls)
+
+
 def place(steps: tuple[int, ...], row: int) -> str:
     """The node and the phase of a row of phase nodes."""
     phase = int(np.searchsorted(np.cumsum([n + 1 for n in steps]), row, side="right"))
@@ -106,8 +126,3 @@ def rows_of_phase(steps: tuple[int, ...], i: int) -> slice:
 def node_shares(steps: int) -> Array:
     """What each node of a phase stands for, in steps."""
     return np.concatenate([[0.5], np.ones(steps - 1), [0.5]])
-
-
-def members(index: Index) -> list[tuple[int, int]]:
-    """Places and numbers of what there is in a row."""
-    return [(int(j), int(index[j])) for j in np.flatnonzero(index != NOWHERE)]

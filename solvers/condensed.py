@@ -63,7 +63,7 @@ def partition(nlp: Transcription, segments: int) -> Partition:
                 np.hstack([step.inside.index[rows], step.momentum.index[rows], *clocks]).ravel()
             )
         if i < layout.phases - 1:  # the velocities beside the collision
-            gone_parts += [layout.index_v_a[i], layout.index_v_c[i]]
+            gone_parts += [layout.impact.v_a[i], layout.impact.v_c[i]]
             used_parts += [impact.arrival.index[i], impact.departure.index[i]]
     gone, used_rows = np.concatenate(gone_parts), np.concatenate(used_parts)
     free = np.ones(nlp.n, dtype=bool)

@@ -20,6 +20,7 @@ from dmoc.guess.hits import jams
 from dmoc.problem.problem import Problem
 from dmoc.program.active_constraints import active_bounds
 from dmoc.program.blocks import NOWHERE, Block, Index
+from dmoc.program.layout import Layout
 from dmoc.program.minimal_times import phase_minimal_time
 from dmoc.program.reactions import node_shares
 from dmoc.program.scale import Scale
@@ -129,27 +130,29 @@ def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[
     if ending.status is not Status.SOLVED:
         return ()
     lay, y = nlp.layout, nlp.physical(ending.x)
-    t, sentences = lay.times(y), []
-    for j, surface in enumerate(problem.kernels.surfaces):
-        pulls = [
-            (float(force[k]), float(t[lay.ends[i] + k]))
-            for i, steps in enumerate(lay.steps)
-            for r in lay.reactions(i)
-            if not r.pulls and surface in r.names
-            for impulse in [r.impulses(y)[:, r.names.index(surface)]]
-            for force in [impulse / (y[lay.index_h[i]] * node_shares(steps))]
-            for k in [int(np.argmin(force))]
-        ]
-        force, when = min(pulls, default=(0.0, 0.0))
-        if force < 0:
-            sentences.append(f"{surface} would have to pull with {-force:.3g} N at {when:.3g} s")
-        for i, k in enumerate(lay.contact.P_c[:, j]):
-            if k != NOWHERE and y[k] < 0:
-                sentences.append(
-                    f"{surface} would have to pull with an impulse of {-y[k]:.3g} N s at event "
-                    f"{i + 1}"
+    return tuple(text for name in nlp.kernels.surfaces for text in _pulls_of(name, lay, y))
+
+
+def _pulls_of(name: str, lay: Layout, y: Array) -> Iterator[str]:
+    """How strongly one contact pulls where it pulls most in a phase, and at events."""
+    t, forces = lay.times(y), []
+    for i, steps in enumerate(lay.steps):
+        for r in lay.reactions(i):
+            if not r.pulls and name in r.names:
+                impulse = r.impulses(y)[:, r.names.index(name)]
+                force = impulse / (y[lay.index_h[i]] * node_shares(steps))
+                k = int(np.argmin(force))
+                forces.append((float(force[k]), float(t[lay.ends[i] + k])))
+    force, when = min(forces, default=(0.0, 0.0))
+    if force < 0:
+        yield f"{name} would have to pull with {-force:.3g} N at {when:.3g} s"
+    for i in range(len(lay.collision_nodes)):
+        for impulses in lay.impulses(i):
+            pull = 0.0 if impulses.pulls else impulses.values(y).get(name, 0.0)
+            if pull < 0:
+                yield (
+                    f"{name} would have to pull with an impulse of {-pull:.3g} N s at event {i + 1}"
                 )
-    return tuple(sentences)
 
 
 def _prices(nlp: Transcription) -> Array:

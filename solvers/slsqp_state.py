@@ -63,7 +63,7 @@ class Descent:
         and on steps and impulses."""
         nlp, lay = self.nlp, self.nlp.layout
         laws, impact = nlp.laws, nlp.laws.impact
-        for c, s in zip(lay.collision_nodes, lay.surfaces, strict=True):
+        for c, s in zip(lay.collision_nodes, lay.touch.surfaces, strict=True):
             if s == NOWHERE:  # an event without an impact
                 continue
             rows = laws.step.gap.index[max(c - 2, 0) : c + 3, s]
@@ -71,7 +71,7 @@ class Descent:
         for block in (laws.ends.earliest, laws.ends.latest, impact.approach, impact.separation):
             self.watched_rows[block.numbers - nlp.n_eq] = True
         self.watched_rows[nlp.minimal_times] = True
-        for index in (lay.index_h, lay.index_lam):
+        for index in (lay.index_h, lay.impact.lam):
             self.watched_lower[index] = np.isfinite(nlp.lower[index])
             self.watched_upper[index] = np.isfinite(nlp.upper[index])
         self.permanent = (
@@ -88,7 +88,7 @@ class Descent:
         q = x[lay.index_q]
         scale[lay.index_q] = np.maximum(np.ptp(q, axis=0), 1e-2) / 20
         scale[lay.index_h] = x[lay.index_h] / 10
-        scale[lay.index_lam] = np.maximum(np.abs(x[lay.index_lam]), 1.0) / 3
+        scale[lay.impact.lam] = np.maximum(np.abs(x[lay.impact.lam]), 1.0) / 3
         if lay.nu:
             q_k, _, u, _, h, t_k, _ = lay.step_inputs(nlp.physical(x))
             curvature = nlp.problem.model.running_cost_curvatures(

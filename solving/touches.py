@@ -35,19 +35,19 @@ def suspects(nlp: Transcription, x: Array) -> Index:
     hits = np.flatnonzero(law.impact & ~law.landing & ~law.touching)
     if not len(hits):
         return np.zeros(0, dtype=np.intp)
-    y, nodes, surfaces = nlp.physical(x), lay.collision_nodes[hits], lay.surfaces[hits]
+    y, nodes, surfaces = nlp.physical(x), lay.collision_nodes[hits], lay.touch.surfaces[hits]
     rates = nlp.problem.model.gap_rates(
-        y[lay.index_q[nodes]], y[lay.index_v_a[hits]], lay.times(y)[nodes]
+        y[lay.index_q[nodes]], y[lay.impact.v_a[hits]], lay.times(y)[nodes]
     )
     before = rates[np.arange(len(hits)), surfaces]
-    faint = (before <= SUSPECT * nlp.scale.rate[surfaces]) | (x[lay.index_lam[hits]] <= SUSPECT)
+    faint = (before <= SUSPECT * nlp.scale.rate[surfaces]) | (x[lay.impact.lam[hits]] <= SUSPECT)
     return np.asarray(hits[faint])
 
 
 def pushed(nlp: Transcription, x: Array, at: Index) -> Array:
     """A touch with some impulse, to look for a collision from."""
     x = x.copy()
-    x[nlp.layout.index_lam[at]] = PUSH
+    x[nlp.layout.impact.lam[at]] = PUSH
     return x
 
 
@@ -70,10 +70,10 @@ def slopes(nlp: Transcription, outcome: Outcome, i: int) -> list[float]:
     """
     lay, x, duals = nlp.layout, outcome.x, outcome.duals
     slope = nlp.lagrangian_gradient(x, duals.y, duals.w) / nlp.unit
-    y, j = nlp.physical(x), int(lay.surfaces[i])
+    y, j = nlp.physical(x), int(lay.touch.surfaces[i])
     q, t = y[lay.index_q[lay.collision_nodes[i]]], float(lay.times(y)[lay.collision_nodes[i]])
     e = float(nlp.problem.restitution_values[j])
-    by_impulse = (1 + e) * float(slope[lay.index_lam[i]])
+    by_impulse = (1 + e) * float(slope[lay.impact.lam[i]])
     size = float(nlp.scale.rate[j])
     passage = next((p for p in lay.hit.passages if p.event == i), None)
     if passage is None:

@@ -300,12 +300,12 @@ class ContactLaw(Law):
                 Term("normal", (q, P_c, t), (momentum[nodes],), -1.0),
                 Term("traction", (q, T_c, t), (momentum[nodes],)),
                 Term("surface", (q, t), (self.lands.index,)),
-                Term("gap_rate", (q, lay.index_v_c, t), (self.stays.index,)),
-                Term("slide_rate", (q, lay.index_v_c, t), (self.sticks.index,)),
+                Term("gap_rate", (q, lay.impact.v_c, t), (self.stays.index,)),
+                Term("slide_rate", (q, lay.impact.v_c, t), (self.sticks.index,)),
             ]
             direction = self.direction_of_impact.index
             before = np.where(touch.turns, touch.signs[:-1], touch.signs[1:])
-            sides = ((lay.index_v_a, before), (lay.index_v_c, touch.signs[1:]))
+            sides = ((lay.impact.v_a, before), (lay.impact.v_c, touch.signs[1:]))
             for side, (v, signs) in enumerate(sides):
                 for sign in (1.0, -1.0):
                     rows = np.where(signs == sign, direction[:, :, side], NOWHERE)
@@ -358,7 +358,7 @@ class ContactLaw(Law):
                 continue
             at = np.flatnonzero(events[:, t])
             normal = np.where(
-                lay.surfaces[at] == surface, lay.index_lam[at], lay.contact.P_c[at, surface]
+                lay.touch.surfaces[at] == surface, lay.impact.lam[at], lay.contact.P_c[at, surface]
             )
             entries += _friction(
                 (

@@ -86,7 +86,7 @@ class HitLaw(Law):
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout, impact: ImpactLaw) -> HitLaw:
-        names, e = tuple(problem.kernels.coordinates), restitution_of(problem, lay.surfaces)
+        names, e = tuple(problem.kernels.coordinates), restitution_of(problem, lay.touch.surfaces)
         return cls(lay, names, problem.model.friction, e, impact.touching)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
@@ -103,7 +103,7 @@ class HitLaw(Law):
     # Rows -----------------------------------------------------------------------------------------
 
     def equations(self, block: Numbering) -> None:
-        moments, count = self.lay.hit.moments, len(self.lay.surfaces)
+        moments, count = self.lay.hit.moments, len(self.lay.touch.surfaces)
         halts = np.zeros((count, AFTER + 1), dtype=bool)
         slips = np.zeros((count, STAGES), dtype=bool)
         for p in self.passages:
@@ -145,7 +145,7 @@ class HitLaw(Law):
 
     def inequalities(self, block: Numbering) -> None:
         """The last axis of ``bears`` are the two sides of the cone."""
-        count = len(self.lay.surfaces)
+        count = len(self.lay.touch.surfaces)
         share = np.zeros((count, STAGES), dtype=bool)
         bears = np.zeros((count, STAGES, 2), dtype=bool)
         heads = np.zeros((count, 2), dtype=bool)
@@ -207,17 +207,17 @@ class HitLaw(Law):
             at, when, rows = q[here], t[here] if lay.timed else t, rows[here]
             terms += [
                 Term("momentum", (at, v_h[here, m], when), (rows,)),
-                Term("momentum", (at, lay.index_v_a[here], when), (rows,), -1.0),
+                Term("momentum", (at, lay.impact.v_a[here], when), (rows,), -1.0),
                 Term("normal", (at, P[here, m], when), (rows,)),
                 Term("traction", (at, T[here, m], when), (rows,), -1.0),
             ]
         ended = np.where(lay.hit.moments[:, END], laws.impact.energy.index, NOWHERE)
         terms.append(Term("gap_rate", (q, v_h[:, END], t), (in_columns(ended, hit, places.nc),)))
-        sides = [lay.index_v_a, *np.moveaxis(v_h, 1, 0), lay.index_v_c]
+        sides = [lay.impact.v_a, *np.moveaxis(v_h, 1, 0), lay.impact.v_c]
         for v, rows in zip(sides, self.halts.index.T, strict=True):
             terms.append(Term("slide_rate", (q, v, t), (in_columns(rows, rubbed, len(self.mu)),)))
         signs = np.array([(p.friction[0], p.friction[-1]) if p else (0, 0) for p in self._by_event])
-        for side, v in enumerate((lay.index_v_a, lay.index_v_c)):
+        for side, v in enumerate((lay.impact.v_a, lay.impact.v_c)):
             for sign in (1.0, -1.0):
                 rows = np.where(signs[:, side] == sign, self.heads.index[:, side], NOWHERE)
                 place = in_columns(rows, rubbed, len(self.mu))
@@ -227,7 +227,7 @@ class HitLaw(Law):
     @property
     def _by_event(self) -> list[Passage | None]:
         of = {p.event: p for p in self.passages}
-        return [of.get(i) for i in range(len(self.lay.surfaces))]
+        return [of.get(i) for i in range(len(self.lay.touch.surfaces))]
 
     # Linear rows ----------------------------------------------------------------------------------
 
@@ -237,7 +237,7 @@ class HitLaw(Law):
         for p in self.passages:
             i, lay = p.event, self.lay
             if self.restitution.index[i] != NOWHERE:
-                unknowns = np.array([lay.hit.P_h[i, END], lay.index_lam[i]])
+                unknowns = np.array([lay.hit.P_h[i, END], lay.impact.lam[i]])
                 entries.append(
                     (
                         np.full(2, self.restitution.index[i]),
@@ -251,7 +251,7 @@ class HitLaw(Law):
     def _of_stages(self, p: Passage) -> Iterator[Entries]:
         """Entries of the rows that say how large the impulses of stages are."""
         i, lay, mu = p.event, self.lay, float(self.mu[p.tangent])
-        P = [NOWHERE, *lay.hit.P_h[i, list(p.moments)], lay.index_lam[i]]
+        P = [NOWHERE, *lay.hit.P_h[i, list(p.moments)], lay.impact.lam[i]]
         T = [NOWHERE, *lay.hit.T_h[i, list(p.moments)], lay.contact.T_c[i, p.tangent]]
         for k, s in enumerate(p.friction):
             dP = [(P[k + 1], 1.0), (P[k], -1.0)]
@@ -289,7 +289,7 @@ class HitLaw(Law):
                 yield Pivot(T, self.slips.index[i, [stage]] if slides else rest, before)
                 yield Pivot(P, rest if m == STOP else energy[[i]], before)
             if not p.lands:
-                yield Pivot(lay.index_lam[[i]], self.restitution.index[[i]], before)
+                yield Pivot(lay.impact.lam[[i]], self.restitution.index[[i]], before)
             T_c, last = lay.contact.T_c[i, [p.tangent]], len(p.moments)
             if p.friction[-1] != STICK:
                 yield Pivot(T_c, self.slips.index[i, [last]], before)

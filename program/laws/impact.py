@@ -36,7 +36,7 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Block, Bools, Index, Numbering, in_columns, sizes_of
 from dmoc.program.interior import give_way
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
-from dmoc.program.layout import Layout, collision_names
+from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term, like
 
@@ -52,8 +52,6 @@ class ImpactLaw(Law):
     ----------
     problem : Problem
     lay : Layout
-    surfaces : array of int, shape (collisions,)
-        NOWHERE for events without an impact.
     e : array, shape (collisions,)
         Coefficients of restitution, 0 for touches and landings.
     touching : array of bool, shape (collisions,)
@@ -68,7 +66,6 @@ class ImpactLaw(Law):
 
     problem: Problem
     lay: Layout
-    surfaces: Index
     e: Array
     touching: Bools
     landing: Bools
@@ -85,20 +82,24 @@ class ImpactLaw(Law):
     def of(
         cls, problem: Problem, lay: Layout, touching: Index, by_rates: bool = False
     ) -> ImpactLaw:
-        touches = np.isin(np.arange(len(lay.surfaces)), touching)
+        touches = np.isin(np.arange(len(lay.touch.surfaces)), touching)
         landing = np.array([bool(event.lands) for event in problem.events], dtype=bool)
-        e = np.where(touches | landing, 0.0, restitution_of(problem, lay.surfaces))
+        e = np.where(touches | landing, 0.0, restitution_of(problem, lay.touch.surfaces))
         joined = bool(problem.kernels.joints)
         lasts = np.array([joined or not mode.free for mode in problem.modes], dtype=bool)
-        rough = np.zeros(len(lay.surfaces), dtype=bool)
+        rough = np.zeros(len(lay.touch.surfaces), dtype=bool)
         rough[[p.event for p in lay.hit.passages if not p.lands]] = True
         stated = lasts[:-1] | lasts[1:] | by_rates | rough
-        return cls(problem, lay, lay.surfaces, e, touches, landing, stated, rough)
+        return cls(problem, lay, e, touches, landing, stated, rough)
+
+    @property
+    def surfaces(self) -> Index:
+        return self.lay.touch.surfaces
 
     @property
     def impact(self) -> Bools:
         """Events at which something is hit or lands."""
-        return np.asarray(self.surfaces != NOWHERE)
+        return self.lay.touch.impacts
 
     @property
     def plain(self) -> Bools:
@@ -113,13 +114,13 @@ class ImpactLaw(Law):
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         lay = self.lay
-        box[lay.index_lam] = np.stack([np.zeros(len(lay.index_lam)), self.most_impulse], axis=1)
+        box[lay.impact.lam] = np.stack([np.zeros(len(lay.impact.lam)), self.most_impulse], axis=1)
         hits = np.flatnonzero(self.impact)
         places = zip(lay.collision_nodes[hits, None], self.surfaces[hits].tolist(), strict=True)
         give_way(problem, lay, box, scale, places)
 
     def equations(self, block: Numbering) -> None:
-        at, hit, n = collision_names(self.problem), self.surfaces, len(self.surfaces)
+        at, hit, n = self.lay.impact.names, self.surfaces, len(self.surfaces)
         v = [velocity_name(q) for q in self.problem.kernels.coordinates]
         plain = self.plain
         self.arrival = block(
@@ -148,7 +149,7 @@ class ImpactLaw(Law):
         )
 
     def inequalities(self, block: Numbering) -> None:
-        at, hit, nodes = collision_names(self.problem), self.surfaces, self.lay.collision_nodes
+        at, hit, nodes = self.lay.impact.names, self.surfaces, self.lay.collision_nodes
         self.approach = block(
             "approach",
             self.impact & ~self.touching,
@@ -169,7 +170,7 @@ class ImpactLaw(Law):
         if not len(nodes):
             return []
         q, t = lay.index_q[nodes], places.times(nodes)
-        lam = self._by_surface(lay.index_lam, places, places.zero)
+        lam = self._by_surface(lay.impact.lam, places, places.zero)
         energy, e = self.energy.index[:, None], self.e[:, None]
         law = np.where(self.plain[:, None], NOWHERE, energy)
         before, after = places.step(nodes - 1), places.step(nodes)
@@ -184,18 +185,18 @@ class ImpactLaw(Law):
             Term("impact", before, (law, like(law)), e),
             Term("impact", after, (like(law), law), -e),
             Term("moving_work", (q, lam, t), (law,), -e),
-            Term("rate_work", (q, lay.index_v_c, lam, t), (law,), (e - 1) / 2),
+            Term("rate_work", (q, lay.impact.v_c, lam, t), (law,), (e - 1) / 2),
             Term("step", before, (no_p, self.arrival.index, no_cost, no_inside)),
             Term("step", after, (self.departure.index, no_p, no_cost, no_inside)),
-            Term("momentum", (q, lay.index_v_a, t), (self.arrival.index,), -1.0),
-            Term("momentum", (q, lay.index_v_c, t), (self.departure.index,)),
+            Term("momentum", (q, lay.impact.v_a, t), (self.arrival.index,), -1.0),
+            Term("momentum", (q, lay.impact.v_c, t), (self.departure.index,)),
         ]
         plain = np.where(self.plain & ~self.rough, self.energy.index, NOWHERE)
         for v, rows, sign in (
-            (lay.index_v_a, self.approach.index, 1.0),
-            (lay.index_v_c, self.separation.index, -1.0),
-            (lay.index_v_c, plain, 1.0),
-            (lay.index_v_a, np.where(self.e > 0, plain, NOWHERE), e),
+            (lay.impact.v_a, self.approach.index, 1.0),
+            (lay.impact.v_c, self.separation.index, -1.0),
+            (lay.impact.v_c, plain, 1.0),
+            (lay.impact.v_a, np.where(self.e > 0, plain, NOWHERE), e),
         ):
             terms.append(Term("gap_rate", (q, v, t), (self._by_surface(rows, places),), sign))
         return terms
@@ -205,10 +206,10 @@ class ImpactLaw(Law):
         phase that ends in it, and the energy the impulse."""
         lay, hit, newton = self.lay, self.impact, self.impact & ~self.rough
         before, after = key(lay.collision_nodes - 1, COLLISION), key(lay.collision_nodes, COLLISION)
-        yield Pivot(lay.index_v_a, self.arrival.index, before)
+        yield Pivot(lay.impact.v_a, self.arrival.index, before)
         yield Pivot(lay.index_h[:-1][hit], self.contact.index[hit], before[hit])
-        yield Pivot(lay.index_v_c, self.departure.index, after)
-        yield Pivot(lay.index_lam[newton], self.energy.index[newton], after[newton])
+        yield Pivot(lay.impact.v_c, self.departure.index, after)
+        yield Pivot(lay.impact.lam[newton], self.energy.index[newton], after[newton])
 
     def _by_surface(self, values: Index, places: Places, otherwise: int = NOWHERE) -> Index:
         """Values of the collisions in the columns of their surfaces, shape (collisions, nc)."""

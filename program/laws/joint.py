@@ -118,7 +118,7 @@ class JointLaw(Law):
         terms = list(along.pushes("reaction", unknowns.R, 1.0, places, laws))
         nodes = lay.collision_nodes
         if len(nodes):
-            q, t, v = lay.index_q[nodes], places.times(nodes), lay.index_v_c
+            q, t, v = lay.index_q[nodes], places.times(nodes), lay.impact.v_c
             R_c = places.known(unknowns.R_c)
             terms += [
                 Term("reaction", (q, R_c, t), (laws.step.momentum.index[nodes],)),

@@ -96,7 +96,7 @@ def _is_untouched(lay: Layout) -> bool:
 def _untouched(lay: Layout) -> tuple[ContactLaw, HitLaw]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
-    mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.surfaces)
+    mu, events = np.zeros(len(lay.touch.contacts.tangents)), len(lay.touch.surfaces)
     contact = ContactLaw(lay, mu, False)
     contact.settled = Settled.nothing(lay)
     hit = HitLaw(lay, (), mu, np.zeros(events), np.zeros(events, bool))

@@ -165,7 +165,7 @@ def _velocities(lay: Layout) -> Index:
     """Unknown velocities at the start and at the end of each phase, shape (2 phases, nq); nowhere
     where they are not needed."""
     velocities = np.full((2 * lay.phases, lay.nq), NOWHERE)
-    velocities[1:-1:2], velocities[2::2] = lay.index_v_a, lay.index_v_c
+    velocities[1:-1:2], velocities[2::2] = lay.impact.v_a, lay.impact.v_c
     for row, index in ((0, lay.index_v_B), (-1, lay.index_v_E)):
         if len(index):
             velocities[row] = index

@@ -88,7 +88,7 @@ class PhaseNodes:
         lay, ends = self.lay, self.lay.ends
         for at, v, r in (
             (ends[:1], lay.index_v_B[None], rows[:1]),
-            (ends[1:-1], lay.index_v_a, rows[1:-1]),
+            (ends[1:-1], lay.impact.v_a, rows[1:-1]),
             (ends[-1:], lay.index_v_E[None], rows[-1:]),
         ):
             if len(at) and v.size:

@@ -92,8 +92,8 @@ class StepLaw(Law):
         problem, lay = self.problem, self.lay
         model, free = problem.model, self.free_ends
         keep = np.ones((lay.total + 1, model.nc), dtype=bool)
-        hits = lay.surfaces != NOWHERE
-        keep[lay.collision_nodes[hits], lay.surfaces[hits]] = False
+        hits = lay.touch.surfaces != NOWHERE
+        keep[lay.collision_nodes[hits], lay.touch.surfaces[hits]] = False
         keep[:, [model.surface_numbers[name] for name in problem.ignored]] = False
         for i, mode in enumerate(lay.touch.modes):
             keep[lay.ends[i] : lay.ends[i + 1] + 1, list(mode.closed)] = False

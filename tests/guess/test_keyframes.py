@@ -78,7 +78,7 @@ def test_velocities_and_impulses_follow_from_the_motion(small: dmoc.Problem) -> 
     guess = {"alpha": [0.47, 0.3, 1.57], "x": [0.0, 0.2, 0.1], "durations": [0.2, 0.2]}
     lay, x, _ = unknowns(small, guess)
     q, h = x[lay.index_q], x[lay.index_h]
-    v_a, v_c, impulse = x[lay.index_v_a][0], x[lay.index_v_c][0], x[lay.index_lam][0]
+    v_a, v_c, impulse = x[lay.impact.v_a][0], x[lay.impact.v_c][0], x[lay.impact.lam][0]
     np.testing.assert_allclose(v_a, (q[8] - q[7]) / h[0])
     assert v_c[0] == pytest.approx(-v_a[0])
     jump = small.model.mass(q[8]) @ (v_c - v_a)
@@ -152,6 +152,6 @@ def test_keyframes_come_down_on_contacts_that_last() -> None:
     pushed = x[lay.reactions(2)[0].unknowns[:, 0]]
     assert pushed[2:-2] == pytest.approx(10.0 * 0.5 / 8)
     # The landing takes the rate of the way to it, and keeps nothing of it.
-    assert x[lay.index_lam[0]] == pytest.approx(-x[lay.index_v_a[0, 1]])
-    assert x[lay.index_v_c[0, 1]] == pytest.approx(0.0, abs=1e-12)
-    assert x[lay.index_lam[1]] == 0.0
+    assert x[lay.impact.lam[0]] == pytest.approx(-x[lay.impact.v_a[0, 1]])
+    assert x[lay.impact.v_c[0, 1]] == pytest.approx(0.0, abs=1e-12)
+    assert x[lay.impact.lam[1]] == 0.0

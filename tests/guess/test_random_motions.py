@@ -24,15 +24,15 @@ def test_they_lie_on_their_surfaces_and_obey_the_law_of_impact(seed: dmoc.Proble
     kind = np.arange(len(x)) % KINDS
     x = x[(kind == DRIVEN) | (kind == IDLE)]
     for i, node in enumerate(lay.collision_nodes):
-        j = int(lay.surfaces[i])
-        q, before, after = x[:, lay.index_q[node]], x[:, lay.index_v_a[i]], x[:, lay.index_v_c[i]]
+        j = int(lay.touch.surfaces[i])
+        q, before, after = x[:, lay.index_q[node]], x[:, lay.impact.v_a[i]], x[:, lay.impact.v_c[i]]
         assert np.abs(problem.model.gaps(q)[:, j]).max() < 1e-9
         rates = [problem.model.gap_rates(q, v)[:, j] for v in (before, after)]
         assert (rates[0] > 0).all()
         assert rates[1] == pytest.approx(-0.7 * rates[0])
         jump = problem.model.momentum(q, after) - problem.model.momentum(q, before)
         slope = problem.model.gap_slopes(q)[:, j, :-1]
-        assert jump == pytest.approx(-x[:, lay.index_lam[i], None] * slope, abs=1e-9)
+        assert jump == pytest.approx(-x[:, lay.impact.lam[i], None] * slope, abs=1e-9)
 
 
 def test_they_keep_ends_times_and_inputs(seed: dmoc.Problem) -> None:
@@ -55,7 +55,7 @@ def test_a_number_is_a_motion_however_many_there_are(seed: dmoc.Problem) -> None
 def test_the_kinds_differ_in_what_they_keep(seed: dmoc.Problem) -> None:
     lay, x = motions(seed.but(steps=10))
     kind = np.arange(len(x)) % KINDS
-    (node,), (j,) = lay.collision_nodes, lay.surfaces
+    (node,), (j,) = lay.collision_nodes, lay.touch.surfaces
     off = np.abs(seed.model.gaps(x[:, lay.index_q[node]])[:, j])
     assert off[(kind == DRIVEN) | (kind == IDLE)].max() < 1e-9
     assert np.median(off[kind == LOOSE]) > 0.01

@@ -121,5 +121,5 @@ def test_only_a_hit_has_an_impulse_that_is_held_at_zero() -> None:
     nlp: Any = SimpleNamespace(problem=problem, layout=Layout.of(problem))
     x = np.zeros(nlp.layout.size)
     assert list(_impulses(nlp, x)) == ["impulse of collision 2 (floor:slip+) >= 0"]
-    x[nlp.layout.index_lam[1]] = 1.0
+    x[nlp.layout.impact.lam[1]] = 1.0
     assert list(_impulses(nlp, x)) == []

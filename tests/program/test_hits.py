@@ -108,10 +108,10 @@ def test_the_rows_of_a_hit_are_those_of_poisson_and_coulomb(
     x = nlp.physical(scaled)
     values = np.concatenate([nlp.equality(scaled), nlp.inequality(scaled)]) * nlp.row_unit
     index = {b.name: b.index for b in (*nlp.equalities, *nlp.inequalities)}
-    dP = np.diff([0.0, *x[lay.hit.P_h[0, list(order)]], x[lay.index_lam[0]]])
+    dP = np.diff([0.0, *x[lay.hit.P_h[0, list(order)]], x[lay.impact.lam[0]]])
     dT = np.diff([0.0, *x[lay.hit.T_h[0, list(order)]], x[lay.contact.T_c[0, 0]]])
-    slides = [x[v[0, 0]] + 0.1 * x[v[0, 2]] for v in (lay.index_v_a, lay.index_v_c)]
-    expected = {"restitution": {(0,): 1.8 * x[lay.hit.P_h[0, END]] - x[lay.index_lam[0]]}}
+    slides = [x[v[0, 0]] + 0.1 * x[v[0, 2]] for v in (lay.impact.v_a, lay.impact.v_c)]
+    expected = {"restitution": {(0,): 1.8 * x[lay.hit.P_h[0, END]] - x[lay.impact.lam[0]]}}
     expected["slips"] = {(0, k): dT[k] + s * 0.3 * dP[k] for k, s in enumerate(signs) if s}
     ends = enumerate((signs[0], signs[-1]))
     expected["heads"] = {(0, side): s * slides[side] for side, s in ends if s}

@@ -40,7 +40,7 @@ def point(nlp: Transcription, rng: np.random.Generator) -> np.ndarray:
     x = rng.normal(size=nlp.n) * 0.3
     lay = nlp.layout
     x[lay.index_h] = rng.uniform(0.05, 0.08, lay.phases)
-    x[lay.index_lam] = rng.uniform(1, 2, lay.phases - 1)
+    x[lay.impact.lam] = rng.uniform(1, 2, lay.phases - 1)
     x[lay.index_q[:, 0]] = np.linspace(0.45, 1.2, lay.total + 1)
     return x
 
@@ -161,8 +161,8 @@ def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs
             0
         ].reshape(2, 2)
         for name, unknowns, sign in (
-            ("arrival", lay.index_v_a[i], -1.0),
-            ("departure", lay.index_v_c[i], 1.0),
+            ("arrival", lay.impact.v_a[i], -1.0),
+            ("departure", lay.impact.v_c[i], 1.0),
         ):
             rows = getattr(nlp.laws.impact, name).index[i]
             np.testing.assert_allclose(jacobian[np.ix_(rows, unknowns)], sign * mass, rtol=1e-12)
@@ -177,8 +177,8 @@ def test_the_law_in_the_rates_is_newtons() -> None:
     lay, at = nlp.layout, nlp.layout.collision_nodes
     q, t = x[lay.index_q[at]], x[lay.index_t[at]]
     before, after = (
-        problem.model.gap_rates(q, x[v], t)[[0, 1], lay.surfaces]
-        for v in (lay.index_v_a, lay.index_v_c)
+        problem.model.gap_rates(q, x[v], t)[[0, 1], lay.touch.surfaces]
+        for v in (lay.impact.v_a, lay.impact.v_c)
     )
     rows = nlp.laws.impact.energy.numbers
     np.testing.assert_allclose(
@@ -197,6 +197,18 @@ def test_every_unknown_has_one_place(nlp: Transcription) -> None:
     )
 
 
+def test_unknowns_have_the_order_of_files_and_those_of_laws_tables(nlp: Transcription) -> None:
+    """Files keep the multipliers of bounds in this order."""
+    lay, order = nlp.layout, "h q u lam p_B p_E v_B v_E v_a v_c t q_i s".split()
+    of_laws = ["P", "T", "P_c", "T_c", "v_h", "P_h", "T_h", "R", "R_c"]
+    assert [b.name for b in lay.unknowns] == order + of_laws
+    tables = vars(lay) | vars(lay.impact) | vars(lay.contact) | vars(lay.hit) | vars(lay.joint)
+    for block in lay.unknowns:
+        held = [name for name in (block.name, f"index_{block.name}") if name in tables]
+        assert [np.array_equal(tables[name], block.index) for name in held] == [True]
+    assert not {"index_lam", "index_v_a", "index_v_c"} & set(vars(lay))
+
+
 def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> None:
     """An unknown is named by what the motion shows there, a row by what makes it move."""
     lay, coordinates = nlp.layout, nlp.kernels.coordinates
@@ -211,9 +223,9 @@ def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> No
         for i, surface in enumerate(nlp.problem.sequence):
             kind = "event" if set(surface) & set("+-: ") else "collision"
             at = f"{kind} {i + 1} ({surface})"
-            assert names[lay.index_v_a[i, j]] == f"{q}_dot before {at}"
-            assert names[lay.index_v_c[i, j]] == f"{q}_dot after {at}"
-            assert names[lay.index_lam[i]] == f"impulse of {at}"
+            assert names[lay.impact.v_a[i, j]] == f"{q}_dot before {at}"
+            assert names[lay.impact.v_c[i, j]] == f"{q}_dot after {at}"
+            assert names[lay.impact.lam[i]] == f"impulse of {at}"
     for step, inner in enumerate(lay.index_q_i[:, : lay.nq]):
         assert [names[i] for i in inner] == [
             f"{q} inside step {step}" for q in coordinates[: len(inner)]

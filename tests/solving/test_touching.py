@@ -66,7 +66,7 @@ def test_the_slope_of_a_touch_is_that_of_hits_at_small_rates(
     slope, rate = min(slopes(touching, touch, 0)), 1e-4
 
     real = Programs(hit, programs.scale).program()
-    down = real.layout.index_v_a[0, 1]
+    down = real.layout.impact.v_a[0, 1]
     real.lower[down] = real.upper[down] = -rate / real.unit[down]
     struck = MINIMISE(real, touch.x, SHARP, None)
     assert struck.status == "solved"
