@@ -74,29 +74,24 @@ class Guess:
     input_excess: float
 
 
-def initial_guesses(
-    problem: Problem, deadline: Deadline = ENDLESS, by_rates: bool = False
-) -> tuple[Guess, ...]:
+def initial_guesses(problem: Problem, deadline: Deadline = ENDLESS) -> tuple[Guess, ...]:
     """Return guesses for all unknowns of ``problem``, the better one first.
 
     The final times that are tried keep the problem's bounds; among those that keep the bounds of
     the inputs the one of least cost is taken, and if there is none, the one that violates them
     least.  After the deadline no further one is tried.  Phases of very many steps are marched with
-    fewer and interpolated.  ``by_rates`` is how the program that is solved next states the law of
-    impact: its structure serves here too.
+    fewer and interpolated.
     """
     if max(problem.phase_steps) > MOST_MARCHED:
         few = problem.meshed([min(n, MOST_MARCHED) for n in problem.phase_steps])
-        return tuple(
-            replace(g, x=on_mesh(problem, few, g.x))
-            for g in initial_guesses(few, deadline, by_rates)
-        )
+        guesses = initial_guesses(few, deadline)
+        return tuple(replace(g, x=on_mesh(problem, few, g.x)) for g in guesses)
     with np.errstate(all="ignore"):
         if problem.held:
             x = standing(problem, natural_time(problem))
             lay = Layout.of(problem)
             return (Guess(x, float(x[lay.index_h] @ np.array(lay.steps)), (), 0, 0.0),)
-        return _without_drift(problem, _guesses(problem, deadline), by_rates)
+        return _without_drift(problem, _guesses(problem, deadline))
 
 
 def _guesses(problem: Problem, deadline: Deadline) -> list[Guess]:
@@ -168,10 +163,10 @@ def _choices(
         yield prescribed, final_time, True
 
 
-def _without_drift(problem: Problem, guesses: list[Guess], by_rates: bool) -> tuple[Guess, ...]:
+def _without_drift(problem: Problem, guesses: list[Guess]) -> tuple[Guess, ...]:
     """The guesses, the first one last if it has drifted off its goal and another one has not."""
     if len(guesses) > 1:
-        nlp = Transcription(problem, scale_of(problem, guesses[-1].x), by_rates=by_rates)
+        nlp = Transcription(problem, scale_of(problem, guesses[-1].x))
         errors = [
             float(np.abs(nlp.equality(np.clip(nlp.scaled(g.x), nlp.lower, nlp.upper))).max())
             for g in guesses

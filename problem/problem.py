@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -163,6 +163,7 @@ class Problem(Shown):
     contacts: Sequence[str] = ()
     via: Sequence[Mapping[Any, Any] | None] | None = None
     ignored: Sequence[str] = ()
+    by_rates: ClassVar[bool] = False  # see in_rates
 
     if TYPE_CHECKING:
         # The fields again, for what may be given in place of kernels.
@@ -248,7 +249,15 @@ class Problem(Shown):
 
     def but(self, **changes: Any) -> Problem:
         """Return the same problem with some fields replaced."""
-        return replace(self, **changes)
+        other = replace(self, **changes)
+        return other.in_rates() if self.by_rates else other
+
+    def in_rates(self) -> Problem:
+        """Return the same problem, whose programs state the law of impact in the rates of the gaps
+        instead of the discrete energies."""
+        other = object.__new__(Problem)
+        other.__dict__.update(self.__dict__, by_rates=True)
+        return other
 
     def unchecked(self, **changes: Any) -> Problem:
         """Return the same problem with some fields replaced as they are: small changes may leave
@@ -256,7 +265,7 @@ class Problem(Shown):
         other = object.__new__(Problem)
         for item in fields(self):
             object.__setattr__(other, item.name, changes.get(item.name, getattr(self, item.name)))
-        return other
+        return other.in_rates() if self.by_rates else other
 
     def meshed(self, steps: int | Sequence[int]) -> Problem:
         """Return the same problem with other numbers of steps, which nothing else that was checked

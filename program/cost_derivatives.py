@@ -19,7 +19,7 @@ from dmoc.base.tolerances import LEAST
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.blocks import NOWHERE, Index
-from dmoc.program.extraction import given_multipliers, stated_in_rates
+from dmoc.program.extraction import given_multipliers, stated_as
 from dmoc.program.transcription import Transcription
 
 # Relative change of a parameter for differences of order 4: the error of the formula (1e-12) and
@@ -54,9 +54,8 @@ class Sensitivities(TypedDict):
 def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) -> Sensitivities:
     """Return the derivatives of the optimal cost at a minimum x with its multipliers by kind (of
     the program without minimal times)."""
-    by_rates = stated_in_rates(problem, multipliers)
-    nlp = Transcription(problem, by_rates=by_rates)
-    lagrangian = partial(_lagrangian, x=x, by_rates=by_rates)
+    problem = stated_as(problem, multipliers)
+    nlp, lagrangian = Transcription(problem), partial(_lagrangian, x=x)
     y, w, z = given_multipliers(nlp, multipliers)
     # Solvers leave out fixed unknowns: their multipliers make the Lagrangian stationary.
     slope = nlp.lagrangian_gradient(x, y, w)
@@ -103,10 +102,8 @@ def sensitivities(problem: Problem, x: Array, multipliers: Mapping[str, Array]) 
     }
 
 
-def _lagrangian(
-    problem: Problem, multipliers: Mapping[str, Array], x: Array, by_rates: bool
-) -> float:
-    nlp = Transcription(problem, by_rates=by_rates)
+def _lagrangian(problem: Problem, multipliers: Mapping[str, Array], x: Array) -> float:
+    nlp = Transcription(problem)
     y, w, z = given_multipliers(nlp, multipliers)
     r = nlp.values(x)
     bound = np.where(z > 0, nlp.lower, nlp.upper)

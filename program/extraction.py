@@ -218,6 +218,11 @@ def stated_in_rates(problem: Problem, named: Mapping[str, Array]) -> bool:
     return elastic and "separation" not in named
 
 
+def stated_as(problem: Problem, named: Mapping[str, Array]) -> Problem:
+    """The problem with the law of impact as multipliers by kind have it."""
+    return problem.in_rates() if stated_in_rates(problem, named) else problem
+
+
 def _units_of_multipliers(nlp: Transcription) -> tuple[Array, Array, Array]:
     """Units of y, w and z: that of the cost by those of constraints and unknowns."""
     rows = nlp.scale.cost / nlp.row_unit

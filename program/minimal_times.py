@@ -50,13 +50,9 @@ class WithMinimalTimes(Transcription):
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        scale: Scale | None = None,
-        touching: Sequence[int] = (),
-        by_rates: bool = False,
+        self, problem: Problem, scale: Scale | None = None, touching: Sequence[int] = ()
     ) -> None:
-        super().__init__(problem, scale, touching=touching, by_rates=by_rates)
+        super().__init__(problem, scale, touching=touching)
         bounded = problem.nu > 0 and bool(np.isfinite(problem.input_bounds).all())
         estimated = problem.minimal_times and bounded and problem.model.has_minimal_times
         estimated = estimated and not problem.held

@@ -61,8 +61,6 @@ class Transcription(Evaluator):
         Collisions that touch their surface without an impulse.
     pulling : bool
         Closed contacts may pull, to see how strongly they would have to.
-    by_rates : bool
-        The law of impact is stated in the rates of the gaps instead of the energies.
     """
 
     def __init__(
@@ -72,7 +70,6 @@ class Transcription(Evaluator):
         goal_as_rows: bool = False,
         touching: Sequence[int] | Index = (),
         pulling: bool = False,
-        by_rates: bool = False,
     ) -> None:
         self.problem, self.kernels, self.goal_as_rows = problem, problem.kernels, goal_as_rows
         self.scale = Scale.none(problem) if scale is None else scale
@@ -80,7 +77,7 @@ class Transcription(Evaluator):
         self.layout = Layout.of(problem)
         touches = np.asarray(touching, dtype=np.intp)
         goals = goal_rows(problem, self.layout) if goal_as_rows else []
-        self.laws = laws_of(problem, self.layout, touches, goals, by_rates, pulling)
+        self.laws = laws_of(problem, self.layout, touches, goals, pulling)
         self.limits = limits(problem, self.layout, self.laws, self.scale, goals)
         self.laws.number(problem, self.limits)
         self.n = self.layout.size

@@ -86,7 +86,7 @@ def lost(task: Task, why: str) -> Node:
 
 
 def _solve(task: Task) -> Node:
-    begin = time.perf_counter()
+    begin, task = time.perf_counter(), replace(task, problem=task.problem.in_rates())
     if task.doubtful is not None:
         node = _on_finer_meshes(task, task.doubtful)
         return replace(node, seconds=node.seconds + time.perf_counter() - begin)
@@ -136,7 +136,6 @@ def _explored(task: Task) -> Node:
         widens=False,
         iterations=ITERATIONS,
         guesses=GUESSES,
-        by_rates=True,
         seed=task.seed,
     )
     exploration = explored(task.problem, effort, Options(deadline=deadline), points)
@@ -212,7 +211,7 @@ def _solved(
 ) -> Solution:
     """Solve until a deadline; Ctrl-C, which ends a solve with a status, ends the search too."""
     options = Options(deadline=deadline)
-    request = Request(METHODS[method], options, verify=verify, by_rates=True)
+    request = Request(METHODS[method], options, verify=verify)
     s = solved_on_mesh(problem, guess, request)
     if s.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
@@ -335,7 +334,7 @@ def _least(problem: Problem, deadline: Deadline) -> Diagnosis:
     for guess in initial_guesses(problem, deadline):
         options = Options(deadline=deadline)
         scale = scale_of(problem, guess.x)
-        diagnoses.append(diagnose(problem, scale, guess.x, options, by_rates=True))
+        diagnoses.append(diagnose(problem, scale, guess.x, options))
         if diagnoses[-1].violation <= INFEASIBLE:
             return diagnoses[-1]
         if deadline.passed:

@@ -86,16 +86,14 @@ class Diagnosis:
         return tuple(parts)
 
 
-def diagnose(
-    problem: Problem, scale: Scale, x: Array, options: Options, by_rates: bool = False
-) -> Diagnosis:
+def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diagnosis:
     """Seek the motion of least violation from the unknowns x and say what it misses; needs compiled
     kernels.
 
     x is best an initial guess: where a solver has given up, the motion may have left what the user
-    had in mind.  ``by_rates`` states the law of impact in the rates of the gaps.
+    had in mind.
     """
-    nlp = Transcription(problem, scale, goal_as_rows=True, by_rates=by_rates)
+    nlp = Transcription(problem, scale, goal_as_rows=True)
     limits = replace(options, iterations=min(options.iterations, ITERATIONS), progress=None)
     outcome = least_violation(nlp, nlp.scaled(x), limits, _prices(nlp))
     if outcome.status is Status.INTERRUPTED:

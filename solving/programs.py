@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dmoc.problem.problem import Problem
-from dmoc.program.extraction import given_multipliers, stated_in_rates
+from dmoc.program.extraction import given_multipliers, stated_as
 from dmoc.program.minimal_times import WithMinimalTimes
 from dmoc.program.scale import Scale
 from dmoc.program.scaling import scale_of
@@ -22,12 +22,11 @@ class Programs:
     """The programs of a problem in one scale.
 
     ``guided`` ones have the estimated minimal times as constraints, in as far as the problem has
-    them; the others leave them out.  ``by_rates`` says how they state the law of impact.
+    them; the others leave them out.
     """
 
     problem: Problem
     scale: Scale
-    by_rates: bool = False
     _made: dict[tuple[bool, tuple[int, ...]], Transcription] = field(default_factory=dict)
 
     @property
@@ -40,9 +39,7 @@ class Programs:
         key = (guided and self.problem.minimal_times, tuple(sorted(map(int, touching))))
         if key not in self._made:
             make = WithMinimalTimes if key[0] else Transcription
-            self._made[key] = make(
-                self.problem, self.scale, touching=key[1], by_rates=self.by_rates
-            )
+            self._made[key] = make(self.problem, self.scale, touching=key[1])
         return self._made[key]
 
     def free(self, nlp: Transcription) -> Transcription:
@@ -59,6 +56,5 @@ class Programs:
 def at_solution(problem: Problem, solution: Solution) -> tuple[Transcription, Duals]:
     """The program of a problem at its solution, with its multipliers."""
     scale = scale_of(problem, solution.unknowns, minimum=True)
-    by_rates = stated_in_rates(problem, solution.multipliers)
-    nlp = Transcription(problem, scale, by_rates=by_rates)
+    nlp = Transcription(stated_as(problem, solution.multipliers), scale)
     return nlp, Duals(*given_multipliers(nlp, solution.multipliers))

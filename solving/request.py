@@ -25,7 +25,7 @@ class Request:
     """How a problem shall be solved; its parts are checked.
 
     ``verify`` is for the solution, ``ranks_checked`` for the minima among which it is chosen;
-    ``by_rates`` states the law of impact in the rates of the gaps.  ``tolerance`` is that of a
+    ``tolerance`` is that of a
     refinement, None where the mesh of the problem is the only one; where finer meshes do not lead
     there, an error up to ``loose`` that the check confirms is a solution too.  ``refining`` is the
     method of other meshes than that of the answer.
@@ -38,7 +38,6 @@ class Request:
     ranks_checked: bool = True
     starts: int | None = 1
     seed: int = 0
-    by_rates: bool = False
     tolerance: float | None = None
     loose: float = LOOSE
     refining: Method = METHODS[REFINING]

@@ -79,9 +79,7 @@ class ImpactLaw(Law):
     separation: Block = field(init=False)
 
     @classmethod
-    def of(
-        cls, problem: Problem, lay: Layout, touching: Index, by_rates: bool = False
-    ) -> ImpactLaw:
+    def of(cls, problem: Problem, lay: Layout, touching: Index) -> ImpactLaw:
         touches = np.isin(np.arange(len(lay.touch.surfaces)), touching)
         landing = np.array([bool(event.lands) for event in problem.events], dtype=bool)
         e = np.where(touches | landing, 0.0, restitution_of(problem, lay.touch.surfaces))
@@ -89,7 +87,7 @@ class ImpactLaw(Law):
         lasts = np.array([joined or not mode.free for mode in problem.modes], dtype=bool)
         rough = np.zeros(len(lay.touch.surfaces), dtype=bool)
         rough[[p.event for p in lay.hit.passages if not p.lands]] = True
-        stated = lasts[:-1] | lasts[1:] | by_rates | rough
+        stated = lasts[:-1] | lasts[1:] | problem.by_rates | rough
         return cls(problem, lay, e, touches, landing, stated, rough)
 
     @property

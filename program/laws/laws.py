@@ -69,12 +69,11 @@ class Laws:
 
 
 def laws_of(
-    problem: Problem, lay: Layout, touching: Index, goals: Sequence[Goal], by_rates: bool = False,
-    pulling: bool = False,
-) -> Laws:  # fmt: skip
+    problem: Problem, lay: Layout, touching: Index, goals: Sequence[Goal], pulling: bool = False
+) -> Laws:
     """The laws of a problem, without the numbers of their rows; ``goals`` are those that are
     constraints instead of bounds, the other arguments are those of the program."""
-    impact = ImpactLaw.of(problem, lay, touching, by_rates)
+    impact = ImpactLaw.of(problem, lay, touching)
     if _is_untouched(lay):
         contact, hit = _untouched(lay)
     else:

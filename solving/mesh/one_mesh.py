@@ -128,7 +128,7 @@ def solved_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> S
         starts = starts_of(problem, guess, options.deadline)
         guessed = time.perf_counter()
         scale = scale_of(problem, starts.points[0], starts.minimum)
-        programs = Programs(problem, scale, request.by_rates)
+        programs = Programs(problem, scale)
         limits = _in_units(options, scale.cost)
         attempt = attempted(programs, starts, method, request.form, limits)
         solved = time.perf_counter()

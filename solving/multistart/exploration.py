@@ -65,8 +65,6 @@ class Effort:
         Automatic guesses that are tried at most.
     total : int or None
         All starts, where their number is given.
-    by_rates : bool
-        Whether the law of impact is stated in the rates of the gaps where minima are ranked, too.
     seed : int
         Of the random starts.
     verifies : bool
@@ -86,7 +84,6 @@ class Effort:
     iterations: int = 100
     guesses: int | None = None
     total: int | None = None
-    by_rates: bool = False
     seed: int = 0
     verifies: bool = True
 
@@ -188,15 +185,16 @@ def _minima(
     coarse = coarse_of(problem)
     # On a coarse mesh the energies of a long and of a short step tell little of the rates: minima
     # would live on what they miss, and be far from those of a finer mesh.
-    by_rates = effort.by_rates or coarse.phase_steps != problem.phase_steps
+    if coarse.phase_steps != problem.phase_steps:
+        coarse = coarse.in_rates()
     room = effort.guesses if effort.total is None else effort.total - len(points)
-    guesses = [g.x for g in initial_guesses(coarse, options.deadline, by_rates)][:room]
+    guesses = [g.x for g in initial_guesses(coarse, options.deadline)][:room]
     natural = natural_time(coarse)
     most = max(effort.iterations, LASTING) if problem.held else effort.iterations
     few = replace(options, iterations=min(options.iterations, most))
     named = {**points, **{f"automatic {i + 1}": x for i, x in enumerate(guesses)}}
     scale = scale_of(coarse, next(iter(named.values())))
-    programs = [Programs(coarse, scale, by_rates) for _ in range(free_threads())]
+    programs = [Programs(coarse, scale) for _ in range(free_threads())]
     minima, starts = list[Basin](), list[Start]()
     begin, ends = 0, [0, effort.first, effort.most, effort.more]
     if effort.total is not None:
@@ -210,14 +208,14 @@ def _minima(
         minima = gathered(minima, attempts)
         agreed = effort.agree(minima, len(starts))
         if not agreed and 0 < end == effort.first and 1 < len(minima) <= FEW:
-            agreed = effort.agree(merged(problem, minima, few, effort.by_rates), len(starts))
+            agreed = effort.agree(merged(problem, minima, few), len(starts))
         met = _met_best(minima) >= effort.often
         enough = (met and end >= effort.most) or (agreed and end >= effort.first)
         if enough or len(attempts) < len(named):
             break
         named, begin = {}, numbers.stop
     if not minima and effort.widens:
-        minima = _tightened(coarse, by_rates, natural, effort.seed, few)
+        minima = _tightened(coarse, natural, effort.seed, few)
     return minima, starts
 
 
@@ -232,20 +230,18 @@ def _start(name: str, attempt: Attempt) -> Start:
     return Start(name, attempt.status, cost_of(attempt) if solved else None)
 
 
-def _tightened(
-    coarse: Problem, by_rates: bool, natural: float, seed: int, options: Options
-) -> list[Basin]:
+def _tightened(coarse: Problem, natural: float, seed: int, options: Options) -> list[Basin]:
     """Minima that are left when wide limits of the inputs are tightened step by step."""
     if not np.isfinite(coarse.input_bounds).any():
         return []
     wide = _widened(coarse, WIDER[0])
-    points = [g.x for g in initial_guesses(wide, options.deadline, by_rates)]
+    points = [g.x for g in initial_guesses(wide, options.deadline)]
     scale = scale_of(wide, points[0])
     points += list(random_motions(wide, points, natural, range(WIDE_STARTS), seed))
     minima = list[Basin]()
     for factor in WIDER:
         tightened = _widened(coarse, factor)
-        programs = [Programs(tightened, scale, by_rates) for _ in range(free_threads())]
+        programs = [Programs(tightened, scale) for _ in range(free_threads())]
         minima = gathered([], attempts_from(programs, points, options))
         points = [b.attempt.nlp.physical(b.attempt.outcome.x) for b in minima[:FOLLOWED]]
         if not points:

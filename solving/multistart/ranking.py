@@ -70,7 +70,7 @@ def ranked(
         if passed or full or late:
             left += minima[k:]
             break
-        attempt = _refined(_mesh(problem, coarse), coarse.attempt, options, effort.by_rates)
+        attempt = _refined(_mesh(problem, coarse), coarse.attempt, options)
         if attempt.status is not Status.SOLVED:
             left.append(coarse)
             continue
@@ -86,17 +86,15 @@ def ranked(
     good = [r for r in refined if r.solution.minimum]
     if effort.settles and good:
         best = min(good, key=Ranked.rank)
-        refined = [_settled(r, best, options, effort.by_rates) for r in refined]
+        refined = [_settled(r, best, options) for r in refined]
     return sorted(refined, key=Ranked.rank), left
 
 
-def merged(
-    problem: Problem, minima: Sequence[Basin], options: Options, by_rates: bool
-) -> list[Basin]:
+def merged(problem: Problem, minima: Sequence[Basin], options: Options) -> list[Basin]:
     """Minima of a coarse mesh on the ranking mesh, the cheapest first: several may become one."""
     distinct = list[Basin]()
     for coarse in minima:
-        attempt = _refined(_mesh(problem, coarse), coarse.attempt, options, by_rates)
+        attempt = _refined(_mesh(problem, coarse), coarse.attempt, options)
         if attempt.status is Status.SOLVED:
             distinct = joined(distinct, replace(Basin.of(attempt), starts=coarse.starts))
     return distinct
@@ -111,7 +109,7 @@ def _mesh(problem: Problem, coarse: Basin) -> Problem:
     return problem.meshed(steps)
 
 
-def _settled(r: Ranked, best: Ranked, options: Options, by_rates: bool) -> Ranked:
+def _settled(r: Ranked, best: Ranked, options: Options) -> Ranked:
     """Where the simulation contradicts a minimum, its cost on a finer mesh if it is confirmed
     there: then the mesh is too coarse, and not the minimum none.  It is no better one if the best
     that is confirmed costs no more on either mesh, as motions do that switch in other steps."""
@@ -119,38 +117,38 @@ def _settled(r: Ranked, best: Ranked, options: Options, by_rates: bool) -> Ranke
         return r
     mesh = r.minimum.problem
     fine = mesh.meshed([min(FINER * n, MOST_STEPS) for n in mesh.phase_steps])
-    attempt = _on(fine, r.minimum.attempt, options, by_rates)
+    attempt = _on(fine, r.minimum.attempt, options)
     if attempt.status is not Status.SOLVED:
         return r
     s = checked(solution_of(attempt, COMPILED_METHOD.name, {}))
     if not s.minimum:
         return r
     if s.cost < best.cost <= r.solution.cost:
-        other = _on(fine, best.minimum.attempt, options, by_rates)
+        other = _on(fine, best.minimum.attempt, options)
         solved = other.status is Status.SOLVED
         if solved and Basin.of(other).at_most(Basin.of(attempt)):
             return r
     return replace(r, cost=s.cost)
 
 
-def _refined(mesh: Problem, coarse: Attempt, options: Options, by_rates: bool) -> Attempt:
+def _refined(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
     """Solve on a finer mesh from a motion on a coarse one; where that leads nowhere, once more by
     way of the meshes between."""
     few = replace(options, iterations=min(options.iterations, REFINING))
-    attempt = _on(mesh, coarse, few, by_rates)
+    attempt = _on(mesh, coarse, few)
     while attempt.status is not Status.SOLVED:
         pairs = zip(coarse.nlp.problem.phase_steps, mesh.phase_steps, strict=True)
         between = mesh.meshed([min(2 * n, most) for n, most in pairs])
         if between.phase_steps == mesh.phase_steps:
             return attempt
-        step = _on(between, coarse, few, by_rates)
+        step = _on(between, coarse, few)
         if step.status is not Status.SOLVED:
             return attempt
-        coarse, attempt = step, _on(mesh, step, few, by_rates)
+        coarse, attempt = step, _on(mesh, step, few)
     return attempt
 
 
-def _on(mesh: Problem, coarse: Attempt, options: Options, by_rates: bool) -> Attempt:
+def _on(mesh: Problem, coarse: Attempt, options: Options) -> Attempt:
     """Solve on a mesh from a motion on another one."""
     motion = trajectory(coarse.nlp, coarse.outcome.x)
     impulses = [c.impulse for c in motion.collisions]
@@ -158,7 +156,7 @@ def _on(mesh: Problem, coarse: Attempt, options: Options, by_rates: bool) -> Att
     scale, before = scale_of(mesh, x, True), coarse.nlp.scale
     if (scale.q < SAME * before.q).all():  # it stands still: rounding errors measure nothing
         scale = replace(before, h=scale.h)
-    programs = Programs(mesh, scale, by_rates)
+    programs = Programs(mesh, scale)
     nlp = programs.program()
     attempt = LocalSolver.compiled(programs).minimum(nlp, nlp.scaled(x), options)
     if attempt.status is Status.INTERRUPTED:

@@ -144,7 +144,7 @@ def test_other_numbers_share_a_structure_and_other_forms_do_not(family: Family) 
     assert [s is first for s in others] == [True] * 3 + [False] * (len(changes) - 3)
     assert len({id(s) for s in others[2:]}) == len(changes) - 2  # no two forms are one
     hits = problem.sequence == ("left",)  # whose law may be that of the rates
-    assert (Transcription(problem, by_rates=True).structure is not first) == hits
+    assert (Transcription(problem.in_rates()).structure is not first) == hits
 
 
 def test_names_are_those_of_the_problem_not_of_the_one_that_was_first(small: dmoc.Problem) -> None:

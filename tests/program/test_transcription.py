@@ -132,7 +132,7 @@ def nlp(request: pytest.FixtureRequest, pendulum: Kernels, puck: Kernels) -> Tra
     if request.param.startswith("driven"):
         controls = "linear" if "linear" in request.param else None
         problem = driven_problem(4 if "4" in request.param else 2, controls)
-        return Transcription(problem, by_rates="rates" in request.param)
+        return Transcription(problem.in_rates() if "rates" in request.param else problem)
     if request.param.startswith("contacts"):
         return Transcription(rod_problem("periodic" in request.param))
     if request.param.startswith("joints"):
@@ -171,8 +171,8 @@ def test_velocities_beside_collisions_enter_their_rows_with_the_documented_signs
 @pytest.mark.slow
 def test_the_law_in_the_rates_is_newtons() -> None:
     """gamma+ = -e gamma- with the rates of moving gaps, and nothing of any energy."""
-    problem = driven_problem(2)
-    nlp = Transcription(problem, by_rates=True)
+    problem = driven_problem(2).in_rates()
+    nlp = Transcription(problem)
     x = np.random.default_rng(6).normal(size=nlp.n)
     lay, at = nlp.layout, nlp.layout.collision_nodes
     q, t = x[lay.index_q[at]], x[lay.index_t[at]]

@@ -76,19 +76,18 @@ def test_the_best_sequence_is_that_of_the_closed_form(
 def test_nodes_cost_what_a_separate_solve_costs(table: dmoc.Problem, found: SearchResult) -> None:
     """Its mesh is that of the exploration: the automatic guess costs what it costs alone, with the
     law of impact in the rates.  On a fine mesh it costs the same in the energies."""
-    alone = Request(METHODS["ipm"], Options(), verify=False, by_rates=True)
+    alone = Request(METHODS["ipm"], Options(), verify=False)
     for node in found.nodes[:21:3]:
         durations = [(0.02, None)] * (len(node.sequence) + 1) if node.sequence else None
         problem = table.but(sequence=node.sequence, durations=durations)
-        guessed = solved_on_mesh(problem, None, alone)
+        guessed = solved_on_mesh(problem.in_rates(), None, alone)
         automatic = next(s for s in node.starts if s.name == "automatic 1")
         assert guessed.status == automatic.status == "solved"
         assert automatic.cost == pytest.approx(guessed.cost, rel=1e-9)
         assert node.cost is not None and node.cost <= guessed.cost * (1 + 1e-9)
         fine = problem.but(steps=256)
         dear, cheap = (
-            solved_on_mesh(fine, node.solution, replace(alone, by_rates=by_rates)).cost
-            for by_rates in (True, False)
+            solved_on_mesh(stated, node.solution, alone).cost for stated in (fine.in_rates(), fine)
         )
         assert dear == pytest.approx(cheap, rel=1e-3)
 
