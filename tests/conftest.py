@@ -7,9 +7,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import gaits
 import motions
 import pytest
-from systems import block_system, puck_system
+from systems import block_system, landing_system, puck_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -80,12 +81,12 @@ def ball() -> Kernels:
 
 @pytest.fixture(scope="session")
 def compass() -> Kernels:
-    return dmoc.build(motions.compass_system())
+    return dmoc.build(gaits.compass_system())
 
 
 @pytest.fixture(scope="session")
 def floor() -> Kernels:
-    return dmoc.build(motions.floor_system())
+    return dmoc.build(landing_system())
 
 
 @pytest.fixture(scope="session")

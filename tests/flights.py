@@ -27,6 +27,20 @@ def phase_changed(i: int, **changes: object) -> Change:
     return change
 
 
+def event_changed(i: int, **changes: object) -> Change:
+    def change(motion: Trajectory) -> Trajectory:
+        events = list(motion.collisions)
+        events[i] = replace(events[i], **changes)  # type: ignore[arg-type]
+        return replace(motion, collisions=tuple(events))
+
+    return change
+
+
+def valued(**parameters: float) -> Change:
+    """Parameters changed."""
+    return lambda motion: replace(motion, parameters={**motion.parameters, **parameters})
+
+
 def cube_system() -> dmoc.MechanicalSystem:
     """A free unit mass in space, and a wall that it hits."""
     x, y, z = q = dynamicsymbols("x y z")
@@ -40,17 +54,13 @@ def flight(
     """From the origin with (1, 0.5, 0.5) m/s to the wall, and back with a velocity and from a
     place beside."""
 
-    def before(t: np.ndarray) -> np.ndarray:
-        return motions.columns(t, t / 2, t / 2, 1, 0.5, 0.5)
-
-    def back(t: np.ndarray) -> np.ndarray:
-        (a, b, c), s = after, t - 1
-        return motions.columns(1 + a * s, 0.5 + jump + b * s, 0.5 + c * s, a, b, c)
-
-    def idle(t: np.ndarray) -> np.ndarray:
-        return np.zeros((len(t), 0))
-
-    pieces = [motions.Piece(1.0, before, idle), motions.Piece(2.0, back, idle)]
+    a, b, c = after
+    pieces = [
+        motions.Piece(1.0, lambda t: (t, t / 2, t / 2, 1, 0.5, 0.5)),
+        motions.Piece(
+            2.0, lambda t: (1 + a * (t - 1), 0.5 + jump + b * (t - 1), 0.5 + c * (t - 1), a, b, c)
+        ),
+    ]
     hit = {"surface": "wall", "impulse": 2.0}
     return motions.trajectory(kernels, pieces, [hit], 20, {"wall": 1.0})
 

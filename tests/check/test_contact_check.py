@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import gaits
 import motions
 import numpy as np
 import pytest
 import sympy as sp
-from flights import Change, phase_changed
+from flights import Change, event_changed, phase_changed, valued
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -18,15 +19,6 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
 
 pytestmark = pytest.mark.slow
-
-
-def event_changed(i: int, **changes: object) -> Change:
-    def change(motion: Trajectory) -> Trajectory:
-        events = list(motion.collisions)
-        events[i] = replace(events[i], **changes)  # type: ignore[arg-type]
-        return replace(motion, collisions=tuple(events))
-
-    return change
 
 
 def confirmed(motion: Trajectory, kernels: Kernels) -> dmoc.check.verdict.Verification:
@@ -129,7 +121,7 @@ def test_errors_of_discrete_motions_fall_as_the_square_of_the_step(
     """Segments and the end of order 2, a step of order 3; the force at an end is that of half a
     step: of order 1."""
     kernels = compass if which == "compass" else dmoc.build(motions.bowl_system())
-    exact = (motions.gait if which == "compass" else motions.swinging_bead)(kernels, 2)
+    exact = (gaits.gait if which == "compass" else motions.swinging_bead)(kernels, 2)
     checks = [confirmed(discrete(kernels, exact, n), kernels) for n in (40, 80)]
     for value, order in (
         (lambda c: c.segment_defects.max(), 2), (lambda c: c.terminal_error, 2),
@@ -153,18 +145,10 @@ def test_a_block_thrown_on_a_floor(floor: Kernels, e: float) -> None:
 
 def test_a_landing_is_plastic_whatever_the_restitution_of_its_surface(floor: Kernels) -> None:
     """It arrives with 0.3 m/s along the floor and stops there: friction could take 0.4."""
-    still = np.zeros((1, 1))
     pieces = [
-        motions.Piece(
-            0.4, lambda t: motions.columns(0.3 * t, 0.8 - 5 * t**2, 0.3, -10 * t),
-            lambda t: still + 0 * t[:, None],
-        ),
-        motions.Piece(
-            1.0, lambda t: motions.columns(0.12 + 0 * t, 0, 0, 0), lambda t: still + 0 * t[:, None],
-            ("floor",), {"floor": 0}, lambda t: still + 10 + 0 * t[:, None],
-            lambda t: still + 0 * t[:, None],
-        ),
-    ]  # fmt: skip
+        motions.Piece(0.4, lambda t: (0.3 * t, 0.8 - 5 * t**2, 0.3, -10 * t)),
+        motions.Piece(1.0, lambda t: (0.12, 0, 0, 0), None, ("floor",), {"floor": 0}, 10.0, 0.0),
+    ]
     lands = {"surface": "floor", "impulse": 4.0, "tractions": {"floor": -0.3}, "lands": ("floor",)}
     lands |= {"friction": {"floor": 0}, "course": "slip+:stick"}
     motion = motions.trajectory(floor, pieces, [lands], 20, {"floor": 0.8})
@@ -184,7 +168,7 @@ def test_a_soft_landing() -> None:
 def test_the_passive_compass_gait(compass: Kernels) -> None:
     """Two steps down a slope of 3 degrees, on one foot and on the other: a step takes
     0.734346391 s, and the state after the landing is that at the start with the legs exchanged."""
-    motion = motions.gait(compass, 40)
+    motion = gaits.gait(compass, 40)
     assert motion.phases[0].duration == pytest.approx(0.734346391, abs=3e-8)
     check = confirmed(motion, compass)
     assert check.impact_error < 1e-6 and check.segment_defects.max() < 1e-10
@@ -217,7 +201,7 @@ def test_an_early_release_is_still_pressed(ball: Kernels) -> None:
         (phase_changed(0, u=lambda p: p.u + 1.1), "rail would have to stick with 1.1 N at 0 s"),
         (phase_changed(1, rubbing={}, tangential=np.zeros((0, 0))), "friction of 'rail' is left"),
         (phase_changed(1, v=lambda p: p.v + 0.1, p=lambda p: p.p + 0.1), "segment error"),
-        (lambda m: replace(m, parameters={"f": 0.9}), "segment error"),
+        (valued(f=0.9), "segment error"),
     ],
 )
 def test_wrong_motions_on_a_rail_are_contradicted(rail: Kernels, change: Change, told: str) -> None:
@@ -232,8 +216,11 @@ def test_wrong_motions_on_a_rail_are_contradicted(rail: Kernels, change: Change,
         (phase_changed(1, normal=lambda p: -p.normal), "floor would have to pull with 10 N at"),
         (phase_changed(1, rubbing={"floor": -1}), "against its planned direction -1"),
         (phase_changed(1, closed=(), normal=np.zeros((0, 0))), "'floor' rubs from 0.775"),
-        (lambda m: replace(m, parameters={"g": 10.0, "mu": 0.09}), "segment error"),
-        (lambda m: replace(m, parameters={"g": -10.0, "mu": 0.1}), "floor would have to pull"),
+        (valued(mu=0.09), "segment error"),
+        (
+            valued(g=-10.0),
+            "floor would have to pull",
+        ),
     ],
 )
 def test_wrong_motions_on_a_floor_are_contradicted(
@@ -252,7 +239,7 @@ def test_wrong_motions_on_a_floor_are_contradicted(
         (event_changed(0, lands=()), "the contacts closed after what happens at 0.4 s are none"),
         (phase_changed(1, rubbing={"floor": -1}), "does not slide with the sign -1 after 0.4 s"),
         (phase_changed(2, rubbing={"floor": -1}), "segment error"),
-        (lambda m: replace(m, parameters={"g": 10.0, "mu": 0.2}), "law of impact"),
+        (valued(mu=0.2), "law of impact"),
     ],
 )
 def test_wrong_landings_are_contradicted(floor: Kernels, change: Change, told: str) -> None:
@@ -265,7 +252,7 @@ def test_a_bounce_without_its_friction_is_contradicted(floor: Kernels) -> None:
     for wrong in (
         event_changed(0, tractions={})(good),
         replace(good, restitution={"floor": 0.6}),
-        replace(good, parameters={"g": 10.0, "mu": 0.2}),
+        valued(mu=0.2)(good),
     ):
         assert not dmoc.verify(wrong, floor).passed
 
@@ -273,7 +260,7 @@ def test_a_bounce_without_its_friction_is_contradicted(floor: Kernels) -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (lambda m: replace(m, parameters={"mu": 0.1}), "left would have to stick with "),
+        (valued(mu=0.1), "left would have to stick with "),
         (event_changed(0, impulse=1.0, impulses={}), "law of impact"),
         (
             event_changed(0, leaves=()),
@@ -283,7 +270,7 @@ def test_a_bounce_without_its_friction_is_contradicted(floor: Kernels) -> None:
     ],
 )
 def test_wrong_gaits_are_contradicted(compass: Kernels, change: Change, told: str) -> None:
-    check = dmoc.verify(change(motions.gait(compass, 20)), compass)
+    check = dmoc.verify(change(gaits.gait(compass, 20)), compass)
     assert not check.passed and told in check.message
 
 
@@ -291,9 +278,6 @@ def test_wrong_gaits_are_contradicted(compass: Kernels, change: Change, told: st
 def test_sliding_that_jams_is_no_motion() -> None:
     """A rod that is pushed ahead of its contact: the force of the floor would press the contact
     together (Painleve's paradox)."""
-    import sympy as sp
-    from sympy.physics.mechanics import dynamicsymbols
-
     x, y, a = dynamicsymbols("x y a")
     t = dynamicsymbols._t
     system = dmoc.MechanicalSystem(
@@ -304,12 +288,9 @@ def test_sliding_that_jams_is_no_motion() -> None:
     )  # fmt: skip
     kernels = dmoc.build(system)
 
-    def state(t: np.ndarray) -> np.ndarray:
-        return motions.columns(-t, 0.5 * np.sin(1.0), 1.0, -1, 0, 0)
-
     piece = motions.Piece(
-        0.1, state, lambda t: np.zeros((len(t), 0)), ("floor",), {"floor": -1},
-        lambda t: np.ones((len(t), 1)), lambda t: np.ones((len(t), 1)),
+        0.1, lambda t: (-t, 0.5 * np.sin(1.0), 1.0, -1, 0, 0), None, ("floor",), {"floor": -1},
+        1.0, 1.0,
     )  # fmt: skip
     check = dmoc.verify(motions.trajectory(kernels, [piece], [], 4), kernels)
     assert not check.passed and "Painleve's paradox" in check.message
@@ -332,8 +313,8 @@ def test_between_two_inputs_every_force_between_theirs_is_right(rail: Kernels) -
     """A block held by a rail under a push that jumps from step to step."""
     u = np.array([[0.2], [0.8], [0.2], [0.8]])
     still = motions.Piece(
-        1.0, lambda t: motions.columns(0.3 + 0 * t, 0), lambda t: np.zeros((len(t), 1)),
-        (), {"rail": 0}, None, lambda t: np.array([[-0.2], [-0.5], [-0.5], [-0.5], [-0.8]]),
+        1.0, lambda t: (0.3, 0), None, (), {"rail": 0}, None,
+        lambda t: np.array([[-0.2], [-0.5], [-0.5], [-0.5], [-0.8]]),
     )  # fmt: skip
     motion = replace(motions.trajectory(rail, [still], [], 4), controls="constant")
     motion = phase_changed(0, u=u)(motion)

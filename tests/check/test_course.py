@@ -41,11 +41,7 @@ def straight(
 ) -> dmoc.motion.trajectory.Trajectory:
     """From the origin with (1, 1) m/s for a second."""
 
-    def goes(t: np.ndarray) -> np.ndarray:
-        return motions.columns(t, t, 1, 1)
-
-    piece = motions.Piece(1.0, goes, lambda t: np.zeros((len(t), 0)))
-    return motions.trajectory(kernels, [piece], [], steps)
+    return motions.trajectory(kernels, [motions.Piece(1.0, lambda t: (t, t, 1, 1))], [], steps)
 
 
 def plane(name: str, **fields: object) -> dmoc.codegen.kernels.Kernels:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from flights import cube_system, flight
+from flights import flight
 
 import dmoc
 from dmoc.base.deadline import ENDLESS
@@ -50,11 +50,6 @@ def test_the_prediction_is_near_the_end_and_misses_no_collision(seed: dmoc.Probl
         followed, stray = (departures(motion, contacts) for contacts in (check.contacts, ()))
         assert not followed and predicted(motion, followed, parts, flowed.deviations)
         assert not predicted(motion, stray, parts, flowed.deviations)
-
-
-@pytest.fixture(scope="module")
-def cube() -> Kernels:
-    return dmoc.build(cube_system())
 
 
 HIT, EARLY, LATE = (SurfaceContact("wall", t, 1.0) for t in (1.0, 0.5, 1.5))

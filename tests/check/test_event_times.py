@@ -3,7 +3,6 @@ come later or earlier than its own flow has them is contradicted, by surface and
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -24,52 +23,38 @@ def message(motion: Trajectory, kernels: Kernels) -> str:
     return str(check.message)
 
 
-def none(t: np.ndarray) -> np.ndarray:
-    return np.zeros((len(t), 1))
-
-
-def still(end: float, push: motions.Function, sign: int) -> motions.Piece:
-    """A block on a rail that does not move under a push."""
-    force: Callable[[np.ndarray], np.ndarray] = (
-        (lambda t: -push(t)) if sign == 0 else (lambda t: np.full((len(t), 1), -float(sign)))
-    )
-    return motions.Piece(
-        end, lambda t: motions.columns(0 * t, 0), push, (), {"rail": sign}, None, force
-    )
-
-
 def braked(kernels: Kernels, late: float) -> Trajectory:
     """A block that slides from 1 m/s to rest at 1 s, planned to slide on for a share of that."""
     end = 1.0 + late
-
-    def slides(t: np.ndarray) -> np.ndarray:
-        return motions.columns(t - t**2 / 2, 1 - t)
-
-    last = slides(np.array([end]))[0]
     pieces = [
-        motions.Piece(end, slides, none, (), {"rail": 1}, None, lambda t: none(t) - 1),
-        motions.Piece(
-            1.5, lambda t: motions.columns(last[0] + 0 * t, 0), none, (), {"rail": 0}, None, none
-        ),
+        motions.Piece(end, lambda t: (t - t**2 / 2, 1 - t), None, (), {"rail": 1}, None, -1.0),
+        motions.Piece(1.5, lambda t: (end - end**2 / 2, 0), None, (), {"rail": 0}, None, 0.0),
     ]
     return motions.trajectory(kernels, pieces, [{"friction": {"rail": 0}}], 20)
 
 
-def ramped(kernels: Kernels, end: float) -> Trajectory:
-    """A block that is held by 1 N against a push of 1 N/s, up to some time, and then slides."""
-
-    def slides(t: np.ndarray) -> np.ndarray:
-        s = t - end
-        v = (end - 1) * s + s**2 / 2
-        return motions.columns((end - 1) * s**2 / 2 + s**3 / 6, v)
-
+def set_off(kernels: Kernels, end: float, push: motions.Values, held: motions.Values,
+            slides: motions.Function) -> Trajectory:  # fmt: skip
+    """A block that a rail holds against a push, up to some time, and that slides then until 2 s."""
     pieces = [
-        still(end, lambda t: motions.columns(t), 0),
-        motions.Piece(
-            2.0, slides, lambda t: motions.columns(t), (), {"rail": 1}, None, lambda t: none(t) - 1
-        ),
-    ]
+        motions.Piece(end, lambda t: (0, 0), held, (), {"rail": 0}, None,
+                      lambda t: -motions.rows(held, t)),
+        motions.Piece(2.0, slides, push, (), {"rail": 1}, None, -1.0),
+    ]  # fmt: skip
     return motions.trajectory(kernels, pieces, [{"friction": {"rail": 1}}], 20)
+
+
+def ramped(kernels: Kernels, end: float) -> Trajectory:
+    """Held by 1 N against a push of 1 N/s."""
+
+    def slides(t: np.ndarray) -> tuple[np.ndarray, ...]:
+        s = t - end
+        return (end - 1) * s**2 / 2 + s**3 / 6, (end - 1) * s + s**2 / 2
+
+    def push(t: np.ndarray) -> tuple[np.ndarray, ...]:
+        return (t,)
+
+    return set_off(kernels, end, push, push, slides)
 
 
 @pytest.mark.parametrize("late", [0.03, 0.1])
@@ -108,17 +93,7 @@ def test_sliding_that_begins_while_friction_holds_is_sentence(rail: Kernels) -> 
 
 def test_sliding_that_a_jump_of_the_input_sets_off_is_right(rail: Kernels) -> None:
     """From 0.5 N to 2 N at 1 s: the friction is not used up before."""
-
-    def slides(t: np.ndarray) -> np.ndarray:
-        return motions.columns((t - 1) ** 2 / 2, t - 1)
-
-    pieces = [
-        still(1.0, lambda t: none(t) + 0.5, 0),
-        motions.Piece(
-            2.0, slides, lambda t: none(t) + 2, (), {"rail": 1}, None, lambda t: none(t) - 1
-        ),
-    ]
-    motion = motions.trajectory(rail, pieces, [{"friction": {"rail": 1}}], 20)
+    motion = set_off(rail, 1.0, 2.0, 0.5, lambda t: ((t - 1) ** 2 / 2, t - 1))
     assert dmoc.verify(motion, rail).passed
 
 

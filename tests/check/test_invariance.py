@@ -9,6 +9,7 @@ import invariance
 import motions
 import numpy as np
 import pytest
+from systems import landing_system
 
 import dmoc
 from dmoc.mechanics.model import Model
@@ -47,14 +48,10 @@ def test_measures_are_the_same_in_all_units() -> None:
 def rests(mu_pull: float, drift: float = 0.0) -> tuple[Trajectory, dmoc.codegen.kernels.Kernels]:
     """A block at rest on a floor for a second, pulled along it with a force; mu m g = 1 N, and it
     sinks with a constant rate."""
-    kernels = dmoc.build(motions.floor_system())
-
-    def still(t: np.ndarray) -> np.ndarray:
-        return motions.columns(0, -drift * t, 0, -drift)
-
+    kernels = dmoc.build(landing_system())
     piece = motions.Piece(
-        1.0, still, lambda t: np.full((len(t), 1), mu_pull), ("floor",), {"floor": 0},
-        lambda t: np.full((len(t), 1), 10.0), lambda t: np.full((len(t), 1), -mu_pull),
+        1.0, lambda t: (0, -drift * t, 0, -drift), mu_pull, ("floor",), {"floor": 0}, 10.0,
+        -mu_pull,
     )  # fmt: skip
     return motions.trajectory(kernels, [piece], [], 10), kernels
 
@@ -75,11 +72,9 @@ def test_a_block_at_rest_that_sinks_is_refused() -> None:
 def hovering(share: float) -> tuple[Trajectory, dmoc.codegen.kernels.Kernels]:
     """A mass that stands still in the air under a share of its weight, without a floor beneath."""
     kernels = dmoc.build(motions.hoist_system())
-    piece = motions.Piece(
-        1.0, lambda t: motions.columns(0 * t, 2, 0, 0), lambda t: motions.columns(0 * t, 10 * share)
-    )
+    piece = motions.Piece(1.0, lambda t: (0, 2, 0, 0), lambda t: (0, 10 * share))
     motion = motions.trajectory(kernels, [piece], [], 10)
-    return replace(motion, parameters={"g": 10.0, "mu": 0.0}), kernels
+    return replace(motion, parameters={"m": 1.0, "g": 10.0, "mu": 0.0}), kernels
 
 
 @pytest.mark.parametrize(("share", "passed"), [(1.0, True), (1 + 1e-6, False), (0.9, False)])
@@ -118,16 +113,13 @@ def test_an_input_beyond_one_of_its_limits_is_seen(
     kernels = dmoc.build(invariance.free_system())
     push = 2.0 if bounds[1] > 1 else -2.0 if bounds[1] == 0 else 0.0
 
-    def state(t: np.ndarray) -> np.ndarray:
+    def state(t: np.ndarray) -> tuple[np.ndarray, ...]:
         half = np.minimum(t, 0.5)
         rest = t - half
         v = push * half + input_ * rest
-        return motions.columns(push * half**2 / 2 + (push * half) * rest + input_ * rest**2 / 2, v)
+        return push * half**2 / 2 + (push * half) * rest + input_ * rest**2 / 2, v
 
-    pieces = [
-        motions.Piece(0.5, state, lambda t: np.full((len(t), 1), push)),
-        motions.Piece(1.0, state, lambda t: np.full((len(t), 1), input_)),
-    ]
+    pieces = [motions.Piece(0.5, state, push), motions.Piece(1.0, state, input_)]
     motion = motions.trajectory(kernels, pieces[:1], [], 10)
     end = motions.trajectory(kernels, [pieces[0], pieces[1]], [{}], 10).phases[1]
     joined = replace(

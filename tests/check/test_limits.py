@@ -10,7 +10,7 @@ import motions
 import numpy as np
 import pytest
 import sympy as sp
-from flights import Change, cube_system, flight, one, phase_changed
+from flights import Change, flight, one, phase_changed
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
@@ -19,11 +19,6 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
 
 T = dynamicsymbols._t
-
-
-@pytest.fixture(scope="module")
-def cube() -> Kernels:
-    return dmoc.build(cube_system())
 
 
 LIMITS = {
@@ -183,15 +178,10 @@ def test_a_slow_hit_counts_by_its_own_rates() -> None:
         )
     )  # fmt: skip
 
-    def idle(t: np.ndarray) -> np.ndarray:
-        return np.zeros((len(t), 0))
-
     pieces = [
-        motions.Piece(1.0, lambda t: motions.columns(t, 0.8 * t, 1, 0.8), idle),
-        motions.Piece(
-            2.0, lambda t: motions.columns(1 + 0.8 * (t - 1), 0.8 + (t - 1), 0.8, 1), idle,
-        ),
-    ]  # fmt: skip
+        motions.Piece(1.0, lambda t: (t, 0.8 * t, 1, 0.8)),
+        motions.Piece(2.0, lambda t: (1 + 0.8 * (t - 1), 0.8 + (t - 1), 0.8, 1)),
+    ]
     hit = {"surface": "wall", "impulse": 0.2}
     motion = motions.trajectory(kernels, pieces, [hit], 20, {"wall": 1.0})
     good, bad = (dmoc.verify(bouncing(e)(motion), kernels) for e in (0.951, 0.949))
@@ -199,8 +189,7 @@ def test_a_slow_hit_counts_by_its_own_rates() -> None:
     assert bad.message.startswith("error of the law of impact relative to its own rates 0.051")
 
 
-def test_a_contact_force_is_right_to_a_twentieth() -> None:
-    floor = dmoc.build(motions.floor_system())
+def test_a_contact_force_is_right_to_a_twentieth(floor: Kernels) -> None:
     motion = motions.pushed_block(floor, 20, True)
 
     def pressed(by: float) -> Trajectory:
@@ -220,7 +209,7 @@ def test_a_path_constraint_holds_to_half_a_percent_of_its_terms() -> None:
         "fast", [x], x.diff(T) ** 2 / 2, {c: 1.0}, path_constraints={"speed": x.diff(T) <= c}
     )
     kernels = dmoc.build(system)
-    piece = motions.Piece(1.0, lambda t: motions.columns(t, 1), lambda t: np.zeros((len(t), 0)))
+    piece = motions.Piece(1.0, lambda t: (t, 1))
     motion = motions.trajectory(kernels, [piece], [], 20)
     good, bad = (
         dmoc.verify(replace(motion, parameters={"c": (1 - s) / (1 + s)}), kernels)

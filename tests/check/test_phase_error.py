@@ -30,13 +30,8 @@ def line() -> Kernels:
 def moving(kernels: Kernels, late: float) -> Trajectory:
     """With 1 m/s over 1 m, in a time that is longer by a share."""
 
-    def state(t: np.ndarray) -> np.ndarray:
-        return motions.columns(t / (1 + late), 1)
-
-    def idle(t: np.ndarray) -> np.ndarray:
-        return np.zeros((len(t), 0))
-
-    return motions.trajectory(kernels, [motions.Piece(1 + late, state, idle)], [], 40)
+    piece = motions.Piece(1 + late, lambda t: (t / (1 + late), 1))
+    return motions.trajectory(kernels, [piece], [], 40)
 
 
 @pytest.mark.parametrize("late", [0.001, 0.02, 0.04, 0.08])
@@ -55,14 +50,8 @@ def test_a_phase_that_amplifies_is_weighed_by_that(off: float) -> None:
     becomes at most cosh t + sinh t times as large."""
     saddle, end = of_one(1.0), 6.0
     extra = off * np.cosh(end)
-
-    def state(t: np.ndarray) -> np.ndarray:
-        return motions.columns(np.sinh(t), np.cosh(t) + extra)
-
-    def idle(t: np.ndarray) -> np.ndarray:
-        return np.zeros((len(t), 0))
-
-    motion = motions.trajectory(saddle, [motions.Piece(end, state, idle)], [], 80)
+    piece = motions.Piece(end, lambda t: (np.sinh(t), np.cosh(t) + extra))
+    motion = motions.trajectory(saddle, [piece], [], 80)
     check = dmoc.verify(motion, saddle)
     x, v = np.sinh(end), np.cosh(end) + extra
     grows = max(np.cosh(end) + np.sinh(end) * v / x, np.cosh(end) + np.sinh(end) * x / v)

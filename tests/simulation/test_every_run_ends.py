@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contact_problems
-import motions
 import numpy as np
 import pytest
 import sympy as sp
@@ -110,7 +109,7 @@ def test_a_replay_of_a_short_last_phase_ends() -> None:
 
 
 def test_changes_at_one_moment_that_come_to_no_end_are_told(
-    monkeypatch: pytest.MonkeyPatch,
+    floor: Kernels, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     modes = [Mode((0,), (), ((0, s),)) for s in (1, -1)]  # friction pushes, it does not brake
 
@@ -119,10 +118,9 @@ def test_changes_at_one_moment_that_come_to_no_end_are_told(
         return modes[0]
 
     monkeypatch.setattr(contact_motion, "mode_at", alternating)
-    kernels = dmoc.build(motions.floor_system())
     told = r"come to no end at t = .*, 50 in .*'floor' slip-, 'floor' closed and 'floor' slip\+:"
     with pytest.raises(SimulationError, match=told):
-        dmoc.simulate(kernels, [0.0, 0.0], [0.0, 0.0], step_size=0.1, steps=3, inputs=[0.0])
+        dmoc.simulate(floor, [0.0, 0.0], [0.0, 0.0], step_size=0.1, steps=3, inputs=[0.0])
 
 
 def test_an_impact_without_a_mass_ends() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
+from systems import block_on_floor, landing_system
 
 import dmoc
 from dmoc.base.errors import SimulationError
@@ -182,12 +183,8 @@ def test_a_bead_leaves_a_ball() -> None:
 @pytest.mark.slow
 def test_a_landing_between_friction_and_a_smooth_wall(floor: Kernels) -> None:
     """A block slides along a floor against a wall without friction, which throws it back."""
-    u = dynamicsymbols("u")
-    system = dmoc.MechanicalSystem(
-        "cornered", [x, y], (x.diff(T) ** 2 + y.diff(T) ** 2) / 2 - g * y, {g: 10.0, mu: 0.1},
-        inputs=[u], forces={x: u}, surfaces={"floor": y >= 0, "wall": x <= 0.48},
-        tangents={"floor": x}, friction={"floor": mu},
-    )  # fmt: skip
+    walls = {"floor": y >= 0, "wall": x <= 0.48}
+    system = block_on_floor("cornered", 1.0, 10.0, 0.1, surfaces=walls)
     run = dmoc.simulate(dmoc.build(system), [0, 0], [1.0, 0], step_size=0.1, steps=15)
     (hit,) = run.collisions
     assert hit.surface == "wall" and hit.impulse == pytest.approx(2 * np.sqrt(1 - 0.96))
@@ -264,7 +261,7 @@ def test_a_mass_that_vanishes_under_friction_is_told() -> None:
 def test_numpy_kernels_go_the_same_way() -> None:
     runs = [
         dmoc.simulate(
-            dmoc.build(motions.floor_system(), backend=backend), [0.0, 0.8], [2.0, 0.0],
+            dmoc.build(landing_system(), backend=backend), [0.0, 0.8], [2.0, 0.0],
             step_size=0.1, steps=15, restitution=0.5,
         )
         for backend in ("compiled", "numpy")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
+from systems import landing_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -58,7 +59,7 @@ def swing() -> dmoc.MechanicalSystem:
 RUNS: dict[str, tuple[Callable[[], dmoc.MechanicalSystem], dict[str, object], int]] = {
     # The system, what is simulated, and how many steps need a choice.
     "slides to rest": (
-        motions.floor_system,
+        landing_system,
         {"position": [0, 0], "velocity": [-1.3, 0], "step_size": 0.01, "steps": 300},
         3,
     ),
@@ -71,12 +72,12 @@ RUNS: dict[str, tuple[Callable[[], dmoc.MechanicalSystem], dict[str, object], in
         25,
     ),
     "long steps": (
-        motions.floor_system,
+        landing_system,
         {"position": [0, 1.0], "velocity": [3, 0], "step_size": 0.4, "steps": 20, "every": 3},
         20,
     ),
     "thrown": (
-        motions.floor_system,
+        landing_system,
         {
             "position": [0, 0.8], "velocity": [2.0, 0], "step_size": 0.01, "steps": 300,
             "restitution": 0.5,

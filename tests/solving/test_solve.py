@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from systems import there_and_back
+from systems import landing_system, there_and_back
 
 import dmoc
 from dmoc.base.errors import ProblemError
@@ -321,21 +321,11 @@ def test_that_there_is_no_motion_is_told_by_the_method_that_soon_knows(seed: dmo
 @pytest.mark.parametrize("steps", [20, 40])
 def test_a_method_that_stalls_at_a_motion_begins_there_again(steps: int) -> None:
     """A block that slides from rest to rest: m^2 6 d^2/T^3 + F^2 T/2 with friction F = mu m g."""
-    import sympy as sp
-    from sympy.physics.mechanics import dynamicsymbols
-
-    x, y, u = dynamicsymbols("x y u")
-    m, g, mu = sp.symbols("m g mu")
-    system = dmoc.MechanicalSystem(
-        "slides_all_the_way", [x, y], m * (x.diff() ** 2 + y.diff() ** 2) / 2 - m * g * y,
-        {m: 1.0, g: 9.81, mu: 0.2}, inputs=[u], forces={x: u}, surfaces={"floor": y >= 0},
-        tangents={"floor": x}, friction={"floor": mu}, cost=u**2 / 2,
-    )  # fmt: skip
     problem = dmoc.Problem(
-        system, start={x: 0, y: 0}, goal={x: 1, "x_dot": 0}, contacts=["floor:slip+"],
-        final_time=1, steps=steps,
+        landing_system(), start={"x": 0, "y": 0}, goal={"x": 1, "x_dot": 0},
+        contacts=["floor:slip+"], final_time=1, steps=steps, parameters={"g": 9.81},
     )  # fmt: skip
     for friction in (0.2, 0.35, 0.5):
-        solution = dmoc.solve(problem.but(parameters={"mu": friction}), starts=1)
+        solution = dmoc.solve(problem.but(parameters={"g": 9.81, "mu": friction}), starts=1)
         assert solution.solved, solution.message
         assert solution.cost == pytest.approx(6 + (9.81 * friction) ** 2 / 2, rel=6e-3)
