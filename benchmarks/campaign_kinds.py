@@ -29,6 +29,10 @@ class Instance:
     known_cost: float | None = None
 
 
+def instance(description: Description, known_cost: float | None = None, **problem: Any) -> Instance:
+    return Instance(description, problem, known_cost)
+
+
 def restitution(rng: Draw) -> float:
     return float(rng.choice([1.0, 0.8, 0.5, 0.0]))
 
@@ -69,15 +73,11 @@ def arms(rng: Draw) -> Instance:
     start = {n: uniform(rng, -0.6, 0.6) for n in names} | {"a2": uniform(rng, -0.5, stop - 0.3)}
     goal = {n: uniform(rng, -1.5, 1.5) for n in names} | {"a2": uniform(rng, -0.5, stop - 0.2)}
     limit = uniform(rng, 20.0, 60.0) * (1 if links == 2 else 2)
-    return Instance(
-        arm(links),
-        {
-            "start": start, "goal": goal | {f"{n}_dot": 0.0 for n in names}, "sequence": ["stop"],
-            "final_time": uniform(rng, 0.8, 1.6),
-            "bounds": {f"u{i + 1}": (-limit, limit) for i in range(links)},
-            "restitution": restitution(rng),
-            "parameters": {"m": uniform(rng, 0.5, 1.5), "l": uniform(rng, 0.3, 0.6), "stop": stop},
-        },
+    return instance(
+        arm(links), start=start, goal=goal | {f"{n}_dot": 0.0 for n in names}, sequence=["stop"],
+        final_time=uniform(rng, 0.8, 1.6),
+        bounds={f"u{i + 1}": (-limit, limit) for i in range(links)}, restitution=restitution(rng),
+        parameters={"m": uniform(rng, 0.5, 1.5), "l": uniform(rng, 0.3, 0.6), "stop": stop},
     )  # fmt: skip
 
 
@@ -100,14 +100,11 @@ def discs(rng: Draw) -> Instance:
     place = rng.uniform(-1.5, -0.7, 2)
     behind = place + rng.uniform(-1.2, -0.6, 2)
     start = dict(zip(("x1", "y1", "x2", "y2"), [*behind.tolist(), *place.tolist()], strict=True))
-    return Instance(
-        two_discs(),
-        {
-            "start": start, "goal": {"x2": 0.0, "y2": 0.0}, "sequence": ["contact"],
-            "final_time": uniform(rng, 0.8, 2.0),
-            "bounds": {"f_x": (-60.0, 60.0), "f_y": (-60.0, 60.0)}, "restitution": restitution(rng),
-            "parameters": drawn(rng, m1=(0.5, 2.0), m2=(0.5, 2.0), r=(0.1, 0.25)),
-        },
+    return instance(
+        two_discs(), start=start, goal={"x2": 0.0, "y2": 0.0}, sequence=["contact"],
+        final_time=uniform(rng, 0.8, 2.0), bounds={"f_x": (-60.0, 60.0), "f_y": (-60.0, 60.0)},
+        restitution=restitution(rng),
+        parameters=drawn(rng, m1=(0.5, 2.0), m2=(0.5, 2.0), r=(0.1, 0.25)),
     )  # fmt: skip
 
 
@@ -124,16 +121,11 @@ def moving_block() -> Description:
 
 def moving_walls(rng: Draw) -> Instance:
     final = uniform(rng, 1.0, 2.0)
-    return Instance(
-        moving_block(),
-        {
-            "start": {"x": 0.0, "x_dot": uniform(rng, -0.5, 1.0)},
-            "goal": {"x": uniform(rng, -0.5, 0.5), "x_dot": 0.0}, "sequence": ["wall"],
-            "final_time": final, "restitution": restitution(rng), "bounds": {"u": (-80.0, 80.0)},
-            "parameters": drawn(
-                rng, m=(0.5, 2.0), wall=(0.9, 1.5), swing=(0.0, 0.3), omega=(1.0, 8.0),
-            ),
-        },
+    return instance(
+        moving_block(), start={"x": 0.0, "x_dot": uniform(rng, -0.5, 1.0)},
+        goal={"x": uniform(rng, -0.5, 0.5), "x_dot": 0.0}, sequence=["wall"], final_time=final,
+        restitution=restitution(rng), bounds={"u": (-80.0, 80.0)},
+        parameters=drawn(rng, m=(0.5, 2.0), wall=(0.9, 1.5), swing=(0.0, 0.3), omega=(1.0, 8.0)),
     )  # fmt: skip
 
 
@@ -153,22 +145,19 @@ def rods(rng: Draw) -> Instance:
     """A thrown rod hits the floor with one end, or with both in turn, and ends at rest in the
     air."""
     sequence = [["left"], ["right"], ["left", "right"]][int(rng.integers(3))]
-    return Instance(
+    return instance(
         rod(),
-        {
-            "start": {
-                "x": 0.0, "y": uniform(rng, 0.7, 1.2), "th": uniform(rng, -0.6, 0.6),
-                "y_dot": uniform(rng, -2.0, 0.0),
-            },
-            "goal": {
-                "x": uniform(rng, 0.0, 1.0), "y": uniform(rng, 0.6, 1.2),
-                "th": uniform(rng, -0.5, 0.5), "x_dot": 0.0, "y_dot": 0.0, "th_dot": 0.0,
-            },
-            "sequence": sequence, "final_time": uniform(rng, 0.9, 1.5),
-            "restitution": restitution(rng),
-            "bounds": {"f_x": (-60.0, 60.0), "f_y": (-60.0, 60.0), "tau": (-20.0, 20.0)},
-            "parameters": drawn(rng, m=(0.5, 2.0), J=(0.02, 0.1), l=(0.2, 0.5)),
+        start={
+            "x": 0.0, "y": uniform(rng, 0.7, 1.2), "th": uniform(rng, -0.6, 0.6),
+            "y_dot": uniform(rng, -2.0, 0.0),
         },
+        goal={
+            "x": uniform(rng, 0.0, 1.0), "y": uniform(rng, 0.6, 1.2), "th": uniform(rng, -0.5, 0.5),
+            "x_dot": 0.0, "y_dot": 0.0, "th_dot": 0.0,
+        },
+        sequence=sequence, final_time=uniform(rng, 0.9, 1.5), restitution=restitution(rng),
+        bounds={"f_x": (-60.0, 60.0), "f_y": (-60.0, 60.0), "tau": (-20.0, 20.0)},
+        parameters=drawn(rng, m=(0.5, 2.0), J=(0.02, 0.1), l=(0.2, 0.5)),
     )  # fmt: skip
 
 
@@ -189,15 +178,12 @@ def hoppers(rng: Draw) -> Instance:
     """A body on a springy leg falls, hits the ground, and must reach a height with the leg at
     rest."""
     height = uniform(rng, 0.7, 1.0)
-    return Instance(
-        hopper(),
-        {
-            "start": {"y": height, "r": 0.5},
-            "goal": {"y": height + uniform(rng, -0.1, 0.1), "y_dot": 0.0}, "sequence": ["ground"],
-            "final_time": (0.4, 1.2), "restitution": restitution(rng),
-            "bounds": {"F": (-150.0, 150.0), "r": (0.25, 0.75)},
-            "parameters": drawn(rng, M=(0.8, 1.5), m=(0.2, 0.6), k=(30.0, 120.0)),
-        },
+    return instance(
+        hopper(), start={"y": height, "r": 0.5},
+        goal={"y": height + uniform(rng, -0.1, 0.1), "y_dot": 0.0}, sequence=["ground"],
+        final_time=(0.4, 1.2), restitution=restitution(rng),
+        bounds={"F": (-150.0, 150.0), "r": (0.25, 0.75)},
+        parameters=drawn(rng, M=(0.8, 1.5), m=(0.2, 0.6), k=(30.0, 120.0)),
     )  # fmt: skip
 
 
@@ -241,13 +227,10 @@ def walls_in_mm(rng: Draw) -> Instance:
         restitution(rng),
     )
     goal = uniform(rng, -0.3, 0.3) * wall
-    return Instance(
-        block(),
-        {
-            "start": {"x": 0.0}, "goal": {"x": goal, "x_dot": 0.0}, "sequence": ["wall"],
-            "final_time": final, "restitution": e, "parameters": {"m": mass, "wall": wall},
-        },
-        block_cost(mass, wall, goal, final, e),
+    return instance(
+        block(), known_cost=block_cost(mass, wall, goal, final, e), start={"x": 0.0},
+        goal={"x": goal, "x_dot": 0.0}, sequence=["wall"], final_time=final, restitution=e,
+        parameters={"m": mass, "wall": wall},
     )  # fmt: skip
 
 
@@ -266,18 +249,12 @@ def cart() -> Description:
 
 def cart_pendulums(rng: Draw) -> Instance:
     force = uniform(rng, 60.0, 200.0)
-    return Instance(
-        cart(),
-        {
-            "start": {"alpha": uniform(rng, 0.4, 1.2), "x": 0.0},
-            "goal": {
-                "alpha": np.pi / 2, "alpha_dot": 0.0, "x": uniform(rng, -0.5, 0.5), "x_dot": 0.0,
-            },
-            "sequence": [str(rng.choice(["left", "right"]))],
-            "final_time": (None, uniform(rng, 0.7, 1.2)), "bounds": {"F": (-force, force)},
-            "restitution": restitution(rng),
-            "parameters": drawn(rng, m_p=(0.5, 2.0), m_c=(0.5, 2.0), l=(0.4, 0.8)),
-        },
+    return instance(
+        cart(), start={"alpha": uniform(rng, 0.4, 1.2), "x": 0.0},
+        goal={"alpha": np.pi / 2, "alpha_dot": 0.0, "x": uniform(rng, -0.5, 0.5), "x_dot": 0.0},
+        sequence=[str(rng.choice(["left", "right"]))], final_time=(None, uniform(rng, 0.7, 1.2)),
+        bounds={"F": (-force, force)}, restitution=restitution(rng),
+        parameters=drawn(rng, m_p=(0.5, 2.0), m_c=(0.5, 2.0), l=(0.4, 0.8)),
     )  # fmt: skip
 
 
@@ -296,16 +273,11 @@ def curved_walls(rng: Draw) -> Instance:
     """A pendulum against a wall that is a function of its angle; goals beyond the point where
     its gradient vanishes."""
     reach = uniform(rng, 0.3, 0.9)
-    return Instance(
-        pendulum(),
-        {
-            "start": {"a": 0.0}, "goal": {"a": uniform(rng, -np.pi, 0.2), "a_dot": 0.0},
-            "sequence": ["wall"], "final_time": uniform(rng, 1.5, 3.5),
-            "restitution": restitution(rng), "bounds": {"u": (-40.0, 40.0)},
-            "parameters": {
-                "m": uniform(rng, 0.5, 2.0), "l": uniform(rng, 0.5, 1.2), "reach": reach,
-            },
-        },
+    return instance(
+        pendulum(), start={"a": 0.0}, goal={"a": uniform(rng, -np.pi, 0.2), "a_dot": 0.0},
+        sequence=["wall"], final_time=uniform(rng, 1.5, 3.5), restitution=restitution(rng),
+        bounds={"u": (-40.0, 40.0)},
+        parameters={"m": uniform(rng, 0.5, 2.0), "l": uniform(rng, 0.5, 1.2), "reach": reach},
     )  # fmt: skip
 
 
@@ -327,15 +299,12 @@ def chains(rng: Draw) -> Instance:
     wall."""
     names = ("x1", "x2", "x3")
     goal = uniform(rng, -0.3, 0.2)
-    return Instance(
-        chain(),
-        {
-            "start": dict.fromkeys(names, 0.0),
-            "goal": dict.fromkeys(names, goal) | {f"{n}_dot": 0.0 for n in names},
-            "sequence": ["wall"], "final_time": uniform(rng, 2.0, 4.0),
-            "restitution": restitution(rng), "bounds": {"u": (-60.0, 60.0)},
-            "parameters": drawn(rng, m=(0.5, 1.5), k=(10.0, 60.0), wall=(0.3, 0.8)),
-        },
+    return instance(
+        chain(), start=dict.fromkeys(names, 0.0),
+        goal=dict.fromkeys(names, goal) | {f"{n}_dot": 0.0 for n in names}, sequence=["wall"],
+        final_time=uniform(rng, 2.0, 4.0), restitution=restitution(rng),
+        bounds={"u": (-60.0, 60.0)},
+        parameters=drawn(rng, m=(0.5, 1.5), k=(10.0, 60.0), wall=(0.3, 0.8)),
     )  # fmt: skip
 
 

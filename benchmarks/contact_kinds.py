@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
-from campaign_kinds import Draw, G, Instance, T, drawn, uniform
+from campaign_kinds import Draw, G, Instance, T, drawn, instance, uniform
 from equations import Description
 from sympy.physics.mechanics import dynamicsymbols
 
@@ -43,30 +43,23 @@ def pushed(rng: Draw) -> Instance:
     """A block sticks, slides to a place and sticks, or slides all the way."""
     mu, time = uniform(rng, 0.05, 0.4), uniform(rng, 1.0, 4.0)
     waits = bool(rng.integers(2))
-    return Instance(
-        block_on(False),
-        {
-            "start": {"x": 0.0, "y": 0.0}, "goal": {"x": uniform(rng, 0.3, 2.0), "x_dot": 0.0},
-            "contacts": ["floor"] if waits else ["floor:slip+"],
-            "sequence": ["floor:slip+", "floor:stick"] if waits else [], "final_time": time,
-            "parameters": {"m": uniform(rng, 0.5, 3.0), "mu": mu},
-        },
+    return instance(
+        block_on(False), start={"x": 0.0, "y": 0.0},
+        goal={"x": uniform(rng, 0.3, 2.0), "x_dot": 0.0},
+        contacts=["floor"] if waits else ["floor:slip+"],
+        sequence=["floor:slip+", "floor:stick"] if waits else [], final_time=time,
+        parameters={"m": uniform(rng, 0.5, 3.0), "mu": mu},
     )  # fmt: skip
 
 
 def belts(rng: Draw) -> Instance:
     """A block that rests is taken along by a belt, and rides on it."""
     speed = uniform(rng, 0.5, 1.5)
-    return Instance(
-        block_on(True),
-        {
-            "start": {"x": 0.0, "y": 0.0}, "goal": {"x": uniform(rng, 0.5, 2.0), "x_dot": speed},
-            "contacts": ["floor:slip-"], "sequence": ["floor:stick"],
-            "final_time": uniform(rng, 1.5, 3.0),
-            "parameters": {
-                "m": uniform(rng, 0.5, 3.0), "mu": uniform(rng, 0.1, 0.5), "belt": speed,
-            },
-        },
+    return instance(
+        block_on(True), start={"x": 0.0, "y": 0.0},
+        goal={"x": uniform(rng, 0.5, 2.0), "x_dot": speed}, contacts=["floor:slip-"],
+        sequence=["floor:stick"], final_time=uniform(rng, 1.5, 3.0),
+        parameters={"m": uniform(rng, 0.5, 3.0), "mu": uniform(rng, 0.1, 0.5), "belt": speed},
     )  # fmt: skip
 
 
@@ -86,13 +79,9 @@ def stacked(rng: Draw) -> Instance:
     words = [["top"], ["top:slip-", "top:stick"], ["top:slip-", "top:slip+", "top:stick"]]
     first, *rest = words[int(rng.integers(3))]
     goal = {"low": uniform(rng, 0.5, 1.5), "low_dot": 0.0, "high_dot": 0.0}
-    return Instance(
-        two_blocks(),
-        {
-            "start": {"low": 0.0, "high": 0.0}, "goal": goal, "contacts": [first], "sequence": rest,
-            "final_time": uniform(rng, 0.8, 2.0),
-            "parameters": drawn(rng, grip=(0.5, 2.0), m_low=(1.0, 3.0)),
-        },
+    return instance(
+        two_blocks(), start={"low": 0.0, "high": 0.0}, goal=goal, contacts=[first], sequence=rest,
+        final_time=uniform(rng, 0.8, 2.0), parameters=drawn(rng, grip=(0.5, 2.0), m_low=(1.0, 3.0)),
     )  # fmt: skip
 
 
@@ -118,14 +107,10 @@ def ladders(rng: Draw) -> Instance:
     start, goal = uniform(rng, 0.2, 0.8), uniform(rng, 0.2, 0.8)
     goal = start + 0.15 if abs(goal - start) < 0.15 else goal
     way = "+" if goal > start else "-"
-    return Instance(
-        leaning_rod(),
-        {
-            "start": {"a": start, "x": 0.5 * np.sin(start), "y": 0.5 * np.cos(start)},
-            "goal": {"a": goal, "a_dot": 0.0}, "contacts": ["wall", f"floor:slip{way}"],
-            "sequence": [], "final_time": uniform(rng, 0.6, 1.2),
-            "parameters": {"mu": uniform(rng, 0.05, 0.3)},
-        },
+    return instance(
+        leaning_rod(), start={"a": start, "x": 0.5 * np.sin(start), "y": 0.5 * np.cos(start)},
+        goal={"a": goal, "a_dot": 0.0}, contacts=["wall", f"floor:slip{way}"], sequence=[],
+        final_time=uniform(rng, 0.6, 1.2), parameters={"mu": uniform(rng, 0.05, 0.3)},
     )  # fmt: skip
 
 
@@ -145,14 +130,11 @@ def hoppers(rng: Draw) -> Instance:
     """Stands, flies for a given time, stands."""
     mass, k = uniform(rng, 2.0, 4.0), uniform(rng, 200.0, 500.0)
     standing, flight = 0.6 - mass * G / k, uniform(rng, 0.2, 0.4)
-    return Instance(
-        leg(),
-        {
-            "start": {"z": standing, "f": 0.0}, "goal": {"z": standing, "z_dot": 0.0, "f_dot": 0.0},
-            "contacts": ["floor"], "sequence": ["-floor", "+floor"], "final_time": (0.5, 3.0),
-            "durations": [None, (flight, flight), None], "bounds": {"z": (0.2, 2.0)},
-            "parameters": {"m": mass, "k": k, "foot": uniform(rng, 0.2, 0.5)},
-        },
+    return instance(
+        leg(), start={"z": standing, "f": 0.0}, goal={"z": standing, "z_dot": 0.0, "f_dot": 0.0},
+        contacts=["floor"], sequence=["-floor", "+floor"], final_time=(0.5, 3.0),
+        durations=[None, (flight, flight), None], bounds={"z": (0.2, 2.0)},
+        parameters={"m": mass, "k": k, "foot": uniform(rng, 0.2, 0.5)},
     )  # fmt: skip
 
 
@@ -169,16 +151,12 @@ def ball() -> Description:
 
 def balls(rng: Draw) -> Instance:
     """A thrown ball whose spin makes it come to a place after it has bounced."""
-    return Instance(
+    return instance(
         ball(),
-        {
-            "start": {
-                "x": 0.0, "y": uniform(rng, 0.6, 1.2), "a": 0.0, "x_dot": uniform(rng, 0.2, 1),
-            },
-            "goal": {"x": uniform(rng, 0.2, 0.9), "y": (0.2, None)}, "sequence": ["floor"],
-            "restitution": float(rng.choice([0.9, 0.7, 0.5])), "final_time": (0.5, 1.0),
-            "parameters": {"mu": uniform(rng, 0.1, 0.6)},
-        },
+        start={"x": 0.0, "y": uniform(rng, 0.6, 1.2), "a": 0.0, "x_dot": uniform(rng, 0.2, 1)},
+        goal={"x": uniform(rng, 0.2, 0.9), "y": (0.2, None)}, sequence=["floor"],
+        restitution=float(rng.choice([0.9, 0.7, 0.5])), final_time=(0.5, 1.0),
+        parameters={"mu": uniform(rng, 0.1, 0.6)},
     )  # fmt: skip
 
 
@@ -197,16 +175,12 @@ def bar() -> Description:
 def bars(rng: Draw) -> Instance:
     """A rod falls on one end and is to have another angle after it."""
     angle = uniform(rng, 0.5, 1.2)
-    return Instance(
+    return instance(
         bar(),
-        {
-            "start": {
-                "x": 0.0, "y": uniform(rng, 0.8, 1.2), "a": angle, "x_dot": uniform(rng, -0.5, 0.5),
-            },
-            "goal": {"a": angle + uniform(rng, -0.6, 0.2)}, "sequence": ["floor"],
-            "restitution": float(rng.choice([0.8, 0.5, 0.2])), "final_time": (0.4, 0.9),
-            "parameters": {"mu": uniform(rng, 0.1, 0.6)},
-        },
+        start={"x": 0.0, "y": uniform(rng, 0.8, 1.2), "a": angle, "x_dot": uniform(rng, -0.5, 0.5)},
+        goal={"a": angle + uniform(rng, -0.6, 0.2)}, sequence=["floor"],
+        restitution=float(rng.choice([0.8, 0.5, 0.2])), final_time=(0.4, 0.9),
+        parameters={"mu": uniform(rng, 0.1, 0.6)},
     )  # fmt: skip
 
 
@@ -226,14 +200,11 @@ def cart_poles(rng: Draw) -> Instance:
     """A cart with a hanging load is brought to a place, where both are at rest."""
     words = [["rail:slip+"], ["rail:slip+", "rail:slip-"], ["rail", "rail:slip+", "rail:stick"]]
     first, *rest = words[int(rng.integers(3))]
-    return Instance(
-        cart_pole(),
-        {
-            "start": {"x": 0.0, "a": 0.0},
-            "goal": {"x": uniform(rng, 0.5, 1.5), "a": 0.0, "x_dot": 0.0, "a_dot": 0.0},
-            "contacts": [first], "sequence": rest, "final_time": uniform(rng, 1.5, 3.0),
-            "parameters": drawn(rng, drag=(0.3, 2.0), pole=(0.1, 0.5)),
-        },
+    return instance(
+        cart_pole(), start={"x": 0.0, "a": 0.0},
+        goal={"x": uniform(rng, 0.5, 1.5), "a": 0.0, "x_dot": 0.0, "a_dot": 0.0}, contacts=[first],
+        sequence=rest, final_time=uniform(rng, 1.5, 3.0),
+        parameters=drawn(rng, drag=(0.3, 2.0), pole=(0.1, 0.5)),
     )  # fmt: skip
 
 
@@ -261,18 +232,12 @@ def compass() -> Description:
 
 def compasses(rng: Draw) -> Instance:
     """The passive gait down a slope."""
-    return Instance(
-        compass(),
-        {
-            "start": {"x": 0.0, "a": 0.0}, "goal": {}, "contacts": ["left"],
-            "sequence": ["+right -left"], "via": [{"a": (-0.5, -0.05)}],
-            "ignored": ["left", "right"],
-            "periodic": exchanged({"y": "y", "a": "b", "b": "a"}, None), "final_time": (0.65, 0.9),
-            "durations": [(0.05, None)] * 2,
-            "parameters": {
-                "slope": radians(uniform(rng, 2.0, 4.0)), "hip_mass": uniform(rng, 8.0, 12.0),
-            },
-        },
+    return instance(
+        compass(), start={"x": 0.0, "a": 0.0}, goal={}, contacts=["left"],
+        sequence=["+right -left"], via=[{"a": (-0.5, -0.05)}], ignored=["left", "right"],
+        periodic=exchanged({"y": "y", "a": "b", "b": "a"}, None), final_time=(0.65, 0.9),
+        durations=[(0.05, None)] * 2,
+        parameters={"slope": radians(uniform(rng, 2.0, 4.0)), "hip_mass": uniform(rng, 8.0, 12.0)},
     )  # fmt: skip
 
 
@@ -306,15 +271,12 @@ def walkers(rng: Draw) -> Instance:
     """A step of a walker with five links."""
     pairs = {"thigh_l": "thigh_r", "shin_l": "shin_r", "thigh_r": "thigh_l", "shin_r": "shin_l"}
     time = uniform(rng, 0.6, 0.9)
-    return Instance(
-        five_links(),
-        {
-            "start": {"x": 0.0}, "goal": {}, "contacts": ["left"], "sequence": ["+right -left"],
-            "periodic": exchanged({"y": "y", "torso": "torso"} | pairs, uniform(rng, 0.35, 0.55)),
-            "durations": [(time / 2, time / 2)] * 2,
-            "bounds": {"torso": (-0.6, 0.6)} | dict.fromkeys(pairs, (-1.8, 1.2)),
-            "parameters": {"mu": uniform(rng, 0.5, 0.9)},
-        },
+    return instance(
+        five_links(), start={"x": 0.0}, goal={}, contacts=["left"], sequence=["+right -left"],
+        periodic=exchanged({"y": "y", "torso": "torso"} | pairs, uniform(rng, 0.35, 0.55)),
+        durations=[(time / 2, time / 2)] * 2,
+        bounds={"torso": (-0.6, 0.6)} | dict.fromkeys(pairs, (-1.8, 1.2)),
+        parameters={"mu": uniform(rng, 0.5, 0.9)},
     )  # fmt: skip
 
 

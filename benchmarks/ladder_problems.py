@@ -25,6 +25,7 @@ from ladder_smooth import (
     little_torque,
     quadrotor,
     robot_arm,
+    stated,
     t,
     two_links,
 )
@@ -73,51 +74,32 @@ def against_wall(wall: float = 0.5, goal: float = -pi) -> Statement:
     -pi is upright."""
     a, u = dynamicsymbols("a u")
     distance = sp.Symbol("distance")
-    system = dmoc.MechanicalSystem(
-        "against_wall", coordinates=[a], inputs=[u],
-        lagrangian=a.diff(t) ** 2 / 2 + GRAVITY * sp.cos(a), forces={a: u},
+    return stated(
+        "against_wall", [a], [u], a.diff(t) ** 2 / 2 + GRAVITY * sp.cos(a), {a: u},
         surfaces={"wall": sp.sin(a) <= distance}, parameters={distance: 0.5}, cost=u**2,
-    )  # fmt: skip
-    return Statement(
-        system,
-        {
-            "start": {"a": 0.0}, "goal": {"a": goal, "a_dot": 0.0}, "sequence": ["wall"],
-            "final_time": 3.0, "parameters": {"distance": wall},
-        },
+        start={"a": 0.0}, goal={"a": goal, "a_dot": 0.0}, sequence=["wall"], final_time=3.0,
+        values={"distance": wall},
     )  # fmt: skip
 
 
 def hammer_and_nail() -> Statement:
     """A hammer drives a nail on a spring and a damper 2 cm deep, where it is to be at rest."""
     x, s, u = dynamicsymbols("x s u")
-    system = dmoc.MechanicalSystem(
-        "hammer_and_nail", coordinates=[x, s], inputs=[u],
-        lagrangian=x.diff(t) ** 2 / 2 + 0.1 * s.diff(t) ** 2 / 2 - 250 * s**2, forces={x: u},
-        dissipation=5 * s.diff(t) ** 2 / 2, surfaces={"contact": x <= s}, parameters={}, cost=u**2,
-    )  # fmt: skip
-    return Statement(
-        system,
-        {
-            "start": {"x": -0.3, "s": 0.0}, "goal": {"s": 0.02, "s_dot": 0.0},
-            "sequence": ["contact"], "final_time": (0.2, 1.0), "restitution": 0.3,
-        },
+    return stated(
+        "hammer_and_nail", [x, s], [u], x.diff(t) ** 2 / 2 + 0.1 * s.diff(t) ** 2 / 2 - 250 * s**2,
+        {x: u}, dissipation=5 * s.diff(t) ** 2 / 2, surfaces={"contact": x <= s}, cost=u**2,
+        start={"x": -0.3, "s": 0.0}, goal={"s": 0.02, "s_dot": 0.0}, sequence=["contact"],
+        final_time=(0.2, 1.0), restitution=0.3,
     )  # fmt: skip
 
 
 def two_carts() -> Statement:
     """A cart from 0 knocks another one from 1, so that this rolls through 5 at 3 s."""
     a, b, u = dynamicsymbols("a b u")
-    system = dmoc.MechanicalSystem(
-        "two_carts", coordinates=[a, b], inputs=[u],
-        lagrangian=(a.diff(t) ** 2 + b.diff(t) ** 2) / 2, forces={a: u},
-        surfaces={"contact": a <= b}, parameters={}, cost=u**2 / 2,
-    )  # fmt: skip
-    return Statement(
-        system,
-        {
-            "start": {"a": 0.0, "b": 1.0}, "goal": {"b": 5.0}, "sequence": ["contact"],
-            "final_time": 3.0, "restitution": 0.5,
-        },
+    return stated(
+        "two_carts", [a, b], [u], (a.diff(t) ** 2 + b.diff(t) ** 2) / 2, {a: u},
+        surfaces={"contact": a <= b}, cost=u**2 / 2, start={"a": 0.0, "b": 1.0}, goal={"b": 5.0},
+        sequence=["contact"], final_time=3.0, restitution=0.5,
     )  # fmt: skip
 
 
@@ -149,17 +131,11 @@ def acrobot() -> Statement:
         velocity = centre.diff(t)
         kinetic += velocity.dot(velocity) / 2
         height += centre[1]
-    system = dmoc.MechanicalSystem(
-        "acrobot", coordinates=[a, b], inputs=[u],
-        lagrangian=sp.trigsimp(sp.expand(kinetic)) - GRAVITY * height, forces={a: -u, b: u},
+    return stated(
+        "acrobot", [a, b], [u], sp.trigsimp(sp.expand(kinetic)) - GRAVITY * height, {a: -u, b: u},
         surfaces={"wall": joint[0] + along[0] <= wall}, parameters={wall: 1.0}, cost=u**2,
-    )  # fmt: skip
-    return Statement(
-        system,
-        {
-            "start": {"a": 0.0, "b": 0.0}, "goal": {"a": 0.0, "b": pi, "a_dot": 0.0, "b_dot": 0.0},
-            "sequence": ["wall"], "final_time": 2.0,
-        },
+        start={"a": 0.0, "b": 0.0}, goal={"a": 0.0, "b": pi, "a_dot": 0.0, "b_dot": 0.0},
+        sequence=["wall"], final_time=2.0,
     )  # fmt: skip
 
 
