@@ -53,30 +53,24 @@ def compare(quick: bool) -> Section:
     models += [] if quick else [("cart, 6 links", cart_with_links(6))]
     for name, system in models:
         cold, warm = _build(system)
-        section.rows.append(
-            (f"dmoc, {name}", f"{cold:.2f}", f"{1e3 * warm:.1f}", f"{bytes_of_c(system):,} (any N)")
+        section.row(
+            f"dmoc, {name}", f"{cold:.2f}", f"{1e3 * warm:.1f}", f"{bytes_of_c(system):,} (any N)"
         )
     built = casadi_pendulum.program(casadi_pendulum.Case())
-    section.rows.append(
-        (
-            "CasADi, cart-pendulum, N = 100 + 100, not compiled",
-            f"{built.seconds:.2f}",
-            "no cache",
-            "-",
-        )
-    )
+    section.row(
+        "CasADi, cart-pendulum, N = 100 + 100, not compiled", f"{built.seconds:.2f}", "no cache",
+        "-",
+    )  # fmt: skip
     if not quick:
         jit = casadi_pendulum.program(casadi_pendulum.Case(), compiled=True)
-        section.rows.append(
-            ("CasADi with JIT at -O2, the same", f"{jit.seconds:.2f}", "no cache", "-")
-        )
+        section.row("CasADi with JIT at -O2, the same", f"{jit.seconds:.2f}", "no cache", "-")
     for links in (1, 4):
         try:
             seconds: Any = f"{_opty(links):.2f}"
         except Exception as error:  # a peer that fails is shown failing
             seconds = f"failed: {type(error).__name__}: {error}"[:90]
-        section.rows.append(
-            (f"opty, cart with {links} link{'s' * (links > 1)}, N = 200", seconds, "no cache", "-")
+        section.row(
+            f"opty, cart with {links} link{'s' * (links > 1)}, N = 200", seconds, "no cache", "-"
         )
     return section
 

@@ -51,6 +51,9 @@ class Section:
     rows: list[Sequence[Any]] = field(default_factory=list)
     after: str = ""
 
+    def row(self, *cells: Any) -> None:
+        self.rows.append(cells)
+
     def markdown(self) -> str:
         lines = [f"## {self.title}", "", self.text, "", table(self.header, self.rows)]
         return "\n".join(lines + (["", self.after] if self.after else [])) + "\n"

@@ -93,8 +93,8 @@ def compare(quick: bool) -> Section:
             sum(_sizes(compiled, kernel)),
             sum(function.nnz_out(i) for i in range(function.n_out())),
         )
-        section.rows.append(
-            (name, *entries, *(f"{1e9 * t / STEPS:.0f}" for t in (own, c, vm, slow)), ratio(c, own))
+        section.row(
+            name, *entries, *(f"{1e9 * t / STEPS:.0f}" for t in (own, c, vm, slow)), ratio(c, own)
         )
     return section
 

@@ -305,7 +305,7 @@ def invariance(quick: bool) -> Section:
     for name, kind in KINDS.items():
         (_, plain), *others = answers(kind, tellings(quick))
         same = sum(other.status == plain.status for _, other in others)
-        section.rows.append((name, str(plain.status), f"{same} of {len(others)}"))
+        section.row(name, str(plain.status), f"{same} of {len(others)}")
     return section
 
 

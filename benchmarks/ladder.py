@@ -137,13 +137,13 @@ def ladder(quick: bool, folder: Path) -> Section:
     for rung in RUNGS:
         own_tries = [t for t in found if t.rung is rung]
         shares = (_share([t for t in own_tries if t.method == m]) for m in methods)
-        section.rows.append((rung.name, f"{rung.known:.8g}", rung.source, *shares))
+        section.row(rung.name, f"{rung.known:.8g}", rung.source, *shares)
     for order in ORDERS:
         groups = ([t for t in found if (t.method, t.order) == (m, order)] for m in methods)
-        section.rows.append((f"all of order {order}", "", "", *map(_share, groups)))
+        section.row(f"all of order {order}", "", "", *map(_share, groups))
     for part in ("explore", "guess", "solve", "check", "total"):
         medians = (_median([t for t in found if t.met and t.method == m], part) for m in methods)
-        section.rows.append((f"{part}, ms", "", "", *medians))
+        section.row(f"{part}, ms", "", "", *medians)
     section.after = _failures(found, methods)
     text = f"# The ladder\n\n{section.markdown()}\n{_every(found)}"
     (folder / "ladder.md").write_text(text, encoding="utf-8")

@@ -186,7 +186,7 @@ def compare(quick: bool) -> Section:
                 ms(mean(r.seconds for r in good)),
                 ms(median(r.seconds for r in good)),
             ]
-        section.rows.append(
-            (method, f"{len(good)}/{count}", sum(r.verified for r in good), best, *numbers, ends)
+        section.row(
+            method, f"{len(good)}/{count}", sum(r.verified for r in good), best, *numbers, ends
         )
     return section

@@ -37,12 +37,10 @@ def compare(quick: bool) -> Section:
             counts = {str(verdict): n for verdict, n in result.counts.items() if n}
             verdicts = ", ".join(f"{n} {v}" for v, n in counts.items())
             seconds, count = result.seconds, len(result.nodes)
-            section.rows.append(
-                (
-                    depth, count, 1 if result is alone else 2, f"{seconds:.1f}",
-                    f"{count / seconds:.1f}", f"{alone.seconds / seconds:.2f}", name, cost,
-                    counts.get("failed", 0), _others(alone, result), verdicts,
-                )
+            section.row(
+                depth, count, 1 if result is alone else 2, f"{seconds:.1f}",
+                f"{count / seconds:.1f}", f"{alone.seconds / seconds:.2f}", name, cost,
+                counts.get("failed", 0), _others(alone, result), verdicts,
             )  # fmt: skip
     return section
 
@@ -64,18 +62,15 @@ def puck(quick: bool) -> Section:
     problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "sequence": ()})
     found = dmoc.search(problem, 3)
     best = found.best
-    section.rows.append(
-        (
-            f"search, {len(found.nodes)} sequences",
-            "nothing found" if best is None else str(best.verdict),
-            "-" if best is None else best.name,
-            "-" if best is None else f"{best.cost:.5f}",
-            "-" if best is None else f"{_miss(best.solution, reference.defaults):.1e}",
-            f"{found.seconds:.1f}",
-        )
-    )
+    section.row(
+        f"search, {len(found.nodes)} sequences",
+        "nothing found" if best is None else str(best.verdict), "-" if best is None else best.name,
+        "-" if best is None else f"{best.cost:.5f}",
+        "-" if best is None else f"{_miss(best.solution, reference.defaults):.1e}",
+        f"{found.seconds:.1f}",
+    )  # fmt: skip
     for stages in (STAGES[:1] if quick else STAGES) if version else ():
-        section.rows.append((f"nosnoc {version}, {stages} stages", *_peer(stages)))
+        section.row(f"nosnoc {version}, {stages} stages", *_peer(stages))
     return section
 
 

@@ -68,22 +68,18 @@ def comparison(quick: bool) -> Section:
         seconds = median(good) if good else np.nan
         reference = seconds if name == PEER else reference
         _, cost, iterations, _, missed, _ = runs[-1]
-        section.rows.append(
-            (
-                name, f"{len(good)}/{len(runs)}", ms(seconds), ratio(reference, seconds),
-                iterations, f"{cost:.6f}", f"{missed:.0e}", ms(built.seconds),
-            )
+        section.row(
+            name, f"{len(good)}/{len(runs)}", ms(seconds), ratio(reference, seconds), iterations,
+            f"{cost:.6f}", f"{missed:.0e}", ms(built.seconds),
         )  # fmt: skip
     for method, repeats in (("ipm", 51), ("slsqp", 5), ("ipopt", 5), ("uno", 1)):
         seconds, own = clocked(lambda m=method: program(problem, x, m))
         found = solves(own, x, method, min(repeats, 3) if quick else repeats)
         last = found.outcome
-        section.rows.append(
-            (
-                method, found.share, ms(found.seconds), ratio(reference, found.seconds),
-                last.iterations, f"{own_cost(own, last):.6f}", f"{violation(own, last):.0e}",
-                ms(seconds),
-            )
+        section.row(
+            method, found.share, ms(found.seconds), ratio(reference, found.seconds),
+            last.iterations, f"{own_cost(own, last):.6f}", f"{violation(own, last):.0e}",
+            ms(seconds),
         )  # fmt: skip
     return section
 
@@ -118,11 +114,9 @@ def contact(quick: bool) -> Section:
         parts = sorted(runs, key=lambda r: r["seconds"])[len(runs) // 2]
         seconds = parts["seconds"] / parts["iterations"]
         reference = seconds if name == "free" else reference
-        section.rows.append(
-            (
-                name, nlp.n, parts["iterations"], parts["factorisations"], f"{1e6 * seconds:.0f}",
-                f"{seconds / reference:.2f} x",
-            )
+        section.row(
+            name, nlp.n, parts["iterations"], parts["factorisations"], f"{1e6 * seconds:.0f}",
+            f"{seconds / reference:.2f} x",
         )  # fmt: skip
     return section
 
@@ -144,11 +138,11 @@ def answer(quick: bool) -> Section:
         problem = seed(steps=steps)
         repeats = 1 if quick or steps > 100 else 3
         peer = _middle([_peer_answer(problem) for _ in range(repeats)])
-        section.rows.append((steps, PEER, *_answer_cells(peer, peer)))
+        section.row(steps, PEER, *_answer_cells(peer, peer))
         for method in methods[: 2 if quick else None]:
             often = 1 if method == "uno" else 3 * repeats
             own = _middle([_own_answer(problem, method) for _ in range(often)])
-            section.rows.append((steps, method, *_answer_cells(own, peer)))
+            section.row(steps, method, *_answer_cells(own, peer))
     return section
 
 
@@ -219,7 +213,7 @@ def where(quick: bool) -> Section:
             r["seconds"] - r["seconds_kernels"] - r["seconds_linear"],
         )
         each = [f"{1e6 * p / r['iterations']:.0f}" for p in parts]
-        section.rows.append((steps, r["iterations"], r["factorisations"], *each, ms(analysis)))
+        section.row(steps, r["iterations"], r["factorisations"], *each, ms(analysis))
     return section
 
 
@@ -249,11 +243,9 @@ def growth(quick: bool, folder: Path) -> Section:
                 ratio(peer["seconds"], own["seconds"]),
             ]
         each = ms(own["seconds"] / own["iterations"])
-        section.rows.append(
-            (
-                steps, own["solved"], ms(own["seconds"]), own["iterations"], each,
-                f"{own['memory']:.1f}", *cells,
-            )
+        section.row(
+            steps, own["solved"], ms(own["seconds"]), own["iterations"], each,
+            f"{own['memory']:.1f}", *cells,
         )  # fmt: skip
     _plot(points, folder / "growth.png")
     return section
@@ -369,7 +361,7 @@ def warm(quick: bool) -> Section:
                     again.share,
                     again.outcome.iterations,
                 ]
-        section.rows.append((name, *cells))
+        section.row(name, *cells)
     return section
 
 
