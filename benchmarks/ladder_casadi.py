@@ -174,123 +174,103 @@ def solve(statement: Statement, problem: dmoc.Problem, seconds: float) -> Answer
     return Answer(status, cost, build, spent)
 
 
+State = tuple[ca.SX, ca.SX]  # positions and velocities of a node
+
+
+class Transcription(Program):
+    """The program of a problem, which begins at a line."""
+
+    def __init__(self, model: Model, problem: dmoc.Problem, line: Line) -> None:
+        super().__init__()
+        self.model, self.problem, self.line = model, problem, line
+
+    def durations(self) -> ca.SX:
+        problem, phases = self.problem, self.problem.phases
+        longest = problem.final_time_bounds[1]
+        shortest = SHORTEST * (longest if np.isfinite(longest) else self.line.time)
+        durations = problem.duration_bounds.copy()
+        durations[:, 0] = np.maximum(durations[:, 0], shortest)
+        T = self.unknown("T", np.full(phases, self.line.time / phases), durations)
+        self.demand(ca.sum1(T), problem.final_time_bounds)
+        return T
+
+    def node(self, share: float) -> State:
+        q = self.unknown("q", self.line.at(share), self.problem.coordinate_bounds)
+        return q, self.unknown("v", self.line.velocity, (-np.inf, np.inf))
+
+    def inputs(self) -> ca.SX:
+        return self.unknown("u", np.zeros(self.model.nu), self.problem.input_bounds)
+
+    def boundary(self, at: Any, state: State, t: ca.SX) -> None:
+        """The state at one end is as it is bounded."""
+        momentum = self.model.momentum(*state, 0, t)
+        for value, bounds in zip(
+            (*state, momentum), (at.position, at.velocity, at.momentum), strict=True
+        ):
+            for i in np.flatnonzero(np.isfinite(bounds).any(axis=1)):
+                self.demand(value[int(i)], bounds[i])
+
+    def collision(self, hit: int, before: State, t: ca.SX) -> State:
+        """The state after a collision: an impulse along the normal, and Newton's law of impact."""
+        (q, v), model, problem = before, self.model, self.problem
+        surface = list(problem.kernels.surfaces).index(problem.sequence[hit])
+        after = self.unknown("v_after", np.zeros(model.nq), (-np.inf, np.inf))
+        impulse = self.unknown("impulse", 0.0, (0.0, np.inf))
+        normal = model.normals(q, v, 0, t)[surface, :].T
+        jump = model.momentum(q, after, 0, t) - model.momentum(q, v, 0, t)
+        e = float(problem.restitution_values.ravel()[surface])
+        self.demand(model.gaps(q, v, 0, t)[surface])
+        self.demand(jump + normal * impulse)
+        self.demand(model.rates(q, after, 0, t)[surface] + e * model.rates(q, v, 0, t)[surface])
+        return q, after
+
+    def midpoint(
+        self, before: State, after: State, u: ca.SX | None, t: ca.SX, h: ca.SX
+    ) -> tuple[ca.SX, None]:
+        """A step of the implicit midpoint rule; its cost."""
+        (q0, v0), (q1, v1), model = before, after, self.model
+        at = ((q0 + q1) / 2, (v0 + v1) / 2, self.inputs(), t + h / 2)
+        self.demand(q1 - q0 - h * at[1])
+        self.demand(v1 - v0 - h * model.acceleration(*at))
+        self.demand(model.path(*at), (0.0, np.inf))
+        return h * model.cost(*at), None
+
+    def simpson(
+        self, before: State, after: State, u: ca.SX | None, t: ca.SX, h: ca.SX
+    ) -> tuple[ca.SX, ca.SX]:
+        """A step of Hermite and Simpson's rule; its cost and the inputs at its end."""
+        (q0, v0), (q1, v1), model = before, after, self.model
+        u0 = self.inputs() if u is None else u
+        u_m, u1 = self.inputs(), self.inputs()
+        a0, a1 = model.acceleration(q0, v0, u0, t), model.acceleration(q1, v1, u1, t + h)
+        q_m, v_m = (q0 + q1) / 2 + h / 8 * (v0 - v1), (v0 + v1) / 2 + h / 8 * (a0 - a1)
+        middle = (q_m, v_m, u_m, t + h / 2)
+        self.demand(q1 - q0 - h / 6 * (v0 + 4 * v_m + v1))
+        self.demand(v1 - v0 - h / 6 * (a0 + 4 * model.acceleration(*middle) + a1))
+        points = ((q0, v0, u0, t), middle, (q1, v1, u1, t + h))
+        for at in points[1:] if u is not None else points:
+            self.demand(model.path(*at), (0.0, np.inf))
+        weighted = (w * model.cost(*at) for w, at in zip((1, 4, 1), points, strict=True))
+        return h / 6 * sum(weighted), u1
+
+
 def _transcribed(statement: Statement, problem: dmoc.Problem, seconds: float) -> Any:
-    model, program, line = Model(statement.system, problem), Program(), Line.of(problem)
-    phases = problem.phases
-    step = _midpoint if problem.order == 2 else _simpson
-    longest = problem.final_time_bounds[1]
-    shortest = SHORTEST * (longest if np.isfinite(longest) else line.time)
-    durations = problem.duration_bounds.copy()
-    durations[:, 0] = np.maximum(durations[:, 0], shortest)
-    T = program.unknown("T", np.full(phases, line.time / phases), durations)
-    program.demand(ca.sum1(T), problem.final_time_bounds)
-    nodes = sum(problem.phase_steps)
+    model = Model(statement.system, problem)
+    program = Transcription(model, problem, Line.of(problem))
+    step = program.midpoint if problem.order == 2 else program.simpson
+    T, nodes = program.durations(), sum(problem.phase_steps)
     cost, t, k = ca.SX(0), ca.SX(0), 0
-    q, v = _node(program, model, problem, line, 0.0)
-    _boundary(program, model, problem.start_bounds, q, v, t)
+    state = program.node(0.0)
+    program.boundary(problem.start_bounds, state, t)
     for phase, steps in enumerate(problem.phase_steps):
-        h = T[phase] / steps
-        u = None
+        h, u = T[phase] / steps, None
         for _ in range(steps):
             k += 1
-            after = _node(program, model, problem, line, k / nodes)
-            more, u = step(program, model, problem, (q, v), after, u, t, h)
-            cost += more
-            t += h
-            q, v = after
-            program.demand(model.gaps(q, v, 0, t), (-np.inf, 0.0))
-        if phase < phases - 1:
-            v = _collision(program, model, problem, phase, (q, v, t))
-    _boundary(program, model, problem.goal_bounds, q, v, t)
-    return program.solver(cost + model.terminal_cost(q, v, 0, t), seconds)
-
-
-def _node(
-    program: Program, model: Model, problem: dmoc.Problem, line: Line, share: float
-) -> tuple[ca.SX, ca.SX]:
-    """Positions and velocities of a node."""
-    q = program.unknown("q", line.at(share), problem.coordinate_bounds)
-    return q, program.unknown("v", line.velocity, (-np.inf, np.inf))
-
-
-def _inputs(program: Program, model: Model, problem: dmoc.Problem) -> ca.SX:
-    return program.unknown("u", np.zeros(model.nu), problem.input_bounds)
-
-
-def _boundary(program: Program, model: Model, at: Any, q: ca.SX, v: ca.SX, t: ca.SX) -> None:
-    """The state at one end is as it is bounded."""
-    for value, bounds in (
-        (q, at.position),
-        (v, at.velocity),
-        (model.momentum(q, v, 0, t), at.momentum),
-    ):
-        for i in np.flatnonzero(np.isfinite(bounds).any(axis=1)):
-            program.demand(value[int(i)], bounds[i])
-
-
-def _collision(
-    program: Program, model: Model, problem: dmoc.Problem, hit: int, before: tuple[ca.SX, ...]
-) -> ca.SX:
-    """Velocities after a collision: an impulse along the normal, and Newton's law of impact."""
-    q, v, t = before
-    names = list(problem.kernels.surfaces)
-    surface = names.index(problem.sequence[hit])
-    after = program.unknown("v_after", np.zeros(model.nq), (-np.inf, np.inf))
-    impulse = program.unknown("impulse", 0.0, (0.0, np.inf))
-    normal = model.normals(q, v, 0, t)[surface, :].T
-    jump = model.momentum(q, after, 0, t) - model.momentum(q, v, 0, t)
-    e = float(problem.restitution_values.ravel()[surface])
-    program.demand(model.gaps(q, v, 0, t)[surface])
-    program.demand(jump + normal * impulse)
-    program.demand(model.rates(q, after, 0, t)[surface] + e * model.rates(q, v, 0, t)[surface])
-    return after
-
-
-def _midpoint(
-    program: Program,
-    model: Model,
-    problem: dmoc.Problem,
-    before: tuple[ca.SX, ca.SX],
-    after: tuple[ca.SX, ca.SX],
-    u: ca.SX | None,
-    t: ca.SX,
-    h: ca.SX,
-) -> tuple[ca.SX, None]:
-    """A step of the implicit midpoint rule; its cost."""
-    (q0, v0), (q1, v1) = before, after
-    u = _inputs(program, model, problem)
-    at = ((q0 + q1) / 2, (v0 + v1) / 2, u, t + h / 2)
-    program.demand(q1 - q0 - h * at[1])
-    program.demand(v1 - v0 - h * model.acceleration(*at))
-    program.demand(model.path(*at), (0.0, np.inf))
-    return h * model.cost(*at), None
-
-
-def _simpson(
-    program: Program,
-    model: Model,
-    problem: dmoc.Problem,
-    before: tuple[ca.SX, ca.SX],
-    after: tuple[ca.SX, ca.SX],
-    u: ca.SX | None,
-    t: ca.SX,
-    h: ca.SX,
-) -> tuple[ca.SX, ca.SX]:
-    """A step of Hermite and Simpson's rule; its cost and the inputs at its end."""
-    (q0, v0), (q1, v1) = before, after
-    u0 = _inputs(program, model, problem) if u is None else u
-    u_m, u1 = _inputs(program, model, problem), _inputs(program, model, problem)
-    a0, a1 = model.acceleration(q0, v0, u0, t), model.acceleration(q1, v1, u1, t + h)
-    middle = (
-        (q0 + q1) / 2 + h / 8 * (v0 - v1),
-        (v0 + v1) / 2 + h / 8 * (a0 - a1),
-        u_m,
-        t + h / 2,
-    )
-    program.demand(q1 - q0 - h / 6 * (v0 + 4 * middle[1] + v1))
-    program.demand(v1 - v0 - h / 6 * (a0 + 4 * model.acceleration(*middle) + a1))
-    points = ((q0, v0, u0, t), middle, (q1, v1, u1, t + h))
-    for at in points[1:] if u is not None else points:
-        program.demand(model.path(*at), (0.0, np.inf))
-    weights = (1, 4, 1)
-    return h / 6 * sum(w * model.cost(*at) for w, at in zip(weights, points, strict=True)), u1
+            after = program.node(k / nodes)
+            more, u = step(state, after, u, t, h)
+            cost, t, state = cost + more, t + h, after
+            program.demand(model.gaps(*state, 0, t), (-np.inf, 0.0))
+        if phase < problem.phases - 1:
+            state = program.collision(phase, state, t)
+    program.boundary(problem.goal_bounds, state, t)
+    return program.solver(cost + model.terminal_cost(*state, 0, t), seconds)
