@@ -17,28 +17,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Option:
-    """What is known of an option beside its default.
+    """What is known of an option beside its default."""
 
-    Attributes
-    ----------
-    reader : str
-        The function of :mod:`dmoc.base.arguments` that reads what a caller gives; none reads it
-        where this is empty.
-    help : str
-        What the command line says of it, which has no such option where this is empty.
-    decides : bool
-        Whether the answer depends on it, and not only whether, when and where it is looked for.
-    limits : mapping
-        Further arguments of the reader.
-    type : type
-        Of the field.
-    """
-
-    reader: str = ""
-    help: str = ""
+    reader: str = ""  # the function of dmoc.base.arguments that reads what a caller gives, if any
+    help: str = ""  # what the command line says of it, which else has no such option
+    # Whether the answer depends on it, and not only whether, when and where it is looked for.
     decides: bool = True
-    limits: Mapping[str, Any] = field(default_factory=dict)
-    type: Any = None
+    limits: Mapping[str, Any] = field(default_factory=dict)  # further arguments of the reader
+    type: Any = None  # of the field
 
     def read(self, value: Any, name: str, error: ErrorKind) -> Any:
         """A value as it is read; None where the field may be None."""

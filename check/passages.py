@@ -35,38 +35,20 @@ class ImpactResult:
 
 @dataclass(frozen=True, eq=False)
 class EventPassage:
-    """What joins two phases.
-
-    Attributes
-    ----------
-    model : Model
-    restitution : array of shape (nc,)
-    c : Collision
-        What is planned.
-    before, after : Phase
-    mode : Mode
-        Surfaces that take impulses, and the friction of their tangents.
-    hit : int or None
-        The one of them that is released, by its coefficient of restitution.
-    rubs : int or None
-        Its tangent where it has friction: then it is hit alone, after Poisson; or that of a landing
-        during which sliding stops.
-    lands : bool
-        The surface that is hit stays closed.
-    wrong : str
-        What of the plan does not fit together; empty if nothing.
-    """
+    """What joins two phases."""
 
     model: Model
-    restitution: Array
-    c: Collision
+    restitution: Array  # (nc,)
+    c: Collision  # what is planned
     before: Phase
     after: Phase
-    mode: Mode = FREE
-    hit: int | None = None
+    mode: Mode = FREE  # surfaces that take impulses, and the friction of their tangents
+    hit: int | None = None  # the one of them that is released, by its coefficient of restitution
+    # Its tangent where it has friction: then it is hit alone, after Poisson; or that of a landing
+    # during which sliding stops.
     rubs: int | None = None
-    lands: bool = False
-    wrong: str = ""
+    lands: bool = False  # the surface that is hit stays closed
+    wrong: str = ""  # what of the plan does not fit together
 
     @cached_property
     def planned(self) -> tuple[Array, Array]:

@@ -43,17 +43,8 @@ class Checked:
 
 
 def checked(system: MechanicalSystem, kernels: Kernels, seed: int = 0) -> tuple[Checked, ...]:
-    """Compare the kernels of a system with an independent evaluation; kernels that are not
-    listed were not compared.
-
-    Parameters
-    ----------
-    system : MechanicalSystem
-    kernels : Kernels
-        Of the system, of any order.
-    seed : int
-        Of the random points and directions.
-    """
+    """Compare the kernels of a system, of any order, with an independent evaluation at random
+    points and along random directions; kernels that are not listed were not compared."""
     with mp.workdps(DIGITS):
         for k in range(POINTS):
             errors = _at_random(system, kernels, np.random.default_rng([seed, k]))

@@ -32,33 +32,21 @@ REMEDY = "give one that `dmoc solve --out` has written"
 
 @dataclass(frozen=True)
 class ResultFile:
-    """A kind of file: a result, and the number of the format that it is written in.
+    """A kind of file: a result, and the number of the format that it is written in."""
 
-    Attributes
-    ----------
-    name, kind : str, Kind
-        What the text of a file calls the result, and what it holds of it.
-    version, format : str, int
-        What it calls the number of the format, and the number.
-    noun, again, writer : str
-        In sentences: what a damaged file is none of, what makes a result anew, and what writes one.
-    foreign : mapping of str to str
-        Names in the text that files of other results have, and what is said of these.
-    as_now : function
-        Turns the text of older formats into that of this one, and leaves everything else.
-    excess : function of the result and the length of its text, optional
-        Says that a file does not hold so much.
-    """
-
-    name: str
-    kind: FieldKind
-    version: str
+    name: str  # what the text of a file calls the result
+    kind: FieldKind  # what it holds of it
+    version: str  # what it calls the number of the format
     format: int
+    # In sentences: what a damaged file is none of, what makes a result anew, and what writes one.
     noun: str
     again: str
     writer: str
+    # Names in the text that files of other results have, and what is said of these.
     foreign: Mapping[str, str] = field(default_factory=dict)
+    # Turns the text of older formats into that of this one, and leaves everything else.
     as_now: Callable[[Any], Any] = lambda header: header
+    # Of the result and the length of its text: says that a file does not hold so much.
     excess: Callable[[Any, int], str] | None = None
 
     @property
@@ -67,13 +55,7 @@ class ResultFile:
 
 
 def content_of(file: ResultFile, result: Any) -> bytes:
-    """Return the content of the file of a result.
-
-    Raises
-    ------
-    OutputError
-        If the text is longer than a file holds.
-    """
+    """Return the content of the file of a result; a text longer than a file holds is refused."""
     arrays: dict[str, Array] = {}
     header = {file.version: file.format, file.name: result}
     text = dumped(file.header, header, arrays.__setitem__)
@@ -100,13 +82,7 @@ def _bytes_of(path: Path) -> bytes:
 
 
 def result_in(file: ResultFile, content: bytes, name: str) -> Any:
-    """Read a result from the content of a file that errors call ``name``.
-
-    Raises
-    ------
-    SolutionFileError
-        If the content is damaged, of another format, or of something else.
-    """
+    """Read a result from the content of a file that errors call ``name``, or refuse it."""
     try:
         archive = Archive(content)
         header = file.as_now(plain(archive.text()))

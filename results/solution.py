@@ -323,13 +323,7 @@ def broken_off(solution: Solution) -> Solution:
 
 def kernels_of_file(solution: Solution) -> Kernels:
     """The kernels of a solution: its own, or, where it comes from a file, those of a shipped
-    model.
-
-    Raises
-    ------
-    ModelError
-        If the file names a model that is not shipped.
-    """
+    model."""
     if solution.kernels is not None:
         return solution.kernels
     from dmoc.models.registry import load_for_file

@@ -27,21 +27,11 @@ LEAST = 1e-3
 
 
 def state_best(tree: Tree, stated: Problem, deadline: Deadline) -> list[str]:
-    """State the best node of a tree as a solve does; where it then costs more than another one,
-    that one too.  Return what is to be said of it.
+    """State the best node of a tree as a solve does, in its place; where it then costs more than
+    another one, that one too.  Return what is to be said of it.
 
-    Parameters
-    ----------
-    tree : Tree
-        Its nodes are replaced.
-    stated : Problem
-        As the caller has stated it: perhaps without steps, where the tree has some.
-    deadline : Deadline
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If a solve is interrupted.
+    ``stated`` is the problem as the caller has it: perhaps without steps, where the tree has some.
+    An interrupted solve raises KeyboardInterrupt.
     """
     notes = dict[tuple[str, ...], str]()
     while (best := tree.best()) is not None and best.sequence not in notes:

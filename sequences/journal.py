@@ -21,22 +21,10 @@ TABLES = {
 
 
 class Journal:
-    """Finished nodes of one search.
+    """Finished nodes of one search, told from others by a digest of problem and settings.
 
-    Parameters
-    ----------
-    path : path
-    identity : str
-        Digest of problem and settings; a journal of another identity is refused.
-    resume : bool
-        Go on with the nodes of an existing journal; without it an existing journal is an error, so
-        that nothing is lost.
-
-    Raises
-    ------
-    SearchError
-        If the file is no journal, is damaged, belongs to another problem, exists without
-        ``resume``, or cannot be written.  It is left as it was.
+    A file that is no journal, is damaged, belongs to another search, exists where none shall be
+    resumed, or cannot be written is refused, and left as it was.
     """
 
     def __init__(self, path: str | os.PathLike[str], identity: str, resume: bool) -> None:

@@ -291,13 +291,7 @@ def _without_minimum(
     task: Task, coarse: Problem, starts: Sequence[Start], deadline: Deadline
 ) -> Node | Solution:
     """Why no start has led to a minimum: infeasible, unreachable; or a solution from the feasible
-    motion that the search for the reason has found.
-
-    Raises
-    ------
-    _TimeIsUp
-        If the deadline comes before the answer.
-    """
+    motion that the search for the reason has found.  _TimeIsUp, if the deadline comes first."""
     tried = f"no motion was found from {len(starts)} starts ({_ends_of(starts)})"
     node = Node(task.sequence, Verdict.INFEASIBLE, starts=tuple(starts))
     whole = _least(coarse, deadline)

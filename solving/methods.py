@@ -35,41 +35,18 @@ FORMS = tuple(form.value for form in ProgramForm)
 
 @dataclass(frozen=True)
 class Method:
-    """A way to solve a program.
-
-    Attributes
-    ----------
-    name : str
-    what : str
-        What it is, where methods are listed.
-    driver : str
-        The function that minimises, as "module:name".
-    full : str or None
-        The function for ``form="full"``, where that is another one.
-    package : str or None
-        Package behind it, where it is an extra, which then has the method's name.
-    needs_compiled : bool
-        Whether it needs compiled kernels.
-    most_inputs : int or None
-        Most inputs of all steps together.
-    guided : bool
-        Whether estimates of minimal times keep it on the right track.
-    falls_back_on : str or None
-        The method that takes over where it ends without a solution.
-    uses_blas : bool
-        Whether it calls BLAS, which then gets one thread.
-    """
+    """A way to solve a program."""
 
     name: str
-    what: str
-    driver: str
-    full: str | None = None
-    package: str | None = None
-    needs_compiled: bool = False
-    most_inputs: int | None = None
-    guided: bool = False
-    falls_back_on: str | None = None
-    uses_blas: bool = True
+    what: str  # where methods are listed
+    driver: str  # the function that minimises, as "module:name"
+    full: str | None = None  # the function for form="full", where that is another one
+    package: str | None = None  # behind it, where it is an extra, which then has the method's name
+    needs_compiled: bool = False  # kernels
+    most_inputs: int | None = None  # of all steps together
+    guided: bool = False  # estimates of minimal times keep it on the right track
+    falls_back_on: str | None = None  # the method that takes over where it ends without a solution
+    uses_blas: bool = True  # which then gets one thread
 
     def minimise(self, form: str = ProgramForm.CONDENSED) -> Judged:
         """The function that minimises a program from scaled unknowns, and judges where it ends."""
@@ -94,15 +71,7 @@ class Method:
         return minimise
 
     def require(self, backend: str, error: type[DmocError] = ProblemError) -> None:
-        """Refuse kernels that the method cannot use, and import its package.
-
-        Raises
-        ------
-        ProblemError, or the given error
-            If the kernels are not compiled and have to be.
-        MissingExtraError
-            If the package is not installed.
-        """
+        """Refuse kernels that the method cannot use, and import its package."""
         if self.needs_compiled and backend != "compiled":
             raise error(
                 f"method {self.name} needs compiled kernels: install a C compiler and build the "

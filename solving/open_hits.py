@@ -51,11 +51,6 @@ def best_way(problem: Problem, guess: InitialGuess, request: Request) -> Solutio
     Courses are solved from few starts on a coarse mesh; those that lead to a motion are solved
     as is asked for, the cheapest first, until one is confirmed.  Where none does, the course that
     comes nearest to a motion from the guess is solved.  The limits are those of all this together.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If a try is interrupted.
     """
     options = request.options
     tries = _Tries(problem, guess, request, options.deadline.share(SHARE))
@@ -78,27 +73,15 @@ def best_way(problem: Problem, guess: InitialGuess, request: Request) -> Solutio
 
 @dataclass
 class _Tries:
-    """Ways that were tried on a coarse mesh.
-
-    Attributes
-    ----------
-    deadline : Deadline
-        After it no further way is tried.
-    tried : dict of words to Solution or None
-        A minimum, where there is one.
-    near : dict of words to Solution
-        Where the guess alone leads.
-    spent : int
-        Iterations of these.
-    """
+    """Ways that were tried on a coarse mesh."""
 
     problem: Problem
     guess: InitialGuess
     request: Request
-    deadline: Deadline
-    tried: dict[Words, Solution | None] = field(default_factory=dict)
-    near: dict[Words, Solution] = field(default_factory=dict)
-    spent: int = 0
+    deadline: Deadline  # after which no further way is tried
+    tried: dict[Words, Solution | None] = field(default_factory=dict)  # a minimum, if there is one
+    near: dict[Words, Solution] = field(default_factory=dict)  # where the guess alone leads
+    spent: int = 0  # iterations of these
 
     @property
     def good(self) -> dict[Words, Solution]:

@@ -61,15 +61,8 @@ def check_problem(problem: Any, error: type[DmocError] = ProblemError) -> None:
 
 
 def request_of(problem: Problem, keywords: Keywords) -> Request:
-    """What is asked for of a problem, with its usual method unless one is named, from now on.
-
-    Raises
-    ------
-    ProblemError
-        If the method cannot solve this problem.
-    MissingExtraError
-        If the package of the method is not installed.
-    """
+    """What is asked for of a problem, from now on, with its usual method unless one is named; one
+    that cannot solve it is refused."""
     tolerance, loose = keywords.tolerance, keywords.tolerance or LOOSE
     if tolerance is None and problem.steps is None:
         tolerance = AUTOMATIC

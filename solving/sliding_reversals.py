@@ -25,16 +25,7 @@ def naming_turns(
     deadline: Deadline,
 ) -> Solution:
     """The answer; where there is no motion because a hit throws back what slides, its message names
-    the sequence that says so.
-
-    Parameters
-    ----------
-    problem : Problem
-    answer : Solution
-    solve : callable
-        Solves a problem from few starts.
-    deadline : Deadline
-    """
+    the sequence that says so.  ``solve`` solves a problem from few starts."""
     if answer.status is not Status.INFEASIBLE:
         return answer
     for words in islice(_turned(problem, ()), MOST_TRIED):

@@ -61,13 +61,8 @@ def loaded(guess: InitialGuess) -> InitialGuess:
 
 
 def starts_of(problem: Problem, guess: InitialGuess, deadline: Deadline = ENDLESS) -> Starts:
-    """Read a guess, or make the automatic ones until a deadline.
-
-    Raises
-    ------
-    ProblemError
-        If the guess is no start of the problem.
-    """
+    """Read a guess, or make the automatic ones until a deadline; what is no start of the problem is
+    refused."""
     if guess is None:
         return Starts(tuple(g.x for g in initial_guesses(problem, deadline)))
     if isinstance(guess, Solution):

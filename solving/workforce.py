@@ -29,25 +29,12 @@ class NoMoreWork(Exception):  # noqa: N818 - it ends the work and loses nothing
 
 @dataclass(frozen=True)
 class Work(Generic[Task, Answer]):
-    """What is done with tasks.
+    """What is done with tasks."""
 
-    Attributes
-    ----------
-    do : callable
-        A task's answer, in whatever process; a function of a module, which travels by its name.
-    lost : callable
-        The answer of a task whose worker has failed, for a reason.
-    again : callable
-        What of a task is to be tried once more, from the task and its answer; nothing if the
-        answer stands.
-    seconds : callable
-        The limit of a task.
-    """
-
-    do: Callable[[Task], Answer]
-    lost: Callable[[Task, str], Answer]
-    again: Callable[[Task, Answer], Sequence[Task]]
-    seconds: Callable[[Task], float]
+    do: Callable[[Task], Answer]  # in whatever process; of a module, to travel by its name
+    lost: Callable[[Task, str], Answer]  # where a worker has failed, for a reason
+    again: Callable[[Task, Answer], Sequence[Task]]  # what is tried once more; () if it stands
+    seconds: Callable[[Task], float]  # the limit of a task
 
     def deadline(self, task: Task) -> Deadline:
         """That after which the worker of a task that begins now hangs."""
@@ -80,14 +67,8 @@ def workforce(workers: int, executor: Executor | None) -> Iterator[Workforce]:
 def in_executor(
     executor: Executor, work: Work[Task, Answer], tasks: Sequence[Task], deadline: Deadline
 ) -> Iterator[Answer]:
-    """Answers from an executor of the caller, until a deadline; errors of its workers, and answers
-    that do not come, are taken as a failed attempt.
-
-    Raises
-    ------
-    NoMoreWork
-        If the executor takes no more tasks.
-    """
+    """Answers from an executor of the caller, until a deadline or NoMoreWork; errors of workers, and
+    answers that do not come, are taken as a failed attempt."""
     waiting, running = deque(tasks), dict[Future[Answer], Task]()
     ends: dict[Future[Answer], Deadline] = {}
     try:

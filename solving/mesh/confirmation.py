@@ -37,16 +37,8 @@ def passing_steps(check: Verification, steps: Sequence[int], order: float) -> li
 def naming_steps(problem: Problem, answer: Solution, solve: Callable[..., Solution]) -> Solution:
     """The answer; where the check contradicts it, its message says which mesh it confirms.
 
-    Meshes are tried: the first one by the order of the discretisation, others by the order that the
-    errors have shown.
-
-    Parameters
-    ----------
-    problem : Problem
-        With its steps.
-    answer : Solution
-    solve : callable
-        Solves a problem from a motion, and checks what it finds.
+    Meshes are solved from the motion before: the first one by the order of the discretisation,
+    others by the order that the errors have shown.
     """
     if answer.status is not Status.NOT_VERIFIED or answer.verification is None:
         return answer

@@ -35,6 +35,7 @@ COARSE_FAILURES = 3
 # some minutes at most.
 MOST_UNKNOWNS = 100_000
 
+# From the motion of the mesh before or an automatic guess, to the usual optimality or a given one.
 Solve = Callable[[Problem, Solution | None, float | None], Solution]
 Check = Callable[[Solution], Solution]
 
@@ -113,16 +114,6 @@ def refined(
 
     Where a finer mesh is not solved, leads to a dearer minimum, or makes nothing better, the finest
     mesh that the simulation confirms is the answer, and its message says what the finer one did.
-
-    Parameters
-    ----------
-    problem : Problem
-        Its steps are the first mesh.
-    tolerance : float
-    deadline : Deadline
-    solve, check : callables
-        Solve a problem from the motion of the mesh before or from an automatic guess, to the usual
-        optimality or to a given one; check a solution by simulation.
     """
     past = History()
     while True:

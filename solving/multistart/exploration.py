@@ -41,51 +41,28 @@ WIDE_STARTS, FOLLOWED = 32, 8
 
 @dataclass(frozen=True)
 class Effort:
-    """How many starts are tried, and what is done with what they find.
+    """How many starts are tried, and what is done with what they find."""
 
-    Attributes
-    ----------
-    first, most, more : int
-        Random starts: so many at first, ``most`` where those do not agree on a minimum, ``more``
-        where these have not met the best minimum ``often`` enough to think that there is none much
-        rarer.
-    often : int
-    agreeing, leading : float
-        Share of the starts with a minimum that lead to the best one, and share of all starts, where
-        no more are needed.
-    refined, most_refined : int
-        Minima that are refined at least, and at most, where cheaper coarse ones are left.
-    settles : bool
-        Whether minima that are not confirmed are looked at on a finer mesh, where others are.
-    widens : bool
-        Whether limits of inputs are widened, and then tightened, where no start leads to a motion.
-    iterations : int
-        Of a start: one that takes more ends in a minimum less often than another start does.
-    guesses : int or None
-        Automatic guesses that are tried at most.
-    total : int or None
-        All starts, where their number is given.
-    seed : int
-        Of the random starts.
-    verifies : bool
-        Whether minima are checked by simulation before they are ranked.
-    """
-
+    # Random starts: so many at first, the most where those do not agree on a minimum, more where
+    # these have not met the best minimum often enough to think that there is none much rarer.
     first: int = 16
     most: int = 100
     more: int = 300
     often: int = 5
+    # Share of the starts with a minimum that lead to the best one, and share of all starts, where
+    # no more are needed.
     agreeing: float = 0.75
     leading: float = 0.4
+    # Minima that are refined at least, and at most, where cheaper coarse ones are left.
     refined: int = 4
     most_refined: int = 16
-    settles: bool = True
-    widens: bool = True
-    iterations: int = 100
-    guesses: int | None = None
-    total: int | None = None
+    settles: bool = True  # minima that are not confirmed are looked at on a finer mesh
+    widens: bool = True  # limits of inputs, to tighten them, where no start leads to a motion
+    iterations: int = 100  # of a start: one that takes more ends in a minimum less often
+    guesses: int | None = None  # automatic ones that are tried at most
+    total: int | None = None  # all starts, where their number is given
     seed: int = 0
-    verifies: bool = True
+    verifies: bool = True  # minima are checked by simulation before they are ranked
 
     @classmethod
     def of(cls, starts: int | None, seed: int, verifies: bool = True) -> Effort:
@@ -110,19 +87,10 @@ class Start:
 
 @dataclass(frozen=True)
 class Exploration:
-    """What the starts have led to.
+    """What the starts have led to."""
 
-    Attributes
-    ----------
-    ranked : tuple of Ranked
-        Minima on the ranking mesh, the best first: confirmed ones before others.
-    coarse : tuple of Basin
-        Minima that were not refined, or could not be.
-    starts : tuple of Start
-    """
-
-    ranked: tuple[Ranked, ...]
-    coarse: tuple[Basin, ...]
+    ranked: tuple[Ranked, ...]  # on the ranking mesh, the best first: confirmed ones before others
+    coarse: tuple[Basin, ...]  # that were not refined, or could not be
     starts: tuple[Start, ...]
 
     @property
@@ -145,23 +113,9 @@ def explored(
     options: Options,
     points: Mapping[str, Array] | None = None,
 ) -> Exploration:
-    """Look for minima from many starts.
-
-    Parameters
-    ----------
-    problem : Problem
-        With compiled kernels.
-    effort : Effort
-    options : Options
-        Tolerances of the minima, and limits: half of the time is for the starts.
-    points : mapping of str to array, optional
-        Further starts by name, unknowns of the problem on :func:`coarse_of` mesh.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If a solve is interrupted.
-    """
+    """Look for minima from many starts, which have half of the time; ``points`` are further ones by
+    name, unknowns of the problem on its coarse mesh.  An interrupted solve raises
+    KeyboardInterrupt."""
     options = replace(options, progress=None)
     half = replace(options, deadline=options.deadline.share(0.5))
     with np.errstate(all="ignore"):

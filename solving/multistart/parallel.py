@@ -34,15 +34,8 @@ def attempts_from(
     programs: Sequence[Programs], points: Sequence[Array], options: Options
 ) -> list[Attempt]:
     """Attempts from some points in units of the problem, in their order, as many as there is time
-    for.
-
-    Each of ``programs``, equal ones, is solved in a thread of its own.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If a solve is interrupted.
-    """
+    for.  Each of ``programs``, equal ones, is solved in a thread of its own; an interrupted solve
+    raises KeyboardInterrupt."""
     stopped, count = threading.Event(), min(len(programs), len(points))
     if count <= 1:
         return _solved(programs[0], points, options, stopped)
