@@ -67,8 +67,8 @@ def workforce(workers: int, executor: Executor | None) -> Iterator[Workforce]:
 def in_executor(
     executor: Executor, work: Work[Task, Answer], tasks: Sequence[Task], deadline: Deadline
 ) -> Iterator[Answer]:
-    """Answers from an executor of the caller, until a deadline or NoMoreWork; errors of workers, and
-    answers that do not come, are taken as a failed attempt."""
+    """Answers from an executor of the caller, until a deadline or NoMoreWork; errors of workers
+    and answers that do not come are taken as a failed attempt."""
     waiting, running = deque(tasks), dict[Future[Answer], Task]()
     ends: dict[Future[Answer], Deadline] = {}
     try:
