@@ -26,17 +26,9 @@ def listener(
 ) -> Iterator[Callable[[P], object] | None]:
     """Yield the function that is to be called with progress; None where nobody wants it.
 
-    Parameters
-    ----------
-    progress : callable, bool, "lines" or None
-        A function is called with what is told.  True shows its text on standard error, in a line
-        that is written over, if that is a terminal, and below the cell of a notebook; elsewhere
-        nothing is shown.  "lines" writes a line of text to standard error every second, wherever
-        that leads.
-    first : str
-        What is shown until something is told.
-    error : type
-        What is raised if it is none of these.
+    True shows its text on standard error, in a line that is written over, if that is a terminal,
+    and below the cell of a notebook; elsewhere nothing is shown.  "lines" writes a line of text to
+    standard error every second, wherever that leads.  ``first`` is shown until something is told.
     """
     if callable(progress):
         yield function(progress, "progress", "what is told", error)

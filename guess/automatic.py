@@ -51,27 +51,13 @@ MUCH_SHORTER = 0.5
 
 @dataclass(frozen=True)
 class Guess:
-    """Unknowns of the nonlinear program, and how they were found.
-
-    Attributes
-    ----------
-    x : array of shape (n,)
-        In the order of :class:`~dmoc.program.layout.Layout`.
-    final_time : float
-        The final time that was chosen, in seconds.
-    prescribed : tuple of str
-        Coordinates that follow splines.
-    free_steps : int
-        Steps inside a window of lost controllability.
-    input_excess : float
-        Largest violation of an input bound, relative to the bound's range; 0 where they are kept.
-    """
+    """Unknowns of the nonlinear program, and how they were found."""
 
     x: Array
-    final_time: float
-    prescribed: tuple[str, ...]
-    free_steps: int
-    input_excess: float
+    final_time: float  # that was chosen, in seconds
+    prescribed: tuple[str, ...]  # coordinates that follow splines
+    free_steps: int  # inside a window of lost controllability
+    input_excess: float  # over a bound, relative to its range
 
 
 def initial_guesses(problem: Problem, deadline: Deadline = ENDLESS) -> tuple[Guess, ...]:

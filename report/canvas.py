@@ -30,15 +30,8 @@ SMALL = 8  # points of small text
 
 @contextmanager
 def painted(name: str, path: str | os.PathLike[str] | None) -> Iterator[Style]:
-    """Draw in the style of a name, for a file if a path is given.
-
-    Raises
-    ------
-    OutputError
-        If there is no such style, or the file is of no known format.
-    MissingExtraError
-        If Matplotlib is not installed.
-    """
+    """Draw in the style of a name, for a file if a path is given: unknown styles and formats are
+    refused before anything is drawn."""
     style = style_of(name)
     try:
         import matplotlib.backends.backend_agg
@@ -69,13 +62,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def written(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
-    """The figure, which is written if a path is given; its ending decides the format.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written or its format is unknown.
-    """
+    """The figure, which is written if a path is given; its ending decides the format."""
     if path is not None:
         content = io.BytesIO()
         figure.savefig(content, dpi=200, format=_format_of(path_of(path)))

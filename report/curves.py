@@ -28,28 +28,14 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve.
-
-    Attributes
-    ----------
-    name : str
-    label : Label
-    number : int
-        Which decides its colour; a contact has one number in all panels.
-    values : tuple of (array or None)
-        One for each phase, None where it has none.
-    bounds : tuple of float
-        The lowest and the highest value allowed.
-    limits : tuple of (array or None)
-        Of friction, which the values keep on both sides of zero; one for each phase, or none.
-    contact : str
-    """
+    """A curve."""
 
     name: str
     label: Label
-    number: int
-    values: tuple[Array | None, ...]
-    bounds: tuple[float, ...] = (-np.inf, np.inf)
+    number: int  # which decides its colour; a contact has one number in all panels
+    values: tuple[Array | None, ...]  # one for each phase, None where it has none
+    bounds: tuple[float, ...] = (-np.inf, np.inf)  # lowest and highest value allowed
+    # Of friction, which the values keep on both sides of zero; one for each phase, or none.
     limits: tuple[Array | None, ...] = ()
     contact: str = ""
 

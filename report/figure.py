@@ -29,28 +29,7 @@ def plot(
     velocities: bool = False,
     style: str = "light",
 ) -> Figure:
-    """Draw a motion.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-    path : path, optional
-        Where to write the figure; the ending decides the format (png, pdf, svg).
-    velocities : bool, optional
-        Draw the velocities too.
-    style : {"light", "dark"}, optional
-
-    Returns
-    -------
-    matplotlib Figure
-
-    Raises
-    ------
-    MissingExtraError
-        If Matplotlib is not installed.
-    OutputError
-        If the file cannot be written, its format is unknown, or there is no such style.
-    """
+    """Draw a motion; write it if a path is given, whose ending decides the format."""
     flag(velocities, "velocities", OutputError)
     with painted(style, path) as colours:
         return written(_drawn(trajectory, velocities, colours), path)

@@ -52,20 +52,11 @@ class Arrow(TypedDict):
 
 @dataclass(frozen=True)
 class Take:
-    """A motion that is shown.
-
-    Attributes
-    ----------
-    name : str
-    trajectory : Trajectory
-    status, message : str
-        How it was found; empty where nothing is known.
-    cost : float or None
-    """
+    """A motion that is shown."""
 
     name: str
     trajectory: Trajectory
-    status: str = ""
+    status: str = ""  # how it was found, with its message; empty where nothing is known
     message: str = ""
     cost: float | None = None
 
@@ -119,26 +110,14 @@ class Take:
 
 @dataclass(frozen=True)
 class Branch:
-    """A sequence of a search.
-
-    Attributes
-    ----------
-    sequence : tuple of str
-    name : str
-    verdict : str
-    cost : float or None
-    evidence : tuple of str
-        Why the verdict is what it is.
-    motion : int or None
-        Its motion among the takes of the film.
-    """
+    """A sequence of a search."""
 
     sequence: tuple[str, ...]
     name: str
     verdict: str
     cost: float | None = None
-    evidence: tuple[str, ...] = ()
-    motion: int | None = None
+    evidence: tuple[str, ...] = ()  # why the verdict is what it is
+    motion: int | None = None  # its motion among the takes of the film
 
 
 @dataclass(frozen=True)

@@ -43,15 +43,8 @@ def plot_tree(
     *,
     style: str = "light",
 ) -> Figure:
-    """Draw the tree of sequences: verdict by colour and sign, cost on the nodes.
-
-    Parameters
-    ----------
-    nodes : sequence of (sequence, verdict, cost)
-    path : path, optional
-        Where to write the figure.
-    style : {"light", "dark"}, optional
-    """
+    """Draw the tree of sequences (sequence, verdict, cost): verdict by colour and sign, cost on the
+    nodes; write it if a path is given."""
     with painted(style, path) as colours:
         return written(_tree(nodes, colours), path)
 
@@ -155,15 +148,8 @@ def plot_motions(
     *,
     style: str = "light",
 ) -> Figure:
-    """Draw motions side by side: snapshots, coordinates and inputs over time, collisions as lines.
-
-    Parameters
-    ----------
-    motions : sequence of (name, cost, trajectory)
-    path : path, optional
-        Where to write the figure.
-    style : {"light", "dark"}, optional
-    """
+    """Draw motions (name, cost, trajectory) side by side: snapshots, coordinates and inputs over
+    time, collisions as lines; write the figure if a path is given."""
     with painted(style, path) as colours:
         return written(_motions(motions, colours), path)
 

@@ -24,39 +24,21 @@ DOTS = (0, (1, 1.6))
 
 @dataclass(frozen=True)
 class Style:
-    """Colours of a picture.
-
-    Attributes
-    ----------
-    paper, ink, muted, grid : str
-        The background, texts, what stands behind, and the lines of the grid.
-    edge, body, mass : str
-        Of a mechanism.
-    hit : str
-        Of events and their impulses.
-    colours : tuple of str
-        Of curves; ``normal`` and ``friction`` of contact forces are among them.
-    tints : tuple of str
-        Of areas behind texts; ``free`` where nothing touches.
-    alarm : str
-        Of what was not solved.
-    verdicts : mapping of str to str
-        Of the nodes of a search, behind ``on_verdict``.
-    """
+    """Colours of a picture."""
 
     paper: str
-    ink: str
-    muted: str
+    ink: str  # of texts
+    muted: str  # what stands behind
     grid: str
-    edge: str
+    edge: str  # of a mechanism, as its body and its masses
     body: str
     mass: str
-    hit: str
-    colours: tuple[str, ...]
-    tints: tuple[str, ...]
-    free: str
-    alarm: str
-    verdicts: Mapping[str, str]
+    hit: str  # events and their impulses
+    colours: tuple[str, ...]  # of curves
+    tints: tuple[str, ...]  # of areas behind texts
+    free: str  # where nothing touches
+    alarm: str  # what was not solved
+    verdicts: Mapping[str, str]  # of the nodes of a search
     on_verdict: str = "#101010"
 
     @property

@@ -45,31 +45,8 @@ def plot_sweep(
     *,
     style: str = "light",
 ) -> Figure:
-    """Draw a sweep over one or two values; points that are not solved are crosses.
-
-    Parameters
-    ----------
-    varied : mapping of str to array, shape (n,)
-        What is varied.
-    cost, final_time : array, shape (n,)
-    collision_times : array, shape (n, most collisions)
-        NaN where there are fewer.
-    solved : array of bool, shape (n,)
-    path : path, optional
-        Where to write the figure; the ending decides the format (png, pdf, svg).
-    noun : str
-        What happens between the phases: "collision" or "event".
-    style : {"light", "dark"}, optional
-
-    Raises
-    ------
-    ProblemError
-        If not one or two values are varied.
-    MissingExtraError
-        If Matplotlib is not installed.
-    OutputError
-        If the file cannot be written or its format is unknown.
-    """
+    """Draw a sweep over one or two values, (n,) each; points that are not solved are crosses, and
+    times are NaN where a row has fewer collisions. ``noun`` is what happens between phases."""
     if len(varied) not in (1, 2):
         raise ProblemError(
             f"the table varies {len(varied)} values ({', '.join(varied) or 'none'}): a figure "

@@ -48,31 +48,21 @@ LEFT_OF_ZERO = 1e-14
 @dataclass(frozen=True, eq=False)
 class Run:
     """What a simulation has recorded: the fields of :class:`dmoc.Simulation` but for its
-    trajectory, and what that is made of.
-
-    Attributes
-    ----------
-    u : array of shape (steps, nu)
-        Inputs of the steps.
-    marks : tuple of Mark
-        Moments of impacts and between two modes, where contacts last or something rubs.
-    model : Model
-    restitution : array of shape (nc,)
-    step_size : float
-    """
+    trajectory, and what that is made of."""
 
     t: Array
     q: Array
     v: Array
     p: Array
     energy: Array
-    u: Array
+    u: Array  # of the steps, (steps, nu)
     collisions: tuple[Collision, ...]
     contacts: tuple[Stretch, ...]
     rubbing: tuple[Stretch, ...]
     normal: Array
     tangential: Array
     notes: tuple[str, ...]
+    # Impacts and changes of the mode, where contacts last or something rubs.
     marks: tuple[ModeChange, ...]
     model: Model
     restitution: Array

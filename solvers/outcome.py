@@ -68,28 +68,13 @@ class Iteration:
 
 @dataclass(frozen=True)
 class Options:
-    """Limits and tolerances of a solve.
+    """Limits and tolerances of a solve."""
 
-    Attributes
-    ----------
-    optimality : float
-        Largest residual of stationarity and complementarity of a solution, relative to the cost.
-    violation : float
-        Largest violation of a constraint or bound of a solution, relative to the size of the
-        constraint or unknown.
-    iterations : int
-        Iteration limit.
-    deadline : Deadline
-        Time limit.
-    progress : callable, optional
-        Called with an :class:`Iteration` after every iteration.
-    """
-
-    optimality: float = OPTIMALITY
-    violation: float = VIOLATION
+    optimality: float = OPTIMALITY  # of stationarity and complementarity, relative to the cost
+    violation: float = VIOLATION  # of a constraint or bound, relative to its size
     iterations: int = ITERATIONS
     deadline: Deadline = ENDLESS
-    progress: Callable[[Iteration], object] | None = None
+    progress: Callable[[Iteration], object] | None = None  # called after every iteration
 
     def after(self, iterations: int) -> Options:
         """What is left after some iterations, which are counted on."""

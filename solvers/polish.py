@@ -28,18 +28,9 @@ def polish(
 ) -> tuple[Array, Array, Array, Residuals]:
     """Improve a solution while its residuals fall; return it with its multipliers and residuals.
 
-    Parameters
-    ----------
-    nlp : Transcription
-    x, y, w : arrays
-        Unknowns and multipliers of L = f + y . c - w . d.
-    rows, bounds : arrays of int
-        Inequalities that hold with equality, and unknowns that are at a bound.
-
-    Notes
-    -----
-    Solves, for the steps of x, y and of the active part of w, with H the Hessian of L, A = dc/dx,
-    G = dd/dx of the active rows::
+    ``rows`` are the inequalities that hold with equality, ``bounds`` the unknowns at a bound.
+    Solves, for the steps of x, y and of the active part of w, with H the Hessian of
+    L = f + y . c - w . d, A = dc/dx, G = dd/dx of the active rows::
 
         [ H   A'  -G' ] [dx]     [ grad L ]
         [ A   0    0  ] [dy] = - [ c      ]

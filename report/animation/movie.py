@@ -37,25 +37,8 @@ ABOVE, BELOW = 0.38, 0.34  # inches of the names over several of them, and of th
 
 
 def movie_of(film: Film, ending: str, speed: float | None, fps: int, style: Style) -> bytes:
-    """The content of a GIF or an mp4 of the motions of a film.
-
-    Parameters
-    ----------
-    film : Film
-    ending : {".gif", ".mp4"}
-    speed : float or None
-        Seconds of the motion in a second of the movie.
-    fps : int
-        Frames in a second.
-    style : Style
-
-    Raises
-    ------
-    MissingExtraError
-        If Matplotlib or, for an mp4, ffmpeg is not there.
-    OutputError
-        If the movie would be too long.
-    """
+    """The content of a GIF or an mp4 of the motions of a film, with so many seconds of the motion
+    in a second of it; one that would be too long is refused."""
     times = _times(max(take.trajectory.final_time for take in film.takes), speed, fps)
     figure, stages = _set(film, style)
     with ExitStack() as stack:

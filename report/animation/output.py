@@ -102,16 +102,9 @@ def animate_tree(
     fps: int = 25,
     style: str = "light",
 ) -> Path:
-    """Write the tree of a search as a page in which the nodes show their motions and verdicts, or
-    its best motions as a GIF or an mp4.
-
-    Parameters
-    ----------
-    title : str
-    nodes : iterable of (sequence, name, verdict, cost, evidence, solution)
-    path, speed, fps, style
-        As for :func:`animate`, which says what is raised too.
-    """
+    """Write the tree of a search as a page in which the nodes (sequence, name, verdict, cost,
+    evidence, solution) show their motions and verdicts, or its best motions as a GIF or an mp4; see
+    :func:`animate`."""
     target = path_of(path)
     takes: list[Take] = []
     branches = []
