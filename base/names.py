@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from dmoc.base.arguments import place, shown
@@ -11,6 +12,9 @@ from dmoc.base.errors import ModelError
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _LONGEST = 64
+# Units of momenta by the unit of the coordinate; of another coordinate, the unit of its momentum is
+# not known.
+MOMENTUM_UNITS = {"m": "kg m/s", "rad": "kg m2/s"}
 NAMED_IN_CODE = ("model", "system")
 # What SymPy prints for alpha(t) and for its first derivative; of a sum or a second derivative
 # nothing is the name.
@@ -45,6 +49,16 @@ def velocity_name(coordinate: str) -> str:
 
 def momentum_name(coordinate: str) -> str:
     return f"p_{coordinate}"
+
+
+def unit_of(name: str, units: Mapping[str, str]) -> str:
+    """Unit of a coordinate, velocity or momentum from those of coordinates; empty where it is not
+    known."""
+    if name in units:
+        return units[name]
+    if name.startswith("p_"):
+        return MOMENTUM_UNITS.get(units.get(name[2:], ""), "")
+    return f"{units[name[:-4]]}/s" if name.endswith("_dot") and name[:-4] in units else ""
 
 
 def check_name(name: Any, role: str) -> str:

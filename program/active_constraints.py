@@ -4,54 +4,19 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
-from dmoc.program.blocks import NOWHERE, Block
+from dmoc.program.blocks import NOWHERE
+from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.transcription import Transcription
 
 # A multiplier this small holds nothing back, and an impulse this small is none.
 NO_FORCE = 1e-7
 NO_IMPULSE = 1e-6
-
-
-class BoundKind(Enum):
-    """What is held; the values are the texts, in which ``s`` is that of a plural."""
-
-    GAP = "gap to {name} at {places} node{s}"
-    INSIDE = "gap to {name} inside {places} step{s}"
-    PATH = "path constraint {name} in {places} step{s}"
-    CONE = "friction cone of {name} at {places} node{s}"
-    DIRECTION = "sliding of {name} in {places} step{s}"
-    DURATION = "duration of phase {name} {side} {value} s"
-    INPUT = "{name} {side} {value} in {places} step{s}"
-    COORDINATE = "{name} {side} {value} in {places} node{s}"
-    IMPULSE = "impulse of collision {name} >= 0"
-    OTHER = "{name}"
-
-    @property
-    def pattern(self) -> str:
-        """The regular expression of its texts."""
-        fields = {"side": ">=|<=", "value": r"\S+", "places": r"\d+", "s": "s?"}
-
-        def group(match: re.Match[str]) -> str:
-            return f"(?P<{match[1]}>{fields.get(match[1], '.*')})"
-
-        return re.sub(r"\\{(\w+)\\}", group, re.escape(self.value))
-
-
-# Those that hold inputs or the motion along the way, and not only the times.
-ALONG_THE_WAY = (
-    BoundKind.GAP,
-    BoundKind.INSIDE,
-    BoundKind.PATH,
-    BoundKind.INPUT,
-    BoundKind.COORDINATE,
-)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,41 +78,24 @@ def active_bounds(nlp: Transcription, x: Array, w: Array, z: Array) -> tuple[Act
 
 
 def _inequalities(nlp: Transcription, x: Array, w: Array) -> Iterator[ActiveBound]:
-    kinds, d, nodes = _counted(nlp), nlp.inequality(x), dict[tuple[BoundKind, str], set[int]]()
+    d, nodes = nlp.inequality(x), dict[tuple[BoundKind, str], set[int]]()
     for block in nlp.inequalities:
-        if not block.count:
-            continue
         rows = block.numbers - nlp.n_eq
         held = np.flatnonzero(w[rows] > np.maximum(d[rows], NO_FORCE))
-        if block not in kinds or block.nodes is None:
+        if block.counted is None:
             nodes |= {(BoundKind.OTHER, block.name_of(int(i))): set() for i in held}
             continue
-        kind, names = kinds[block]
+        kind, names, at = block.counted
         for row, column, *_ in block.places[held]:
-            name = names[column % len(names)]
+            name = names[column % len(names)]  # once for each quadrature point
             if name:  # else it is that of a hidden unknown
-                nodes.setdefault((kind, name), set()).add(int(block.nodes[row]))
+                nodes.setdefault((kind, name), set()).add(int(at[row]))
     for (kind, name), where in nodes.items():
         yield ActiveBound(kind, name, places=len(where))
 
 
-def _counted(nlp: Transcription) -> dict[Block, tuple[BoundKind, Sequence[str]]]:
-    """Rows of which there are some for every node or step, and the names along their second axis,
-    once for each quadrature point."""
-    manifest, laws = nlp.problem.kernels.manifest, nlp.laws
-    surfaces = nlp.problem.kernels.surfaces
-    paths = [row["name"] or "" for row in manifest["path_rows"]]
-    return {
-        laws.step.gap: (BoundKind.GAP, surfaces),
-        laws.step.gap_inside: (BoundKind.INSIDE, surfaces),
-        **dict.fromkeys(laws.path.blocks, (BoundKind.PATH, paths)),
-        laws.contact.cone: (BoundKind.CONE, nlp.layout.touch.contacts.tangents),
-        laws.contact.direction: (BoundKind.DIRECTION, nlp.layout.touch.contacts.tangents),
-    }
-
-
 def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
-    lay, kernels = nlp.layout, nlp.problem.kernels
+    lay = nlp.layout
     with np.errstate(invalid="ignore"):
         free = nlp.lower < nlp.upper
         below = free & (z > np.maximum(x - nlp.lower, NO_FORCE))
@@ -157,11 +105,8 @@ def _bounds(nlp: Transcription, x: Array, z: Array) -> Iterator[ActiveBound]:
         for side, limit, active in ends:
             if active[k]:
                 yield ActiveBound(BoundKind.DURATION, str(i), side, float(limit[k] * lay.steps[i]))
-    inputs, coordinates = (kernels.inputs, lay.index_u), (kernels.coordinates, lay.index_q)
-    for kind, (names, index), at in (
-        (BoundKind.INPUT, inputs, lay.step_of_input),
-        (BoundKind.COORDINATE, coordinates, np.arange(lay.total + 1)),
-    ):
+    counted = [(*b.counted, b.index) for b in lay.unknowns if b.counted]
+    for kind, names, at, index in sorted(counted, key=lambda c: list(BoundKind).index(c[0])):
         for j, name in enumerate(names):
             for side, limit, active in ends:
                 held = np.flatnonzero(active[index[:, j]])

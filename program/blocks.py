@@ -4,16 +4,17 @@ declared."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contacts import NOWHERE as NOWHERE
+from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.scale import Scale
 
 Index = NDArray[np.intp]
@@ -22,8 +23,52 @@ Bools = NDArray[np.bool_]
 Entries: TypeAlias = tuple[Index, Index, Array]
 # Names the one at some place of a block, as `label(node, coordinate)`.
 Label: TypeAlias = Callable[..., str]
+# Prices of rows that do not hold, relative to that of missing the goal: of what limits the motion,
+# and of the laws of motion.
+GOAL, LIMIT, LAW = 1.0, 10.0, 1000.0
 # Typical sizes of a block's members, of its shape or of one that is broadcast to it.
 Size: TypeAlias = Callable[[Scale], Array | float]
+
+
+def no_unit(*_: int) -> str:
+    return ""
+
+
+def seconds(*_: int) -> str:
+    return "s"
+
+
+class Missed(NamedTuple):
+    """What is said of rows that do not hold.
+
+    Attributes
+    ----------
+    price : float
+    words : callable, optional
+        What is said of the one at a place; that its name is violated unless it is given.
+    unit : callable
+        The unit of its amount, "" for none.
+    apart : int, optional
+        The axis along which each is told by itself; else the worst of all.
+    """
+
+    price: float = LIMIT
+    words: Label | None = None
+    unit: Label = no_unit
+    apart: int | None = None
+
+
+PLAIN = Missed()
+
+
+class Counted(NamedTuple):
+    """What is said of active bounds and rows of which there are some for every node or step: their
+    kind, the names along the second axis, once for each quadrature point, and the nodes or steps
+    along the first one."""
+
+    kind: BoundKind
+    names: Sequence[str]
+    places: Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +86,8 @@ class Block:
         Typical sizes, from those of the problem's quantities.
     nodes : array of int, optional
         The node at which each row of ``index`` stands, for what follows the chain of steps.
+    missed : Missed
+    counted : Counted, optional
     """
 
     name: str
@@ -48,6 +95,8 @@ class Block:
     label: Label
     size: Size
     nodes: Index | None = None
+    missed: Missed = PLAIN
+    counted: Counted | None = None
 
     @cached_property
     def numbers(self) -> Index:
@@ -91,6 +140,9 @@ class Numbering:
         label: Label,
         size: Size,
         nodes: Index | None = None,
+        *,
+        missed: Missed = PLAIN,
+        counted: Counted | None = None,
     ) -> Block:
         """A block of a shape, or of a mask whose False members do not exist."""
         if isinstance(where, tuple):
@@ -101,7 +153,7 @@ class Numbering:
             index = np.full(where.shape, NOWHERE)
             index[where] = np.arange(self.next, self.next + count)
         self.next += count
-        self.made.append(Block(name, index, label, size, nodes))
+        self.made.append(Block(name, index, label, size, nodes, missed, counted))
         return self.made[-1]
 
 

@@ -27,7 +27,8 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.touch import Touch
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Index, Numbering
+from dmoc.program.blocks import NOWHERE, Block, Counted, Index, Numbering
+from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.contact_table import ContactUnknowns
 from dmoc.program.hit_stages import HitUnknowns
 from dmoc.program.impacts import ImpactUnknowns, impulses, names_of_events, velocities
@@ -290,12 +291,19 @@ def _laid_out(kind: Kind) -> Layout:
     block = Numbering()
     of_steps = (
         block("h", (phases,), lambda i: f"step size of phase {i}", lambda s: s.h),
-        block("q", (total + 1, nq), lambda k, i: f"{names[i]} at node {k}", lambda s: s.q),
+        block(
+            "q",
+            (total + 1, nq),
+            lambda k, i: f"{names[i]} at node {k}",
+            lambda s: s.q,
+            counted=Counted(BoundKind.COORDINATE, names, np.arange(total + 1)),
+        ),
         block(
             "u",
             (len(row_steps), len(u)),
             lambda k, i: f"{u[i]} {place_of_input(k)}",
             lambda s: s.u,
+            counted=Counted(BoundKind.INPUT, u, row_steps),
         ),
     )
     lam = impulses(block, touch, at)

@@ -24,7 +24,7 @@ from dmoc.guess.transfer import equally_long, pieces_of, unknowns_along
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import MOST_STEPS
 from dmoc.problem.surfaces import onto_surface
-from dmoc.program.active_constraints import BoundKind
+from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.scaling import scale_of
 from dmoc.results.solution import Solution
 from dmoc.sequences.nodes import Node, Verdict

@@ -8,9 +8,8 @@ carry multipliers are those that stand against it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import jams
 from dmoc.problem.problem import Problem
 from dmoc.program.active_constraints import active_bounds
-from dmoc.program.blocks import NOWHERE, Block, Index
+from dmoc.program.blocks import Block, Index
 from dmoc.program.layout import Layout
 from dmoc.program.minimal_times import phase_minimal_time
 from dmoc.program.reactions import node_shares
@@ -29,10 +28,6 @@ from dmoc.solvers.ipm import least_violation, solve_ipm
 from dmoc.solvers.judge import INFEASIBLE
 from dmoc.solvers.outcome import Options, Status
 
-# Prices of a violation relative to that of missing the goal: of what limits the motion, and of the
-# laws of motion.
-LIMITS = 10.0
-LAWS = 1000.0
 # Share of the largest violation below which another is not worth a word.
 NEGLIGIBLE = 1e-3
 # Share of the largest multiplier below which a bound does not count as holding something up.
@@ -42,11 +37,6 @@ CLEARLY = 1e-3
 # Iterations that an explanation is worth.
 ITERATIONS = 300
 MOST_LINES = 4
-# Units of momenta by the unit of the coordinate; of another coordinate, the unit of its momentum is
-# not known.
-MOMENTUM_UNITS = {"m": "kg m/s", "rad": "kg m2/s"}
-# Rows of a kind, what is said of one of them that is violated, and the unit of its amount.
-Kind: TypeAlias = tuple[Index, Callable[[int], str], str]
 
 
 @dataclass(frozen=True)
@@ -154,15 +144,9 @@ def _pulls_of(name: str, lay: Layout, y: Array) -> Iterator[str]:
 
 
 def _prices(nlp: Transcription) -> Array:
-    price = np.full(nlp.n_eq + nlp.n_in, LIMITS)
-    step, impact, ends, hit = nlp.laws.step, nlp.laws.impact, nlp.laws.ends, nlp.laws.hit
-    for block in (ends.goal, ends.periodic, ends.goal_range):
-        price[block.numbers] = 1.0
-    for block in (
-        step.momentum, step.inside, step.time, impact.arrival, impact.departure, impact.energy,
-        ends.start_velocity, ends.goal_velocity, hit.within, hit.restitution, hit.slips,
-    ):  # fmt: skip
-        price[block.numbers] = LAWS
+    price = np.empty(nlp.n_eq + nlp.n_in)
+    for block in (*nlp.equalities, *nlp.inequalities):
+        price[block.numbers] = block.missed.price
     return price
 
 
@@ -171,90 +155,25 @@ def _missed(nlp: Transcription, x: Array) -> list[tuple[float, str]]:
     surface, largest first."""
     amounts = np.concatenate([np.abs(nlp.equality(x)), -nlp.inequality(x)])
     misses = []
-    for rows, text, unit in _kinds(nlp):
-        k = int(np.argmax(amounts[rows])) if len(rows) else 0
-        if len(rows) and amounts[rows[k]] > INFEASIBLE:
-            amount = amounts[rows[k]] * nlp.row_unit[rows[k]]
-            misses.append(
-                (float(amounts[rows[k]]), f"{text(k)} by {amount:.3g}{' ' + unit if unit else ''}")
-            )
+    for block, members in _kinds((*nlp.equalities, *nlp.inequalities)):
+        k = members[int(np.argmax(amounts[block.numbers[members]]))]
+        row, place = block.numbers[k], block.places[k].tolist()
+        if amounts[row] > INFEASIBLE:
+            words, unit = block.missed.words, block.missed.unit(*place)
+            text = words(*place) if words else f"{block.label(*place)} is violated"
+            by = f"{amounts[row] * nlp.row_unit[row]:.3g}{' ' + unit if unit else ''}"
+            misses.append((float(amounts[row]), f"{text} by {by}"))
     misses.sort(reverse=True)
     return [(amount, text) for amount, text in misses if amount > NEGLIGIBLE * misses[0][0]]
 
 
-def _kinds(nlp: Transcription) -> Iterator[Kind]:
-    """All rows: those of which more is said than their names, and those of every other block."""
-    ends, worded = nlp.laws.ends, np.zeros(nlp.n_eq + nlp.n_in, dtype=bool)
-    for kind in _in_words(nlp):
-        worded[kind[0]] = True
-        yield kind
-    for block in (*nlp.laws.equalities, *nlp.laws.inequalities):
-        if not worded[block.numbers].all():
-            unit = "s" if block in (ends.earliest, ends.latest) else ""
-            yield block.numbers, _violated(block), unit
-
-
-def _in_words(nlp: Transcription) -> Iterator[Kind]:
-    """Rows that are told in the words of mechanics."""
-    problem, kernels, laws = nlp.problem, nlp.kernels, nlp.laws
-    units, names = kernels.manifest["units"], kernels.coordinates
-    step, impact, at_ends = laws.step, laws.impact, laws.ends
-
-    def said(text: str) -> Callable[[int], str]:
-        return lambda k: text.format(k=k)
-
-    goals = [*at_ends.fixed_goals, *(g for g, _, _ in at_ends.limits)]
-    for row, goal in zip((*at_ends.goal.numbers, *at_ends.goal_range.numbers), goals, strict=True):
-        yield np.array([row]), said(f"the goal of {goal.name} is missed"), _unit(goal.name, units)
-    impacts = [(i, event.surface) for i, event in enumerate(problem.events) if event.impact]
-    for (i, surface), row in zip(impacts, impact.contact.numbers, strict=True):
-        involved = problem.model.surface_coordinates[surface]
-        unit = _unit(names[involved[0]], units) if len(involved) == 1 else ""
-        text = f"collision {i + 1} misses {kernels.surfaces[surface]!r}"
-        yield np.array([row]), said(text), unit
-    for j, q in enumerate(names):
-        yield (
-            step.momentum.index[:, j],
-            said(f"the momentum of {q} jumps at node {{k}}"),
-            _unit(f"p_{q}", units),
-        )
-        for inside in range(nlp.layout.inside):
-            column = step.inside.index[:, inside * len(names) + j]
-            yield column, said(f"the equation of motion of {q} is violated in step {{k}}"), ""
-    yield step.time.numbers, said("the time jumps"), "s"
-    for side, block in (("before", impact.arrival), ("after", impact.departure)):
-        text = f"the velocity {side} a collision does not fit its momentum"
-        yield block.numbers, said(text), ""
-    yield laws.hit.within.numbers, said("a velocity within a hit does not fit its momentum"), ""
-    yield at_ends.final_time.numbers, said("the final time is missed"), "s"
-    for row, r in zip(at_ends.periodic.numbers, at_ends.relations, strict=True):
-        whose = "its value" if r.end == r.start else f"the value of {r.start}"
-        text = f"{r.end} at the end misses {whose} at the start"
-        yield np.array([row]), said(text), _unit(r.end, units)
-    for end, block in (("start", at_ends.start_velocity), ("goal", at_ends.goal_velocity)):
-        for row, q in zip(block.numbers, names, strict=False):
-            text = f"the momentum of {q} at the {end} does not fit the velocity"
-            yield np.array([row]), said(text), _unit(f"p_{q}", units)
-    for (i, surface), row in zip(impacts, impact.energy.numbers, strict=True):
-        text = f"collision {i + 1} ({kernels.surfaces[surface]}) violates its law of restitution"
-        yield np.array([row]), said(text), ""
-    for j, name in enumerate(kernels.surfaces):
-        kept = np.flatnonzero(step.gap.index[:, j] != NOWHERE)
-        passes = [f"the motion passes {name} at node {k}" for k in kept]
-        yield step.gap.index[kept, j], passes.__getitem__, ""
-
-
-def _violated(block: Block) -> Callable[[int], str]:
-    return lambda k: f"{block.name_of(k)} is violated"
-
-
-def _unit(name: str, units: dict[str, str]) -> str:
-    """Unit of a coordinate, velocity or momentum, "" where the model does not tell."""
-    if name in units:
-        return units[name]
-    if name.startswith("p_"):
-        return MOMENTUM_UNITS.get(units.get(name[2:], ""), "")
-    return f"{units[name[:-4]]}/s" if name.endswith("_dot") and name[:-4] in units else ""
+def _kinds(blocks: Iterable[Block]) -> Iterator[tuple[Block, Index]]:
+    """Blocks with those of their members of which the worst alone is told."""
+    for block in blocks:
+        axis = block.missed.apart
+        along = np.zeros(block.count) if axis is None else block.places[:, axis]
+        for place in np.unique(along):
+            yield block, np.flatnonzero(along == place)
 
 
 def _times(nlp: Transcription, x: Array) -> tuple[str, ...]:

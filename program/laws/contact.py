@@ -40,7 +40,8 @@ from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.touch import Touch
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Index, Numbering
+from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Entries, Index, Numbering
+from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.interior import bound_once, give_way
 from dmoc.program.laws.law import AT_REST, INPUT, Law, Pivot, key
 from dmoc.program.laws.phase_nodes import PhaseNodes, end_of_phase
@@ -183,9 +184,10 @@ class ContactLaw(Law):
     def inequalities(self, block: Numbering) -> None:
         """The last axis of cones and of directions of impacts are the two sides."""
         lay, touch = self.lay, self.touch
-        friction, nodes, steps = touch.contacts.tangents, self._phases.nodes, np.arange(lay.total)
+        friction, nodes = touch.contacts.tangents, self._phases.nodes
         slides = touch.signs[lay.phase_of_step] != 0
         slides = slides if not touch.free else slides[:0]
+        steps = np.arange(len(slides))
 
         def word(i: int, j: int) -> str:
             return FRICTION_WORDS[int(touch.signs[i, j])]
@@ -196,6 +198,7 @@ class ContactLaw(Law):
             lambda r, j, _: f"friction cone of {friction[j]} {place(lay.steps, r)}",
             lambda s: s.friction[:, None] / lay.total,
             nodes,
+            counted=Counted(BoundKind.CONE, friction, nodes),
         )
         self.cone_of_impact = block(
             "cone of an impact",
@@ -208,7 +211,8 @@ class ContactLaw(Law):
             slides,
             lambda k, j: f"{word(int(lay.phase_of_step[k]), j)} of {friction[j]} in step {k}",
             lambda s: s.slide * s.h[lay.phase_of_step][: len(slides), None],
-            steps[: len(slides)],
+            steps,
+            counted=Counted(BoundKind.DIRECTION, friction, steps),
         )
         self.direction_at_ends = block(
             "direction at the ends",

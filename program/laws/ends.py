@@ -10,17 +10,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dmoc.base.names import momentum_name
+from dmoc.base.names import momentum_name, unit_of
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Relation
-from dmoc.program.blocks import Block, Entries, Index, Numbering
+from dmoc.program.blocks import GOAL, LAW, Block, Entries, Index, Missed, Numbering, seconds
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
 from dmoc.program.terms import Places, Term
@@ -94,35 +94,58 @@ class EndsLaw(Law):
     def equations(self, block: Numbering) -> None:
         lay, relations, goals = self.lay, self.relations, self.fixed_goals
         low, high = self.problem.final_time_bounds
-        p = [momentum_name(q) for q in self.problem.kernels.coordinates]
-        ends = self._ends_of(relations)
+        names = self.problem.kernels.coordinates
+        p = [momentum_name(q) for q in names]
+        ends, units = self._ends_of(relations), self.problem.kernels.manifest["units"]
         wanted = np.array([g.unknown for g in goals], dtype=np.intp)
+
+        def fits(end: str) -> Missed:
+            return Missed(
+                LAW,
+                lambda i: f"the momentum of {names[i]} at the {end} does not fit the velocity",
+                lambda i: unit_of(p[i], units),
+                apart=0,
+            )
+
+        def misses(i: int) -> str:
+            r = relations[i]
+            whose = "its value" if r.end == r.start else f"the value of {r.start}"
+            return f"{r.end} at the end misses {whose} at the start"
+
         self.start_velocity = block(
             "start velocity",
             lay.index_v_B.shape,
             lambda i: f"{p[i]} at the start",
             lambda s: s.p[: len(lay.index_v_B)],
+            missed=fits("start"),
         )
         self.goal_velocity = block(
             "goal velocity",
             lay.index_v_E.shape,
             lambda i: f"{p[i]} at the goal",
             lambda s: s.p[: len(lay.index_v_E)],
+            missed=fits("goal"),
         )
         self.final_time = block(
-            "final time", (int(low == high),), lambda _: f"final time = {low:g} s", lambda s: s.time
+            "final time",
+            (int(low == high),),
+            lambda _: f"final time = {low:g} s",
+            lambda s: s.time,
+            missed=Missed(words=lambda _: "the final time is missed", unit=seconds),
         )
         self.periodic = block(
             "periodic",
             (len(relations),),
             lambda i: f"periodic {relations[i].end}",
             lambda s: lay.units(s)[ends],
+            missed=Missed(GOAL, misses, lambda i: unit_of(relations[i].end, units), apart=0),
         )
         self.goal = block(
             "goal",
             (len(goals),),
             lambda i: f"goal of {goals[i].name}",
             lambda s: lay.units(s)[wanted],
+            missed=self._goal_missed(goals),
         )
 
     def inequalities(self, block: Numbering) -> None:
@@ -139,24 +162,36 @@ class EndsLaw(Law):
             (int(0 < low < high),),
             lambda _: f"final time >= {low:g} s",
             lambda s: s.time,
+            missed=Missed(unit=seconds),
         )
         self.latest = block(
             "final time <=",
             (int(low < high < np.inf),),
             lambda _: f"final time <= {high:g} s",
             lambda s: s.time,
+            missed=Missed(unit=seconds),
         )
         self.goal_range = block(
             "goal",
             (len(limits),),
             lambda i: within(f"goal of {limits[i][0].name}", *limits[i][1:]),
             lambda s: lay.units(s)[bounded],
+            missed=self._goal_missed([goal for goal, _, _ in limits]),
         )
         self.periodic_range = block(
             "periodic >=",
             (len(ranges),),
             lambda i: within(f"periodic {ranges[i][0].end}", *ranges[i][1:]),
             lambda s: lay.units(s)[turning],
+        )
+
+    def _goal_missed(self, goals: Sequence[Goal]) -> Missed:
+        units = self.problem.kernels.manifest["units"]
+        return Missed(
+            GOAL,
+            lambda i: f"the goal of {goals[i].name} is missed",
+            lambda i: unit_of(goals[i].name, units),
+            apart=0,
         )
 
     def _ends_of(self, relations: list[Relation]) -> Index:

@@ -40,7 +40,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import STICK
 from dmoc.motion.trajectory import FRICTION_WORDS
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Numbering, in_columns
+from dmoc.program.blocks import LAW, NOWHERE, Block, Bools, Entries, Missed, Numbering, in_columns
 from dmoc.program.hit_stages import END, MOMENTS, STAGES, STOP, Passage, moment
 from dmoc.program.laws.impact import ImpactLaw, restitution_of
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
@@ -123,12 +123,14 @@ class HitLaw(Law):
             np.repeat(moments[:, :, None], len(names), axis=2),
             lambda i, m, j: f"{momentum_name(names[j])} {moment(i, m)}",
             lambda s: s.p,
+            missed=Missed(LAW, lambda *_: "a velocity within a hit does not fit its momentum"),
         )
         self.restitution = block(
             "restitution",
             np.asarray(moments[:, END]),
             lambda i: f"restitution of {contacts.surfaces[hit[i]]} at event {i + 1}",
             lambda s: s.lam[hit],
+            missed=Missed(LAW),
         )
         self.halts = block(
             "halts",
@@ -141,6 +143,7 @@ class HitLaw(Law):
             slips,
             lambda i, k: f"sliding friction of {self._stage(i, k)}",
             lambda s: s.friction[rubbed][:, None],
+            missed=Missed(LAW),
         )
 
     def inequalities(self, block: Numbering) -> None:

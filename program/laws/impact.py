@@ -30,10 +30,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dmoc.base.names import velocity_name
+from dmoc.base.names import unit_of, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Index, Numbering, in_columns, sizes_of
+from dmoc.program.blocks import (
+    LAW,
+    NOWHERE,
+    Block,
+    Bools,
+    Index,
+    Missed,
+    Numbering,
+    in_columns,
+    sizes_of,
+)
 from dmoc.program.interior import give_way
 from dmoc.program.laws.law import COLLISION, Law, Pivot, key
 from dmoc.program.layout import Layout
@@ -120,31 +130,53 @@ class ImpactLaw(Law):
     def equations(self, block: Numbering) -> None:
         at, hit, n = self.lay.impact.names, self.surfaces, len(self.surfaces)
         v = [velocity_name(q) for q in self.problem.kernels.coordinates]
-        plain = self.plain
+        plain, surfaces = self.plain, self.problem.kernels.surfaces
         self.arrival = block(
             "arrival",
             (n, len(v)),
             lambda k, i: f"velocity {v[i]} before {at[k]}",
             lambda s: s.p,
+            missed=Missed(
+                LAW, lambda *_: "the velocity before a collision does not fit its momentum"
+            ),
         )
         self.departure = block(
             "departure",
             (n, len(v)),
             lambda k, i: f"velocity {v[i]} after {at[k]}",
             lambda s: s.p,
+            missed=Missed(
+                LAW, lambda *_: "the velocity after a collision does not fit its momentum"
+            ),
         )
         self.energy = block(
             "energy",
             self.impact,
             lambda k: f"energy at {at[k]}",
             lambda s: np.where(plain, sizes_of(s.rate, hit), s.energy),
+            missed=Missed(
+                LAW,
+                lambda k: f"collision {k + 1} ({surfaces[hit[k]]}) violates its law of restitution",
+                apart=0,
+            ),
         )
         self.contact = block(
             "contact",
             self.impact,
             lambda k: f"contact at {at[k]}",
             lambda s: sizes_of(s.gap, hit),
+            missed=Missed(
+                words=lambda k: f"collision {k + 1} misses {surfaces[hit[k]]!r}",
+                unit=lambda k: self._unit_of_gap(int(hit[k])),
+                apart=0,
+            ),
         )
+
+    def _unit_of_gap(self, surface: int) -> str:
+        """That of its coordinate, if it depends on one alone."""
+        model = self.problem.model
+        involved = [model.kernels.coordinates[j] for j in model.surface_coordinates[surface]]
+        return unit_of(involved[0], model.kernels.manifest["units"]) if len(involved) == 1 else ""
 
     def inequalities(self, block: Numbering) -> None:
         at, hit, nodes = self.lay.impact.names, self.surfaces, self.lay.collision_nodes

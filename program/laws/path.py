@@ -17,13 +17,15 @@ could not move.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Index, Numbering
+from dmoc.program.blocks import NOWHERE, Block, Bools, Counted, Index, Numbering
+from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
 from dmoc.program.terms import Places, Term
@@ -40,7 +42,7 @@ class PathLaw(Law):
     ----------
     lay : Layout
     names : tuple of str
-        Of the rows, in the user's words.
+        Of the rows; empty for limits of hidden unknowns.
     on_inputs, on_states, on_rates : arrays of bool, shape (nr,)
         Which ones contain inputs, which ones coordinates or velocities, and which ones velocities
         and no inputs.
@@ -64,10 +66,7 @@ class PathLaw(Law):
         rows = problem.kernels.manifest["path_rows"]
         return cls(
             lay,
-            tuple(
-                f"path constraint {row['name']}" if row["name"] else "limit of a hidden unknown"
-                for row in rows
-            ),
+            tuple(row["name"] or "" for row in rows),
             np.array([row["inputs"] for row in rows], dtype=bool),
             np.array([bool(row["coordinates"]) or row["velocities"] for row in rows], dtype=bool),
             np.array([row["velocities"] and not row["inputs"] for row in rows], dtype=bool),
@@ -85,7 +84,9 @@ class PathLaw(Law):
     # Rows -----------------------------------------------------------------------------------------
 
     def inequalities(self, block: Numbering) -> None:
-        lay, names, count = self.lay, self.names, len(self.names)
+        lay, count = self.lay, len(self.names)
+        names = [f"path constraint {n}" if n else "limit of a hidden unknown" for n in self.names]
+        counted = partial(Counted, BoundKind.PATH, self.names)
         steps, points = np.arange(lay.total), lay.scheme.points
         inner, ends = ~np.isin(np.arange(lay.total + 1), lay.ends), _nodes_of_ends(lay)
         by_node = self.on_inputs & bool(lay.form.shared)
@@ -100,6 +101,9 @@ class PathLaw(Law):
             rates[lay.ends[1:] - 1, count:] = False
             by_step |= rates
 
+        # The first of the three nodes that a row at a node depends on.
+        first = np.arange(lay.total + 1) - 1
+
         def label(place: str) -> Any:
             return lambda k, j: f"{names[j % count]} {place.format(k)}"
 
@@ -113,14 +117,15 @@ class PathLaw(Law):
             label("in step {}"),
             lambda s: np.tile(s.path, points),
             steps,
+            counted=counted(steps),
         )
         self.at_nodes = block(
             "path at nodes",
             inner[:, None] & by_node,
             label("at node {}"),
             lambda s: s.path,
-            # The first of the three nodes that such a row depends on.
-            np.arange(lay.total + 1) - 1,
+            first,
+            counted=counted(first),
         )
         self.at_ends_of_steps = block(
             "path at ends of steps",
@@ -128,19 +133,18 @@ class PathLaw(Law):
             label("in step {}"),
             lambda s: np.tile(s.path, 2),
             steps,
+            counted=counted(steps),
         )
-        self.at_ends_of_phases = block("path at ends", self.at_ends, at_end, lambda s: s.path, ends)
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """Rows at points, at nodes inside phases, at the ends of steps and of phases."""
-        return self.at_points, self.at_nodes, self.at_ends_of_steps, self.at_ends_of_phases
+        self.at_ends_of_phases = block(
+            "path at ends", self.at_ends, at_end, lambda s: s.path, ends, counted=counted(ends)
+        )
 
     # Terms ----------------------------------------------------------------------------------------
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay = self.lay
-        points, nodes, ends_of_steps, ends = (block.index for block in self.blocks)
+        blocks = self.at_points, self.at_nodes, self.at_ends_of_steps, self.at_ends_of_phases
+        points, nodes, ends_of_steps, ends = (block.index for block in blocks)
         step = places.step(np.arange(lay.total))
         terms = [Term("path", step, (points,)), Term("path_ends", step, (ends_of_steps,))]
         k = np.flatnonzero((nodes != NOWHERE).any(axis=1))

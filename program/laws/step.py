@@ -16,9 +16,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dmoc.base.names import momentum_name, unit_of
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block, Bools, Entries, Numbering
+from dmoc.program.blocks import (
+    LAW,
+    NOWHERE,
+    Block,
+    Bools,
+    Counted,
+    Entries,
+    Missed,
+    Numbering,
+    seconds,
+)
+from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.law import INSIDE, STATE, Law, Pivot, key
 from dmoc.program.layout import Layout
 from dmoc.program.terms import COST, Places, Term
@@ -47,25 +59,42 @@ class StepLaw(Law):
 
     def equations(self, block: Numbering) -> None:
         lay, names, nq = self.lay, self.problem.kernels.coordinates, self.lay.nq
+        units = self.problem.kernels.manifest["units"]
         self.momentum = block(
             "momentum",
             (lay.total + 1, nq),
             lambda k, i: f"momentum of {names[i]} at node {k}",
             lambda s: s.p,
+            missed=Missed(
+                LAW,
+                lambda k, i: f"the momentum of {names[i]} jumps at node {k}",
+                lambda _, i: unit_of(momentum_name(names[i]), units),
+                apart=1,
+            ),
         )
         self.inside = block(
             "inside",
             (lay.total, lay.inside * nq),
             lambda k, i: f"equation of motion of {names[i % nq]} in step {k}",
             lambda s: np.tile(s.p, lay.inside),
+            missed=Missed(
+                LAW,
+                lambda k, i: f"the equation of motion of {names[i % nq]} is violated in step {k}",
+                apart=1,
+            ),
         )
         self.time = block(
-            "time", (lay.total * lay.timed,), lambda k: f"time of node {k + 1}", lambda s: s.time
+            "time",
+            (lay.total * lay.timed,),
+            lambda k: f"time of node {k + 1}",
+            lambda s: s.time,
+            missed=Missed(LAW, lambda _: "the time jumps", seconds),
         )
 
     def inequalities(self, block: Numbering) -> None:
         """Gaps have the shapes (nodes, nc) and (nodes inside steps, nc)."""
         model, total, inside = self.problem.model, self.lay.total, self.lay.inside
+        nodes, steps = np.arange(total + 1), np.repeat(np.arange(total), inside)
         surfaces = model.kernels.surfaces
         moving = np.isin(np.arange(model.nc), list(model.moving))
         self.gap = block(
@@ -73,14 +102,19 @@ class StepLaw(Law):
             self._gaps(),
             lambda k, j: f"gap to {surfaces[j]} at node {k}",
             lambda s: s.gap,
-            np.arange(total + 1),
+            nodes,
+            missed=Missed(
+                words=lambda k, j: f"the motion passes {surfaces[j]} at node {k}", apart=1
+            ),
+            counted=Counted(BoundKind.GAP, surfaces, nodes),
         )
         self.gap_inside = block(
             "gap inside",
             np.tile(~moving, (total * inside, 1)),
             lambda k, j: f"gap to {surfaces[j]} inside step {k // inside}",
             lambda s: s.gap,
-            np.repeat(np.arange(total), inside),
+            steps,
+            counted=Counted(BoundKind.INSIDE, surfaces, steps),
         )
 
     def _gaps(self) -> Bools:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dmoc.base.tolerances import LEAST
-from dmoc.program.active_constraints import ALONG_THE_WAY
+from dmoc.program.bound_kinds import ALONG_THE_WAY
 from dmoc.results.solution import Mesh, Solution
 
 # The error of a mesh falls by this factor at least when the steps are halved, also where inputs

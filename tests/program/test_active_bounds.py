@@ -14,7 +14,8 @@ from contact_problems import floor
 from systems import block_system
 
 import dmoc
-from dmoc.program.active_constraints import ActiveBound, BoundKind, _impulses
+from dmoc.program.active_constraints import ActiveBound, _impulses
+from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.layout import Layout
 from dmoc.solvers.outcome import SENTENCES, Status
 

@@ -14,6 +14,7 @@ from systems import driven_system, landing_system, rod_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.program.blocks import GOAL, LAW
 from dmoc.program.extraction import trajectory
 from dmoc.program.layout import Layout
 from dmoc.program.transcription import Transcription
@@ -251,6 +252,24 @@ def test_unknowns_and_rows_are_found_under_their_names(nlp: Transcription) -> No
         or "end of phase 0" in name
         for name in changed
     )
+
+
+def test_rows_say_what_it_costs_to_miss_them_and_in_what_words(nlp: Transcription) -> None:
+    """What holds in any motion costs most, what the user asked for least, limits in between."""
+    blocks = [*nlp.equalities, *nlp.inequalities]
+    prices = {b.name: b.missed.price for b in blocks}
+    laws = {name for name, price in prices.items() if price == LAW}
+    assert laws == {
+        "momentum", "inside", "time", "arrival", "departure", "energy", "start velocity",
+        "goal velocity", "within", "restitution", "slips",
+    } & set(prices)  # fmt: skip
+    assert {name for name, price in prices.items() if price == GOAL} == {"goal", "periodic"}
+    units = {"kg m/s", "kg m2/s", "m", "rad", "m/s", "rad/s", "s", ""}
+    for block in blocks:
+        for place in block.places.tolist():
+            assert block.missed.unit(*place) in units
+            assert block.missed.words is None or block.missed.words(*place)
+        assert block.counted is None or len(block.counted.places) == len(block.index)
 
 
 def test_first_derivatives_equal_differences(nlp: Transcription) -> None:

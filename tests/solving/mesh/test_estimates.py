@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dmoc.program.active_constraints import ActiveBound, BoundKind
+from dmoc.program.active_constraints import ActiveBound
+from dmoc.program.bound_kinds import BoundKind
 from dmoc.solvers.outcome import Status
 from dmoc.solving import unbounded_cost
 from dmoc.solving.mesh import refinement

@@ -1,0 +1,41 @@
+"""What can hold a motion back, and the texts that say so."""
+
+from __future__ import annotations
+
+import re
+from enum import Enum
+
+
+class BoundKind(Enum):
+    """What is held; the values are the texts, in which ``s`` is that of a plural."""
+
+    GAP = "gap to {name} at {places} node{s}"
+    INSIDE = "gap to {name} inside {places} step{s}"
+    PATH = "path constraint {name} in {places} step{s}"
+    CONE = "friction cone of {name} at {places} node{s}"
+    DIRECTION = "sliding of {name} in {places} step{s}"
+    DURATION = "duration of phase {name} {side} {value} s"
+    INPUT = "{name} {side} {value} in {places} step{s}"
+    COORDINATE = "{name} {side} {value} in {places} node{s}"
+    IMPULSE = "impulse of collision {name} >= 0"
+    OTHER = "{name}"
+
+    @property
+    def pattern(self) -> str:
+        """The regular expression of its texts."""
+        fields = {"side": ">=|<=", "value": r"\S+", "places": r"\d+", "s": "s?"}
+
+        def group(match: re.Match[str]) -> str:
+            return f"(?P<{match[1]}>{fields.get(match[1], '.*')})"
+
+        return re.sub(r"\\{(\w+)\\}", group, re.escape(self.value))
+
+
+# Those that hold inputs or the motion along the way, and not only the times.
+ALONG_THE_WAY = (
+    BoundKind.GAP,
+    BoundKind.INSIDE,
+    BoundKind.PATH,
+    BoundKind.INPUT,
+    BoundKind.COORDINATE,
+)
