@@ -26,11 +26,12 @@ from dmoc.check.amplification import carried
 from dmoc.check.checked_motion import Motion
 from dmoc.check.contact_forces import force_errors
 from dmoc.check.events import event_errors
+from dmoc.check.findings import Findings
 from dmoc.check.plan import plan_errors
 from dmoc.check.planned_run import planned_run
 from dmoc.check.runs import open_run
 from dmoc.check.segments import segments, step_errors
-from dmoc.check.verdict import Evidence, Verification, judged
+from dmoc.check.verdict import Verification, judged
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.trajectory import Trajectory
 
@@ -112,4 +113,4 @@ def _judged(motion: Motion) -> Verification:
     errors |= {"segment error": max(part.error for part in parts)}
     errors |= {"phase error": flowed.phase_error}
     sentences = [s for look in (plan, forces, events, run) for s in look.contradictions]
-    return judged(motion, Evidence(sentences, errors, steps.path, parts, flowed, run))
+    return judged(motion, Findings(errors, tuple(sentences)), steps.path, parts, flowed, run)

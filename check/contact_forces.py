@@ -4,7 +4,7 @@ what contacts can bear."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from dmoc.check.segments import largest, put
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.mechanics.contacts import RAIL
-from dmoc.simulation.contact_modes import conditions, nearest
+from dmoc.simulation.contact_modes import Reaction, conditions, nearest
 from dmoc.simulation.sizes import NOTHING, pushes
 
 # What a force may pull or exceed its cone by, as a share of the largest of its contact, and what a
@@ -31,20 +31,9 @@ PRESSED = 0.05
 FORCE = "error of a contact force"
 
 
-@dataclass(frozen=True)
-class Forces:
-    """Contact forces (2, N + 1, nc), friction forces (2, N + 1, nt) and forces of joints
-    (2, N + 1, nj) of the flow at the nodes of a phase, with the inputs before each node and after
-    it."""
-
-    normal: Array
-    tangential: Array
-    joint: Array
-
-
-def forces(motion: Motion, i: int) -> Forces:
-    """The forces that hold a phase at its nodes: where others have the same effect, those next to
-    the planned ones."""
+def forces(motion: Motion, i: int) -> Reaction:
+    """The forces (2, N + 1, ...) that hold a phase at its nodes, with the inputs before each and
+    after it: where others have the same effect, those next to the planned ones."""
     phase, mode, steps = motion.trajectory.phases[i], motion.modes[i], motion.steps[i]
     y, _ = put(motion, mode, np.hstack([phase.q, phase.v]), phase.t)
     q = np.ascontiguousarray(y[:, : motion.model.nq])
@@ -62,11 +51,9 @@ def forces(motion: Motion, i: int) -> Forces:
         )
         for u in inputs
     ]
-    return Forces(
-        *(
-            np.array([getattr(reaction, kind) for reaction in reactions])
-            for kind in ("normal", "tangential", "joint")
-        )
+    kinds = (field.name for field in fields(Reaction))
+    return Reaction(
+        *(np.array([getattr(reaction, kind) for reaction in reactions]) for kind in kinds)
     )
 
 
@@ -167,7 +154,7 @@ def left_out(motion: Motion) -> list[str]:
     return sentences
 
 
-def _sizes(motion: Motion, flows: list[Forces]) -> tuple[Array, Array, Array]:
+def _sizes(motion: Motion, flows: list[Reaction]) -> tuple[Array, Array, Array]:
     """The largest contact forces (nc,), friction forces that are possible (nt,) and forces of
     joints (nj,) of a motion; what carries little counts by a share of the forces of the motion."""
     model, phases = motion.model, motion.trajectory.phases
@@ -183,7 +170,7 @@ def _sizes(motion: Motion, flows: list[Forces]) -> tuple[Array, Array, Array]:
     return (*(np.maximum(size, NOTHING) for size in (normal, friction, joint)),)
 
 
-def _difference(motion: Motion, i: int, flow: Forces, sizes: tuple[Array, ...]) -> float:
+def _difference(motion: Motion, i: int, flow: Reaction, sizes: tuple[Array, ...]) -> float:
     """Largest error of the planned forces of a phase, relative to the sizes; between two steps
     whose inputs differ every force between theirs is right."""
     phase, kernels = motion.trajectory.phases[i], motion.model.kernels
@@ -251,7 +238,7 @@ def _paradoxes(motion: Motion, i: int) -> Iterator[str]:
             )
 
 
-def _pulling(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str]:
+def _pulling(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[str]:
     """Contacts that would have to pull."""
     phase, surfaces = motion.trajectory.phases[i], motion.model.kernels.surfaces
     for column, j in enumerate(motion.modes[i].closed):
@@ -261,7 +248,7 @@ def _pulling(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str]
             yield f"{surfaces[j]} would have to pull with {-least[k]:.4g} N at {phase.t[k]:.4g} s"
 
 
-def _slipping(motion: Motion, i: int, flow: Forces, size: Array) -> Iterator[str]:
+def _slipping(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[str]:
     """Friction beyond what its contact or rail holds."""
     phase, model = motion.trajectory.phases[i], motion.model
     for j in motion.modes[i].sticking:

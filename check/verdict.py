@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import isfinite
 from typing import Any
 
@@ -14,6 +13,7 @@ from dmoc.base.table import Shown, Table, passed
 from dmoc.check.amplification import Carried
 from dmoc.check.arcs import PENETRATION
 from dmoc.check.checked_motion import Motion
+from dmoc.check.findings import Findings
 from dmoc.check.path_limits import Excess
 from dmoc.check.runs import EXPLAINED, Departures, WholeRun, departures, on_the_way, predicted
 from dmoc.check.segments import Segment
@@ -197,7 +197,7 @@ def too_coarse(failures: list[str], amplified: float) -> str:
     return "; ".join(failures) + f": too coarse{unstable}, take more steps"
 
 
-def exceeded(measured: dict[str, float]) -> list[str]:
+def exceeded(measured: Mapping[str, float]) -> list[str]:
     """The measures that exceed what passes."""
     return [
         f"{name} {_above(measured[name], PASSING[name])} exceeds {PASSING[name]:g}"
@@ -229,36 +229,25 @@ def unstable(amplified: float, lost: list[str], worst: float) -> str:
     )
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """What was measured of a motion: what contradicts it, in sentences; errors by the names of what
-    passes, and excesses of path constraints; its segments and what their errors become; and the
-    run from its start to its end."""
-
-    contradictions: Sequence[str]
-    measured: dict[str, float]
-    paths: tuple[Excess, ...]
-    parts: Sequence[Segment]
-    flowed: Carried
-    run: WholeRun
-
-    @cached_property
-    def failures(self) -> list[str]:
-        """What contradicts the motion wherever an open-loop run goes."""
-        return [*self.contradictions, *exceeded(self.measured), *broken(self.paths)]
-
-
-def judged(motion: Motion, evidence: Evidence) -> Verification:
-    """Judge a motion.
+def judged(
+    motion: Motion,
+    findings: Findings,
+    paths: Sequence[Excess],
+    parts: Sequence[Segment],
+    flowed: Carried,
+    whole: WholeRun,
+) -> Verification:
+    """Judge a motion by what was found, the excesses of its path constraints, its segments, what
+    their errors become, and the run from its start to its end.
 
     No segment may meet what was not planned, wherever the run passes by.  Where the segments keep
     to the plan, their errors may explain where the run leaves it.
     """
-    errors, failures, note = evidence.measured, evidence.failures, ""
-    flowed, terminal, run = evidence.flowed, evidence.run.terminal, evidence.run.departures
+    errors, note, run, terminal = findings.measured, "", whole.departures, whole.terminal
+    failures = [*findings.contradictions, *exceeded(errors), *broken(paths)]
     worst, amplified = errors["segment error"], flowed.amplification
     # What is contradicted already needs no other look.
-    way = evidence.run.way
+    way = whole.way
     if way is None:
         way = run if failures else departures(motion, on_the_way(motion))
     if not run and terminal <= TERMINAL:
@@ -268,12 +257,12 @@ def judged(motion: Motion, evidence: Evidence) -> Verification:
         lost
         and not (failures or way)
         and is_unstable(worst, amplified, terminal, flowed.end)
-        and predicted(motion, run, evidence.parts, flowed.deviations)
+        and predicted(motion, run, parts, flowed.deviations)
     ):
         note, run = unstable(amplified, lost, worst), way
     else:
         failures = lost + failures
-    coarse = failures and not evidence.contradictions
+    coarse = failures and not findings.contradictions
     message = too_coarse(failures, amplified) if coarse else "; ".join(failures)
     return Verification(
         not failures,
@@ -281,15 +270,15 @@ def judged(motion: Motion, evidence: Evidence) -> Verification:
         terminal,
         amplified,
         errors["step error"],
-        np.array([part.error for part in evidence.parts]),
+        np.array([part.error for part in parts]),
         errors["energy error"],
         errors["error of the law of impact"],
         run.missed_texts,
         run.extra_texts,
         errors["penetration"],
         max(errors["excess of a limit"], errors["excess of an input"]),
-        tuple(evidence.run.contacts),
+        tuple(whole.contacts),
         errors.get("error of a contact force", 0.0),
-        max((path.counts for path in evidence.paths), default=0.0),
+        max((path.counts for path in paths), default=0.0),
         errors["phase error"],
     )

@@ -11,9 +11,10 @@ import dmoc
 from dmoc.base.deadline import ENDLESS
 from dmoc.check.amplification import Carried, carried
 from dmoc.check.checked_motion import Motion
+from dmoc.check.findings import Findings
 from dmoc.check.runs import Departures, WholeRun, departures, predicted
 from dmoc.check.segments import segments
-from dmoc.check.verdict import PASSING, Evidence, is_unstable, judged
+from dmoc.check.verdict import PASSING, is_unstable, judged
 from dmoc.codegen.kernels import Kernels
 from dmoc.simulation.flow import SurfaceContact
 
@@ -98,7 +99,7 @@ def test_one_judgement_excuses_the_end_of_a_run_alone(cube: Kernels) -> None:
     stray = Departures(extra=(EARLY,))
 
     def check(end: float, flowed: Carried, run: Departures, way: Departures) -> dmoc.Verification:
-        return judged(motion, Evidence([], errors, (), parts, flowed, WholeRun(end, (), run, way)))
+        return judged(motion, Findings(errors), (), parts, flowed, WholeRun(end, (), run, way))
 
     assert check(0.249, calm, none, none).passed
     assert "terminal error 0.251 exceeds 0.25: too coarse" in check(0.251, calm, none, none).message
