@@ -36,7 +36,9 @@ def emit(summary: dict[str, Any], target: str | None) -> None:
 
 
 def finite(value: Any) -> Any:
-    """JSON has no infinity: what is not finite becomes null."""
+    """As JSON has it: lists for arrays, and null for what is not finite."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
     if isinstance(value, dict):
         return {k: finite(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

@@ -22,23 +22,15 @@ def verify(
 ) -> None:
     """Check a solution by an independent simulation."""
     from dmoc.models import registry
-    from dmoc.results.solution import Solution, check_same_model
+    from dmoc.results.solution import Solution, check_same_model, kernels_of_file
 
     prepare(None, json_)
     loaded = Solution.load(solution)
     order = loaded.trajectory.order
-    kernels = (
-        registry.load(model, order=order)
-        if model
-        else registry.load_for_file(loaded.reference, order)
-    )
+    kernels = registry.load(model, order=order) if model else kernels_of_file(loaded)
     check_same_model(loaded, kernels)
     check = loaded.verify(kernels)
-    summary = {
-        key: (value.tolist() if hasattr(value, "tolist") else value)
-        for key, value in asdict(check).items()
-    }
-    emit(summary, json_)
+    emit(asdict(check), json_)
     if json_ != "-":
         print_table(check.summary(), out)
     raise typer.Exit(0 if check.passed else NOT_SOLVED)

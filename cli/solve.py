@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.table import Table
 
 from dmoc.base.table import print_table
 from dmoc.cli.console import draw, emit, in_turn, out, prepare, written
@@ -20,7 +21,6 @@ from dmoc.cli.shared_options import (
     ModelArgument,
     out_option,
 )
-from dmoc.cli.summaries import print_sensitivities
 from dmoc.solving.keywords import Keywords
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def solve(
             if not solution.solved:
                 out.print(f"Help: dmoc explain {solution.status}", style="dim")
             for slopes in derivatives:
-                print_sensitivities(slopes)
+                _print_sensitivities(slopes)
             written(*files)
 
     in_turn(
@@ -97,3 +97,13 @@ def solve(
         ),
     )
     raise typer.Exit(0 if solution.solved else NOT_SOLVED)
+
+
+def _print_sensitivities(derivatives: Sensitivities) -> None:
+    """Derivatives of the cost by kind and name."""
+    table = Table("dJ/d ...", "", "", box=None, header_style="bold")
+    for kind, slopes in derivatives.items():
+        named = slopes.items() if isinstance(slopes, dict) else [("", slopes)]
+        for name, value in named:
+            table.add_row(kind.replace("_", " "), name, f"{value:.6g}")
+    out.print(table)
