@@ -4,6 +4,7 @@ where the model keeps it there, and refused where it does not."""
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import invariance
 import motions
@@ -25,10 +26,15 @@ TELLINGS = [
 ]  # fmt: skip
 
 
+@cache
+def answers(name: str) -> list[tuple[invariance.Told, dmoc.Solution]]:
+    return invariance.answers(invariance.KINDS[name], TELLINGS)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", invariance.KINDS)
 def test_a_verdict_is_the_same_in_all_units_and_at_all_places(name: str) -> None:
-    for told, solution in invariance.answers(invariance.KINDS[name], TELLINGS):
+    for told, solution in answers(name):
         assert solution.status == "solved", f"{told}: {solution.message}"
 
 
@@ -36,7 +42,7 @@ def test_a_verdict_is_the_same_in_all_units_and_at_all_places(name: str) -> None
 def test_measures_are_the_same_in_all_units() -> None:
     """Those of the ladder and of the finger, whose contacts carry 0.024 N and 9.81 N."""
     for name in ("ladder", "finger that pushes"):
-        (_, plain), *others = invariance.answers(invariance.KINDS[name], TELLINGS)
+        (_, plain), *others = answers(name)
         first = plain.verify()
         for told, other in others:
             check = other.verify()

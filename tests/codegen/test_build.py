@@ -83,9 +83,9 @@ def test_two_processes_building_at_once_both_succeed(own_cache: Path) -> None:
         subprocess.Popen(
             [sys.executable, "-c", program], env={**os.environ, "DMOC_CACHE": str(own_cache)}
         )
-        for _ in range(3)
+        for _ in range(2)
     ]
-    assert [p.wait() for p in running] == [0, 0, 0]
+    assert [p.wait() for p in running] == [0, 0]
     entry(own_cache)
 
 

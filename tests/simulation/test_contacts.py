@@ -293,7 +293,8 @@ def test_units_do_not_matter(
     hits: int,
     order: int,
 ) -> None:
-    """Lengths, masses and times in units from a millionth to a million."""
+    """Lengths, masses and times in units from a millionth to a million, every two of them in all
+    sizes of both."""
     kernels = dmoc.build(system, order=order)
 
     def run(*units: float) -> tuple[np.ndarray, list[tuple[str, float]]]:
@@ -316,7 +317,7 @@ def test_units_do_not_matter(
 
     wanted, contacts = run(1.0, 1.0, 1.0)
     assert len(contacts) == hits
-    for units in itertools.product((1e-6, 1.0, 1e6), repeat=3):
-        motion, found = run(*units)
+    for i, j in itertools.product(range(3), repeat=2):
+        motion, found = run(*np.power(10.0, [6 * i - 6, 6 * j - 6, 6 * ((i + j) % 3) - 6]))
         assert motion == pytest.approx(wanted, rel=1e-9, abs=1e-9)
         assert found == contacts

@@ -198,11 +198,11 @@ def test_a_motion_of_another_problem_is_contradicted(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [8, 18])
-def test_a_leg_that_hangs_still_at_the_start_has_a_size(number: int) -> None:
+def test_a_leg_that_hangs_still_at_the_start_has_a_size() -> None:
     """A passive gait starts where nothing is said of the free leg, whose forces balance."""
-    instance = HELD.draw(number)[2]
-    problem = dmoc.Problem(dmoc.build(system_of(instance)), steps=40, **instance.problem)
-    inertia = problem.inertia * problem.reach**2
-    assert inertia.min() > 1e-8 * inertia.max()
+    for number in (18, 8):
+        instance = HELD.draw(number)[2]
+        problem = dmoc.Problem(dmoc.build(system_of(instance)), steps=40, **instance.problem)
+        inertia = problem.inertia * problem.reach**2
+        assert inertia.min() > 1e-8 * inertia.max()
     assert judged(*solved(instance, 40)) == []
