@@ -31,6 +31,18 @@ def unit_mass(name: str, **fields: Any) -> dmoc.MechanicalSystem:
     )
 
 
+def dropped_ball() -> dmoc.MechanicalSystem:
+    """A mass over a floor."""
+    q, (m, g) = dynamicsymbols("q"), sp.symbols("m g")
+    return dmoc.MechanicalSystem(
+        "ball",
+        [q],
+        m * q.diff() ** 2 / 2 - m * g * q,
+        {m: 1.0, g: 9.81},
+        surfaces={"floor": q >= 0},
+    )
+
+
 def block_on_floor(name: str, m: float, g: float, mu: float, **more: Any) -> dmoc.MechanicalSystem:
     """A block on a floor with friction, pushed along it; more is part of the system too."""
     x, y, u = dynamicsymbols("x y u")

@@ -54,23 +54,6 @@ def test_states_return_as_others_and_further(text: str, periodic: Any) -> None:
     assert read_periodic(text) == periodic
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("x=", "--periodic x=: expected NAME, END=START"),
-        ("=x", "--periodic =x: expected NAME, END=START"),
-        ("x=x+", "expected NAME, END=START"),
-        ("x=y=z+1", "expected NAME, END=START"),
-        ("x+1,y=y", "expected NAME, END=START"),
-        ("x=x,x=y", "--periodic x=y: expected .* each END once"),
-        ("x=x+a", "the difference in --periodic x=x.a = 'a': expected a number, or .?"),
-    ],
-)
-def test_wrong_relations_are_one_sentence(text: str, message: str) -> None:
-    with pytest.raises(ProblemError, match=message):
-        read_periodic(text)
-
-
 def test_places_at_events_are_apart_by_semicolons() -> None:
     assert read_via("x=1,y=0.2;;x=-1:2") == [{"x": 1.0, "y": 0.2}, None, {"x": (-1.0, 2.0)}]
     with pytest.raises(ProblemError, match="--via x: expected NAME=VALUE"):

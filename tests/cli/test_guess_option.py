@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 import dmoc
-from dmoc.base.errors import ProblemError
 from dmoc.cli.option_values import read_guess
 
 
@@ -24,19 +21,3 @@ def test_a_file_may_have_an_equals_sign_in_its_name(seed: dmoc.Problem, tmp_path
     found = read_guess([str(path)])
     assert isinstance(found, dmoc.Solution)
     assert found.cost == known.cost
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        (["alpha=1,up"], "--guess alpha = 'up': expected numbers such as"),
-        (["alpha="], "--guess alpha = '': expected numbers such as"),
-        (["=1"], "--guess =1: expected NAME=V1,V2,..., each name once."),
-        (["F=1", "F=2"], "--guess F=2: expected NAME=V1,V2,..., each name once."),
-        (["known.npz", "F=1"], "--guess known.npz stands beside others: give one file"),
-    ],
-)
-def test_what_does_not_fit_is_one_sentence(given: list[str], message: str) -> None:
-    with pytest.raises(ProblemError) as caught:
-        read_guess(given)
-    assert str(caught.value).startswith(message)

@@ -15,7 +15,6 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, driven_system, puck_system
 
 import dmoc
-from dmoc.base.errors import GenerationError, ModelError
 from dmoc.codegen.build import write_files
 from dmoc.codegen.compiler import HEADERS, compiler
 from dmoc.codegen.kernels import Kernels
@@ -90,34 +89,6 @@ def test_derivatives_of_awkward_expressions_equal_differences(
 def test_printers_know_every_function() -> None:
     for printer in (CPrinter, NumPyPrinter):
         assert FUNCTIONS | {"exp", "sqrt", "pow"} <= set(printer.functions)
-
-
-@pytest.mark.parametrize(
-    ("text", "error", "message"),
-    [
-        ("gamma(q)", GenerationError, "cannot be turned into C"),
-        ("floor(q)", ModelError, "whose jump no method of smooth functions can follow"),
-        ("sign(q)", ModelError, "whose jump no method of smooth functions can follow"),
-        ("besselj(0, q)", GenerationError, "cannot be turned into C"),
-        ("erf(q)", GenerationError, "cannot be turned into C"),
-        ("Piecewise((q, q > 0))", GenerationError, "has no value elsewhere"),
-        ("f(q)", ModelError, "neither a coordinate nor an input"),
-        ("I*q", ModelError, "contains the imaginary unit"),
-    ],
-)
-def test_an_expression_that_cannot_be_printed_is_refused(
-    text: str, error: type[dmoc.DmocError], message: str
-) -> None:
-    q, u = dynamicsymbols("q u")
-    force = sp.sympify(text, locals={"q": q, "f": sp.Function("f")})
-    with pytest.raises(error, match=message) as told:
-        dmoc.build(
-            dmoc.MechanicalSystem(
-                "odd", coordinates=[q], inputs=[u], lagrangian=q.diff(T) ** 2 / 2,
-                forces={q: u + force}, parameters={},
-            )
-        )  # fmt: skip
-    assert "\n" not in str(told.value)
 
 
 @pytest.mark.slow

@@ -12,7 +12,6 @@ import sympy as sp
 from systems import driven_system, landing_problem
 
 import dmoc
-from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
 from dmoc.guess.automatic import initial_guesses
 from dmoc.guess.keyframes import along, courses_of
@@ -112,32 +111,6 @@ def test_a_solve_starts_from_names_and_from_a_file(small: dmoc.Problem, tmp_path
         assert again.status == "solved"
         assert again.cost == pytest.approx(named.cost, rel=1e-8)
         assert again.iterations < named.iterations
-
-
-@pytest.mark.parametrize(
-    ("guess", "message"),
-    [
-        ({"beta": 1.0}, "unknown coordinate or input 'beta' in the guess"),
-        ({"alpha": "up"}, "guess: alpha = 'up': expected a number, a list of keyframes"),
-        ({"alpha": []}, "guess: alpha = []: expected a number, a list of keyframes"),
-        ({"alpha": [0, float("nan")]}, "guess: alpha, keyframe 1 = nan: expected a finite number"),
-        ({"durations": [1.0]}, "guess: durations = [1.0]: expected 2 times in seconds"),
-        ({"durations": [1.0, 0]}, "guess: durations 1 = 0: expected a positive time in seconds"),
-        ([{"F": 1}], "guess has 1 parts: expected one mapping, or one for each of the 2 phases"),
-        ({}, "guess = {}: expected the name of a coordinate or an input"),
-        ([{}, {}], "guess = [{}, {}]: expected the name of a coordinate or an input"),
-        ([{"F": 1}, 3], "guess of phase 1 = 3: expected a mapping from names"),
-        ({"F": lambda t: t[:2]}, "guess: F: the function gave array("),
-        ({"F": lambda t: 0 * t / 0}, "guess: F: the function gave nan at t ="),
-        ({"F": 1, sp.Symbol("F"): 2}, "guess gives 'F' twice"),
-    ],
-)
-def test_a_bad_guess_is_one_sentence(small: dmoc.Problem, guess: Any, message: str) -> None:
-    with np.errstate(all="ignore"), pytest.raises(ProblemError) as caught:
-        unknowns(small, guess)
-    assert str(caught.value).startswith(message)
-    assert str(caught.value).endswith(".")
-    assert str(caught.value).count("\n") == 0
 
 
 @pytest.mark.slow

@@ -39,43 +39,6 @@ def test_friction_lasts_until_it_changes_and_ends_with_its_contact() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("contacts", "words", "told"),
-    [
-        ([], ["-left"], "left leaves, but is not closed"),
-        (["left"], ["+left"], "left is closed already"),
-        (["left"], ["left"], "left is closed already"),
-        ([], ["left:slip+:slip+"], "expected stick, slip+ or slip-"),
-        ([], ["left:stick:slip+"], "expected stick, slip+ or slip-"),
-        ([], ["left:slip+:late"], "expected stick, slip+ or slip-"),
-        ([], ["left:slip+:stick:soon"], "expected stick, slip+ or slip-"),
-        ([], ["+left:slip+:stick:late"], "leave out ':late'"),
-        (["left"], ["left:slip+:stick"], "left is closed or a rail"),
-        ([], ["rail:slip+:stick"], "rail is closed or a rail"),
-        (["right"], ["left:slip+"], "right is closed while left is hit with friction"),
-        (["right"], ["left"], "right is closed while left is hit with friction"),
-        (["right"], ["+left:slip+:stick"], "right is closed while left is hit with friction"),
-        ([], ["+left:slip+:stick +right"], "left and right land at once"),
-        ([], ["left:slip+ right:slip-"], "hits left and right at once"),
-        ([], ["+left -left"], "names 'left' twice"),
-        ([], ["wall left"], "hits wall and left at once"),
-        ([], ["wall +left"], "hits wall and left at once"),
-        ([], ["wall:stick"], "unknown tangent 'wall:stick'"),
-        ([], ["+wall:slip+"], "expected stick, slip+ or slip-"),
-        ([], ["left:fast"], "expected stick, slip+ or slip-"),
-        ([], [" "], "unknown surface"),
-        ([], ["+foot"], "unknown surface '+foot'"),
-        (["foot"], [], "unknown contact 'foot'"),
-        (["left", "left"], [], "names 'left' twice"),
-        (["wall:slip+"], [], "a contact with friction"),
-    ],
-)
-def test_what_cannot_be_is_a_sentence(contacts: list[str], words: list[str], told: str) -> None:
-    with pytest.raises(ProblemError) as found:
-        along(contacts, *words)
-    assert told in str(found.value) and "\n" not in str(found.value)
-
-
 def test_words_after_a_mode_are_those_that_are_possible() -> None:
     mode = mode_of(["left"], FEET)
     words = list(words_after(mode, FEET, FEET.surfaces))

@@ -13,7 +13,6 @@ from contact_problems import (
     PUSHED,
     THERE_AND_BACK,
     TURNED,
-    F,
     G,
     M,
     T,
@@ -37,7 +36,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import unit_mass
 
 import dmoc
-from dmoc.base.errors import ModelError, ProblemError
+from dmoc.base.errors import ProblemError
 from dmoc.program.extraction import _forces
 
 
@@ -232,48 +231,6 @@ def test_sensitivities_equal_differences_of_solved_problems() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ({"contacts": ["floor"], "start": {"x": 0, "y": 0.1}}, "0.1 off it"),
-        (
-            {"contacts": ["floor"], "start": {"x": 0, "y": 0, "y_dot": 1}},
-            "velocity leaves or enters it",
-        ),
-        ({"contacts": ["floor"], "start": {"x": 0, "y": 0, "x_dot": 1}}, "velocity slides"),
-        ({"contacts": ["floor"], "parameters": {"mu": -0.1}}, "friction of 'floor' is -0.1"),
-        (
-            {"contacts": ["floor"], "sequence": ["floor:slip+:stick"]},
-            "floor is closed or a rail",
-        ),
-        ({"sequence": ["-floor"], "start": {"x": 0, "y": 1}}, "is not closed"),
-        ({"contacts": ["floor"], "via": [{}]}, "via has 1 entries"),
-        ({"contacts": ["floor"], "sequence": ["-floor"], "via": [{"z": 1}]}, "unknown coordinate"),
-        ({"ignored": ["roof"]}, "unknown surface 'roof'"),
-        ({"periodic": {"x": ("y", "far")}}, "the difference of x in periodic"),
-        ({"periodic": {"x": ("x", 1, 2)}}, "or a pair of one and a difference such as ('x', 0.5)"),
-        (
-            {"contacts": ["floor:slip+"], "start": {"x": 0, "y": 0, "x_dot": -1}},
-            "'floor:slip+' begins with a sliding velocity of -1 per second, against its direction: "
-            "say 'floor:slip-'",
-        ),
-        (
-            {"sequence": ["+floor"], "start": {"x": 0, "y": 1}}
-            | {"via": [{"x": 9}], "bounds": {"x": (0, 1)}},
-            "via of event 1: x = 9 lies outside its bounds 0 to 1",
-        ),
-        ({"contacts": ["floor"], "sequence": ["+floor"]}, "floor is closed already"),
-        ({"contacts": ["floor"], "sequence": ["floor:slide"]}, "expected stick, slip+ or slip-"),
-        ({"contacts": ["floor", "floor:slip+"]}, "contacts names 'floor' twice"),
-    ],
-)
-def test_what_contacts_cannot_be_is_a_sentence(change: dict[str, object], told: str) -> None:
-    stated = {"start": {"x": 0, "y": 0}, "steps": 5, "final_time": 1} | change
-    with pytest.raises(ProblemError) as found:
-        dmoc.Problem(dmoc.build(floor()), **stated)  # type: ignore[arg-type]
-    assert told in str(found.value) and "\n" not in str(found.value)
-
-
 @pytest.mark.slow
 def test_contacts_that_last_are_refused_with_kernels_of_another_order() -> None:
     with pytest.raises(ProblemError, match="build the model with order=2"):
@@ -287,6 +244,10 @@ def test_a_rail_alone_takes_kernels_of_order_two() -> None:
     assert problem.order == 2 and problem.lasting
 
 
+def test_a_rail_may_be_called_like_its_coordinate() -> None:
+    assert unit_mass("named", tangents={"x": X}, friction={"x": 1.0}).tangents == {"x": X}
+
+
 @pytest.mark.slow
 def test_redundant_contacts_are_refused_by_name() -> None:
     twice = dmoc.MechanicalSystem(
@@ -295,33 +256,6 @@ def test_redundant_contacts_are_refused_by_name() -> None:
     )  # fmt: skip
     with pytest.raises(ProblemError, match="floor, ground of phase 0 are redundant"):
         dmoc.Problem(twice, start={"x": 0, "y": 0}, contacts=["floor", "ground"], steps=5)
-
-
-@pytest.mark.parametrize(
-    ("fields", "told"),
-    [
-        ({"friction": {"rail": F}}, "has friction but no tangent"),
-        ({"tangents": {"rail": X}}, "has a tangent but no friction"),
-        ({"tangents": {"rail": F}, "friction": {"rail": F}}, "contains no coordinate"),
-        ({"tangents": {"rail": X}, "friction": {"rail": -1}}, "expected 0 or a positive"),
-        ({"tangents": {"rail": X}, "friction": {"rail": X}}, "the friction of 'rail' contains"),
-        ({"tangents": {"x": X}, "friction": {"x": F}}, None),
-    ],
-)
-def test_wrong_friction_of_a_model_is_a_sentence(
-    fields: dict[str, object], told: str | None
-) -> None:
-    def make() -> dmoc.MechanicalSystem:
-        return dmoc.MechanicalSystem(
-            "wrong", [X], F * X.diff(T) ** 2 / 2, {F: 1.0}, cost=1, **fields
-        )  # type: ignore[arg-type]
-
-    if told is None:
-        make()
-        return
-    with pytest.raises(ModelError) as found:
-        make()
-    assert told in str(found.value) and "\n" not in str(found.value)
 
 
 @pytest.mark.parametrize(

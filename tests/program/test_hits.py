@@ -259,20 +259,6 @@ def test_a_way_that_the_law_does_not_go_is_contradicted_by_the_check() -> None:
     assert "goes slip+:stick:late, not slip+ as planned" in check.message
 
 
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ({"sequence": ["floor:slip+:stick:late"], "restitution": 0}, "leave out ':late'"),
-        ({"sequence": ["floor:stick"], "parameters": {"mu": 0}}, "the friction of 'floor' is 0"),
-        ({"sequence": ["floor:slip+:slip+"]}, "expected stick, slip+ or slip-"),
-    ],
-)
-def test_what_no_hit_does_is_refused_in_a_sentence(change: dict[str, object], told: str) -> None:
-    with pytest.raises(ProblemError) as found:
-        back(**change)
-    assert told in str(found.value) and "\n" not in str(found.value)
-
-
 @pytest.mark.slow
 def test_a_hit_that_would_jam_is_told_why() -> None:
     """Sliding ahead with much friction, the masses so coupled that this presses the contact

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -180,39 +179,6 @@ def test_a_guide_that_moves(joined: bool) -> None:
     slope = (mean * end**2 / 2 - moment) * 12 / end**3
     expected = mean + slope * (s.trajectory.phases[0].t - end / 2)
     np.testing.assert_allclose(s.trajectory.phases[0].u[:, 0], expected, atol=1e-3)
-
-
-BAD: list[tuple[dict[str, Any], str]] = [
-    ({"rod": X <= 1}, "constraint 'rod' is not an equation: expected one such as"),
-    ({"rod": True}, "constraint 'rod' is not an equation: expected one such as"),
-    ({"rod": X.diff(T) - 1}, "constraint 'rod' contains Derivative(x(t), t), one of the velocit"),
-    ({"rod": "x"}, "constraint 'rod' is not a scalar SymPy expression: got 'x'"),
-    ({"rod": sp.Eq(Y, sp.Abs(X))}, "constraint 'rod' contains Abs(x(t)), whose kink no method of"),
-    ({"rod": 1}, "constraint 'rod' contains no coordinate: expected an equation in x, y"),
-    ([X], "constraints = [x(t)]: expected a mapping such as"),  # type: ignore[list-item]
-]
-STATES: list[tuple[dict[str, Any], str]] = [
-    ({"start": {"x": 0.5, "y": -0.5}},
-     "constraint 'rod' does not hold at the start, where it is -0.5 instead of 0"),
-    ({"start": {"x": 0.0, "y": -1.0, "y_dot": 1.0}},
-     "constraint 'rod' does not allow the velocity at the start, which changes it by -2 per s"),
-    ({"goal": {"x": 2.0, "y": 0.0}},
-     "constraint 'rod' does not hold at the goal, where it is 3 instead of 0"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("constraints", "sentence"), BAD)
-def test_what_is_no_constraint(constraints: Any, sentence: str) -> None:
-    energies = (X.diff(T) ** 2 + Y.diff(T) ** 2) / 2
-    with pytest.raises(DmocError, match=re.escape(sentence)):
-        dmoc.MechanicalSystem("bad", [X, Y], energies, {}, constraints=constraints)
-
-
-@pytest.mark.parametrize(("fields", "sentence"), STATES)
-def test_states_that_a_constraint_does_not_allow(fields: dict[str, Any], sentence: str) -> None:
-    stated = {"start": {"x": 0.0, "y": -1.0}, "steps": 5, "final_time": 1.0} | fields
-    with pytest.raises(DmocError, match=re.escape(sentence)):
-        dmoc.Problem(dmoc.build(bob()), **stated)
 
 
 def test_constraints_that_say_the_same_twice_are_named() -> None:

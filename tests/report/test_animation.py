@@ -333,37 +333,6 @@ def test_a_missing_ffmpeg_is_one_sentence(tmp_path: Path, monkeypatch: pytest.Mo
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"speed": 0}, ProblemError, r"speed = 0: expected a positive number"),
-        ({"speed": "fast"}, ProblemError, r"speed = 'fast'"),
-        ({"fps": 0}, ProblemError, r"fps = 0: expected a whole number of at least 1"),
-        ({"fps": 2.5}, ProblemError, r"fps = 2.5"),
-        ({"style": "grey"}, OutputError, r"style = 'grey'"),
-        ({"path": "s.avi"}, OutputError, r"has no known format: end it in .html, .gif or .mp4"),
-        ({"path": "s"}, OutputError, r"has no known format"),
-        ({"motions": []}, ProblemError, r"there are no motions"),
-        ({"motions": 3}, ProblemError, r"motions = 3: expected solutions"),
-        ({"motions": [3]}, ProblemError, r"motions = 3: expected solutions"),
-        ({"path": "s.gif", "speed": 1e-3, "fps": 60}, OutputError, r"would have 90000 frames"),
-        ({"path": "nowhere/s.html"}, OutputError, r"cannot be written"),
-    ],
-)
-def test_what_does_not_fit_is_one_sentence(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    changes: dict[str, Any],
-    error: type[Exception],
-    message: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    given = {"motions": motion(), "path": "s.html", **changes}
-    with pytest.raises(error, match=message):
-        dmoc.animate(**given)
-    assert not list(tmp_path.iterdir())
-
-
 def test_motions_are_named_by_model_and_events_and_numbered_where_these_are_the_same(
     tmp_path: Path,
 ) -> None:

@@ -356,27 +356,6 @@ def test_an_interruption_returns_what_was_found(table: dmoc.Problem) -> None:
     assert seen[-1].best is not None and sum(seen[-1].counts.values()) == 4
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"max_collisions": -1}, "at least 0"), ({"max_collisions": 40}, "at most 12"),
-        ({"strategy": "random"}, "exhaustive, best-first, beam"),
-        ({"surfaces": ["up"]}, "unknown surface 'up'"), ({"workers": 0}, "at least 1"),
-        ({"method": "newton"}, "slsqp"), ({"resume": True}, "name it"),
-        ({"node_seconds": 0.0}, "positive"), ({"shortest_phase": -1.0}, "0 or more"),
-        ({"max_nodes": 0}, "at least 1"), ({"max_nodes": 2.5}, "whole number"),
-        ({"seconds": -5.0}, "positive"), ({"seconds": float("nan")}, "positive"),
-        ({"seed": -1}, "at least 0"), ({"surfaces": ["east", "east"]}, "each surface once"),
-        ({"surfaces": []}, "at least one of"), ({"surfaces": "east"}, "expected a list"),
-    ],
-)  # fmt: skip
-def test_wrong_arguments_are_refused(
-    table: dmoc.Problem, arguments: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(SearchError, match=message):
-        dmoc.search(table, **{"max_collisions": 1, **arguments})
-
-
 def test_problems_that_cannot_be_searched_are_refused(table: dmoc.Problem) -> None:
     with pytest.raises(SearchError, match="one number for every phase"):
         dmoc.search(table.but(steps=[20, 20, 20, 20]))

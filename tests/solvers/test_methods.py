@@ -414,20 +414,3 @@ def test_a_limit_at_the_surface_itself(order: int) -> None:
         assert held.solved and held.cost == pytest.approx(free.cost, rel=1e-6)
     beyond = problem.but(bounds={"x": (None, 0.9)})
     assert dmoc.solve(beyond, "ipm", starts=1).status == "infeasible"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"tolerance": "a"}, "tolerance = 'a': expected a positive number"),
-        ({"seconds": "x"}, "seconds = 'x': expected a positive time limit"),
-        ({"iterations": None}, "iterations = None: expected a whole number of at least 1"),
-        ({"progress": 3}, "progress = 3: expected a function"),
-        ({"guess": 1j}, "guess = 1j: expected a Solution"),
-    ],
-)
-def test_arguments_of_another_type_are_one_sentence(
-    seed: dmoc.Problem, arguments: dict[str, object], message: str
-) -> None:
-    with pytest.raises(ProblemError, match=message):
-        dmoc.solve(seed, **arguments)  # type: ignore[arg-type]

@@ -190,27 +190,6 @@ def test_an_executor_that_takes_no_more_is_told(block: dmoc.Problem) -> None:
     assert set(batch.status) == {"not_tried"} and "takes no more work (closed)" in batch.message[0]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"problems": [1]}, "problems has 1 at place 0: expected Problems"),
-        ({"method": "imp"}, "method = 'imp': expected one of"),
-        ({"workers": 0}, "workers = 0: expected a whole number of at least 1"),
-        ({"seconds": -1}, "seconds = -1: expected a positive time limit"),
-        ({"keep": "no"}, "keep = 'no': expected True or False"),
-        ({"progress": 1}, "progress = 1: expected a function"),
-        ({"reference": "x"}, "reference = 'x' is no argument of solve_many"),
-        ({"iteration": 5}, "iteration = 5 is no argument of solve_many"),
-    ],
-)
-def test_what_does_not_fit_is_refused(
-    block: dmoc.Problem, arguments: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(ProblemError) as error:
-        dmoc.solve_many(**{"problems": [block], **arguments})
-    assert message in str(error.value)
-
-
 def test_no_problems_are_an_empty_table() -> None:
     batch = dmoc.solve_many([])
     assert len(batch) == 0 and batch.complete and batch.columns()["cost"] == []
@@ -282,24 +261,6 @@ def test_a_sweep_goes_over_every_combination(block: dmoc.Problem) -> None:
 def test_a_combination_that_is_no_problem_is_refused_in_its_row(block: dmoc.Problem) -> None:
     batch = dmoc.sweep(block, start={"x": [0.0, 1.5]})
     assert batch.status == ("solved", "refused") and "wall" in batch.message[1]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({}, "nothing is varied"),
-        ({"parameters": {"mass": [1.0]}}, "unknown parameter 'mass' in parameters"),
-        ({"parameters": {"m": 1.0}}, "parameters of m = 1.0: expected a list of values"),
-        ({"start": {"x": []}}, "start of x has no values"),
-        ({"parameters": {"m": range(2000), "wall": range(2000)}}, "the sweep has 4000000 problems"),
-    ],
-)
-def test_a_sweep_over_nothing_or_too_much_is_refused(
-    block: dmoc.Problem, arguments: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(ProblemError) as error:
-        dmoc.sweep(block, **arguments)
-    assert message in str(error.value)
 
 
 def test_the_columns_of_a_sweep_are_numbers(block: dmoc.Problem) -> None:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 from math import sqrt
 from typing import Any
 
 import numpy as np
 import pytest
-from systems import landing_system, there_and_back
+from sympy.physics.mechanics import dynamicsymbols
+from systems import dropped_ball, landing_system, there_and_back
 
 import dmoc
-from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
 from dmoc.program.transcription import Transcription
@@ -125,17 +126,10 @@ def test_double_integrator_without_collision_has_its_closed_form(block: Kernels)
 
 
 def test_bouncing_mass_needs_no_force_where_gravity_suffices() -> None:
-    import sympy as sp
-    from sympy.physics.mechanics import dynamicsymbols
-
-    y, u = dynamicsymbols("y u")
-    m, g = sp.symbols("m g")
-    system = dmoc.MechanicalSystem(
-        "mass", [y], m * y.diff(dynamicsymbols._t) ** 2 / 2 - m * g * y, {m: 1.0, g: 9.81}, [u],
-        {y: u}, {"floor": y >= 0}, u**2 / 2,
-    )  # fmt: skip
+    q, u = dynamicsymbols("q u")
+    system = replace(dropped_ball(), name="mass", inputs=[u], forces={q: u}, cost=u**2 / 2)
     problem = dmoc.Problem(
-        dmoc.build(system), start={"y": 0.5}, goal={"y": 0.5, "y_dot": 0.0}, sequence=["floor"],
+        system, start={"q": 0.5}, goal={"q": 0.5, "q_dot": 0.0}, sequence=["floor"],
         final_time=(None, 2.0),
     )  # fmt: skip
     solution = dmoc.solve(problem)
@@ -234,38 +228,11 @@ def test_a_neighbouring_solution_is_a_good_start(
     assert dmoc.solve(seed.but(steps=50), guess=solution, verify=False).status == "solved"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"method": "newton"}, "expected one of slsqp, ipm, ipopt, uno"),
-        ({"form": "x"}, "condensed, full"),
-        ({"iterations": 0}, "at least 1"),
-        ({"violation": 0.0}, "positive"),
-    ],
-)
-def test_wrong_arguments_are_refused(
-    seed: dmoc.Problem, arguments: dict[str, object], message: str
-) -> None:
-    with pytest.raises(ProblemError, match=message):
-        dmoc.solve(seed, **arguments)  # type: ignore[arg-type]
-
-
 def test_a_motion_without_inputs_is_found_by_its_start(capfd: pytest.CaptureFixture[str]) -> None:
     """A ball shot up from the floor so that its peak after two elastic bounces is 0.5: v0 =
     sqrt(2 g 0.5)."""
-    import sympy as sp
-    from sympy.physics.mechanics import dynamicsymbols
-
-    y = dynamicsymbols("y")
-    m, g = sp.symbols("m g")
-    rate = y.diff(dynamicsymbols._t)
-    kernels = dmoc.build(
-        dmoc.MechanicalSystem(
-            "shot", [y], m * rate**2 / 2 - m * g * y, {m: 1.0, g: 9.81}, surfaces={"floor": y >= 0}
-        )
-    )
     problem = dmoc.Problem(
-        kernels, start={"y": 0.0, "y_dot": None}, goal={"y": 0.5, "y_dot": 0.0},
+        dropped_ball(), start={"q": 0.0, "q_dot": None}, goal={"q": 0.5, "q_dot": 0.0},
         sequence=["floor", "floor"], steps=100, final_time=(None, 5),
     )  # fmt: skip
     solution = dmoc.solve(problem)

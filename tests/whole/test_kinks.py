@@ -13,7 +13,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.base.discretisation import DISCRETISATIONS
-from dmoc.base.errors import ModelError, ProblemError
+from dmoc.base.errors import ProblemError
 from dmoc.inspection.kernel_check import checked
 from dmoc.symbolic.kinks import split
 
@@ -171,49 +171,6 @@ def test_a_negative_symbol_takes_no_positive_value() -> None:
     problem = across(cost=-N * sp.Abs(U), parameters={N: -3.0}, steps=10)
     with pytest.raises(ProblemError, match=r"^parameter n = 2: expected 0 or a negative number"):
         problem.but(parameters={N: 2.0})
-
-
-SPLIT = "where it cannot be split: abs and Max must raise a cost, Min must lower it; use a smooth"
-REFUSED = [
-    ({"cost": sp.Min(U, 0)}, f"the cost contains Min(0, u), {SPLIT}"),
-    ({"cost": -sp.Abs(U)}, f"the cost contains Abs(u), {SPLIT}"),
-    ({"cost": sp.sin(sp.Abs(U))}, f"the cost contains Abs(u), {SPLIT}"),
-    ({"cost": X * sp.Abs(U)}, "the cost multiplies Abs(u) by x, whose sign is not known: make its"),
-    ({"cost": U * sp.sign(U)}, "the cost contains sign(u), which cannot be split into smooth"),
-    ({"cost": sp.floor(U)}, "the cost contains floor(u), which cannot be split into smooth"),
-    (
-        {"cost": sp.Piecewise((U, U > 0), (0, True))},
-        "the cost contains Piecewise((u, u > 0), (0, True)), which cannot be split into smooth",
-    ),
-    (
-        {"path_constraints": {"a": sp.Abs(U) >= 1}},
-        "path constraint 'a' contains Abs(u), where it cannot be split: abs and Max must be "
-        "limited from above, Min from below; use a smooth",
-    ),
-    (
-        {"forces": {X: U - sp.sign(v)}},
-        "the force on x contains sign(Derivative(x(t), t)), whose jump no method of smooth",
-    ),
-    (
-        {"forces": {X: U - sp.Heaviside(v)}},
-        "the force on x contains Heaviside(Derivative(x(t), t)), whose jump no method of smooth",
-    ),
-    (
-        {"lagrangian": v**2 / 2 - sp.floor(X)},
-        "the Lagrangian contains floor(x(t)), whose jump no method of smooth",
-    ),
-    (
-        {"terminal_cost": sp.Abs(X)},
-        "the terminal cost contains Abs(x(t)), whose kink no method of smooth",
-    ),
-]
-
-
-@pytest.mark.parametrize(("fields", "sentence"), REFUSED)
-def test_what_cannot_be_split_is_refused_by_name(fields: dict[str, Any], sentence: str) -> None:
-    with pytest.raises(ModelError) as error:
-        system(**fields)
-    assert str(error.value).startswith(sentence) and str(error.value).count(". ") == 0
 
 
 def test_drag_is_no_kink_that_matters() -> None:
